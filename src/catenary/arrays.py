@@ -1,0 +1,80 @@
+"""Checks at the public door: what comes in is a finite float64 array of the shape that was asked for."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catenary.errors import InputError
+
+Floats = NDArray[np.float64]
+
+
+def as_array(name: str, values: ArrayLike, shape: tuple[int | None, ...], *, finite: bool = True) -> Floats:
+    """Give `values` as a C-contiguous float64 array of the expected shape.
+
+    Args:
+        name: What the values are; opens every error message.
+        values: Anything NumPy can read as numbers.
+        shape: Expected shape; None stands for any length.
+        finite: Refuse NaN and infinity.
+
+    Raises:
+        InputError: Not numbers, another shape, NaN or infinity.
+    """
+    try:
+        array = np.ascontiguousarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: expected numbers of shape {_shape_text(shape)}, got {values!r}") from error
+    if len(shape) == 0:
+        array = array.reshape(())  # ascontiguousarray makes a scalar (1,)
+    if array.ndim != len(shape) or any(
+        n is not None and n != m for n, m in zip(shape, array.shape, strict=True)
+    ):
+        raise InputError(f"{name}: expected shape {_shape_text(shape)}, got {array.shape}")
+    if finite:
+        refuse_non_finite(name, array)
+    return array
+
+
+def as_batch(name: str, values: ArrayLike, width: int) -> tuple[Floats, bool]:
+    """Give `values` of shape (width,) or (N, width) as (N, width), and whether it was a single row.
+
+    Raises:
+        InputError: Another shape, NaN or infinity.
+    """
+    try:
+        array = np.ascontiguousarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: expected numbers of shape ({width},), got {values!r}") from error
+    if array.ndim not in (1, 2) or array.shape[-1] != width:
+        raise InputError(f"{name}: expected shape ({width},) or (N, {width}), got {array.shape}")
+    refuse_non_finite(name, array)
+    single = array.ndim == 1
+    return array.reshape(-1, width), single
+
+
+def refuse_non_finite(name: str, array: NDArray[Any]) -> None:
+    """Raise when an array holds NaN or infinity, and say where the first one is."""
+    if np.isfinite(np.sum(array)):  # one pass; a finite sum has only finite terms
+        return
+    bad = np.argwhere(~np.isfinite(array))
+    if bad.size == 0:
+        return  # the sum itself overflowed
+    first = tuple(int(i) for i in bad[0])
+    where = f"[{', '.join(map(str, first))}]" if first else ""
+    raise InputError(
+        f"{name}{where} is {array[first]}: expected finite numbers ({len(bad)} of {array.size} values are not)"
+    )
+
+
+def frozen(array: NDArray[Any]) -> NDArray[Any]:
+    """Give a read-only copy."""
+    copy = np.array(array)
+    copy.setflags(write=False)
+    return copy
+
+
+def _shape_text(shape: tuple[int | None, ...]) -> str:
+    inner = ", ".join("N" if n is None else str(n) for n in shape)
+    return f"({inner},)" if len(shape) == 1 else f"({inner})"

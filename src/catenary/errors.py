@@ -1,0 +1,51 @@
+"""Every error that catenary raises on purpose.
+
+A message says what is wrong, where, what was got, what was expected and, where there are any, the choices.
+"""
+
+from collections.abc import Sequence
+
+
+class CatenaryError(Exception):
+    """Root of all errors that a user can act on."""
+
+
+class InputError(CatenaryError, ValueError):
+    """An argument has the wrong shape, unit, range, or holds NaN or infinity."""
+
+
+class FileFormatError(CatenaryError, ValueError):
+    """A file is missing, damaged, of another kind, or lacks something that it must hold."""
+
+
+class ConfigError(FileFormatError):
+    """A TOML file has an unknown key, a wrong type, or a number without its unit."""
+
+
+class UnsupportedModelError(CatenaryError, ValueError):
+    """A robot description holds something that a tree of one-coordinate joints cannot represent."""
+
+
+class MissingInertiaError(CatenaryError, ValueError):
+    """A torque or mass was asked of a model whose links have no inertia.
+
+    Attributes:
+        links: Names of the links without inertia.
+    """
+
+    def __init__(self, model_name: str, links: Sequence[str]) -> None:
+        self.links = tuple(links)
+        names = ", ".join(f'"{link}"' for link in links)
+        super().__init__(
+            f'robot "{model_name}": no inertia for link(s) {names}; '
+            "a gravity torque or a mass matrix would silently leave them out. "
+            "Give them mass, centre of mass and inertia, or name them as massless if they have none"
+        )
+
+
+class UnreachablePoseError(CatenaryError, ValueError):
+    """No configuration within the joint limits reaches the pose that was asked for."""
+
+
+class ExcitationError(CatenaryError, ValueError):
+    """The data do not determine what was asked of them."""

@@ -1,0 +1,74 @@
+"""Robots by name, or from a file: TOML tables, URDF and MJCF."""
+
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+
+from catenary.errors import FileFormatError
+from catenary.robots.model import RobotModel
+
+
+def robot_names() -> tuple[str, ...]:
+    """Names of the robots that come with the package."""
+    return tuple(sorted(p.name.removesuffix(".toml") for p in _data().iterdir() if p.name.endswith(".toml")))
+
+
+def load_robot(source: str | Path, *, massless: Sequence[str] = ()) -> RobotModel:
+    """Load a robot by catalogue name or from a file.
+
+    Args:
+        source: Name in the catalogue, or path of a `.toml` table, `.urdf`, or MJCF (`.xml`, `.mjcf`).
+        massless: Links that have no inertia in the file and are meant to have none.
+
+    Raises:
+        FileFormatError: Unknown name, missing file, or a file of another kind.
+        UnsupportedModelError: The file holds what a tree of one-coordinate joints cannot represent.
+    """
+    name = str(source)
+    if name in robot_names():
+        return load_file(Path(str(_data() / f"{name}.toml")), massless=massless)
+    path = Path(source)
+    if not path.is_file():
+        raise FileFormatError(
+            f'robot "{name}": neither a file nor in the catalogue; the catalogue has {", ".join(robot_names())}'
+        )
+    return load_file(path, massless=massless)
+
+
+def load_file(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
+    """Load a robot from a `.toml`, `.urdf`, `.xml` or `.mjcf` file; an `.xml` may hold either XML kind.
+
+    Raises:
+        FileFormatError: The ending, or the XML's root element, is none that we know.
+    """
+    if path.suffix == ".toml":
+        from catenary.robots.table import load_table
+
+        return load_table(path, massless=massless)
+    if path.suffix in (".urdf", ".xml", ".mjcf"):
+        root = _root_element(path)
+        if root == "robot":
+            from catenary.robots.urdf import load_urdf
+
+            return load_urdf(path, massless=massless)
+        if root == "mujoco":
+            from catenary.robots.mjcf import load_mjcf
+
+            return load_mjcf(path, massless=massless)
+        raise FileFormatError(f"{path}: root element <{root}>: expected <robot> (URDF) or <mujoco> (MJCF)")
+    raise FileFormatError(f'{path}: ending "{path.suffix}": expected .toml, .urdf, .xml or .mjcf')
+
+
+def _root_element(path: Path) -> str:
+    from xml.etree import ElementTree
+
+    try:
+        for _, element in ElementTree.iterparse(path, events=("start",)):
+            return str(element.tag)
+    except (OSError, ElementTree.ParseError) as error:
+        raise FileFormatError(f"{path}: cannot be read as XML: {error}") from error
+    raise FileFormatError(f"{path}: holds no XML element")
+
+
+def _data():  # type: ignore[no-untyped-def]  # importlib's Traversable has no public import path on 3.11
+    return files("catenary.robots") / "data"

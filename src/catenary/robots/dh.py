@@ -1,0 +1,130 @@
+"""Robots from Denavit-Hartenberg tables, standard or modified, with branches and coupled joints."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from catenary.errors import InputError
+from catenary.robots.assembly import Coordinate, JointKind, Link, LinkInertia, assemble
+from catenary.robots.model import BASE, RobotModel
+from catenary.spatial import Pose, identity_pose, rotation_about_x, rotation_about_z
+
+Convention = Literal["modified", "standard"]
+
+
+@dataclass(frozen=True)
+class DHRow:
+    """One row of the table; lengths in m, angles in rad.
+
+    modified: T_parent_i = Rx(alpha) Tx(a) Rz(theta) Tz(d), alpha and a of the previous link (Craig).
+    standard: T_parent_i = Rz(theta) Tz(d) Tx(a) Rx(alpha) (Denavit and Hartenberg).
+    The joint's variable adds to theta (revolute) or d (prismatic): sum(variable[name] q[name]); a row
+    without `variable` moves with the coordinate of its own name. Inertia is given in the row's DH frame.
+    """
+
+    name: str
+    joint: JointKind
+    alpha: float
+    a: float
+    d: float
+    theta: float
+    parent: str | None = None  # the row above when None, the base for the first
+    variable: Mapping[str, float] | None = None
+    lower: float = -np.inf
+    upper: float = np.inf
+    inertia: LinkInertia | None = None
+    massless: bool = False
+
+
+@dataclass(frozen=True)
+class DHRobot:
+    """What a table says beyond its rows: base pose, frames, coordinates."""
+
+    name: str
+    convention: Convention
+    rows: Sequence[DHRow]
+    base: Pose = field(default_factory=identity_pose)  # of the table's base frame in the robot's base frame
+    base_frame: str | None = None  # a name for the table's base frame
+    coordinates: Sequence[Coordinate] | None = None  # one per moving row when None
+    frames: Mapping[str, tuple[str, Pose]] = field(default_factory=dict)
+    tip: str | None = None
+    closed_form: str | None = None
+    sources: Sequence[str] = ()
+
+
+def from_dh(robot: DHRobot) -> RobotModel:
+    """Build the model of a Denavit-Hartenberg table.
+
+    Raises:
+        InputError: No rows, unknown parent, NaN, or a number that is not physical.
+    """
+    if robot.convention not in ("modified", "standard"):
+        raise InputError(f'convention "{robot.convention}": expected "modified" or "standard"')
+    if not robot.rows:
+        raise InputError(f'robot "{robot.name}": the DH table has no rows')
+    links: list[Link] = []
+    frames = dict(robot.frames)
+    above = BASE
+    for row in robot.rows:
+        _check_row(robot.name, row)
+        parent = above if row.parent is None else row.parent
+        base = robot.base if parent == BASE else identity_pose()
+        before, after = _constant_parts(row, robot.convention)
+        links.append(
+            Link(
+                name=row.name,
+                parent=parent,
+                joint=row.joint,
+                pose=base @ before,
+                frame=after,
+                variable=_variable(row),
+                inertia=row.inertia,
+                massless=row.massless,
+            )
+        )
+        above = row.name
+    if robot.base_frame is not None:
+        frames[robot.base_frame] = (BASE, robot.base)
+    return assemble(
+        robot.name,
+        links,
+        robot.coordinates if robot.coordinates is not None else _own_coordinates(robot.rows),
+        frames=frames,
+        tip=robot.tip if robot.tip is not None else above,
+        closed_form=robot.closed_form,
+        sources=robot.sources,
+    )
+
+
+def _constant_parts(row: DHRow, convention: Convention) -> tuple[Pose, Pose]:
+    """Give what comes before and after the joint; Rz(theta + q) Tz(d + q) commute, so both orders do."""
+    along_z = Pose(rotation_about_z(row.theta), np.array([0.0, 0.0, row.d]))
+    along_x = Pose(rotation_about_x(row.alpha), np.array([row.a, 0.0, 0.0]))
+    if convention == "modified":
+        return along_x @ along_z, identity_pose()
+    return along_z, along_x
+
+
+def _variable(row: DHRow) -> Mapping[str, float]:
+    if row.joint == "fixed":
+        return {}
+    return {row.name: 1.0} if row.variable is None else row.variable
+
+
+def _own_coordinates(rows: Sequence[DHRow]) -> list[Coordinate]:
+    return [
+        Coordinate(row.name, "m" if row.joint == "prismatic" else "rad", row.lower, row.upper)
+        for row in rows
+        if row.joint != "fixed" and (row.variable is None or row.variable == {row.name: 1.0})
+    ]
+
+
+def _check_row(robot: str, row: DHRow) -> None:
+    for column in ("alpha", "a", "d", "theta"):
+        value = getattr(row, column)
+        if not np.isfinite(value):
+            raise InputError(
+                f'robot "{robot}": DH row "{row.name}": {column} is {value}, expected a finite number'
+            )

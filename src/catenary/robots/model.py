@@ -1,0 +1,103 @@
+"""RobotModel: one robot as constant arrays, however it was described."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats, frozen
+from catenary.errors import InputError, MissingInertiaError
+from catenary.spatial import Pose
+
+BASE = "base"  # the name of the frame that everything hangs on
+
+
+class Tree(NamedTuple):
+    """A tree of one-coordinate joints, each with the link it carries; parents come first.
+
+    Frame i is fixed to link i. It is (rotation[i], origin[i]) in the parent's frame, then turned about or
+    moved along axis[i] by the tree coordinate i. Fixed links are folded into the link that carries them.
+    Inertias are about the centre of mass, along the axes of frame i.
+    """
+
+    parent: NDArray[np.int64]  # (n,) -1 is the base
+    prismatic: NDArray[np.bool_]  # (n,)
+    rotation: Floats  # (n, 3, 3) R_parent_i at coordinate zero
+    origin: Floats  # (n, 3) [m], in the parent's frame
+    axis: Floats  # (n, 3) unit vector in frame i
+    mass: Floats  # (n,) [kg]
+    com: Floats  # (n, 3) [m], in frame i
+    inertia: Floats  # (n, 3, 3) [kg m2]
+
+
+class Frame(NamedTuple):
+    """A named frame fixed to a link: `link` is an index into the tree, -1 the base."""
+
+    link: int
+    pose: Pose  # of the frame in the link's frame
+
+
+@dataclass(frozen=True)
+class RobotModel:
+    """One robot: a tree, and how its n coordinates move the tree's joints.
+
+    tree coordinate = coupling @ q + offset. Torques go the other way: tau = coupling.T @ tree torque.
+    The base frame's z axis points up on a level base: gravity is (0, 0, -9.81) there.
+    """
+
+    name: str
+    joint_names: tuple[str, ...]  # (n,) the robot's coordinates, in the order of q
+    joint_units: tuple[str, ...]  # (n,) "rad" or "m"
+    link_names: tuple[str, ...]  # (n_tree,)
+    tree: Tree
+    coupling: Floats  # (n_tree, n)
+    offset: Floats  # (n_tree,) [rad or m]
+    lower: Floats  # (n,) [rad or m], -inf where there is no limit
+    upper: Floats  # (n,)
+    velocity_limit: Floats  # (n,) [rad/s or m/s], inf where not given
+    effort_limit: Floats  # (n,) [Nm or N], inf where not given
+    frames: Mapping[str, Frame]  # every named frame, links and fixed links included
+    tip: str  # the frame that forward and inverse kinematics mean when none is named
+    missing_inertia: tuple[str, ...] = ()  # moving links without inertia
+    massless: tuple[str, ...] = ()  # moving links declared to have none
+    closed_form: str | None = None  # which closed-form inverse kinematics holds, if any
+    sources: tuple[str, ...] = ()  # where the numbers come from
+    notes: tuple[str, ...] = ()  # what the description holds and the model leaves out
+
+    def __post_init__(self) -> None:
+        for name in ("coupling", "offset", "lower", "upper", "velocity_limit", "effort_limit"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+        object.__setattr__(self, "tree", Tree(*(frozen(array) for array in self.tree)))
+
+    @property
+    def n(self) -> int:
+        """Number of the robot's coordinates."""
+        return len(self.joint_names)
+
+    def require_inertia(self) -> None:
+        """Refuse a model that cannot give torques or masses.
+
+        Raises:
+            MissingInertiaError: Links without inertia, by name.
+        """
+        if self.missing_inertia:
+            raise MissingInertiaError(self.name, self.missing_inertia)
+
+    def frame(self, name: str | None = None) -> Frame:
+        """Give a frame by name, the tip when no name is given.
+
+        Raises:
+            InputError: No frame of that name; the message lists those there are.
+        """
+        key = self.tip if name is None else name
+        if key not in self.frames:
+            raise InputError(
+                f'robot "{self.name}": no frame "{key}"; frames: {", ".join(sorted(self.frames))}'
+            )
+        return self.frames[key]
+
+    def renamed(self, name: str) -> "RobotModel":
+        """Give the same robot under another name."""
+        return replace(self, name=name)

@@ -1,0 +1,154 @@
+"""Robot files in TOML: a Denavit-Hartenberg table with units in its keys."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from catenary.config import Settings, load_toml
+from catenary.errors import ConfigError
+from catenary.robots.assembly import Coordinate, LinkInertia
+from catenary.robots.dh import DHRobot, DHRow, from_dh
+from catenary.robots.model import RobotModel
+from catenary.spatial import Pose
+
+Vector = Annotated[tuple[float, float, float], Field()]
+Matrix = tuple[Vector, Vector, Vector]
+
+
+class LinkTable(Settings):
+    """One row: all four DH columns must stand there; nothing is silently zero."""
+
+    name: str
+    joint: Literal["revolute", "prismatic", "fixed"]
+    alpha_deg: float
+    a_m: float
+    d_m: float
+    theta_deg: float
+    parent: str | None = None
+    variable: dict[str, float] | None = None
+    limits_deg: tuple[float, float] | None = None
+    limits_m: tuple[float, float] | None = None
+    mass_kg: float | None = None
+    com_m: Vector | None = None
+    inertia_kg_m2: tuple[float, float, float, float, float, float] | None = (
+        None  # xx xy xz yy yz zz, about the CoM
+    )
+    massless: bool = False
+    source: str | None = None
+
+
+class CoordinateTable(Settings):
+    """One of the robot's coordinates, where they are not simply the table's joints."""
+
+    name: str
+    unit: Literal["rad", "m"]
+    limits_deg: tuple[float, float] | None = None
+    limits_m: tuple[float, float] | None = None
+
+
+class FrameTable(Settings):
+    """A named frame fixed to a link."""
+
+    name: str
+    link: str
+    position_m: Vector
+    rotation: Matrix = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+
+
+class RobotTable(Settings):
+    """The whole file."""
+
+    name: str
+    convention: Literal["modified", "standard"]
+    sources: list[str]
+    base_rotation: Matrix = ((1, 0, 0), (0, 1, 0), (0, 0, 1))  # R_base_table, base z up
+    base_position_m: Vector = (0.0, 0.0, 0.0)
+    base_frame: str | None = None
+    tip: str | None = None
+    closed_form: Literal["raven2"] | None = None
+    link: Annotated[list[LinkTable], Field(min_length=1)]
+    coordinate: list[CoordinateTable] | None = None
+    frame: list[FrameTable] = []
+
+
+def load_table(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
+    """Load a robot from a TOML table.
+
+    Raises:
+        ConfigError: A key is missing, unknown, of the wrong type or without its unit; the message names it.
+        InputError: The numbers do not make a robot.
+    """
+    table = load_toml(path, RobotTable)
+    coordinates = None
+    if table.coordinate is not None:
+        coordinates = [_coordinate(path, c.name, c.unit, c) for c in table.coordinate]
+    return from_dh(
+        DHRobot(
+            name=table.name,
+            convention=table.convention,
+            rows=[_row(path, row, row.massless or row.name in massless) for row in table.link],
+            base=Pose(np.array(table.base_rotation, dtype=float), np.array(table.base_position_m)),
+            base_frame=table.base_frame,
+            coordinates=coordinates,
+            frames={
+                f.name: (f.link, Pose(np.array(f.rotation, dtype=float), np.array(f.position_m)))
+                for f in table.frame
+            },
+            tip=table.tip,
+            closed_form=table.closed_form,
+            sources=[*table.sources, *(f"{row.name}: {row.source}" for row in table.link if row.source)],
+        )
+    )
+
+
+def _row(path: Path, row: LinkTable, massless: bool) -> DHRow:
+    limits = _coordinate(path, row.name, "m" if row.joint == "prismatic" else "rad", row)
+    return DHRow(
+        name=row.name,
+        joint=row.joint,
+        alpha=float(np.deg2rad(row.alpha_deg)),
+        a=row.a_m,
+        d=row.d_m,
+        theta=float(np.deg2rad(row.theta_deg)),
+        parent=row.parent,
+        variable=row.variable,
+        lower=limits.lower,
+        upper=limits.upper,
+        inertia=_inertia(path, row),
+        massless=massless,
+    )
+
+
+def _inertia(path: Path, row: LinkTable) -> LinkInertia | None:
+    if row.mass_kg is None:
+        if row.com_m is not None or row.inertia_kg_m2 is not None:
+            raise ConfigError(f'{path}: link "{row.name}": com_m or inertia_kg_m2 without mass_kg')
+        return None
+    if row.massless:
+        raise ConfigError(f'{path}: link "{row.name}": is massless and has mass_kg; expected one of the two')
+    if row.com_m is None or row.inertia_kg_m2 is None:
+        raise ConfigError(
+            f'{path}: link "{row.name}": has mass_kg but no '
+            f"{'com_m' if row.com_m is None else 'inertia_kg_m2'}; a link's inertia needs all three"
+        )
+    xx, xy, xz, yy, yz, zz = row.inertia_kg_m2
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return LinkInertia(row.mass_kg, np.array(row.com_m), tensor)
+
+
+def _coordinate(path: Path, name: str, unit: str, limits: LinkTable | CoordinateTable) -> Coordinate:
+    given, other = (
+        (limits.limits_deg, limits.limits_m) if unit == "rad" else (limits.limits_m, limits.limits_deg)
+    )
+    if other is not None:
+        wanted = "limits_deg" if unit == "rad" else "limits_m"
+        raise ConfigError(f'{path}: "{name}" is in {unit}: expected {wanted} for its limits')
+    if given is None:
+        return Coordinate(name, unit)
+    lower, upper = (float(np.deg2rad(v)) if unit == "rad" else v for v in given)
+    if not lower < upper:
+        raise ConfigError(f'{path}: "{name}": limits {given}: expected the lower one first')
+    return Coordinate(name, unit, lower, upper)
