@@ -1,0 +1,1 @@
+"""Kinematics and rigid-body dynamics of a RobotModel."""

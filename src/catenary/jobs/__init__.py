@@ -1,0 +1,1 @@
+"""What people do with the package: parts assembled, one file per job."""

@@ -1,0 +1,1 @@
+"""Motion logs as files, ours and other people's."""

@@ -1,0 +1,1 @@
+"""Robots as constant data: tables, URDF and MJCF read into one RobotModel."""

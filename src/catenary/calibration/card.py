@@ -1,0 +1,119 @@
+"""The model card: everything a stranger must know before trusting a calibration."""
+
+from dataclasses import asdict
+from importlib.metadata import version
+from typing import Any
+
+from catenary import __version__
+from catenary.calibration.dataset import CalibrationData
+from catenary.calibration.evaluate import DISPLAY, Evaluation, Spread
+from catenary.calibration.fit import FitOptions
+from catenary.calibration.model import CalibrationModel
+from catenary.calibration.neural import BEST, PAPER, NetworkSettings
+
+Card = dict[str, Any]
+LIBRARIES = ("numpy", "scikit-learn", "numba")
+
+
+def model_card(
+    model: CalibrationModel,
+    data: CalibrationData,
+    options: FitOptions,
+    *,
+    command: dict[str, Any],
+    spread: tuple[Spread, ...],
+    held_out: Evaluation | None,
+    notes: tuple[str, ...] = (),
+) -> Card:
+    """Describe a fitted model and how it came to be.
+
+    Args:
+        model: The model.
+        data: The rows that it was fitted to.
+        options: What was asked for.
+        command: Further settings of the run (error limit, held-out share, folds).
+        spread: Errors of the cross-validation over blocks of time, empty when it was not run.
+        held_out: Evaluation on the recordings' last part, when one was held out.
+        notes: What was decided on the way.
+    """
+    features = model.features
+    ranges: dict[str, dict[str, float]] = {}
+    names = features.names
+    for group in model.groups:
+        for column, low, high in zip(
+            group.watched, group.valid_range.lower, group.valid_range.upper, strict=True
+        ):
+            ranges[names[column]] = {"lower": float(low), "upper": float(high)}
+    mean, spread_of = data.X.mean(axis=0), data.X.std(axis=0)
+    return {
+        "robot": data.robot,
+        "simulated": any(source.simulated for source in data.sources),
+        "kind": model.kind,
+        "preset": model.preset,
+        "joints": [
+            {
+                "name": name,
+                "unit": unit,
+                "inputs": [names[c] for group in model.groups if j in group.joints for c in group.columns],
+                "fixed_offset": float(model.offset[j]),
+            }
+            for j, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True))
+        ],
+        "inputs": [
+            {
+                "name": name,
+                "unit": unit,
+                "training_mean": float(mean[c]),
+                "training_sd": float(spread_of[c]),
+                **({"valid": ranges[name]} if name in ranges else {}),
+            }
+            for c, (name, unit) in enumerate(zip(names, features.feature_units, strict=True))
+        ],
+        "history": features.history,
+        "target": model.target,
+        "output": "correction added to q_nominal, in rad and m",
+        "scaling": _scaling(model.kind),
+        "settings": _settings(options),
+        "valid_range": "box around the training inputs with 5 % margin, and box along their principal axes with "
+        "10 % margin; outside it the fixed offset is used",
+        "data": [asdict(source) for source in data.sources],
+        "rows": len(data),
+        "run": {"seed": options.seed, **command},
+        "version": {"catenary": __version__, **{name: version(name) for name in LIBRARIES}},
+        "errors": {
+            "unit": {
+                name: DISPLAY[unit][0]
+                for name, unit in zip(model.joint_names, model.joint_units, strict=True)
+            },
+            "cross_validation": {
+                "how": "contiguous blocks of time, each predicted by a model that did not see it",
+                "joints": [asdict(joint) for joint in spread],
+            }
+            if spread
+            else None,
+            "held_out": [asdict(joint) for joint in held_out.joints] if held_out is not None else None,
+        },
+        "notes": list(notes),
+    }
+
+
+def _scaling(kind: str) -> str:
+    if kind == "offset":
+        return "none"
+    inputs = "inputs standardised by mean and standard deviation of the training rows"
+    return f"{inputs}; targets standardised too" if kind == "neural" else inputs
+
+
+def _settings(options: FitOptions) -> dict[str, Any]:
+    settings: dict[str, Any] = {
+        "kind": options.kind,
+        "inputs": options.inputs,
+        "history": options.history,
+        "play_shares": list(options.play_shares),
+        "target": options.target,
+        "ridge": options.ridge,
+    }
+    if options.kind == "neural":
+        chosen: NetworkSettings = BEST if options.preset == "best" else PAPER
+        settings["network"] = asdict(chosen)
+    return settings

@@ -1,0 +1,170 @@
+"""Rows to learn from: features, where the joints were said to be, and how far off that was."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.calibration.features import FeatureSet
+from catenary.errors import InputError
+from catenary.plant import MotionLog
+
+
+@dataclass(frozen=True)
+class Source:
+    """One recording that rows came from."""
+
+    name: str
+    sha256: str | None
+    rows: int  # in the recording
+    without_truth: int  # rows whose `ok` is not set
+    without_history: int  # rows that lack predecessors
+    dropped: int  # rows beyond the error limit that was asked for
+    simulated: bool
+
+
+@dataclass(frozen=True)
+class CalibrationData:
+    """N usable rows of one or more recordings, in order."""
+
+    joint_names: tuple[str, ...]
+    joint_units: tuple[str, ...]
+    features: FeatureSet
+    X: Floats  # (N, F)
+    q_nominal: Floats  # (N, n)
+    error: Floats  # (N, n) q_encoder - q_nominal [rad|m]: what a model must add
+    recording: NDArray[np.int64]  # (N,) index into `sources`
+    position: Floats  # (N,) how far into its recording the row lies, 0 to 1
+    time: Floats  # (N,) [s], or the row number where the recording has no time
+    sources: tuple[Source, ...]
+    has_time: bool
+    robot: str | None = None
+
+    def __len__(self) -> int:
+        return len(self.X)
+
+    def rows(self, mask: NDArray[np.bool_]) -> "CalibrationData":
+        """Give the rows where `mask` (N,) is set."""
+        return replace(
+            self,
+            X=self.X[mask],
+            q_nominal=self.q_nominal[mask],
+            error=self.error[mask],
+            recording=self.recording[mask],
+            position=self.position[mask],
+            time=self.time[mask],
+        )
+
+    def split_by_time(self, held_out: float) -> tuple["CalibrationData", "CalibrationData"]:
+        """Give the first part of every recording and its last, whose share is `held_out`.
+
+        Raises:
+            InputError: The share is not between 0 and 1, or leaves a side empty.
+        """
+        if not 0.0 < held_out < 1.0:
+            raise InputError(f"held-out share: expected a number between 0 and 1, got {held_out}")
+        late = self.position >= 1.0 - held_out
+        if late.all() or not late.any():
+            raise InputError(f"held-out share {held_out}: leaves no rows on one side of {len(self)}")
+        return self.rows(~late), self.rows(late)
+
+    def blocks(self, count: int) -> NDArray[np.int64]:
+        """Number, per row, of the contiguous block of time it lies in; every recording has `count`, (N,)."""
+        return np.minimum((self.position * count).astype(np.int64), count - 1)
+
+
+def calibration_data(
+    logs: Sequence[MotionLog], features: FeatureSet, *, max_error: Floats | None = None
+) -> CalibrationData:
+    """Collect the usable rows of recordings of one robot.
+
+    A row is usable when it has a measurement (`ok`) and `features.history` predecessors.
+
+    Args:
+        logs: Recordings with q_encoder.
+        features: What a model will take.
+        max_error: (n,) [rad|m]; rows where any joint's error is larger are left out and counted.
+
+    Raises:
+        InputError: No recording, no measurement, joints or units that differ, no usable row.
+    """
+    if not logs:
+        raise InputError("data: expected at least one recording, got none")
+    first = logs[0]
+    parts: list[tuple[Floats, ...]] = []
+    sources: list[Source] = []
+    for i, log in enumerate(logs):
+        _same_joints(first, log)
+        if log.q_encoder is None:
+            raise InputError(
+                f'recording "{log.name}": has no q_encoder; a calibration needs measured joint positions'
+            )
+        X = features.matrix(log)
+        error = log.q_encoder - log.q_nominal
+        complete = np.isfinite(X).all(axis=1)
+        usable = log.ok & complete
+        inside = np.ones(len(log), dtype=bool)
+        if max_error is not None:
+            inside[usable] = (np.abs(error[usable]) <= max_error).all(axis=1)
+        keep = usable & inside
+        sources.append(
+            Source(
+                name=log.name,
+                sha256=log.sha256,
+                rows=len(log),
+                without_truth=int((~log.ok).sum()),
+                without_history=int((log.ok & ~complete).sum()),
+                dropped=int((usable & ~inside).sum()),
+                simulated=log.simulated,
+            )
+        )
+        index = np.arange(len(log), dtype=float)
+        time = index if log.time is None else log.time
+        parts.append(
+            (
+                X[keep],
+                log.q_nominal[keep],
+                error[keep],
+                np.full(int(keep.sum()), i),
+                index[keep] / len(log),
+                time[keep],
+            )
+        )
+    X, q_nominal, error, recording, position, time = (np.concatenate(p) for p in zip(*parts, strict=True))
+    if len(X) == 0:
+        raise InputError(
+            "data: no usable row in "
+            + "; ".join(
+                f'"{s.name}" ({s.rows} rows, {s.without_truth} without measurement, {s.without_history} without '
+                f"{features.history} previous commands, {s.dropped} beyond the error limit)"
+                for s in sources
+            )
+        )
+    return CalibrationData(
+        joint_names=first.joint_names,
+        joint_units=first.joint_units,
+        features=features,
+        X=X,
+        q_nominal=q_nominal,
+        error=error,
+        recording=recording.astype(np.int64),
+        position=position,
+        time=time,
+        sources=tuple(sources),
+        has_time=all(log.time is not None for log in logs),
+        robot=first.robot,
+    )
+
+
+def _same_joints(a: MotionLog, b: MotionLog) -> None:
+    if (a.joint_names, a.joint_units) != (b.joint_names, b.joint_units):
+        raise InputError(
+            f'recordings "{a.name}" and "{b.name}" are not of the same joints: '
+            f"{_joints(a)} against {_joints(b)}"
+        )
+
+
+def _joints(log: MotionLog) -> str:
+    return ", ".join(f"{name} [{unit}]" for name, unit in zip(log.joint_names, log.joint_units, strict=True))

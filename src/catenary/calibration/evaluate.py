@@ -1,0 +1,217 @@
+"""How wrong the joints are, before and after, on data that the model has not seen."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.calibration.dataset import CalibrationData
+from catenary.calibration.model import CalibrationModel
+from catenary.calibration.progress import Progress, part_of, silent
+from catenary.errors import InputError
+
+DISPLAY = {"rad": ("deg", 180.0 / np.pi), "m": ("mm", 1000.0)}  # what people read
+
+
+@dataclass(frozen=True)
+class JointErrors:
+    """Errors of one joint, in deg or mm, over n rows."""
+
+    name: str
+    unit: str  # "deg" or "mm"
+    n: int
+    raw_rmse: float
+    offset_rmse: float  # after the fixed offset of the model's training data
+    rmse: float  # after the model
+    raw_max: float
+    offset_max: float
+    max: float
+    percent_of_offset: float  # 100 rmse / offset_rmse, as the paper's table I
+    outside_valid_range: float  # share of rows
+
+
+@dataclass(frozen=True)
+class Window:
+    """Errors of a stretch of time; start and end in s, or in rows where the recording has no time."""
+
+    recording: str
+    start: float
+    end: float
+    n: int
+    raw_rmse: tuple[float, ...]  # per joint, in deg or mm
+    offset_rmse: tuple[float, ...]
+    rmse: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Errors per joint, per window, and row by row for plots (rad and m)."""
+
+    joints: tuple[JointErrors, ...]
+    windows: tuple[Window, ...]
+    window_unit: str  # "s" or "rows"
+    data: CalibrationData
+    raw: Floats  # (N, n) q_encoder - q_nominal
+    after_offset: Floats  # (N, n)
+    after_model: Floats  # (N, n)
+    inside: NDArray[np.bool_]  # (N, n)
+
+
+def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | None = None) -> Evaluation:
+    """Evaluate a model on rows of data.
+
+    The same rows count for the raw, the offset and the model's error: those with a measurement and with the
+    predecessors that the model needs.
+
+    Args:
+        model: The model.
+        data: Rows with the model's features.
+        window: Length of a time window in s (rows, where there is no time); a tenth of the data when None.
+
+    Raises:
+        InputError: The data hold other features or joints, or the window is not positive.
+    """
+    if data.features != model.features:
+        raise InputError(
+            f"data: holds {', '.join(data.features.names)}; the model takes {', '.join(model.features.names)}"
+        )
+    if window is not None and not window > 0.0:
+        raise InputError(f"window: expected a positive length, got {window}")
+    inside = model.inside(data.X)
+    raw = data.error
+    after_offset = data.error - model.offset
+    after_model = data.error - model.correction(data.X, data.q_nominal)
+    scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])
+    joints = []
+    for j, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True)):
+        raw_rmse, offset_rmse, rmse = (
+            float(scale[j] * rms(e[:, j])) for e in (raw, after_offset, after_model)
+        )
+        raw_max, offset_max, largest = (
+            float(scale[j] * np.abs(e[:, j]).max()) for e in (raw, after_offset, after_model)
+        )
+        joints.append(
+            JointErrors(
+                name=name,
+                unit=DISPLAY[unit][0],
+                n=len(data),
+                raw_rmse=raw_rmse,
+                offset_rmse=offset_rmse,
+                rmse=rmse,
+                raw_max=raw_max,
+                offset_max=offset_max,
+                max=largest,
+                percent_of_offset=100.0 * rmse / offset_rmse if offset_rmse > 0.0 else float("nan"),
+                outside_valid_range=float(np.mean(~inside[:, j])),
+            )
+        )
+    errors = (raw * scale, after_offset * scale, after_model * scale)
+    return Evaluation(
+        joints=tuple(joints),
+        windows=tuple(_windows(data, errors, window)),
+        window_unit="s" if data.has_time else "rows",
+        data=data,
+        raw=raw,
+        after_offset=after_offset,
+        after_model=after_model,
+        inside=inside,
+    )
+
+
+def rms(values: Floats) -> float:
+    """Root of the mean of squares."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Errors over blocks of time, each predicted by a model that did not see it; deg or mm."""
+
+    joint: str
+    unit: str
+    folds: int
+    rmse_mean: float
+    rmse_sd: float
+    offset_rmse_mean: float
+    offset_rmse_sd: float
+
+
+def cross_validate(
+    data: CalibrationData,
+    fit: Callable[[CalibrationData, Progress], CalibrationModel],
+    *,
+    folds: int,
+    progress: Progress = silent,
+) -> tuple[Spread, ...]:
+    """Errors on contiguous blocks of time, each left out of the fit in turn; rows are never shuffled.
+
+    Args:
+        data: Rows of one or more recordings; each recording is cut into `folds` blocks.
+        fit: Fits a model to rows.
+        folds: At least 2.
+        progress: Called with the share done.
+
+    Raises:
+        InputError: Fewer than 2 folds, or fewer rows than folds.
+    """
+    if folds < 2 or folds > len(data):
+        raise InputError(f"folds: expected 2 to {len(data)} (the usable rows), got {folds}")
+    block = data.blocks(folds)
+    present = [k for k in range(folds) if (block == k).any() and (block != k).any()]
+    results = []
+    for i, k in enumerate(present):
+        model = fit(data.rows(block != k), part_of(progress, i, len(present)))
+        results.append(evaluate(model, data.rows(block == k)).joints)
+    return tuple(
+        Spread(
+            joint=joint.name,
+            unit=joint.unit,
+            folds=len(results),
+            rmse_mean=float(np.mean([r[j].rmse for r in results])),
+            rmse_sd=float(np.std([r[j].rmse for r in results], ddof=1)) if len(results) > 1 else 0.0,
+            offset_rmse_mean=float(np.mean([r[j].offset_rmse for r in results])),
+            offset_rmse_sd=float(np.std([r[j].offset_rmse for r in results], ddof=1))
+            if len(results) > 1
+            else 0.0,
+        )
+        for j, joint in enumerate(results[0])
+    )
+
+
+def _windows(
+    data: CalibrationData, errors: tuple[Floats, Floats, Floats], window: float | None
+) -> list[Window]:
+    spans = []
+    for number, source in enumerate(data.sources):
+        rows = np.flatnonzero(data.recording == number)
+        if len(rows) == 0:
+            continue
+        # a recording whose clock went back is a new stretch
+        cuts = np.flatnonzero(np.diff(data.time[rows]) < 0.0) + 1
+        spans += [(source.name, part) for part in np.split(rows, cuts)]
+    total = sum(float(data.time[part[-1]] - data.time[part[0]]) for _, part in spans)
+    length = window if window is not None else max(total / 10.0, 1e-9)
+    windows = []
+    for name, rows in spans:
+        start = float(data.time[rows[0]])
+        index = np.floor((data.time[rows] - start) / length).astype(int)
+        for k in np.unique(index):
+            part = rows[index == k]
+            windows.append(
+                Window(
+                    recording=name,
+                    start=start + k * length,
+                    end=min(start + (k + 1) * length, float(data.time[rows[-1]])),
+                    n=len(part),
+                    raw_rmse=_rmse_per_joint(errors[0][part]),
+                    offset_rmse=_rmse_per_joint(errors[1][part]),
+                    rmse=_rmse_per_joint(errors[2][part]),
+                )
+            )
+    return windows
+
+
+def _rmse_per_joint(errors: Floats) -> tuple[float, ...]:
+    return tuple(float(v) for v in np.sqrt(np.mean(np.square(errors), axis=0)))

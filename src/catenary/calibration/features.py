@@ -1,0 +1,182 @@
+"""The numbers that a calibration model takes, in order, and how they come out of a recording."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.compiled import compiled
+from catenary.errors import InputError
+from catenary.plant import MotionLog
+
+GROUPS = ("q", "tau", "qd")  # per-joint quantities of a log; `q` is q_nominal
+
+
+@dataclass(frozen=True)
+class FeatureSet:
+    """Which features a model takes.
+
+    Order: the signals as they are; then, oldest last, the `history` previous rows of every position; then
+    the play states. A play state of half-width r follows its position only after it has moved by r:
+    y <- min(max(y, x - r), x + r). It remembers on which side of the slack the cable lies, whatever the
+    speed or sampling rate. [Prandtl-Ishlinskii hysteresis; Brokate and Sprekels 1996]
+    The feature is y - x, which stays within -r and r.
+    """
+
+    signals: tuple[str, ...]  # "q:<joint>", "tau:<joint>", "qd:<joint>", or the name of a further signal
+    units: tuple[str, ...]  # one per signal
+    history: int = 0
+    play: tuple[tuple[str, float], ...] = ()  # (position signal, half-width in its unit)
+
+    def __post_init__(self) -> None:
+        if not self.signals:
+            raise InputError("inputs: expected at least one")
+        if self.history < 0:
+            raise InputError(f"history: expected zero or more previous commands, got {self.history}")
+
+    @property
+    def positions(self) -> tuple[str, ...]:
+        """The signals that are positions, which history and play states refer to."""
+        return tuple(signal for signal in self.signals if signal.startswith("q:"))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """One name per feature."""
+        return tuple(name for name, _, _ in self._columns())
+
+    @property
+    def feature_units(self) -> tuple[str, ...]:
+        """One unit per feature."""
+        return tuple(unit for _, unit, _ in self._columns())
+
+    def columns_of(self, signals: Sequence[str]) -> NDArray[np.int64]:
+        """Indices of the features that come from the given signals."""
+        return np.array(
+            [i for i, (_, _, signal) in enumerate(self._columns()) if signal in signals], dtype=np.int64
+        )
+
+    @property
+    def bounded(self) -> NDArray[np.bool_]:
+        """Features that cannot leave their range whatever the robot does: the play states, (F,)."""
+        names = self.names
+        return np.arange(len(names)) >= len(names) - len(self.play)
+
+    def _columns(self) -> list[tuple[str, str, str]]:
+        unit = dict(zip(self.signals, self.units, strict=True))
+        return [
+            *((signal, unit[signal], signal) for signal in self.signals),
+            *((f"{p}[-{k}]", unit[p], p) for k in range(1, self.history + 1) for p in self.positions),
+            *((f"play({p}, {width:.4g})", unit[p], p) for p, width in self.play),
+        ]
+
+    def matrix(self, log: MotionLog) -> Floats:
+        """Features of every row, (N, F); NaN on rows that lack `history` predecessors in their recording.
+
+        Rows without a measurement (`ok` not set) are commands all the same and count as predecessors.
+
+        Raises:
+            InputError: The log lacks a signal, or holds NaN in one.
+        """
+        signals = {name: signal_of(log, name) for name in self.signals}
+        edges = [*log.starts, len(log)]
+        parts = [self._segment(signals, first, last) for first, last in pairwise(edges)]
+        return np.vstack(parts)
+
+    def _segment(self, signals: Mapping[str, Floats], first: int, last: int) -> Floats:
+        rows = last - first
+        columns = [signals[name][first:last] for name in self.signals]
+        for k in range(1, self.history + 1):
+            for position in self.positions:
+                earlier = np.full(rows, np.nan)
+                earlier[k:] = signals[position][first : max(first, last - k)]
+                columns.append(earlier)
+        for position, width in self.play:
+            x = signals[position][first:last]
+            columns.append(play(np.ascontiguousarray(x), width) - x)
+        return np.column_stack(columns)
+
+
+@compiled
+def play(x: Floats, width: float) -> Floats:
+    """State of a play of half-width `width` driven by x (N,), starting centred on x[0]."""
+    y = np.empty_like(x)
+    state = x[0]
+    for i in range(x.size):
+        state = min(max(state, x[i] - width), x[i] + width)
+        y[i] = state
+    return y
+
+
+def available_signals(log: MotionLog) -> tuple[str, ...]:
+    """Names of every signal that a model could take from a log."""
+    names = [f"q:{joint}" for joint in log.joint_names]
+    for group in ("tau", "qd"):
+        if getattr(log, group) is not None:
+            names += [f"{group}:{joint}" for joint in log.joint_names]
+    return (*names, *log.signals)
+
+
+def signal_of(log: MotionLog, name: str) -> Floats:
+    """One signal of a log by name, (N,).
+
+    Raises:
+        InputError: The log has none of that name, or it holds NaN or infinity.
+    """
+    group, _, joint = name.partition(":")
+    if name in log.signals:
+        values = log.signals[name]
+    elif group in GROUPS and joint in log.joint_names:
+        table = log.q_nominal if group == "q" else getattr(log, group)
+        if table is None:
+            raise _unknown(log, name)
+        values = table[:, log.joint_names.index(joint)]
+    else:
+        raise _unknown(log, name)
+    bad = np.flatnonzero(~np.isfinite(values))
+    if len(bad):
+        raise InputError(
+            f'recording "{log.name}": input "{name}" is {values[bad[0]]} at row {bad[0]} ({len(bad)} such rows)'
+        )
+    return values
+
+
+def signal_unit(log: MotionLog, name: str) -> str:
+    """Unit of a signal."""
+    if name in log.signals:
+        return log.signal_units.get(name, "")
+    group, _, joint = name.partition(":")
+    unit = log.joint_units[log.joint_names.index(joint)]
+    return {"q": unit, "qd": f"{unit}/s", "tau": "Nm" if unit == "rad" else "N"}[group]
+
+
+def choose_signals(log: MotionLog, words: Sequence[str]) -> tuple[str, ...]:
+    """Turn words into signals: a group (`q`, `tau`, `qd`) means all its joints, `all` every signal.
+
+    Raises:
+        InputError: A word names no group and no signal of the log.
+    """
+    known = available_signals(log)
+    chosen: list[str] = []
+    for word in words:
+        if word == "all":
+            chosen += known
+        elif word in GROUPS:
+            group = [name for name in known if name.startswith(f"{word}:")]
+            if not group:
+                raise _unknown(log, word)
+            chosen += group
+        elif word in known:
+            chosen.append(word)
+        else:
+            raise _unknown(log, word)
+    return tuple(dict.fromkeys(chosen))
+
+
+def _unknown(log: MotionLog, name: str) -> InputError:
+    return InputError(
+        f'recording "{log.name}": has no input "{name}"; it has {", ".join(available_signals(log))}, '
+        f"and the groups {', '.join(GROUPS)} and all"
+    )

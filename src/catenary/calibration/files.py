@@ -1,0 +1,195 @@
+"""Calibration models on disk: a NumPy archive that executes nothing, with its card inside and beside it."""
+
+import io
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.calibration.card import Card
+from catenary.calibration.features import FeatureSet
+from catenary.calibration.linear import Linear
+from catenary.calibration.model import CalibrationModel, JointGroup, Predictor
+from catenary.calibration.neural import Network
+from catenary.calibration.offset import Constant
+from catenary.calibration.polynomial import Quadratic
+from catenary.calibration.valid_range import ValidRange
+from catenary.errors import FileFormatError, InputError
+from catenary.recording.importers import read_arrays
+
+FORMAT = "catenary.calibration.1"
+Arrays = dict[str, NDArray[Any]]
+
+
+def card_path(path: Path) -> Path:
+    """Where the readable copy of a model's card stands: beside the model."""
+    return path.with_name(f"{path.stem}.card.json")
+
+
+def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
+    """Write a model to `path` and a readable copy of its card beside it.
+
+    The file appears whole or not at all.
+    """
+    structure = {
+        "format": FORMAT,
+        "kind": model.kind,
+        "preset": model.preset,
+        "joint_names": model.joint_names,
+        "joint_units": model.joint_units,
+        "signals": model.features.signals,
+        "signal_units": model.features.units,
+        "history": model.features.history,
+        "play": model.features.play,
+        "target": model.target,
+        "groups": [{"joints": group.joints, "predictor": _kind(group.predictor)} for group in model.groups],
+    }
+    text = json.dumps(card, indent=2, ensure_ascii=False) + "\n"
+    arrays: Arrays = {
+        "structure": np.array(json.dumps(structure)),
+        "card": np.array(text),
+        "offset": model.offset,
+    }
+    for i, group in enumerate(model.groups):
+        arrays |= {f"{i}.columns": group.columns, f"{i}.watched": group.watched}
+        arrays |= {f"{i}.range.{key}": values for key, values in vars(group.valid_range).items()}
+        arrays |= {f"{i}.predictor.{key}": values for key, values in _to_arrays(group.predictor).items()}
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **arrays)
+    _write_whole(path, buffer.getvalue())
+    _write_whole(card_path(path), text.encode())
+
+
+def load_model(path: Path) -> tuple[CalibrationModel, Card]:
+    """Read a model and its card.
+
+    Raises:
+        FileFormatError: No such file, not a model, of another version, or damaged.
+    """
+    arrays = read_arrays(path)
+    if "structure" not in arrays or "card" not in arrays:
+        raise FileFormatError(
+            f"{path}: is no calibration model (it holds {', '.join(arrays) or 'nothing'}); "
+            "models are written by catenary fit"
+        )
+    try:
+        structure = json.loads(str(arrays["structure"]))
+        if structure["format"] != FORMAT:
+            raise FileFormatError(f"{path}: model format {structure['format']!r}, expected {FORMAT!r}")
+        features = FeatureSet(
+            tuple(structure["signals"]),
+            tuple(structure["signal_units"]),
+            int(structure["history"]),
+            tuple((str(name), float(width)) for name, width in structure["play"]),
+        )
+        groups = tuple(_group(arrays, i, entry) for i, entry in enumerate(structure["groups"]))
+        model = CalibrationModel(
+            kind=structure["kind"],
+            preset=structure["preset"],
+            joint_names=tuple(structure["joint_names"]),
+            joint_units=tuple(structure["joint_units"]),
+            features=features,
+            target=structure["target"],
+            offset=arrays["offset"],
+            groups=groups,
+        )
+        _check(model)
+        return model, json.loads(str(arrays["card"]))
+    except FileFormatError:
+        raise
+    except (KeyError, TypeError, ValueError, IndexError, InputError) as error:
+        raise FileFormatError(f"{path}: is a damaged calibration model: {error!r}") from error
+
+
+def _check(model: CalibrationModel) -> None:
+    """Run the model once: shapes that do not fit together show here, not in the loop."""
+    n, width = len(model.joint_names), len(model.features.names)
+    if model.offset.shape != (n,) or sorted(j for g in model.groups for j in g.joints) != list(range(n)):
+        raise ValueError("joints and arrays do not fit together")
+    for group in model.groups:
+        middle = np.zeros((1, width))[:, group.columns]
+        values = group.predictor.predict(middle)
+        if values.shape != (1, len(group.joints)) or not np.isfinite(values).all():
+            raise ValueError(f"the predictor of joints {group.joints} gives {values!r}")
+        group.inside(np.zeros((1, width)))
+
+
+def _group(arrays: Arrays, i: int, entry: dict[str, Any]) -> JointGroup:
+    prefix = f"{i}.predictor."
+    return JointGroup(
+        joints=tuple(int(j) for j in entry["joints"]),
+        columns=arrays[f"{i}.columns"],
+        predictor=_from_arrays(
+            entry["predictor"], {k.removeprefix(prefix): v for k, v in arrays.items() if k.startswith(prefix)}
+        ),
+        valid_range=ValidRange(
+            **{key: arrays[f"{i}.range.{key}"] for key in ValidRange.__dataclass_fields__}
+        ),
+        watched=arrays[f"{i}.watched"],
+    )
+
+
+def _kind(predictor: Predictor) -> str:
+    if isinstance(predictor, Constant | Linear | Quadratic | Network):
+        return predictor.kind
+    raise TypeError(f"no file format for {type(predictor).__name__}")
+
+
+def _to_arrays(predictor: Predictor) -> Arrays:
+    if isinstance(predictor, Network):
+        arrays: Arrays = {
+            "mean": predictor.mean,
+            "scale": predictor.scale,
+            "out_mean": predictor.out_mean,
+            "out_scale": predictor.out_scale,
+            "activation": np.array(predictor.activation),
+        }
+        for k, (W, b) in enumerate(zip(predictor.weights, predictor.biases, strict=True)):
+            arrays |= {f"weights{k}": W, f"bias{k}": b}
+        if predictor.skip is not None:
+            arrays |= {"skip_weights": predictor.skip.weights, "skip_bias": predictor.skip.bias}
+        return arrays
+    return dict(vars(predictor))
+
+
+def _from_arrays(kind: str, arrays: Arrays) -> Predictor:
+    if kind == Constant.kind:
+        return Constant(**arrays)
+    if kind == Linear.kind:
+        return Linear(**arrays)
+    if kind == Quadratic.kind:
+        return Quadratic(**arrays)
+    if kind != Network.kind:
+        raise ValueError(f"unknown predictor {kind!r}")
+    layers = sum(key.startswith("weights") for key in arrays)
+    activation = str(arrays["activation"])
+    if activation not in ("logistic", "tanh") or layers == 0:
+        raise ValueError(f"network of {layers} layers with activation {activation!r}")
+    return Network(
+        mean=arrays["mean"],
+        scale=arrays["scale"],
+        weights=tuple(_layer(arrays, "weights", k) for k in range(layers)),
+        biases=tuple(_layer(arrays, "bias", k) for k in range(layers)),
+        activation="tanh" if activation == "tanh" else "logistic",
+        out_mean=arrays["out_mean"],
+        out_scale=arrays["out_scale"],
+        skip=Linear(arrays["skip_weights"], arrays["skip_bias"]) if "skip_weights" in arrays else None,
+    )
+
+
+def _layer(arrays: Arrays, name: str, k: int) -> Floats:
+    return arrays[f"{name}{k}"]
+
+
+def _write_whole(path: Path, content: bytes) -> None:
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        partial.write_bytes(content)
+        os.replace(partial, path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from error

@@ -1,0 +1,169 @@
+"""Feed-forward networks: the paper's, and ours."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal
+
+import numpy as np
+from sklearn.neural_network import MLPRegressor
+from threadpoolctl import threadpool_limits
+
+from catenary.arrays import Floats
+from catenary.calibration.linear import Linear, fit_linear, standardisation
+from catenary.calibration.progress import Progress, part_of, silent
+
+Activation = Literal["logistic", "tanh"]
+
+
+@dataclass(frozen=True)
+class Network:
+    """y = out_mean + out_scale * layers(z) + skip(X), z = (x - mean) / scale; only hidden units are bent."""
+
+    kind: ClassVar[str] = "network"
+    mean: Floats  # (F,)
+    scale: Floats  # (F,)
+    weights: tuple[Floats, ...]  # (F, h1), (h1, h2), ..., (h, m)
+    biases: tuple[Floats, ...]
+    activation: Activation
+    out_mean: Floats  # (m,)
+    out_scale: Floats  # (m,)
+    skip: Linear | None = None  # a linear model that the network corrects
+
+    def predict(self, X: Floats) -> Floats:
+        """Give (N, m) for features (N, F)."""
+        layer = (X - self.mean) / self.scale
+        for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            layer = _bend(layer @ W + b, self.activation)
+        out: Floats = (layer @ self.weights[-1] + self.biases[-1]) * self.out_scale + self.out_mean
+        return out if self.skip is None else out + self.skip.predict(X)
+
+
+@dataclass(frozen=True)
+class NetworkSettings:
+    """How a network is made and trained."""
+
+    hidden: tuple[int, ...]
+    activation: Activation
+    l2: float | tuple[float, ...]  # factor of the sum of squared weights beside the mean squared error
+    learning_rate: float
+    batch: int
+    epochs: int
+    cosine: bool = False  # learning rate falls to zero along half a cosine
+    skip_ridge: float | None = (
+        None  # ridge of a linear model that the network corrects; None for no such model
+    )
+
+
+# Peng et al., section IV-B: two hidden layers of 100 sigmoid units, mean squared error, L2 5e-4 on the kernels,
+# Adam 1e-3 (0.9, 0.999), batch 1024, 200 epochs. Input and output scaling is not stated: we standardise both.
+PAPER = NetworkSettings((100, 100), "logistic", 5e-4, 1e-3, 1024, 200)
+# Ours: a linear model carries what is linear, the network learns the rest; how much it is held back is chosen
+# on the last fifth of the training data.
+BEST = NetworkSettings((100, 100), "tanh", (1e-3, 3e-3, 1e-2), 1e-3, 256, 60, cosine=True, skip_ridge=10.0)
+
+
+def fit_neural(
+    X: Floats,
+    Y: Floats,
+    settings: NetworkSettings,
+    *,
+    seed: int,
+    late: np.ndarray,
+    progress: Progress = silent,
+) -> Network:
+    """Train a network to give Y (N, m) from features X (N, F).
+
+    Minimises mean((Y - f(X))^2) over rows and outputs + l2 * sum of squared weights, on standardised X and Y
+    (Keras's loss, as the paper's). Where the settings name several `l2`, the one that does best on the rows
+    marked `late` (N,) after training on the others is taken.
+
+    Args:
+        X: Features.
+        Y: Targets.
+        settings: Shape and training of the network.
+        seed: Of the initial weights and the order of the rows.
+        late: Rows to choose `l2` on.
+        progress: Called with the share done.
+    """
+    candidates = settings.l2 if isinstance(settings.l2, tuple) else (settings.l2,)
+    runs = len(candidates) + 1 if len(candidates) > 1 else 1
+    with threadpool_limits(limits=1):  # two BLAS threads on two busy cores are slower than one
+        chosen = candidates[0]
+        if len(candidates) > 1 and late.any() and not late.all():
+            scale = standardisation(Y[~late])[1]
+            losses = []
+            for i, l2 in enumerate(candidates):
+                part = part_of(progress, i, runs)
+                trial = _train(X[~late], Y[~late], replace(settings, l2=l2), seed, part)
+                losses.append(float(np.mean(((trial.predict(X[late]) - Y[late]) / scale) ** 2)))
+            chosen = candidates[int(np.argmin(losses))]
+        return _train(X, Y, replace(settings, l2=chosen), seed, part_of(progress, runs - 1, runs))
+
+
+def _train(X: Floats, Y: Floats, settings: NetworkSettings, seed: int, progress: Progress) -> Network:
+    skip = None if settings.skip_ridge is None else fit_linear(X, Y, ridge=settings.skip_ridge)
+    mean, scale = standardisation(X)
+    out_mean, out_scale = standardisation(Y)
+    if skip is not None:
+        target, out_mean = (Y - skip.predict(X)) / out_scale, np.zeros_like(out_mean)
+    else:
+        target = (Y - out_mean) / out_scale
+    Z = ((X - mean) / scale).astype(np.float32)  # single precision trains twice as fast, as Keras does
+    target = target.astype(np.float32)
+
+    rng = np.random.default_rng(seed)
+    regressor = MLPRegressor(
+        hidden_layer_sizes=settings.hidden,
+        activation=settings.activation,
+        solver="adam",
+        learning_rate_init=settings.learning_rate,
+        tol=0.0,
+        shuffle=False,
+        random_state=seed,
+    )
+    batches = max(1, -(-len(Z) // settings.batch))
+    steps, step = settings.epochs * batches, 0
+    for epoch in range(settings.epochs):
+        order = rng.permutation(len(Z))
+        for rows in (
+            np.array_split(order, batches) if settings.cosine else _keras_batches(order, settings.batch)
+        ):
+            regressor.alpha = sklearn_alpha(float(np.max(settings.l2)), len(rows), target.shape[1])
+            regressor.batch_size = len(rows)
+            if settings.cosine and step > 0:
+                # scikit-learn has no schedule for Adam; its optimiser reads this at every step
+                regressor._optimizer.learning_rate_init = (
+                    settings.learning_rate * 0.5 * (1.0 + np.cos(np.pi * step / steps))
+                )
+            regressor.partial_fit(Z[rows], target[rows])
+            step += 1
+        progress((epoch + 1) / settings.epochs)
+    return Network(
+        mean=mean,
+        scale=scale,
+        weights=tuple(W.astype(np.float64) for W in regressor.coefs_),
+        biases=tuple(b.astype(np.float64) for b in regressor.intercepts_),
+        activation=settings.activation,
+        out_mean=out_mean,
+        out_scale=out_scale,
+        skip=skip,
+    )
+
+
+def sklearn_alpha(l2: float, rows: int, outputs: int) -> float:
+    """Give MLPRegressor's `alpha` for which a step on `rows` rows follows Keras's loss.
+
+    Keras: mean over rows and outputs of the squared error + l2 sum W^2. MLPRegressor steps along
+    (sum over rows and outputs of the error's gradient / 2 + alpha W) / rows: its reported loss averages over
+    outputs, its gradient does not. Equal directions need alpha = l2 * rows * outputs.
+    """
+    return l2 * rows * outputs
+
+
+def _keras_batches(order: np.ndarray, batch: int) -> list[np.ndarray]:
+    return [order[i : i + batch] for i in range(0, len(order), batch)]
+
+
+def _bend(values: Floats, activation: Activation) -> Floats:
+    if activation == "tanh":
+        return np.tanh(values)
+    return 0.5 * (1.0 + np.tanh(0.5 * values))  # the logistic function, without overflow

@@ -1,0 +1,127 @@
+"""Logs in layouts that others publish, read into a MotionLog."""
+
+import zipfile
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.errors import FileFormatError, InputError
+from catenary.plant import MotionLog
+from catenary.recording.hashing import sha256_of
+
+# joints of the RAVEN-II and of the da Vinci PSM: two turning ones, the insertion, the tool's
+CABLE_ARM_UNITS = ("rad", "rad", "m", "rad", "rad", "rad")
+
+
+def read_command_log(
+    path: Path, *, units: Sequence[str] | None = None, joint_names: Sequence[str] | None = None
+) -> MotionLog:
+    """Read a `.npz` of commanded and measured joint positions.
+
+    Arrays: `q_des` (N, n), `q_act` (N, n) in rad and m, `ok` (N,) bool, and, if there, `t` (N,) in s,
+    `tau` (N, n), `dq` (N, n), `units`, `joint_names` (n,) strings. A time stamp that goes back begins another
+    recording. The layout is that of Hwang et al. (RA-L 2020).
+
+    Args:
+        path: The file.
+        units: "rad" or "m" per joint; where neither it nor the file says, three and six joints are taken to be
+            in the order of the RAVEN-II and the da Vinci PSM (rad, rad, m, rad, rad, rad), and the log says so.
+        joint_names: Names of the joints; the file's, or J1, J2, ... otherwise.
+
+    Raises:
+        FileFormatError: No such file, damaged, or an array is missing.
+        InputError: Wrong shape or unit, NaN, infinity, or empty.
+    """
+    content = read_arrays(path)
+    for key in ("q_des", "q_act", "ok"):
+        if key not in content:
+            raise FileFormatError(
+                f'{path}: array "{key}" is missing; a command log has q_des (N, n), q_act (N, n) and ok (N,), '
+                f"this file has {', '.join(content) or 'none'}"
+            )
+    q_nominal = _numbers(path, content, "q_des", 2)
+    rows, n = q_nominal.shape
+    names = joint_names if joint_names is not None else _texts(content.get("joint_names"))
+    names = tuple(names) if names else tuple(f"J{i + 1}" for i in range(n))
+    if len(names) != n:
+        raise InputError(f"{path}: q_des has {n} joints, but {len(names)} joint names: {', '.join(names)}")
+    given = tuple(units) if units is not None else _texts(content.get("units"))
+    notes: list[str] = []
+    if not given:
+        given = _assumed_units(path, n)
+        notes.append(f"units not stated: took {','.join(given)} (order of RAVEN-II and da Vinci PSM)")
+    assumed = bool(notes)
+    if len(given) != n:
+        raise InputError(
+            f"{path}: q_des has {n} joints, but {len(given)} units were given: {','.join(given)}"
+        )
+    ok = content["ok"]
+    if ok.shape != (rows,) or ok.dtype.kind not in "biu" or not np.isin(ok, (0, 1)).all():
+        raise InputError(
+            f"{path}: ok: expected ({rows},) of true and false, got {ok.dtype} of shape {ok.shape}"
+        )
+    time = _numbers(path, content, "t", 1) if "t" in content else None
+    if time is not None:
+        back = np.flatnonzero(np.diff(time) < 0.0) + 1
+        notes.extend(f"time goes back at row {row}: another recording begins there" for row in back)
+    return MotionLog(
+        name=path.stem,
+        joint_names=names,
+        joint_units=given,
+        q_nominal=q_nominal,
+        q_encoder=_numbers(path, content, "q_act", 2),
+        ok=ok.astype(bool),
+        time=time,
+        qd=_numbers(path, content, "dq", 2) if "dq" in content else None,
+        tau=_numbers(path, content, "tau", 2) if "tau" in content else None,
+        sha256=sha256_of(path),
+        units_assumed=assumed,
+        notes=tuple(notes),
+    )
+
+
+def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """Read every array of a `.npz` without executing anything.
+
+    Raises:
+        FileFormatError: No such file, not an archive, damaged, or it holds Python objects.
+    """
+    if not path.is_file():
+        raise FileFormatError(f"{path}: no such file")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if archive.testzip() is not None:
+                raise zipfile.BadZipFile(f"{archive.testzip()} is damaged")
+        with np.load(path, allow_pickle=False) as arrays:
+            return {key: arrays[key] for key in arrays.files}
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+        raise FileFormatError(
+            f"{path}: cannot be read as an .npz archive of plain arrays: {error}"
+        ) from error
+
+
+def _numbers(path: Path, content: dict[str, NDArray[Any]], key: str, dimensions: int) -> NDArray[np.float64]:
+    values = content[key]
+    if values.dtype.kind not in "fiu":
+        raise InputError(f"{path}: {key}: expected numbers, got {values.dtype}")
+    if values.ndim != dimensions:
+        expected = "(N, n)" if dimensions == 2 else "(N,)"
+        raise InputError(f"{path}: {key}: expected shape {expected}, got {values.shape}")
+    return values.astype(np.float64)
+
+
+def _texts(values: NDArray[Any] | None) -> tuple[str, ...]:
+    return () if values is None else tuple(str(v) for v in np.atleast_1d(values))
+
+
+def _assumed_units(path: Path, n: int) -> tuple[str, ...]:
+    if n not in (3, 6):
+        raise InputError(
+            f"{path}: the units of its {n} joints are not stated; give them in joint order, "
+            "for example --units rad,rad,m"
+        )
+    return CABLE_ARM_UNITS[:n]
