@@ -20,6 +20,7 @@ def model_card(
     data: CalibrationData,
     options: FitOptions,
     *,
+    robot: str | None,
     command: dict[str, Any],
     spread: tuple[Spread, ...],
     held_out: Evaluation | None,
@@ -31,6 +32,7 @@ def model_card(
         model: The model.
         data: The rows that it was fitted to.
         options: What was asked for.
+        robot: Name of the robot, if known.
         command: Further settings of the run (error limit, held-out share, folds).
         spread: Errors of the cross-validation over blocks of time, empty when it was not run.
         held_out: Evaluation on the recordings' last part, when one was held out.
@@ -46,7 +48,7 @@ def model_card(
             ranges[names[column]] = {"lower": float(low), "upper": float(high)}
     mean, spread_of = data.X.mean(axis=0), data.X.std(axis=0)
     return {
-        "robot": data.robot,
+        "robot": robot,
         "simulated": any(source.simulated for source in data.sources),
         "kind": model.kind,
         "preset": model.preset,

@@ -71,8 +71,12 @@ class CalibrationData:
         return self.rows(~late), self.rows(late)
 
     def blocks(self, count: int) -> NDArray[np.int64]:
-        """Number, per row, of the contiguous block of time it lies in; every recording has `count`, (N,)."""
-        return np.minimum((self.position * count).astype(np.int64), count - 1)
+        """Number, per row, of the contiguous block it lies in, (N,); each recording's rows make `count` of them."""
+        block = np.zeros(len(self), dtype=np.int64)
+        for number in range(len(self.sources)):
+            rows = np.flatnonzero(self.recording == number)
+            block[rows] = np.arange(len(rows)) * count // max(1, len(rows))
+        return block
 
 
 def calibration_data(

@@ -186,24 +186,31 @@ def _windows(
     spans = []
     for number, source in enumerate(data.sources):
         rows = np.flatnonzero(data.recording == number)
-        if len(rows) == 0:
-            continue
-        # a recording whose clock went back is a new stretch
-        cuts = np.flatnonzero(np.diff(data.time[rows]) < 0.0) + 1
-        spans += [(source.name, part) for part in np.split(rows, cuts)]
-    total = sum(float(data.time[part[-1]] - data.time[part[0]]) for _, part in spans)
-    length = window if window is not None else max(total / 10.0, 1e-9)
+        # where a recording's clock went back, another one begins
+        parts = np.split(rows, np.flatnonzero(np.diff(data.time[rows]) < 0.0) + 1)
+        several = len(parts) > 1
+        spans += [
+            (f"{source.name} ({k + 1})" if several else source.name, p) for k, p in enumerate(parts) if len(p)
+        ]
+    durations = [float(data.time[rows[-1]] - data.time[rows[0]]) for _, rows in spans]
     windows = []
-    for name, rows in spans:
+    for (name, rows), duration in zip(spans, durations, strict=True):
+        length = window
+        if length is None:  # about ten windows in all, equally long within a recording
+            length = duration / max(1, round(10.0 * duration / max(sum(durations), 1e-12))) or 1.0
         start = float(data.time[rows[0]])
         index = np.floor((data.time[rows] - start) / length).astype(int)
+        if window is None:
+            index = np.minimum(
+                index, max(0, round(duration / length) - 1)
+            )  # the last row closes the last window
         for k in np.unique(index):
             part = rows[index == k]
             windows.append(
                 Window(
                     recording=name,
                     start=start + k * length,
-                    end=min(start + (k + 1) * length, float(data.time[rows[-1]])),
+                    end=start + (k + 1) * length,
                     n=len(part),
                     raw_rmse=_rmse_per_joint(errors[0][part]),
                     offset_rmse=_rmse_per_joint(errors[1][part]),

@@ -71,7 +71,7 @@ class RobotTable(Settings):
     closed_form: Literal["raven2"] | None = None
     link: Annotated[list[LinkTable], Field(min_length=1)]
     coordinate: list[CoordinateTable] | None = None
-    frame: list[FrameTable] = []
+    frame: tuple[FrameTable, ...] = ()
 
 
 def load_table(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:

@@ -1,0 +1,274 @@
+"""catenary fit, evaluate, demo."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from catenary.cli.terminal import numbers, print_json, print_notes, print_table, progress_bar, words
+from catenary.errors import InputError
+
+if TYPE_CHECKING:
+    from catenary.calibration.evaluate import Evaluation
+    from catenary.jobs.calibration import FitResult
+
+Recordings = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="DATA...", help="Recordings: .npz with q_des, q_act, ok in rad and m, or .parquet logs."
+    ),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
+Report = Annotated[
+    Path | None, typer.Option("--report", metavar="HTML", help="Also write a self-contained page.")
+]
+MaxError = Annotated[
+    str | None,
+    typer.Option(
+        "--max-error", metavar="E,E,...", help="Leave out rows with a larger error, per joint in deg and mm."
+    ),
+]
+
+
+def fit(
+    data: Recordings,
+    model: Annotated[str, typer.Option("--model", help="offset, linear, polynomial or neural.")],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="MODEL", help="File to write the model to, e.g. arm.npz.")
+    ],
+    preset: Annotated[
+        str | None,
+        typer.Option(
+            "--preset", help="Of neural: paper (Peng et al.'s network) or best (ours). [default: paper]"
+        ),
+    ] = None,
+    inputs: Annotated[
+        str | None,
+        typer.Option(
+            "--inputs",
+            help="What the model takes: groups q, tau, qd, all, or signals such as q:J1; per joint as "
+            "'J1=q:J1,tau:J1;J2=q'. [default: q, and tau if recorded]",
+        ),
+    ] = None,
+    history: Annotated[
+        int, typer.Option("--history", metavar="K", help="Also take the K previous commands.")
+    ] = 0,
+    play: Annotated[
+        str | None,
+        typer.Option(
+            "--play",
+            metavar="SHARES",
+            help="Also take play states (memory of a cable's slack) as wide as these shares of each joint's "
+            "motion: 0.01,0.05,0.2, 'on' for ours, 'off'. [default: off; on for preset best]",
+        ),
+    ] = None,
+    target: Annotated[
+        str, typer.Option("--target", help="Learn the joint error, or the joint position end to end.")
+    ] = "error",
+    units: Annotated[
+        str | None,
+        typer.Option("--units", metavar="U,U,...", help="rad or m per joint, where files do not say."),
+    ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", help="Catalogue name or file of the robot: joint names and units."),
+    ] = None,
+    held_out: Annotated[
+        float | None,
+        typer.Option(
+            "--held-out", metavar="SHARE", help="Keep this last share of each recording for a test."
+        ),
+    ] = None,
+    folds: Annotated[
+        int, typer.Option("--folds", metavar="N", help="Blocks of time for the cross-validation; 0 for none.")
+    ] = 5,
+    max_error: MaxError = None,
+    ridge: Annotated[
+        float | None, typer.Option("--ridge", help="Ridge penalty of linear and polynomial models.")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Of everything random.")] = 0,
+    report: Report = None,
+    as_json: AsJson = False,
+) -> None:
+    """Fit a calibration model to recordings and tell its error on data that it has not seen.
+
+    Example: catenary fit run1.npz --model linear --history 6 --units rad,rad,m,rad,rad,rad --out arm.npz
+    """
+    from catenary.calibration.files import card_path, save_model
+    from catenary.calibration.fit import PLAY_SHARES, FitOptions
+    from catenary.jobs.calibration import FitRun, fit_calibration
+
+    shares = None if play is None else _play_shares(play, PLAY_SHARES)
+    options = FitOptions(
+        kind=model,  # type: ignore[arg-type]  # FitOptions refuses what it does not know
+        preset=preset,  # type: ignore[arg-type]
+        inputs=None if inputs is None else _inputs(inputs),
+        history=history,
+        play=shares,
+        target=target,  # type: ignore[arg-type]
+        ridge=ridge,
+        seed=seed,
+    )
+    names, joint_units = _joints_of(robot)
+    run = FitRun(
+        units=words(units) if units is not None else joint_units,
+        joint_names=names,
+        robot=robot,
+        max_error=None if max_error is None else numbers("--max-error", max_error),
+        held_out=held_out,
+        folds=folds,
+    )
+    if not out.parent.is_dir():
+        raise InputError(f"--out {out}: folder {out.parent} does not exist")
+    if out.is_dir():
+        raise InputError(f"--out {out}: is a folder, expected a file to write")
+    with progress_bar(f"fitting {model}") as progress:
+        result = fit_calibration(data, options, run, progress=progress)
+    save_model(result.model, result.card, out)
+    if report is not None:
+        _write_fit_report(report, result)
+    if as_json:
+        print_json(_fit_summary(out, card_path(out), result))
+        return
+    print_notes(result.notes)
+    if result.spread:
+        from catenary.jobs.calibration_report import spread_table
+
+        table = spread_table(result.spread)
+        print_table("RMSE on blocks of time that the fit did not see", table.header, table.rows)
+    if result.held_out is not None:
+        _print_errors("RMSE and largest error on the held-out part", result.held_out)
+    print(f"model: {out}\ncard:  {card_path(out)}" + (f"\npage:  {report}" if report else ""))
+
+
+def evaluate(
+    model: Annotated[Path, typer.Argument(metavar="MODEL", help="A model that catenary fit wrote.")],
+    data: Recordings,
+    window: Annotated[
+        float | None,
+        typer.Option(
+            "--window", metavar="S", help="Length of a time window in s. [default: a tenth of the data]"
+        ),
+    ] = None,
+    max_error: MaxError = None,
+    report: Report = None,
+    as_json: AsJson = False,
+) -> None:
+    """Tell a model's error on recordings: RMSE and maximum per joint in deg and mm, before and after.
+
+    Example: catenary evaluate arm.npz run2.npz --report run2.html
+    """
+    from catenary.jobs.calibration import evaluate_calibration, evaluation_summary
+    from catenary.jobs.calibration_report import window_table, write_calibration_report
+
+    result = evaluate_calibration(
+        model,
+        data,
+        max_error=None if max_error is None else numbers("--max-error", max_error),
+        window=window,
+    )
+    if report is not None:
+        tested_on = ", ".join(source.name for source in result.evaluation.data.sources)
+        write_calibration_report(
+            report, result.model, result.card, result.evaluation, tested_on=tested_on, notes=result.notes
+        )
+    if as_json:
+        print_json(evaluation_summary(result))
+        return
+    print_notes(result.notes)
+    _print_errors("RMSE and largest error per joint", result.evaluation)
+    table = window_table(result.evaluation)
+    print_table("RMSE of the model over time", table.header, table.rows)
+    if report is not None:
+        print(f"page: {report}")
+
+
+def demo(
+    out: Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Where to put the results.")] = Path(
+        "demo"
+    ),
+    seed: Annotated[int, typer.Option("--seed", help="Of the simulated arm and its motion.")] = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Calibrate a simulated cable-driven arm from recordings that the package makes itself."""
+    from catenary.jobs.demo import run_demo
+
+    with progress_bar("calibrating a simulated arm") as progress:
+        result = run_demo(out, seed=seed, progress=progress)
+    if as_json:
+        print_json(result.summary())
+        return
+    header, rows = result.table()
+    print_table(
+        "Simulated arm: RMSE on a recording that no model saw (per cent of the fixed offset)", header, rows
+    )
+    print(f"page:  {result.page}\nmodel: {result.model_path}")
+
+
+def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
+    held_out = result.held_out
+    return {
+        "model": str(out),
+        "card": str(card),
+        "kind": result.model.kind,
+        "preset": result.model.preset,
+        "rows": len(result.data),
+        "inputs": list(result.model.features.names),
+        "cross_validation": [asdict(joint) for joint in result.spread],
+        "held_out": None if held_out is None else [asdict(joint) for joint in held_out.joints],
+        "notes": list(result.notes),
+    }
+
+
+def _write_fit_report(path: Path, result: "FitResult") -> None:
+    from catenary.calibration.evaluate import evaluate as evaluate_rows
+    from catenary.jobs.calibration_report import write_calibration_report
+
+    tested_on, evaluation = "the held-out part of each recording", result.held_out
+    if evaluation is None:
+        tested_on = "the data that it was fitted to; the cross-validation below is the honest error"
+        evaluation = evaluate_rows(result.model, result.data)
+    write_calibration_report(
+        path,
+        result.model,
+        result.card,
+        evaluation,
+        tested_on=tested_on,
+        spread=result.spread,
+        notes=result.notes,
+    )
+
+
+def _print_errors(title: str, evaluation: "Evaluation") -> None:
+    from catenary.jobs.calibration_report import error_table
+
+    table = error_table(evaluation)
+    print_table(title, table.header, table.rows)
+
+
+def _play_shares(text: str, ours: tuple[float, ...]) -> tuple[float, ...]:
+    if text in ("on", "off"):
+        return ours if text == "on" else ()
+    return numbers("--play", text)
+
+
+def _inputs(text: str) -> tuple[str, ...] | dict[str, tuple[str, ...]]:
+    if "=" not in text:
+        return words(text)
+    per_joint = {}
+    for part in text.split(";"):
+        joint, equals, chosen = part.partition("=")
+        if not equals or not words(chosen):
+            raise InputError(f"--inputs: expected 'JOINT=signal,signal;JOINT=...', got {part!r}")
+        per_joint[joint.strip()] = words(chosen)
+    return per_joint
+
+
+def _joints_of(robot: str | None) -> tuple[tuple[str, ...] | None, tuple[str, ...] | None]:
+    if robot is None:
+        return None, None
+    from catenary.robots.catalog import load_robot
+
+    model = load_robot(robot)
+    return model.joint_names, model.joint_units

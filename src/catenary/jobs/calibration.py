@@ -1,0 +1,208 @@
+"""Fit a calibration model to recordings; evaluate one on others."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.calibration.card import Card, model_card
+from catenary.calibration.dataset import CalibrationData, calibration_data
+from catenary.calibration.evaluate import DISPLAY, Evaluation, Spread, cross_validate, evaluate
+from catenary.calibration.files import load_model
+from catenary.calibration.fit import FitOptions, choose_inputs, fit
+from catenary.calibration.model import CalibrationModel
+from catenary.calibration.progress import Progress, silent
+from catenary.errors import InputError
+from catenary.plant import MotionLog
+from catenary.recording.logs import read_log
+
+FOLDS = 5
+OUTLIER_SPREADS = 10.0  # robust standard deviations beyond which a measurement is suspected
+
+
+@dataclass(frozen=True)
+class FitRun:
+    """Everything about a fit that is not the model: what it was asked beside the recordings."""
+
+    units: tuple[str, ...] | None = None
+    joint_names: tuple[str, ...] | None = None
+    robot: str | None = None
+    max_error: tuple[float, ...] | None = None  # per joint, deg and mm; rows beyond are left out
+    held_out: float | None = None  # share at the end of each recording
+    folds: int = FOLDS  # of the cross-validation; 0 for none
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """A fitted model, its card, and how it did."""
+
+    model: CalibrationModel
+    card: Card
+    data: CalibrationData  # that it was fitted to
+    spread: tuple[Spread, ...]
+    held_out: Evaluation | None
+    notes: tuple[str, ...]
+
+
+def fit_calibration(
+    paths: Sequence[Path], options: FitOptions, run: FitRun | None = None, *, progress: Progress = silent
+) -> FitResult:
+    """Fit a calibration model to recordings and say how well it does on data that it did not see.
+
+    The model is fitted to all rows, or to those before the held-out part. Its error is estimated on contiguous
+    blocks of time, each predicted by a model fitted to the others, and on the held-out part.
+
+    Raises:
+        FileFormatError: A recording is missing, damaged, or lacks something.
+        InputError: Recordings of different joints, unusable numbers, options that contradict each other.
+    """
+    run = run if run is not None else FitRun()
+    logs = [read_log(path, units=run.units, joint_names=run.joint_names) for path in paths]
+    if not logs:
+        raise InputError("data: expected at least one recording, got none")
+    inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
+    everything = calibration_data(logs, inputs.features, max_error=_limits(run.max_error, logs[0]))
+    notes = [note for log in logs for note in (f"{log.name}: {n}" for n in log.notes)]
+    notes += _data_notes(everything)
+    data, late = everything, None
+    if run.held_out is not None:
+        data, late = everything.split_by_time(run.held_out)
+
+    share = run.folds / (run.folds + 1.0)
+    spread: tuple[Spread, ...] = ()
+    if run.folds:
+        spread = cross_validate(
+            data,
+            lambda rows, tell: fit(rows, inputs, options, progress=tell),
+            folds=run.folds,
+            progress=lambda done: progress(share * done),
+        )
+    model = fit(data, inputs, options, progress=lambda done: progress(share + (1.0 - share) * done))
+    held_out = None if late is None else evaluate(model, late)
+    card = model_card(
+        model,
+        data,
+        options,
+        robot=run.robot if run.robot is not None else data.robot,
+        command={"held_out": run.held_out, "folds": run.folds, "max_error": run.max_error},
+        spread=spread,
+        held_out=held_out,
+        notes=tuple(notes),
+    )
+    return FitResult(model, card, data, spread, held_out, tuple(notes))
+
+
+@dataclass(frozen=True)
+class EvaluationResult:
+    """How a model does on recordings."""
+
+    model: CalibrationModel
+    card: Card
+    evaluation: Evaluation
+    notes: tuple[str, ...]
+    seen_in_training: tuple[str, ...]  # recordings that the model was fitted to: their errors are no test
+
+
+def evaluate_calibration(
+    model_path: Path,
+    paths: Sequence[Path],
+    *,
+    max_error: tuple[float, ...] | None = None,
+    window: float | None = None,
+) -> EvaluationResult:
+    """Evaluate a model on recordings.
+
+    Recordings that do not state their joints' names or units are read with the model's.
+
+    Raises:
+        FileFormatError: The model or a recording is missing or damaged.
+        InputError: A recording is of other joints, or lacks an input of the model.
+    """
+    model, card = load_model(model_path)
+    logs = [_read_for(model, path) for path in paths]
+    if not logs:
+        raise InputError("data: expected at least one recording, got none")
+    for log in logs:
+        model.require_joints(log)
+    data = calibration_data(logs, model.features, max_error=_limits(max_error, logs[0]))
+    trained_on = {source["sha256"] for source in card["data"]}
+    seen = tuple(source.name for source in data.sources if source.sha256 in trained_on)
+    notes = [note for log in logs for note in (f"{log.name}: {n}" for n in log.notes)]
+    notes += _data_notes(data)
+    notes += [f"{name}: the model was fitted to this recording; its error here is no test" for name in seen]
+    return EvaluationResult(model, card, evaluate(model, data, window=window), tuple(notes), seen)
+
+
+def evaluation_summary(result: EvaluationResult) -> dict[str, Any]:
+    """Give an evaluation as plain data, in deg and mm."""
+    evaluation = result.evaluation
+    return {
+        "model": {"kind": result.model.kind, "preset": result.model.preset, "target": result.model.target},
+        "data": [asdict(source) for source in evaluation.data.sources],
+        "simulated": any(source.simulated for source in evaluation.data.sources),
+        "joints": [asdict(joint) for joint in evaluation.joints],
+        "window_unit": evaluation.window_unit,
+        "windows": [asdict(window) for window in evaluation.windows],
+        "seen_in_training": list(result.seen_in_training),
+        "notes": list(result.notes),
+    }
+
+
+def _read_for(model: CalibrationModel, path: Path) -> MotionLog:
+    """Read a recording, taking the model's names and units where the file is a bare command log."""
+    if path.suffix != ".npz":
+        return read_log(path)
+    stated = read_log(path, units=None, joint_names=None) if _states_joints(path) else None
+    if stated is not None:
+        return stated
+    return read_log(path, units=model.joint_units, joint_names=model.joint_names)
+
+
+def _states_joints(path: Path) -> bool:
+    from catenary.recording.importers import read_arrays
+
+    return {"units", "joint_names"} <= set(read_arrays(path))
+
+
+def _limits(max_error: tuple[float, ...] | None, log: MotionLog) -> Floats | None:
+    if max_error is None:
+        return None
+    if len(max_error) != len(log.joint_names) or not all(limit > 0.0 for limit in max_error):
+        raise InputError(
+            f"max error: expected {len(log.joint_names)} positive numbers (deg, mm), one per joint, "
+            f"got {list(max_error)}"
+        )
+    return np.array(
+        [limit / DISPLAY[unit][1] for limit, unit in zip(max_error, log.joint_units, strict=True)]
+    )
+
+
+def _data_notes(data: CalibrationData) -> list[str]:
+    """Say what a person should know about the rows: what was left out, what looks wrong."""
+    notes = []
+    for source in data.sources:
+        left_out = {
+            "without measurement": source.without_truth,
+            f"without {data.features.history} previous commands": source.without_history,
+            "beyond the error limit": source.dropped,
+        }
+        text = ", ".join(f"{count} {why}" for why, count in left_out.items() if count)
+        if text:
+            notes.append(f"{source.name}: left out {text}, of {source.rows} rows")
+    middle = np.median(data.error, axis=0)
+    deviation = np.abs(data.error - middle)
+    spread = 1.4826 * np.median(deviation, axis=0)  # the standard deviation, if errors were normal
+    suspects = (deviation > OUTLIER_SPREADS * np.maximum(spread, 1e-9)).sum(axis=0)
+    for name, count in zip(data.joint_names, suspects, strict=True):
+        if count:
+            notes.append(
+                f"{name}: {count} of {len(data)} errors lie beyond {OUTLIER_SPREADS:g} robust standard deviations; "
+                "if they are measurement failures, leave them out with --max-error"
+            )
+    still = [n for n, x in zip(data.joint_names, np.ptp(data.q_nominal, axis=0), strict=True) if x == 0.0]
+    if still:
+        notes.append(f"{', '.join(still)}: never moved; the model holds only where they stood")
+    return notes
