@@ -1,0 +1,53 @@
+# The commands a person needs; each sets up what it uses in .venv and says what it does.
+PYTHON ?= $(shell command -v python3.13 || command -v python3.12 || command -v python3.11 || command -v python3)
+VENV := .venv
+BIN := $(VENV)/bin
+# two threads on two busy cores are slower than one, for matrices of this size
+# recordings of real arms, which the repository does not hold
+CATENARY_DATA ?= ../shared/data
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
+
+.PHONY: demo test lint dvrk-table clean help
+
+help:
+	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
+	@echo "make test        set up, run all tests"
+	@echo "make lint        format, lint, types, import order"
+	@echo "make dvrk-table  the table of docs/calibration.md, from recordings of a real arm (CATENARY_DATA)"
+	@echo "make clean       remove .venv and everything made here"
+
+demo: $(VENV)/.package
+	$(BIN)/catenary demo --out demo
+
+test: $(VENV)/.development
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/.development
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+dvrk-table: $(VENV)/.package
+	$(BIN)/python -m catenary.reproduce.dvrk_joint_errors $(CATENARY_DATA)
+
+$(BIN)/python:
+	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed: apt install python3 python3-venv"; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "Python 3.11 or newer is needed, found $$($(PYTHON) --version); set PYTHON=/path/to/python3.11"; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
+		{ echo "Python's venv module is missing: apt install python3-venv"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.package: $(BIN)/python pyproject.toml
+	$(BIN)/python -m pip install --disable-pip-version-check -e .
+	@touch $@
+
+$(VENV)/.development: $(BIN)/python pyproject.toml
+	$(BIN)/python -m pip install --disable-pip-version-check -e ".[dev]"
+	@touch $@ $(VENV)/.package
+
+clean:
+	rm -rf $(VENV) demo build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +
