@@ -1,0 +1,1 @@
+"""Robot models, and the files that they are read from."""
