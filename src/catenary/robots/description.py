@@ -39,13 +39,15 @@ def naming_the_file(where: str) -> Iterator[None]:
         raise UnsupportedModelError(f"{where}: {error}") from error
 
 
-def names_beside_base(names: Iterable[str], taken: Iterable[str] = ()) -> Mapping[str, str]:
-    """Give each of a file's names the one it has in the model: its own, unless it is taken.
+def names_beside_base(
+    names: Iterable[str], *, taken: Iterable[str] = (), mark: str = "file"
+) -> dict[str, str]:
+    """Give each of a file's names the one it has in the model: its own, marked where that is taken.
 
     "base" always means the frame that everything hangs on; another link of that name becomes "base (file)".
     """
     used = {BASE, *taken}
-    return {name: f"{name} (file)" if name in used else name for name in names}
+    return {name: f"{name} ({mark})" if name in used else name for name in names}
 
 
 def renaming_notes(names: Mapping[str, str]) -> list[str]:

@@ -61,7 +61,7 @@ def parse_urdf(
     if not links:
         raise FileFormatError(f"{where}: no <link>, expected at least one")
     root = _only_root(where, links, joints)
-    names = dict(names_beside_base(name for name in links if name != root)) | {root: BASE}
+    names = names_beside_base(name for name in links if name != root) | {root: BASE}
     free, following = _leaders(where, joints)
     tree_links = [_tree_link(where, joint, links[joint.child], names, free, following) for joint in joints]
     with naming_the_file(where):
