@@ -52,7 +52,7 @@ def refuse_non_finite(name: str, array: NDArray[Any]) -> None:
         if np.isfinite(np.sum(array)):  # one pass; a finite sum has only finite terms
             return
     bad = np.argwhere(~np.isfinite(array))
-    if bad.size == 0:
+    if len(bad) == 0:  # a scalar has one place, of no indices
         return  # the sum itself overflowed
     first = tuple(int(i) for i in bad[0])
     where = f"[{', '.join(map(str, first))}]" if first else ""
