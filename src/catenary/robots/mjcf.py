@@ -34,7 +34,7 @@ def load_mjcf(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
     MuJoCo moves a body by its joints in turn, each about its own anchor p:
     T_parent_body = T0 Trans(p1) J1(q1 - ref1) Trans(-p1) Trans(p2) J2(q2 - ref2) Trans(-p2) ...
     A body with k joints becomes k links; all but the last, which has the body's name, are massless. Linear
-    joint equalities that are active at the start become coupled joints. Frames are bodies, sites and "world".
+    joint equalities that are active at the start become coupled joints. Frames are bodies, named sites and "world".
 
     Args:
         path: The file.
@@ -140,10 +140,12 @@ def _assemble(c: _Compiled, path: Path, sources: Sequence[str]) -> RobotModel:
     links: list[Link] = []
     for body in range(1, c.model.nbody):
         links += _body_links(c, body, bodies, joints, following)
-    site_names = [c.name("site", site) for site in range(c.model.nsite)]
-    sites = names_beside_base(site_names, taken=["world", *(link.name for link in links)], mark="site")
+    site_names = {site: c.model.site(site).name for site in range(c.model.nsite) if c.model.site(site).name}
+    sites = names_beside_base(
+        site_names.values(), taken=["world", *(link.name for link in links)], mark="site"
+    )
     frames = {} if "world" in bodies.values() else {"world": (BASE, identity_pose())}
-    for site, name in enumerate(site_names):
+    for site, name in site_names.items():
         carrier = int(c.model.site_bodyid[site])
         pose = Pose(rotation_from_quaternion(c.model.site_quat[site]), np.array(c.model.site_pos[site]))
         frames[sites[name]] = (BASE if carrier == 0 else bodies[c.name("body", carrier)], pose)
@@ -153,7 +155,7 @@ def _assemble(c: _Compiled, path: Path, sources: Sequence[str]) -> RobotModel:
         [_coordinate(c, joint, name) for joint, name in joints.items() if name not in following],
         frames=frames,
         sources=sources,
-        notes=[*renaming_notes(bodies | sites), *_notes(c, joints)],
+        notes=[*renaming_notes(bodies), *renaming_notes(sites), *_notes(c, joints)],
     )
 
 
@@ -219,7 +221,7 @@ def _inertia(c: _Compiled, body: int) -> LinkInertia | None:
 
 
 def _coordinate(c: _Compiled, joint: int, name: str) -> Coordinate:
-    """Give the joint's coordinate; the effort limit is `actuatorfrcrange`, the smaller side if they differ."""
+    """Give the joint's coordinate; its effort limit is the smaller side of `actuatorfrcrange`."""
     lower, upper = c.model.jnt_range[joint] if c.model.jnt_limited[joint] else (-np.inf, np.inf)
     effort = np.inf
     if c.model.jnt_actfrclimited[joint]:
