@@ -290,7 +290,8 @@ def test_what_is_left_out_is_said_by_name(load):
     )
 
 
-def test_included_files_and_meshes_are_found_beside_the_file(tmp_path):
+@pytest.mark.parametrize("file", ["main.xml", "main.mjcf"])
+def test_included_files_and_meshes_are_found_beside_the_file(tmp_path, file):
     mesh = tmp_path / "meshes" / "part.obj"
     mesh.parent.mkdir()
     corners = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
@@ -303,13 +304,13 @@ def test_included_files_and_meshes_are_found_beside_the_file(tmp_path):
         '<mujoco><compiler meshdir="meshes"/><asset><mesh name="p" file="part.obj"/></asset><worldbody>'
         '<body name="b"><joint/><geom type="mesh" mesh="p" density="10"/></body></worldbody></mujoco>'
     )
-    main = tmp_path / "main.xml"
+    main = tmp_path / file
     main.write_text('<mujoco model="m"><include file="part.xml"/></mujoco>')
     model = load_mjcf(main)
     assert_allclose(model.tree.mass, [10])  # a cube of one metre
     assert_allclose(model.tree.com, [[0.5, 0.5, 0.5]], atol=1e-6)  # mesh vertices are single precision
     digests = [hashlib.sha256(path.read_bytes()).hexdigest() for path in (main, part)]
-    assert model.sources == (f"main.xml, sha256 {digests[0]}", f"part.xml, sha256 {digests[1]}")
+    assert model.sources == (f"{file}, sha256 {digests[0]}", f"part.xml, sha256 {digests[1]}")
     assert model.name == "m"
 
 

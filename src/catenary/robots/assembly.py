@@ -107,8 +107,8 @@ def assemble(
         UnsupportedModelError: A loop of parents, or no moving joint.
     """
     where = f'robot "{name}"'
-    _check_coordinates(where, coordinates)
     ordered = _parents_first(where, links)
+    _check_coordinates(where, coordinates)
     for link in ordered:
         _check_link(where, link, [c.name for c in coordinates])
     _check_moved(where, ordered, coordinates)

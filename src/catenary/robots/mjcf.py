@@ -34,7 +34,8 @@ def load_mjcf(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
     MuJoCo moves a body by its joints in turn, each about its own anchor p:
     T_parent_body = T0 Trans(p1) J1(q1 - ref1) Trans(-p1) Trans(p2) J2(q2 - ref2) Trans(-p2) ...
     A body with k joints becomes k links; all but the last, which has the body's name, are massless. Linear
-    joint equalities that are active at the start become coupled joints. Frames are bodies, named sites and "world".
+    joint equalities that are active at the start become coupled joints. Frames are bodies, named sites and
+    "world".
 
     Args:
         path: The file.
@@ -48,9 +49,11 @@ def load_mjcf(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
     """
     content = read_description(path)
     compiled = _compile(path)
+    sources = [file_source(path, content)]
+    sources += [file_source(Path(name), text) for name, text in _included(path, content).items()]
     with naming_the_file(str(path)):
         _refuse_what_no_tree_has(compiled)
-        model = _assemble(compiled, path, [file_source(path, content), *_included_sources(path, content)])
+        model = _assemble(compiled, path, sources)
     return model.with_massless(massless)
 
 
@@ -83,9 +86,8 @@ def _compile(path: Path) -> _Compiled:
         raise MissingPackageError(
             f"{path}: MuJoCo reads MJCF files and is not installed: pip install catenary[mjcf]"
         ) from error
-    spec: Any = None
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
+        spec = _read(mujoco, path)
         model = spec.compile()
         mass, inertia = model.body_mass, model.body_inertia
     except ValueError as error:
@@ -103,9 +105,19 @@ def _compile(path: Path) -> _Compiled:
     return compiled
 
 
+def _read(mujoco: Any, path: Path) -> Any:
+    """Parse the file; MuJoCo opens the ending .xml only, so another is handed over as text."""
+    if path.suffix == ".xml":
+        return mujoco.MjSpec.from_file(str(path))
+    content = read_description(path)
+    spec = mujoco.MjSpec.from_string(content.decode(), include=_included(path, content))
+    spec.modelfiledir = str(path.absolute().parent)  # where meshes are looked for
+    return spec
+
+
 def _compile_without_mass(mujoco: Any, path: Path) -> tuple[Any, Any]:
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
+        spec = _read(mujoco, path)
         spec.compiler.boundmass = max(spec.compiler.boundmass, _LEAST_MASS)
         spec.compiler.boundinertia = max(spec.compiler.boundinertia, _LEAST_INERTIA)
         return spec, spec.compile()
@@ -291,19 +303,17 @@ def _model_name(c: _Compiled, path: Path) -> str:
     return path.stem if name in ("", "MuJoCo Model") else name
 
 
-def _included_sources(path: Path, content: bytes) -> list[str]:
-    """Say which further files <include> brings in; MuJoCo looks for them beside the main file."""
-    sources: list[str] = []
-    waiting, seen = [content], {path.name}
+def _included(path: Path, content: bytes) -> dict[str, bytes]:
+    """Give the files that <include> brings in, by the name it gives them, relative to the main file."""
+    found: dict[str, bytes] = {}
+    waiting = [content]
     while waiting:
         try:
             root = ElementTree.fromstring(waiting.pop())
         except ElementTree.ParseError:
             continue  # MuJoCo's reader is the more tolerant one: "--" in comments
-        for element in root.iter("include"):
-            included = path.parent / element.get("file", "")
-            if included.is_file() and str(included) not in seen:
-                seen.add(str(included))
-                waiting.append(included.read_bytes())
-                sources.append(file_source(included, waiting[-1]))
-    return sources
+        for name in (element.get("file", "") for element in root.iter("include")):
+            if name not in found and (path.parent / name).is_file():
+                found[name] = (path.parent / name).read_bytes()
+                waiting.append(found[name])
+    return found
