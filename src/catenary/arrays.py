@@ -22,12 +22,7 @@ def as_array(name: str, values: ArrayLike, shape: tuple[int | None, ...], *, fin
     Raises:
         InputError: Not numbers, another shape, NaN or infinity.
     """
-    try:
-        array = np.ascontiguousarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name}: expected numbers of shape {_shape_text(shape)}, got {values!r}") from error
-    if len(shape) == 0:
-        array = array.reshape(())  # ascontiguousarray makes a scalar (1,)
+    array = _as_floats(name, values, _shape_text(shape))
     if array.ndim != len(shape) or any(
         n is not None and n != m for n, m in zip(shape, array.shape, strict=True)
     ):
@@ -43,10 +38,7 @@ def as_batch(name: str, values: ArrayLike, width: int) -> tuple[Floats, bool]:
     Raises:
         InputError: Another shape, NaN or infinity.
     """
-    try:
-        array = np.ascontiguousarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name}: expected numbers of shape ({width},), got {values!r}") from error
+    array = _as_floats(name, values, f"({width},)")
     if array.ndim not in (1, 2) or array.shape[-1] != width:
         raise InputError(f"{name}: expected shape ({width},) or (N, {width}), got {array.shape}")
     refuse_non_finite(name, array)
@@ -56,15 +48,17 @@ def as_batch(name: str, values: ArrayLike, width: int) -> tuple[Floats, bool]:
 
 def refuse_non_finite(name: str, array: NDArray[Any]) -> None:
     """Raise when an array holds NaN or infinity, and say where the first one is."""
-    if np.isfinite(np.sum(array)):  # one pass; a finite sum has only finite terms
-        return
+    with np.errstate(all="ignore"):  # the sum may overflow, or meet inf - inf
+        if np.isfinite(np.sum(array)):  # one pass; a finite sum has only finite terms
+            return
     bad = np.argwhere(~np.isfinite(array))
-    if bad.size == 0:
+    if len(bad) == 0:  # a scalar has one place, of no indices
         return  # the sum itself overflowed
     first = tuple(int(i) for i in bad[0])
     where = f"[{', '.join(map(str, first))}]" if first else ""
     raise InputError(
-        f"{name}{where} is {array[first]}: expected finite numbers ({len(bad)} of {array.size} values are not)"
+        f"{name}{where} is {array[first]}: expected finite numbers "
+        f"({len(bad)} of {array.size} values are not)"
     )
 
 
@@ -73,6 +67,17 @@ def frozen(array: NDArray[Any]) -> NDArray[Any]:
     copy = np.array(array)
     copy.setflags(write=False)
     return copy
+
+
+def _as_floats(name: str, values: ArrayLike, expected: str) -> Floats:
+    """Give a C-contiguous float64 array; text and complex numbers, which NumPy would convert, are refused."""
+    try:
+        raw = np.asarray(values)
+        if raw.dtype.kind in "SUc":
+            raise TypeError(f"NumPy type {raw.dtype}")
+        return np.asarray(raw, dtype=np.float64, order="C")  # ascontiguousarray would make a scalar (1,)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: expected numbers of shape {expected}, got {values!r}") from error
 
 
 def _shape_text(shape: tuple[int | None, ...]) -> str:

@@ -1,5 +1,6 @@
 """TOML files read into frozen pydantic models; every complaint names the file and the key."""
 
+import json
 import tomllib
 from difflib import get_close_matches
 from pathlib import Path
@@ -13,7 +14,7 @@ from catenary.errors import ConfigError
 class Settings(BaseModel):
     """Base of every file schema: frozen, unknown keys and infinite numbers refused."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 Schema = TypeVar("Schema", bound=Settings)
@@ -42,7 +43,8 @@ def parse_settings(content: dict[str, Any], schema: type[Schema], where: str) ->
         ConfigError: Key unknown, missing, or of the wrong type; `where` opens the message.
     """
     try:
-        return schema.model_validate(content)
+        # strict, as JSON: "1" or true is no number, while a list may fill a tuple and a text a path or a date
+        return schema.model_validate_json(json.dumps(content, default=str), strict=True)
     except ValidationError as error:
         lines = [f"{where}: {_explain(problem, content, schema)}" for problem in error.errors()]
         raise ConfigError("\n".join(lines)) from error
@@ -55,10 +57,17 @@ def _explain(problem: Any, content: dict[str, Any], schema: type[BaseModel]) -> 
         return f"{key}: this key is missing"
     if problem["type"] == "extra_forbidden":
         known = sorted(_fields_at(schema, location[:-1]))
-        close = get_close_matches(str(location[-1]), known, n=1, cutoff=0.6)
-        hint = f'; did you mean "{close[0]}"?' if close else ""
-        return f"{key}: unknown key{hint} (known: {', '.join(known)})"
+        return f"{key}: unknown key{_hint(str(location[-1]), known)} (known: {', '.join(known)})"
     return f"{key}: {problem['msg']}, got {problem['input']!r}"
+
+
+def _hint(key: str, known: list[str]) -> str:
+    """Suggest the key that was meant; one without its unit is the likeliest mistake."""
+    with_unit = [name for name in known if name.startswith(f"{key}_")]
+    if with_unit:
+        return f"; a number's key ends in its unit: {' or '.join(with_unit)}"
+    close = get_close_matches(key, known, n=1, cutoff=0.6)
+    return f'; did you mean "{close[0]}"?' if close else ""
 
 
 def _key_text(location: tuple[str | int, ...], content: Any) -> str:

@@ -43,6 +43,10 @@ class MissingInertiaError(CatenaryError, ValueError):
         )
 
 
+class MissingPackageError(CatenaryError, ImportError):
+    """An optional package is needed for this and is not installed; the message says how to install it."""
+
+
 class UnreachablePoseError(CatenaryError, ValueError):
     """No configuration within the joint limits reaches the pose that was asked for."""
 

@@ -16,7 +16,7 @@ class Pose(NamedTuple):
     rotation: Floats  # (3, 3) R_a_b
     position: Floats  # (3,) origin of b in a [m]
 
-    def __matmul__(self, other: "Pose") -> "Pose":  # type: ignore[override]
+    def __matmul__(self, other: "Pose") -> "Pose":
         """T_a_b @ T_b_c gives T_a_c."""
         return Pose(self.rotation @ other.rotation, self.rotation @ other.position + self.position)
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -38,6 +38,9 @@ class LinkInertia:
             r = body.com - com
             inertia = inertia + body.inertia + body.mass * (r @ r * np.eye(3) - np.outer(r, r))
         return LinkInertia(mass, com, inertia)
+
+
+_NOTHING = LinkInertia(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
 @dataclass(frozen=True)
@@ -99,99 +102,111 @@ def assemble(
         notes: What the description holds and the model leaves out.
 
     Raises:
-        InputError: Two links of one name, unknown parent or coordinate, bad mass, inertia or axis.
+        InputError: Two links of one name, unknown parent, frame or coordinate, a coordinate that moves
+            nothing, bad limits, mass, inertia or axis, or a massless link with a mass.
         UnsupportedModelError: A loop of parents, or no moving joint.
     """
     where = f'robot "{name}"'
     ordered = _parents_first(where, links)
-    known = {link.name for link in ordered}
-    for wanted in massless:
-        if wanted not in known:
-            raise InputError(f'{where}: massless link "{wanted}" is not a link; links: {", ".join(known)}')
-    names = [c.name for c in coordinates]
-    if len(set(names)) != len(names):
-        raise InputError(f"{where}: coordinate names must differ, got {names}")
-
-    carrier: dict[str, tuple[int, Pose]] = {BASE: (-1, identity_pose())}  # tree link that carries each link
-    moving: list[Link] = []
-    poses: list[Pose] = []
-    parents: list[int] = []
-    inertia: list[LinkInertia | None] = []
-    declared: list[bool] = []
+    _check_coordinates(where, coordinates)
     for link in ordered:
-        _check_link(where, link, names)
-        index, pose = carrier[link.parent]
-        here = pose @ link.pose
-        if link.joint == "fixed":
-            here = here @ link.frame
-            carrier[link.name] = (index, here)
-            if index >= 0 and link.inertia is not None:
-                inertia[index] = _sum(inertia[index], link.inertia.moved(here))
-            continue
-        carrier[link.name] = (len(moving), link.frame)
-        moving.append(link)
-        poses.append(here)
-        parents.append(index)
-        inertia.append(None if link.inertia is None else link.inertia.moved(link.frame))
-        declared.append(link.massless or link.name in massless)
-    if not moving:
-        raise UnsupportedModelError(f"{where}: no moving joint, expected at least one")
+        _check_link(where, link, [c.name for c in coordinates])
+    _check_moved(where, ordered, coordinates)
 
-    has_mass = [body is not None and body.mass > 0.0 for body in inertia]
-    body = [b if b is not None else LinkInertia(0.0, np.zeros(3), np.zeros((3, 3))) for b in inertia]
-    tree = Tree(
-        parent=np.array(parents, dtype=np.int64),
-        prismatic=np.array([link.joint == "prismatic" for link in moving]),
-        rotation=np.array([pose.rotation for pose in poses]),
-        origin=np.array([pose.position for pose in poses]),
-        axis=np.array([link.axis / np.linalg.norm(link.axis) for link in moving]),
-        mass=np.array([b.mass for b in body]),
-        com=np.array([b.com for b in body]),
-        inertia=np.array([b.inertia for b in body]),
-    )
-    coupling = np.zeros((len(moving), len(names)))
-    for row, link in enumerate(moving):
-        for coordinate, factor in link.variable.items():
-            coupling[row, names.index(coordinate)] = factor
-    all_frames = {link: Frame(index, pose) for link, (index, pose) in carrier.items()}
-    for frame, (link_name, pose) in (frames or {}).items():
-        if link_name not in carrier:
-            raise InputError(f'{where}: frame "{frame}" is fixed to unknown link "{link_name}"')
-        if frame in all_frames:
-            raise InputError(f'{where}: frame "{frame}" has the name of another frame or link')
-        index, link_pose = carrier[link_name]
-        all_frames[frame] = Frame(index, link_pose @ pose)
+    folded = _fold(ordered)
+    if not folded.moving:
+        raise UnsupportedModelError(f"{where}: no moving joint, expected at least one")
+    bodies = [_NOTHING if body is None else body for body in folded.inertia]
+    without = [link for link, body in zip(folded.moving, bodies, strict=True) if body.mass == 0.0]
+
+    coupling = np.zeros((len(folded.moving), len(coordinates)))
+    for row, link in enumerate(folded.moving):
+        for column, coordinate in enumerate(coordinates):
+            coupling[row, column] = link.variable.get(coordinate.name, 0.0)
+    all_frames = _all_frames(where, folded.carrier, frames or {})
     tip = tip if tip is not None else _deepest(ordered)
     if tip not in all_frames:
         raise InputError(f'{where}: tip "{tip}" is no frame; frames: {", ".join(all_frames)}')
     return RobotModel(
         name=name,
-        joint_names=tuple(names),
+        joint_names=tuple(c.name for c in coordinates),
         joint_units=tuple(c.unit for c in coordinates),
-        link_names=tuple(link.name for link in moving),
-        tree=tree,
+        link_names=tuple(link.name for link in folded.moving),
+        tree=_tree(folded, bodies),
         coupling=coupling,
-        offset=np.array([link.offset for link in moving]),
+        offset=np.array([link.offset for link in folded.moving]),
         lower=np.array([c.lower for c in coordinates]),
         upper=np.array([c.upper for c in coordinates]),
         velocity_limit=np.array([c.velocity for c in coordinates]),
         effort_limit=np.array([c.effort for c in coordinates]),
         frames=all_frames,
         tip=tip,
-        missing_inertia=tuple(
-            link.name
-            for link, mass, none in zip(moving, has_mass, declared, strict=True)
-            if not mass and not none
-        ),
-        massless=tuple(
-            link.name
-            for link, mass, none in zip(moving, has_mass, declared, strict=True)
-            if none and not mass
-        ),
+        missing_inertia=tuple(link.name for link in without if not link.massless),
+        massless=tuple(link.name for link in without if link.massless),
         closed_form=closed_form,
         sources=tuple(sources),
         notes=tuple(notes),
+    ).with_massless(massless)
+
+
+@dataclass
+class _Folded:
+    """The moving links with all that is fixed to them, and which of them carries each link."""
+
+    carrier: dict[str, Frame] = field(default_factory=lambda: {BASE: Frame(-1, identity_pose())})
+    moving: list[Link] = field(default_factory=list)
+    parents: list[int] = field(default_factory=list)
+    poses: list[Pose] = field(default_factory=list)
+    inertia: list[LinkInertia | None] = field(default_factory=list)
+
+
+def _fold(ordered: Sequence[Link]) -> _Folded:
+    folded = _Folded()
+    for link in ordered:
+        index, pose = folded.carrier[link.parent]
+        here = pose @ link.pose
+        if link.joint == "fixed":
+            here = here @ link.frame
+            folded.carrier[link.name] = Frame(index, here)
+            if index >= 0 and link.inertia is not None:
+                folded.inertia[index] = _sum(folded.inertia[index], link.inertia.moved(here))
+            continue
+        folded.carrier[link.name] = Frame(len(folded.moving), link.frame)
+        folded.moving.append(link)
+        folded.parents.append(index)
+        folded.poses.append(here)
+        folded.inertia.append(None if link.inertia is None else link.inertia.moved(link.frame))
+    return folded
+
+
+def _tree(folded: _Folded, bodies: Sequence[LinkInertia]) -> Tree:
+    return Tree(
+        parent=np.array(folded.parents, dtype=np.int64),
+        prismatic=np.array([link.joint == "prismatic" for link in folded.moving]),
+        rotation=np.array([pose.rotation for pose in folded.poses]),
+        origin=np.array([pose.position for pose in folded.poses]),
+        axis=np.array([link.axis / np.linalg.norm(link.axis) for link in folded.moving]),
+        mass=np.array([body.mass for body in bodies]),
+        com=np.array([body.com for body in bodies]),
+        inertia=np.array([body.inertia for body in bodies]),
     )
+
+
+def _all_frames(
+    where: str, carrier: Mapping[str, Frame], further: Mapping[str, tuple[str, Pose]]
+) -> dict[str, Frame]:
+    frames = dict(carrier)
+    for name, (link, pose) in further.items():
+        if link not in carrier:
+            raise InputError(
+                f'{where}: frame "{name}" is fixed to unknown link "{link}"; links: {", ".join(carrier)}'
+            )
+        if name in frames:
+            raise InputError(f'{where}: frame "{name}" has the name of another frame or link')
+        as_rotation(f'{where}: frame "{name}": rotation', pose.rotation)
+        as_array(f'{where}: frame "{name}": position', pose.position, (3,))
+        frames[name] = Frame(carrier[link].link, carrier[link].pose @ pose)
+    return frames
 
 
 def _sum(a: LinkInertia | None, b: LinkInertia) -> LinkInertia:
@@ -202,7 +217,11 @@ def _parents_first(where: str, links: Sequence[Link]) -> list[Link]:
     """Order links so that each comes after its parent, otherwise as given."""
     by_name: dict[str, Link] = {}
     for link in links:
-        if link.name in by_name or link.name == BASE:
+        if link.name == BASE:
+            raise InputError(
+                f'{where}: a link is named "{BASE}", which is the name of what everything hangs on'
+            )
+        if link.name in by_name:
             raise InputError(f'{where}: two links are named "{link.name}"')
         by_name[link.name] = link
     for link in links:
@@ -227,31 +246,65 @@ def _parents_first(where: str, links: Sequence[Link]) -> list[Link]:
     return ordered
 
 
+def _check_coordinates(where: str, coordinates: Sequence[Coordinate]) -> None:
+    names = [c.name for c in coordinates]
+    if len(set(names)) != len(names):
+        raise InputError(f"{where}: coordinate names must differ, got {', '.join(names)}")
+    for c in coordinates:
+        what = f'{where}: coordinate "{c.name}"'
+        if c.unit not in ("rad", "m"):
+            raise InputError(f'{what}: unit "{c.unit}", expected "rad" or "m"')
+        if not c.lower <= c.upper:  # also when one is NaN
+            raise InputError(f"{what}: limits [{c.lower}, {c.upper}], expected the lower one first")
+        if not (c.velocity >= 0.0 and c.effort >= 0.0):
+            raise InputError(
+                f"{what}: velocity limit {c.velocity}, effort limit {c.effort}: expected zero or more"
+            )
+
+
+def _check_moved(where: str, links: Sequence[Link], coordinates: Sequence[Coordinate]) -> None:
+    moved = {name for link in links if link.joint != "fixed" for name in link.variable}
+    idle = [c.name for c in coordinates if c.name not in moved]
+    if idle and moved:  # a robot without any moving joint is refused as such
+        raise InputError(f"{where}: coordinates {', '.join(idle)} move no joint")
+
+
 def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
     what = f'{where}: link "{link.name}"'
-    as_rotation(f"{what}: rotation", link.pose.rotation)
-    as_array(f"{what}: origin", link.pose.position, (3,))
-    if link.joint != "fixed":
-        if not np.linalg.norm(as_array(f"{what}: axis", link.axis, (3,))) > 1e-9:
-            raise InputError(f"{what}: axis must not be zero, got {link.axis}")
-        for coordinate, factor in link.variable.items():
-            if coordinate not in coordinates:
-                raise InputError(
-                    f'{what}: moves with unknown coordinate "{coordinate}"; coordinates: {", ".join(coordinates)}'
-                )
-            if not np.isfinite(factor):
-                raise InputError(f'{what}: factor of "{coordinate}" is {factor}, expected a finite number')
-    if link.inertia is None:
-        return
-    body = link.inertia
+    if link.joint not in get_args(JointKind):
+        raise InputError(f'{what}: joint "{link.joint}", expected {" or ".join(get_args(JointKind))}')
+    for part, pose in (("joint", link.pose), ("link frame", link.frame)):
+        as_rotation(f"{what}: {part}: rotation", pose.rotation)
+        as_array(f"{what}: {part}: origin", pose.position, (3,))
+    as_array(f"{what}: offset", link.offset, ())
+    if link.joint == "fixed" and link.variable:
+        raise InputError(
+            f"{what}: is fixed and moves with {', '.join(link.variable)}; expected one of the two"
+        )
+    if link.joint != "fixed" and not np.linalg.norm(as_array(f"{what}: axis", link.axis, (3,))) > 1e-9:
+        raise InputError(f"{what}: axis must not be zero, got {link.axis}")
+    for coordinate, factor in link.variable.items():
+        if coordinate not in coordinates:
+            raise InputError(
+                f'{what}: moves with unknown coordinate "{coordinate}"; '
+                f"coordinates: {', '.join(coordinates) or 'none'}"
+            )
+        if not np.isfinite(factor):
+            raise InputError(f'{what}: factor of "{coordinate}" is {factor}, expected a finite number')
+    if link.inertia is not None:
+        _check_inertia(what, link.inertia)
+
+
+def _check_inertia(what: str, body: LinkInertia) -> None:
     if not np.isfinite(body.mass) or body.mass < 0.0:
         raise InputError(f"{what}: mass {body.mass} kg, expected a finite number, zero or more")
     as_array(f"{what}: centre of mass", body.com, (3,))
     tensor = as_array(f"{what}: inertia", body.inertia, (3, 3))
-    if not np.allclose(tensor, tensor.T, atol=1e-9 * max(1.0, float(np.abs(tensor).max()))):
+    rounding = 1e-6 * float(np.abs(tensor).max())  # files print six digits or more
+    if np.abs(tensor - tensor.T).max() > rounding:
         raise InputError(f"{what}: inertia must be symmetric, got {tensor.tolist()}")
     smallest = float(np.linalg.eigvalsh(tensor)[0])
-    if smallest < -1e-9 * max(1.0, float(np.abs(tensor).max())):
+    if smallest < -rounding:
         raise InputError(f"{what}: inertia has a negative principal moment ({smallest:.3g} kg m2)")
 
 

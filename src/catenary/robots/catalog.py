@@ -1,8 +1,11 @@
 """Robots by name, or from a file: TOML tables, URDF and MJCF."""
 
 from collections.abc import Sequence
-from importlib.resources import files
+from difflib import get_close_matches
+from importlib.resources import as_file, files
+from importlib.resources.abc import Traversable
 from pathlib import Path
+from xml.etree import ElementTree
 
 from catenary.errors import FileFormatError
 from catenary.robots.model import RobotModel
@@ -22,15 +25,20 @@ def load_robot(source: str | Path, *, massless: Sequence[str] = ()) -> RobotMode
 
     Raises:
         FileFormatError: Unknown name, missing file, or a file of another kind.
+        InputError: `massless` names a link that does not exist or has a mass.
         UnsupportedModelError: The file holds what a tree of one-coordinate joints cannot represent.
     """
     name = str(source)
     if name in robot_names():
-        return load_file(Path(str(_data() / f"{name}.toml")), massless=massless)
+        with as_file(_data() / f"{name}.toml") as table:
+            return load_file(table, massless=massless)
     path = Path(source)
     if not path.is_file():
+        close = get_close_matches(name, robot_names(), n=1, cutoff=0.6)
+        hint = f' (did you mean "{close[0]}"?)' if close else ""
         raise FileFormatError(
-            f'robot "{name}": neither a file nor in the catalogue; the catalogue has {", ".join(robot_names())}'
+            f'robot "{name}": neither a file nor in the catalogue{hint}; '
+            f"the catalogue has {', '.join(robot_names())}"
         )
     return load_file(path, massless=massless)
 
@@ -41,11 +49,17 @@ def load_file(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
     Raises:
         FileFormatError: The ending, or the XML's root element, is none that we know.
     """
-    if path.suffix == ".toml":
+    kind = path.suffix.lower()
+    # each reader is imported when its kind of file comes: a table needs neither an XML nor a MuJoCo reader
+    if kind == ".toml":
         from catenary.robots.table import load_table
 
         return load_table(path, massless=massless)
-    if path.suffix in (".urdf", ".xml", ".mjcf"):
+    if kind == ".xacro":
+        from catenary.robots.urdf import XACRO_HINT
+
+        raise FileFormatError(f"{path}: {XACRO_HINT}")
+    if kind in (".urdf", ".xml", ".mjcf"):
         root = _root_element(path)
         if root == "robot":
             from catenary.robots.urdf import load_urdf
@@ -60,15 +74,15 @@ def load_file(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
 
 
 def _root_element(path: Path) -> str:
-    from xml.etree import ElementTree
-
     try:
         for _, element in ElementTree.iterparse(path, events=("start",)):
             return str(element.tag)
+    except FileNotFoundError as error:
+        raise FileFormatError(f"{path}: no such file") from error
     except (OSError, ElementTree.ParseError) as error:
         raise FileFormatError(f"{path}: cannot be read as XML: {error}") from error
     raise FileFormatError(f"{path}: holds no XML element")
 
 
-def _data():  # type: ignore[no-untyped-def]  # importlib's Traversable has no public import path on 3.11
+def _data() -> Traversable:
     return files("catenary.robots") / "data"

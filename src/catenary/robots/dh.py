@@ -21,7 +21,8 @@ class DHRow:
     modified: T_parent_i = Rx(alpha) Tx(a) Rz(theta) Tz(d), alpha and a of the previous link (Craig).
     standard: T_parent_i = Rz(theta) Tz(d) Tx(a) Rx(alpha) (Denavit and Hartenberg).
     The joint's variable adds to theta (revolute) or d (prismatic): sum(variable[name] q[name]); a row
-    without `variable` moves with the coordinate of its own name. Inertia is given in the row's DH frame.
+    without `variable` moves with the coordinate of its own name. Limits are those of the row's own
+    coordinate. Inertia is given in the row's DH frame.
     """
 
     name: str
@@ -47,9 +48,10 @@ class DHRobot:
     rows: Sequence[DHRow]
     base: Pose = field(default_factory=identity_pose)  # of the table's base frame in the robot's base frame
     base_frame: str | None = None  # a name for the table's base frame
-    coordinates: Sequence[Coordinate] | None = None  # one per moving row when None
+    coordinates: Sequence[Coordinate] | None = None  # when None, one per row that moves with its own name
     frames: Mapping[str, tuple[str, Pose]] = field(default_factory=dict)
     tip: str | None = None
+    massless: Sequence[str] = ()  # rows without inertia that are meant to have none
     closed_form: str | None = None
     sources: Sequence[str] = ()
 
@@ -58,7 +60,8 @@ def from_dh(robot: DHRobot) -> RobotModel:
     """Build the model of a Denavit-Hartenberg table.
 
     Raises:
-        InputError: No rows, unknown parent, NaN, or a number that is not physical.
+        InputError: No rows, unknown parent or coordinate, NaN, a number that is not physical, or limits on
+            a row that has no coordinate of its own.
     """
     if robot.convention not in ("modified", "standard"):
         raise InputError(f'convention "{robot.convention}": expected "modified" or "standard"')
@@ -68,7 +71,7 @@ def from_dh(robot: DHRobot) -> RobotModel:
     frames = dict(robot.frames)
     above = BASE
     for row in robot.rows:
-        _check_row(robot.name, row)
+        _check_row(robot, row)
         parent = above if row.parent is None else row.parent
         base = robot.base if parent == BASE else identity_pose()
         before, after = _constant_parts(row, robot.convention)
@@ -93,6 +96,7 @@ def from_dh(robot: DHRobot) -> RobotModel:
         robot.coordinates if robot.coordinates is not None else _own_coordinates(robot.rows),
         frames=frames,
         tip=robot.tip if robot.tip is not None else above,
+        massless=robot.massless,
         closed_form=robot.closed_form,
         sources=robot.sources,
     )
@@ -108,23 +112,29 @@ def _constant_parts(row: DHRow, convention: Convention) -> tuple[Pose, Pose]:
 
 
 def _variable(row: DHRow) -> Mapping[str, float]:
-    if row.joint == "fixed":
-        return {}
-    return {row.name: 1.0} if row.variable is None else row.variable
+    if row.variable is not None:
+        return row.variable
+    return {} if row.joint == "fixed" else {row.name: 1.0}
+
+
+def _has_own_coordinate(row: DHRow) -> bool:
+    return row.joint != "fixed" and (row.variable is None or row.name in row.variable)
 
 
 def _own_coordinates(rows: Sequence[DHRow]) -> list[Coordinate]:
     return [
         Coordinate(row.name, "m" if row.joint == "prismatic" else "rad", row.lower, row.upper)
         for row in rows
-        if row.joint != "fixed" and (row.variable is None or row.variable == {row.name: 1.0})
+        if _has_own_coordinate(row)
     ]
 
 
-def _check_row(robot: str, row: DHRow) -> None:
+def _check_row(robot: DHRobot, row: DHRow) -> None:
+    what = f'robot "{robot.name}": DH row "{row.name}"'
     for column in ("alpha", "a", "d", "theta"):
         value = getattr(row, column)
         if not np.isfinite(value):
-            raise InputError(
-                f'robot "{robot}": DH row "{row.name}": {column} is {value}, expected a finite number'
-            )
+            raise InputError(f"{what}: {column} is {value}, expected a finite number")
+    limited = np.isfinite(row.lower) or np.isfinite(row.upper)
+    if limited and (robot.coordinates is not None or not _has_own_coordinate(row)):
+        raise InputError(f"{what}: has limits but no coordinate of its own; give limits to the coordinate")

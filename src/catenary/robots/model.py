@@ -1,6 +1,6 @@
 """RobotModel: one robot as constant arrays, however it was described."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -39,7 +39,7 @@ class Frame(NamedTuple):
     pose: Pose  # of the frame in the link's frame
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # arrays have no single truth value: two models are equal if they are one
 class RobotModel:
     """One robot: a tree, and how its n coordinates move the tree's joints.
 
@@ -70,6 +70,11 @@ class RobotModel:
         for name in ("coupling", "offset", "lower", "upper", "velocity_limit", "effort_limit"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
         object.__setattr__(self, "tree", Tree(*(frozen(array) for array in self.tree)))
+        frames = {
+            name: Frame(link, Pose(frozen(pose.rotation), frozen(pose.position)))
+            for name, (link, pose) in self.frames.items()
+        }
+        object.__setattr__(self, "frames", frames)
 
     @property
     def n(self) -> int:
@@ -97,6 +102,28 @@ class RobotModel:
                 f'robot "{self.name}": no frame "{key}"; frames: {", ".join(sorted(self.frames))}'
             )
         return self.frames[key]
+
+    def with_massless(self, links: Sequence[str]) -> "RobotModel":
+        """Give the robot with further links declared to have no inertia; fixed links may be named too.
+
+        Raises:
+            InputError: An unknown link, or one that has a mass; the message names it.
+        """
+        for link in links:
+            if link not in self.frames:
+                raise InputError(
+                    f'robot "{self.name}": massless link "{link}" is not a link; '
+                    f"links: {', '.join(self.link_names)}"
+                )
+            if link in self.link_names and self.tree.mass[self.link_names.index(link)] > 0.0:
+                mass = self.tree.mass[self.link_names.index(link)]
+                raise InputError(f'robot "{self.name}": link "{link}" is named massless but has {mass:g} kg')
+        declared = {*self.massless, *(link for link in links if link in self.missing_inertia)}
+        return replace(
+            self,
+            missing_inertia=tuple(link for link in self.missing_inertia if link not in declared),
+            massless=tuple(link for link in self.link_names if link in declared),
+        )
 
     def renamed(self, name: str) -> "RobotModel":
         """Give the same robot under another name."""

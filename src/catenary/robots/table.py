@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from catenary.config import Settings, load_toml
-from catenary.errors import ConfigError
+from catenary.errors import ConfigError, InputError, UnsupportedModelError
 from catenary.robots.assembly import Coordinate, LinkInertia
 from catenary.robots.dh import DHRobot, DHRow, from_dh
 from catenary.robots.model import RobotModel
@@ -79,32 +79,43 @@ def load_table(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
 
     Raises:
         ConfigError: A key is missing, unknown, of the wrong type or without its unit; the message names it.
-        InputError: The numbers do not make a robot.
+        InputError: The numbers do not make a robot; the message names the file and the row.
+        UnsupportedModelError: The rows form a loop, or none moves.
     """
     table = load_toml(path, RobotTable)
+    try:
+        return from_dh(_robot(path, table, massless))
+    except (InputError, UnsupportedModelError) as error:
+        raise type(error)(f"{path}: {error}") from error
+
+
+def _robot(path: Path, table: RobotTable, massless: Sequence[str]) -> DHRobot:
     coordinates = None
     if table.coordinate is not None:
         coordinates = [_coordinate(path, c.name, c.unit, c) for c in table.coordinate]
-    return from_dh(
-        DHRobot(
-            name=table.name,
-            convention=table.convention,
-            rows=[_row(path, row, row.massless or row.name in massless) for row in table.link],
-            base=Pose(np.array(table.base_rotation, dtype=float), np.array(table.base_position_m)),
-            base_frame=table.base_frame,
-            coordinates=coordinates,
-            frames={
-                f.name: (f.link, Pose(np.array(f.rotation, dtype=float), np.array(f.position_m)))
-                for f in table.frame
-            },
-            tip=table.tip,
-            closed_form=table.closed_form,
-            sources=[*table.sources, *(f"{row.name}: {row.source}" for row in table.link if row.source)],
-        )
+    names = [f.name for f in table.frame] + ([table.base_frame] if table.base_frame else [])
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(f'{path}: two frames are named "{name}"')
+    return DHRobot(
+        name=table.name,
+        convention=table.convention,
+        rows=[_row(path, row) for row in table.link],
+        base=Pose(np.array(table.base_rotation, dtype=float), np.array(table.base_position_m)),
+        base_frame=table.base_frame,
+        coordinates=coordinates,
+        frames={
+            f.name: (f.link, Pose(np.array(f.rotation, dtype=float), np.array(f.position_m)))
+            for f in table.frame
+        },
+        tip=table.tip,
+        massless=massless,
+        closed_form=table.closed_form,
+        sources=[*table.sources, *(f"{row.name}: {row.source}" for row in table.link if row.source)],
     )
 
 
-def _row(path: Path, row: LinkTable, massless: bool) -> DHRow:
+def _row(path: Path, row: LinkTable) -> DHRow:
     limits = _coordinate(path, row.name, "m" if row.joint == "prismatic" else "rad", row)
     return DHRow(
         name=row.name,
@@ -118,7 +129,7 @@ def _row(path: Path, row: LinkTable, massless: bool) -> DHRow:
         lower=limits.lower,
         upper=limits.upper,
         inertia=_inertia(path, row),
-        massless=massless,
+        massless=row.massless,
     )
 
 

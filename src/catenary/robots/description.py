@@ -1,0 +1,61 @@
+"""What reading a robot from a URDF or MJCF file needs alike: the file's hash, its names, its errors."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from hashlib import sha256
+from pathlib import Path
+
+from catenary.errors import FileFormatError, InputError, UnsupportedModelError
+from catenary.robots.model import BASE
+
+
+def read_description(path: Path) -> bytes:
+    """Give a file's content.
+
+    Raises:
+        FileFormatError: The file is missing or cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except FileNotFoundError as error:
+        raise FileFormatError(f"{path}: no such file") from error
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read: {error}") from error
+
+
+def file_source(path: Path, content: bytes) -> str:
+    """Say which file a model comes from, so that a copy can be told from another version."""
+    return f"{path.name}, sha256 {sha256(content).hexdigest()}"
+
+
+@contextmanager
+def naming_the_file(where: str) -> Iterator[None]:
+    """Let complaints about a model's numbers open with the file that holds them."""
+    try:
+        yield
+    except InputError as error:
+        raise FileFormatError(f"{where}: {error}") from error
+    except UnsupportedModelError as error:
+        raise UnsupportedModelError(f"{where}: {error}") from error
+
+
+def names_beside_base(
+    names: Iterable[str], *, taken: Iterable[str] = (), mark: str = "file"
+) -> dict[str, str]:
+    """Give each of a file's names the one it has in the model: its own, marked where that is taken.
+
+    "base" always means the frame that everything hangs on; another link of that name becomes "base (file)".
+    """
+    used = {BASE, *taken}
+    return {name: f"{name} ({mark})" if name in used else name for name in names}
+
+
+def renaming_notes(names: Mapping[str, str]) -> list[str]:
+    """Say which of a file's names are others in the model."""
+    return [f'"{old}" of the file is named "{new}" here' for old, new in names.items() if old != new]
+
+
+def left_out(what: str, where: Iterable[str]) -> list[str]:
+    """Give one line on something that the model leaves out, or none when there is nothing."""
+    names = list(where)
+    return [f"left out: {what} ({', '.join(names)})"] if names else []

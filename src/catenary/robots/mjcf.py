@@ -1,0 +1,319 @@
+"""Robots from MJCF files, read by MuJoCo itself and taken from its compiled arrays."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.errors import FileFormatError, MissingPackageError, UnsupportedModelError
+from catenary.robots.assembly import Coordinate, Link, LinkInertia, assemble
+from catenary.robots.description import (
+    file_source,
+    left_out,
+    names_beside_base,
+    naming_the_file,
+    read_description,
+    renaming_notes,
+)
+from catenary.robots.mimic import Mimic, resolve_mimics
+from catenary.robots.model import BASE, RobotModel
+from catenary.spatial import Pose, identity_pose, rotation_from_quaternion
+
+# MuJoCo refuses to compile a moving body without mass. Such a file is compiled with these least values
+# instead, far below any robot's part, and what comes out below a hundred times them was not in the file.
+_LEAST_MASS = 1e-12  # [kg]
+_LEAST_INERTIA = 1e-14  # [kg m2], above mjMINVAL = 1e-15
+
+
+def load_mjcf(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
+    """Load a robot from an MJCF file; included files and meshes are found beside it.
+
+    MuJoCo moves a body by its joints in turn, each about its own anchor p:
+    T_parent_body = T0 Trans(p1) J1(q1 - ref1) Trans(-p1) Trans(p2) J2(q2 - ref2) Trans(-p2) ...
+    A body with k joints becomes k links; all but the last, which has the body's name, are massless. Linear
+    joint equalities that are active at the start become coupled joints. Frames are bodies, named sites and
+    "world".
+
+    Args:
+        path: The file.
+        massless: Moving bodies without inertia that are meant to have none.
+
+    Raises:
+        FileFormatError: MuJoCo cannot read or compile the file; its own message follows.
+        InputError: `massless` names a body that does not exist, or that has a mass.
+        MissingPackageError: MuJoCo is not installed.
+        UnsupportedModelError: Ball or free joint, a loop, a flexible body, or no moving joint.
+    """
+    content = read_description(path)
+    compiled = _compile(path)
+    sources = [file_source(path, content)]
+    sources += [file_source(Path(name), text) for name, text in _included(path, content).items()]
+    with naming_the_file(str(path)):
+        _refuse_what_no_tree_has(compiled)
+        model = _assemble(compiled, path, sources)
+    return model.with_massless(massless)
+
+
+class _Compiled(NamedTuple):
+    """With hinges and slides only, a joint's index is also its index in qpos0 and in the dof arrays."""
+
+    mujoco: Any
+    model: Any  # mujoco.MjModel
+    mass: Floats  # (nbody,) [kg], zero where the file gives none
+    inertia: Floats  # (nbody, 3) principal moments [kg m2]
+    from_geoms: list[str]  # moving bodies whose inertia MuJoCo took from their geoms
+
+    def name(self, kind: str, index: int) -> str:
+        """Name of a body, joint, ...; one without a name is called by its kind and number."""
+        found = self.mujoco.mj_id2name(
+            self.model, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), index
+        )
+        return str(found) if found else f"{kind}{index}"
+
+    def body_joints(self, body: int) -> range:
+        """Indices of a body's joints, in the order they move it."""
+        first, count = int(self.model.body_jntadr[body]), int(self.model.body_jntnum[body])
+        return range(first, first + count) if count else range(0)
+
+
+def _compile(path: Path) -> _Compiled:
+    try:
+        import mujoco
+    except ImportError as error:
+        raise MissingPackageError(
+            f"{path}: MuJoCo reads MJCF files and is not installed: pip install catenary[mjcf]"
+        ) from error
+    try:
+        spec = _read(mujoco, path)
+        model = spec.compile()
+        mass, inertia = model.body_mass, model.body_inertia
+    except ValueError as error:
+        if "must be larger than mjMINVAL" not in str(error):
+            raise FileFormatError(f"{path}: MuJoCo cannot read it: {str(error).strip()}") from error
+        spec, model = _compile_without_mass(mujoco, path)
+        mass = np.where(model.body_mass > 100.0 * _LEAST_MASS, model.body_mass, 0.0)
+        inertia = np.where(model.body_inertia > 100.0 * _LEAST_INERTIA, model.body_inertia, 0.0)
+    given = {body.name for body in spec.bodies if body.explicitinertial}
+    compiled = _Compiled(mujoco, model, np.array(mass), np.array(inertia), [])
+    for body in range(1, model.nbody):
+        name = compiled.name("body", body)
+        if mass[body] > 0.0 and model.body_weldid[body] != 0 and name not in given:
+            compiled.from_geoms.append(name)
+    return compiled
+
+
+def _read(mujoco: Any, path: Path) -> Any:
+    """Parse the file; MuJoCo opens the ending .xml only, so another is handed over as text."""
+    if path.suffix == ".xml":
+        return mujoco.MjSpec.from_file(str(path))
+    content = read_description(path)
+    spec = mujoco.MjSpec.from_string(content.decode(), include=_included(path, content))
+    spec.modelfiledir = str(path.absolute().parent)  # where meshes are looked for
+    return spec
+
+
+def _compile_without_mass(mujoco: Any, path: Path) -> tuple[Any, Any]:
+    try:
+        spec = _read(mujoco, path)
+        spec.compiler.boundmass = max(spec.compiler.boundmass, _LEAST_MASS)
+        spec.compiler.boundinertia = max(spec.compiler.boundinertia, _LEAST_INERTIA)
+        return spec, spec.compile()
+    except ValueError as error:
+        raise FileFormatError(f"{path}: MuJoCo cannot read it: {str(error).strip()}") from error
+
+
+def _refuse_what_no_tree_has(c: _Compiled) -> None:
+    for joint in range(c.model.njnt):
+        kind = c.mujoco.mjtJoint(c.model.jnt_type[joint])
+        if kind not in (c.mujoco.mjtJoint.mjJNT_HINGE, c.mujoco.mjtJoint.mjJNT_SLIDE):
+            body = c.name("body", int(c.model.jnt_bodyid[joint]))
+            raise UnsupportedModelError(
+                f'joint "{c.name("joint", joint)}" of body "{body}" is a {kind.name[6:].lower()} joint; '
+                "expected hinge or slide: a joint here has one coordinate"
+            )
+    if c.model.nflex:
+        raise UnsupportedModelError(f'flexible body "{c.name("flex", 0)}": expected rigid bodies only')
+    for equality in _active_equalities(c):
+        kind = c.mujoco.mjtEq(c.model.eq_type[equality])
+        if kind != c.mujoco.mjtEq.mjEQ_JOINT:
+            raise UnsupportedModelError(
+                f'equality "{c.name("equality", equality)}" ({kind.name[5:].lower()}): '
+                "a loop cannot be represented by a tree; expected joint equalities only"
+            )
+
+
+def _assemble(c: _Compiled, path: Path, sources: Sequence[str]) -> RobotModel:
+    joints = _joint_names(c)
+    following = resolve_mimics(_mimics(c, joints))
+    bodies = names_beside_base(c.name("body", body) for body in range(1, c.model.nbody))
+    links: list[Link] = []
+    for body in range(1, c.model.nbody):
+        links += _body_links(c, body, bodies, joints, following)
+    site_names = {site: c.model.site(site).name for site in range(c.model.nsite) if c.model.site(site).name}
+    sites = names_beside_base(
+        site_names.values(), taken=["world", *(link.name for link in links)], mark="site"
+    )
+    frames = {} if "world" in bodies.values() else {"world": (BASE, identity_pose())}
+    for site, name in site_names.items():
+        carrier = int(c.model.site_bodyid[site])
+        pose = Pose(rotation_from_quaternion(c.model.site_quat[site]), np.array(c.model.site_pos[site]))
+        frames[sites[name]] = (BASE if carrier == 0 else bodies[c.name("body", carrier)], pose)
+    return assemble(
+        _model_name(c, path),
+        links,
+        [_coordinate(c, joint, name) for joint, name in joints.items() if name not in following],
+        frames=frames,
+        sources=sources,
+        notes=[*renaming_notes(bodies), *renaming_notes(sites), *_notes(c, joints)],
+    )
+
+
+def _joint_names(c: _Compiled) -> dict[int, str]:
+    """Name every joint; one without a name has its body's, numbered when the body has several."""
+    names: dict[int, str] = {}
+    for body in range(1, c.model.nbody):
+        for number, joint in enumerate(c.body_joints(body), start=1):
+            given = c.mujoco.mj_id2name(c.model, c.mujoco.mjtObj.mjOBJ_JOINT, joint)
+            several = len(c.body_joints(body)) > 1
+            names[joint] = str(given) if given else c.name("body", body) + (f"_{number}" if several else "")
+    return names
+
+
+def _body_links(
+    c: _Compiled,
+    body: int,
+    bodies: Mapping[str, str],
+    joints: Mapping[int, str],
+    following: Mapping[str, Mimic],
+) -> Iterator[Link]:
+    """Give a body as one link per joint, each moving the next; a body without joints as one fixed link."""
+    name = bodies[c.name("body", body)]
+    above = int(c.model.body_parentid[body])
+    parent = BASE if above == 0 else bodies[c.name("body", above)]
+    pose = Pose(rotation_from_quaternion(c.model.body_quat[body]), np.array(c.model.body_pos[body]))
+    inertia = _inertia(c, body)
+    own = c.body_joints(body)
+    if not own:
+        yield Link(name, parent, "fixed", pose, inertia=inertia)
+    for joint in own:
+        is_last = joint == own[-1]
+        anchor = np.array(c.model.jnt_pos[joint])
+        link = name if is_last else f"{name}/{joints[joint]}"
+        variable, at_zero = {joints[joint]: 1.0}, 0.0
+        if joints[joint] in following:
+            mimic = following[joints[joint]]
+            variable = {} if mimic.leader is None else {mimic.leader: mimic.multiplier}
+            at_zero = mimic.offset
+        slides = c.model.jnt_type[joint] == c.mujoco.mjtJoint.mjJNT_SLIDE
+        yield Link(
+            name=link,
+            parent=parent,
+            joint="prismatic" if slides else "revolute",
+            pose=pose @ Pose(np.eye(3), anchor),
+            axis=np.array(c.model.jnt_axis[joint]),
+            variable=variable,
+            offset=at_zero - float(c.model.qpos0[joint]),
+            frame=Pose(np.eye(3), -anchor),
+            inertia=inertia if is_last else None,
+            massless=not is_last,
+        )
+        parent, pose = link, identity_pose()
+
+
+def _inertia(c: _Compiled, body: int) -> LinkInertia | None:
+    if c.mass[body] == 0.0:
+        return None
+    about_com = LinkInertia(float(c.mass[body]), np.zeros(3), np.diag(c.inertia[body]))
+    return about_com.moved(
+        Pose(rotation_from_quaternion(c.model.body_iquat[body]), np.array(c.model.body_ipos[body]))
+    )
+
+
+def _coordinate(c: _Compiled, joint: int, name: str) -> Coordinate:
+    """Give the joint's coordinate; its effort limit is the smaller side of `actuatorfrcrange`."""
+    lower, upper = c.model.jnt_range[joint] if c.model.jnt_limited[joint] else (-np.inf, np.inf)
+    effort = np.inf
+    if c.model.jnt_actfrclimited[joint]:
+        least, most = c.model.jnt_actfrcrange[joint]
+        effort = max(0.0, min(-float(least), float(most)))
+    unit = "m" if c.model.jnt_type[joint] == c.mujoco.mjtJoint.mjJNT_SLIDE else "rad"
+    return Coordinate(name, unit, float(lower), float(upper), effort=effort)
+
+
+def _active_equalities(c: _Compiled) -> list[int]:
+    return [equality for equality in range(c.model.neq) if c.model.eq_active0[equality]]
+
+
+def _mimics(c: _Compiled, joints: Mapping[int, str]) -> dict[str, Mimic]:
+    """Read joint equalities: q1 - ref1 = c0 + c1 (q2 - ref2), constant when there is no second joint."""
+    mimics: dict[str, Mimic] = {}
+    for equality in _active_equalities(c):
+        what = f'equality "{c.name("equality", equality)}"'
+        first, second = int(c.model.eq_obj1id[equality]), int(c.model.eq_obj2id[equality])
+        c0, c1, *higher = (float(v) for v in c.model.eq_data[equality][:5])
+        follower = joints[first]
+        if follower in mimics:
+            raise UnsupportedModelError(f'{what}: a second one binds joint "{follower}", expected one')
+        if second >= 0 and any(higher):
+            raise UnsupportedModelError(
+                f"{what}: polycoef {[c0, c1, *higher]}: expected a linear one, {{c0, c1, 0, 0, 0}}"
+            )
+        offset = float(c.model.qpos0[first]) + c0
+        if second < 0:
+            mimics[follower] = Mimic(None, 0.0, offset)
+        else:
+            offset -= c1 * float(c.model.qpos0[second])
+            mimics[follower] = Mimic(joints[second], c1, offset)
+    return mimics
+
+
+def _notes(c: _Compiled, joints: Mapping[int, str]) -> list[str]:
+    """Say what the file holds and the model leaves out."""
+    m = c.model
+    notes = []
+    for what, array in (
+        ("armature", m.dof_armature),
+        ("joint damping", m.dof_damping),
+        ("joint dry friction", m.dof_frictionloss),
+    ):
+        notes += left_out(what, [name for joint, name in joints.items() if array[joint] != 0.0])
+    springs = [name for joint, name in joints.items() if m.jnt_stiffness[joint] != 0.0]
+    notes += left_out("joint springs", springs)
+    for kind, what, concerned in (
+        ("body", "gravity compensation of bodies", np.flatnonzero(m.body_gravcomp)),
+        ("tendon", "tendons", range(m.ntendon)),
+        ("actuator", "actuators with their gears and limits", range(m.nu)),
+        ("equality", "equalities that are not active at the start", np.flatnonzero(m.eq_active0 == 0)),
+        ("body", "motion of mocap bodies, fixed here", np.flatnonzero(m.body_mocapid >= 0)),
+    ):
+        notes += left_out(what, [c.name(kind, int(index)) for index in concerned])
+    if c.from_geoms:
+        notes.append(f"inertia from the shapes of geoms, not from <inertial> ({', '.join(c.from_geoms)})")
+    gravity = np.array(m.opt.gravity)
+    if not np.allclose(gravity, (0.0, 0.0, -9.81), atol=0.011):  # 9.8 to 9.82 are all "standard"
+        notes.append(f"left out: the file's gravity {gravity.tolist()}; gravity is an argument here")
+    return notes
+
+
+def _model_name(c: _Compiled, path: Path) -> str:
+    name = bytes(c.model.names).split(b"\0", 1)[0].decode()  # the first of the compiled names is the model's
+    return path.stem if name in ("", "MuJoCo Model") else name
+
+
+def _included(path: Path, content: bytes) -> dict[str, bytes]:
+    """Give the files that <include> brings in, by the name it gives them, relative to the main file."""
+    found: dict[str, bytes] = {}
+    waiting = [content]
+    while waiting:
+        try:
+            root = ElementTree.fromstring(waiting.pop())
+        except ElementTree.ParseError:
+            continue  # MuJoCo's reader is the more tolerant one: "--" in comments
+        for name in (element.get("file", "") for element in root.iter("include")):
+            if name not in found and (path.parent / name).is_file():
+                found[name] = (path.parent / name).read_bytes()
+                waiting.append(found[name])
+    return found

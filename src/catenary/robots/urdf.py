@@ -1,0 +1,342 @@
+"""Robots from URDF files (http://wiki.ros.org/urdf/XML): links, one-coordinate joints, mimic joints."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.errors import FileFormatError, UnsupportedModelError
+from catenary.robots.assembly import Coordinate, JointKind, Link, LinkInertia, assemble
+from catenary.robots.description import (
+    file_source,
+    left_out,
+    names_beside_base,
+    naming_the_file,
+    read_description,
+    renaming_notes,
+)
+from catenary.robots.mimic import Mimic, resolve_mimics
+from catenary.robots.model import BASE, RobotModel
+from catenary.spatial import Pose, identity_pose, rotation_from_quaternion, rotation_from_rpy
+
+XACRO_HINT = "is a xacro file: expand it first (xacro robot.urdf.xacro > robot.urdf) and load the result"
+_KINDS: dict[str, JointKind] = {
+    "revolute": "revolute",
+    "continuous": "revolute",
+    "prismatic": "prismatic",
+    "fixed": "fixed",
+}
+
+
+def load_urdf(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
+    """Load a robot from a URDF file.
+
+    The root link is the base; its own inertia plays no part. Coordinates are the joints that move and mimic
+    nobody, in the file's order; links and frames have the file's link names.
+
+    Args:
+        path: The file.
+        massless: Moving links without inertia that are meant to have none.
+
+    Raises:
+        FileFormatError: Missing or damaged file; the message names the element, what was got and expected.
+        InputError: `massless` names a link that does not exist, or that has a mass.
+        UnsupportedModelError: A floating or planar joint, a loop, or no moving joint.
+    """
+    content = read_description(path)
+    return parse_urdf(content, str(path), massless=massless, sources=[file_source(path, content)])
+
+
+def parse_urdf(
+    text: str | bytes, where: str = "URDF", *, massless: Sequence[str] = (), sources: Sequence[str] = ()
+) -> RobotModel:
+    """Give the robot that a URDF text describes, as `load_urdf` does; `where` opens error messages."""
+    robot = _root(text, where)
+    links = dict(_named(where, robot, "link"))
+    joints = [_joint(where, name, element, links) for name, element in _named(where, robot, "joint")]
+    if not links:
+        raise FileFormatError(f"{where}: no <link>, expected at least one")
+    root = _only_root(where, links, joints)
+    names = names_beside_base(name for name in links if name != root) | {root: BASE}
+    free, following = _leaders(where, joints)
+    tree_links = [_tree_link(where, joint, links[joint.child], names, free, following) for joint in joints]
+    with naming_the_file(where):
+        model = assemble(
+            robot.get("name") or "unnamed",
+            tree_links,
+            [joint.coordinate for joint in joints if joint.name in free],
+            frames={} if root == BASE else {root: (BASE, identity_pose())},
+            sources=sources,
+            notes=[
+                *renaming_notes({old: new for old, new in names.items() if old != root}),
+                *_notes(robot, joints, following),
+            ],
+        )
+    return model.with_massless(massless)
+
+
+@dataclass(frozen=True)
+class _Joint:
+    name: str
+    kind: JointKind
+    parent: str
+    child: str
+    pose: Pose
+    axis: Floats
+    coordinate: Coordinate
+    mimic: Mimic | None
+    element: Element
+
+
+def _root(text: str | bytes, where: str) -> Element:
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raw = text.encode() if isinstance(text, str) else text
+        if b"xacro:" in raw and "unbound prefix" in str(error):
+            raise FileFormatError(f"{where}: {XACRO_HINT}") from error
+        raise FileFormatError(f"{where}: cannot be read as XML: {error}") from error
+    if root.tag != "robot":
+        raise FileFormatError(f"{where}: root element <{root.tag}>, expected <robot>")
+    for element in root.iter():
+        if "xacro}" in element.tag or any("${" in v or "$(" in v for v in element.attrib.values()):
+            raise FileFormatError(f"{where}: {XACRO_HINT}")
+    return root
+
+
+def _named(where: str, robot: Element, tag: str) -> list[tuple[str, Element]]:
+    """Give the robot's links or joints with their names, which must differ."""
+    found: dict[str, Element] = {}
+    for number, element in enumerate(robot.findall(tag), start=1):
+        name = element.get("name")
+        if not name:
+            raise FileFormatError(f"{where}: <{tag}> number {number}: no name")
+        if name in found:
+            raise FileFormatError(f'{where}: two <{tag}> elements are named "{name}"')
+        found[name] = element
+    return list(found.items())
+
+
+def _joint(where: str, name: str, element: Element, links: Mapping[str, Element]) -> _Joint:
+    what = f'{where}: joint "{name}"'
+    kind = element.get("type")
+    if kind in ("floating", "planar"):
+        raise UnsupportedModelError(
+            f'{what}: type "{kind}": a joint here has one coordinate; expected {", ".join(_KINDS)}'
+        )
+    if kind not in _KINDS:
+        raise FileFormatError(f'{what}: type "{kind}", expected {", ".join(_KINDS)}')
+    parent, child = (_link_name(what, element, tag, links) for tag in ("parent", "child"))
+    axis = element.find("axis")
+    direction = np.array([1.0, 0.0, 0.0]) if axis is None else _vector(f"{what}: <axis>", axis, "xyz", 3)
+    if _KINDS[kind] != "fixed" and not np.linalg.norm(direction) > 1e-9:
+        raise FileFormatError(f"{what}: <axis xyz> is zero, expected a direction")
+    mimic = element.find("mimic")
+    return _Joint(
+        name=name,
+        kind=_KINDS[kind],
+        parent=parent,
+        child=child,
+        pose=_origin(what, element),
+        axis=direction,
+        coordinate=_coordinate(what, name, kind, element),
+        mimic=None if mimic is None or kind == "fixed" else _mimic(what, mimic),
+        element=element,
+    )
+
+
+def _link_name(what: str, joint: Element, tag: str, links: Mapping[str, Element]) -> str:
+    element = joint.find(tag)
+    name = None if element is None else element.get("link")
+    if name is None:
+        raise FileFormatError(f"{what}: no <{tag} link=...>")
+    if name not in links:
+        raise FileFormatError(f'{what}: <{tag}> is unknown link "{name}"; links: {", ".join(links)}')
+    return name
+
+
+def _coordinate(what: str, name: str, kind: str, joint: Element) -> Coordinate:
+    """Give the joint's coordinate; a continuous joint has no position limits, whatever its <limit> says."""
+    unit = "m" if kind == "prismatic" else "rad"
+    limit = joint.find("limit")
+    if kind == "fixed" or (limit is None and kind == "continuous"):
+        return Coordinate(name, unit)
+    if limit is None:
+        raise FileFormatError(f"{what}: type {kind} without <limit>; expected lower, upper, effort, velocity")
+    what = f"{what}: <limit>"
+    velocity, effort = (_number(what, limit, key) for key in ("velocity", "effort"))
+    if kind == "continuous":
+        return Coordinate(name, unit, velocity=velocity, effort=effort)
+    lower, upper = (_number(what, limit, key, default=0.0) for key in ("lower", "upper"))
+    if lower > upper:
+        raise FileFormatError(f"{what}: lower {lower} is above upper {upper}")
+    return Coordinate(name, unit, lower, upper, velocity, effort)
+
+
+def _mimic(what: str, element: Element) -> Mimic:
+    leader = element.get("joint")
+    if not leader:
+        raise FileFormatError(f"{what}: <mimic> names no joint")
+    what = f"{what}: <mimic>"
+    return Mimic(
+        leader,
+        _number(what, element, "multiplier", default=1.0),
+        _number(what, element, "offset", default=0.0),
+    )
+
+
+def _only_root(where: str, links: Mapping[str, Element], joints: Sequence[_Joint]) -> str:
+    """Give the one link that is nobody's child; every other must have one parent."""
+    carried_by: dict[str, str] = {}
+    for joint in joints:
+        if joint.child in carried_by:
+            raise UnsupportedModelError(
+                f'{where}: link "{joint.child}" has two parents, by joints "{carried_by[joint.child]}" and '
+                f'"{joint.name}": a loop cannot be represented by a tree'
+            )
+        carried_by[joint.child] = joint.name
+    roots = [name for name in links if name not in carried_by]
+    if not roots:
+        raise UnsupportedModelError(
+            f"{where}: every link has a parent: a loop cannot be represented by a tree"
+        )
+    if len(roots) > 1:
+        raise FileFormatError(f"{where}: several root links: {', '.join(roots)}; expected one")
+    return roots[0]
+
+
+def _leaders(where: str, joints: Sequence[_Joint]) -> tuple[set[str], dict[str, Mimic]]:
+    """Give the joints that are coordinates, and the others in terms of them."""
+    moving = {joint.name for joint in joints if joint.kind != "fixed"}
+    mimics = {joint.name: joint.mimic for joint in joints if joint.mimic is not None}
+    for name, mimic in mimics.items():
+        if mimic.leader not in moving:
+            raise FileFormatError(
+                f'{where}: joint "{name}": <mimic> follows "{mimic.leader}", which is no moving joint; '
+                f"moving joints: {', '.join(sorted(moving))}"
+            )
+    with naming_the_file(where):
+        return moving - set(mimics), resolve_mimics(mimics)
+
+
+def _tree_link(
+    where: str,
+    joint: _Joint,
+    child: Element,
+    names: Mapping[str, str],
+    free: set[str],
+    following: Mapping[str, Mimic],
+) -> Link:
+    variable: dict[str, float] = {joint.name: 1.0} if joint.name in free else {}
+    offset = 0.0
+    if joint.name in following:
+        mimic = following[joint.name]
+        variable = {str(mimic.leader): mimic.multiplier}
+        offset = mimic.offset
+    return Link(
+        name=names[joint.child],
+        parent=names[joint.parent],
+        joint=joint.kind,
+        pose=joint.pose,
+        axis=joint.axis,
+        variable=variable,
+        offset=offset,
+        inertia=_inertia(f'{where}: link "{joint.child}"', child),
+    )
+
+
+def _inertia(what: str, link: Element) -> LinkInertia | None:
+    inertial = link.find("inertial")
+    if inertial is None:
+        return None
+    what = f"{what}: <inertial>"
+    mass, tensor = inertial.find("mass"), inertial.find("inertia")
+    if mass is None or tensor is None:
+        raise FileFormatError(f"{what}: no <{'mass' if mass is None else 'inertia'}>; expected both")
+    xx, xy, xz, yy, yz, zz = (
+        _number(f"{what}: <inertia>", tensor, key) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    )
+    about_com = LinkInertia(
+        _number(f"{what}: <mass>", mass, "value"),
+        np.zeros(3),
+        np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
+    )
+    return about_com.moved(_origin(what, inertial))
+
+
+def _origin(what: str, element: Element) -> Pose:
+    origin = element.find("origin")
+    if origin is None:
+        return identity_pose()
+    what = f"{what}: <origin>"
+    position = _vector(what, origin, "xyz", 3) if "xyz" in origin.attrib else np.zeros(3)
+    if "quat_xyzw" in origin.attrib:  # URDF 1.2
+        if "rpy" in origin.attrib:
+            raise FileFormatError(f"{what}: has rpy and quat_xyzw, expected one of the two")
+        quaternion = _vector(what, origin, "quat_xyzw", 4)
+        if not np.linalg.norm(quaternion) > 1e-9:
+            raise FileFormatError(f"{what}: quat_xyzw is zero, expected a rotation")
+        return Pose(rotation_from_quaternion(np.roll(quaternion, 1)), position)
+    rpy = _vector(what, origin, "rpy", 3) if "rpy" in origin.attrib else np.zeros(3)
+    return Pose(rotation_from_rpy(rpy), position)
+
+
+def _number(what: str, element: Element, key: str, *, default: float | None = None) -> float:
+    if key not in element.attrib and default is not None:
+        return default
+    return float(_vector(what, element, key, 1)[0])
+
+
+def _vector(what: str, element: Element, key: str, count: int) -> Floats:
+    expected = "a number" if count == 1 else f"{count} numbers"
+    text = element.get(key)
+    if text is None:
+        raise FileFormatError(f"{what}: {key} is missing, expected {expected}")
+    try:
+        values = np.array([float(word) for word in text.split()])
+    except ValueError as error:
+        raise FileFormatError(f'{what}: {key}="{text}", expected {expected}') from error
+    if len(values) != count or not np.isfinite(values).all():
+        raise FileFormatError(f'{what}: {key}="{text}", expected {expected}, finite')
+    return values
+
+
+def _notes(robot: Element, joints: Sequence[_Joint], following: Mapping[str, Mimic]) -> list[str]:
+    """Say what the file holds and the model leaves out, and which limits look like placeholders."""
+    free = [j for j in joints if j.kind != "fixed" and j.name not in following]
+    coordinates = {j.name: j.coordinate for j in free}
+    notes = []
+    for key in ("damping", "friction"):
+        notes += left_out(f"joint {key}", [j.name for j in joints if _has_dynamics(j, key)])
+    for tag, what in (("calibration", "calibration positions"), ("safety_controller", "soft limits")):
+        notes += left_out(what, [j.name for j in joints if j.element.find(tag) is not None])
+    tighter = [
+        j.name
+        for j in joints
+        if j.name in following and _is_tighter(j.coordinate, following[j.name], coordinates)
+    ]
+    notes += left_out("position limits of mimic joints, tighter than their leader's", tighter)
+    for key in ("velocity", "effort"):
+        zero = [j.name for j in free if getattr(j.coordinate, key) == 0.0]
+        notes += [f"{key} limit is 0 in the file ({', '.join(zero)})"] if zero else []
+    locked = [j.name for j in free if j.coordinate.lower == j.coordinate.upper]
+    notes += [f"lower and upper limit are equal in the file ({', '.join(locked)})"] if locked else []
+    transmitted = [str(j.get("name")) for t in robot.findall("transmission") for j in t.findall("joint")]
+    notes += left_out("transmissions", dict.fromkeys(transmitted))
+    others = {e.tag: None for e in robot if e.tag not in ("link", "joint", "material", "transmission")}
+    return notes + left_out("elements", (f"<{tag}>" for tag in others))
+
+
+def _has_dynamics(joint: _Joint, key: str) -> bool:
+    dynamics = joint.element.find("dynamics")
+    return dynamics is not None and dynamics.get(key, "0").strip() not in ("0", "0.0", "")
+
+
+def _is_tighter(own: Coordinate, mimic: Mimic, coordinates: Mapping[str, Coordinate]) -> bool:
+    leader = coordinates[str(mimic.leader)]
+    reached = sorted(mimic.multiplier * limit + mimic.offset for limit in (leader.lower, leader.upper))
+    return reached[0] < own.lower - 1e-9 or reached[1] > own.upper + 1e-9

@@ -1,0 +1,256 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.errors import InputError, UnsupportedModelError
+from catenary.robots.assembly import Coordinate, Link, LinkInertia, assemble
+from catenary.spatial import Pose, identity_pose, rotation_from_rpy
+from tests.oracles.random_robots import random_tensor
+from tests.oracles.tree_poses import frame_pose
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def random_pose(rng):
+    return Pose(rotation_from_rpy(rng.normal(size=3)), rng.normal(size=3))
+
+
+def cloud(rng, count=20):
+    """Point masses: masses (N,) [kg], places (N, 3) [m]."""
+    return rng.uniform(0.1, 1.0, count), rng.normal(size=(count, 3))
+
+
+def inertia_of(masses, places):
+    com = masses @ places / masses.sum()
+    arms = places - com
+    tensor = sum(m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(masses, arms, strict=True))
+    return LinkInertia(float(masses.sum()), com, tensor)
+
+
+def assert_same_body(a, b):
+    assert_allclose(a.mass, b.mass, rtol=1e-12)
+    assert_allclose(a.com, b.com, atol=1e-10)  # sums over tens of point masses
+    assert_allclose(a.inertia, b.inertia, atol=1e-9)
+
+
+def link(name="a", parent="base", joint="revolute", **options):
+    if joint != "fixed":
+        options.setdefault("variable", {"q": 1.0})
+    options.setdefault("pose", identity_pose())
+    return Link(name, parent, joint, **options)
+
+
+Q = [Coordinate("q", "rad")]
+
+
+@given(seeds)
+def test_a_moved_body_is_the_body_of_the_moved_points(seed):
+    rng = np.random.default_rng(seed)
+    masses, places = cloud(rng)
+    pose = random_pose(rng)
+    moved = inertia_of(masses, places @ pose.rotation.T + pose.position)
+    assert_same_body(inertia_of(masses, places).moved(pose), moved)
+
+
+@given(seeds)
+def test_moving_a_body_there_and_back_changes_nothing(seed):
+    rng = np.random.default_rng(seed)
+    body = inertia_of(*cloud(rng))
+    pose = random_pose(rng)
+    assert_same_body(body.moved(pose).moved(pose.inverse()), body)
+
+
+@given(seeds)
+def test_two_bodies_as_one_are_the_body_of_all_their_points(seed):
+    rng = np.random.default_rng(seed)
+    (m1, p1), (m2, p2) = cloud(rng), cloud(rng)
+    both = inertia_of(np.concatenate([m1, m2]), np.concatenate([p1, p2]))
+    assert_same_body(inertia_of(m1, p1).plus(inertia_of(m2, p2)), both)
+
+
+def test_two_bodies_without_mass_add_without_a_division_by_zero():
+    nothing = LinkInertia(0.0, np.ones(3), np.zeros((3, 3)))
+    assert nothing.plus(nothing).mass == 0.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_chain_of_fixed_links_is_folded_into_the_link_that_carries_it(seed):
+    rng = np.random.default_rng(seed)
+    clouds = [cloud(rng) for _ in range(3)]
+    joint, first, second = (random_pose(rng) for _ in range(3))
+    frame = random_pose(rng)
+    model = assemble(
+        "r",
+        [
+            link("second", "first", "fixed", pose=second, inertia=inertia_of(*clouds[2])),
+            link("a", pose=joint, frame=frame, inertia=inertia_of(*clouds[0])),
+            link("first", "a", "fixed", pose=first, inertia=inertia_of(*clouds[1])),
+        ],
+        Q,
+    )
+    into_joint_frame = [frame, frame @ first, frame @ first @ second]
+    places = [p @ T.rotation.T + T.position for (_, p), T in zip(clouds, into_joint_frame, strict=True)]
+    expected = inertia_of(np.concatenate([m for m, _ in clouds]), np.concatenate(places))
+    tree = model.tree
+    assert_same_body(LinkInertia(tree.mass[0], tree.com[0], tree.inertia[0]), expected)
+    assert model.link_names == ("a",)
+    at_zero = joint @ frame @ first @ second
+    assert_allclose(frame_pose(model, "second", [0.0])[:3, 3], at_zero.position, atol=1e-12)
+
+
+def test_what_is_fixed_to_the_base_has_no_part_in_the_masses():
+    heavy = LinkInertia(5.0, np.zeros(3), np.eye(3))
+    model = assemble("r", [link("table", joint="fixed", inertia=heavy), link("a", "table", inertia=heavy)], Q)
+    assert_array_equal(model.tree.mass, [5.0])
+
+
+def test_links_come_parents_first_and_otherwise_as_given():
+    names = ("c", "b"), ("d", "base"), ("b", "a"), ("a", "base")
+    model = assemble("r", [link(name, parent) for name, parent in names], Q)
+    assert sorted(model.link_names) == ["a", "b", "c", "d"]
+    for number, parent in enumerate(model.tree.parent):
+        assert parent < number
+    assert assemble("r", [link("x"), link("y"), link("z", "x")], Q).link_names == ("x", "y", "z")
+
+
+def test_a_joint_may_move_with_several_coordinates_and_an_offset():
+    rows = [link("a"), link("b", "a", variable={"q": 2.0, "s": -1.0}, offset=0.3)]
+    model = assemble("r", rows, [Coordinate("s", "rad"), Coordinate("q", "rad")])
+    assert_array_equal(model.coupling, [[0, 1], [-1, 2]])
+    assert_array_equal(model.offset, [0, 0.3])
+
+
+def test_a_joint_that_moves_with_no_coordinate_stands_at_its_offset():
+    model = assemble("r", [link("a"), link("b", "a", variable={}, offset=np.pi / 2)], Q)
+    assert_allclose(frame_pose(model, "b", [0.0])[:3, 0], [0, 1, 0], atol=1e-15)
+
+
+def test_a_robot_of_constant_joints_only_has_no_coordinates():
+    assert assemble("r", [link(variable={})], []).n == 0
+
+
+def test_axes_are_normalised():
+    assert_allclose(assemble("r", [link(axis=np.array([0.0, 3.0, 4.0]))], Q).tree.axis, [[0, 0.6, 0.8]])
+
+
+def test_the_tip_is_the_end_of_the_longest_chain_unless_it_is_named():
+    links = [link("a"), link("b", "a"), link("c", "base")]
+    assert assemble("r", links, Q).tip == "b"
+    assert assemble("r", links, Q, tip="c").tip == "c"
+
+
+def test_frames_are_fixed_to_links_moving_fixed_or_the_base():
+    up = Pose(np.eye(3), np.array([0.0, 0.0, 1.0]))
+    links = [link("a", pose=up), link("f", "a", "fixed", pose=up)]
+    model = assemble("r", links, Q, frames={"x": ("f", up), "y": ("base", up), "z": ("a", up)})
+    heights = [frame_pose(model, name, [0.0])[2, 3] for name in ("x", "y", "z")]
+    assert heights == [3, 1, 2]
+
+
+def test_links_without_mass_are_missing_inertia_unless_they_are_declared_massless():
+    zero = LinkInertia(0.0, np.zeros(3), np.zeros((3, 3)))
+    links = [link("a"), link("b", inertia=zero), link("c", massless=True), link("d")]
+    model = assemble("r", links, Q, massless=["d"])
+    assert model.missing_inertia == ("a", "b")
+    assert model.massless == ("c", "d")
+
+
+BODY = LinkInertia(1.0, np.zeros(3), np.eye(3))
+NAN3 = np.array([0.0, np.nan, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("links", "said"),
+    [
+        ([link(), link()], 'two links are named "a"'),
+        ([link("base")], 'a link is named "base"'),
+        ([link(parent="x")], 'link "a" hangs on unknown link "x"; links: base, a'),
+        ([link(variable={"x": 1.0})], 'link "a": moves with unknown coordinate "x"; coordinates: q'),
+        ([link(variable={"q": np.nan})], 'link "a": factor of "q" is nan'),
+        ([link(), link("f", joint="fixed", variable={"q": 1.0})], 'link "f": is fixed and moves with q'),
+        ([link(joint="ball")], 'link "a": joint "ball", expected revolute or prismatic or fixed'),
+        ([link(axis=np.zeros(3))], 'link "a": axis must not be zero'),
+        ([link(axis=NAN3)], 'link "a": axis[1] is nan'),
+        ([link(offset=np.inf)], 'link "a": offset is inf'),
+        ([link(pose=Pose(np.eye(3), NAN3))], 'link "a": joint: origin[1] is nan'),
+        (
+            [link(pose=Pose(2 * np.eye(3), np.zeros(3)))],
+            'link "a": joint: rotation: expected a rotation matrix',
+        ),
+        ([link(frame=Pose(-np.eye(3), np.zeros(3)))], 'link "a": link frame: rotation: expected a rotation'),
+        (
+            [link(inertia=replace(BODY, mass=-1.0))],
+            'link "a": mass -1.0 kg, expected a finite number, zero or more',
+        ),
+        ([link(inertia=replace(BODY, mass=np.nan))], 'link "a": mass nan kg'),
+        ([link(inertia=replace(BODY, com=NAN3))], 'link "a": centre of mass[1] is nan'),
+        ([link(inertia=replace(BODY, com=np.zeros(2)))], "centre of mass: expected shape (3,), got (2,)"),
+        (
+            [link(inertia=replace(BODY, inertia=np.triu(np.ones((3, 3)))))],
+            'link "a": inertia must be symmetric',
+        ),
+        (
+            [link(inertia=replace(BODY, inertia=-1e-9 * np.eye(3)))],
+            'link "a": inertia has a negative principal',
+        ),
+    ],
+)
+def test_a_bad_link_is_refused_by_robot_and_link(links, said):
+    with pytest.raises(InputError) as caught:
+        assemble("r", links, Q)
+    assert str(caught.value).startswith('robot "r": ')
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("coordinates", "said"),
+    [
+        ([*Q, *Q], "coordinate names must differ, got q, q"),
+        ([*Q, Coordinate("s", "rad")], "coordinates s move no joint"),
+        ([Coordinate("q", "deg")], 'coordinate "q": unit "deg", expected "rad" or "m"'),
+        ([Coordinate("q", "rad", 1.0, 0.0)], 'coordinate "q": limits [1.0, 0.0]'),
+        ([Coordinate("q", "rad", np.nan, 0.0)], "limits [nan, 0.0]"),
+        ([Coordinate("q", "rad", effort=-1.0)], "effort limit -1.0: expected zero or more"),
+    ],
+)
+def test_bad_coordinates_are_refused(coordinates, said):
+    with pytest.raises(InputError) as caught:
+        assemble("r", [link()], coordinates)
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"frames": {"f": ("x", identity_pose())}}, 'frame "f" is fixed to unknown link "x"; links: base, a'),
+        ({"frames": {"a": ("a", identity_pose())}}, 'frame "a" has the name of another frame or link'),
+        ({"frames": {"f": ("a", Pose(np.ones((3, 3)), np.zeros(3)))}}, 'frame "f": rotation: expected'),
+        ({"tip": "x"}, 'tip "x" is no frame; frames: base, a'),
+        ({"massless": ["x"]}, 'massless link "x" is not a link; links: a'),
+    ],
+)
+def test_bad_names_are_refused(options, said):
+    with pytest.raises(InputError) as caught:
+        assemble("r", [link()], Q, **options)
+    assert said in str(caught.value)
+
+
+def test_links_that_carry_each_other_are_refused():
+    with pytest.raises(UnsupportedModelError, match="the parents of links b, c form a loop"):
+        assemble("r", [link(), link("b", "c"), link("c", "b")], Q)
+
+
+@pytest.mark.parametrize("links", [[], [link(joint="fixed")]])
+def test_a_robot_needs_a_moving_joint(links):
+    with pytest.raises(UnsupportedModelError, match='robot "r": no moving joint'):
+        assemble("r", links, [])
+
+
+def test_a_tensor_that_is_symmetric_but_for_rounding_is_accepted():
+    tensor = random_tensor(np.random.default_rng(0))
+    tensor[0, 1] *= 1.0 + 1e-9
+    assemble("r", [link(inertia=LinkInertia(1.0, np.zeros(3), tensor))], Q)

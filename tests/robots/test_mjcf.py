@@ -1,0 +1,331 @@
+import builtins
+import hashlib
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.errors import (
+    FileFormatError,
+    InputError,
+    MissingInertiaError,
+    MissingPackageError,
+    UnsupportedModelError,
+)
+from catenary.robots.mjcf import load_mjcf
+from tests.oracles.random_robots import random_mjcf
+from tests.oracles.tree_poses import frame_pose, homogeneous, link_poses, moments_about_origin
+
+BALL_GEOM = '<geom size="0.1" mass="1"/>'
+ARM = f"""
+<mujoco model="arm"><compiler angle="radian"/><worldbody>
+  <body name="upper" pos="0 0 1"><joint name="shoulder" axis="0 1 0" {{first}}/>{BALL_GEOM}
+    <body name="lower" pos="1 0 0"><joint name="elbow" axis="0 1 0" {{second}}/>{BALL_GEOM}
+      <body name="hand" pos="1 0 0"><joint name="wrist" axis="1 0 0"/>{BALL_GEOM}</body>
+    </body>
+  </body>
+</worldbody>{{rest}}</mujoco>"""
+
+
+def arm(first="", second="", rest=""):
+    return ARM.format(first=first, second=second, rest=rest)
+
+
+def worldbody(*parts, rest=""):
+    return f'<mujoco><compiler angle="radian"/><worldbody>{"".join(parts)}</worldbody>{rest}</mujoco>'
+
+
+@pytest.fixture
+def load(tmp_path):
+    """Load a text as a file called robot.xml."""
+
+    def load_text(text, **options):
+        path = tmp_path / "robot.xml"
+        path.write_text(text)
+        return load_mjcf(path, **options)
+
+    return load_text
+
+
+def mujoco_at(text, names, q):
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    for name, value in zip(names, q, strict=True):
+        data.joint(name).qpos = value
+    mujoco.mj_kinematics(model, data)
+    return model, data
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_body_and_site_poses_agree_with_mujoco(load, seed):
+    rng = np.random.default_rng(seed)
+    text = random_mjcf(rng)
+    ours = load(text)
+    q = rng.uniform(-2, 2, ours.n)
+    model, data = mujoco_at(text, ours.joint_names, q)
+    assert ours.n == model.nq
+    for body in range(1, model.nbody):
+        expected = homogeneous(data.xmat[body].reshape(3, 3), data.xpos[body])
+        assert_allclose(frame_pose(ours, model.body(body).name, q), expected, atol=1e-10)  # chains of metres
+    for site in range(model.nsite):
+        expected = homogeneous(data.site_xmat[site].reshape(3, 3), data.site_xpos[site])
+        assert_allclose(frame_pose(ours, model.site(site).name, q), expected, atol=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_each_links_moments_are_those_of_the_bodies_welded_to_it(load, seed):
+    rng = np.random.default_rng(seed)
+    text = random_mjcf(rng)
+    ours = load(text)
+    q = rng.uniform(-2, 2, ours.n)
+    model, data = mujoco_at(text, ours.joint_names, q)
+    poses = link_poses(ours, q)
+    for number, link in enumerate(ours.link_names):
+        R, p = poses[number][:3, :3], poses[number][:3, 3]
+        found = moments_about_origin(
+            ours.tree.mass[number], R @ ours.tree.com[number] + p, R @ ours.tree.inertia[number] @ R.T
+        )
+        expected = [0.0, np.zeros(3), np.zeros((3, 3))]
+        carrier = -1 if "/" in link else model.body(link).id
+        for body in np.flatnonzero(model.body_weldid == carrier):
+            axes = data.ximat[body].reshape(3, 3)
+            turned = axes @ np.diag(model.body_inertia[body]) @ axes.T
+            parts = moments_about_origin(model.body_mass[body], data.xipos[body], turned)
+            expected = [a + b for a, b in zip(expected, parts, strict=True)]
+        for ours_moment, theirs in zip(found, expected, strict=True):
+            assert_allclose(ours_moment, theirs, atol=1e-8)  # MuJoCo finds principal axes iteratively
+
+
+def test_a_body_with_several_joints_is_as_many_links_of_which_only_the_last_has_mass(load):
+    model = load(
+        worldbody(f'<body name="b"><joint name="x" type="slide"/><joint name="y"/>{BALL_GEOM}</body>')
+    )
+    assert model.link_names == ("b/x", "b")
+    assert model.massless == ("b/x",)
+    assert model.missing_inertia == ()
+    assert_array_equal(model.tree.mass, [0, 1])
+    assert model.joint_units == ("m", "rad")
+
+
+def test_bodies_welded_to_the_world_are_frames_of_the_base(load):
+    text = worldbody(
+        f'<body name="table" pos="0 0 2">{BALL_GEOM}<body name="arm" pos="1 0 0"><joint/>{BALL_GEOM}</body></body>'
+    )
+    model = load(text)
+    assert model.link_names == ("arm",)
+    assert model.frame("table").link == model.frame("world").link == -1
+    assert_array_equal(frame_pose(model, "arm", [0.0])[:3, 3], [1, 0, 2])
+
+
+def test_joints_without_a_name_are_called_by_their_body(load):
+    model = load(
+        worldbody(
+            f'<body name="b"><joint/>{BALL_GEOM}<body><joint/><joint type="slide"/>{BALL_GEOM}</body></body>'
+        )
+    )
+    assert model.joint_names == ("b", "body2_1", "body2_2")
+
+
+def test_names_that_are_taken_are_marked_and_noted(load):
+    model = load(
+        worldbody(
+            f'<body name="base"><joint/>{BALL_GEOM}<site name="base" pos="1 0 0"/><site name="s"/><site pos="0 0 1"/></body>'
+        )
+    )
+    assert set(model.frames) == {"base", "base (file)", "base (site)", "world", "s"}
+    assert sum('"base" of the file is named' in note for note in model.notes) == 2
+
+
+def test_limits_are_read_where_the_joint_is_limited(load):
+    model = load(arm('range="-1 2"', 'actuatorfrcrange="-3 5"'))
+    assert_array_equal(model.lower, [-1, -np.inf, -np.inf])
+    assert_array_equal(model.upper, [2, np.inf, np.inf])
+    assert_array_equal(model.effort_limit, [np.inf, 3, np.inf])
+
+
+EQUALITY = "<equality>{}</equality>"
+
+
+def test_joint_equalities_become_coupled_joints_that_obey_mujocos_polynomial(load):
+    rest = EQUALITY.format(
+        '<joint joint1="elbow" joint2="wrist" polycoef="0.1 2 0 0 0"/>'
+        '<joint joint1="shoulder" joint2="elbow" polycoef="0.2 -3 0 0 0"/>'
+    )
+    text = arm('ref="0.3"', 'ref="-0.4"', rest)
+    model = load(text)
+    assert model.joint_names == ("wrist",)
+    wrist = 0.7
+    elbow = -0.4 + 0.1 + 2 * wrist
+    shoulder = 0.3 + 0.2 - 3 * (elbow + 0.4)
+    theirs, data = mujoco_at(text, ["shoulder", "elbow", "wrist"], [shoulder, elbow, wrist])
+    mujoco.mj_forward(theirs, data)
+    assert_allclose(data.efc_pos[:2], 0, atol=1e-12)  # MuJoCo agrees that both equalities hold here
+    assert_allclose(frame_pose(model, "hand", [wrist])[:3, 3], data.body("hand").xpos, atol=1e-12)
+
+
+def test_an_equality_without_a_second_joint_holds_the_joint_still(load):
+    text = arm("", 'ref="0.5"', EQUALITY.format('<joint joint1="elbow" polycoef="0.2 0 0 0 0"/>'))
+    model = load(text)
+    assert model.joint_names == ("shoulder", "wrist")
+    _, data = mujoco_at(text, ["shoulder", "elbow", "wrist"], [0.3, 0.7, 0.1])
+    assert_allclose(frame_pose(model, "hand", [0.3, 0.1])[:3, 3], data.body("hand").xpos, atol=1e-12)
+
+
+def test_an_inactive_equality_is_left_out_and_noted(load):
+    rest = EQUALITY.format(
+        '<joint name="off" active="false" joint1="elbow" joint2="wrist"/>'
+        '<connect active="false" body1="hand" body2="upper" anchor="0 0 0"/>'
+    )
+    model = load(arm(rest=rest))
+    assert model.n == 3
+    assert "left out: equalities that are not active at the start (off, equality1)" in model.notes
+
+
+@pytest.mark.filterwarnings("ignore:flex 'cloth' is not rigid")
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (arm(rest=EQUALITY.format('<connect name="loop" body1="hand" anchor="0 0 0"/>')),
+         'equality "loop" (connect): a loop cannot be represented by a tree'),
+        (arm(rest=EQUALITY.format('<weld body1="hand" body2="upper"/>')), 'equality "equality0" (weld): a loop'),
+        (arm(rest='<tendon><fixed name="t"><joint joint="elbow" coef="1"/></fixed></tendon>' + EQUALITY.format('<tendon tendon1="t"/>')),
+         "(tendon): a loop"),
+        (arm(rest=EQUALITY.format('<joint name="bent" joint1="elbow" joint2="wrist" polycoef="0 1 2 0 0"/>')),
+         'equality "bent": polycoef [0.0, 1.0, 2.0, 0.0, 0.0]: expected a linear one'),
+        (arm(rest=EQUALITY.format('<joint joint1="elbow" joint2="wrist"/><joint joint1="elbow" joint2="shoulder"/>')),
+         'equality "equality1": a second one binds joint "elbow"'),
+        (arm(rest=EQUALITY.format('<joint joint1="elbow" joint2="wrist"/><joint joint1="wrist" joint2="elbow"/>')),
+         'joint "elbow" follows itself: elbow -> wrist -> elbow'),
+        (worldbody(f'<body name="b"><freejoint name="f"/>{BALL_GEOM}</body>'), 'joint "f" of body "b" is a free joint; expected hinge or slide'),
+        (worldbody(f'<body name="b"><joint type="ball" name="f"/>{BALL_GEOM}</body>'), 'joint "f" of body "b" is a ball joint'),
+        (worldbody(f'<body name="b">{BALL_GEOM}</body>'), "no moving joint, expected at least one"),
+        (worldbody('<flexcomp name="cloth" type="grid" count="3 3 1" spacing="1 1 1" dim="2" mass="1"/>'), 'flexible body "cloth"'),
+    ],
+)  # fmt: skip
+def test_what_no_tree_has_is_refused_by_name(load, text, said):
+    with pytest.raises(UnsupportedModelError) as caught:
+        load(text)
+    assert said in str(caught.value)
+    assert "robot.xml: " in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("<mujoco>", "MuJoCo cannot read it: XML parse error"),
+        ("<mujoco><foo/></mujoco>", "Schema violation: unrecognized element"),
+        (worldbody('<body><joint axis="0 0 0"/><geom size="1"/></body>'), "axis too small"),
+        (worldbody('<body><joint/><geom type="mesh" mesh="none"/></body>'), "none"),
+    ],
+)
+def test_a_damaged_file_is_refused_with_mujocos_message(load, text, said):
+    with pytest.raises(FileFormatError) as caught:
+        load(text)
+    assert said in str(caught.value)
+    assert "robot.xml: " in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(FileFormatError, match=r"none\.xml: no such file"):
+        load_mjcf(tmp_path / "none.xml")
+
+
+SKELETON = worldbody(
+    '<body name="a" pos="0 0 1"><joint name="j" axis="0 1 0"/>'
+    '<inertial pos="0.1 0 0" mass="1e-6" diaginertia="1e-9 2e-9 2e-9"/>'
+    '<body name="b" pos="1 0 0"><joint name="k" axis="0 0 1"/></body></body>'
+)
+
+
+def test_a_file_without_masses_loads_and_names_the_bodies_that_have_none(load):
+    model = load(SKELETON)
+    assert model.missing_inertia == ("b",)
+    assert_array_equal(frame_pose(model, "b", [0.0, 0.0])[:3, 3], [1, 0, 1])
+    with pytest.raises(MissingInertiaError, match='"b"'):
+        model.require_inertia()
+    assert load(SKELETON, massless=["b"]).massless == ("b",)
+
+
+def test_the_way_around_missing_masses_leaves_the_masses_that_are_there(load):
+    model = load(SKELETON)
+    alone = load(SKELETON.replace('<body name="b" pos="1 0 0"><joint name="k" axis="0 0 1"/></body>', ""))
+    assert alone.missing_inertia == ()
+    assert_array_equal(model.tree.mass, [1e-6, 0])
+    assert_array_equal(model.tree.com[0], alone.tree.com[0])
+    assert_array_equal(model.tree.inertia[0], alone.tree.inertia[0])
+    assert_array_equal(model.tree.inertia[1], np.zeros((3, 3)))
+
+
+def test_a_body_whose_mass_is_in_what_is_welded_to_it_misses_nothing(load):
+    model = load(worldbody(f'<body name="a"><joint/><body name="b" pos="1 0 0">{BALL_GEOM}</body></body>'))
+    assert model.missing_inertia == ()
+    assert_allclose(model.tree.com, [[1, 0, 0]])
+
+
+def test_bodies_named_massless_must_exist_and_have_no_mass(load):
+    with pytest.raises(InputError, match='massless link "x" is not a link; links: upper, lower, hand'):
+        load(arm(), massless=["x"])
+    with pytest.raises(InputError, match='"hand" is named massless but has 1 kg'):
+        load(arm(), massless=["hand"])
+
+
+def test_what_is_left_out_is_said_by_name(load):
+    text = arm(
+        'armature="1" damping="1"',
+        'frictionloss="1" stiffness="1"',
+        '<tendon><fixed name="t"><joint joint="elbow" coef="1"/></fixed></tendon>'
+        '<actuator><motor name="m" joint="elbow"/></actuator><option gravity="0 0 -1.6"/>',
+    ).replace('<body name="hand"', '<body name="hand" gravcomp="1"')
+    assert load(text).notes == (
+        "left out: armature (shoulder)",
+        "left out: joint damping (shoulder)",
+        "left out: joint dry friction (elbow)",
+        "left out: joint springs (elbow)",
+        "left out: gravity compensation of bodies (hand)",
+        "left out: tendons (t)",
+        "left out: actuators with their gears and limits (m)",
+        "inertia from the shapes of geoms, not from <inertial> (upper, lower, hand)",
+        "left out: the file's gravity [0.0, 0.0, -1.6]; gravity is an argument here",
+    )
+
+
+@pytest.mark.parametrize("file", ["main.xml", "main.mjcf"])
+def test_included_files_and_meshes_are_found_beside_the_file(tmp_path, file):
+    mesh = tmp_path / "meshes" / "part.obj"
+    mesh.parent.mkdir()
+    corners = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+    faces = [(1, 3, 4), (1, 4, 2), (5, 6, 8), (5, 8, 7), (1, 2, 6), (1, 6, 5), (3, 7, 8), (3, 8, 4), (1, 5, 7), (1, 7, 3), (2, 4, 8), (2, 8, 6)]  # fmt: skip
+    mesh.write_text(
+        "".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "".join(f"f {a} {b} {c}\n" for a, b, c in faces)
+    )
+    part = tmp_path / "part.xml"
+    part.write_text(
+        '<mujoco><compiler meshdir="meshes"/><asset><mesh name="p" file="part.obj"/></asset><worldbody>'
+        '<body name="b"><joint/><geom type="mesh" mesh="p" density="10"/></body></worldbody></mujoco>'
+    )
+    main = tmp_path / file
+    main.write_text('<mujoco model="m"><include file="part.xml"/></mujoco>')
+    model = load_mjcf(main)
+    assert_allclose(model.tree.mass, [10])  # a cube of one metre
+    assert_allclose(model.tree.com, [[0.5, 0.5, 0.5]], atol=1e-6)  # mesh vertices are single precision
+    digests = [hashlib.sha256(path.read_bytes()).hexdigest() for path in (main, part)]
+    assert model.sources == (f"{file}, sha256 {digests[0]}", f"part.xml, sha256 {digests[1]}")
+    assert model.name == "m"
+
+
+def test_a_robot_without_a_name_is_called_after_its_file(load):
+    assert load(SKELETON).name == "robot"
+
+
+def test_without_mujoco_the_error_says_what_to_install(load, monkeypatch):
+    import_module = builtins.__import__
+
+    def refuse(name, *args, **kwargs):
+        if name == "mujoco":
+            raise ImportError(name)
+        return import_module(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", refuse)
+    with pytest.raises(MissingPackageError, match=r"pip install catenary\[mjcf\]"):
+        load(arm())

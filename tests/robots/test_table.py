@@ -1,0 +1,134 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.errors import ConfigError, InputError, UnsupportedModelError
+from catenary.robots.table import load_table
+from tests.oracles.tree_poses import frame_pose
+
+HEAD = 'name = "r"\nconvention = "modified"\nsources = ["assumed"]\n'
+MASS = "mass_kg = 2\ncom_m = [0.1, 0.2, 0.3]\ninertia_kg_m2 = [1, 0.1, 0.2, 2, 0.3, 2.5]\n"
+
+
+def row(name, joint="revolute", numbers="alpha_deg = 0\na_m = 0\nd_m = 0\ntheta_deg = 0\n", more=MASS):
+    return f'[[link]]\nname = "{name}"\njoint = "{joint}"\n{numbers}{more}'
+
+
+ONE = HEAD + row("a")
+
+
+@pytest.fixture
+def load(tmp_path):
+    """Load a text as a file called robot.toml."""
+
+    def load_text(text, **options):
+        path = tmp_path / "robot.toml"
+        path.write_text(text)
+        return load_table(path, **options)
+
+    return load_text
+
+
+def test_degrees_become_radians_and_six_numbers_a_tensor(load):
+    numbers = "alpha_deg = 90\na_m = 1\nd_m = 2\ntheta_deg = 180\n"
+    model = load(HEAD + row("a", numbers=numbers, more=MASS + "limits_deg = [-90, 180]\n"))
+    assert_allclose(model.tree.rotation[0], [[-1, 0, 0], [0, 0, -1], [0, -1, 0]], atol=1e-15)
+    assert_allclose(model.tree.origin[0], [1, -2, 0], atol=1e-15)
+    assert_allclose([model.lower[0], model.upper[0]], [-np.pi / 2, np.pi])
+    assert_array_equal(model.tree.com, [[0.1, 0.2, 0.3]])
+    assert_array_equal(model.tree.inertia, [[[1, 0.1, 0.2], [0.1, 2, 0.3], [0.2, 0.3, 2.5]]])
+
+
+def test_coordinates_may_stand_apart_from_the_rows(load):
+    text = (
+        HEAD
+        + row("a", more='variable = { motor = 2 }\nmassless = true\nsource = "guess"\n')
+        + row("b", more="variable = { motor = -1, slide = 3 }\nmassless = true\n")
+        + '[[coordinate]]\nname = "slide"\nunit = "m"\nlimits_m = [0, 1]\n'
+        + '[[coordinate]]\nname = "motor"\nunit = "rad"\nlimits_deg = [0, 90]\n'
+    )
+    model = load(text)
+    assert model.joint_names == ("slide", "motor")
+    assert_array_equal(model.coupling, [[0, 2], [3, -1]])
+    assert_allclose(model.upper, [1, np.pi / 2])
+    assert model.sources == ("assumed", "a: guess")
+
+
+def test_frames_and_the_base_pose_are_read(load):
+    text = HEAD + 'base_position_m = [0, 0, 1]\nbase_frame = "foot"\ntip = "end"\n' + row("a")
+    model = load(text + '[[frame]]\nname = "end"\nlink = "a"\nposition_m = [0, 0, 2]\n')
+    assert_array_equal(frame_pose(model, None, [0.0])[:3, 3], [0, 0, 3])
+    assert_array_equal(frame_pose(model, "foot", [0.0])[:3, 3], [0, 0, 1])
+
+
+def test_rows_without_mass_are_missing_inertia_unless_massless(load):
+    text = HEAD + row("a", more="") + row("b", more="massless = true\n") + row("c", more="")
+    model = load(text, massless=["c"])
+    assert model.missing_inertia == ("a",)
+    assert model.massless == ("b", "c")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (HEAD, "link: this key is missing"),
+        (HEAD + "link = []", "link: List should have at least 1 item"),
+        (ONE.replace("a_m = 0\n", ""), 'link[0] "a": a_m: this key is missing'),
+        (HEAD + row("a") + row("b").replace("theta_deg = 0\n", ""), 'link[1] "b": theta_deg: this key is missing'),
+        (ONE.replace("alpha_deg", "alpha"), 'link[0] "a": alpha: unknown key; a number\'s key ends in its unit: alpha_deg'),
+        (ONE.replace("alpha_deg", "alpha"), 'link[0] "a": alpha_deg: this key is missing'),
+        (ONE.replace("a_m = 0", "a = 0"), "a: unknown key; a number's key ends in its unit: a_m"),
+        (ONE.replace("mass_kg", "mass"), "mass: unknown key; a number's key ends in its unit: mass_kg"),
+        (ONE.replace("alpha_deg", "alpha_rad"), 'alpha_rad: unknown key; did you mean "alpha_deg"?'),
+        (ONE.replace("com_m", "com"), "com: unknown key; a number's key ends in its unit: com_m"),
+        (ONE + "limits = [0, 1]", "limits_deg or limits_m"),
+        (ONE.replace("a_m = 0", 'a_m = "0"'), 'link[0] "a": a_m: Input should be a valid number, got \'0\''),
+        (ONE.replace("a_m = 0", "a_m = nan"), "a_m: Input should be a finite number"),
+        (ONE.replace('"revolute"', '"ball"'), "joint: Input should be 'revolute', 'prismatic' or 'fixed', got 'ball'"),
+        (ONE.replace('"modified"', '"craig"'), "convention: Input should be 'modified' or 'standard'"),
+        (ONE.replace("[0.1, 0.2, 0.3]", "[0.1, 0.2]"), 'link[0] "a": com_m'),
+        (ONE + 'variable = { a = "1" }', 'link[0] "a": variable: a: Input should be a valid number'),
+        (ONE + 'variable = ["a"]', 'link[0] "a": variable: Input should be an object'),
+        (ONE + "limits_m = [0, 1]", '"a" is in rad: expected limits_deg for its limits'),
+        (ONE + "limits_deg = [1, 0]", '"a": limits (1.0, 0.0): expected the lower one first'),
+        (ONE.replace("mass_kg = 2\n", ""), 'link "a": com_m or inertia_kg_m2 without mass_kg'),
+        (ONE.replace("com_m = [0.1, 0.2, 0.3]\n", ""), 'link "a": has mass_kg but no com_m'),
+        (ONE + "massless = true", 'link "a": is massless and has mass_kg'),
+        (ONE + '[[frame]]\nname = "f"\nlink = "a"\nposition_m = [0, 0, 0]\n' * 2, 'two frames are named "f"'),
+        ("base_frame = 'f'\n" + ONE + '[[frame]]\nname = "f"\nlink = "a"\nposition_m = [0, 0, 0]\n', 'two frames are named "f"'),
+    ],
+)  # fmt: skip
+def test_a_wrong_key_is_refused_by_file_row_and_key(load, text, said):
+    with pytest.raises(ConfigError) as caught:
+        load(text)
+    assert said in str(caught.value)
+    assert "robot.toml: " in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (ONE + "variable = { x = 1 }", 'link "a": moves with unknown coordinate "x"'),
+        (ONE + 'parent = "x"', 'link "a" hangs on unknown link "x"'),
+        (ONE.replace("mass_kg = 2", "mass_kg = -2"), 'link "a": mass -2.0 kg'),
+        (ONE.replace("[1, 0.1", "[-1, 0.1"), 'link "a": inertia has a negative principal moment'),
+        (ONE + row("a"), 'two links are named "a"'),
+        ("base_rotation = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]\n" + ONE, "expected a rotation matrix"),
+        ('tip = "x"\n' + ONE, 'tip "x" is no frame'),
+    ],
+)
+def test_numbers_that_make_no_robot_are_refused_by_file_and_row(load, text, said):
+    with pytest.raises(InputError) as caught:
+        load(text)
+    assert said in str(caught.value)
+    assert "robot.toml: " in str(caught.value)
+
+
+def test_a_link_named_massless_must_be_in_the_file(load):
+    with pytest.raises(InputError, match='massless link "x" is not a link; links: a'):
+        load(ONE, massless=["x"])
+
+
+def test_a_table_of_fixed_rows_is_refused_by_file(load):
+    with pytest.raises(UnsupportedModelError, match=r"robot\.toml: .*no moving joint"):
+        load(HEAD + row("a", "fixed"))

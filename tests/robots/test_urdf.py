@@ -1,0 +1,312 @@
+import hashlib
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.errors import FileFormatError, InputError, MissingInertiaError, UnsupportedModelError
+from catenary.robots.urdf import load_urdf, parse_urdf
+from tests.oracles.random_robots import random_urdf
+from tests.oracles.tree_poses import all_links, frame_pose
+
+ALL_KINDS = ("revolute", "fixed", "prismatic", "continuous", "revolute")
+INERTIAL = '<inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+LIMIT = '<limit lower="-1" upper="2" velocity="3" effort="4"/>'
+
+
+def joint(name, parent, child, kind="revolute", inside=LIMIT):
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inside}</joint>'
+    )
+
+
+def urdf(*parts, links=("root", "a", "b", "c")):
+    return (
+        "<robot name='r'>"
+        + "".join(f"<link name='{link}'>{INERTIAL}</link>" for link in links)
+        + "".join(parts)
+        + "</robot>"
+    )
+
+
+ONE = joint("j", "root", "a")
+
+
+def one_joint(inside, kind="revolute"):
+    return urdf(joint("j", "root", "a", kind, inside), links=("root", "a"))
+
+
+def pinocchio_state(model, ours, q):
+    """Pinocchio's q: its own order, and (cos, sin) for continuous joints."""
+    state = pin.neutral(model)
+    for name, value in zip(ours.joint_names, q, strict=True):
+        there = model.joints[model.getJointId(name)]
+        state[there.idx_q : there.idx_q + there.nq] = (
+            value if there.nq == 1 else [np.cos(value), np.sin(value)]
+        )
+    return state
+
+
+def pinocchio_pair(seed):
+    """A tree for even seeds, a chain with mimic joints for odd ones."""
+    rng = np.random.default_rng(seed)
+    text = random_urdf(rng, kinds=ALL_KINDS, mimics=[(4, 2), (7, 2)] if seed % 2 else [], count=9)
+    return rng, parse_urdf(text), pin.buildModelFromXML(text, True)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_link_poses_agree_with_pinocchio(seed):
+    rng, ours, theirs = pinocchio_pair(seed)
+    data = theirs.createData()
+    for _ in range(5):
+        q = rng.uniform(-2, 2, ours.n)
+        pin.framesForwardKinematics(theirs, data, pinocchio_state(theirs, ours, q))
+        for link in all_links(ours):
+            expected = data.oMf[theirs.getFrameId(link)].homogeneous
+            assert_allclose(frame_pose(ours, link, q), expected, atol=1e-11)  # nine products of metres
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_folded_inertias_agree_with_pinocchio(seed):
+    _, ours, theirs = pinocchio_pair(seed)
+    for number, link in enumerate(ours.link_names):
+        there = theirs.inertias[theirs.getJointId(link.replace("link", "joint"))]
+        assert_allclose(ours.tree.mass[number], there.mass, rtol=1e-12)
+        assert_allclose(ours.tree.com[number], there.lever, atol=1e-12)
+        assert_allclose(ours.tree.inertia[number], there.inertia, atol=1e-11)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_poses_and_inertias_agree_with_mujoco(seed):
+    rng = np.random.default_rng(seed)
+    text = random_urdf(rng, kinds=ALL_KINDS)
+    ours = parse_urdf(text)
+    theirs = mujoco.MjModel.from_xml_string(text)  # MuJoCo folds fixed links of a URDF too
+    data = mujoco.MjData(theirs)
+    q = rng.uniform(-2, 2, ours.n)
+    for name, value in zip(ours.joint_names, q, strict=True):
+        data.joint(name).qpos = value
+    mujoco.mj_kinematics(theirs, data)
+    for number, link in enumerate(ours.link_names):
+        pose = frame_pose(ours, link, q)
+        assert_allclose(pose[:3, 3], data.body(link).xpos, atol=1e-11)
+        assert_allclose(pose[:3, :3].ravel(), data.body(link).xmat, atol=1e-11)
+        body = theirs.body(link)
+        assert_allclose(ours.tree.mass[number], body.mass[0], rtol=1e-12)
+        assert_allclose(pose[:3, :3] @ ours.tree.com[number] + pose[:3, 3], data.body(link).xipos, atol=1e-11)
+        axes = data.body(link).ximat.reshape(3, 3)
+        expected = axes @ np.diag(body.inertia) @ axes.T
+        inertia = pose[:3, :3] @ ours.tree.inertia[number] @ pose[:3, :3].T
+        assert_allclose(inertia, expected, atol=1e-9)  # MuJoCo finds principal axes iteratively
+
+
+def test_coordinates_stand_in_the_files_order_without_mimic_joints():
+    text = urdf(
+        joint("last", "b", "c"),
+        joint("follower", "a", "b", inside='<mimic joint="last"/>' + LIMIT),
+        joint("first", "root", "a"),
+    )
+    assert parse_urdf(text).joint_names == ("last", "first")
+
+
+def test_limits_are_read_and_a_continuous_joint_has_no_position_limit():
+    model = parse_urdf(
+        urdf(
+            ONE,
+            joint("slide", "a", "b", "prismatic", '<limit upper="0.5" velocity="1" effort="2"/>'),
+            joint("turn", "b", "c", "continuous", '<limit lower="-1" upper="1" velocity="5" effort="6"/>'),
+        )
+    )
+    assert_array_equal(model.lower, [-1, 0, -np.inf])
+    assert_array_equal(model.upper, [2, 0.5, np.inf])
+    assert_array_equal(model.velocity_limit, [3, 1, 5])
+    assert_array_equal(model.effort_limit, [4, 2, 6])
+    assert model.joint_units == ("rad", "m", "rad")
+
+
+def test_a_continuous_joint_needs_no_limit_at_all():
+    model = parse_urdf(one_joint("", "continuous"))
+    assert_array_equal(model.effort_limit, [np.inf])
+
+
+def test_axis_is_x_when_not_given_and_normalised_otherwise():
+    assert_array_equal(parse_urdf(one_joint(LIMIT)).tree.axis, [[1, 0, 0]])
+    assert_allclose(parse_urdf(one_joint(LIMIT + '<axis xyz="0 3 4"/>')).tree.axis, [[0, 0.6, 0.8]])
+
+
+def test_a_chain_of_mimic_joints_follows_its_free_end():
+    model = parse_urdf(
+        urdf(
+            joint("x", "root", "a", inside='<mimic joint="y" multiplier="2" offset="0.1"/>' + LIMIT),
+            joint("y", "a", "b", inside='<mimic joint="z" multiplier="-3" offset="0.5"/>' + LIMIT),
+            joint("z", "b", "c"),
+        )
+    )
+    # y = -3 z + 0.5, x = 2 y + 0.1 = -6 z + 1.1
+    assert model.joint_names == ("z",)
+    assert_allclose(model.coupling, [[-6], [-3], [1]])
+    assert_allclose(model.offset, [1.1, 0.5, 0])
+
+
+def test_an_origin_may_be_a_quaternion():
+    model = parse_urdf(one_joint(LIMIT + '<origin xyz="1 2 3" quat_xyzw="1 0 0 1"/>'))
+    assert_allclose(model.tree.rotation[0], [[1, 0, 0], [0, 0, -1], [0, 1, 0]], atol=1e-15)
+
+
+def test_the_root_link_is_the_base_and_stays_a_frame():
+    model = parse_urdf(one_joint(LIMIT))
+    assert_array_equal(frame_pose(model, "root", [0.3]), np.eye(4))
+    assert model.tree.mass.sum() == 2.0  # the root's own mass plays no part
+
+
+def test_another_link_named_base_keeps_its_pose_under_a_name_that_a_note_gives():
+    text = urdf(
+        joint("f", "root", "base", "fixed", '<origin xyz="0 0 1"/>'),
+        joint("j", "base", "a"),
+        links=("root", "base", "a"),
+    )
+    model = parse_urdf(text)
+    assert_array_equal(frame_pose(model, "base (file)", [0.0])[:3, 3], [0, 0, 1])
+    assert_array_equal(frame_pose(model, "base", [0.0]), np.eye(4))
+    assert any('"base" of the file is named "base (file)"' in note for note in model.notes)
+
+
+def test_a_root_named_base_is_the_base():
+    model = parse_urdf(urdf(joint("j", "base", "a"), links=("base", "a")))
+    assert set(model.frames) == {"base", "a"}
+    assert model.notes == ()
+
+
+def test_tip_is_the_end_of_the_longest_chain():
+    model = parse_urdf(urdf(ONE, joint("f", "root", "b", "fixed", ""), joint("g", "a", "c", "fixed", "")))
+    assert model.tip == "c"
+
+
+def test_moving_links_without_mass_are_missing_inertia_unless_something_fixed_to_them_has_some():
+    no_mass = INERTIAL.replace('value="2"', 'value="0"')
+    bare = f"<link name='d'/><link name='e'/><link name='f'>{no_mass}</link>"
+    text = urdf(
+        ONE, joint("jd", "a", "d"), joint("jb", "d", "b", "fixed", ""), joint("je", "b", "e"), joint("jf", "e", "f"), bare,
+        links=("root", "a", "b"),
+    )  # fmt: skip
+    model = parse_urdf(text)
+    assert model.missing_inertia == ("e", "f")
+    with pytest.raises(MissingInertiaError, match='"e", "f"'):
+        model.require_inertia()
+    declared = parse_urdf(text, massless=["e", "f"])
+    declared.require_inertia()
+    assert declared.massless == ("e", "f")
+
+
+def test_what_is_left_out_is_said_with_the_joints_names():
+    text = urdf(
+        joint("p", "root", "a", inside=LIMIT + '<dynamics damping="0.5" friction="0.0"/>'),
+        joint("q", "a", "b", inside=LIMIT + '<dynamics friction="1"/><calibration rising="0"/><safety_controller k_velocity="1"/>'),
+        joint("z", "b", "c", inside='<limit velocity="0" effort="0"/>'),
+        '<transmission name="t"><joint name="p"/></transmission><gazebo/><gazebo/>',
+    )  # fmt: skip
+    assert parse_urdf(text).notes == (
+        "left out: joint damping (p)",
+        "left out: joint friction (q)",
+        "left out: calibration positions (q)",
+        "left out: soft limits (q)",
+        "velocity limit is 0 in the file (z)",
+        "effort limit is 0 in the file (z)",
+        "lower and upper limit are equal in the file (z)",
+        "left out: transmissions (p)",
+        "left out: elements (<gazebo>)",
+    )
+
+
+def test_a_mimic_joint_with_tighter_limits_than_its_leader_is_noted():
+    follower = '<mimic joint="j" multiplier="2"/>'
+    tight, loose = LIMIT, '<limit lower="-2" upper="4" velocity="1" effort="1"/>'
+    for limit, noted in ((tight, True), (loose, False)):
+        model = parse_urdf(urdf(ONE, joint("k", "a", "b", inside=follower + limit), links=("root", "a", "b")))
+        assert any("tighter than their leader's (k)" in note for note in model.notes) == noted
+
+
+def test_sources_give_the_files_name_and_hash(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(one_joint(LIMIT))
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    assert load_urdf(path).sources == (f"arm.urdf, sha256 {digest}",)
+
+
+def test_links_named_massless_must_exist_and_have_no_mass():
+    with pytest.raises(InputError, match='massless link "x" is not a link; links: a'):
+        parse_urdf(one_joint(LIMIT), massless=["x"])
+    with pytest.raises(InputError, match='link "a" is named massless but has 2 kg'):
+        parse_urdf(one_joint(LIMIT), massless=["a"])
+
+
+MIMIC = '<mimic joint="{}"/>' + LIMIT
+DAMAGED = [
+    ("<robot", FileFormatError, "cannot be read as XML"),
+    ("<mujoco/>", FileFormatError, "root element <mujoco>, expected <robot>"),
+    ("<robot/>", FileFormatError, "no <link>, expected at least one"),
+    ('<robot><link/></robot>', FileFormatError, "<link> number 1: no name"),
+    (urdf(ONE, links=("root", "a", "a")), FileFormatError, 'two <link> elements are named "a"'),
+    (urdf(ONE, joint("j", "a", "b"), links=("root", "a", "b")), FileFormatError, 'two <joint> elements are named "j"'),
+    (urdf(ONE), FileFormatError, "several root links: root, b, c; expected one"),
+    (urdf(joint("j", "root", "x")), FileFormatError, 'joint "j": <child> is unknown link "x"; links: root, a'),
+    (urdf(joint("j", "x", "a")), FileFormatError, 'joint "j": <parent> is unknown link "x"'),
+    (urdf("<joint name='j' type='fixed'><parent link='a'/></joint>"), FileFormatError, 'joint "j": no <child link'),
+    (urdf(ONE, joint("k", "a", "b"), joint("l", "root", "b"), links=("root", "a", "b")), UnsupportedModelError,
+     'link "b" has two parents, by joints "k" and "l": a loop'),
+    (urdf(joint("j", "a", "b"), joint("k", "b", "a"), links=("a", "b")), UnsupportedModelError, "every link has a parent"),
+    (urdf(ONE, joint("k", "b", "c"), joint("l", "c", "b")), UnsupportedModelError, "c, b form a loop"),
+    (one_joint("", "floating"), UnsupportedModelError, 'joint "j": type "floating": a joint here has one'),
+    (one_joint("", "planar"), UnsupportedModelError, 'joint "j": type "planar"'),
+    (one_joint("", "ball"), FileFormatError, 'joint "j": type "ball", expected revolute, continuous'),
+    (one_joint("", "fixed"), UnsupportedModelError, "no moving joint, expected at least one"),
+    (one_joint(""), FileFormatError, 'joint "j": type revolute without <limit>'),
+    (one_joint("", "prismatic"), FileFormatError, 'joint "j": type prismatic without <limit>'),
+    (one_joint('<limit effort="1"/>'), FileFormatError, 'joint "j": <limit>: velocity is missing, expected a number'),
+    (one_joint('<limit effort="x" velocity="1"/>'), FileFormatError, '<limit>: effort="x", expected a number'),
+    (one_joint('<limit lower="1" upper="0" effort="1" velocity="1"/>'), FileFormatError, "lower 1.0 is above upper 0.0"),
+    (one_joint('<limit lower="-1" upper="0" effort="-1" velocity="1"/>'), FileFormatError, "effort limit -1.0"),
+    (one_joint(LIMIT + '<axis xyz="0 0"/>'), FileFormatError, 'joint "j": <axis>: xyz="0 0", expected 3 numbers'),
+    (one_joint(LIMIT + '<axis xyz="0 0 0"/>'), FileFormatError, 'joint "j": <axis xyz> is zero'),
+    (one_joint(LIMIT + "<axis/>"), FileFormatError, 'joint "j": <axis>: xyz is missing, expected 3 numbers'),
+    (one_joint(LIMIT + '<origin xyz="0 0 nan"/>'), FileFormatError, 'joint "j": <origin>: xyz="0 0 nan", expected 3 numbers, finite'),
+    (one_joint(LIMIT + '<origin rpy="0 0 0 0"/>'), FileFormatError, 'rpy="0 0 0 0", expected 3 numbers'),
+    (one_joint(LIMIT + '<origin quat_xyzw="0 0 0 0"/>'), FileFormatError, "quat_xyzw is zero"),
+    (one_joint(LIMIT + '<origin rpy="0 0 0" quat_xyzw="0 0 0 1"/>'), FileFormatError, "expected one of the two"),
+    (one_joint(MIMIC.format("x")), FileFormatError, 'joint "j": <mimic> follows "x", which is no moving joint; moving joints: j'),
+    (one_joint("<mimic/>" + LIMIT), FileFormatError, 'joint "j": <mimic> names no joint'),
+    (one_joint(MIMIC.format("j")), UnsupportedModelError, 'joint "j" follows itself: j -> j'),
+    (urdf(joint("j", "root", "a", inside=MIMIC.format("k")), joint("k", "a", "b", inside=MIMIC.format("j")), links=("root", "a", "b")),
+     UnsupportedModelError, 'joint "j" follows itself: j -> k -> j'),
+    (urdf(ONE, links=("root", "a")).replace('value="2"', 'value="-2"'), FileFormatError, 'link "a": mass -2.0 kg'),
+    (urdf(ONE, links=("root", "a")).replace('value="2"', 'value="two"'), FileFormatError, 'link "a": <inertial>: <mass>: value="two"'),
+    (urdf(ONE, links=("root", "a")).replace('<mass value="2"/>', ""), FileFormatError, "<inertial>: no <mass>; expected both"),
+    (urdf(ONE, links=("root", "a")).replace('ixy="0"', ""), FileFormatError, "<inertia>: ixy is missing"),
+    (urdf(ONE, links=("root", "a")).replace('ixx="1"', 'ixx="-1"'), FileFormatError, 'link "a": inertia has a negative principal moment'),
+    (one_joint(LIMIT.replace("-1", "${-pi}")), FileFormatError, "is a xacro file: expand it first"),
+    ('<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="x"/></robot>', FileFormatError, "is a xacro file"),
+    ("<robot><xacro:arm/></robot>", FileFormatError, "is a xacro file"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "error", "said"), DAMAGED, ids=[said[:40] for _, _, said in DAMAGED])
+def test_a_damaged_file_is_refused_by_file_and_element(text, error, said, tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(text)
+    with pytest.raises(error) as caught:
+        load_urdf(path)
+    assert type(caught.value) is error
+    assert str(caught.value).startswith(f"{path}: ")
+    assert said in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(FileFormatError, match=r"none\.urdf: no such file"):
+        load_urdf(tmp_path / "none.urdf")
+
+
+def test_a_mimic_on_a_fixed_joint_moves_nothing():
+    text = urdf(ONE, joint("f", "a", "b", "fixed", '<mimic joint="j"/>'), links=("root", "a", "b"))
+    assert parse_urdf(text).joint_names == ("j",)

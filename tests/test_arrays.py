@@ -1,0 +1,86 @@
+import warnings
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from catenary.arrays import as_array, as_batch, frozen, refuse_non_finite
+from catenary.errors import InputError
+
+
+def test_as_array_gives_contiguous_floats_of_the_shape_that_was_asked_for():
+    array = as_array("q", np.arange(6).reshape(3, 2).T, (None, 3))
+    assert array.dtype == np.float64
+    assert array.flags.c_contiguous
+    assert_array_equal(array, [[0, 2, 4], [1, 3, 5]])
+
+
+def test_a_scalar_keeps_no_dimensions():
+    assert as_array("dt", 0.5, ()).shape == ()
+
+
+@pytest.mark.parametrize(
+    ("values", "shape", "said"),
+    [
+        ([1, 2], (3,), r"q: expected shape \(3,\), got \(2,\)"),
+        (1.0, (3,), r"expected shape \(3,\), got \(\)"),
+        ([1, 2], (), r"expected shape \(\), got \(2,\)"),
+        ([[1, 2]], (None, 3), r"expected shape \(N, 3\), got \(1, 2\)"),
+        ([], (3,), r"got \(0,\)"),
+        ([[1], [1, 2]], (2,), "expected numbers of shape"),
+        ("one", (1,), "expected numbers"),
+        (["1", "2"], (2,), "expected numbers"),
+        (np.array([1j]), (1,), "expected numbers"),
+        (None, (1,), "expected shape"),
+        ([1, np.nan, np.inf], (3,), r"q\[1\] is nan: expected finite numbers \(2 of 3 values are not\)"),
+        ([[0, 0], [0, -np.inf]], (2, 2), r"q\[1, 1\] is -inf"),
+        (np.nan, (), "q is nan"),
+    ],
+)
+def test_as_array_refuses_what_is_not_finite_numbers_of_that_shape(values, shape, said):
+    with pytest.raises(InputError, match=said):
+        as_array("q", values, shape)
+
+
+def test_as_array_lets_infinity_through_where_it_is_allowed():
+    assert np.isinf(as_array("limit", [np.inf], (1,), finite=False)).all()
+
+
+def test_a_single_row_becomes_a_batch_of_one():
+    rows, single = as_batch("q", [1, 2, 3], 3)
+    assert rows.shape == (1, 3)
+    assert single
+
+
+def test_a_batch_stays_a_batch_even_when_empty():
+    rows, single = as_batch("q", np.zeros((0, 3)), 3)
+    assert rows.shape == (0, 3)
+    assert not single
+
+
+@pytest.mark.parametrize("values", [np.zeros(2), np.zeros((2, 2)), np.zeros((1, 2, 3)), 1.0, "abc"])
+def test_as_batch_refuses_rows_of_another_width(values):
+    with pytest.raises(InputError, match=r"q: expected .*\(3,\)"):
+        as_batch("q", values, 3)
+
+
+def test_finite_numbers_whose_sum_overflows_are_accepted_without_a_warning():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        refuse_non_finite("q", np.full(4, 1e308))
+
+
+def test_opposite_infinities_are_refused_without_a_warning():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(InputError, match="2 of 2"):
+            refuse_non_finite("q", np.array([np.inf, -np.inf]))
+
+
+def test_a_frozen_array_is_a_copy_that_cannot_be_written():
+    original = np.zeros(2)
+    copy = frozen(original)
+    original[0] = 1.0
+    assert copy[0] == 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        copy[0] = 2.0
