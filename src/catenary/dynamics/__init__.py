@@ -1,0 +1,1 @@
+"""Kinematics, mass matrix and inverse dynamics of a RobotModel."""
