@@ -1,0 +1,1 @@
+"""What gravity asks of every joint, on any base."""
