@@ -3,8 +3,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
-from catenary.dynamics.kinematics import forward_kinematics
-from catenary.dynamics.raven_inverse_kinematics import raven_solutions
+from catenary.dynamics.kinematics import forward_kinematics, frame_poses
+from catenary.dynamics.raven_inverse_kinematics import raven_path, raven_solutions
 from catenary.errors import InputError, UnreachablePoseError, UnsupportedModelError
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
@@ -139,8 +139,29 @@ def test_a_pose_beyond_a_limit_names_the_limit(name: str) -> None:
 def test_a_shaft_along_the_shoulders_axis_is_out_of_reach(name: str) -> None:
     model = load_robot(name)
     # the shoulder turns about the base's y
-    with pytest.raises(UnreachablePoseError, match="expected between 23 and 157 deg"):
+    with pytest.raises(UnreachablePoseError, match="too near the shoulder's axis; expected at 23 deg"):
         inverse_kinematics(model, Pose(np.eye(3), np.array([0.0, 0.1, 0.0])))
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_a_path_of_poses_is_followed_along_one_branch(name: str) -> None:
+    model = load_robot(name)
+    rng = np.random.default_rng(6)
+    a, b = rng.uniform(model.lower, clear_of_the_remote_centre(model), size=(2, model.n))
+    q = a + np.linspace(0.0, 1.0, 200)[:, None] * (b - a)
+    assert_allclose(raven_path(model, *frame_poses(model, q), a), q, atol=1e-9)
+
+
+def test_a_path_names_the_pose_that_it_cannot_reach() -> None:
+    model = load_robot("raven2_full")
+    q = np.tile([0.5, 1.5, 0.4, 0.1, 0.3, 0.2], (5, 1))
+    q[3, 0] = 1.7
+    with pytest.raises(UnreachablePoseError, match=r'pose 3 of 5: .*joint "shoulder": 1.7 rad outside'):
+        raven_path(model, *frame_poses(model, q))
+    q[2, 2] = D
+    with pytest.raises(UnreachablePoseError, match=r"pose 2 of 5: .*remote centre"):
+        raven_path(model, *frame_poses(model, q))
+    assert raven_path(model, np.empty((0, 3, 3)), np.empty((0, 3))).shape == (0, 6)
 
 
 def test_what_is_no_pose_or_no_raven_is_refused() -> None:
@@ -149,5 +170,7 @@ def test_what_is_no_pose_or_no_raven_is_refused() -> None:
         inverse_kinematics(model, Pose(np.diag([1.0, 1.0, -1.0]), np.array([0.1, 0.0, 0.0])))
     with pytest.raises(InputError, match=r"pose position\[0\] is nan"):
         raven_solutions(model, Pose(np.eye(3), np.array([np.nan, 0.0, 0.0])))
+    with pytest.raises(InputError, match=r"rotations\[1\]: expected a rotation matrix"):
+        raven_path(model, [np.eye(3), 2.0 * np.eye(3)], np.full((2, 3), 0.1))
     with pytest.raises(UnsupportedModelError, match='robot "planar_3r": no closed form'):
         raven_solutions(load_robot("planar_3r"), Pose(np.eye(3), np.zeros(3)))

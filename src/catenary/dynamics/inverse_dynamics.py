@@ -62,10 +62,10 @@ def inverse_dynamics(
     velocities = _like(rows, single, "qd", qd)
     accelerations = _like(rows, single, "qdd", qdd)
     gravities = gravity_rows(gravity, len(rows))
-    motion = BaseMotion() if base is None else base
-    base_motion = np.empty((3, 3))
-    for r, name in enumerate(BaseMotion._fields):
-        base_motion[r] = as_array(f"base {name.replace('_', ' ')}", motion[r], (3,))
+    base_motion = np.zeros((3, 3))
+    if base is not None:
+        for r, name in enumerate(BaseMotion._fields):
+            base_motion[r] = as_array(f"base {name.replace('_', ' ')}", base[r], (3,))
     out = np.empty((len(rows), model.n))
     _inverse_dynamics_rows(
         model.tree,

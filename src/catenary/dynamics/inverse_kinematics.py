@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.dynamics.damped_least_squares import Approach, damped_least_squares
-from catenary.dynamics.raven_inverse_kinematics import nearest_raven_solution
+from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.errors import InputError, UnreachablePoseError
 from catenary.robots.model import Frame, RobotModel
 from catenary.spatial import Pose, as_rotation
@@ -30,8 +30,8 @@ def inverse_kinematics(
 ) -> Floats:
     """Coordinates within the joint limits that bring a frame to a pose.
 
-    RAVEN-II arms have a closed form: exact, nearest to `q_start` (raven_inverse_kinematics.py). Other arms
-    are searched by damped least squares from `q_start`, then, if an `rng` is given, from random starts.
+    RAVEN-II arms have a closed form: exact, nearest to `q_start` (raven_closed_form.py). Other arms are
+    searched by damped least squares from `q_start`, then, if an `rng` is given, from random starts.
 
     Args:
         model: The robot.
@@ -70,7 +70,9 @@ def inverse_kinematics(
     tip = model.frame()
     if model.closed_form == "raven2" and match == own_match and _tip_follows(wanted, tip, match):
         tip_in_frame = wanted.pose.inverse() @ tip.pose
-        return nearest_raven_solution(model, target @ tip_in_frame, start)
+        goal = target @ tip_in_frame
+        path = raven_path(model, goal.rotation[np.newaxis], goal.position[np.newaxis], start)
+        return path.reshape(model.n)
 
     best: Approach | None = None
     tried = [_first_start(model, start)]
