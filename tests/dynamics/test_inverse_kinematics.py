@@ -49,6 +49,23 @@ def test_poses_of_a_random_arm_are_reached_within_its_limits(seed: int, n: int) 
         assert_allclose(again.rotation, pose.rotation, atol=1.1e-7)
 
 
+def test_targets_at_the_limits_are_reached_from_near_them() -> None:
+    model = random_arm(3, 7)
+    rng = np.random.default_rng(0)
+    reached = 0
+    for _ in range(50):
+        q = rng.uniform(model.lower, model.upper)
+        limit = np.where(rng.random(7) < 0.5, model.lower, model.upper)
+        q = np.where(rng.random(7) < 0.4, limit, q)
+        start = np.clip(q + 0.4 * rng.normal(size=7), model.lower, model.upper)
+        try:
+            inverse_kinematics(model, forward_kinematics(model, q), start)
+        except UnreachablePoseError:
+            continue
+        reached += 1
+    assert reached >= 45  # a step pressed against the limits, instead of along them, reaches some 35
+
+
 def test_tolerances_are_met_as_asked() -> None:
     model = random_arm(4, 7)
     rng = np.random.default_rng(4)

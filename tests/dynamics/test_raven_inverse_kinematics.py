@@ -75,6 +75,14 @@ def test_limits_themselves_are_reached(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", FULL_ARMS)
+@pytest.mark.parametrize("wrist", [0.0, 1e-12, -1e-7])
+def test_the_roll_is_known_though_the_tool_is_straight(name: str, wrist: float) -> None:
+    model = load_robot(name)
+    q = np.array([np.pi / 6, np.pi / 2, 0.40, 0.7, wrist, -0.4])
+    assert_allclose(inverse_kinematics(model, forward_kinematics(model, q), q + 0.1), q, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", FULL_ARMS)
 def test_poses_are_refused_near_the_remote_centre_and_only_there(name: str) -> None:
     model = load_robot(name)
     rng = np.random.default_rng(5)
