@@ -35,7 +35,8 @@ class FitOptions:
 
     `inputs` names signals or groups of signals, for all joints or per joint; None takes the positions and, if
     recorded, the torques. `play` adds play states of the positions, as shares of each joint's range of motion;
-    None means none, except for the neural preset `best`.
+    None means none, except for the neural preset `best` where no torque is recorded: torque, too, tells on which
+    side of its slack a cable lies, and then play states only add what can be over-fitted.
     """
 
     kind: Kind = "linear"
@@ -63,12 +64,12 @@ class FitOptions:
         if self.ridge is not None and not self.ridge >= 0.0:
             raise InputError(f"ridge: expected zero or more, got {self.ridge}")
 
-    @property
-    def play_shares(self) -> tuple[float, ...]:
-        """Shares of each joint's range of motion that the play states take."""
+    def play_shares(self, signals: Sequence[str]) -> tuple[float, ...]:
+        """Shares of each joint's range of motion that the play states take beside the given signals."""
         if self.play is not None:
             return self.play
-        return PLAY_SHARES if self.preset == "best" else ()
+        torque = any(name.startswith("tau:") for name in signals)
+        return PLAY_SHARES if self.preset == "best" and not torque else ()
 
 
 @dataclass(frozen=True)
@@ -100,6 +101,7 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
         words = _default_words(log) if options.inputs is None else options.inputs
         per_joint = (choose_signals(log, words),) * len(log.joint_names)
     signals = tuple(dict.fromkeys(name for names in per_joint for name in names))
+    shares = options.play_shares(signals)
     play: list[tuple[str, float]] = []
     for name in signals:
         joint = name.removeprefix("q:")
@@ -110,7 +112,7 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
             ]
             low, high = min(float(c.min()) for c in commands), max(float(c.max()) for c in commands)
             if high > low:
-                play += [(name, share * (high - low)) for share in options.play_shares]
+                play += [(name, share * (high - low)) for share in shares]
     units = tuple(signal_unit(log, name) for name in signals)
     return Inputs(FeatureSet(signals, units, options.history, tuple(play)), per_joint)
 
@@ -138,7 +140,7 @@ def fit(
         columns = inputs.features.columns_of(signals)
         X = np.ascontiguousarray(data.X[:, columns])
         report = part_of(progress, number, len(together))
-        predictor = _fit_predictor(X, Y[:, joints], options, late, report)
+        predictor = _fit_predictor(X, Y[:, joints], options, inputs.features, late, report)
         watched = columns[~inputs.features.bounded[columns]]
         groups.append(
             JointGroup(tuple(joints), columns, predictor, fit_valid_range(data.X[:, watched]), watched)
@@ -157,13 +159,13 @@ def fit(
 
 
 def _fit_predictor(
-    X: Floats, Y: Floats, options: FitOptions, late: np.ndarray, progress: Progress
+    X: Floats, Y: Floats, options: FitOptions, features: FeatureSet, late: np.ndarray, progress: Progress
 ) -> Predictor:
-    memory = options.history > 0 or bool(options.play_shares)
+    memory = features.history > 0 or bool(features.play)
     if options.kind == "offset":
         return fit_offset(X, Y)
     if options.kind == "linear":
-        ridge = MEMORY_RIDGE if options.play_shares else 0.0
+        ridge = MEMORY_RIDGE if features.play else 0.0
         return fit_linear(X, Y, ridge=ridge if options.ridge is None else options.ridge)
     if options.kind == "polynomial":
         ridge = MEMORY_RIDGE if memory else 0.0
