@@ -30,10 +30,10 @@ class ValidRange:
 
     def inside(self, X: Floats) -> NDArray[np.bool_]:
         """Whether each row of features (N, F) lies within both boxes, (N,); never true for NaN."""
-        projection = (X - self.mean) @ self.axes
-        box = (X >= self.lower) & (X <= self.upper)
-        along = (projection >= self.axis_lower) & (projection <= self.axis_upper)
-        return np.asarray(box.all(axis=1) & along.all(axis=1))
+        inside = np.asarray(((X >= self.lower) & (X <= self.upper)).all(axis=1))
+        projection = (X[inside] - self.mean) @ self.axes  # of finite rows only
+        inside[inside] = ((projection >= self.axis_lower) & (projection <= self.axis_upper)).all(axis=1)
+        return inside
 
 
 def fit_valid_range(X: Floats) -> ValidRange:
