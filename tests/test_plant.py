@@ -6,7 +6,7 @@ from numpy.testing import assert_array_equal
 
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from tests.recordings import recording
+from recordings import recording
 
 LOG = recording(np.random.default_rng(0), rows=6)
 

@@ -75,7 +75,9 @@ def _as_floats(name: str, values: ArrayLike, expected: str) -> Floats:
         raw = np.asarray(values)
         if raw.dtype.kind in "SUc":
             raise TypeError(f"NumPy type {raw.dtype}")
-        return np.asarray(raw, dtype=np.float64, order="C")  # ascontiguousarray would make a scalar (1,)
+        array = np.asarray(raw, dtype=np.float64, order="C")  # ascontiguousarray would make a scalar (1,)
+        # compiled code would be compiled once more for read-only arrays, such as a model's own limits
+        return array if array.flags.writeable else array.copy()
     except (TypeError, ValueError) as error:
         raise InputError(f"{name}: expected numbers of shape {expected}, got {values!r}") from error
 

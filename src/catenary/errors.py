@@ -53,3 +53,15 @@ class UnreachablePoseError(CatenaryError, ValueError):
 
 class ExcitationError(CatenaryError, ValueError):
     """The data do not determine what was asked of them."""
+
+
+class UnsupportedCommandError(CatenaryError):
+    """A robot has no such verb."""
+
+
+class NotReadyError(CatenaryError):
+    """A robot that is not homed or not enabled was asked to move."""
+
+
+class LimitError(CatenaryError, ValueError):
+    """A motion leaves the joint limits, or runs into a stop, and was refused before anything moved."""

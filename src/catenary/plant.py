@@ -1,7 +1,8 @@
-"""What every room shares about a robot in motion: the one log type."""
+"""What every room shares about a robot in motion: the verbs it obeys, its state, the one log type."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,98 @@ from catenary.arrays import Floats, frozen
 from catenary.errors import InputError
 
 JOINT_UNITS = ("rad", "m")
+StateName = Literal["DISABLED", "ENABLED", "PAUSED", "FAULT"]
+StateCommand = Literal["enable", "disable", "pause", "resume", "home", "unhome"]
+STATE_COMMANDS: tuple[str, ...] = get_args(StateCommand)
+
+
+class OperatingState(NamedTuple):
+    """CRTK's operating state."""
+
+    state: StateName
+    is_homed: bool
+    is_busy: bool
+
+
+class JointState(NamedTuple):
+    """What a robot reports at one instant; arrays are the receiver's own."""
+
+    time: float  # [s]
+    q: Floats  # (n,) [rad|m] q_nominal as measured, q_calibrated after a corrector
+    qd: Floats  # (n,) [rad/s|m/s]
+    tau: Floats  # (n,) [Nm|N] joint torque that was commanded
+    q_motor: Floats  # (m,) [rad] motor shafts, empty where a robot has none
+    gravity: Floats  # (3,) [m/s2] in the base frame
+    gravity_age: float  # [s] since it was measured; inf when it is nominal
+
+
+class Column(NamedTuple):
+    """One declared quantity of a robot's telemetry."""
+
+    name: str
+    unit: str
+    width: int  # numbers per sample
+
+
+class Plant(Protocol):
+    """A robot, real or simulated; the verbs are CRTK's.
+
+    Verbs that a robot does not have raise UnsupportedCommandError; those in `supports` it has. A robot that is not
+    enabled and homed is never moved: the servo verbs raise NotReadyError.
+    """
+
+    @property
+    def joint_names(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def joint_units(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def lower(self) -> Floats: ...  # noqa: D102
+    @property
+    def upper(self) -> Floats: ...  # noqa: D102
+    @property
+    def period(self) -> float: ...  # noqa: D102  [s] of a tick
+    @property
+    def simulated(self) -> bool: ...  # noqa: D102
+    @property
+    def supports(self) -> frozenset[str]: ...  # noqa: D102
+    @property
+    def columns(self) -> tuple[Column, ...]: ...  # noqa: D102  of telemetry
+
+    def measured_js(self) -> JointState:
+        """Latest measured joint state."""
+        ...
+
+    def setpoint_js(self) -> JointState:
+        """Latest joint setpoint."""
+        ...
+
+    def servo_jp(self, q: Floats) -> None:
+        """Command joint positions (n,) [rad|m] for the next tick."""
+        ...
+
+    def servo_jr(self, dq: Floats) -> None:
+        """Command joint increments (n,) [rad|m] for the next tick."""
+        ...
+
+    def servo_jf(self, tau: Floats) -> None:
+        """Command joint torques (n,) [Nm|N], in place of the robot's own position control."""
+        ...
+
+    def operating_state(self) -> OperatingState:
+        """Operating state."""
+        ...
+
+    def state_command(self, command: StateCommand) -> None:
+        """Ask for a transition of the operating state; the robot decides."""
+        ...
+
+    def telemetry(self) -> Mapping[str, Floats]:
+        """Latest sample of every declared column, each (width,)."""
+        ...
+
+    def wait(self) -> None:
+        """End a tick: a simulator advances by its period, hardware sleeps until the next one."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from catenary.calibration.card import Card, model_card
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import cross_validate, evaluate
 from catenary.calibration.fit import FitOptions, choose_inputs, fit
-from tests.recordings import recording
+from recordings import recording
 
 
 def card_of(log: Any = None, *, held_out: bool = True, folds: int = 3, **options: Any) -> Card:

@@ -8,7 +8,7 @@ from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.features import FeatureSet
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from tests.recordings import recording
+from recordings import recording
 
 NAMES, UNITS = ("q:J1", "q:J2", "q:J3"), ("rad", "rad", "m")
 PLAIN = FeatureSet(NAMES, UNITS)

@@ -13,7 +13,7 @@ from catenary.calibration.model import CalibrationModel
 from catenary.calibration.progress import Progress
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from tests.recordings import data_of, fitted, recording
+from recordings import data_of, fitted, recording
 
 
 def off_by(errors: Any, **changes: Any) -> MotionLog:

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.calibration.features import FeatureSet, available_signals, choose_signals, play, signal_unit
 from catenary.errors import InputError
-from tests.recordings import recording
+from recordings import recording
 
 NAMES, UNITS = ("q:J1", "q:J2", "q:J3"), ("rad", "rad", "m")
 LOG = recording(np.random.default_rng(0), rows=12)

@@ -13,7 +13,7 @@ from numpy.testing import assert_array_equal
 from catenary.calibration.files import card_path, load_model, save_model
 from catenary.calibration.linear import Linear
 from catenary.errors import FileFormatError
-from tests.recordings import fitted, recording
+from recordings import fitted, recording
 
 LOG = recording(np.random.default_rng(0), rows=40)
 MODEL = fitted(LOG, kind="linear", history=1)

@@ -11,7 +11,7 @@ from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.fit import PLAY_SHARES, FitOptions, choose_inputs, fit
 from catenary.errors import InputError
-from tests.recordings import data_of, fitted, recording
+from recordings import data_of, fitted, recording
 
 
 def bent(q: np.ndarray) -> np.ndarray:
@@ -128,6 +128,12 @@ def test_best_takes_play_states_of_every_joint_that_moves() -> None:
     assert [signal for signal, _ in features.play] == ["q:J1"] * len(PLAY_SHARES) + ["q:J3"] * len(
         PLAY_SHARES
     )
+
+
+def test_best_takes_no_play_states_beside_torques_unless_asked() -> None:
+    run = log(tau=np.ones((300, 3)))
+    assert choose_inputs([run], FitOptions("neural", "best")).features.play == ()
+    assert len(choose_inputs([run], FitOptions("neural", "best", play=(0.1,))).features.play) == 3
 
 
 def test_play_half_widths_are_shares_of_the_motion_of_all_recordings() -> None:

@@ -9,7 +9,7 @@ from catenary.calibration.linear import Linear
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.valid_range import ValidRange
 from catenary.errors import InputError
-from tests.recordings import recording
+from recordings import recording
 
 OFFSET = np.array([0.5, -0.25])
 INPUTS = FeatureSet(("q:J1", "q:J2"), ("rad", "m"))

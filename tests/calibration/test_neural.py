@@ -233,6 +233,7 @@ def test_best_network_learns_a_smooth_function() -> None:
     assert np.all(left.std(axis=0) < 0.1 * Y.std(axis=0))
 
 
+@pytest.mark.slow
 def test_paper_network_learns_more_than_a_linear_model() -> None:
     X, Y = problem(2400)
     A = np.column_stack([X, np.ones(len(X))])

@@ -13,7 +13,7 @@ from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.files import load_model, save_model
 from catenary.calibration.fit import FitOptions, choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
-from tests.recordings import data_of, fitted, recording
+from recordings import data_of, fitted, recording
 
 KINDS: dict[str, dict[str, Any]] = {
     "offset": {"kind": "offset"},

@@ -13,7 +13,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.plant import MotionLog
 from catenary.recording.hashing import sha256_of
 from catenary.recording.logs import read_log, write_parquet
-from tests.recordings import recording
+from recordings import recording
 
 
 def full_log() -> MotionLog:

@@ -9,8 +9,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.errors import InputError, UnsupportedModelError
 from catenary.robots.assembly import Coordinate, Link, LinkInertia, assemble
 from catenary.spatial import Pose, identity_pose, rotation_from_rpy
-from tests.oracles.random_robots import random_tensor
-from tests.oracles.tree_poses import frame_pose
+from oracles.random_robots import random_tensor
+from oracles.tree_poses import frame_pose
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -4,7 +4,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import FileFormatError
 from catenary.robots.catalog import load_file, load_robot, robot_names
-from tests.oracles.tree_poses import frame_pose, potential_energy, relative_pose
+from oracles.tree_poses import frame_pose, potential_energy, relative_pose
 
 HOME = [np.deg2rad(30), np.deg2rad(90), 0.40, 0.0, 0.0, 0.0]
 MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])

@@ -8,7 +8,7 @@ from catenary.errors import InputError
 from catenary.robots.assembly import Coordinate
 from catenary.robots.dh import DHRobot, DHRow, from_dh
 from catenary.spatial import Pose, rotation_from_rpy
-from tests.oracles.tree_poses import frame_pose, homogeneous
+from oracles.tree_poses import frame_pose, homogeneous
 
 # Franka Emika, "Robot and interface specifications": modified convention; alpha [rad], a [m], d [m]
 PANDA = [

@@ -14,8 +14,8 @@ from catenary.errors import (
     UnsupportedModelError,
 )
 from catenary.robots.mjcf import load_mjcf
-from tests.oracles.random_robots import random_mjcf
-from tests.oracles.tree_poses import frame_pose, homogeneous, link_poses, moments_about_origin
+from oracles.random_robots import random_mjcf
+from oracles.tree_poses import frame_pose, homogeneous, link_poses, moments_about_origin
 
 BALL_GEOM = '<geom size="0.1" mass="1"/>'
 ARM = f"""

@@ -4,7 +4,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import ConfigError, InputError, UnsupportedModelError
 from catenary.robots.table import load_table
-from tests.oracles.tree_poses import frame_pose
+from oracles.tree_poses import frame_pose
 
 HEAD = 'name = "r"\nconvention = "modified"\nsources = ["assumed"]\n'
 MASS = "mass_kg = 2\ncom_m = [0.1, 0.2, 0.3]\ninertia_kg_m2 = [1, 0.1, 0.2, 2, 0.3, 2.5]\n"

@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import FileFormatError, InputError, MissingInertiaError, UnsupportedModelError
 from catenary.robots.urdf import load_urdf, parse_urdf
-from tests.oracles.random_robots import random_urdf
-from tests.oracles.tree_poses import all_links, frame_pose
+from oracles.random_robots import random_urdf
+from oracles.tree_poses import all_links, frame_pose
 
 ALL_KINDS = ("revolute", "fixed", "prismatic", "continuous", "revolute")
 INERTIAL = '<inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'

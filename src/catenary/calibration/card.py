@@ -117,7 +117,7 @@ def _settings(options: FitOptions) -> dict[str, Any]:
         "kind": options.kind,
         "inputs": options.inputs,
         "history": options.history,
-        "play_shares": list(options.play_shares),
+        "play_shares": None if options.play is None else list(options.play),
         "target": options.target,
         "ridge": options.ridge_used,
     }

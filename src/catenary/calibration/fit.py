@@ -35,8 +35,9 @@ class FitOptions:
 
     `inputs` names signals or groups of signals, for all joints or per joint; None takes the positions and, if
     recorded, the torques. `play` adds play states of the positions, as shares of each joint's range of motion;
-    None means none, except for the neural preset `best`. `ridge` None means 0, or 10 for regressions on features
-    with memory. A fixed offset is one of the error, whatever the target.
+    None means none, except for the neural preset `best` where no torque is recorded: torque, too, tells on which
+    side of its slack a cable lies, and then play states only add what can be over-fitted. `ridge` None means 0, or
+    10 for regressions on features with memory. A fixed offset is one of the error, whatever the target.
     """
 
     kind: Kind = "linear"
@@ -66,20 +67,20 @@ class FitOptions:
         if self.ridge is not None and self.kind not in ("linear", "polynomial"):
             raise InputError(f"ridge {self.ridge} of model {self.kind}: only linear and polynomial take one")
 
-    @property
-    def play_shares(self) -> tuple[float, ...]:
-        """Shares of each joint's range of motion that the play states take."""
+    def play_shares(self, signals: Sequence[str]) -> tuple[float, ...]:
+        """Shares of each joint's range of motion that the play states take beside the given signals."""
         if self.play is not None:
             return self.play
-        return PLAY_SHARES if self.preset == "best" else ()
+        torque = any(name.startswith("tau:") for name in signals)
+        return PLAY_SHARES if self.preset == "best" and not torque else ()
 
     @property
     def ridge_used(self) -> float | None:
         """Weight on the squared coefficients of a regression; None for other kinds."""
         if self.kind not in ("linear", "polynomial") or self.ridge is not None:
             return self.ridge
-        many = self.kind == "polynomial" and self.history > 0
-        return MEMORY_RIDGE if many or self.play_shares else 0.0
+        memory = bool(self.play) or (self.kind == "polynomial" and self.history > 0)
+        return MEMORY_RIDGE if memory else 0.0
 
 
 @dataclass(frozen=True)
@@ -113,6 +114,7 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
         words = _default_words(log) if options.inputs is None else options.inputs
         per_joint = (choose_signals(log, words),) * len(log.joint_names)
     signals = tuple(dict.fromkeys(name for names in per_joint for name in names))
+    shares = options.play_shares(signals)
     play: list[tuple[str, float]] = []
     for name in signals:
         joint = name.removeprefix("q:")
@@ -123,7 +125,7 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
             ]
             low, high = min(float(c.min()) for c in commands), max(float(c.max()) for c in commands)
             if high > low:
-                play += [(name, share * (high - low)) for share in options.play_shares]
+                play += [(name, share * (high - low)) for share in shares]
     if options.play and not play:
         raise InputError(
             f"play: none of the inputs {', '.join(signals)} is the position of a joint that moved"

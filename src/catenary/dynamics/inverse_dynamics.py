@@ -1,0 +1,198 @@
+"""The torques of a motion, and the velocity terms of M qdd + C qd + g = tau as a matrix."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array, as_batch
+from catenary.compiled import compiled
+from catenary.dynamics.coordinates import place_tree, to_robot, to_robot_matrix, to_tree
+from catenary.dynamics.coriolis_recursion import coriolis_recursion
+from catenary.dynamics.recursion import newton_euler_recursion, place_links
+from catenary.errors import InputError
+from catenary.robots.model import RobotModel, Tree
+
+_ZERO = (0.0, 0.0, 0.0)
+
+
+class BaseMotion(NamedTuple):
+    """How the base frame moves, against a frame that does not, expressed in base axes.
+
+    The linear velocity does not matter. `linear_acceleration` is that of the frame's origin as a point,
+    without gravity: an accelerometer there reads linear_acceleration - gravity.
+    """
+
+    angular_velocity: ArrayLike = _ZERO  # (3,) [rad/s]
+    angular_acceleration: ArrayLike = _ZERO  # (3,) [rad/s2]
+    linear_acceleration: ArrayLike = _ZERO  # (3,) [m/s2]
+
+
+def inverse_dynamics(
+    model: RobotModel,
+    q: ArrayLike,
+    qd: ArrayLike,
+    qdd: ArrayLike,
+    gravity: ArrayLike,
+    base: BaseMotion | None = None,
+) -> Floats:
+    """Torques that produce a motion: M(q) qdd + C(q, qd) qd + g(q), on a base that may itself move.
+
+    Recursive Newton-Euler (Luh, Walker, Paul 1980). A moving base loads the joints with
+    gravity - a_base - alpha x r - omega x (omega x r) in place of gravity, and with the moments that turn
+    the links along with it.
+
+    Args:
+        model: The robot.
+        q: (n,) or (N, n) coordinates [rad or m].
+        qd: The same shape, velocities.
+        qdd: The same shape, accelerations.
+        gravity: (3,) or (N, 3) free-fall acceleration in base axes, down: (0, 0, -9.81) upright [m/s2].
+        base: Motion of the base, the same for every row; at rest when None.
+
+    Returns:
+        (n,) or (N, n) [Nm or N].
+
+    Raises:
+        MissingInertiaError: Links without inertia.
+        InputError: An argument has another shape or is not finite.
+    """
+    model.require_inertia()
+    rows, single = as_batch("q", q, model.n)
+    velocities = _like(rows, single, "qd", qd)
+    accelerations = _like(rows, single, "qdd", qdd)
+    gravities = gravity_rows(gravity, len(rows))
+    base_motion = np.zeros((3, 3))
+    if base is not None:
+        for r, name in enumerate(BaseMotion._fields):
+            base_motion[r] = as_array(f"base {name.replace('_', ' ')}", base[r], (3,))
+    out = np.empty((len(rows), model.n))
+    _inverse_dynamics_rows(
+        model.tree,
+        model.coupling,
+        model.offset,
+        rows,
+        velocities,
+        accelerations,
+        gravities,
+        base_motion,
+        out,
+    )
+    return out[0] if single else out
+
+
+def coriolis_matrix(model: RobotModel, q: ArrayLike, qd: ArrayLike) -> Floats:
+    """Coriolis matrix of Christoffel's symbols: M_dot - 2 C is skew and C(q, a) b = C(q, b) a.
+
+    Method and source: coriolis_recursion.py.
+
+    Args:
+        model: The robot.
+        q: (n,) or (N, n) coordinates [rad or m].
+        qd: The same shape, velocities.
+
+    Returns:
+        (n, n) or (N, n, n); C qd are the torques of the velocities.
+
+    Raises:
+        MissingInertiaError: Links without inertia.
+        InputError: An argument has another shape or is not finite.
+    """
+    model.require_inertia()
+    rows, single = as_batch("q", q, model.n)
+    velocities = _like(rows, single, "qd", qd)
+    out = np.empty((len(rows), model.n, model.n))
+    _coriolis_rows(model.tree, model.coupling, model.offset, rows, velocities, out)
+    return out[0] if single else out
+
+
+def gravity_rows(gravity: ArrayLike, count: int) -> Floats:
+    """Give gravity (3,) or (N, 3) as one row for all, or as one row for each of `count` configurations.
+
+    Raises:
+        InputError: Another shape or number of rows, NaN or infinity.
+    """
+    rows, single = as_batch("gravity", gravity, 3)
+    if not single and len(rows) != count:
+        raise InputError(f"gravity: expected shape (3,) or ({count}, 3), as q has it, got {rows.shape}")
+    return rows
+
+
+def _like(q: Floats, single: bool, name: str, values: ArrayLike) -> Floats:
+    """Check that velocities or accelerations come in the shape of q."""
+    rows = as_array(name, values, (q.shape[1],) if single else q.shape)
+    return rows.reshape(q.shape)
+
+
+@compiled
+def _inverse_dynamics_rows(
+    tree: Tree,
+    coupling: Floats,
+    offset: Floats,
+    q: Floats,
+    qd: Floats,
+    qdd: Floats,
+    gravity: Floats,
+    base_motion: Floats,
+    out: Floats,
+) -> None:
+    n = len(tree.parent)
+    work = np.empty((3, n))
+    rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))
+    xd, xdd, torque = np.empty(n), np.empty(n), np.empty(n)
+    omega, alpha, acceleration = np.empty((n + 1, 3)), np.empty((n + 1, 3)), np.empty((n + 1, 3))
+    force, moment = np.empty((n + 1, 3)), np.empty((n + 1, 3))
+    omega[n] = base_motion[0]
+    alpha[n] = base_motion[1]
+    for k in range(len(q)):
+        place_tree(tree, coupling, offset, q[k], work, rotation, position)
+        to_tree(coupling, qd[k], xd)
+        to_tree(coupling, qdd[k], xdd)
+        for r in range(3):
+            acceleration[n, r] = base_motion[2, r] - gravity[k if len(gravity) > 1 else 0, r]
+        newton_euler_recursion(
+            tree, rotation, position, xd, xdd, omega, alpha, acceleration, force, moment, torque
+        )
+        to_robot(coupling, torque, out[k])
+
+
+@compiled
+def _coriolis_rows(tree: Tree, coupling: Floats, offset: Floats, q: Floats, qd: Floats, out: Floats) -> None:
+    n = len(tree.parent)
+    work = np.empty((3, n))
+    rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))
+    base_rotation, base_position = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3))
+    xd = np.empty(n)
+    spin, slide, spin_rate, slide_rate = (
+        np.empty((n, 3)),
+        np.empty((n, 3)),
+        np.empty((n, 3)),
+        np.empty((n, 3)),
+    )
+    omega, velocity = np.empty((n + 1, 3)), np.empty((n + 1, 3))
+    mass, moment, inertia = np.empty(n + 1), np.empty((n + 1, 3)), np.empty((n + 1, 3, 3))
+    momentum, turning = np.empty((n + 1, 3)), np.empty((n + 1, 3, 3))
+    tree_matrix, half = np.empty((n, n)), np.empty((n, coupling.shape[1]))
+    for k in range(len(q)):
+        place_tree(tree, coupling, offset, q[k], work, rotation, position)
+        place_links(tree, rotation, position, base_rotation, base_position)
+        to_tree(coupling, qd[k], xd)
+        coriolis_recursion(
+            tree,
+            base_rotation,
+            base_position,
+            xd,
+            spin,
+            slide,
+            spin_rate,
+            slide_rate,
+            omega,
+            velocity,
+            mass,
+            moment,
+            inertia,
+            momentum,
+            turning,
+            tree_matrix,
+        )
+        to_robot_matrix(coupling, tree_matrix, half, out[k])

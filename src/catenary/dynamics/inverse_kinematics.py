@@ -1,0 +1,147 @@
+"""Joint coordinates that bring a frame to a pose."""
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array
+from catenary.dynamics.damped_least_squares import Approach, damped_least_squares
+from catenary.dynamics.raven_inverse_kinematics import raven_path
+from catenary.errors import InputError, UnreachablePoseError
+from catenary.robots.model import Frame, RobotModel
+from catenary.spatial import Pose, as_rotation
+
+Match = Literal["pose", "position"]
+
+
+def inverse_kinematics(
+    model: RobotModel,
+    pose: Pose,
+    q_start: ArrayLike | None = None,
+    *,
+    frame: str | None = None,
+    match: Match | None = None,
+    position_tolerance: float = 1e-7,
+    orientation_tolerance: float = 1e-7,
+    rng: np.random.Generator | None = None,
+    starts: int = 20,
+    max_iterations: int = 300,
+) -> Floats:
+    """Coordinates within the joint limits that bring a frame to a pose.
+
+    RAVEN-II arms have a closed form: exact, nearest to `q_start` (raven_closed_form.py). Other arms are
+    searched by damped least squares from `q_start`, then, if an `rng` is given, from random starts.
+
+    Args:
+        model: The robot.
+        pose: Pose of the frame in the base frame [m].
+        q_start: (n,) where to search from [rad or m]; the middle of the limits when None.
+        frame: Name of the frame; the model's tip when None.
+        match: "pose", or "position" alone; "pose" when None, but for fewer than 6 coordinates "position".
+        position_tolerance: Largest distance that counts as reached [m]; the closed form needs none.
+        orientation_tolerance: Largest angle that counts as reached [rad].
+        rng: Draws further starts within the limits; only the first one is tried when None.
+        starts: How many further starts.
+        max_iterations: Steps tried from each start.
+
+    Returns:
+        (n,) [rad or m].
+
+    Raises:
+        UnreachablePoseError: The remote centre or a joint limit refuses the pose, or the search did not reach
+            it; the message says which, or how near it came.
+        InputError: An argument has another shape, range, or is not finite; no frame of that name.
+    """
+    target = Pose(as_rotation("pose rotation", pose.rotation), as_array("pose position", pose.position, (3,)))
+    start = None if q_start is None else as_array("q_start", q_start, (model.n,))
+    wanted = model.frame(frame)
+    own_match: Match = "pose" if model.n >= 6 else "position"
+    match = own_match if match is None else match
+    if match not in ("pose", "position"):
+        raise InputError(f'match: expected "pose" or "position", got {match!r}')
+    for name, value in (
+        ("position_tolerance", position_tolerance),
+        ("orientation_tolerance", orientation_tolerance),
+    ):
+        if not value > 0.0:
+            raise InputError(f"{name}: expected more than 0, got {value}")
+
+    tip = model.frame()
+    if model.closed_form == "raven2" and match == own_match and _tip_follows(wanted, tip, match):
+        tip_in_frame = wanted.pose.inverse() @ tip.pose
+        goal = target @ tip_in_frame
+        path = raven_path(model, goal.rotation[np.newaxis], goal.position[np.newaxis], start)
+        return path.reshape(model.n)
+
+    best: Approach | None = None
+    tried = [_first_start(model, start)]
+    if rng is not None:
+        tried += [_random_start(model, rng) for _ in range(starts)]
+    for q in tried:
+        found = damped_least_squares(
+            model,
+            target,
+            q,
+            frame,
+            with_orientation=match == "pose",
+            position_tolerance=position_tolerance,
+            orientation_tolerance=orientation_tolerance,
+            max_iterations=max_iterations,
+        )
+        if found.position_error <= position_tolerance and found.orientation_error <= orientation_tolerance:
+            return found.q
+        # a radian counts as a metre: it only decides which attempt the message tells of
+        if best is None or sum(found[1:]) < sum(best[1:]):
+            best = found
+    assert best is not None
+    raise UnreachablePoseError(
+        _message(model, model.tip if frame is None else frame, match, best, len(tried))
+    )
+
+
+def _tip_follows(wanted: Frame, tip: Frame, match: Match) -> bool:
+    """Whether the wanted frame's target says where the tip must be: a position alone does so for the tip."""
+    if match == "pose":
+        return wanted.link == tip.link
+    return wanted.link == tip.link and np.array_equal(wanted.pose.position, tip.pose.position)
+
+
+def _first_start(model: RobotModel, q_start: Floats | None) -> Floats:
+    lower, upper = _search_range(model)
+    q: Floats = np.clip(0.5 * (lower + upper) if q_start is None else q_start, model.lower, model.upper)
+    return q
+
+
+def _random_start(model: RobotModel, rng: np.random.Generator) -> Floats:
+    return rng.uniform(*_search_range(model))
+
+
+def _search_range(model: RobotModel) -> tuple[Floats, Floats]:
+    """Limits, and where there is none a turn or two metres about zero or beside the limit that there is."""
+    half = np.where(np.array(model.joint_units) == "m", 1.0, np.pi)
+    lower, upper = np.array(model.lower), np.array(model.upper)
+    no_lower, no_upper = np.isinf(lower), np.isinf(upper)
+    both = no_lower & no_upper
+    lower = np.where(both, -half, np.where(no_lower, upper - 2 * half, lower))
+    upper = np.where(both, half, np.where(no_upper, lower + 2 * half, upper))
+    return lower, upper
+
+
+def _message(model: RobotModel, frame: str, match: Match, best: Approach, attempts: int) -> str:
+    near = f"{best.position_error:.3g} m"
+    if match == "pose":
+        near += f" and {best.orientation_error:.3g} rad"
+    at_limits = [
+        f'joint "{name}" at {value:.6g} {unit}'
+        for name, value, unit, lower, upper in zip(
+            model.joint_names, best.q, model.joint_units, model.lower, model.upper, strict=True
+        )
+        if value in (lower, upper)
+    ]
+    limits = f"; at its limit there: {', '.join(at_limits)}" if at_limits else ""
+    more = "; pass rng to try further starts" if attempts == 1 else ""
+    return (
+        f'robot "{model.name}": frame "{frame}" did not reach the {match}: nearest {near} away '
+        f"after {attempts} start(s){limits}{more}"
+    )

@@ -1,0 +1,337 @@
+"""The recursions over a tree of links, each written once.
+
+They are plain arithmetic: + - * on numbers, loops over the tree, `if` on its structure. They take sines and
+cosines instead of angles, and the caller passes every array they write. So the same functions run in
+compiled code, in Python, and on symbols.
+
+Conventions shared by all of them:
+- Links come parents first; link i moves in its parent by the tree coordinate x[i].
+- `rotation` (n, 3, 3) and `position` (n, 3) are R_parent_i and the origin of frame i in the parent, as
+  `place_joints` gives them. Quantities of link i are expressed in frame i unless a docstring says base.
+- Work arrays have n + 1 rows. The last row is the base's: the parent index -1 of a root link reaches it.
+
+Sources: J. Luh, M. Walker, R. Paul, "On-line computational scheme for mechanical manipulators", ASME J. Dyn.
+Sys. Meas. Control 102 (1980); M. Walker, D. Orin, "Efficient dynamic computer simulation of robotic
+mechanisms", same journal 104 (1982); R. Featherstone, Rigid Body Dynamics Algorithms, Springer 2008.
+"""
+
+from catenary.compiled import inlined
+from catenary.dynamics.vectors import (
+    Numbers,
+    Vector,
+    add,
+    column,
+    cross,
+    dot,
+    put,
+    put_column,
+    row,
+    scale,
+    times,
+    transpose_times,
+)
+from catenary.robots.model import Tree
+
+
+@inlined
+def place_joints(
+    tree: Tree, x: Numbers, sine: Numbers, cosine: Numbers, rotation: Numbers, position: Numbers
+) -> None:
+    """Place every link in its parent.
+
+    A revolute joint turns by Rodrigues' formula, R = c 1 + s [a]x + (1 - c) a a^T, a prismatic one moves
+    its frame along its axis.
+
+    Args:
+        tree: The robot's tree.
+        x: (n,) displacement of prismatic joints [m]; not read for revolute ones.
+        sine: (n,) sine of the angle of revolute joints; not read for prismatic ones.
+        cosine: (n,) cosine of it.
+        rotation: (n, 3, 3) written: R_parent_i.
+        position: (n, 3) written: origin of frame i in the parent [m].
+    """
+    for i in range(len(tree.parent)):
+        a = row(tree.axis, i)
+        origin = row(tree.origin, i)
+        if tree.prismatic[i]:
+            put(position, i, add(origin, scale(x[i], times(tree.rotation, i, a))))
+            for k in range(3):
+                put_column(rotation, i, k, column(tree.rotation, i, k))
+        else:
+            put(position, i, origin)
+            s = sine[i]
+            c = cosine[i]
+            # written so that an axis along x, y or z leaves plain ones, zeros, s and c
+            xx = a[0] * a[0]
+            yy = a[1] * a[1]
+            zz = a[2] * a[2]
+            xy = a[0] * a[1] * (1.0 - c)
+            xz = a[0] * a[2] * (1.0 - c)
+            yz = a[1] * a[2] * (1.0 - c)
+            first = (xx + c * (1.0 - xx), xy + s * a[2], xz - s * a[1])
+            second = (xy - s * a[2], yy + c * (1.0 - yy), yz + s * a[0])
+            third = (xz + s * a[1], yz - s * a[0], zz + c * (1.0 - zz))
+            put_column(rotation, i, 0, times(tree.rotation, i, first))
+            put_column(rotation, i, 1, times(tree.rotation, i, second))
+            put_column(rotation, i, 2, times(tree.rotation, i, third))
+
+
+@inlined
+def place_links(
+    tree: Tree, rotation: Numbers, position: Numbers, base_rotation: Numbers, base_position: Numbers
+) -> None:
+    """Place every link in the base frame: forward kinematics.
+
+    Args:
+        tree: The robot's tree.
+        rotation: (n, 3, 3) R_parent_i.
+        position: (n, 3) origins in the parents [m].
+        base_rotation: (n + 1, 3, 3) written: R_base_i; the last one is the identity.
+        base_position: (n + 1, 3) written: origins in the base frame [m].
+    """
+    n = len(tree.parent)
+    for r in range(3):
+        base_position[n, r] = 0.0
+        for k in range(3):
+            base_rotation[n, r, k] = 1.0 if r == k else 0.0
+    for i in range(n):
+        parent = tree.parent[i]
+        put(
+            base_position,
+            i,
+            add(row(base_position, parent), times(base_rotation, parent, row(position, i))),
+        )
+        for k in range(3):
+            put_column(base_rotation, i, k, times(base_rotation, parent, column(rotation, i, k)))
+
+
+@inlined
+def first_moments(tree: Tree, rotation: Numbers, position: Numbers, mass: Numbers, moment: Numbers) -> None:
+    """Sum, for every joint, the mass it carries and its first moment about the joint's frame origin.
+
+    moment_i = m_i c_i + sum over children k of (R_k moment_k + mass_k p_k)
+
+    Args:
+        tree: The robot's tree.
+        rotation: (n, 3, 3) R_parent_i.
+        position: (n, 3) origins in the parents [m].
+        mass: (n + 1,) written: carried mass [kg]; last the whole robot's.
+        moment: (n + 1, 3) written: first moment, in frame i [kg m]; last the whole robot's in the base.
+    """
+    n = len(tree.parent)
+    mass[n] = 0.0
+    put(moment, n, (0.0, 0.0, 0.0))
+    for i in range(n):
+        mass[i] = tree.mass[i]
+        put(moment, i, scale(tree.mass[i], row(tree.com, i)))
+    for i in range(n - 1, -1, -1):
+        parent = tree.parent[i]
+        seen = add(times(rotation, i, row(moment, i)), scale(mass[i], row(position, i)))
+        mass[parent] = mass[parent] + mass[i]
+        put(moment, parent, add(row(moment, parent), seen))
+
+
+@inlined
+def gravity_recursion(
+    tree: Tree,
+    rotation: Numbers,
+    position: Numbers,
+    gravity: Vector,
+    mass: Numbers,
+    moment: Numbers,
+    link_gravity: Numbers,
+    torque: Numbers,
+) -> None:
+    """Give the torques and forces that hold every joint against gravity.
+
+    Forward, gravity into the links; backward, the first moment of what each joint carries. Then a revolute
+    joint holds -a . (moment x g) and a prismatic one -a . g mass, which is the sum of A. Lewis,
+    B. Hannaford, "Dynamically evaluated gravity compensation for the RAVEN surgical robot", 2014, eq. 1-3,
+    with each carried link counted once instead of once per joint.
+
+    Args:
+        tree: The robot's tree.
+        rotation: (n, 3, 3) R_parent_i.
+        position: (n, 3) origins in the parents [m].
+        gravity: Free-fall acceleration in the base frame [m/s2].
+        mass: (n + 1,) written: carried mass [kg].
+        moment: (n + 1, 3) written: first moment of what is carried [kg m].
+        link_gravity: (n + 1, 3) written: gravity in each frame [m/s2].
+        torque: (n,) written [Nm or N].
+    """
+    n = len(tree.parent)
+    put(link_gravity, n, gravity)
+    for i in range(n):
+        put(link_gravity, i, transpose_times(rotation, i, row(link_gravity, tree.parent[i])))
+    first_moments(tree, rotation, position, mass, moment)
+    for i in range(n):
+        a = row(tree.axis, i)
+        g = row(link_gravity, i)
+        if tree.prismatic[i]:
+            torque[i] = -(dot(a, g) * mass[i])
+        else:
+            torque[i] = -dot(a, cross(row(moment, i), g))
+
+
+@inlined
+def newton_euler_recursion(
+    tree: Tree,
+    rotation: Numbers,
+    position: Numbers,
+    xd: Numbers,
+    xdd: Numbers,
+    omega: Numbers,
+    alpha: Numbers,
+    acceleration: Numbers,
+    force: Numbers,
+    moment: Numbers,
+    torque: Numbers,
+) -> None:
+    """Give the torques of a motion: recursive Newton-Euler (Luh, Walker, Paul 1980).
+
+    The caller writes the base's motion into the last rows of `omega`, `alpha` and `acceleration`, gravity as
+    an upward acceleration: acceleration[n] = a_base - gravity.
+
+    Args:
+        tree: The robot's tree.
+        rotation: (n, 3, 3) R_parent_i.
+        position: (n, 3) origins in the parents [m].
+        xd: (n,) tree velocities [rad/s or m/s].
+        xdd: (n,) tree accelerations [rad/s2 or m/s2].
+        omega: (n + 1, 3) angular velocities [rad/s].
+        alpha: (n + 1, 3) angular accelerations [rad/s2].
+        acceleration: (n + 1, 3) of the frame origins, less gravity [m/s2].
+        force: (n + 1, 3) written: what the parent exerts on link i and all beyond [N].
+        moment: (n + 1, 3) written: its moment about the origin of frame i [Nm].
+        torque: (n,) written: the part of it along the joint [Nm or N].
+    """
+    n = len(tree.parent)
+    put(force, n, (0.0, 0.0, 0.0))
+    put(moment, n, (0.0, 0.0, 0.0))
+    for i in range(n):
+        parent = tree.parent[i]
+        a = row(tree.axis, i)
+        w = transpose_times(rotation, i, row(omega, parent))
+        dw = transpose_times(rotation, i, row(alpha, parent))
+        r = row(position, i)
+        # the parent's acceleration at this frame's origin
+        a_origin = transpose_times(
+            rotation, i, add(row(acceleration, parent), _at(row(omega, parent), row(alpha, parent), r))
+        )
+        if tree.prismatic[i]:
+            coriolis = scale(2.0 * xd[i], cross(w, a))
+            a_origin = add(a_origin, add(scale(xdd[i], a), coriolis))
+        else:
+            dw = add(dw, add(scale(xdd[i], a), scale(xd[i], cross(w, a))))
+            w = add(w, scale(xd[i], a))
+        put(omega, i, w)
+        put(alpha, i, dw)
+        put(acceleration, i, a_origin)
+        # Newton at the centre of mass, Euler about it, both seen from the frame's origin
+        c = row(tree.com, i)
+        f = scale(tree.mass[i], add(a_origin, _at(w, dw, c)))
+        spin = add(times(tree.inertia, i, dw), cross(w, times(tree.inertia, i, w)))
+        put(force, i, f)
+        put(moment, i, add(spin, cross(c, f)))
+    for i in range(n - 1, -1, -1):
+        parent = tree.parent[i]
+        a = row(tree.axis, i)
+        f = row(force, i)
+        m = row(moment, i)
+        torque[i] = dot(a, f) if tree.prismatic[i] else dot(a, m)
+        f = times(rotation, i, f)
+        m = add(times(rotation, i, m), cross(row(position, i), f))
+        put(force, parent, add(row(force, parent), f))
+        put(moment, parent, add(row(moment, parent), m))
+
+
+@inlined
+def _at(w: Vector, dw: Vector, r: Vector) -> Vector:
+    """Give the acceleration at r in a body turning about its origin: dw x r + w x (w x r)."""
+    return add(cross(dw, r), cross(w, cross(w, r)))
+
+
+@inlined
+def composite_body_recursion(
+    tree: Tree,
+    rotation: Numbers,
+    position: Numbers,
+    mass: Numbers,
+    moment: Numbers,
+    inertia: Numbers,
+    matrix: Numbers,
+) -> None:
+    """Give the mass matrix: composite rigid bodies (Walker, Orin 1982; Featherstone 2008, table 6.2).
+
+    Locked beyond joint i, the robot is one body. Accelerating it by joint i alone takes a force and a moment,
+    whose parts along joint i and the joints before it are a column of the matrix.
+
+    Args:
+        tree: The robot's tree.
+        rotation: (n, 3, 3) R_parent_i.
+        position: (n, 3) origins in the parents [m].
+        mass: (n + 1,) written: carried mass [kg].
+        moment: (n + 1, 3) written: first moment of what is carried [kg m].
+        inertia: (n + 1, 3, 3) written: inertia of what is carried, about the frame's origin [kg m2].
+        matrix: (n, n) written: mass matrix of the tree coordinates.
+    """
+    n = len(tree.parent)
+    first_moments(tree, rotation, position, mass, moment)
+    for i in range(n):
+        for k in range(3):
+            put_column(inertia, i, k, column(tree.inertia, i, k))
+        _add_shifted(inertia, i, tree.mass[i], (0.0, 0.0, 0.0), row(tree.com, i))
+    for k in range(3):
+        put_column(inertia, n, k, (0.0, 0.0, 0.0))
+    for i in range(n - 1, -1, -1):
+        parent = tree.parent[i]
+        half = (  # columns of R I
+            times(rotation, i, column(inertia, i, 0)),
+            times(rotation, i, column(inertia, i, 1)),
+            times(rotation, i, column(inertia, i, 2)),
+        )
+        for k in range(3):  # columns of R I R^T, which is symmetric
+            turned = times(rotation, i, (half[0][k], half[1][k], half[2][k]))
+            put_column(inertia, parent, k, add(column(inertia, parent, k), turned))
+        _add_shifted(inertia, parent, mass[i], times(rotation, i, row(moment, i)), row(position, i))
+
+    for i in range(n):
+        for j in range(n):
+            matrix[i, j] = 0.0
+    for i in range(n):
+        a = row(tree.axis, i)
+        if tree.prismatic[i]:
+            f = scale(mass[i], a)
+            m = cross(row(moment, i), a)
+            matrix[i, i] = dot(a, f)
+        else:
+            f = cross(a, row(moment, i))
+            m = times(inertia, i, a)
+            matrix[i, i] = dot(a, m)
+        child = i
+        j = tree.parent[i]
+        while j >= 0:
+            f = times(rotation, child, f)
+            m = add(times(rotation, child, m), cross(row(position, child), f))
+            along = dot(row(tree.axis, j), f) if tree.prismatic[j] else dot(row(tree.axis, j), m)
+            matrix[i, j] = along
+            matrix[j, i] = along
+            child = j
+            j = tree.parent[j]
+
+
+@inlined
+def _add_shifted(inertia: Numbers, i: int, mass: float, moment: Vector, r: Vector) -> None:
+    """Add to inertia[i] what moving a body by r adds to its inertia about a fixed point.
+
+    With first moment h about that point before the move (parallel-axis theorem):
+    (2 r . h + m r . r) 1 - (r h^T + h r^T + m r r^T).
+    """
+    diagonal = 2.0 * dot(r, moment) + mass * dot(r, r)
+    for k in range(3):
+        for l in range(3):
+            outer = r[k] * moment[l] + moment[k] * r[l] + mass * r[k] * r[l]
+            if k == l:
+                inertia[i, k, l] = inertia[i, k, l] + (diagonal - outer)
+            else:
+                inertia[i, k, l] = inertia[i, k, l] - outer

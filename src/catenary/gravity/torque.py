@@ -1,0 +1,93 @@
+"""The torque that holds an arm against gravity, and the energy it is the gradient of."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_batch
+from catenary.compiled import compiled
+from catenary.dynamics.coordinates import place_tree, to_robot
+from catenary.dynamics.inverse_dynamics import gravity_rows
+from catenary.dynamics.recursion import first_moments, gravity_recursion
+from catenary.robots.model import RobotModel, Tree
+
+
+def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
+    """Torques that hold the arm still: g of M(q) qdd + C(q, qd) qd + g(q) = tau.
+
+    In frame i let z be the axis of joint i, i_g gravity, and i_r_k the centre of mass of link k, one of the
+    links it carries, of mass m_k. A revolute joint holds -z . sum_k i_r_k x (i_g m_k), a prismatic one
+    -z . sum_k i_g m_k. [Lewis, Hannaford 2014, "Dynamically evaluated gravity compensation for the RAVEN
+    surgical robot", eq. 1-3; the paper states the prismatic sign in its text, and writes k >= i for a chain]
+
+    Args:
+        model: The robot.
+        q: (n,) or (N, n) coordinates [rad or m].
+        gravity: (3,) or (N, 3) free-fall acceleration in base axes, down: (0, 0, -9.81) upright [m/s2].
+
+    Returns:
+        (n,) or (N, n) [Nm or N]: what the actuators must supply; never negate it. One q with many gravities
+        takes q repeated.
+
+    Raises:
+        MissingInertiaError: Links without inertia.
+        InputError: An argument has another shape or is not finite.
+    """
+    model.require_inertia()
+    rows, single = as_batch("q", q, model.n)
+    gravities = gravity_rows(gravity, len(rows))
+    out = np.empty((len(rows), model.n))
+    _gravity_torque_rows(model.tree, model.coupling, model.offset, rows, gravities, out)
+    return out[0] if single else out
+
+
+def potential_energy(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
+    """Potential energy of the links, zero with all mass in the base's origin: U = -sum_k m_k gravity . r_k.
+
+    Args:
+        model: The robot.
+        q: (n,) or (N, n) coordinates [rad or m].
+        gravity: (3,) or (N, 3) free-fall acceleration in base axes [m/s2].
+
+    Returns:
+        () or (N,) [J].
+
+    Raises:
+        MissingInertiaError: Links without inertia.
+        InputError: An argument has another shape or is not finite.
+    """
+    model.require_inertia()
+    rows, single = as_batch("q", q, model.n)
+    gravities = gravity_rows(gravity, len(rows))
+    moments = np.empty((len(rows), 3))
+    _first_moment_rows(model.tree, model.coupling, model.offset, rows, moments)
+    energies: Floats = -np.sum(moments * gravities, axis=1)
+    return energies.reshape(()) if single else energies
+
+
+@compiled
+def _gravity_torque_rows(
+    tree: Tree, coupling: Floats, offset: Floats, q: Floats, gravity: Floats, out: Floats
+) -> None:
+    n = len(tree.parent)
+    work = np.empty((3, n))
+    rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))
+    mass, moment, link_gravity = np.empty(n + 1), np.empty((n + 1, 3)), np.empty((n + 1, 3))
+    torque = np.empty(n)
+    for k in range(len(q)):
+        place_tree(tree, coupling, offset, q[k], work, rotation, position)
+        l = k if len(gravity) > 1 else 0
+        g = (gravity[l, 0], gravity[l, 1], gravity[l, 2])
+        gravity_recursion(tree, rotation, position, g, mass, moment, link_gravity, torque)
+        to_robot(coupling, torque, out[k])
+
+
+@compiled
+def _first_moment_rows(tree: Tree, coupling: Floats, offset: Floats, q: Floats, out: Floats) -> None:
+    n = len(tree.parent)
+    work = np.empty((3, n))
+    rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))
+    mass, moment = np.empty(n + 1), np.empty((n + 1, 3))
+    for k in range(len(q)):
+        place_tree(tree, coupling, offset, q[k], work, rotation, position)
+        first_moments(tree, rotation, position, mass, moment)
+        out[k] = moment[n]

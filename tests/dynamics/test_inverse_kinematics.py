@@ -1,0 +1,152 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.dynamics.inverse_kinematics import inverse_kinematics
+from catenary.dynamics.kinematics import forward_kinematics
+from catenary.errors import InputError, UnreachablePoseError
+from catenary.robots.assembly import Coordinate, Link, assemble
+from catenary.robots.catalog import load_robot
+from catenary.robots.model import RobotModel
+from catenary.spatial import Pose
+from oracles.random_trees import random_pose
+
+FAR = Pose(np.eye(3), np.array([5.0, 0.0, 0.0]))
+
+
+def random_arm(seed: int, n: int) -> RobotModel:
+    """A chain of n joints, the third prismatic, with limits; links of some 0.3 m."""
+    rng = np.random.default_rng(seed)
+    links = [
+        Link(
+            name=f"link{i}",
+            parent="base" if i == 0 else f"link{i - 1}",
+            joint="prismatic" if i == 2 else "revolute",
+            pose=random_pose(rng),
+            axis=rng.normal(size=3),
+            variable={f"q{i}": 1.0},
+        )
+        for i in range(n)
+    ]
+    coordinates = [
+        Coordinate(f"q{i}", "m", -0.3, 0.3) if i == 2 else Coordinate(f"q{i}", "rad", -2.5, 2.5)
+        for i in range(n)
+    ]
+    return assemble(f"arm{seed}", links, coordinates)
+
+
+@pytest.mark.parametrize(("seed", "n"), [(1, 6), (2, 7), (3, 7)])
+def test_poses_of_a_random_arm_are_reached_within_its_limits(seed: int, n: int) -> None:
+    model = random_arm(seed, n)
+    rng = np.random.default_rng(seed)
+    for _ in range(20):
+        pose = forward_kinematics(model, rng.uniform(model.lower, model.upper))
+        q = inverse_kinematics(model, pose, rng=rng, starts=100)
+        assert (q >= model.lower).all()
+        assert (q <= model.upper).all()
+        again = forward_kinematics(model, q)
+        assert_allclose(again.position, pose.position, atol=1.1e-7)  # the tolerance of the search
+        assert_allclose(again.rotation, pose.rotation, atol=1.1e-7)
+
+
+def test_targets_at_the_limits_are_reached_from_near_them() -> None:
+    model = random_arm(3, 7)
+    rng = np.random.default_rng(0)
+    reached = 0
+    for _ in range(50):
+        q = rng.uniform(model.lower, model.upper)
+        limit = np.where(rng.random(7) < 0.5, model.lower, model.upper)
+        q = np.where(rng.random(7) < 0.4, limit, q)
+        start = np.clip(q + 0.4 * rng.normal(size=7), model.lower, model.upper)
+        try:
+            inverse_kinematics(model, forward_kinematics(model, q), start)
+        except UnreachablePoseError:
+            continue
+        reached += 1
+    assert reached >= 45  # a step pressed against the limits, instead of along them, reaches some 35
+
+
+def test_tolerances_are_met_as_asked() -> None:
+    model = random_arm(4, 7)
+    rng = np.random.default_rng(4)
+    target = forward_kinematics(model, rng.uniform(-0.5, 0.5, size=7) * [1, 1, 0.3, 1, 1, 1, 1])
+    q = inverse_kinematics(
+        model, target, np.zeros(7), position_tolerance=1e-12, orientation_tolerance=1e-12, rng=rng
+    )
+    assert_allclose(forward_kinematics(model, q).position, target.position, atol=1e-11)
+
+
+def test_fewer_than_six_joints_match_the_position_alone() -> None:
+    model = load_robot("planar_3r")
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        target = forward_kinematics(model, rng.uniform(-2.0, 2.0, size=3)).position
+        q = inverse_kinematics(model, Pose(np.eye(3), target), rng.uniform(-1.0, 1.0, size=3), rng=rng)
+        assert_allclose(forward_kinematics(model, q).position, target, atol=1.1e-7)
+
+
+def test_fewer_than_six_joints_match_a_pose_when_asked() -> None:
+    model = load_robot("planar_3r")
+    rng = np.random.default_rng(6)
+    target = forward_kinematics(model, [0.4, 0.5, -0.3])
+    q = inverse_kinematics(model, target, [0.3, 0.3, 0.3], match="pose", rng=rng)
+    assert_allclose(forward_kinematics(model, q).rotation, target.rotation, atol=1.1e-7)
+
+
+def test_a_frame_other_than_the_tip_is_brought_to_its_pose() -> None:
+    model = load_robot("planar_3r")
+    target = forward_kinematics(model, [0.4, 0.9, 0.0], "link3")
+    q = inverse_kinematics(model, target, [0.3, 0.5, 0.1], frame="link3")
+    assert_allclose(forward_kinematics(model, q, "link3").position, target.position, atol=1.1e-7)
+
+
+@pytest.mark.parametrize("name", ["raven2", "raven2_full"])
+def test_search_finds_what_the_closed_form_does_not_offer(name: str) -> None:
+    model = load_robot(name)
+    q = np.array([0.5, 1.5, 0.4, 0.1, 0.3, 0.2])[: model.n]
+    target = forward_kinematics(model, q, "insertion").position
+    found = inverse_kinematics(model, Pose(np.eye(3), target), frame="insertion", match="position")
+    assert_allclose(found[:3], q[:3], atol=1e-5)  # 1e-7 m at the lever of 0.4 m
+
+
+def test_an_unreachable_target_says_how_near_the_search_came() -> None:
+    planar = load_robot("planar_3r")
+    # the arm is 0.9 m long
+    with pytest.raises(UnreachablePoseError, match=r"nearest 4\.1 m away after 1 start.*pass rng"):
+        inverse_kinematics(planar, FAR, [0.1, 0.1, 0.1])
+    with pytest.raises(UnreachablePoseError, match=r"nearest .* m and .* rad away after 6 start"):
+        inverse_kinematics(random_arm(7, 6), FAR, rng=np.random.default_rng(7), starts=5)
+
+
+def test_an_unreachable_target_names_the_limits_that_hold_the_arm_back() -> None:
+    model = assemble(
+        "slide",
+        [Link("carriage", "base", "prismatic", Pose(np.eye(3), np.zeros(3)), variable={"carriage": 1.0})],
+        [Coordinate("carriage", "m", 0.0, 0.5)],
+    )
+    target = Pose(np.eye(3), np.array([0.0, 0.0, 0.7]))
+    with pytest.raises(UnreachablePoseError, match=r'nearest 0\.2 m .*joint "carriage" at 0\.5 m'):
+        inverse_kinematics(model, target)
+
+
+def test_random_starts_come_from_the_generator_alone() -> None:
+    model = random_arm(8, 7)
+    target = forward_kinematics(model, np.full(7, 0.2))
+    first, second = (
+        inverse_kinematics(model, target, rng=np.random.default_rng(9), starts=30) for _ in range(2)
+    )
+    assert_allclose(first, second, atol=0.0)
+
+
+def test_wrong_arguments_are_refused_with_a_reason() -> None:
+    model = load_robot("planar_3r")
+    with pytest.raises(InputError, match=r"q_start: expected shape \(3,\)"):
+        inverse_kinematics(model, FAR, [0.0, 0.0])
+    with pytest.raises(InputError, match=r"q_start\[1\] is nan"):
+        inverse_kinematics(model, FAR, [0.0, np.nan, 0.0])
+    with pytest.raises(InputError, match='no frame "foot"'):
+        inverse_kinematics(model, FAR, frame="foot")
+    with pytest.raises(InputError, match=r'match: expected "pose" or "position", got .both.'):
+        inverse_kinematics(model, FAR, match="both")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"position_tolerance: expected more than 0, got 0\.0"):
+        inverse_kinematics(model, FAR, position_tolerance=0.0)

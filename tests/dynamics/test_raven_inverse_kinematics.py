@@ -1,0 +1,184 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.dynamics.inverse_kinematics import inverse_kinematics
+from catenary.dynamics.kinematics import forward_kinematics, frame_poses
+from catenary.dynamics.raven_inverse_kinematics import raven_path, raven_solutions
+from catenary.errors import InputError, UnreachablePoseError, UnsupportedModelError
+from catenary.robots.catalog import load_robot
+from catenary.robots.model import RobotModel
+from catenary.spatial import Pose
+from oracles.random_trees import Floats
+
+ARMS = ["raven2_full", "raven2_full_right", "raven2", "raven2_right"]
+FULL_ARMS = ARMS[:2]
+L, D = 0.013, 0.47  # m, from the mechanism's table
+
+
+def clear_of_the_remote_centre(model: RobotModel) -> Floats:
+    upper = np.array(model.upper)
+    upper[2] = 0.457
+    return upper
+
+
+def within_limits(model: RobotModel, q: Floats) -> bool:
+    inside = (q >= model.lower - 1e-9) & (q <= model.upper + 1e-9)
+    return bool(np.delete(inside, 3 if model.n == 6 else []).all())  # the roll may be turned once around
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_a_thousand_configurations_are_recovered_from_their_poses(name: str) -> None:
+    model = load_robot(name)
+    rng = np.random.default_rng(1)
+    for q in rng.uniform(model.lower, clear_of_the_remote_centre(model), size=(1000, model.n)):
+        found = inverse_kinematics(model, forward_kinematics(model, q), q + 0.1 * rng.uniform(-1, 1, model.n))
+        assert_allclose(found, q, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_exactly_one_solution_lies_within_the_limits(name: str) -> None:
+    model = load_robot(name)
+    rng = np.random.default_rng(2)
+    for q in rng.uniform(model.lower, clear_of_the_remote_centre(model), size=(1000, model.n)):
+        solutions = raven_solutions(model, forward_kinematics(model, q))
+        assert sum(within_limits(model, s) for s in solutions) == 1
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_every_solution_reproduces_the_pose(name: str) -> None:
+    model = load_robot(name)
+    rng = np.random.default_rng(3)
+    for q in rng.uniform(model.lower, clear_of_the_remote_centre(model), size=(200, model.n)):
+        pose = forward_kinematics(model, q)
+        solutions = raven_solutions(model, pose)
+        assert 2 <= len(solutions) <= (8 if model.n == 6 else 4)
+        assert len(solutions) % 2 == 0
+        for s in solutions:
+            again = forward_kinematics(model, s)
+            assert_allclose(again.position, pose.position, atol=1e-12)
+            if model.n == 6:
+                assert_allclose(again.rotation, pose.rotation, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_limits_themselves_are_reached(name: str) -> None:
+    model = load_robot(name)
+    upper = clear_of_the_remote_centre(model) - [0.0, 0.0, 1e-6, 0.0, 0.0, 0.0][: model.n]
+    rng = np.random.default_rng(4)
+    for _ in range(100):
+        q = np.where(rng.random(model.n) < 0.5, model.lower, upper)
+        found = inverse_kinematics(model, forward_kinematics(model, q), q)
+        assert_allclose(found, q, atol=1e-9)
+        assert (found >= model.lower).all()
+        assert (found <= model.upper).all()
+
+
+@pytest.mark.parametrize("name", FULL_ARMS)
+@pytest.mark.parametrize("wrist", [0.0, 1e-12, -1e-7])
+def test_the_roll_is_known_though_the_tool_is_straight(name: str, wrist: float) -> None:
+    model = load_robot(name)
+    q = np.array([np.pi / 6, np.pi / 2, 0.40, 0.7, wrist, -0.4])
+    assert_allclose(inverse_kinematics(model, forward_kinematics(model, q), q + 0.1), q, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", FULL_ARMS)
+def test_poses_are_refused_near_the_remote_centre_and_only_there(name: str) -> None:
+    model = load_robot(name)
+    rng = np.random.default_rng(5)
+    refused = 0
+    for q in rng.uniform(model.lower, model.upper, size=(1000, 6)):
+        d = q[2] - D
+        # either wrist candidate within L: the true one at d, the other one 2 L back through the tool's joint
+        near = abs(d) <= L or d**2 - 4 * d * L * np.cos(q[4]) + 4 * L**2 <= L**2
+        pose = forward_kinematics(model, q)
+        if near:
+            refused += 1
+            with pytest.raises(UnreachablePoseError, match="mm from the remote centre"):
+                inverse_kinematics(model, pose, q)
+        else:
+            assert_allclose(inverse_kinematics(model, pose, q), q, atol=1e-9)
+    assert 70 < refused < 130  # about a tenth of the box
+
+
+def test_three_joints_refuse_a_wrist_in_the_remote_centre() -> None:
+    model = load_robot("raven2")
+    for j3 in (0.457 + 1e-9, 0.47, 0.483 - 1e-9):
+        with pytest.raises(UnreachablePoseError, match="remote centre"):
+            inverse_kinematics(model, forward_kinematics(model, [0.5, 1.5, j3]))
+    for j3 in (0.457 - 1e-9, 0.483 + 1e-9):
+        q = [0.5, 1.5, j3]
+        assert_allclose(inverse_kinematics(model, forward_kinematics(model, q), q), q, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", FULL_ARMS)
+def test_roll_stays_on_the_side_of_the_start(name: str) -> None:
+    model = load_robot(name)
+    q = np.array([0.5, 1.5, 0.4, np.deg2rad(179.0), 0.3, 0.2])
+    pose = forward_kinematics(model, q)
+    assert_allclose(inverse_kinematics(model, pose, q), q, atol=1e-9)
+    other = q - [0.0, 0.0, 0.0, 2 * np.pi, 0.0, 0.0]
+    assert_allclose(inverse_kinematics(model, pose, other), other, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", FULL_ARMS)
+def test_a_frame_fixed_to_the_tool_is_brought_to_its_pose(name: str) -> None:
+    model = load_robot(name)
+    q = np.array([0.5, 1.5, 0.4, 0.1, 0.3, 0.2])
+    offset = Pose(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.array([0.01, 0.0, 0.0]))
+    tool = model.frames["tool"]
+    object.__setattr__(model, "frames", {**model.frames, "jaw": tool._replace(pose=tool.pose @ offset)})
+    found = inverse_kinematics(model, forward_kinematics(model, q, "jaw"), q, frame="jaw")
+    assert_allclose(found, q, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_a_pose_beyond_a_limit_names_the_limit(name: str) -> None:
+    model = load_robot(name)
+    q = np.array([0.5, 1.5, 0.2, 0.1, 0.3, 0.2])[: model.n]
+    with pytest.raises(UnreachablePoseError, match=r'joint "insertion": 0.2 m outside \[0.23, 0.56\]'):
+        inverse_kinematics(model, forward_kinematics(model, q), q)
+    q[1:3] = 0.6, 0.4
+    with pytest.raises(UnreachablePoseError, match=r'joint "elbow": 0.6 rad outside'):
+        inverse_kinematics(model, forward_kinematics(model, q), q)
+
+
+@pytest.mark.parametrize("name", ["raven2", "raven2_right"])
+def test_a_shaft_along_the_shoulders_axis_is_out_of_reach(name: str) -> None:
+    model = load_robot(name)
+    # the shoulder turns about the base's y
+    with pytest.raises(UnreachablePoseError, match="too near the shoulder's axis; expected at 23 deg"):
+        inverse_kinematics(model, Pose(np.eye(3), np.array([0.0, 0.1, 0.0])))
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_a_path_of_poses_is_followed_along_one_branch(name: str) -> None:
+    model = load_robot(name)
+    rng = np.random.default_rng(6)
+    a, b = rng.uniform(model.lower, clear_of_the_remote_centre(model), size=(2, model.n))
+    q = a + np.linspace(0.0, 1.0, 200)[:, None] * (b - a)
+    assert_allclose(raven_path(model, *frame_poses(model, q), a), q, atol=1e-9)
+
+
+def test_a_path_names_the_pose_that_it_cannot_reach() -> None:
+    model = load_robot("raven2_full")
+    q = np.tile([0.5, 1.5, 0.4, 0.1, 0.3, 0.2], (5, 1))
+    q[3, 0] = 1.7
+    with pytest.raises(UnreachablePoseError, match=r'pose 3 of 5: .*joint "shoulder": 1.7 rad outside'):
+        raven_path(model, *frame_poses(model, q))
+    q[2, 2] = D
+    with pytest.raises(UnreachablePoseError, match=r"pose 2 of 5: .*remote centre"):
+        raven_path(model, *frame_poses(model, q))
+    assert raven_path(model, np.empty((0, 3, 3)), np.empty((0, 3))).shape == (0, 6)
+
+
+def test_what_is_no_pose_or_no_raven_is_refused() -> None:
+    model = load_robot("raven2_full")
+    with pytest.raises(InputError, match="rotation matrix"):
+        inverse_kinematics(model, Pose(np.diag([1.0, 1.0, -1.0]), np.array([0.1, 0.0, 0.0])))
+    with pytest.raises(InputError, match=r"pose position\[0\] is nan"):
+        raven_solutions(model, Pose(np.eye(3), np.array([np.nan, 0.0, 0.0])))
+    with pytest.raises(InputError, match=r"rotations\[1\]: expected a rotation matrix"):
+        raven_path(model, [np.eye(3), 2.0 * np.eye(3)], np.full((2, 3), 0.1))
+    with pytest.raises(UnsupportedModelError, match='robot "planar_3r": no closed form'):
+        raven_solutions(load_robot("planar_3r"), Pose(np.eye(3), np.zeros(3)))

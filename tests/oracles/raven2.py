@@ -1,0 +1,48 @@
+"""RAVEN-II by its Denavit-Hartenberg table, multiplied out matrix by matrix.
+
+Table: uw-biorobotics/raven2 @ d2307c5, modified convention, Rx(alpha) Tx(a) Rz(theta) Tz(d).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+# alpha, theta offset [deg] of the first three rows; the other rows are alike on both arms
+_ALPHA = {"left": (0, 75, 128), "right": (180, 75, 52)}
+_THETA = {"left": (205, 180, 90), "right": (25, 0, -90)}
+
+MASS = (0.494, 0.750, 0.231)  # kg
+COM = {  # m, in frames 1 to 3
+    "left": ((0.0065, 0.09775, -0.13771), (-0.002, -0.18274, -0.23053), (0, 0, 0)),
+    "right": ((-0.0065, -0.09775, 0.13771), (-0.002, -0.18274, 0.23053), (0, 0, 0)),
+}
+
+
+def dh_frames(arm: str, joints: Floats) -> list[Floats]:
+    """Homogeneous transforms T_0_i (4, 4) for three or six joints [rad, rad, m, rad, rad, rad]."""
+    J = np.concatenate([joints, np.zeros(6 - len(joints))])
+    alpha, theta = _ALPHA[arm], _THETA[arm]
+    rows = [
+        (alpha[0], 0.0, np.deg2rad(theta[0]) + J[0], 0.0),
+        (alpha[1], 0.0, np.deg2rad(theta[1]) + J[1], 0.0),
+        (alpha[2], 0.0, np.deg2rad(theta[2]), J[2]),
+        (0, 0.0, J[3], -0.47),
+        (90, 0.0, J[4] - np.pi / 2, 0.0),
+        (90, 0.013, J[5], 0.0),
+    ]
+    frames = []
+    T = np.eye(4)
+    for alpha_deg, a, angle, d in rows:
+        ca, sa = np.cos(np.deg2rad(alpha_deg)), np.sin(np.deg2rad(alpha_deg))
+        ct, st = np.cos(angle), np.sin(angle)
+        T = T @ np.array(
+            [
+                [ct, -st, 0.0, a],
+                [st * ca, ct * ca, -sa, -sa * d],
+                [st * sa, ct * sa, ca, ca * d],
+                [0.0, 0.0, 0.0, 1.0],
+            ]
+        )
+        frames.append(T)
+    return frames

@@ -1,0 +1,43 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.dynamics.inverse_kinematics import inverse_kinematics
+from catenary.dynamics.kinematics import forward_kinematics, frame_poses
+from catenary.robots.catalog import load_robot
+from catenary.spatial import Pose
+from oracles.random_trees import Floats
+
+
+@pytest.fixture(scope="module")
+def circle(recordings: Path) -> tuple[Floats, Floats]:
+    """Every 50th row of a real arm drawing circles: joints (N, 6), published tip (N, 3) [m] in frame 0."""
+    path = recordings / "raven2_recorded_state" / "raven_state_circle.npz"
+    if not path.is_file():
+        pytest.skip(f"no recording {path}")
+    with np.load(path) as archive:
+        jpos, position = np.deg2rad(archive["jpos"][::50]), 1e-6 * archive["pos"][::50]
+    jaws = (jpos[:, 7] - jpos[:, 6]) / 2.0
+    # index 3 is unused; the recorder multiplied insertion, too, by 180 / pi, so deg2rad gives metres
+    joints = np.column_stack([jpos[:, 0], jpos[:, 1], jpos[:, 2], jpos[:, 4], jpos[:, 5], jaws])
+    return joints, position
+
+
+def test_tip_is_where_the_real_arm_reported_it(circle: tuple[Floats, Floats]) -> None:
+    joints, position = circle
+    model = load_robot("raven2_full")
+    _, in_base = frame_poses(model, joints)
+    frame_0 = model.frames["frame0"].pose
+    assert len(joints) > 400
+    # recorded: the tip truncated to 1 um, insertion with six digits (steps of 1.7 um)
+    assert_allclose((in_base - frame_0.position) @ frame_0.rotation, position, atol=3e-6)
+
+
+def test_recorded_configurations_are_recovered_from_their_poses(circle: tuple[Floats, Floats]) -> None:
+    joints, _ = circle
+    model = load_robot("raven2_full")
+    for q in joints:
+        pose = forward_kinematics(model, q)
+        assert_allclose(inverse_kinematics(model, Pose(*pose), q), q, atol=1e-9)
