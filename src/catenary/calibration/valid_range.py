@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
+from catenary.calibration.linear import standardisation
 
 BOX_MARGIN = 0.05  # of each feature's range
 AXIS_MARGIN = 0.10  # of the range along each principal axis
@@ -23,27 +24,27 @@ class ValidRange:
     lower: Floats  # (F,) in the features' units
     upper: Floats  # (F,)
     mean: Floats  # (F,)
-    axes: Floats  # (F, A) one scaled direction per column: projection = (x - mean) @ axes
-    axis_lower: Floats  # (A,)
-    axis_upper: Floats  # (A,)
+    axes: Floats  # (F, F) one scaled direction per column: projection = (x - mean) @ axes
+    axis_lower: Floats  # (F,)
+    axis_upper: Floats  # (F,)
 
     def inside(self, X: Floats) -> NDArray[np.bool_]:
         """Whether each row of features (N, F) lies within both boxes, (N,); never true for NaN."""
-        projection = (X - self.mean) @ self.axes
-        box = (X >= self.lower) & (X <= self.upper)
-        along = (projection >= self.axis_lower) & (projection <= self.axis_upper)
-        return np.asarray(box.all(axis=1) & along.all(axis=1))
+        inside = np.asarray(((X >= self.lower) & (X <= self.upper)).all(axis=1))
+        projection = (X[inside] - self.mean) @ self.axes  # of finite rows only
+        inside[inside] = ((projection >= self.axis_lower) & (projection <= self.axis_upper)).all(axis=1)
+        return inside
 
 
 def fit_valid_range(X: Floats) -> ValidRange:
     """Describe where training features (N, F) lie, with a small margin."""
-    mean, scale = X.mean(axis=0), X.std(axis=0)
-    moved = scale > 0.0
-    scaled = np.where(moved, scale, 1.0)
-    _, _, Vt = np.linalg.svd((X - mean) / scaled, full_matrices=False)
-    axes = Vt.T / scaled[:, None]
+    mean, scale = standardisation(X)
+    # all F axes, also those along which the rows do not differ; R has them, and is small
+    R = np.linalg.qr((X - mean) / scale, mode="r")
+    _, _, Vt = np.linalg.svd(R, full_matrices=True)
+    axes = Vt.T / scale[:, None]
     lower, upper = X.min(axis=0), X.max(axis=0)
-    margin = BOX_MARGIN * (upper - lower) + SMALLEST_RANGE * scaled
+    margin = BOX_MARGIN * (upper - lower) + SMALLEST_RANGE * scale
     projection = (X - mean) @ axes
     axis_lower, axis_upper = projection.min(axis=0), projection.max(axis=0)
     axis_margin = AXIS_MARGIN * (axis_upper - axis_lower) + SMALLEST_RANGE
