@@ -7,10 +7,9 @@ from typing import Any
 from catenary import __version__
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import DISPLAY, Evaluation, JointErrors, Spread
-from catenary.calibration.fit import FitOptions
+from catenary.calibration.fit import FitOptions, extrapolation
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.neural import BEST, PAPER, NetworkSettings
-from catenary.calibration.valid_range import AXIS_MARGIN, BOX_MARGIN
 
 Card = dict[str, Any]
 LIBRARIES = ("numpy", "scikit-learn", "numba")
@@ -77,8 +76,8 @@ def model_card(
         "output": "correction added to q_nominal, in rad and m",
         "scaling": _scaling(model.kind),
         "settings": _settings(options),
-        "valid_range": f"box around the training inputs with {BOX_MARGIN:.0%} margin, and box along their principal "
-        f"axes with {AXIS_MARGIN:.0%} margin; outside it the fixed offset is used",
+        "valid_range": "box around the training inputs and box along their principal axes, each widened by "
+        f"{extrapolation(model.kind, features):.0%} of their range; outside it the fixed offset is used",
         "data": [asdict(source) for source in data.sources],
         "rows": len(data),
         "run": {"seed": options.seed, **command},

@@ -27,6 +27,12 @@ PRESETS: tuple[str, ...] = get_args(Preset)
 PLAY_SHARES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 MEMORY_RIDGE = 10.0  # for regressions on features with memory, which resemble each other
 SMALLEST_DATA = 10  # rows
+# How far beyond the training data a model may go, as a share of their range. Linear models and networks extrapolate
+# gently: on zig-zag data, which leave half of the shoulder's range out, half a range beyond still corrects most of
+# the error. A polynomial's error grows with the square of the distance, and with memory faster still.
+EXTRAPOLATION = 0.5
+POLYNOMIAL_EXTRAPOLATION = 0.25
+POLYNOMIAL_MEMORY_EXTRAPOLATION = 0.1
 
 
 @dataclass(frozen=True)
@@ -165,7 +171,13 @@ def fit(
         predictor = _fit_predictor(X, Y[:, joints], options, late, report)
         watched = columns[~inputs.features.bounded[columns]]
         groups.append(
-            JointGroup(tuple(joints), columns, predictor, fit_valid_range(data.X[:, watched]), watched)
+            JointGroup(
+                tuple(joints),
+                columns,
+                predictor,
+                fit_valid_range(data.X[:, watched], extrapolation(options.kind, inputs.features)),
+                watched,
+            )
         )
         report(1.0)
     return CalibrationModel(
@@ -191,6 +203,14 @@ def _fit_predictor(
         return fit_polynomial(X, Y, ridge=options.ridge_used or 0.0)
     settings = BEST if options.preset == "best" else PAPER
     return fit_neural(X, Y, settings, seed=options.seed, late=late, progress=progress)
+
+
+def extrapolation(kind: str, features: FeatureSet) -> float:
+    """How far beyond the training data a kind of model may go, as a share of their range."""
+    if kind != "polynomial":
+        return EXTRAPOLATION
+    memory = features.history > 0 or bool(features.play)
+    return POLYNOMIAL_MEMORY_EXTRAPOLATION if memory else POLYNOMIAL_EXTRAPOLATION
 
 
 def _default_words(log: MotionLog) -> tuple[str, ...]:

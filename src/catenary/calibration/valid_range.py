@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.calibration.linear import standardisation
 
-BOX_MARGIN = 0.05  # of each feature's range
-AXIS_MARGIN = 0.10  # of the range along each principal axis
 SMALLEST_RANGE = 1e-6  # [standard deviations] below it a direction counts as not moved at all
 
 
@@ -36,21 +34,21 @@ class ValidRange:
         return inside
 
 
-def fit_valid_range(X: Floats) -> ValidRange:
-    """Describe where training features (N, F) lie, with a small margin."""
+def fit_valid_range(X: Floats, margin: float) -> ValidRange:
+    """Describe where training features (N, F) lie, and how far beyond a model may go: `margin` times their range."""
     mean, scale = standardisation(X)
     # all F axes, also those along which the rows do not differ; R has them, and is small
     R = np.linalg.qr((X - mean) / scale, mode="r")
     _, _, Vt = np.linalg.svd(R, full_matrices=True)
     axes = Vt.T / scale[:, None]
     lower, upper = X.min(axis=0), X.max(axis=0)
-    margin = BOX_MARGIN * (upper - lower) + SMALLEST_RANGE * scale
+    box_margin = margin * (upper - lower) + SMALLEST_RANGE * scale
     projection = (X - mean) @ axes
     axis_lower, axis_upper = projection.min(axis=0), projection.max(axis=0)
-    axis_margin = AXIS_MARGIN * (axis_upper - axis_lower) + SMALLEST_RANGE
+    axis_margin = margin * (axis_upper - axis_lower) + SMALLEST_RANGE
     return ValidRange(
-        lower=lower - margin,
-        upper=upper + margin,
+        lower=lower - box_margin,
+        upper=upper + box_margin,
         mean=mean,
         axes=axes,
         axis_lower=axis_lower - axis_margin,

@@ -71,7 +71,7 @@ def recordings(arm: CableArm, direction: str = "J2-J3") -> tuple[MotionLog, Moti
     rng = np.random.default_rng(SEED)
     plant = CablePlant(arm, start=START, substeps=1)
     plant.home()
-    train = record_simulated(plant, zigzag(direction, SPARSITIES), "zigzag", rng)  # type: ignore[arg-type]
+    train = record_simulated(plant, zigzag(direction, SPARSITIES), "zigzag", rng)
     return train, record_simulated(plant, random_sinusoids(rng, TEST_SECONDS), "random", rng)
 
 
@@ -79,7 +79,7 @@ def errors(train: MotionLog, test: MotionLog) -> dict[str, Floats]:
     """RMSE on the test motion: raw, after the fixed offset, after the linear model with the paper's 16 inputs."""
     reached: dict[str, Floats] = {}
     for kind in ("offset", "linear"):
-        options = FitOptions(kind=kind, inputs=("all",))  # type: ignore[arg-type]
+        options = FitOptions(kind=kind, inputs=("all",))
         inputs = choose_inputs([train], options)
         model = fit(calibration_data([train], inputs.features), inputs, options)
         joints = evaluate(model, calibration_data([test], inputs.features)).joints
@@ -91,7 +91,8 @@ def errors(train: MotionLog, test: MotionLog) -> dict[str, Floats]:
 def refit(arm: CableArm, rounds: int) -> tuple[CableArm, dict[str, Floats], Floats]:
     """Fit the free parameters: bounded least squares on the logarithms of the errors' ratios to the targets."""
 
-    def residual(logs: Floats) -> Floats:
+    def residual(shifted: Floats) -> Floats:
+        logs = shifted - 1.0  # least_squares takes its steps as shares of the variable
         reached = errors(*recordings(with_factors(arm, np.exp(logs))))
         misses = np.concatenate([np.log(reached[key] / np.array(TARGETS[key])) for key in TARGETS])
         print(
@@ -103,13 +104,13 @@ def refit(arm: CableArm, rounds: int) -> tuple[CableArm, dict[str, Floats], Floa
     bound = np.log([free.factor for free in FREE])
     best = least_squares(
         residual,
-        np.zeros(len(FREE)),
-        bounds=(-bound, bound),
+        np.ones(len(FREE)),
+        bounds=(1.0 - bound, 1.0 + bound),
         diff_step=[free.step for free in FREE],
         x_scale=bound,
         max_nfev=rounds,
     )
-    factors = np.exp(best.x)
+    factors: Floats = np.exp(best.x - 1.0)
     fitted = with_factors(arm, factors)
     return fitted, errors(*recordings(fitted)), factors
 
