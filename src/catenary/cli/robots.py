@@ -123,7 +123,9 @@ def ik(
 ) -> None:
     """Print the joints that bring a robot's frame to a pose.
 
-    Without an orientation, any will do. Example: catenary ik raven2 --position-mm 19,-7.4,-67
+    Without an orientation, any will do.
+
+    Example: catenary ik raven2 --position-mm 19,-7.4,-67
     """
     import numpy as np
 
