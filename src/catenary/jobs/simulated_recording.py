@@ -70,7 +70,7 @@ def record_simulated(
         q_nominal=q[:, :CALIBRATED],
         q_encoder=np.concatenate(encoder),
         ok=np.ones(len(q), dtype=bool),
-        time=stamps * PERIOD,
+        time=stamps.astype(np.float64) * PERIOD,
         tau=tau[:, :CALIBRATED],
         signals={f"q_{tool}": q[:, CALIBRATED + t] for t, tool in enumerate(tools)}
         | {f"tau_{tool}": tau[:, CALIBRATED + t] for t, tool in enumerate(tools)},

@@ -23,7 +23,7 @@ from catenary.plant import MotionLog
 from catenary.simulation.cable_parameters import Cable, CableArm, load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.sinusoids import random_sinusoids
-from catenary.trajectories.zigzag import zigzag
+from catenary.trajectories.zigzag import Direction, zigzag
 
 SPARSITIES = (1 / 2, 1 / 3, 1 / 4)
 TEST_SECONDS = 1200.0
@@ -41,7 +41,7 @@ class Free(NamedTuple):
     """One number that is fitted: where it stands, and how far it may go as a factor of where it starts."""
 
     field: str
-    index: int
+    joint: int
     factor: float  # the largest, up or down
     step: float  # of the finite differences, as a share
 
@@ -62,11 +62,11 @@ def with_factors(arm: CableArm, factors: Floats) -> CableArm:
     """Give the arm with its free parameters multiplied."""
     values = {name: getattr(arm.cable, name).copy() for name in Cable._fields}
     for free, factor in zip(FREE, factors, strict=True):
-        values[free.field][free.index] *= factor
+        values[free.field][free.joint] *= factor
     return arm._replace(cable=Cable(**values))
 
 
-def recordings(arm: CableArm, direction: str = "J2-J3") -> tuple[MotionLog, MotionLog]:
+def recordings(arm: CableArm, direction: Direction = "J2-J3") -> tuple[MotionLog, MotionLog]:
     """Home the arm, record the calibration motion and the test motion."""
     rng = np.random.default_rng(SEED)
     plant = CablePlant(arm, start=START, substeps=1)
@@ -143,7 +143,7 @@ def main(path: Path, rounds: int) -> None:
         )
         print(f"{key}: {shown}")
     for free, factor in zip(FREE, factors, strict=True):
-        print(f"{free.field}[{free.index}]: x {factor:.3f} (allowed 1/{free.factor} to {free.factor})")
+        print(f"{free.field}[{free.joint}]: x {factor:.3f} (allowed 1/{free.factor} to {free.factor})")
 
 
 if __name__ == "__main__":
