@@ -75,7 +75,8 @@ def tilt(roll: float, pitch: float) -> Floats:
     """R_world_base of a base turned by roll about x, then by pitch about its own y [rad]."""
     c, s = np.cos(pitch), np.sin(pitch)
     about_y = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-    return rotation_about_x(roll) @ about_y
+    turned: Floats = rotation_about_x(roll) @ about_y
+    return turned
 
 
 def imu_reading(samples: BaseSamples) -> tuple[Floats, Floats]:
