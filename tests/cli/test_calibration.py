@@ -328,7 +328,7 @@ def test_a_recording_of_more_joints_than_the_models_is_refused(model: Path, tmp_
     assert "has 6 joints; the model is for 3: J1, J2, J3" in refusal("evaluate", model, other)
 
 
-@pytest.mark.parametrize("length", ["0", "-1", "nan"])
+@pytest.mark.parametrize("length", ["0", "-1", "nan", "inf"])
 def test_windows_have_a_length(model: Path, run: Path, length: str) -> None:
     assert "window: expected a positive length" in refusal("evaluate", model, run, "--window", length)
 

@@ -284,3 +284,11 @@ def test_array_header_with_an_open_bracket_is_refused(tmp_path: Path, bracket: s
         archive.writestr("q_des.npy", raw)
     with pytest.raises(FileFormatError, match=r"log.npz: cannot be read"):
         read_arrays(tmp_path / "log.npz")
+
+
+def test_a_shuffled_log_has_one_note_for_all_the_times_it_goes_back(tmp_path: Path) -> None:
+    q, backwards = np.zeros((40, 3)), np.arange(40.0)[::-1]
+    log = written(tmp_path, n=3, q_des=q, q_act=q, ok=np.ones(40, dtype=bool), t=backwards)
+    notes = read_command_log(log).notes
+    assert notes[-1] == "time goes back 39 times in all; are the rows shuffled?"
+    assert len(notes) < 10

@@ -12,7 +12,7 @@ from numpy.testing import assert_array_equal
 from catenary.errors import FileFormatError, InputError
 from catenary.plant import MotionLog
 from catenary.recording.hashing import sha256_of
-from catenary.recording.logs import read_log, write_parquet
+from catenary.recording.logs import FORMAT, read_log, write_parquet
 from recordings import recording
 
 
@@ -269,3 +269,11 @@ def test_flipped_bits_are_noticed_unless_the_numbers_are_the_same(path: Path) ->
             continue
         assert_array_equal(back.q_nominal, log.q_nominal)
         assert_array_equal(back.q_encoder, log.q_encoder)
+
+
+def test_joints_of_the_same_name_are_refused(tmp_path: Path) -> None:
+    about = {"format": FORMAT, "joint_names": ["a", "a"], "joint_units": ["rad", "rad"]}
+    table = pa.table({"q_nominal:a": [0.0, 1.0], "ok": [True, True]})
+    pq.write_table(table.replace_schema_metadata({"catenary": json.dumps(about)}), tmp_path / "log.parquet")
+    with pytest.raises(InputError, match="joint names must differ, got a, a"):
+        read_log(tmp_path / "log.parquet")

@@ -85,7 +85,7 @@ def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | 
         raise InputError(
             f"data: holds {', '.join(data.features.names)}; the model takes {', '.join(model.features.names)}"
         )
-    if window is not None and not window > 0.0:
+    if window is not None and not 0.0 < window < math.inf:
         raise InputError(f"window: expected a positive length, got {window}")
     inside = model.inside(data.X)
     raw = data.error

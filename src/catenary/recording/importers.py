@@ -31,6 +31,7 @@ UNREADABLE = (
     zlib.error,
     lzma.LZMAError,
 )
+MOST_TIME_NOTES = 5  # a note each; a shuffled log would have thousands
 
 
 def read_command_log(
@@ -92,7 +93,11 @@ def read_command_log(
     time = _numbers(path, content, "t", 1) if "t" in content else None
     if time is not None:
         back = np.flatnonzero(np.diff(time) < 0.0) + 1
-        notes.extend(f"time goes back at row {row}: another recording begins there" for row in back)
+        notes.extend(
+            f"time goes back at row {row}: another recording begins there" for row in back[:MOST_TIME_NOTES]
+        )
+        if len(back) > MOST_TIME_NOTES:
+            notes.append(f"time goes back {len(back)} times in all; are the rows shuffled?")
     return MotionLog(
         name=path.stem,
         joint_names=names,

@@ -126,6 +126,8 @@ def read_parquet(
         raise InputError(
             f"{path}: states the joints {', '.join(names)}, but {', '.join(joint_names)} were given"
         )
+    if len(set(names)) != len(names):
+        raise InputError(f"{path}: joint names must differ, got {', '.join(names)}")
     columns: dict[str, NDArray[Any]] = {}
     for field, values in zip(table.schema, table.columns, strict=True):
         is_ok = field.name == "ok"
