@@ -274,7 +274,8 @@ class CablePlant:
 
     def rig_positions(self, counts: Floats) -> Floats:
         """Joint positions that the rig reports, (..., 3) [rad, rad, m]; NaN before it is registered."""
-        return self.rig.registered + (counts - self.rig_zero) / self.rig.counts
+        positions: Floats = self.rig.registered + (counts - self.rig_zero) / self.rig.counts
+        return positions
 
     def rig_peak_begin(self) -> None:
         """Begin to watch the external encoders for the stops."""
