@@ -64,7 +64,7 @@ class RockingBase:
         rate = self.amplitude * w * np.cos(w * t)
         change = -self.amplitude * w * w * np.sin(w * t)
         level = tilt(self.start.roll, self.start.pitch).T @ np.array([0.0, 0.0, -STANDARD_GRAVITY])
-        gravity: Floats = Rotation.from_rotvec(-angle[:, None] * axis).apply(level)
+        gravity = Rotation.from_rotvec(-angle[:, None] * axis).apply(level)
         omega, alpha = rate[:, None] * axis, change[:, None] * axis
         r = np.asarray(self.lever)
         linear = np.cross(alpha, r) + np.cross(omega, np.cross(omega, r))
@@ -75,8 +75,36 @@ def tilt(roll: float, pitch: float) -> Floats:
     """R_world_base of a base turned by roll about x, then by pitch about its own y [rad]."""
     c, s = np.cos(pitch), np.sin(pitch)
     about_y = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-    turned: Floats = rotation_about_x(roll) @ about_y
-    return turned
+    R_world_base: Floats = rotation_about_x(roll) @ about_y
+    return R_world_base
+
+
+class BaseTimeline:
+    """A base's motion tick by tick, sampled in blocks: the same numbers whether asked for one tick or thousands."""
+
+    BLOCK = 1024  # ticks
+
+    def __init__(self, base: MovingBase, period: float) -> None:
+        """Sample `base` every `period` [s], beginning at time zero."""
+        self.base, self._period = base, period
+        self._number = -1
+        self._block = BaseSamples(np.empty((0, 3)), np.empty((0, 3, 3)))
+
+    def rows(self, first: int, count: int) -> tuple[BaseSamples, int]:
+        """Motion from tick `first` on, at most `count` ticks of it, and for how many ticks it holds.
+
+        A base that stands still gives one row for all of them.
+        """
+        number, start = divmod(first, self.BLOCK)
+        if number != self._number:
+            ticks = np.arange(number * self.BLOCK, (number + 1) * self.BLOCK, dtype=float)
+            self._block = self.base.sample(ticks * self._period)
+            self._number = number
+        gravity, motion = self._block
+        if len(gravity) == 1:
+            return self._block, count
+        stop = min(start + count, self.BLOCK)
+        return BaseSamples(gravity[start:stop], motion[start:stop]), stop - start
 
 
 def imu_reading(samples: BaseSamples) -> tuple[Floats, Floats]:

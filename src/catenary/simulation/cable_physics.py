@@ -62,6 +62,7 @@ def new_state() -> ArmState:
     return ArmState(np.zeros(7), np.zeros(7), *(np.zeros(3) for _ in range(8)))
 
 
+@inlined
 def new_work() -> Work:
     """Scratch for `physics_step`."""
     return Work(
@@ -104,7 +105,7 @@ def physics_step(
         cable: The arm's numbers.
         state: Overwritten.
         shaft_torque: (7,) of the motors [Nm].
-        braked: The positioning motors' shafts are held.
+        braked: Every motor's shaft is held.
         gravity: (3,) in base axes [m/s2].
         base_motion: (3, 3) angular velocity, angular acceleration, linear acceleration of the base, base axes.
         step: [s].
@@ -113,11 +114,11 @@ def physics_step(
     q, qd = state.q, state.qd
     rate = winding_of(cable.coupling, qd)
     winding = winding_of(cable.coupling, q)
+    for t in range(4):
+        _turn_tool(cable, state, t, shaft_torque[3 + t], braked, step)
     for j in range(3):
         _pull(cable, state, j, winding[j], rate[j], step)
         _turn(cable, state, j, shaft_torque[j], braked, step)
-        _turn_tool(cable, state, j, shaft_torque[3 + j], braked, step)
-    _turn_tool(cable, state, 3, shaft_torque[6], braked, step)
 
     force = joint_forces(cable.coupling, (state.tension[0], state.tension[1], state.tension[2]))
     _links(tree, state, gravity, base_motion, work)
@@ -141,6 +142,17 @@ def physics_step(
         q[j] += step * qd[j]
 
 
+def unstretched_rotors(cable: Cable, q: Floats) -> Floats:
+    """Positions (3,) of the positioning motors [rad] at which no cable is stretched at joint positions q (3,)."""
+    true_ratio = cable.ratio * (1.0 + cable.ratio_error)
+    fixed = np.array(winding_of(cable.coupling, q)) - cable.pulley_runout * np.sin(q + cable.pulley_phase)
+    rotor = true_ratio * fixed
+    for _ in range(20):  # the capstan's run-out turns with the rotor; each round leaves 1/20 of the error
+        runout = cable.capstan_runout * np.sin(rotor / cable.gearbox + cable.capstan_phase)
+        rotor = true_ratio * (fixed - runout)
+    return rotor
+
+
 @inlined
 def _pull(cable: Cable, state: ArmState, j: int, winding: float, winding_rate: float, step: float) -> None:
     """Stretch cable j and write its tension; let it remember, creep, set and wear."""
@@ -151,8 +163,12 @@ def _pull(cable: Cable, state: ArmState, j: int, winding: float, winding_rate: f
     pulled = state.rotor[j] / true_ratio - winding + runout - state.slack[j]
     stretch = beyond_backlash(pulled, cable.backlash[j])
     # run-out moves slowly: it enters the stretch, not its rate
-    rate = state.rotor_velocity[j] / true_ratio - winding_rate if stretch != 0.0 else 0.0
-    state.hysteresis[j] = bouc_wen_step(state.hysteresis[j], rate * step, cable.hysteresis_width[j])
+    rate = state.rotor_velocity[j] / true_ratio - winding_rate
+    # of the travel since the last step only what lay outside the backlash stretched the cable
+    stretched = stretch - beyond_backlash(pulled - rate * step, cable.backlash[j])
+    if stretch == 0.0:
+        rate = 0.0
+    state.hysteresis[j] = bouc_wen_step(state.hysteresis[j], stretched, cable.hysteresis_width[j])
     state.slow_stretch[j] = maxwell_step(state.slow_stretch[j], stretch, step, cable.slow_time[j])
     tension = tension_of(
         stretch,

@@ -5,17 +5,18 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, as_array, frozen
 from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
 from catenary.plant import STATE_COMMANDS, Column, JointState, OperatingState, StateCommand, StateName
 from catenary.robots.assembly import LinkInertia
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel, Tree
-from catenary.simulation.base_motion import FixedBase, MovingBase
+from catenary.simulation.base_motion import BaseTimeline, FixedBase, MovingBase
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm, right_arm, varied
-from catenary.simulation.cable_physics import new_state, new_work
+from catenary.simulation.cable_physics import new_state, unstretched_rotors
 from catenary.simulation.firmware import (
     BRAKES,
+    GUARDED,
     OFF,
     PERIOD,
     POSITION,
@@ -28,11 +29,12 @@ from catenary.simulation.firmware import (
     run_ticks,
 )
 from catenary.simulation.homing import home, registered_zero
-from catenary.transmission.coupling import winding_of
+from catenary.transmission.coupling import joint_forces
 
 JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")
 UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
 PAYLOAD_PLACE = (0.0, 0.0, -0.47)  # [m] in the insertion's frame: the tool's wrist
+NO_LOG = new_log(0)
 COLUMNS = (
     Column("encVals", "counts", 7),
     Column("mpos", "rad", 7),
@@ -69,8 +71,9 @@ class CablePlant:
         Args:
             arm: Its numbers; the package's RAVEN-II when None.
             side: "left" (gold) or "right" (green).
-            seed: Draws another robot of the same kind; the nominal one when None.
-            start: (3,) where the positioning joints stand at power-on [rad, rad, m]; drawn by the seed when None.
+            seed: Draws another robot of the same kind and where it stands; when None the nominal one, always
+                at the same place.
+            start: (3,) where the positioning joints stand at power-on [rad, rad, m], in place of a drawn one.
             payload: Mass at the tool's wrist [kg].
             base: What it stands on; a level base at rest when None.
             substeps: Physics steps in 1 ms; 1 is enough for hours-long runs.
@@ -84,17 +87,16 @@ class CablePlant:
             raise InputError(f"payload: expected zero or more kg, got {payload}")
         if substeps < 1:
             raise InputError(f"substeps: expected at least 1, got {substeps}")
-        rng = np.random.default_rng(seed)
+        rng = np.random.default_rng(0 if seed is None else seed)
         drawn = load_cable_arm() if arm is None else arm
         drawn = drawn if seed is None else varied(drawn, rng)
         self.arm = drawn if side == "left" else right_arm(drawn)
         self.side, self.seed, self.substeps, self.payload = side, seed, substeps, payload
-        self.base: MovingBase = FixedBase() if base is None else base
+        self._base = BaseTimeline(FixedBase() if base is None else base, PERIOD)
         self.model: RobotModel = load_robot("raven2_full" if side == "left" else "raven2_full_right")
         self.cable, self.firmware, self.rig = self.arm.cable, self.arm.firmware, self.arm.rig
         self._tree = _with_payload(load_robot("raven2" if side == "left" else "raven2_right"), payload)
         self.state, self.control = new_state(), new_control()
-        self._work, self._one = new_work(), new_log(1)
         self._tick = 0
         self._state: StateName = "DISABLED"
         self._is_homed = False
@@ -116,12 +118,17 @@ class CablePlant:
     @property
     def lower(self) -> Floats:
         """Software limits below, (7,)."""
-        return self.firmware.lower
+        return self.firmware.lower.copy()
 
     @property
     def upper(self) -> Floats:
         """Software limits above, (7,)."""
-        return self.firmware.upper
+        return self.firmware.upper.copy()
+
+    @property
+    def base(self) -> MovingBase:
+        """What the arm stands on."""
+        return self._base.base
 
     @property
     def time(self) -> float:
@@ -131,7 +138,7 @@ class CablePlant:
     def measured_js(self) -> JointState:
         """Joint state as the firmware believes it."""
         c = self.control
-        gravity = self.base.sample(np.array([self.time])).gravity[0]
+        gravity = self._base.rows(self._tick, 1)[0].gravity[0].copy()
         return JointState(
             self.time,
             c.joint.copy(),
@@ -175,7 +182,7 @@ class CablePlant:
     def servo_jp(self, q: Floats) -> None:
         """Move the setpoint towards q (7,): at most one clamped step in a tick, within the software limits."""
         self._require_ready()
-        self._wanted = as_array("servo_jp", q, (7,))
+        self._wanted = as_array("servo_jp", q, (7,)).copy()
         self.control.mode[:] = POSITION
 
     def servo_jr(self, dq: Floats) -> None:
@@ -210,7 +217,6 @@ class CablePlant:
             self.control.flags[STOPPED] = 0
             self._set_state("ENABLED")
         elif command == "disable":
-            self._homing = None
             self._set_state("DISABLED")
         elif command == "pause" and self._state == "ENABLED":
             self._set_state("PAUSED")
@@ -221,23 +227,21 @@ class CablePlant:
         elif command == "home":
             if self._state != "ENABLED":
                 raise NotReadyError(f"home: the arm is {self._state}; enable it first")
+            self._stop_homing()
             self._is_homed = False
             self.control.flags[BRAKES] = 0
             self._homing = home(self)
 
     def wait(self) -> None:
-        """Advance by one tick of 1 ms."""
-        row = self._wanted
+        """Advance by one tick of 1 ms.
+
+        Raises:
+            NotReadyError: An axis that homes met no stop; the arm is then in FAULT.
+        """
+        row, self._wanted = self._wanted, np.full(7, np.nan)
         if self._homing is not None:
-            step = next(self._homing, None)
-            if step is None:
-                self._homing, self._is_homed = None, True
-                self._set_state(self._state)
-                row = np.full(7, np.nan)
-            else:
-                row = step
-        self._advance(row[None, :], self._one, keep_log=False)
-        self._wanted = np.full(7, np.nan)
+            row = self._next_homing_row(self._homing)
+        self._advance(row[None, :], NO_LOG)
         if self._rig_seen is not None:
             self._rig_seen.append(self.rig_counts(self.state.q))
 
@@ -265,7 +269,11 @@ class CablePlant:
             raise InputError(f"run: expected setpoints of shape (T, 7), got {rows.shape}")
         self.control.mode[:] = POSITION
         log = new_log(len(rows))
-        self._advance(rows, log, keep_log=True)
+        self._advance(rows, log)
+        if self._state == "FAULT":
+            raise NotReadyError(
+                f"the software e-stop tripped at {self.time:.3f} s: a motor's command was too large"
+            )
         return log
 
     def rig_counts(self, q: Floats) -> Floats:
@@ -287,34 +295,48 @@ class CablePlant:
             self.rig_zero = registered_zero(self.rig, np.array(self._rig_seen), self.cable.stop_side)
         self._rig_seen = None
 
-    def _advance(self, rows: Floats, log: TickLog, *, keep_log: bool) -> None:
-        times = PERIOD * np.arange(self._tick, self._tick + len(rows), dtype=float)
-        samples = self.base.sample(times)
-        done = run_ticks(
-            self._tree,
-            self.cable,
-            self.firmware,
-            self.state,
-            self.control,
-            rows,
-            samples.gravity,
-            samples.motion,
-            self.substeps,
-            self._work,
-            log,
-            keep_log,
-        )
-        self._tick += done
-        if self.control.flags[STOPPED] and self._state != "FAULT":
-            self._homing = None
+    def _advance(self, rows: Floats, log: TickLog) -> None:
+        done = 0
+        while done < len(rows):
+            base, count = self._base.rows(self._tick, len(rows) - done)
+            ran = run_ticks(
+                self._tree,
+                self.cable,
+                self.firmware,
+                self.state,
+                self.control,
+                rows[done : done + count],
+                base.gravity,
+                base.motion,
+                self.substeps,
+                log if done == 0 else TickLog._make(column[done:] for column in log),
+            )
+            done += ran
+            self._tick += ran
+            if self.control.flags[STOPPED]:
+                self._set_state("FAULT")
+                return
+
+    def _next_homing_row(self, homing: Iterator[Floats]) -> Floats:
+        try:
+            row = next(homing, None)
+        except NotReadyError:
             self._set_state("FAULT")
-            if keep_log:
-                raise NotReadyError(
-                    f"the software e-stop tripped at {self.time:.3f} s: a motor's command was too large"
-                )
+            raise
+        if row is not None:
+            return row
+        self._stop_homing()
+        self._is_homed = True
+        return np.full(7, np.nan)  # the setpoint stays at home
+
+    def _stop_homing(self) -> None:
+        self._homing, self._rig_seen = None, None
+        self.control.seek[:] = OFF
+        self.control.flags[GUARDED] = 1
 
     def _set_state(self, state: StateName) -> None:
         self._state = state
+        self._stop_homing()
         running = state == "ENABLED" and self._is_homed
         self.control.flags[BRAKES] = 0 if running else 1
         self.control.mode[:] = POSITION if running else OFF
@@ -329,9 +351,11 @@ class CablePlant:
             )
 
     def _joint_torque(self) -> Floats:
-        """Joint torques that the motors were asked for, through the nominal ratios; the cables' friction unknown."""
+        """Joint torques that the motors were asked for, through nominal ratios and coupling; friction is unknown."""
         f = self.firmware
-        torque: Floats = self.control.torque * f.ratio / f.gearbox
+        cable: Floats = self.control.torque * f.ratio / f.gearbox
+        torque = cable.copy()
+        torque[:3] = joint_forces(f.coupling, (cable[0], cable[1], cable[2]))
         return torque
 
     def _power_on(self, rng: np.random.Generator, start: ArrayLike | None) -> None:
@@ -339,8 +363,7 @@ class CablePlant:
         high = np.array([np.deg2rad(70.0), np.deg2rad(120.0), 0.45])
         q = rng.uniform(low, high) if start is None else as_array("start", start, (3,))
         self.state.q[:] = q
-        true_ratio = self.cable.ratio * (1.0 + self.cable.ratio_error)
-        self.state.rotor[:3] = true_ratio * np.array(winding_of(self.cable.coupling, q))
+        self.state.rotor[:3] = unstretched_rotors(self.cable, q)
         tools = rng.uniform(-0.5, 0.5, 4)
         self.state.rotor[3:] = self.cable.tool_ratio * tools + self.cable.tool_carried * self.state.rotor[2]
         # the encoders count from wherever they woke up
@@ -359,4 +382,5 @@ def _with_payload(model: RobotModel, mass: float) -> Tree:
     carried = link.plus(LinkInertia(mass, np.array(PAYLOAD_PLACE), np.zeros((3, 3))))
     masses, coms, inertias = tree.mass.copy(), tree.com.copy(), tree.inertia.copy()
     masses[2], coms[2], inertias[2] = carried.mass, carried.com, carried.inertia
-    return tree._replace(mass=masses, com=coms, inertia=inertias)
+    # read-only like the rest of the tree: compiled code would be compiled once more for another kind of array
+    return tree._replace(mass=frozen(masses), com=frozen(coms), inertia=frozen(inertias))

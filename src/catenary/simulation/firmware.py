@@ -13,7 +13,7 @@ from catenary.arrays import Floats
 from catenary.compiled import compiled, inlined
 from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import Cable, Firmware
-from catenary.simulation.cable_physics import ArmState, Work, physics_step
+from catenary.simulation.cable_physics import ArmState, new_work, physics_step
 from catenary.transmission.coupling import joints_of, tensions_for, winding_of
 
 COUNTS_PER_RADIAN = 4000.0 / (2.0 * math.pi)  # of the motor's encoder
@@ -22,6 +22,7 @@ OFF, POSITION, TORQUE = 0, 1, 2  # modes of an axis: no output, PD on its setpoi
 SEEKING, FOUND = 1, 2
 BRAKES, STOPPED, GUARDED = 0, 1, 2  # flags
 STOP_DAC = 20_000.0  # beyond: software e-stop
+DAC_RANGE = (-32_768.0, 32_767.0)  # the board takes 16 bits
 
 
 class ControlState(NamedTuple):
@@ -39,7 +40,6 @@ class ControlState(NamedTuple):
     integral: Floats  # (7,) of the motor position error [rad s]
     torque: Floats  # (7,) demanded at the gearbox's output, before clipping [Nm]
     dac: Floats  # (7,) sent, after clipping, with the board's sign
-    demand: Floats  # (7,) DAC before clipping
     mode: NDArray[np.int64]  # (7,)
     seek: NDArray[np.int64]  # (7,) axes that look for their stop: SEEKING, then FOUND
     flags: NDArray[np.int64]  # (3,) brakes on, software e-stop tripped, setpoints guarded
@@ -62,7 +62,7 @@ class TickLog(NamedTuple):
 
 def new_control() -> ControlState:
     """Firmware as it wakes up: brakes on, all axes off, encoders not registered."""
-    floats = [np.zeros(7) for _ in range(13)]
+    floats = [np.zeros(7) for _ in range(12)]
     return ControlState._make([*floats, np.zeros(7, np.int64), np.zeros(7, np.int64), np.array([1, 0, 1])])
 
 
@@ -120,6 +120,8 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
     """Write the motors' shaft torques [Nm]: PD on motor positions, through the DAC's steps and limits.
 
     tau = Kp (m_d - m) + Kd (0 - m_vel) + Ki integral(m_d - m); DAC = trunc(s tau / (Kt gearbox) DAC/A).
+    The integral is never reset and never limited, as on the robot. Joint torques, which the robot takes from
+    nobody but itself and without the coupling, go through the coupling here: a commanded torque is the joint's.
     """
     _motors_of(firmware, control.setpoint, control.motor[2], control.motor_setpoint)
     cable = tensions_for(firmware.coupling, control.torque_command)
@@ -136,19 +138,20 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
         elif control.mode[j] == TORQUE:
             wanted = cable[j] if j < 3 else control.torque_command[j]
             torque = wanted * firmware.gearbox[j] / firmware.ratio[j]
+            control.setpoint[j] = control.joint[j]  # no jump when the PD takes over
         per_torque = firmware.dac_per_ampere[j] / (firmware.torque_constant[j] * firmware.gearbox[j])
         dac = float(math.trunc(firmware.dac_sign[j] * torque * per_torque))
+        limit = firmware.dac_limit[j]
         control.torque[j] = torque
-        control.demand[j] = dac
-        if abs(dac) > STOP_DAC:
+        if limit > 0.0 and abs(dac) > STOP_DAC:
             control.flags[STOPPED] = 1
         if control.seek[j] == SEEKING and abs(dac) >= firmware.home_threshold[j]:
             control.seek[j] = FOUND  # no output for this cycle, then the PD holds where the axis stands
             control.setpoint[j] = control.joint[j]
             dac = 0.0
-        limit = firmware.dac_limit[j]
         if limit > 0.0:
             dac = min(max(dac, -limit), limit)
+        dac = min(max(dac, DAC_RANGE[0]), DAC_RANGE[1])
         if control.flags[STOPPED] != 0:
             dac = 0.0
         control.dac[j] = dac
@@ -197,9 +200,7 @@ def run_ticks(
     gravity: Floats,
     base_motion: Floats,
     substeps: int,
-    work: Work,
     log: TickLog,
-    keep_log: bool,
 ) -> int:
     """Run the firmware and the arm for T ticks of 1 ms.
 
@@ -216,15 +217,15 @@ def run_ticks(
         gravity: (1, 3) or (T, 3) [m/s2] in base axes.
         base_motion: (1, 3, 3) or (T, 3, 3).
         substeps: Physics steps in a tick.
-        work: Scratch.
-        log: Rows to write.
-        keep_log: Whether to.
+        log: Rows to write, T of them, or none to keep no log.
 
     Returns:
         Number of ticks run; fewer than T when the software e-stop tripped.
     """
     shaft_torque = np.zeros(7)
+    work = new_work()
     step = PERIOD / substeps
+    keep_log = len(log.q) > 0
     for k in range(len(setpoints)):
         _take_setpoint(firmware, control, setpoints[k])
         control_motors(firmware, control, shaft_torque)

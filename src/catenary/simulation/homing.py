@@ -8,11 +8,12 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.errors import NotReadyError
 from catenary.simulation.cable_parameters import Rig
-from catenary.simulation.firmware import FOUND, GUARDED, PERIOD, POSITION, SEEKING, register
+from catenary.simulation.firmware import FOUND, GUARDED, OFF, PERIOD, POSITION, SEEKING, register
 
 if TYPE_CHECKING:
     from catenary.simulation.cable_plant import CablePlant
@@ -26,6 +27,7 @@ HOME_TIME = 2.5  # [s] of the half cosine to the home position
 LONGEST_SEEK = 60.0  # [s]
 POSITIONING = np.array([True] * 3 + [False] * 4)
 TOOLS = ~POSITIONING
+Booleans = NDArray[np.bool_]
 WAITED_FOR = np.array([False] * 3 + [True, True, True, False])  # the last jaw is not waited for
 
 
@@ -38,7 +40,6 @@ def home(plant: "CablePlant") -> Iterator[Floats]:
     firmware, control = plant.firmware, plant.control
     control.flags[GUARDED] = 0  # the stops lie beyond the software limits
     control.mode[:] = POSITION
-    control.integral[:] = 0.0
     hold = control.joint.copy()
     for _ in range(round(AMPLIFIER_WAIT / PERIOD)):
         yield hold
@@ -52,10 +53,9 @@ def home(plant: "CablePlant") -> Iterator[Floats]:
     registered = np.where(POSITIONING, firmware.stop_value, control.joint)
     register(firmware, control, registered, np.ones(7, dtype=bool))
     yield from _move(control.joint.copy(), np.where(POSITIONING, firmware.home_value, control.joint))
-    control.flags[GUARDED] = 1
 
 
-def _seek(plant: "CablePlant", axes: np.ndarray, waited_for: np.ndarray) -> Iterator[Floats]:
+def _seek(plant: "CablePlant", axes: Booleans, waited_for: Booleans) -> Iterator[Floats]:
     """Run axes towards their stops until those waited for have met them, and a moment longer."""
     control = plant.control
     wanted = control.joint.copy()
@@ -77,7 +77,7 @@ def _seek(plant: "CablePlant", axes: np.ndarray, waited_for: np.ndarray) -> Iter
                 name for name, f, w in zip(plant.joint_names, found, waited_for, strict=True) if w and not f
             ]
             raise NotReadyError(f"homing: {', '.join(lost)} met no stop in {LONGEST_SEEK:g} s")
-    control.seek[:] = 0
+    control.seek[:] = OFF
 
 
 def _move(start: Floats, goal: Floats) -> Iterator[Floats]:

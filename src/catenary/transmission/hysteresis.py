@@ -1,5 +1,7 @@
 """A cable's memory: Bouc-Wen for what it forgets by moving, Maxwell for what it forgets by waiting."""
 
+import math
+
 from catenary.compiled import inlined
 
 
@@ -7,16 +9,24 @@ from catenary.compiled import inlined
 def bouc_wen_step(state: float, stretching: float, width: float) -> float:
     """Bouc-Wen state after the stretch has grown by `stretching`.
 
-    dz = ds / w (1 - |z| (1/2 sgn(ds z) + 1/2)), kept within -1 and 1. Rate-independent: only the path counts.
+    dz = ds / w (1 - |z| (1/2 sgn(ds z) + 1/2)): unloading follows a straight line to zero, loading nears 1
+    exponentially. Both are solved exactly, so only the path counts, not the steps in which it is taken, and z
+    stays between -1 and 1.
 
     Args:
         state: z before.
         stretching: ds [rad or m].
         width: w, the stretch at which it yields [rad or m].
     """
-    grip = abs(state) if stretching * state > 0.0 else 0.0
-    state = state + stretching / width * (1.0 - grip)
-    return min(max(state, -1.0), 1.0)
+    side = 1.0 if stretching >= 0.0 else -1.0
+    way = abs(stretching) / width
+    along = side * state  # negative while it unloads
+    if along + way <= 0.0:
+        return state + side * way
+    if along < 0.0:
+        way += along
+        along = 0.0
+    return side * (along - (1.0 - along) * math.expm1(-way))
 
 
 @inlined

@@ -1,0 +1,131 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from catenary.dynamics.inverse_dynamics import inverse_dynamics
+from catenary.robots.catalog import load_robot
+from catenary.simulation.base_motion import BaseTimeline, FixedBase, RockingBase, imu_reading, tilt
+
+DOWN = np.array([0.0, 0.0, -9.81])
+ROCKING = RockingBase(
+    mean=0.1,
+    amplitude=0.3,
+    frequency=0.7,
+    axis=(1.0, 2.0, -0.5),
+    lever=(0.1, -0.2, 0.4),
+    start=FixedBase(0.2, -0.3),
+)
+
+
+def world_pose(base, t):
+    """R_world_base and the base's origin, from the definition: the tilt, then the rocking about an own axis."""
+    axis = np.array(base.axis) / np.linalg.norm(base.axis)
+    angle = base.mean + base.amplitude * np.sin(2.0 * np.pi * base.frequency * t)
+    R = tilt(base.start.roll, base.start.pitch) @ Rotation.from_rotvec(angle * axis).as_matrix()
+    return R, R @ np.array(base.lever)
+
+
+def test_level_base_feels_gravity_straight_down():
+    assert_allclose(FixedBase().sample(np.zeros(1)).gravity, [DOWN], atol=1e-15)
+
+
+def test_base_rolled_by_ninety_degrees_feels_gravity_along_minus_y():
+    # its y axis has turned up
+    assert_allclose(FixedBase(roll=np.pi / 2).sample(np.zeros(1)).gravity, [[0.0, -9.81, 0.0]], atol=1e-14)
+
+
+def test_base_pitched_by_ninety_degrees_feels_gravity_along_x():
+    # its x axis has turned down
+    assert_allclose(FixedBase(pitch=np.pi / 2).sample(np.zeros(1)).gravity, [[9.81, 0.0, 0.0]], atol=1e-14)
+
+
+def test_tilt_rolls_first_and_then_pitches_about_its_own_axis():
+    assert_allclose(tilt(0.3, -0.7), Rotation.from_euler("XY", [0.3, -0.7]).as_matrix(), atol=1e-15)
+
+
+def test_rocking_turns_gravity_as_the_finite_rotation_does():
+    times = np.linspace(0.0, 3.0, 50)
+    gravity = ROCKING.sample(times).gravity
+    for t, g in zip(times, gravity, strict=True):
+        assert_allclose(g, world_pose(ROCKING, t)[0].T @ DOWN, atol=1e-13)
+
+
+def test_angular_velocity_is_that_of_the_finite_rotation():
+    h = 1e-5
+    times = np.linspace(0.0, 3.0, 20)
+    motion = ROCKING.sample(times).motion
+    for t, omega in zip(times, motion[:, 0], strict=True):
+        turned = world_pose(ROCKING, t - h)[0].T @ world_pose(ROCKING, t + h)[0]
+        assert_allclose(omega, Rotation.from_matrix(turned).as_rotvec() / (2 * h), atol=1e-8)  # h^2 omega'''
+
+
+def test_angular_acceleration_is_the_derivative_of_angular_velocity():
+    h = 1e-5
+    times = np.linspace(0.0, 3.0, 20)
+    before, after = (ROCKING.sample(times + s).motion[:, 0] for s in (-h, h))
+    assert_allclose(ROCKING.sample(times).motion[:, 1], (after - before) / (2 * h), atol=1e-8)
+
+
+def test_linear_acceleration_is_the_second_derivative_of_the_origin_in_base_axes():
+    h = 1e-4
+    times = np.linspace(0.0, 3.0, 20)
+    for t, a in zip(times, ROCKING.sample(times).motion[:, 2], strict=True):
+        R, here = world_pose(ROCKING, t)
+        second = (world_pose(ROCKING, t - h)[1] - 2.0 * here + world_pose(ROCKING, t + h)[1]) / h**2
+        assert_allclose(
+            a, R.T @ second, atol=1e-6
+        )  # roundings of 1e-16 / h^2 and h^2 of the fourth derivative
+
+
+def test_resting_imu_reads_gravity_upwards():
+    force, rate = imu_reading(FixedBase().sample(np.zeros(1)))
+    assert_allclose(force, [-DOWN], atol=1e-15)
+    assert_allclose(rate, 0.0)
+
+
+def test_rocking_imu_reads_the_specific_force_of_its_path():
+    h = 1e-4
+    force, rate = imu_reading(ROCKING.sample(np.array([0.4])))
+    R, here = world_pose(ROCKING, 0.4)
+    second = (world_pose(ROCKING, 0.4 - h)[1] - 2.0 * here + world_pose(ROCKING, 0.4 + h)[1]) / h**2
+    assert_allclose(force[0], R.T @ (second - DOWN), atol=1e-6)
+    turned = world_pose(ROCKING, 0.4 - h)[0].T @ world_pose(ROCKING, 0.4 + h)[0]
+    assert_allclose(rate[0], Rotation.from_matrix(turned).as_rotvec() / (2 * h), atol=1e-8)
+
+
+@pytest.mark.parametrize("pieces", [[1] * 3000, [3000], [1000, 24, 1000, 976]])
+def test_timeline_gives_the_same_numbers_however_it_is_asked(pieces):
+    timeline, tick = BaseTimeline(ROCKING, 1e-3), 0
+    gravity, motion = [], []
+    for piece in pieces:
+        end = tick + piece
+        while tick < end:
+            samples, count = timeline.rows(tick, end - tick)
+            gravity.append(samples.gravity)
+            motion.append(samples.motion)
+            tick += count
+    whole = ROCKING.sample(np.arange(3000) * 1e-3)
+    assert_allclose(np.concatenate(gravity), whole.gravity, rtol=0, atol=1e-14)
+    assert_allclose(np.concatenate(motion), whole.motion, rtol=0, atol=1e-12)
+
+
+def test_timeline_of_a_fixed_base_holds_for_as_long_as_asked():
+    samples, count = BaseTimeline(FixedBase(0.1), 1e-3).rows(5000, 100_000)
+    assert count == 100_000
+    assert samples.gravity.shape == (1, 3)
+
+
+def test_mirrored_bases_load_both_arms_alike():
+    # a mirror in Y turns angular velocities about x and z round, and lateral accelerations
+    rng = np.random.default_rng(2)
+    left, right = load_robot("raven2"), load_robot("raven2_right")
+    base = RockingBase(0.1, 0.3, 0.7, (1.0, 2.0, -0.5), (0.1, -0.2, 0.4))
+    mirrored = RockingBase(-0.1, -0.3, 0.7, (1.0, -2.0, -0.5), (0.1, 0.2, 0.4))
+    for t in rng.uniform(0.0, 3.0, 10):
+        q = rng.uniform(left.lower, left.upper)
+        qd, qdd = rng.normal(size=(2, 3))
+        torques = []
+        for model, samples in ((left, base.sample([t])), (right, mirrored.sample([t]))):
+            torques.append(inverse_dynamics(model, q, qd, qdd, samples.gravity[0], samples.motion[0]))
+        assert_allclose(torques[0], torques[1], atol=1e-12)

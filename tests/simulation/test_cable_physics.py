@@ -1,0 +1,176 @@
+import copy
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.gravity.torque import gravity_torque
+from catenary.robots.catalog import load_robot
+from catenary.simulation.base_motion import RockingBase
+from catenary.simulation.cable_parameters import load_cable_arm
+from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.firmware import OFF, PERIOD, control_motors, read_encoders_of
+from catenary.transmission.coupling import tensions_for, winding_of
+from catenary.transmission.elasticity import beyond_backlash
+from oracles.cable_arms import (
+    HOME,
+    homed_plant,
+    linear_arm,
+    new_steps,
+    resting_state,
+    smooth_motion,
+    take_steps,
+    with_linear_cables,
+    without_friction,
+    without_runout,
+)
+from oracles.mujoco_cable_arm import MujocoCableArm
+from oracles.tree_poses import link_poses
+
+GRAVITY = np.array([0.0, 0.0, -9.81])
+MODEL = load_robot("raven2")
+TREE = MODEL.tree
+CABLE = load_cable_arm().cable
+
+
+def potential_energy(q):
+    poses = link_poses(MODEL, q)
+    return sum(
+        -m * GRAVITY @ (T[:3, :3] @ c + T[:3, 3]) for m, c, T in zip(TREE.mass, TREE.com, poses, strict=True)
+    )
+
+
+def motor_torques(cable, seconds, step):
+    """Pushes and pulls about what holds the arm, which swing it without reaching its stops."""
+    t = (np.arange(round(seconds / step)) + 0.5) * step
+    hold = tensions_for(cable.coupling, gravity_torque(MODEL, HOME, GRAVITY))
+    torque = np.zeros((len(t), 7))
+    torque[:, :3] = hold / (cable.ratio * (1.0 + cable.ratio_error))
+    torque[:, 0] += 0.02 * np.cos(6.0 * t)
+    torque[:, 1] += 0.015 * np.cos(7.0 * t)
+    torque[:, 2] += 0.010 * np.cos(9.0 * t)
+    return torque
+
+
+def energy_balance(cable, step, seconds=1.0):
+    """Work of the motors, to and fro, and what of it is found nowhere: [J]."""
+    state = resting_state(cable, HOME)
+    torque = motor_torques(cable, seconds, step)
+    steps = new_steps(len(torque))
+    take_steps(TREE, cable, state, torque, False, GRAVITY, np.zeros((3, 3)), step, steps)
+    assert (cable.stop_side * (steps.q - cable.stop_position) < 0.0).all()  # no stop was met
+
+    ratio = cable.ratio * (1.0 + cable.ratio_error)
+    torque = torque[:, :3]
+    work = np.sum(torque * steps.rotor_velocity) * step
+    kinetic = 0.5 * steps.qd[-1] @ mass_matrix(MODEL, steps.q[-1]) @ steps.qd[-1]
+    kinetic += 0.5 * np.sum(cable.rotor_inertia * steps.rotor_velocity[-1] ** 2)
+    potential = potential_energy(steps.q[-1]) - potential_energy(HOME)
+
+    before = {
+        "rotor": np.vstack([resting_state(cable, HOME).rotor[:3], steps.rotor[:-1]]),
+        "q": np.vstack([HOME, steps.q[:-1]]),
+        "velocity": np.vstack([np.zeros(3), steps.rotor_velocity[:-1]]),
+        "qd": np.vstack([np.zeros(3), steps.qd[:-1]]),
+    }
+    pulled = before["rotor"] / ratio - np.array([winding_of(cable.coupling, q) for q in before["q"]])
+    stretch = np.array(
+        [[beyond_backlash(s, b) for s, b in zip(row, cable.backlash, strict=True)] for row in pulled]
+    )
+    rate = before["velocity"] / ratio - np.array([winding_of(cable.coupling, v) for v in before["qd"]])
+    K, a, w, k = cable.stiffness, cable.elastic_share, cable.hysteresis_width, cable.slow_share
+    elastic = 0.5 * K * (a * stretch[-1] ** 2 + k * (stretch[-1] - steps.slow_stretch[-1]) ** 2)
+
+    held = (1.0 - a) * K * w * steps.hysteresis  # hysteretic part of the tension
+    creeping = k * K * (stretch - steps.slow_stretch)
+    lost = step * (
+        np.sum(cable.damping * np.where(stretch != 0.0, rate, 0.0) ** 2)
+        + np.sum(held * rate)
+        # inside the backlash the Maxwell branch pulls along the travel, outside it only flows
+        + np.sum(np.where(stretch != 0.0, 0.0, creeping * rate))
+        + np.sum(creeping**2 / (k * K * cable.slow_time) if np.all(k > 0.0) else 0.0)
+        + np.sum(cable.rotor_damping * before["velocity"] * steps.rotor_velocity)
+    )
+    inertial = cable.rotor_inertia * (steps.rotor_velocity - before["velocity"]) / step
+    rotor_friction = torque - steps.tension / ratio - cable.rotor_damping * before["velocity"] - inertial
+    lost += step * np.sum(rotor_friction * steps.rotor_velocity)
+    lost += np.sum(steps.friction * steps.qd)
+    turned_over = np.sum(np.abs(torque * steps.rotor_velocity)) * step
+    return turned_over, work - kinetic - potential - np.sum(elastic) - lost
+
+
+NO_RUNOUT = without_runout(CABLE)._replace(set_rate=np.zeros(3), loss_rate=np.zeros(3))
+BALANCED = {
+    "springs": with_linear_cables(CABLE)._replace(damping=np.zeros(3), rotor_damping=np.zeros(3)),
+    "linear cables": with_linear_cables(CABLE),
+    "hysteresis, creep, backlash": without_friction(NO_RUNOUT),
+    "everything": NO_RUNOUT,
+}
+
+
+@pytest.mark.parametrize("effects", BALANCED)
+def test_energy_is_kept_to_the_first_order_of_the_step(effects):
+    (work, coarse), (_, fine) = (energy_balance(BALANCED[effects], step) for step in (2e-4, 1e-4))
+    assert abs(coarse) < 0.02 * work
+    assert abs(2.0 * fine - coarse) < 2e-4 * work  # what a first-order error leaves when it is extrapolated
+
+
+@pytest.mark.parametrize(
+    "base", [None, RockingBase(0.2, 0.15, 0.5, lever=(0.1, -0.2, 0.3))], ids=["still", "rocking"]
+)
+def test_linear_cables_move_as_in_mujoco(base):
+    plant = CablePlant(linear_arm(), base=base)
+    plant.home()
+    mujoco_arm = MujocoCableArm(TREE, plant.cable, base)
+    mujoco_arm.place(
+        plant.state.q, plant.state.qd, plant.state.rotor[:3], plant.state.rotor_velocity[:3], plant.time
+    )
+    control, state = copy.deepcopy((plant.control, plant.state))
+    rows = smooth_motion(plant.control.setpoint, 10.0)
+    log = plant.run(rows)
+
+    # the same firmware on the rotors of the other simulation, which has no tool
+    control.mode[3:] = OFF
+    q, shaft_torque = np.empty((len(rows), 3)), np.zeros(7)
+    for k, row in enumerate(rows):
+        q[k] = mujoco_arm.q
+        control.setpoint[:] = row
+        control_motors(plant.firmware, control, shaft_torque)
+        mujoco_arm.step(shaft_torque[:3], PERIOD)
+        state.rotor[:3] = mujoco_arm.rotor
+        read_encoders_of(plant.firmware, state, control)
+
+    assert np.ptp(q, axis=0)[2] > 0.05  # it did move
+    assert np.rad2deg(np.abs(log.q - q)[:, :2].max()) < 0.005
+    assert np.abs(log.q - q)[:, 2].max() < 5e-6
+
+
+def creep_deg_per_s(plant, seconds):
+    """Fastest true joint's mean speed over a span [deg/s; mm/s for the insertion, much the same at a hand's length]."""
+    before = plant.state.q.copy()
+    for _ in range(round(seconds / PERIOD)):
+        plant.wait()
+    return (np.abs(plant.state.q - before) * [np.rad2deg(1.0), np.rad2deg(1.0), 1e3]).max() / seconds
+
+
+def test_arm_that_holds_still_does_not_creep():
+    plant = homed_plant()
+    row = np.full((1, 7), np.nan)
+    plant.run(np.repeat(row, 300_000, axis=0))  # five slow times: only what never ends is left
+    assert creep_deg_per_s(plant, 2.0) < 1e-4
+
+
+def test_arm_on_its_brakes_does_not_creep():
+    plant = homed_plant()
+    plant.state_command("disable")
+    creep_deg_per_s(plant, 2.0)
+    assert creep_deg_per_s(plant, 2.0) < 1e-4
+
+
+def test_sticking_joint_stands_exactly_still():
+    state = resting_state(CABLE, HOME)
+    torque = np.zeros((4000, 7))  # friction of the rotors alone would let the arm sag onto the cables
+    steps = new_steps(len(torque))
+    take_steps(TREE, CABLE, state, torque, True, GRAVITY, np.zeros((3, 3)), 5e-4, steps)
+    assert_allclose(steps.qd[-1], 0.0, atol=1e-12)

@@ -1,0 +1,262 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.simulation.cable_parameters import load_cable_arm, right_arm
+from catenary.simulation.cable_physics import new_state
+from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.firmware import (
+    OFF,
+    POSITION,
+    STOPPED,
+    TORQUE,
+    control_motors,
+    new_control,
+    read_encoders_of,
+    register,
+)
+from oracles.cable_arms import homed_plant, linear_arm
+
+GOLD = load_cable_arm().firmware
+GREEN = right_arm(load_cable_arm()).firmware
+STEP = 2.0 * np.pi / 4000.0  # of the encoders [rad]
+ALL = np.ones(7, dtype=bool)
+
+
+def demanded(firmware, error=0.0, velocity=0.0, ticks=1, axis=0):
+    """Control state and shaft torques after PD ticks with a constant error [rad] and speed of one motor."""
+    control, shaft = new_control(), np.zeros(7)
+    control.mode[:] = POSITION
+    control.motor_velocity[axis] = velocity
+    control.motor[axis] = -error
+    if axis == 2:  # the tools' motors follow the insertion's as measured: leave them out
+        control.mode[3:] = OFF
+    for _ in range(ticks):
+        control_motors(firmware, control, shaft)
+    return control, shaft
+
+
+def moved(firmware, motor):
+    """Control state that has read motors at the given positions [rad], with zero offsets."""
+    state, control = new_state(), new_control()
+    state.rotor[:] = motor
+    read_encoders_of(firmware, state, control)
+    return control
+
+
+@given(st.integers(0, 2), st.floats(-1.5, 1.5))
+def test_position_gain_acts_on_the_motors_error(axis, error):
+    control, _ = demanded(GOLD, error=error, axis=axis)
+    assert_allclose(control.torque[axis], [0.3, 0.3, 0.15][axis] * error, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("firmware", "gains"), [(GOLD, [0.008, 0.008, 0.012]), (GREEN, [0.008, 0.008, 0.010])]
+)
+def test_damping_gain_acts_against_the_motors_speed(firmware, gains):
+    for axis, kd in enumerate(gains):
+        control, _ = demanded(firmware, velocity=5.0, axis=axis)
+        assert_allclose(control.torque[axis], -kd * 5.0, rtol=1e-12)
+
+
+def test_tool_axes_integrate_their_error_and_positioning_axes_do_not():
+    control, _ = demanded(GOLD, error=0.1, ticks=1000, axis=4)
+    assert_allclose(control.torque[4], 0.05 * 0.1 + 0.05 * 0.1 * 1.0, rtol=1e-9)  # Kp e + Ki e 1 s
+    control, _ = demanded(GOLD, error=0.1, ticks=1000, axis=0)
+    assert_allclose(control.torque[0], 0.3 * 0.1, rtol=1e-12)
+
+
+def test_a_constant_speed_lags_by_damping_over_stiffness():
+    # raven2: 26.7 ms on the shoulder; what gravity adds is alike on the way up and on the way down
+    plant = CablePlant(linear_arm())
+    plant.home()
+    speed, span = np.deg2rad(5.0), 2000
+    up = speed * 1e-3 * np.arange(span)
+    rows = np.tile(plant.control.setpoint, (2 * span, 1))
+    rows[:, 0] += np.concatenate([up, up[::-1]])
+    log = plant.run(rows)
+    behind = (log.setpoint - log.joint)[:, 0]
+    lag = (behind[span // 2] - behind[2 * span - 1 - span // 2]) / (2.0 * speed)
+    assert_allclose(
+        lag, 26.7e-3, rtol=0.03
+    )  # an encoder step, the motor's own damping, cables that still swing
+
+
+@given(st.floats(-2.0, 2.0))
+def test_dac_is_truncated_towards_zero(error):
+    control, _ = demanded(GOLD, error=error)
+    exact = -1.0 * 0.3 * error / (0.0603 * 12.25) * 2730.0
+    if abs(exact) <= 2500.0:
+        assert control.dac[0] == math.trunc(exact)
+
+
+def test_dac_is_clipped_at_the_limits_of_the_source():
+    control, shaft = new_control(), np.zeros(7)
+    control.mode[:] = POSITION
+    control.setpoint[:] = [0.05, 0.05, 0.003, 0.3, 0.35, 0.35, 0.35]
+    control_motors(GOLD, control, shaft)
+    assert_array_equal(np.abs(control.dac[:6]), [2500.0, 2500.0, 2000.0, 3000.0, 3000.0, 3800.0])
+
+
+def test_recorded_torque_is_before_clipping():
+    control, _ = demanded(GOLD, error=3.0)
+    assert_allclose(control.torque[0], 0.9, rtol=1e-12)
+    assert control.dac[0] == -2500.0
+
+
+def test_joint_limits_of_torque_are_those_of_the_mechanism():
+    _, shaft = demanded(GOLD, error=4.0, axis=0)
+    assert_allclose(shaft[0] * 136.1963, 7.521, rtol=1e-4)  # raven2 description, Nm at the joint
+    _, shaft = demanded(GOLD, error=4.0, axis=2)
+    assert_allclose(shaft[2] * 2158.59, 95.36, rtol=1e-4)  # N
+
+
+@pytest.mark.parametrize("firmware", [GOLD, GREEN])
+def test_positive_torque_is_positive_motion_whatever_the_boards_sign(firmware):
+    for axis in range(7):
+        control, shaft = demanded(firmware, error=0.5, axis=axis)
+        assert control.torque[axis] > 0.0
+        assert shaft[axis] > 0.0
+
+
+def test_dac_carries_the_boards_sign_of_each_arm():
+    for firmware, signs in ((GOLD, [-1, -1, -1, -1, -1, 1, -1]), (GREEN, [1, 1, 1, -1, -1, 1, -1])):
+        for axis in range(7):
+            control, _ = demanded(firmware, error=0.5, axis=axis)
+            assert np.sign(control.dac[axis]) == signs[axis]
+
+
+def test_command_beyond_twenty_thousand_trips_the_software_stop():
+    control, shaft = demanded(GOLD, error=20_000.5 * 0.0603 * 12.25 / 2730.0 / 0.3)
+    assert control.flags[STOPPED] == 0  # truncated to 20,000
+    control, shaft = demanded(GOLD, error=20_002.0 * 0.0603 * 12.25 / 2730.0 / 0.3)
+    assert control.flags[STOPPED] == 1
+    assert shaft[0] == 0.0
+
+
+def test_last_jaw_is_never_checked_but_its_board_has_sixteen_bits():
+    control, _ = demanded(GOLD, error=100.0, axis=6)
+    assert control.flags[STOPPED] == 0
+    assert abs(control.dac[6]) == 32_768.0  # negative on this board
+
+
+def test_encoders_count_four_thousand_steps_a_turn():
+    for motor in (0.0, 0.999 * STEP, 1.0001 * STEP, 2.0 * np.pi + 0.5 * STEP):
+        control = moved(GOLD, np.full(7, motor))
+        assert_array_equal(control.counts, np.floor(motor / STEP))
+
+
+def test_encoder_steps_at_the_joints_are_those_of_the_mechanism():
+    assert_allclose(np.rad2deg(STEP / GOLD.ratio[:2]), [6.608e-4, 7.406e-4], rtol=1e-3)
+    assert_allclose(STEP / GOLD.ratio[2], 0.7277e-6, rtol=1e-4)
+    assert_allclose(np.rad2deg(STEP / GOLD.ratio[3:5]), [0.01668, 0.01001], rtol=1e-3)
+
+
+def test_counts_do_not_wrap():
+    # 24 bits hold 26,000 rad: the board's wrap, which no joint reaches, is not modelled
+    control = moved(GOLD, np.full(7, 30_000.0))
+    assert (control.counts > 2**24).all()
+
+
+@given(st.tuples(*[st.floats(-1.0, 1.0)] * 7), st.booleans())
+def test_joints_read_what_they_were_registered_at(joint, gold):
+    firmware = GOLD if gold else GREEN
+    control = moved(firmware, np.linspace(-50.0, 900.0, 7))
+    register(firmware, control, np.array(joint), ALL)
+    # to an encoder step at every motor that takes part: the insertion reads all three, the tools the insertion's
+    atol = 2.0 * STEP * (1.0 / firmware.ratio + 0.35 / firmware.ratio)
+    assert (np.abs(control.joint - joint) <= atol + 2e-6).all()
+
+
+@given(st.tuples(*[st.floats(-1.0, 1.0)] * 7), st.booleans())
+def test_desired_motors_are_the_inverse_of_measured_joints(joint, gold):
+    firmware = GOLD if gold else GREEN
+    control = moved(firmware, np.linspace(-50.0, 900.0, 7))
+    register(firmware, control, np.array(joint), ALL)
+    control.setpoint[:] = control.joint
+    control_motors(firmware, control, np.zeros(7))
+    assert_allclose(control.motor_setpoint, control.motor, atol=1e-9)
+
+
+def test_tool_joints_stand_still_while_their_motors_follow_the_insertion():
+    for firmware, sign in ((GOLD, 1.0), (GREEN, -1.0)):
+        insertion = 29.087  # ten turns of the tool's cables
+        follow = sign * 10.0 * np.array([1.0, 1.0, -1.0, 1.0])  # the first jaw's runs the other way
+        control = moved(firmware, np.array([0.0, 0.0, insertion, *follow]))
+        assert_allclose(control.joint[3:], 0.0, atol=2.0 * STEP / 5.0)
+
+
+def test_velocity_is_the_difference_of_one_tick_and_ignores_the_coupling():
+    state, control = new_state(), new_control()
+    read_encoders_of(GOLD, state, control)
+    state.rotor[0] = 10.5 * STEP
+    read_encoders_of(GOLD, state, control)
+    assert_allclose(control.motor_velocity[0], 10.0 * STEP / 1e-3)
+    assert_allclose(control.joint_velocity[0], 10.0 * STEP / 1e-3 / 136.1963)
+    assert_array_equal(control.joint_velocity[1:], 0.0)
+
+
+def test_commanded_joint_torques_reach_the_motors_through_the_coupling():
+    control, shaft = new_control(), np.zeros(7)
+    control.mode[:] = TORQUE
+    control.torque_command[:3] = [2.0, -1.0, 5.0]
+    control_motors(GOLD, control, shaft)
+    tension = shaft[:3] * GOLD.ratio[:3]
+    c01, c02, c12 = 0.14545, 0.0077973826, 0.008077387
+    joint = [
+        tension[0] + c01 * tension[1] + c02 * tension[2],
+        tension[1] + c12 * tension[2],
+        tension[2],
+    ]
+    # one DAC step: 0.003 Nm on the first two joints, 0.05 N on the third
+    assert_allclose(joint, [2.0, -1.0, 5.0], atol=0.05)
+
+
+def test_an_axis_that_is_off_gets_nothing():
+    control, shaft = new_control(), np.ones(7)
+    control.mode[:] = OFF
+    control.setpoint[:] = 1.0
+    control_motors(GOLD, control, shaft)
+    assert_array_equal(shaft, 0.0)
+
+
+def test_a_hundred_increments_move_the_setpoint_by_their_sum():
+    plant = homed_plant()
+    start = plant.setpoint_js().q
+    for _ in range(100):
+        plant.servo_jr(np.deg2rad([0.003, 0, 0, 0, 0, 0, 0]))
+        plant.wait()
+    assert_allclose(np.rad2deg((plant.setpoint_js().q - start)[0]), 0.3, rtol=1e-12)
+
+
+def test_increments_of_one_tick_add_up_before_the_clamp():
+    plant = homed_plant()
+    start = plant.setpoint_js().q
+    for _ in range(4):
+        plant.servo_jr(np.full(7, 0.0005))
+    plant.wait()
+    expected = np.minimum(0.002, [0.0025, 0.0025, 5e-5, 0.0025, 0.0025, 0.0025, 0.0025])
+    assert_allclose(plant.setpoint_js().q - start, expected, rtol=1e-9)
+
+
+def test_setpoint_steps_are_clamped():
+    plant = homed_plant()
+    start = plant.setpoint_js().q
+    plant.servo_jp(start + 1.0)
+    plant.wait()
+    # 0.0025 rad or 0.05 mm a millisecond
+    assert_allclose(plant.setpoint_js().q - start, [0.0025, 0.0025, 5e-5, *[0.0025] * 4], rtol=1e-9)
+
+
+@pytest.mark.parametrize("side", ["lower", "upper"])
+def test_setpoints_saturate_at_the_software_limits(side):
+    plant = homed_plant()
+    limit = getattr(plant, side)
+    start, slow = plant.setpoint_js().q, 0.2 * plant.firmware.step_limit
+    rows = start + np.sign(limit - start) * slow * np.arange(1, 34_000)[:, None]
+    log = plant.run(rows)
+    assert_array_equal(log.setpoint[-1], limit)

@@ -1,0 +1,246 @@
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from numpy.typing import NDArray
+
+from catenary.errors import NotReadyError
+from catenary.plant import OperatingState
+from catenary.simulation.cable_parameters import CableArm, load_cable_arm
+from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.homing import SEEK_SPEED, registered_zero
+from oracles.cable_arms import homed_plant, linear_arm
+
+Floats = NDArray[np.float64]
+DEG_MM = np.array([180.0 / np.pi, 180.0 / np.pi, 1e3])
+STOPS = np.array([0.0, 137.5, 562.0])  # what the robot registers there [deg, deg, mm]
+RIG_STOPS = np.array([0.0, 130.0, 572.467])
+HOME = np.array([30.0, 90.0, 400.0])
+
+
+class Homing(NamedTuple):
+    """What a homing came to; positioning joints [deg, deg, mm]."""
+
+    start: Floats
+    seconds: float
+    robot_at_stops: Floats  # as the robot reads them, registered a tick ago
+    rig_at_stops: Floats
+    registration: Floats  # encoder offsets as joint positions
+    robot_at_home: Floats
+    rig_at_home: Floats
+    tools_at_home: Floats  # [rad]
+
+
+def home_and_watch(start: Floats, arm: CableArm | None = None, substeps: int = 1) -> Homing:
+    plant = CablePlant(arm, start=start, substeps=substeps)
+    plant.state_command("enable")
+    plant.state_command("home")
+    at_stops = None
+    while plant.operating_state().is_busy:
+        plant.wait()
+        if at_stops is None and np.isfinite(plant.rig_zero).all():
+            sample = plant.telemetry()
+            at_stops = sample["jpos"][:3] * DEG_MM, sample["ext_jpos"] * DEG_MM
+    seconds = plant.time
+    for _ in range(500):
+        plant.wait()
+    sample = plant.telemetry()
+    registration = sample["encoffsets"][:3] / (4000.0 / (2.0 * np.pi)) / plant.firmware.ratio[:3]
+    assert at_stops is not None
+    return Homing(
+        start,
+        seconds,
+        *at_stops,
+        registration * DEG_MM,
+        sample["jpos"][:3] * DEG_MM,
+        sample["ext_jpos"] * DEG_MM,
+        sample["jpos"][3:],
+    )
+
+
+@pytest.fixture(scope="module")
+def homings() -> list[Homing]:
+    """The same arm, homed from twenty places."""
+    rng = np.random.default_rng(11)
+    low, high = [np.deg2rad(5.0), np.deg2rad(50.0), 0.25], [np.deg2rad(85.0), np.deg2rad(130.0), 0.50]
+    return [home_and_watch(rng.uniform(low, high)) for _ in range(20)]
+
+
+@pytest.mark.slow
+def test_homing_takes_as_long_as_its_slowest_joints(homings):
+    for h in homings:
+        # the amplifiers 1 s, tools to their stops some 4.5 s, two registrations of 0.2 s, two moves of 2.5 s
+        to_stops = np.abs(load_cable_arm().cable.stop_position - h.start) / np.abs(SEEK_SPEED[:3])
+        assert_allclose(h.seconds, 11.0 + to_stops.max(), atol=2.0)
+
+
+@pytest.mark.slow
+def test_robot_registers_its_stops(homings):
+    for h in homings:
+        assert_allclose(h.robot_at_stops, STOPS, atol=0.02)  # a tick's motion after registration
+
+
+@pytest.mark.slow
+def test_rig_registers_the_same_stops_as_it_calls_them(homings):
+    for h in homings:
+        # the insertion has sprung back from the peak by what its stop gives way, 60 N on 1e5 N/m; the elbow has
+        # left its stop: its motor went on following the shoulder, by up to 85 deg times the error of the coupling
+        assert (np.abs(h.rig_at_stops - RIG_STOPS) < [0.05, 85.0 * (0.14545 - 0.0874), 0.8]).all(), (
+            h.rig_at_stops
+        )
+
+
+def test_robot_and_rig_differ_by_their_registrations_where_cables_are_known_and_stiff():
+    arm = linear_arm()
+    known = arm.cable._replace(ratio_error=np.zeros(3), coupling=arm.firmware.coupling.copy())
+    arm = arm._replace(cable=known._replace(stiffness=10.0 * known.stiffness))
+    h = home_and_watch(np.array([0.5, 1.5, 0.4]), arm, substeps=4)
+    # wound up at the stops by 4 Nm on 2560 Nm/rad and less; the insertion's stop gives way by 60 N on 1e5 N/m
+    assert (np.abs(h.robot_at_home - h.rig_at_home - [0.0, 7.5, -10.467]) < [0.15, 0.15, 0.7]).all(), h
+
+
+@pytest.mark.slow
+def test_robot_believes_to_be_at_home(homings):
+    for h in homings:
+        assert_allclose(h.robot_at_home, HOME, atol=0.3)  # gravity and friction against the PD: 0.2 deg a Nm
+        # without damping the tool's integral hunts about its friction: 5 mNm of 0.013 Nm/rad, over the ratio
+        assert_allclose(h.tools_at_home, [0.0, 0.0, np.pi / 4, np.pi / 4], atol=0.15)
+
+
+@pytest.mark.slow
+def test_rig_sees_what_the_registrations_and_the_cables_make_of_home(homings):
+    difference = np.mean([h.robot_at_home - h.rig_at_home for h in homings], axis=0)
+    assert abs(difference[1] - 7.5) < 2.0  # stretched cables and wrong ratios: degrees, not tens of them
+    assert abs(difference[2] + 10.467) < 3.0
+
+
+@pytest.mark.slow
+def test_homing_again_spreads_the_elbow_and_spares_the_others(homings):
+    # while the elbow stands at its stop its motor goes on following the shoulder, by a coupling that is not the true one
+    spread = np.std([h.registration for h in homings], axis=0)
+    assert spread[1] > 10.0 * spread[0]  # deg
+    assert spread[1] > 2.0 * spread[2]  # mm
+
+
+def test_homing_goes_tools_first_while_the_positioning_joints_stand():
+    plant = CablePlant()
+    plant.state_command("enable")
+    plant.state_command("home")
+    start = plant.state.q.copy()
+    tool = plant.state.rotor[3:].copy()
+    for _ in range(2500):  # a second of waiting, then the tools run
+        plant.wait()
+    assert (np.abs(plant.state.rotor[3:] - tool) > 1.0).all()
+    assert_allclose(plant.state.q, start, atol=0.02)  # brakes off: the arm has settled on its motors
+
+
+def test_tool_meets_its_stops_before_the_insertion_moves():
+    plant = CablePlant()
+    plant.state_command("enable")
+    plant.state_command("home")
+    meets = np.full(7, np.nan)
+    while plant.operating_state().is_busy:
+        plant.wait()
+        into_stop = plant.control.seek == 2
+        meets[np.isnan(meets) & into_stop] = plant.time
+    assert np.nanmax(meets[3:6]) < np.nanmin(meets[:3])
+
+
+def test_homed_arm_does_not_home_again_after_a_stop():
+    plant = homed_plant()
+    plant.state_command("disable")
+    plant.state_command("enable")
+    assert plant.operating_state() == OperatingState("ENABLED", is_homed=True, is_busy=False)
+    plant.servo_jr(np.zeros(7))
+
+
+def test_offsets_survive_a_stop():
+    plant = homed_plant()
+    before = plant.telemetry()["encoffsets"]
+    plant.state_command("disable")
+    plant.state_command("enable")
+    assert_array_equal(plant.telemetry()["encoffsets"], before)
+
+
+@pytest.mark.parametrize("verb", ["servo_jp", "servo_jr", "servo_jf"])
+def test_arm_that_is_not_homed_refuses_to_be_moved(verb):
+    plant = CablePlant()
+    plant.state_command("enable")
+    with pytest.raises(NotReadyError, match="not homed"):
+        getattr(plant, verb)(np.zeros(7))
+
+
+@pytest.mark.parametrize("verb", ["servo_jp", "servo_jr", "servo_jf"])
+def test_arm_that_homes_refuses_to_be_moved(verb):
+    plant = CablePlant()
+    plant.state_command("enable")
+    plant.state_command("home")
+    with pytest.raises(NotReadyError, match="homing"):
+        getattr(plant, verb)(np.zeros(7))
+
+
+@pytest.mark.parametrize("state", ["DISABLED", "PAUSED"])
+def test_homing_is_refused_unless_enabled(state):
+    plant = CablePlant()
+    if state == "PAUSED":
+        plant.state_command("enable")
+        plant.state_command("pause")
+    with pytest.raises(NotReadyError, match=state):
+        plant.state_command("home")
+
+
+@pytest.mark.parametrize("command", ["disable", "pause"])
+def test_interrupted_homing_is_given_up(command):
+    plant = CablePlant()
+    plant.state_command("enable")
+    plant.state_command("home")
+    for _ in range(2000):
+        plant.wait()
+    plant.state_command(command)
+    here = plant.state.rotor.copy()
+    for _ in range(500):
+        plant.wait()
+    state = plant.operating_state()
+    assert not state.is_homed
+    assert not state.is_busy
+    assert_array_equal(plant.state.rotor, here)
+
+
+def test_arm_homes_after_an_interrupted_homing():
+    plant = CablePlant(substeps=1)
+    plant.state_command("enable")
+    plant.state_command("home")
+    for _ in range(7000):
+        plant.wait()
+    plant.state_command("disable")
+    plant.home()
+    assert plant.operating_state().is_homed
+    assert_allclose(plant.measured_js().q[:3] * DEG_MM, HOME, atol=0.8)
+
+
+def arm_without_shoulder_stop():
+    arm = load_cable_arm()
+    position = arm.cable.stop_position.copy()
+    position[0] = -1e3
+    return arm._replace(cable=arm.cable._replace(stop_position=position))
+
+
+def test_an_axis_that_meets_no_stop_ends_the_homing():
+    plant = CablePlant(arm_without_shoulder_stop(), substeps=1)
+    with pytest.raises(NotReadyError, match="shoulder met no stop"):
+        plant.home()
+    plant.wait()
+    assert plant.operating_state() == OperatingState("FAULT", is_homed=False, is_busy=False)
+
+
+def test_rig_takes_the_mean_of_the_counts_near_its_peak():
+    rig = load_cable_arm().rig
+    counts = np.array([[-100.0, 50.0, 10.0], [-130.0, 99.0, 30.0], [-150.0, 100.0, 31.0], [0.0, 0.0, 0.0]])
+    zero = registered_zero(rig, counts, np.array([-1.0, 1.0, 1.0]))
+    # windows of 50, 20, 20 counts
+    assert_allclose(zero, [-(100 + 130 + 150) / 3, 99.5, 30.5])
+
+
+def test_rig_reads_nothing_before_it_is_registered():
+    assert np.isnan(CablePlant().telemetry()["ext_jpos"]).all()
