@@ -135,6 +135,11 @@ class CablePlant:
         """Time since power-on [s]."""
         return self._tick * PERIOD
 
+    @property
+    def ticks(self) -> int:
+        """Ticks since power-on."""
+        return self._tick
+
     def measured_js(self) -> JointState:
         """Joint state as the firmware believes it."""
         c = self.control
@@ -284,6 +289,13 @@ class CablePlant:
         """Joint positions that the rig reports, (..., 3) [rad, rad, m]; NaN before it is registered."""
         positions: Floats = self.rig.registered + (counts - self.rig_zero) / self.rig.counts
         return positions
+
+    def resume_at(self, tick: int, rig_zero: Floats, *, is_homed: bool) -> None:
+        """Take up a life that was put away: the state's arrays have been written, the arm is disabled."""
+        self._tick = tick
+        self.rig_zero = rig_zero.copy()
+        self._is_homed = is_homed
+        self._set_state("DISABLED")
 
     def rig_peak_begin(self) -> None:
         """Begin to watch the external encoders for the stops."""

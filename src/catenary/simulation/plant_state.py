@@ -1,0 +1,51 @@
+"""A simulated robot put away and taken out again: what a real one keeps by standing there."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from catenary.errors import FileFormatError
+from catenary.simulation.cable_plant import CablePlant
+
+FORMAT = "catenary.cable_plant.1"
+
+
+def save_plant(plant: CablePlant, path: Path) -> None:
+    """Write where an arm stands and what its firmware knows; not its parameters, which follow from its seed."""
+    arrays = {f"arm.{name}": values for name, values in plant.state._asdict().items()}
+    arrays |= {f"control.{name}": values for name, values in plant.control._asdict().items()}
+    arrays["rig_zero"] = plant.rig_zero
+    about = {
+        "format": FORMAT,
+        "side": plant.side,
+        "seed": plant.seed,
+        "payload": plant.payload,
+        "tick": plant.ticks,
+        "is_homed": plant.operating_state().is_homed,
+    }
+    np.savez(path, allow_pickle=False, about=np.array(json.dumps(about)), **arrays)
+
+
+def restore_plant(plant: CablePlant, path: Path) -> None:
+    """Put an arm back where `save_plant` left it, disabled.
+
+    Raises:
+        FileFormatError: No such file, damaged, or of another robot.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            about = json.loads(str(file["about"]))
+            found = {key: about[key] for key in ("format", "side", "seed", "payload")}
+            wanted = {"format": FORMAT, "side": plant.side, "seed": plant.seed, "payload": plant.payload}
+            if found != wanted:
+                raise FileFormatError(f"{path}: is of another robot: {found}, expected {wanted}")
+            for name, values in plant.state._asdict().items():
+                values[:] = file[f"arm.{name}"]
+            for name, values in plant.control._asdict().items():
+                values[:] = file[f"control.{name}"]
+            plant.resume_at(int(about["tick"]), file["rig_zero"], is_homed=bool(about["is_homed"]))
+    except FileFormatError:
+        raise
+    except (OSError, KeyError, ValueError) as error:
+        raise FileFormatError(f"{path}: is no state of a simulated robot: {error}") from error
