@@ -12,7 +12,7 @@ from catenary.robots.assembly import LinkInertia
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel, Tree
 from catenary.simulation.base_motion import BaseTimeline, FixedBase, MovingBase
-from catenary.simulation.cable_parameters import CableArm, load_cable_arm, right_arm, varied
+from catenary.simulation.cable_parameters import POSITIONING, CableArm, load_cable_arm, right_arm, varied
 from catenary.simulation.cable_physics import new_state, unstretched_rotors
 from catenary.simulation.firmware import (
     BRAKES,
@@ -200,10 +200,8 @@ class CablePlant:
     def servo_jf(self, tau: Floats) -> None:
         """Command joint torques, (7,), or (3,) for the positioning joints with the tool held, [Nm, Nm, N, Nm...]."""
         self._require_ready()
-        torque = np.asarray(tau, dtype=float)
-        if torque.shape not in ((7,), (3,)) or not np.isfinite(torque).all():
-            raise InputError(f"servo_jf: expected (7,) or (3,) finite torques, got {torque}")
-        n = len(torque)
+        n = POSITIONING if np.shape(tau) == (POSITIONING,) else len(JOINTS)
+        torque = as_array("servo_jf", tau, (n,))
         self.control.torque_command[:n] = torque
         self.control.mode[:n] = TORQUE
         self.control.mode[n:] = POSITION
@@ -263,7 +261,8 @@ class CablePlant:
     def run(self, setpoints: ArrayLike) -> TickLog:
         """Run a list of setpoints (T, 7), one a tick, in one compiled call, with the firmware inside.
 
-        Equal, sample for sample, to `servo_jp` and `wait` for every row. A column of NaN leaves that axis alone.
+        Equal, sample for sample, to `servo_jp` and `wait` for every row. NaN leaves that axis alone. Hours are run
+        in pieces: the next call goes on where this one ended, bit for bit, and a log takes 528 B a tick.
 
         Raises:
             NotReadyError: Not homed, not enabled, or the software e-stop tripped on the way.
@@ -272,6 +271,8 @@ class CablePlant:
         rows = np.ascontiguousarray(setpoints, dtype=float)
         if rows.ndim != 2 or rows.shape[1] != 7:
             raise InputError(f"run: expected setpoints of shape (T, 7), got {rows.shape}")
+        if np.isinf(rows).any():
+            raise InputError(f"run: setpoints are infinite on {np.isinf(rows).any(axis=1).sum()} rows")
         self.control.mode[:] = POSITION
         log = new_log(len(rows))
         self._advance(rows, log)

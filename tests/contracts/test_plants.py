@@ -1,0 +1,171 @@
+"""What every plant keeps to, real or simulated; a new one joins PLANTS."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.errors import CatenaryError, InputError, NotReadyError, UnsupportedCommandError
+from catenary.plant import JOINT_UNITS, Plant
+from catenary.simulation.cable_plant import CablePlant
+from oracles.cable_arms import homed_plant
+
+PLANTS = {
+    "cable left": (lambda: homed_plant("left"), lambda: CablePlant(side="left")),
+    "cable right": (lambda: homed_plant("right"), lambda: CablePlant(side="right")),
+}
+SERVO = ("servo_jp", "servo_jr", "servo_jf")
+
+
+@pytest.fixture(params=PLANTS)
+def ready(request) -> Plant:
+    """Homed and enabled."""
+    return PLANTS[request.param][0]()
+
+
+@pytest.fixture(params=PLANTS)
+def fresh(request) -> Plant:
+    """As it wakes up."""
+    return PLANTS[request.param][1]()
+
+
+def still(plant: Plant, verb: str) -> np.ndarray:
+    """A command of that verb which asks for no motion."""
+    return plant.setpoint_js().q if verb == "servo_jp" else np.zeros(len(plant.joint_names))
+
+
+def test_names_units_and_limits_have_one_entry_a_joint(ready):
+    n = len(ready.joint_names)
+    assert len(set(ready.joint_names)) == n
+    assert len(ready.joint_units) == n
+    assert set(ready.joint_units) <= set(JOINT_UNITS)
+    assert ready.lower.shape == ready.upper.shape == (n,)
+    assert (ready.lower < ready.upper).all()
+
+
+@pytest.mark.parametrize("verb", ["measured_js", "setpoint_js"])
+def test_joint_states_are_finite_and_of_the_right_shape(ready, verb):
+    state = getattr(ready, verb)()
+    n = len(ready.joint_names)
+    for values in (state.q, state.qd, state.tau):
+        assert values.shape == (n,)
+        assert np.isfinite(values).all()
+    assert state.q_motor.ndim == 1
+    assert np.isfinite(state.q_motor).all()
+    assert 9.0 < np.linalg.norm(state.gravity) < 10.6
+    assert state.gravity_age >= 0.0
+
+
+def test_joint_states_are_the_receivers_own(ready):
+    before = ready.measured_js()
+    before.q[:] = 99.0
+    before.gravity[:] = 0.0
+    assert (ready.measured_js().q != 99.0).all()
+    assert np.linalg.norm(ready.measured_js().gravity) > 9.0
+
+
+def test_limits_are_the_receivers_own(ready):
+    ready.lower[:] = -99.0
+    assert (ready.lower != -99.0).all()
+
+
+def test_waiting_advances_time_by_the_period(ready):
+    start = ready.measured_js().time
+    for _ in range(10):
+        ready.wait()
+    assert_allclose(ready.measured_js().time - start, 10 * ready.period, rtol=1e-9)
+
+
+def test_telemetry_has_the_declared_columns(ready):
+    sample = ready.telemetry()
+    assert list(sample) == [column.name for column in ready.columns]
+    for column in ready.columns:
+        assert column.unit
+        assert sample[column.name].shape == (column.width,)
+        assert np.isfinite(sample[column.name]).all()
+
+
+def test_telemetry_is_the_receivers_own(ready):
+    for values in ready.telemetry().values():
+        values[:] = -12_345.0
+    assert all((values != -12_345.0).all() for values in ready.telemetry().values())
+
+
+@pytest.mark.parametrize("verb", SERVO)
+def test_supported_verbs_are_obeyed_and_others_refused(ready, verb):
+    command = still(ready, verb)
+    if verb in ready.supports:
+        getattr(ready, verb)(command)
+        ready.wait()
+    else:
+        with pytest.raises(UnsupportedCommandError):
+            getattr(ready, verb)(command)
+
+
+@pytest.mark.parametrize("verb", SERVO)
+def test_plant_that_is_not_homed_is_not_moved(fresh, verb):
+    with pytest.raises((NotReadyError, UnsupportedCommandError)):
+        getattr(fresh, verb)(np.zeros(len(fresh.joint_names)))
+
+
+@pytest.mark.parametrize("verb", SERVO)
+def test_disabled_plant_is_not_moved(ready, verb):
+    command = still(ready, verb)
+    ready.state_command("disable")
+    with pytest.raises((NotReadyError, UnsupportedCommandError)):
+        getattr(ready, verb)(command)
+
+
+@pytest.mark.parametrize("verb", SERVO)
+@pytest.mark.parametrize("fault", ["short", "long", "nan", "text"])
+def test_bad_commands_are_refused(ready, verb, fault):
+    n = len(ready.joint_names)
+    bad = {"short": np.zeros(n - 1), "long": np.zeros(n + 1), "nan": np.full(n, np.nan), "text": ["a"] * n}[
+        fault
+    ]
+    with pytest.raises((InputError, UnsupportedCommandError)):
+        getattr(ready, verb)(bad)
+
+
+def test_a_refused_command_changes_nothing(ready):
+    before = ready.setpoint_js().q
+    with pytest.raises(CatenaryError):
+        ready.servo_jp(np.full(len(ready.joint_names), np.nan))
+    ready.wait()
+    assert_allclose(ready.setpoint_js().q, before, atol=1e-15)
+
+
+def test_setpoint_follows_servo_jp(ready):
+    wanted = ready.setpoint_js().q + 1e-5
+    ready.servo_jp(wanted)
+    ready.wait()
+    assert_allclose(ready.setpoint_js().q, wanted, atol=1e-12)
+
+
+def test_setpoint_follows_servo_jr(ready):
+    wanted = ready.setpoint_js().q + 1e-5
+    ready.servo_jr(np.full(len(ready.joint_names), 1e-5))
+    ready.wait()
+    assert_allclose(ready.setpoint_js().q, wanted, atol=1e-12)
+
+
+def test_setpoint_stays_within_the_limits(ready):
+    for _ in range(400):
+        ready.servo_jr(np.full(len(ready.joint_names), 1e-4))
+        ready.wait()
+    assert (ready.setpoint_js().q <= ready.upper).all()
+
+
+def test_states_are_those_of_crtk(ready):
+    for command, state in (
+        ("disable", "DISABLED"),
+        ("enable", "ENABLED"),
+        ("pause", "PAUSED"),
+        ("resume", "ENABLED"),
+    ):
+        ready.state_command(command)
+        assert ready.operating_state().state == state
+
+
+def test_unknown_state_command_is_refused(ready):
+    with pytest.raises(UnsupportedCommandError):
+        ready.state_command("nonsense")

@@ -1,0 +1,75 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.errors import ConfigError
+from catenary.simulation.cable_parameters import load_cable_arm, right_arm, varied
+
+
+def test_every_number_says_where_it_comes_from():
+    file = load_cable_arm().file
+    for table in (file.cable, file.firmware, file.rig):
+        for name, entry in table.items():
+            assert entry.unit, name
+            assert entry.origin in ("source", "datasheet-memory", "assumed", "fitted")
+
+
+def test_rotor_inertia_at_the_joints_is_that_of_the_mechanism():
+    cable = load_cable_arm().cable
+    assert_allclose(cable.rotor_inertia * cable.ratio**2, [0.26, 0.207, 65.0], rtol=0.01)  # kg m2, kg m2, kg
+
+
+def test_stiffness_at_the_joints_is_that_of_the_mechanism():
+    firmware = load_cable_arm().firmware
+    stiffness = firmware.kp[:3] * firmware.ratio[:3] ** 2 / firmware.gearbox[:3]
+    assert_allclose(stiffness, [454.3, 361.7, 57_055.0], rtol=1e-3)  # Nm/rad, Nm/rad, N/m
+
+
+def test_homing_thresholds_at_the_joints_are_those_of_the_mechanism():
+    f = load_cable_arm().firmware
+    torque = f.home_threshold / f.dac_per_ampere * f.torque_constant * f.ratio
+    assert_allclose(
+        torque, [6.317, 5.637, 76.29, 0.1010, 0.1860, 0.1993, 0.1993], rtol=1e-3
+    )  # Nm, N for the third
+
+
+def test_right_arm_has_other_signs_and_a_less_damped_insertion():
+    left, right = load_cable_arm(), right_arm(load_cable_arm())
+    assert_array_equal(right.firmware.dac_sign, [1, 1, 1, -1, -1, 1, -1])
+    assert_array_equal(right.firmware.tool_sign, -left.firmware.tool_sign)
+    assert_array_equal(right.firmware.kd[:3], [0.008, 0.008, 0.010])
+    assert_array_equal(right.cable.stiffness, left.cable.stiffness)
+
+
+def test_firmware_and_mechanism_agree_on_how_the_tool_follows_the_insertion():
+    arm = load_cable_arm()
+    follow = arm.firmware.tool_sign / arm.firmware.insertion_ratio * np.array([1.0, 1.0, -1.0, 1.0])
+    assert_allclose(arm.cable.tool_carried, follow, rtol=1e-9)
+    assert_allclose(arm.cable.tool_ratio, arm.firmware.ratio[3:])
+
+
+def test_drawn_arms_spread_as_declared():
+    nominal, rng = load_cable_arm(), np.random.default_rng(0)
+    arms = [varied(nominal, rng).cable for _ in range(400)]
+    stiffness = np.std([np.log(c.stiffness / nominal.cable.stiffness) for c in arms], axis=0)
+    ratio = np.std([c.ratio_error - nominal.cable.ratio_error for c in arms], axis=0)
+    assert_allclose(stiffness, 0.15, rtol=0.15)  # of 400 draws
+    assert_allclose(ratio, 0.01, rtol=0.15)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[cable.damping]", "[cable.dampnig]", "missing damping; unknown dampnig"),
+        ("value = [1.5, 0.6, 60.0]", "value = [1.5, 0.6]", "damping: expected 3 numbers, got 2"),
+        ('origin = "datasheet-memory"', 'origin = "hearsay"', "origin"),
+    ],
+)
+def test_damaged_files_are_refused_by_name(tmp_path, old, new, message):
+    from importlib.resources import files
+
+    text = (files("catenary.simulation") / "data" / "raven2.toml").read_text()
+    path = tmp_path / "arm.toml"
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(ConfigError, match=message):
+        load_cable_arm(path)
