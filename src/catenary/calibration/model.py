@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.features import FeatureSet
+from catenary.calibration.kernels import Packed
 from catenary.calibration.valid_range import ValidRange
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -20,6 +21,10 @@ class Predictor(Protocol):
 
     def predict(self, X: Floats) -> Floats:
         """Give (N, m) for features (N, F)."""
+        ...
+
+    def pack(self) -> Packed:
+        """Give the arrays as compiled loops take them."""
         ...
 
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, as_array
+from catenary.calibration.kernels import inside_rows
 
 BOX_MARGIN = 0.05  # of each feature's range
 AXIS_MARGIN = 0.10  # of the range along each principal axis
@@ -29,10 +30,24 @@ class ValidRange:
 
     def inside(self, X: Floats) -> NDArray[np.bool_]:
         """Whether each row of features (N, F) lies within both boxes, (N,); never true for NaN."""
-        projection = (X - self.mean) @ self.axes
-        box = (X >= self.lower) & (X <= self.upper)
-        along = (projection >= self.axis_lower) & (projection <= self.axis_upper)
-        return np.asarray(box.all(axis=1) & along.all(axis=1))
+        count, axes = self.axes.shape
+        rows = as_array("features", X, (None, count), finite=False)
+        out = np.empty(len(rows), dtype=bool)
+        inside_rows(rows, axes, self.pack(), np.empty(count + axes), out)
+        return out
+
+    def pack(self) -> Floats:
+        """Give the arrays one after the other, as compiled loops take them.
+
+        Raises:
+            InputError: Their shapes do not fit together.
+        """
+        count, axes = self.axes.shape
+        shapes = {"lower": (count,), "upper": (count,), "mean": (count,), "axes": (count, axes)}
+        shapes |= {"axis_lower": (axes,), "axis_upper": (axes,)}
+        return np.concatenate(
+            [as_array(name, getattr(self, name), shape).ravel() for name, shape in shapes.items()]
+        )
 
 
 def fit_valid_range(X: Floats) -> ValidRange:
