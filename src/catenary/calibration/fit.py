@@ -155,6 +155,7 @@ def fit(
         target=options.target,
         offset=offset,
         groups=tuple(groups),
+        rate_hz=data.rate_hz,
     )
 
 

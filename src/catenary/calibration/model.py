@@ -60,6 +60,7 @@ class CalibrationModel:
     target: Target  # what the predictors give: the joint error, or the joint position (end to end)
     offset: Floats  # (n,) mean error of the training data [rad|m]
     groups: tuple[JointGroup, ...]
+    rate_hz: float | None = None  # of the training rows, at which `history` counts; None where not known
 
     def inside(self, X: Floats) -> NDArray[np.bool_]:
         """Whether features (N, F) lie in the valid range of each joint, (N, n)."""
