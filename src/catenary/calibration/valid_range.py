@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.kernels import inside_rows
+from catenary.calibration.kernels import in_lines, inside_rows
 
 BOX_MARGIN = 0.05  # of each feature's range
 AXIS_MARGIN = 0.10  # of the range along each principal axis
@@ -45,9 +45,7 @@ class ValidRange:
         count, axes = self.axes.shape
         shapes = {"lower": (count,), "upper": (count,), "mean": (count,), "axes": (count, axes)}
         shapes |= {"axis_lower": (axes,), "axis_upper": (axes,)}
-        return np.concatenate(
-            [as_array(name, getattr(self, name), shape).ravel() for name, shape in shapes.items()]
-        )
+        return in_lines([as_array(name, getattr(self, name), shape) for name, shape in shapes.items()])
 
 
 def fit_valid_range(X: Floats) -> ValidRange:
