@@ -14,8 +14,8 @@ from catenary.errors import InputError
 # what the first integers of a layout mean; `_AT`: where something begins, in the layout itself or in the memory
 (JOINTS, SIGNALS, POSITIONS, PLAYS, FEATURES, HISTORY, DECIMATION, GIVES_POSITION, GROUPS) = range(9)
 (GROUPS_AT, ROBOT_JOINTS, ROBOT_AT, RING_AT, FEATURES_AT, TAKEN_AT, WATCHED_AT, WORK_AT) = range(9, 17)
-(PREDICTION_AT, SIGNALS_AT, NUMBERS_AT) = range(17, 20)
-HEADER = 20
+(PREDICTION_AT, NUMBERS_AT) = range(17, 19)
+HEADER = 19
 SOURCES = ("q", "qd", "tau")  # of a joint state, by number
 
 
@@ -58,7 +58,6 @@ def fuse(model: CalibrationModel, decimation: int) -> tuple[Integers, Floats]:
         (WATCHED_AT, len(features.names)),
         (WORK_AT, work),
         (PREDICTION_AT, n),
-        (SIGNALS_AT, len(features.signals)),
         (NUMBERS_AT, 0),
     ):
         header[place] = at
@@ -130,9 +129,9 @@ def tick(
     n = layout[JOINTS]
     if len(q) != n or len(signals) != layout[SIGNALS] or len(out) != n or len(inside) != n:
         return False
-    at = memory[layout[SIGNALS_AT] :]
+    at = layout[FEATURES_AT]  # the first features are the signals
     for i in range(len(signals)):
-        at[i] = signals[i]
+        memory[at + i] = signals[i]
     _tick(layout, memory, q, out, inside)
     return True
 
@@ -165,10 +164,10 @@ def tick_state(
     n, size = layout[JOINTS], layout[ROBOT_JOINTS]
     if len(q) != size or len(qd) != size or len(tau) != size or len(out) != size or len(inside) != size:
         return False
-    at, pairs = memory[layout[SIGNALS_AT] :], layout[ROBOT_AT] + n
+    at, pairs = layout[FEATURES_AT], layout[ROBOT_AT] + n
     for i in range(layout[SIGNALS]):
         source, joint = layout[pairs + 2 * i], layout[pairs + 2 * i + 1]
-        at[i] = q[joint] if source == 0 else (qd[joint] if source == 1 else tau[joint])
+        memory[at + i] = q[joint] if source == 0 else (qd[joint] if source == 1 else tau[joint])
     for j in range(size):
         out[j] = q[j]
         inside[j] = True
@@ -178,12 +177,14 @@ def tick_state(
 
 @inlined
 def _tick(layout: Integers, memory: Floats, q: Floats, out: Floats, inside: NDArray[np.bool_]) -> None:
-    numbers = memory[layout[NUMBERS_AT] :]
-    _write_features(layout, numbers, memory)
-    x, taken = memory[layout[FEATURES_AT] : layout[TAKEN_AT]], memory[layout[TAKEN_AT] : layout[WATCHED_AT]]
+    # every slice costs a call some 5 ns: none but those that kernels take
+    offset, x_at = layout[NUMBERS_AT], layout[FEATURES_AT]
+    widths = offset + lines(layout[JOINTS])
+    _add_memory(layout, widths, memory)
+    taken = memory[layout[TAKEN_AT] : layout[WATCHED_AT]]
     near, work = memory[layout[WATCHED_AT] : layout[WORK_AT]], memory[layout[WORK_AT] : layout[PREDICTION_AT]]
-    prediction = memory[layout[PREDICTION_AT] : layout[SIGNALS_AT]]
-    at, number = layout[GROUPS_AT], lines(layout[JOINTS]) + lines(layout[PLAYS])
+    prediction = memory[layout[PREDICTION_AT] : offset]
+    at, number = layout[GROUPS_AT], widths + lines(layout[PLAYS])
     for _ in range(layout[GROUPS]):
         joints, count, watched, axes = layout[at], layout[at + 1], layout[at + 2], layout[at + 3]
         predictor, joint_at = number + layout[at + 4], at + 7
@@ -191,23 +192,23 @@ def _tick(layout: Integers, memory: Floats, q: Floats, out: Floats, inside: NDAr
         at = joint_at + joints
         ok = True
         for i in range(count):
-            taken[i] = x[layout[at + i]]
+            taken[i] = memory[x_at + layout[at + i]]
             ok &= np.isfinite(taken[i])
         at += count
         for i in range(watched):
-            near[i] = x[layout[at + i]]
+            near[i] = memory[x_at + layout[at + i]]
         at += watched
         if ok:
-            ok = inside_row(near, watched, axes, numbers[number:predictor], work)
+            ok = inside_row(near, watched, axes, memory[number:predictor], work)
         if ok:
-            predict_row(layout[at : at + integers], numbers[predictor:following], taken, work, prediction)
+            predict_row(layout[at : at + integers], memory[predictor:following], taken, work, prediction)
         at, number = at + integers, following
         for j in range(joints):
             joint = layout[joint_at + j]
             place = layout[layout[ROBOT_AT] + joint]
             here = q[place]
             known = ok and np.isfinite(here)
-            correction = numbers[joint]  # the fixed offset
+            correction = memory[offset + joint]  # the fixed offset
             if known:
                 correction = prediction[j] - here if layout[GIVES_POSITION] else prediction[j]
             out[place] = here + correction
@@ -215,38 +216,31 @@ def _tick(layout: Integers, memory: Floats, q: Floats, out: Floats, inside: NDAr
 
 
 @inlined
-def _write_features(layout: Integers, numbers: Floats, memory: Floats) -> None:
-    """Write the features in the order of FeatureSet, and remember the positions for later ticks.
+def _add_memory(layout: Integers, widths: int, memory: Floats) -> None:
+    """Write the features after the signals, in the order of FeatureSet, and remember the positions for later ticks.
 
     A signal that is NaN leaves its play states as they are, and is NaN among the previous positions.
     """
-    signals, positions, plays = layout[SIGNALS], layout[POSITIONS], layout[PLAYS]
-    x, signal = memory[layout[FEATURES_AT] : layout[TAKEN_AT]], memory[layout[SIGNALS_AT] :]
-    for i in range(signals):
-        x[i] = signal[i]
-    at = signals
+    x, positions = layout[FEATURES_AT], layout[POSITIONS]
+    at = x + layout[SIGNALS]
     ticks = layout[HISTORY] * layout[DECIMATION]
     if ticks > 0:
-        ring, now = memory[layout[RING_AT] : layout[FEATURES_AT]], int(memory[0])
+        ring, now = layout[RING_AT], int(memory[0])
         for k in range(1, layout[HISTORY] + 1):
             earlier = now - k * layout[DECIMATION]
             if earlier < 0:
                 earlier += ticks
             for i in range(positions):
-                x[at] = ring[earlier * positions + i]
+                memory[at] = memory[ring + earlier * positions + i]
                 at += 1
         for i in range(positions):
-            ring[now * positions + i] = signal[layout[HEADER + i]]
+            memory[ring + now * positions + i] = memory[x + layout[HEADER + i]]
         memory[0] = now + 1 if now + 1 < ticks else 0
-    for i in range(plays):
-        value, width, state = (
-            signal[layout[HEADER + positions + i]],
-            numbers[lines(layout[JOINTS]) + i],
-            memory[1 + i],
-        )
+    for i in range(layout[PLAYS]):
+        value, width, state = memory[x + layout[HEADER + positions + i]], memory[widths + i], memory[1 + i]
         if np.isfinite(value):
             if np.isnan(state):
                 state = value
             state = min(max(state, value - width), value + width)
             memory[1 + i] = state
-        x[at + i] = state - value
+        memory[at + i] = state - value
