@@ -42,6 +42,22 @@ class Table:
 
 
 @dataclass(frozen=True)
+class Facts:
+    """Names and what they stand for, in words that may be long."""
+
+    kind: ClassVar[str] = "facts"
+    rows: Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Remarks:
+    """Short paragraphs of equal weight."""
+
+    kind: ClassVar[str] = "remarks"
+    texts: Sequence[str]
+
+
+@dataclass(frozen=True)
 class Picture:
     """An image, as base64 of a PNG."""
 
@@ -59,7 +75,7 @@ class Listing:
     text: str
 
 
-Block = Heading | Text | Table | Picture | Listing
+Block = Heading | Text | Table | Facts | Remarks | Picture | Listing
 
 
 def picture(figure: "Figure", caption: str) -> Picture:
@@ -84,6 +100,7 @@ def write_page(
     )
     html = template.render(title=title, lead=lead, blocks=blocks, footer=footer, simulated=simulated)
     try:
-        path.write_text(html, encoding="utf-8")
+        # a file's name may hold bytes that are no text
+        path.write_bytes(html.encode("utf-8", "backslashreplace"))
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from error

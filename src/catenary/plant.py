@@ -133,7 +133,9 @@ class MotionLog:
     def __post_init__(self) -> None:
         rows, n = len(self), len(self.joint_names)
         where = f'recording "{self.name}"'
-        if len(set(self.joint_names)) != n or n == 0:
+        if n == 0:
+            raise InputError(f"{where}: has no joints, expected at least one")
+        if len(set(self.joint_names)) != n:
             raise InputError(f"{where}: joint names must differ, got {list(self.joint_names)}")
         if len(self.joint_units) != n or any(unit not in JOINT_UNITS for unit in self.joint_units):
             raise InputError(
@@ -146,9 +148,12 @@ class MotionLog:
             self._freeze(where, key, (rows, n))
         for key in ("time", "ok"):
             self._freeze(where, key, (rows,))
+        if self.ok.dtype != np.bool_:
+            raise InputError(f"{where}: ok: expected true or false on each row, got {self.ok.dtype}")
         for key, values in self.signals.items():
             if values.shape != (rows,):
                 raise InputError(f'{where}: signal "{key}": expected shape ({rows},), got {values.shape}')
+        object.__setattr__(self, "signals", {key: frozen(values) for key, values in self.signals.items()})
         if self.q_encoder is not None:
             bad = np.argwhere(~np.isfinite(self.q_encoder) & self.ok[:, None])
             if len(bad):

@@ -63,7 +63,7 @@ def test_logistic_function_is_that_of_the_c_library() -> None:
 def test_valid_range_is_the_two_boxes_of_its_definition() -> None:
     rng = np.random.default_rng(4)
     for inputs in (1, 2, 5, 9):
-        valid = fit_valid_range(rng.normal(size=(50, inputs)) @ rng.normal(size=(inputs, inputs)))
+        valid = fit_valid_range(rng.normal(size=(50, inputs)) @ rng.normal(size=(inputs, inputs)), 0.1)
         X = rng.uniform(1.3 * valid.lower, 1.3 * valid.upper, size=(4000, inputs))
         projection = (X - valid.mean) @ valid.axes
         box = ((X >= valid.lower) & (X <= valid.upper)).all(axis=1)
@@ -74,7 +74,7 @@ def test_valid_range_is_the_two_boxes_of_its_definition() -> None:
 
 
 def test_valid_range_never_holds_for_nan() -> None:
-    valid = fit_valid_range(np.random.default_rng(5).normal(size=(50, 3)))
+    valid = fit_valid_range(np.random.default_rng(5).normal(size=(50, 3)), 0.1)
     X = np.zeros((3, 3))
     X[np.arange(3), np.arange(3)] = np.nan
     assert not valid.inside(X).any()

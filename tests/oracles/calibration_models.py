@@ -113,7 +113,7 @@ def random_model(
         columns = features.columns_of(own)
         watched = columns[~features.bounded[columns]]
         predictor = random_predictor(kind, len(columns), len(group), rng)
-        groups.append(JointGroup(group, columns, predictor, fit_valid_range(X[:, watched]), watched))
+        groups.append(JointGroup(group, columns, predictor, fit_valid_range(X[:, watched], 0.1), watched))
     return CalibrationModel(
         kind="neural",
         preset=None,

@@ -6,8 +6,8 @@ from typing import Any
 
 from catenary import __version__
 from catenary.calibration.dataset import CalibrationData
-from catenary.calibration.evaluate import DISPLAY, Evaluation, Spread
-from catenary.calibration.fit import FitOptions
+from catenary.calibration.evaluate import DISPLAY, Evaluation, JointErrors, Spread
+from catenary.calibration.fit import FitOptions, extrapolation
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.neural import BEST, PAPER, NetworkSettings
 
@@ -77,8 +77,8 @@ def model_card(
         "output": "correction added to q_nominal, in rad and m",
         "scaling": _scaling(model.kind),
         "settings": _settings(options),
-        "valid_range": "box around the training inputs with 5 % margin, and box along their principal axes with "
-        "10 % margin; outside it the fixed offset is used",
+        "valid_range": "box around the training inputs and box along their principal axes, each widened by "
+        f"{extrapolation(model.kind, features):.0%} of their range; outside it the fixed offset is used",
         "data": [asdict(source) for source in data.sources],
         "rows": len(data),
         "run": {"seed": options.seed, **command},
@@ -94,10 +94,15 @@ def model_card(
             }
             if spread
             else None,
-            "held_out": [asdict(joint) for joint in held_out.joints] if held_out is not None else None,
+            "held_out": [_errors(joint) for joint in held_out.joints] if held_out is not None else None,
         },
         "notes": list(notes),
     }
+
+
+def _errors(joint: JointErrors) -> dict[str, Any]:
+    """Give errors as JSON can hold them: null where a percentage of nothing was asked for."""
+    return {key: None if value != value else value for key, value in asdict(joint).items()}
 
 
 def _scaling(kind: str) -> str:
@@ -114,7 +119,7 @@ def _settings(options: FitOptions) -> dict[str, Any]:
         "history": options.history,
         "play_shares": None if options.play is None else list(options.play),
         "target": options.target,
-        "ridge": options.ridge,
+        "ridge": options.ridge_used,
     }
     if options.kind == "neural":
         chosen: NetworkSettings = BEST if options.preset == "best" else PAPER

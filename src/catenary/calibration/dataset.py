@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, as_array
 from catenary.calibration.features import FeatureSet
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -39,7 +39,7 @@ class CalibrationData:
     error: Floats  # (N, n) q_encoder - q_nominal [rad|m]: what a model must add
     recording: NDArray[np.int64]  # (N,) index into `sources`
     position: Floats  # (N,) how far into its recording the row lies, 0 to 1
-    time: Floats  # (N,) [s], or the row number where the recording has no time
+    time: Floats  # (N,) [s], or the row number where a recording has no time
     sources: tuple[Source, ...]
     has_time: bool
     robot: str | None = None
@@ -95,11 +95,17 @@ def calibration_data(
         max_error: (n,) [rad|m]; rows where any joint's error is larger are left out and counted.
 
     Raises:
-        InputError: No recording, no measurement, joints or units that differ, no usable row.
+        InputError: No recording, no measurement, robots, joints or units that differ, an error limit of another
+            shape, no usable row.
     """
     if not logs:
         raise InputError("data: expected at least one recording, got none")
     first = logs[0]
+    if max_error is not None:
+        max_error = as_array("max_error", max_error, (len(first.joint_names),), finite=False)
+        if not (max_error > 0.0).all():
+            raise InputError(f"max_error: expected positive limits, got {max_error.tolist()}")
+    has_time = all(log.time is not None for log in logs)
     parts: list[tuple[Floats, ...]] = []
     sources: list[Source] = []
     for i, log in enumerate(logs):
@@ -128,7 +134,7 @@ def calibration_data(
             )
         )
         index = np.arange(len(log), dtype=float)
-        time = index if log.time is None else log.time
+        time = log.time if has_time and log.time is not None else index
         parts.append(
             (
                 X[keep],
@@ -160,8 +166,8 @@ def calibration_data(
         position=position,
         time=time,
         sources=tuple(sources),
-        has_time=all(log.time is not None for log in logs),
-        robot=first.robot,
+        has_time=has_time,
+        robot=next((log.robot for log in logs if log.robot is not None), None),
         rate_hz=_common_rate(logs),
     )
 
@@ -182,6 +188,8 @@ def _common_rate(logs: Sequence[MotionLog]) -> float | None:
 
 
 def _same_joints(a: MotionLog, b: MotionLog) -> None:
+    if a.robot is not None and b.robot is not None and a.robot != b.robot:
+        raise InputError(f'recordings "{a.name}" and "{b.name}" are of two robots: {a.robot} and {b.robot}')
     if (a.joint_names, a.joint_units) != (b.joint_names, b.joint_units):
         raise InputError(
             f'recordings "{a.name}" and "{b.name}" are not of the same joints: '

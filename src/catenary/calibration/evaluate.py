@@ -1,5 +1,6 @@
 """How wrong the joints are, before and after, on data that the model has not seen."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -71,8 +72,15 @@ def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | 
         window: Length of a time window in s (rows, where there is no time); a tenth of the data when None.
 
     Raises:
-        InputError: The data hold other features or joints, or the window is not positive.
+        InputError: The data hold other joints or features or no row, or the window is not positive.
     """
+    if (data.joint_names, data.joint_units) != (model.joint_names, model.joint_units):
+        raise InputError(
+            f"data: has joints {', '.join(data.joint_names)} in {', '.join(data.joint_units)}; "
+            f"the model is for {', '.join(model.joint_names)} in {', '.join(model.joint_units)}"
+        )
+    if len(data) == 0:
+        raise InputError("data: no row to evaluate on")
     if data.features != model.features:
         raise InputError(
             f"data: holds {', '.join(data.features.names)}; the model takes {', '.join(model.features.names)}"
@@ -159,7 +167,9 @@ def cross_validate(
     if folds < 2 or folds > len(data):
         raise InputError(f"folds: expected 2 to {len(data)} (the usable rows), got {folds}")
     block = data.blocks(folds)
-    present = [k for k in range(folds) if (block == k).any() and (block != k).any()]
+    present = [k for k in range(folds) if (block == k).any()]
+    if len(present) < 2:
+        raise InputError(f"folds: {folds} blocks leave no rows to fit to, {len(data)} rows in all")
     results = []
     for i, k in enumerate(present):
         model = fit(data.rows(block != k), part_of(progress, i, len(present)))
@@ -192,7 +202,10 @@ def _windows(
         spans += [
             (f"{source.name} ({k + 1})" if several else source.name, p) for k, p in enumerate(parts) if len(p)
         ]
-    durations = [float(data.time[rows[-1]] - data.time[rows[0]]) for _, rows in spans]
+    # n rows take n steps, but n - 1 intervals of time, whose last window holds its end too
+    durations = [
+        float(data.time[rows[-1]] - data.time[rows[0]]) + (0.0 if data.has_time else 1.0) for _, rows in spans
+    ]
     windows = []
     for (name, rows), duration in zip(spans, durations, strict=True):
         length = window
@@ -200,10 +213,7 @@ def _windows(
             length = duration / max(1, round(10.0 * duration / max(sum(durations), 1e-12))) or 1.0
         start = float(data.time[rows[0]])
         index = np.floor((data.time[rows] - start) / length).astype(int)
-        if window is None:
-            index = np.minimum(
-                index, max(0, round(duration / length) - 1)
-            )  # the last row closes the last window
+        index = np.minimum(index, max(0, math.ceil(duration / length - 1e-9) - 1))
         for k in np.unique(index):
             part = rows[index == k]
             windows.append(

@@ -36,6 +36,11 @@ class FeatureSet:
             raise InputError("inputs: expected at least one")
         if self.history < 0:
             raise InputError(f"history: expected zero or more previous commands, got {self.history}")
+        if self.history > 0 and not self.positions:
+            raise InputError(
+                f"history: {self.history} previous commands of no joint; expected a position (q) among the inputs "
+                f"{', '.join(self.signals)}"
+            )
 
     @property
     def positions(self) -> tuple[str, ...]:
@@ -78,9 +83,14 @@ class FeatureSet:
         Rows without a measurement (`ok` not set) are commands all the same and count as predecessors.
 
         Raises:
-            InputError: The log lacks a signal, or holds NaN in one.
+            InputError: The log lacks a signal, holds NaN in one, or has it in another unit.
         """
         signals = {name: signal_of(log, name) for name in self.signals}
+        for name, unit in zip(self.signals, self.units, strict=True):
+            if signal_unit(log, name) != unit:
+                raise InputError(
+                    f'recording "{log.name}": input "{name}" is in "{signal_unit(log, name)}", expected "{unit}"'
+                )
         edges = [*log.starts, len(log)]
         parts = [self._segment(signals, first, last) for first, last in pairwise(edges)]
         return np.vstack(parts)
@@ -156,9 +166,11 @@ def choose_signals(log: MotionLog, words: Sequence[str]) -> tuple[str, ...]:
     """Turn words into signals: a group (`q`, `tau`, `qd`) means all its joints, `all` every signal.
 
     Raises:
-        InputError: A word names no group and no signal of the log.
+        InputError: No word, or one that names no group and no signal of the log.
     """
     known = available_signals(log)
+    if not words:
+        raise InputError(f"inputs: expected at least one of {', '.join(known)}")
     chosen: list[str] = []
     for word in words:
         if word == "all":
@@ -176,7 +188,9 @@ def choose_signals(log: MotionLog, words: Sequence[str]) -> tuple[str, ...]:
 
 
 def _unknown(log: MotionLog, name: str) -> InputError:
+    known = available_signals(log)
+    groups = [group for group in GROUPS if any(signal.startswith(f"{group}:") for signal in known)]
     return InputError(
-        f'recording "{log.name}": has no input "{name}"; it has {", ".join(available_signals(log))}, '
-        f"and the groups {', '.join(GROUPS)} and all"
+        f'recording "{log.name}": has no input "{name}"; it has {", ".join(known)}, '
+        f"and the groups {', '.join(groups)} and all"
     )

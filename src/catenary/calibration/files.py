@@ -1,10 +1,11 @@
 """Calibration models on disk: a NumPy archive that executes nothing, with its card inside and beside it."""
 
+import contextlib
 import io
 import json
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from catenary.arrays import Floats
 from catenary.calibration.card import Card
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.linear import Linear
-from catenary.calibration.model import CalibrationModel, JointGroup, Predictor
+from catenary.calibration.model import CalibrationModel, JointGroup, Predictor, Target
 from catenary.calibration.neural import Network
 from catenary.calibration.offset import Constant
 from catenary.calibration.polynomial import Quadratic
@@ -33,7 +34,10 @@ def card_path(path: Path) -> Path:
 def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
     """Write a model to `path` and a readable copy of its card beside it.
 
-    The file appears whole or not at all.
+    Each of the two appears whole or not at all.
+
+    Raises:
+        FileFormatError: The file cannot be written.
     """
     structure = {
         "format": FORMAT,
@@ -78,6 +82,9 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
             "models are written by catenary fit"
         )
     try:
+        for key, values in arrays.items():
+            if values.dtype.kind == "f" and not np.isfinite(values).all():
+                raise ValueError(f"{key} holds NaN or infinity")
         structure = json.loads(str(arrays["structure"]))
         if structure["format"] != FORMAT:
             raise FileFormatError(f"{path}: model format {structure['format']!r}, expected {FORMAT!r}")
@@ -100,7 +107,10 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
             rate_hz=_rate(structure.get("rate_hz")),
         )
         _check(model)
-        return model, json.loads(str(arrays["card"]))
+        card = json.loads(str(arrays["card"]))
+        if not isinstance(card, dict):
+            raise ValueError("the card is no table")
+        return model, card
     except FileFormatError:
         raise
     except (KeyError, TypeError, ValueError, IndexError, InputError) as error:
@@ -112,7 +122,15 @@ def _check(model: CalibrationModel) -> None:
     n, width = len(model.joint_names), len(model.features.names)
     if model.offset.shape != (n,) or sorted(j for g in model.groups for j in g.joints) != list(range(n)):
         raise ValueError("joints and arrays do not fit together")
+    if model.target not in get_args(Target):
+        raise ValueError(f"unknown target {model.target!r}")
     for group in model.groups:
+        watched = len(group.watched)
+        for key, values in vars(group.valid_range).items():
+            if values.shape != ((watched, watched) if key == "axes" else (watched,)):
+                raise ValueError(
+                    f"the valid range of joints {group.joints} has {key} of shape {values.shape}"
+                )
         middle = np.zeros((1, width))[:, group.columns]
         values = group.predictor.predict(middle)
         if values.shape != (1, len(group.joints)) or not np.isfinite(values).all():
@@ -202,5 +220,6 @@ def _write_whole(path: Path, content: bytes) -> None:
         partial.write_bytes(content)
         os.replace(partial, path)
     except OSError as error:
-        partial.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            partial.unlink()
         raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from error

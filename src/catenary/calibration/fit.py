@@ -1,7 +1,7 @@
 """From recordings to a calibration model, of whichever kind."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
@@ -27,6 +27,12 @@ PRESETS: tuple[str, ...] = get_args(Preset)
 PLAY_SHARES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 MEMORY_RIDGE = 10.0  # for regressions on features with memory, which resemble each other
 SMALLEST_DATA = 10  # rows
+# How far beyond the training data a model may go, as a share of their range. Linear models and networks extrapolate
+# gently: on zig-zag data, which leave half of the shoulder's range out, half a range beyond still corrects most of
+# the error. A polynomial's error grows with the square of the distance, and with memory faster still.
+EXTRAPOLATION = 0.5
+POLYNOMIAL_EXTRAPOLATION = 0.25
+POLYNOMIAL_MEMORY_EXTRAPOLATION = 0.1
 
 
 @dataclass(frozen=True)
@@ -36,7 +42,8 @@ class FitOptions:
     `inputs` names signals or groups of signals, for all joints or per joint; None takes the positions and, if
     recorded, the torques. `play` adds play states of the positions, as shares of each joint's range of motion;
     None means none, except for the neural preset `best` where no torque is recorded: torque, too, tells on which
-    side of its slack a cable lies, and then play states only add what can be over-fitted.
+    side of its slack a cable lies, and then play states only add what can be over-fitted. `ridge` None means 0, or
+    10 for regressions on features with memory. A fixed offset is one of the error, whatever the target.
     """
 
     kind: Kind = "linear"
@@ -63,6 +70,8 @@ class FitOptions:
             raise InputError(f"play: expected shares of the range of motion between 0 and 1, got {self.play}")
         if self.ridge is not None and not self.ridge >= 0.0:
             raise InputError(f"ridge: expected zero or more, got {self.ridge}")
+        if self.ridge is not None and self.kind not in ("linear", "polynomial"):
+            raise InputError(f"ridge {self.ridge} of model {self.kind}: only linear and polynomial take one")
 
     def play_shares(self, signals: Sequence[str]) -> tuple[float, ...]:
         """Shares of each joint's range of motion that the play states take beside the given signals."""
@@ -71,21 +80,31 @@ class FitOptions:
         torque = any(name.startswith("tau:") for name in signals)
         return PLAY_SHARES if self.preset == "best" and not torque else ()
 
+    @property
+    def ridge_used(self) -> float | None:
+        """Weight on the squared coefficients of a regression; None for other kinds."""
+        if self.kind not in ("linear", "polynomial") or self.ridge is not None:
+            return self.ridge
+        memory = bool(self.play) or (self.kind == "polynomial" and self.history > 0)
+        return MEMORY_RIDGE if memory else 0.0
+
 
 @dataclass(frozen=True)
 class Inputs:
     """The features of a fit, and which joint takes which."""
 
     features: FeatureSet
-    per_joint: tuple[tuple[str, ...], ...] = field(default=())  # (n,) signals
+    per_joint: tuple[tuple[str, ...], ...]  # (n,) signals
 
 
 def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: float = 0.0) -> Inputs:
     """Settle the features for recordings, looking only at what comes before their held-out last part.
 
     Raises:
-        InputError: An input or a joint that the recordings do not have.
+        InputError: No recording, or an input or a joint that the recordings do not have.
     """
+    if not logs:
+        raise InputError("data: expected at least one recording, got none")
     log = logs[0]
     if isinstance(options.inputs, dict):
         for joint in options.inputs:
@@ -113,6 +132,10 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
             low, high = min(float(c.min()) for c in commands), max(float(c.max()) for c in commands)
             if high > low:
                 play += [(name, share * (high - low)) for share in shares]
+    if options.play and not play:
+        raise InputError(
+            f"play: none of the inputs {', '.join(signals)} is the position of a joint that moved"
+        )
     units = tuple(signal_unit(log, name) for name in signals)
     return Inputs(FeatureSet(signals, units, options.history, tuple(play)), per_joint)
 
@@ -125,12 +148,17 @@ def fit(
     Joints with the same inputs are fitted together.
 
     Raises:
-        InputError: Fewer rows than any fit needs.
+        InputError: Fewer rows than any fit needs, or rows of other features than the inputs'.
     """
+    if data.features != inputs.features:
+        raise InputError(
+            f"data: holds {', '.join(data.features.names)}; the inputs are {', '.join(inputs.features.names)}"
+        )
     if len(data) < SMALLEST_DATA:
         raise InputError(f"data: {len(data)} usable rows, expected at least {SMALLEST_DATA}")
     offset = fit_offset(data.X, data.error).value
-    Y = data.error if options.target == "error" else data.q_nominal + data.error
+    target: Target = "error" if options.kind == "offset" else options.target
+    Y = data.error if target == "error" else data.q_nominal + data.error
     groups: list[JointGroup] = []
     together: dict[tuple[str, ...], list[int]] = {}
     for joint, signals in enumerate(inputs.per_joint):
@@ -140,10 +168,16 @@ def fit(
         columns = inputs.features.columns_of(signals)
         X = np.ascontiguousarray(data.X[:, columns])
         report = part_of(progress, number, len(together))
-        predictor = _fit_predictor(X, Y[:, joints], options, inputs.features, late, report)
+        predictor = _fit_predictor(X, Y[:, joints], options, late, report)
         watched = columns[~inputs.features.bounded[columns]]
         groups.append(
-            JointGroup(tuple(joints), columns, predictor, fit_valid_range(data.X[:, watched]), watched)
+            JointGroup(
+                tuple(joints),
+                columns,
+                predictor,
+                fit_valid_range(data.X[:, watched], extrapolation(options.kind, inputs.features)),
+                watched,
+            )
         )
         report(1.0)
     return CalibrationModel(
@@ -152,7 +186,7 @@ def fit(
         joint_names=data.joint_names,
         joint_units=data.joint_units,
         features=inputs.features,
-        target=options.target,
+        target=target,
         offset=offset,
         groups=tuple(groups),
         rate_hz=data.rate_hz,
@@ -160,19 +194,24 @@ def fit(
 
 
 def _fit_predictor(
-    X: Floats, Y: Floats, options: FitOptions, features: FeatureSet, late: np.ndarray, progress: Progress
+    X: Floats, Y: Floats, options: FitOptions, late: np.ndarray, progress: Progress
 ) -> Predictor:
-    memory = features.history > 0 or bool(features.play)
     if options.kind == "offset":
         return fit_offset(X, Y)
     if options.kind == "linear":
-        ridge = MEMORY_RIDGE if features.play else 0.0
-        return fit_linear(X, Y, ridge=ridge if options.ridge is None else options.ridge)
+        return fit_linear(X, Y, ridge=options.ridge_used or 0.0)
     if options.kind == "polynomial":
-        ridge = MEMORY_RIDGE if memory else 0.0
-        return fit_polynomial(X, Y, ridge=ridge if options.ridge is None else options.ridge)
+        return fit_polynomial(X, Y, ridge=options.ridge_used or 0.0)
     settings = BEST if options.preset == "best" else PAPER
     return fit_neural(X, Y, settings, seed=options.seed, late=late, progress=progress)
+
+
+def extrapolation(kind: str, features: FeatureSet) -> float:
+    """How far beyond the training data a kind of model may go, as a share of their range."""
+    if kind != "polynomial":
+        return EXTRAPOLATION
+    memory = features.history > 0 or bool(features.play)
+    return POLYNOMIAL_MEMORY_EXTRAPOLATION if memory else POLYNOMIAL_EXTRAPOLATION
 
 
 def _default_words(log: MotionLog) -> tuple[str, ...]:

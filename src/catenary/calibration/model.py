@@ -6,7 +6,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, as_array
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.kernels import Packed
 from catenary.calibration.valid_range import ValidRange
@@ -70,7 +70,13 @@ class CalibrationModel:
         return inside
 
     def correction(self, X: Floats, q_nominal: Floats) -> Floats:
-        """What to add to q_nominal (N, n), (N, n) [rad|m]; NaN features count as outside the valid range."""
+        """What to add to q_nominal (N, n), (N, n) [rad|m]; NaN features count as outside the valid range.
+
+        Raises:
+            InputError: X is not (N, F), or q_nominal not (N, n).
+        """
+        X = as_array("features", X, (None, len(self.features.names)), finite=False)
+        q_nominal = as_array("q_nominal", q_nominal, (len(X), len(self.joint_names)), finite=False)
         correction = np.tile(self.offset, (len(X), 1))
         for group in self.groups:
             rows = np.flatnonzero(group.inside(X))

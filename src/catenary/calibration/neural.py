@@ -1,5 +1,6 @@
 """Feed-forward networks: the paper's, and ours."""
 
+import warnings
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
@@ -124,8 +125,13 @@ def _train(X: Floats, Y: Floats, settings: NetworkSettings, seed: int, progress:
         target, out_mean = (Y - skip.predict(X)) / out_scale, np.zeros_like(out_mean)
     else:
         target = (Y - out_mean) / out_scale
+    # an output that a constant or the linear model gives exactly gets no ripple from the network
+    out_scale = np.where(np.ptp(target, axis=0) > 1e-9, out_scale, 0.0)
     Z = ((X - mean) / scale).astype(np.float32)  # single precision trains twice as fast, as Keras does
     target = target.astype(np.float32)
+    outputs = target.shape[1]
+    if outputs == 1:
+        target = target[:, 0]  # scikit-learn warns about a single column
 
     rng = np.random.default_rng(seed)
     regressor = MLPRegressor(
@@ -144,14 +150,14 @@ def _train(X: Floats, Y: Floats, settings: NetworkSettings, seed: int, progress:
         for rows in (
             np.array_split(order, batches) if settings.cosine else _keras_batches(order, settings.batch)
         ):
-            regressor.alpha = sklearn_alpha(float(np.max(settings.l2)), len(rows), target.shape[1])
+            regressor.alpha = sklearn_alpha(float(np.max(settings.l2)), len(rows), outputs)
             regressor.batch_size = len(rows)
             if settings.cosine and step > 0:
                 # scikit-learn has no schedule for Adam; its optimiser reads this at every step
                 regressor._optimizer.learning_rate_init = (
                     settings.learning_rate * 0.5 * (1.0 + np.cos(np.pi * step / steps))
                 )
-            regressor.partial_fit(Z[rows], target[rows])
+            _step(regressor, Z[rows], target[rows])
             step += 1
         progress((epoch + 1) / settings.epochs)
     return Network(
@@ -164,6 +170,16 @@ def _train(X: Floats, Y: Floats, settings: NetworkSettings, seed: int, progress:
         out_scale=out_scale,
         skip=skip,
     )
+
+
+def _step(regressor: MLPRegressor, Z: np.ndarray, target: np.ndarray) -> None:
+    """Take one step; scikit-learn turns an interrupt within it into a warning, and would train on."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", message="Training interrupted by user")
+        try:
+            regressor.partial_fit(Z, target)
+        except UserWarning as interrupted:
+            raise KeyboardInterrupt from interrupted
 
 
 def sklearn_alpha(l2: float, rows: int, outputs: int) -> float:

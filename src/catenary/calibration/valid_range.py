@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration.kernels import in_lines, inside_rows
+from catenary.calibration.linear import standardisation
 
-BOX_MARGIN = 0.05  # of each feature's range
-AXIS_MARGIN = 0.10  # of the range along each principal axis
 SMALLEST_RANGE = 1e-6  # [standard deviations] below it a direction counts as not moved at all
 
 
@@ -24,9 +23,9 @@ class ValidRange:
     lower: Floats  # (F,) in the features' units
     upper: Floats  # (F,)
     mean: Floats  # (F,)
-    axes: Floats  # (F, A) one scaled direction per column: projection = (x - mean) @ axes
-    axis_lower: Floats  # (A,)
-    axis_upper: Floats  # (A,)
+    axes: Floats  # (F, F) one scaled direction per column: projection = (x - mean) @ axes
+    axis_lower: Floats  # (F,)
+    axis_upper: Floats  # (F,)
 
     def inside(self, X: Floats) -> NDArray[np.bool_]:
         """Whether each row of features (N, F) lies within both boxes, (N,); never true for NaN."""
@@ -48,21 +47,21 @@ class ValidRange:
         return in_lines([as_array(name, getattr(self, name), shape) for name, shape in shapes.items()])
 
 
-def fit_valid_range(X: Floats) -> ValidRange:
-    """Describe where training features (N, F) lie, with a small margin."""
-    mean, scale = X.mean(axis=0), X.std(axis=0)
-    moved = scale > 0.0
-    scaled = np.where(moved, scale, 1.0)
-    _, _, Vt = np.linalg.svd((X - mean) / scaled, full_matrices=False)
-    axes = Vt.T / scaled[:, None]
+def fit_valid_range(X: Floats, margin: float) -> ValidRange:
+    """Describe where training features (N, F) lie, and how far beyond a model may go: `margin` times their range."""
+    mean, scale = standardisation(X)
+    # all F axes, also those along which the rows do not differ; R has them, and is small
+    R = np.linalg.qr((X - mean) / scale, mode="r")
+    _, _, Vt = np.linalg.svd(R, full_matrices=True)
+    axes = Vt.T / scale[:, None]
     lower, upper = X.min(axis=0), X.max(axis=0)
-    margin = BOX_MARGIN * (upper - lower) + SMALLEST_RANGE * scaled
+    box_margin = margin * (upper - lower) + SMALLEST_RANGE * scale
     projection = (X - mean) @ axes
     axis_lower, axis_upper = projection.min(axis=0), projection.max(axis=0)
-    axis_margin = AXIS_MARGIN * (axis_upper - axis_lower) + SMALLEST_RANGE
+    axis_margin = margin * (axis_upper - axis_lower) + SMALLEST_RANGE
     return ValidRange(
-        lower=lower - margin,
-        upper=upper + margin,
+        lower=lower - box_margin,
+        upper=upper + box_margin,
         mean=mean,
         axes=axes,
         axis_lower=axis_lower - axis_margin,

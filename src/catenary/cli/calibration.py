@@ -1,5 +1,8 @@
 """catenary fit, evaluate, demo."""
 
+import os
+import sys
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,8 +19,13 @@ if TYPE_CHECKING:
 Recordings = Annotated[
     list[Path],
     typer.Argument(
-        metavar="DATA...", help="Recordings: .npz with q_des, q_act, ok in rad and m, or .parquet logs."
+        metavar="DATA", help="Recordings: .npz with q_des, q_act, ok in rad and m, or .parquet logs."
     ),
+]
+LARGEST = sys.float_info.max
+LARGEST_SEED = 2**32 - 1  # that scikit-learn takes
+Seed = Annotated[
+    int, typer.Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Of everything random.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 Report = Annotated[
@@ -33,26 +41,31 @@ MaxError = Annotated[
 
 def fit(
     data: Recordings,
-    model: Annotated[str, typer.Option("--model", help="offset, linear, polynomial or neural.")],
+    model: Annotated[
+        str, typer.Option("--model", metavar="KIND", help="offset, linear, polynomial or neural.")
+    ],
     out: Annotated[
         Path, typer.Option("--out", metavar="MODEL", help="File to write the model to, e.g. arm.npz.")
     ],
     preset: Annotated[
         str | None,
         typer.Option(
-            "--preset", help="Of neural: paper (Peng et al.'s network) or best (ours). [default: paper]"
+            "--preset",
+            metavar="NAME",
+            help="Of neural: paper (Peng et al.'s network) or best (ours). [default: paper]",
         ),
     ] = None,
     inputs: Annotated[
         str | None,
         typer.Option(
             "--inputs",
+            metavar="SIGNALS",
             help="What the model takes: groups q, tau, qd, all, or signals such as q:J1; per joint as "
             "'J1=q:J1,tau:J1;J2=q'. [default: q, and tau if recorded]",
         ),
     ] = None,
     history: Annotated[
-        int, typer.Option("--history", metavar="K", help="Also take the K previous commands.")
+        int, typer.Option("--history", metavar="K", min=0, help="Also take the K previous commands.")
     ] = 0,
     play: Annotated[
         str | None,
@@ -64,7 +77,12 @@ def fit(
         ),
     ] = None,
     target: Annotated[
-        str, typer.Option("--target", help="Learn the joint error, or the joint position end to end.")
+        str,
+        typer.Option(
+            "--target",
+            metavar="WHAT",
+            help="What to learn: error, the joint error, or position, the joint position end to end.",
+        ),
     ] = "error",
     units: Annotated[
         str | None,
@@ -72,7 +90,9 @@ def fit(
     ] = None,
     robot: Annotated[
         str | None,
-        typer.Option("--robot", help="Catalogue name or file of the robot: joint names and units."),
+        typer.Option(
+            "--robot", metavar="ROBOT", help="Catalogue name or file of the robot: joint names and units."
+        ),
     ] = None,
     held_out: Annotated[
         float | None,
@@ -81,19 +101,29 @@ def fit(
         ),
     ] = None,
     folds: Annotated[
-        int, typer.Option("--folds", metavar="N", help="Blocks of time for the cross-validation; 0 for none.")
+        int,
+        typer.Option(
+            "--folds", metavar="N", min=0, help="Blocks of time for the cross-validation; 0 for none."
+        ),
     ] = 5,
     max_error: MaxError = None,
     ridge: Annotated[
-        float | None, typer.Option("--ridge", help="Ridge penalty of linear and polynomial models.")
+        float | None,
+        typer.Option(
+            "--ridge",
+            metavar="R",
+            min=0.0,
+            max=LARGEST,
+            help="Ridge penalty of linear and polynomial models. [default: 0; 10 with memory]",
+        ),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of everything random.")] = 0,
+    seed: Seed = 0,
     report: Report = None,
     as_json: AsJson = False,
 ) -> None:
-    """Fit a calibration model to recordings and tell its error on data that it has not seen.
+    """Fit a calibration model; tell its error on data it has not seen.
 
-    Example: catenary fit run1.npz --model linear --history 6 --units rad,rad,m,rad,rad,rad --out arm.npz
+    Example: catenary fit run1.npz --model linear --history 6 --out arm.npz
     """
     from catenary.calibration.files import card_path, save_model
     from catenary.calibration.fit import PLAY_SHARES, FitOptions
@@ -119,27 +149,22 @@ def fit(
         held_out=held_out,
         folds=folds,
     )
-    if not out.parent.is_dir():
-        raise InputError(f"--out {out}: folder {out.parent} does not exist")
-    if out.is_dir():
-        raise InputError(f"--out {out}: is a folder, expected a file to write")
+    _refuse_to_write("--out", out, [*data, *([Path(robot)] if robot else [])])
+    if report is not None:
+        if report.absolute() in (out.absolute(), card_path(out).absolute()):
+            raise InputError(f"--report {report}: the model and its card are written there")
+        _refuse_to_overwrite("--report", report, data)
     with progress_bar(f"fitting {model}") as progress:
         result = fit_calibration(data, options, run, progress=progress)
     save_model(result.model, result.card, out)
-    if report is not None:
-        _write_fit_report(report, result)
     if as_json:
         print_json(_fit_summary(out, card_path(out), result))
-        return
-    print_notes(result.notes)
-    if result.spread:
-        from catenary.jobs.calibration_report import spread_table
-
-        table = spread_table(result.spread)
-        print_table("RMSE on blocks of time that the fit did not see", table.header, table.rows)
-    if result.held_out is not None:
-        _print_errors("RMSE and largest error on the held-out part", result.held_out)
-    print(f"model: {out}\ncard:  {card_path(out)}" + (f"\npage:  {report}" if report else ""))
+    else:
+        _print_fit(out, card_path(out), result)
+    if report is not None:  # last: whatever goes wrong with it, the model is there
+        _write_fit_report(report, result)
+        if not as_json:
+            print(f"page:  {report}")
 
 
 def evaluate(
@@ -155,43 +180,49 @@ def evaluate(
     report: Report = None,
     as_json: AsJson = False,
 ) -> None:
-    """Tell a model's error on recordings: RMSE and maximum per joint in deg and mm, before and after.
+    """Tell a model's error on recordings, before and after.
+
+    RMSE and maximum per joint in deg and mm, and RMSE per window of time.
 
     Example: catenary evaluate arm.npz run2.npz --report run2.html
     """
     from catenary.jobs.calibration import evaluate_calibration, evaluation_summary
     from catenary.jobs.calibration_report import window_table, write_calibration_report
 
+    if report is not None:
+        _refuse_to_overwrite("--report", report, [model, *data])
     result = evaluate_calibration(
         model,
         data,
         max_error=None if max_error is None else numbers("--max-error", max_error),
         window=window,
     )
+    if as_json:
+        print_json(evaluation_summary(result))
+    else:
+        print_notes(result.notes)
+        _print_errors("RMSE and largest error per joint", result.evaluation)
+        table = window_table(result.evaluation)
+        print_table("RMSE of the model over time", table.header, table.rows)
     if report is not None:
         tested_on = ", ".join(source.name for source in result.evaluation.data.sources)
+        if result.seen_in_training:
+            tested_on += f" (no test: the model was fitted to {', '.join(result.seen_in_training)})"
         write_calibration_report(
             report, result.model, result.card, result.evaluation, tested_on=tested_on, notes=result.notes
         )
-    if as_json:
-        print_json(evaluation_summary(result))
-        return
-    print_notes(result.notes)
-    _print_errors("RMSE and largest error per joint", result.evaluation)
-    table = window_table(result.evaluation)
-    print_table("RMSE of the model over time", table.header, table.rows)
-    if report is not None:
-        print(f"page: {report}")
+        if not as_json:
+            print(f"page: {report}")
 
 
 def demo(
     out: Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Where to put the results.")] = Path(
         "demo"
     ),
-    seed: Annotated[int, typer.Option("--seed", help="Of the simulated arm and its motion.")] = 0,
+    seed: Seed = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrate a simulated cable-driven arm from recordings that the package makes itself."""
+    """Calibrate a simulated arm from recordings made on the spot."""
     from catenary.jobs.demo import run_demo
 
     with progress_bar("calibrating a simulated arm") as progress:
@@ -204,6 +235,18 @@ def demo(
         "Simulated arm: RMSE on a recording that no model saw (per cent of the fixed offset)", header, rows
     )
     print(f"page:  {result.page}\nmodel: {result.model_path}")
+
+
+def _print_fit(out: Path, card: Path, result: "FitResult") -> None:
+    from catenary.jobs.calibration_report import spread_table
+
+    print_notes(result.notes)
+    if result.spread:
+        table = spread_table(result.spread)
+        print_table("RMSE on blocks of time that the fit did not see", table.header, table.rows)
+    if result.held_out is not None:
+        _print_errors("RMSE and largest error on the held-out part", result.held_out)
+    print(f"model: {out}\ncard:  {card}")
 
 
 def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
@@ -245,6 +288,22 @@ def _print_errors(title: str, evaluation: "Evaluation") -> None:
 
     table = error_table(evaluation)
     print_table(title, table.header, table.rows)
+
+
+def _refuse_to_write(option: str, path: Path, read: Sequence[Path]) -> None:
+    """Refuse, before minutes of work, a file that could not be written after them."""
+    if path.is_dir():
+        raise InputError(f"{option} {path}: is a folder, expected a file to write")
+    if not path.parent.is_dir():
+        raise InputError(f"{option} {path}: folder {path.parent} does not exist")
+    if not os.access(path.parent, os.W_OK):
+        raise InputError(f"{option} {path}: folder {path.parent} cannot be written to")
+    _refuse_to_overwrite(option, path, read)
+
+
+def _refuse_to_overwrite(option: str, path: Path, read: Sequence[Path]) -> None:
+    if path.exists() and any(each.exists() and path.samefile(each) for each in read):
+        raise InputError(f"{option} {path}: is a file that is read here; expected another")
 
 
 def _play_shares(text: str, ours: tuple[float, ...]) -> tuple[float, ...]:

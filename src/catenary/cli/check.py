@@ -4,31 +4,38 @@ from typing import Annotated
 
 import typer
 
-from catenary.cli.terminal import print_json
+from catenary.cli.terminal import print_fact, print_json, words
 
 
 def check(
     file: Annotated[str, typer.Argument(metavar="FILE", help="A robot, a calibration model or a recording.")],
+    units: Annotated[
+        str | None,
+        typer.Option(
+            "--units", metavar="U,U,...", help="rad or m per joint, for a recording that does not say."
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Say what a file is and what is wrong with it; exit code 1 when something is.
+    """Say what a file is and what is wrong with it.
 
-    Robots are catalogue names, .toml, .urdf, .xml and .mjcf files; models are .npz; recordings .npz or .parquet.
+    The exit code is 1 when something is wrong. Robots are catalogue names, .toml, .urdf, .xml and .mjcf files;
+    models are .npz; recordings .npz or .parquet.
     """
     from catenary.jobs.check import check_file
 
-    finding = check_file(file)
+    finding = check_file(file, units=None if units is None else words(units))
     if as_json:
         print_json(finding.as_data())
     else:
         print(f"{file}: {finding.kind}")
-        width = max(len(name) for name, _ in finding.facts)
+        width = max(len("remark:"), *(len(name) for name, _ in finding.facts))
         for name, text in finding.facts:
-            print(f"  {name:<{width}}  {text}")
+            print_fact(name, text, width=width)
         for remark in finding.remarks:
-            print(f"  remark: {remark}")
+            print_fact("remark:", remark, width=width)
         for fault in finding.faults:
-            print(f"  WRONG:  {fault}")
-        print("  nothing wrong found" if not finding.faults else f"  {len(finding.faults)} fault(s) found")
+            print_fact("WRONG:", fault, width=width)
+        print(f"  {len(finding.faults)} fault(s) found" if finding.faults else "  nothing wrong found")
     if finding.faults:
         raise typer.Exit(1)

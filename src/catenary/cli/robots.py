@@ -4,11 +4,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from catenary.cli.terminal import numbers, print_json, print_table
+from catenary.cli.terminal import numbers, print_json, print_notes, print_table
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
+    from catenary.dynamics.inverse_kinematics import Match
     from catenary.robots.model import RobotModel
     from catenary.spatial import Pose
 
@@ -23,11 +24,15 @@ QDeg = Annotated[
     str | None, typer.Option("--q-deg", metavar="Q,Q,...", help="Joint coordinates in deg and mm.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON: m, rad, quaternions (w, x, y, z).")]
-FrameName = Annotated[str | None, typer.Option("--frame", help="Frame of the robot. [default: its tip]")]
+FrameName = Annotated[
+    str | None, typer.Option("--frame", metavar="FRAME", help="Frame of the robot. [default: its tip]")
+]
 InFrame = Annotated[str, typer.Option("--in", metavar="FRAME", help="Frame that the pose is expressed in.")]
 
 
-def robots(as_json: AsJson = False) -> None:
+def robots(
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
+) -> None:
     """List the robots that come with the package."""
     from catenary.robots.catalog import load_robot, robot_names
 
@@ -37,15 +42,8 @@ def robots(as_json: AsJson = False) -> None:
             [{"name": m.name, "joints": m.joint_names, "units": m.joint_units, "tip": m.tip} for m in models]
         )
         return
-    rows = [
-        [
-            m.name,
-            ", ".join(f"{name} [{unit}]" for name, unit in zip(m.joint_names, m.joint_units, strict=True)),
-            m.tip,
-        ]
-        for m in models
-    ]
-    print_table("Robots", ["name", "joints", "tip"], rows)
+    rows = [[m.name, m.tip, _names_and_units(m)] for m in models]
+    print_table("Robots", ["name", "tip", "joints"], rows, left=3)
 
 
 def fk(
@@ -65,6 +63,7 @@ def fk(
 
     model = load_robot(robot)
     values = joint_values(model, q, q_deg)
+    print_notes(_beyond_limits(model, values))
     name = model.tip if frame is None else frame
     poses = {
         f: relative_pose(model, values, name, f) for f in (in_frame, *_other_base_frames(model, in_frame))
@@ -102,18 +101,31 @@ def ik(
     q: Annotated[
         str | None,
         typer.Option(
-            "--q", metavar="Q,Q,...", help="Start (rad, m); without a position, its pose is the goal."
+            "--q",
+            metavar="Q,Q,...",
+            help="Joints to start from, in rad and m; without a position, their pose is the goal.",
         ),
     ] = None,
-    q_deg: QDeg = None,
+    q_deg: Annotated[
+        str | None, typer.Option("--q-deg", metavar="Q,Q,...", help="The same in deg and mm.")
+    ] = None,
     frame: FrameName = None,
-    in_frame: InFrame = "base",
-    seed: Annotated[int, typer.Option("--seed", help="Of the random starts of a numerical search.")] = 0,
+    in_frame: Annotated[
+        str, typer.Option("--in", metavar="FRAME", help="Frame, at rest, that the goal is expressed in.")
+    ] = "base",
+    seed: Annotated[
+        int,
+        typer.Option(
+            "--seed", metavar="N", min=0, help="Of the random starts, where a search needs several."
+        ),
+    ] = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Print the joint coordinates that bring a robot's frame to a pose.
+    """Print the joints that bring a robot's frame to a pose.
 
-    Example: catenary ik raven2_full --position-mm 25.3,-13.2,-77.9 --rpy-deg 0,0,0
+    Without an orientation, any will do.
+
+    Example: catenary ik raven2 --position-mm 19,-7.4,-67
     """
     import numpy as np
 
@@ -134,16 +146,15 @@ def ik(
         goal = relative_pose(model, start, name, in_frame)
     else:
         goal = _goal(position_mm, rpy_deg, quaternion)
-    middle = np.zeros(model.n) if start is None else start
-    base_pose = relative_pose(model, middle, in_frame, "base") @ goal
-    position_only = position_mm is not None and rpy_deg is None and quaternion is None
+    if model.frame(in_frame).link >= 0:
+        resting = [frame for frame in model.frames if model.frames[frame].link < 0]
+        raise InputError(f"ik: --in {in_frame}: moves with the joints; expected one of {', '.join(resting)}")
+    base_pose = relative_pose(model, np.zeros(model.n), in_frame, "base") @ goal
+    match: Match | None = None
+    if position_mm is not None:
+        match = "position" if rpy_deg is None and quaternion is None else "pose"
     solution = inverse_kinematics(
-        model,
-        base_pose,
-        start,
-        frame=name,
-        match="position" if position_only else None,
-        rng=np.random.default_rng(seed),
+        model, base_pose, start, frame=name, match=match, rng=np.random.default_rng(seed)
     )
     reached = relative_pose(model, solution, name, in_frame)
     if as_json:
@@ -154,17 +165,34 @@ def ik(
                 "unit": model.joint_units,
                 "frame": name,
                 "in": in_frame,
-                "goal": pose_numbers(goal),
+                "goal": _goal_numbers(goal, match),
                 "reached": pose_numbers(reached),
             }
         )
         return
     rows = [
-        [n, f"{v:.9g}", u, *_degrees(v, u)]
+        [n, f"{v:.9g} {u}", _degrees(v, u)]
         for n, v, u in zip(model.joint_names, solution, model.joint_units, strict=True)
     ]
-    print_table(f"{model.name}: joints that bring {name} to the goal", ["joint", "value", "", "", ""], rows)
-    print_table("Pose", _POSE_HEADER, [_pose_row("goal", goal), _pose_row("reached", reached)])
+    print_table(f"{model.name}: joints that bring {name} to the goal", ["joint", "", ""], rows)
+    goal_row = _pose_row("goal", goal)
+    if match == "position":
+        goal_row[4:] = ["any"] * 4
+    print_table(f"Pose in {in_frame}", ["", *_POSE_HEADER[1:]], [goal_row, _pose_row("reached", reached)])
+
+
+def _names_and_units(model: "RobotModel") -> str:
+    return ", ".join(f"{n} [{u}]" for n, u in zip(model.joint_names, model.joint_units, strict=True))
+
+
+def _beyond_limits(model: "RobotModel", values: "Floats") -> list[str]:
+    return [
+        f"{name}: {value:g} {unit} is outside its limits, {low:g} to {high:g} {unit}"
+        for name, unit, value, low, high in zip(
+            model.joint_names, model.joint_units, values, model.lower, model.upper, strict=True
+        )
+        if not low <= value <= high
+    ]
 
 
 def joint_values(model: "RobotModel", q: str | None, q_deg: str | None) -> "Floats":
@@ -175,7 +203,7 @@ def joint_values(model: "RobotModel", q: str | None, q_deg: str | None) -> "Floa
     """
     import numpy as np
 
-    names = ", ".join(f"{n} [{u}]" for n, u in zip(model.joint_names, model.joint_units, strict=True))
+    names = _names_and_units(model)
     if (q is None) == (q_deg is None):
         raise InputError(
             f"{model.name}: give its {model.n} joints with --q (rad, m) or --q-deg (deg, mm): {names}"
@@ -198,6 +226,11 @@ def pose_numbers(pose: "Pose") -> dict[str, Any]:
         "quaternion": quaternion_from_rotation(pose.rotation).tolist(),
         "rotation": pose.rotation.tolist(),
     }
+
+
+def _goal_numbers(goal: "Pose", match: "Match | None") -> dict[str, Any]:
+    content = pose_numbers(goal)
+    return {**content, "quaternion": None, "rotation": None} if match == "position" else content
 
 
 _POSE_HEADER = ["in", "x [mm]", "y [mm]", "z [mm]", "w", "x", "y", "z"]
@@ -236,7 +269,7 @@ def _other_base_frames(model: "RobotModel", shown: str) -> list[str]:
     return [name for name, frame in model.frames.items() if frame.link == -1 and name not in ("base", shown)]
 
 
-def _degrees(value: float, unit: str) -> list[str]:
+def _degrees(value: float, unit: str) -> str:
     import numpy as np
 
-    return [f"{np.rad2deg(value):.4f}", "deg"] if unit == "rad" else [f"{1000.0 * value:.4f}", "mm"]
+    return f"{np.rad2deg(value):.4f} deg" if unit == "rad" else f"{1000.0 * value:.4f} mm"

@@ -1,10 +1,11 @@
 """What every command shares with the person at the terminal: lists typed with commas, tables, progress."""
 
-import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from shutil import get_terminal_size
+from textwrap import fill
+from typing import Any, TextIO
 
 from catenary.errors import InputError
 
@@ -35,40 +36,66 @@ def words(text: str) -> tuple[str, ...]:
 
 def print_json(content: Any) -> None:
     """Print one JSON document on standard output."""
-    print(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=True))
+    from catenary.json_text import json_text
+
+    print(json_text(content))
 
 
-def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table, the first column to the left, the others to the right."""
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
+def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], *, left: int = 1) -> None:
+    """Print a table whose first `left` columns stand to the left, the others to the right.
 
-    table = Table(
-        title=title,
-        title_justify="left",
-        box=SIMPLE_HEAD,
-        title_style="bold",
-        pad_edge=False,
-        padding=(0, 1, 0, 0),
-    )
-    for i, name in enumerate(header):
-        table.add_column(name, justify="left" if i == 0 else "right", no_wrap=True)
-    for row in rows:
-        table.add_row(*row)
-    # a pipe or file has no width: let the table have what it needs
-    Console(width=None if sys.stdout.isatty() else 200).print(table)
+    A unit in a header, as in `J1 [deg]`, stands on a line of its own: so six joints fit into 80 columns. A table
+    is never cut; in a narrower terminal its lines run on.
+    """
+    heads = [name.replace(" [", "\n[").split("\n") for name in header]
+    names = [[head[0] for head in heads]]
+    if any(len(head) > 1 for head in heads):
+        names.append([head[1] if len(head) > 1 else "" for head in heads])
+    cells = [[" ".join(cell.split()) for cell in row] for row in rows]
+    widths = [max(len(row[i]) for row in [*names, *cells]) for i in range(len(header))]
+    rule = ["-" * width for width in widths]
+    print(f"{title}\n")
+    for row in (*names, rule, *cells):
+        line = "  ".join(
+            cell.ljust(width) if i < left else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        print(f"  {line}".rstrip())
+    print()
+
+
+def print_fact(name: str, text: str, *, width: int) -> None:
+    """Print a name and what it stands for, the text on as many lines of a terminal as it takes."""
+    print(_wrapped(f"  {name:<{width}}  ", text, sys.stdout))
 
 
 def print_notes(notes: Sequence[str]) -> None:
     """Print remarks on standard error, so that piped output stays clean."""
     for note in notes:
-        print(f"note: {note}", file=sys.stderr)
+        print(_wrapped("note: ", note, sys.stderr), file=sys.stderr)
+
+
+def _wrapped(label: str, text: str, stream: TextIO) -> str:
+    """Fill the lines of a terminal; a file or pipe gets one line, which is easier to search."""
+    if not stream.isatty():
+        return label + text
+    columns = get_terminal_size().columns
+    return fill(
+        text,
+        max(columns, len(label) + 20),
+        initial_indent=label,
+        subsequent_indent=" " * len(label),
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
 
 
 @contextmanager
 def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
     """Show progress on standard error; in a file or pipe, where a bar cannot move, show nothing."""
+    if not sys.stderr.isatty():
+        yield lambda done: None
+        return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
@@ -81,7 +108,6 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
         TimeRemainingColumn(),
         console=console,
         transient=True,
-        disable=not console.is_terminal,
     ) as bar:
         task = bar.add_task(label, total=1.0)
         yield lambda done: bar.update(task, completed=done)

@@ -1,5 +1,6 @@
 """Fit a calibration model to recordings; evaluate one on others."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -12,11 +13,12 @@ from catenary.calibration.card import Card, model_card
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import DISPLAY, Evaluation, Spread, cross_validate, evaluate
 from catenary.calibration.files import load_model
-from catenary.calibration.fit import FitOptions, choose_inputs, fit
+from catenary.calibration.fit import SMALLEST_DATA, FitOptions, choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.plant import MotionLog
+from catenary.recording.importers import read_arrays
 from catenary.recording.logs import read_log
 
 FOLDS = 5
@@ -33,6 +35,12 @@ class FitRun:
     max_error: tuple[float, ...] | None = None  # per joint, deg and mm; rows beyond are left out
     held_out: float | None = None  # share at the end of each recording
     folds: int = FOLDS  # of the cross-validation; 0 for none
+
+    def __post_init__(self) -> None:
+        if self.held_out is not None and not 0.0 < self.held_out < 1.0:
+            raise InputError(f"held-out share: expected a number between 0 and 1, got {self.held_out}")
+        if self.folds < 0 or self.folds == 1:
+            raise InputError(f"folds: expected 2 or more, or 0 for no cross-validation, got {self.folds}")
 
 
 @dataclass(frozen=True)
@@ -63,6 +71,11 @@ def fit_calibration(
     logs = [read_log(path, units=run.units, joint_names=run.joint_names) for path in paths]
     if not logs:
         raise InputError("data: expected at least one recording, got none")
+    longest = max(len(log) for log in logs)
+    if options.history >= longest:
+        raise InputError(
+            f"history: {options.history} previous commands, but the longest recording has {longest} rows"
+        )
     inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
     everything = calibration_data(logs, inputs.features, max_error=_limits(run.max_error, logs[0]))
     notes = [note for log in logs for note in (f"{log.name}: {n}" for n in log.notes)]
@@ -71,6 +84,7 @@ def fit_calibration(
     if run.held_out is not None:
         data, late = everything.split_by_time(run.held_out)
 
+    _require_rows(data, run.folds)
     share = run.folds / (run.folds + 1.0)
     spread: tuple[Spread, ...] = ()
     if run.folds:
@@ -87,7 +101,12 @@ def fit_calibration(
         data,
         options,
         robot=run.robot if run.robot is not None else data.robot,
-        command={"held_out": run.held_out, "folds": run.folds, "max_error": run.max_error},
+        command={
+            "held_out": run.held_out,
+            "folds": run.folds,
+            # JSON has no infinity: null is no limit
+            "max_error": run.max_error and [e if math.isfinite(e) else None for e in run.max_error],
+        },
         spread=spread,
         held_out=held_out,
         notes=tuple(notes),
@@ -152,19 +171,38 @@ def evaluation_summary(result: EvaluationResult) -> dict[str, Any]:
 
 
 def _read_for(model: CalibrationModel, path: Path) -> MotionLog:
-    """Read a recording, taking the model's names and units where the file is a bare command log."""
+    """Read a recording, taking the model's names and units where a bare command log does not state them.
+
+    Raises:
+        InputError: The recording has another number of joints.
+    """
     if path.suffix != ".npz":
         return read_log(path)
-    stated = read_log(path, units=None, joint_names=None) if _states_joints(path) else None
-    if stated is not None:
-        return stated
-    return read_log(path, units=model.joint_units, joint_names=model.joint_names)
+    content = read_arrays(path)
+    commands = content.get("q_des")
+    n = len(model.joint_names)
+    if commands is not None and commands.ndim == 2 and commands.shape[1] != n:
+        raise InputError(
+            f"{path}: has {commands.shape[1]} joints; the model is for {n}: {', '.join(model.joint_names)}"
+        )
+    return read_log(
+        path,
+        units=None if "units" in content else model.joint_units,
+        joint_names=None if "joint_names" in content else model.joint_names,
+    )
 
 
-def _states_joints(path: Path) -> bool:
-    from catenary.recording.importers import read_arrays
-
-    return {"units", "joint_names"} <= set(read_arrays(path))
+def _require_rows(data: CalibrationData, folds: int) -> None:
+    """Refuse data too few for the smallest fit of a run, before the longest one has run."""
+    rows = len(data)
+    if rows < SMALLEST_DATA:
+        raise InputError(f"data: {rows} usable rows, expected at least {SMALLEST_DATA}")
+    smallest = rows - math.ceil(rows / folds) if folds else rows
+    if smallest < SMALLEST_DATA:
+        raise InputError(
+            f"data: {rows} usable rows; with one of {folds} blocks left out {smallest} remain, expected at least "
+            f"{SMALLEST_DATA}; folds 0 is no cross-validation"
+        )
 
 
 def _limits(max_error: tuple[float, ...] | None, log: MotionLog) -> Floats | None:

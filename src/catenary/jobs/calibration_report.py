@@ -1,23 +1,17 @@
 """The page about a calibration: errors before and after, per joint, and the model's card."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from catenary import __version__
 from catenary.calibration.card import Card
-from catenary.calibration.evaluate import DISPLAY, Evaluation, Spread
+from catenary.calibration.evaluate import Evaluation, Spread
 from catenary.calibration.model import CalibrationModel
-from catenary.page import Block, Heading, Listing, Picture, Table, Text, picture, write_page
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-RAW, OFFSET, MODEL = "#b8c0cc", "#4b6b94", "#d9622b"
-MOST_POINTS = 20_000  # drawn per line; longer recordings are thinned
+from catenary.jobs.joint_picture import joint_picture
+from catenary.json_text import json_text
+from catenary.page import Block, Facts, Heading, Listing, Remarks, Table, Text, write_page
 
 
 def write_calibration_report(
@@ -52,7 +46,7 @@ def write_calibration_report(
             "the fixed offset's, as in Peng et al., table I; largest error raw and after the model; share of rows "
             "outside the model's valid range, where it falls back to the fixed offset."
         ),
-        *(Text(note) for note in notes),
+        *([Remarks(notes)] if notes else []),
     ]
     if comparison is not None:
         blocks[:0] = [Heading("Every model"), Table(*comparison)]
@@ -63,8 +57,8 @@ def write_calibration_report(
         blocks += [Heading("Cross-validation over blocks of time"), spread_table(spread)]
     blocks += [
         Heading("The model"),
-        Table(["", ""], card_rows(card)),
-        Listing("The whole card", json.dumps(card, indent=2, ensure_ascii=False)),
+        Facts(card_facts(card)),
+        Listing("The whole card", json_text(card)),
     ]
     robot = card.get("robot") or "an arm"
     write_page(
@@ -90,7 +84,7 @@ def model_name(model: CalibrationModel) -> str:
 def error_table(evaluation: Evaluation) -> Table:
     """RMSE and maximum per joint, raw, after the fixed offset and after the model."""
     return Table(
-        ["joint", "unit", "raw", "offset", "model", "of offset", "raw max", "max", "outside"],
+        ["joint", "unit", "raw", "offset", "model", "of offset", "raw max", "model max", "outside"],
         [
             [
                 j.name,
@@ -98,7 +92,7 @@ def error_table(evaluation: Evaluation) -> Table:
                 f"{j.raw_rmse:.3f}",
                 f"{j.offset_rmse:.3f}",
                 f"{j.rmse:.3f}",
-                f"{j.percent_of_offset:.1f} %",
+                percent(j.percent_of_offset, 1),
                 f"{j.raw_max:.2f}",
                 f"{j.max:.2f}",
                 f"{100.0 * j.outside_valid_range:.1f} %",
@@ -106,6 +100,11 @@ def error_table(evaluation: Evaluation) -> Table:
             for j in evaluation.joints
         ],
     )
+
+
+def percent(value: float, digits: int) -> str:
+    """A percentage as text; a dash where there was nothing to take it of."""
+    return f"{value:.{digits}f} %" if np.isfinite(value) else "-"
 
 
 def window_table(evaluation: Evaluation) -> Table:
@@ -144,74 +143,25 @@ def spread_table(spread: Sequence[Spread]) -> Table:
     )
 
 
-def card_rows(card: Card) -> list[list[str]]:
+def card_facts(card: Card) -> list[tuple[str, str]]:
     """The card's main lines."""
     data = ", ".join(f"{s['name']} ({s['rows']:,} rows, {_short(s['sha256'])})" for s in card["data"])
-    inputs = [entry["name"] for entry in card["inputs"]]
-    shown = ", ".join(inputs[:8]) + (f" and {len(inputs) - 8} more" if len(inputs) > 8 else "")
     version = ", ".join(f"{name} {number}" for name, number in card["version"].items())
     return [
-        ["kind", card["kind"] + (f", preset {card['preset']}" if card["preset"] else "")],
-        ["target", card["target"]],
-        ["inputs", shown],
-        ["scaling", card["scaling"]],
-        ["fitted to", f"{card['rows']:,} rows of {data}"],
-        ["seed", str(card["run"]["seed"])],
-        ["version", version],
+        ("kind", card["kind"] + (f", preset {card['preset']}" if card["preset"] else "")),
+        ("target", f"joint {card['target']}"),
+        ("inputs", shortened([entry["name"] for entry in card["inputs"]])),
+        ("scaling", card["scaling"]),
+        ("fitted to", f"{card['rows']:,} rows of {data}"),
+        ("seed", str(card["run"]["seed"])),
+        ("version", version),
     ]
 
 
-def joint_picture(evaluation: Evaluation, model: CalibrationModel, j: int) -> Picture:
-    """Error of one joint over time and as histograms: raw, after the fixed offset, after the model."""
-    from matplotlib.figure import Figure
-
-    unit, scale = DISPLAY[model.joint_units[j]]
-    step = max(1, len(evaluation.data) // MOST_POINTS)
-    x, gaps = _running_time(evaluation)
-    series = [
-        ("raw", RAW, 0.8, scale * evaluation.raw[:, j]),
-        ("fixed offset", OFFSET, 0.6, scale * evaluation.after_offset[:, j]),
-        (model.kind, MODEL, 0.9, scale * evaluation.after_model[:, j]),
-    ]
-    figure = Figure(figsize=(10, 3.1), layout="constrained")
-    over_time, histogram = figure.subplots(1, 2, width_ratios=[2.6, 1])
-    for label, color, width, values in series:
-        line = values[::step].copy()
-        line[np.isin(np.arange(0, len(values), step), gaps)] = np.nan
-        over_time.plot(x[::step], line, color=color, linewidth=width, label=label)
-    over_time.set_xlabel("time [s]" if evaluation.window_unit == "s" else "row")
-    over_time.set_ylabel(f"error of {model.joint_names[j]} [{unit}]")
-    over_time.margins(x=0.01)
-    _draw_histograms(histogram, series[1:], unit)
-    handles, labels = over_time.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper right", ncols=3, frameon=False, fontsize=9)
-    for axes in (over_time, histogram):
-        axes.axhline(0.0, color="#1c2430", linewidth=0.6) if axes is over_time else None
-        axes.spines[["top", "right"]].set_visible(False)
-    joint = evaluation.joints[j]
-    return picture(
-        figure,
-        f"{joint.name}: RMSE {joint.raw_rmse:.3f} {unit} raw, {joint.offset_rmse:.3f} {unit} after the fixed "
-        f"offset, {joint.rmse:.3f} {unit} after the model.",
-    )
-
-
-def _draw_histograms(axes: "Axes", series: Sequence[tuple[str, str, float, np.ndarray]], unit: str) -> None:
-    widest = max(float(np.quantile(np.abs(values), 0.995)) for _, _, _, values in series)
-    edges = np.linspace(-widest, widest, 61).tolist() if widest > 0.0 else 10
-    for _, color, _, values in series:
-        axes.hist(values, bins=edges, color=color, alpha=0.65)
-    axes.set_xlabel(f"error [{unit}]")
-    axes.set_ylabel("rows")
-
-
-def _running_time(evaluation: Evaluation) -> tuple[np.ndarray, np.ndarray]:
-    """Time that keeps rising where recordings follow each other, and the rows where a line must break."""
-    time = evaluation.data.time
-    step = np.diff(time)
-    new = (np.diff(evaluation.data.recording) != 0) | (step < 0.0)
-    step = np.where(new, 0.0, step)
-    return np.concatenate([[0.0], np.cumsum(step)]), np.flatnonzero(new) + 1
+def shortened(names: Sequence[str], most: int = 8) -> str:
+    """The first names of a list, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
 def _short(digest: str | None) -> str:

@@ -1,7 +1,6 @@
 """The main job in one go, on recordings that the package makes itself: fit every model, test it, write a page."""
 
-import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,8 @@ from catenary.calibration.fit import FitOptions
 from catenary.calibration.progress import Progress, part_of
 from catenary.gravity.torque import gravity_torque
 from catenary.jobs.calibration import FitRun, evaluate_calibration, fit_calibration
-from catenary.jobs.calibration_report import write_calibration_report
+from catenary.jobs.calibration_report import percent, write_calibration_report
+from catenary.json_text import json_text
 from catenary.plant import MotionLog
 from catenary.recording.logs import write_parquet
 from catenary.robots.catalog import load_robot
@@ -138,7 +138,9 @@ class DemoResult:
             ["fixed offset", *(f"{joint.offset_rmse:.3f} (100 %)" for joint in first)],
         ]
         for name, evaluation in self.evaluations.items():
-            rows.append([name, *(f"{j.rmse:.3f} ({j.percent_of_offset:.0f} %)" for j in evaluation.joints)])
+            rows.append(
+                [name, *(f"{j.rmse:.3f} ({percent(j.percent_of_offset, 0)})" for j in evaluation.joints)]
+            )
         return header, rows
 
     def summary(self) -> dict[str, Any]:
@@ -154,19 +156,36 @@ class DemoResult:
         }
 
 
-def run_demo(folder: Path, *, seed: int, progress: Progress) -> DemoResult:
-    """Record a simulated arm twice, fit every model to the first recording, test on the second, write a page."""
+def run_demo(
+    folder: Path,
+    *,
+    seed: int,
+    progress: Progress,
+    train_seconds: float = 600.0,
+    test_seconds: float = 300.0,
+) -> DemoResult:
+    """Record a simulated arm twice, fit every model to the first recording, test on the second, write a page.
+
+    Args:
+        folder: Where everything goes; made if it is not there.
+        seed: Of the arm, its motions and the fits.
+        progress: Called with the share done.
+        train_seconds: Length of the recording to learn from [s].
+        test_seconds: Length of the recording to test on [s].
+    """
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(seed)
     cables = draw_cables(rng)
     train, test = folder / "train.parquet", folder / "test.parquet"
-    write_parquet(simulate_recording("train", cables, 600.0, rng), train)
-    write_parquet(simulate_recording("test", cables, 300.0, rng), test)
+    write_parquet(simulate_recording("train", cables, train_seconds, rng), train)
+    write_parquet(simulate_recording("test", cables, test_seconds, rng), test)
     evaluations: dict[str, Evaluation] = {}
     path = folder / "model.npz"
     for i, (name, options) in enumerate(MODELS.items()):
         run = FitRun(folds=0, robot="raven2")
-        result = fit_calibration([train], options, run, progress=part_of(progress, i, len(MODELS)))
+        result = fit_calibration(
+            [train], replace(options, seed=seed), run, progress=part_of(progress, i, len(MODELS))
+        )
         path = folder / f"{name.replace(', preset ', '_')}.npz"
         save_model(result.model, result.card, path)
         evaluated = evaluate_calibration(path, [test])
@@ -178,10 +197,8 @@ def run_demo(folder: Path, *, seed: int, progress: Progress) -> DemoResult:
         evaluated.model,
         evaluated.card,
         evaluated.evaluation,
-        tested_on="a simulated recording of 5 minutes that no model saw",
+        tested_on=f"a simulated recording of {test_seconds / 60.0:g} minutes that no model saw",
         comparison=demo.table(),
     )
-    (folder / "results.json").write_text(
-        json.dumps({**demo.summary(), "seed": seed}, indent=2) + "\n", encoding="utf-8"
-    )
+    (folder / "results.json").write_text(json_text({**demo.summary(), "seed": seed}) + "\n", encoding="utf-8")
     return demo

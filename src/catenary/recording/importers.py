@@ -1,5 +1,7 @@
 """Logs in layouts that others publish, read into a MotionLog."""
 
+import lzma
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Sequence
@@ -15,6 +17,20 @@ from catenary.recording.hashing import sha256_of
 
 # joints of the RAVEN-II and of the da Vinci PSM: two turning ones, the insertion, the tool's
 CABLE_ARM_UNITS = ("rad", "rad", "m", "rad", "rad", "rad")
+# what zipfile and np.load raise on a file that is no archive, damaged, encrypted, or holds Python objects
+UNREADABLE = (
+    OSError,
+    ValueError,
+    EOFError,
+    KeyError,
+    RuntimeError,
+    MemoryError,
+    SyntaxError,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+)
 
 
 def read_command_log(
@@ -28,13 +44,14 @@ def read_command_log(
 
     Args:
         path: The file.
-        units: "rad" or "m" per joint; where neither it nor the file says, three and six joints are taken to be
-            in the order of the RAVEN-II and the da Vinci PSM (rad, rad, m, rad, rad, rad), and the log says so.
+        units: "rad" or "m" per joint, the same as the file's if it states them; where neither says, three and six
+            joints are taken to be in the order of the RAVEN-II and the da Vinci PSM (rad, rad, m, rad, rad, rad),
+            and the log says so.
         joint_names: Names of the joints; the file's, or J1, J2, ... otherwise.
 
     Raises:
         FileFormatError: No such file, damaged, or an array is missing.
-        InputError: Wrong shape or unit, NaN, infinity, or empty.
+        InputError: Wrong shape or unit, units that contradict the file's, NaN, infinity, or empty.
     """
     content = read_arrays(path)
     for key in ("q_des", "q_act", "ok"):
@@ -45,11 +62,14 @@ def read_command_log(
             )
     q_nominal = _numbers(path, content, "q_des", 2)
     rows, n = q_nominal.shape
-    names = joint_names if joint_names is not None else _texts(content.get("joint_names"))
+    names = joint_names if joint_names is not None else _texts(path, content, "joint_names")
     names = tuple(names) if names else tuple(f"J{i + 1}" for i in range(n))
     if len(names) != n:
         raise InputError(f"{path}: q_des has {n} joints, but {len(names)} joint names: {', '.join(names)}")
-    given = tuple(units) if units is not None else _texts(content.get("units"))
+    stated = _texts(path, content, "units")
+    given = tuple(units) if units is not None else stated
+    if stated and given != stated:
+        raise InputError(f"{path}: states the units {','.join(stated)}, but {','.join(given)} were given")
     notes: list[str] = []
     if not given:
         given = _assumed_units(path, n)
@@ -60,9 +80,14 @@ def read_command_log(
             f"{path}: q_des has {n} joints, but {len(given)} units were given: {','.join(given)}"
         )
     ok = content["ok"]
-    if ok.shape != (rows,) or ok.dtype.kind not in "biu" or not np.isin(ok, (0, 1)).all():
+    if ok.shape != (rows,) or ok.dtype.kind not in "biu":
         raise InputError(
             f"{path}: ok: expected ({rows},) of true and false, got {ok.dtype} of shape {ok.shape}"
+        )
+    strange = np.flatnonzero(~np.isin(ok, (0, 1)))
+    if len(strange):
+        raise InputError(
+            f"{path}: ok: expected true and false, or 1 and 0, got {ok[strange[0]]} at row {strange[0]}"
         )
     time = _numbers(path, content, "t", 1) if "t" in content else None
     if time is not None:
@@ -97,11 +122,15 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
             if archive.testzip() is not None:
                 raise zipfile.BadZipFile(f"{archive.testzip()} is damaged")
         with np.load(path, allow_pickle=False) as arrays:
-            return {key: arrays[key] for key in arrays.files}
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+            content = {key: arrays[key] for key in arrays.files}
+    except UNREADABLE as error:
         raise FileFormatError(
             f"{path}: cannot be read as an .npz archive of plain arrays: {error}"
         ) from error
+    for key, values in content.items():
+        if not isinstance(values, np.ndarray):  # np.load hands out other members of a zip as bytes
+            raise FileFormatError(f'{path}: is no .npz archive of plain arrays: "{key}" is not an array')
+    return content
 
 
 def _numbers(path: Path, content: dict[str, NDArray[Any]], key: str, dimensions: int) -> NDArray[np.float64]:
@@ -114,8 +143,13 @@ def _numbers(path: Path, content: dict[str, NDArray[Any]], key: str, dimensions:
     return values.astype(np.float64)
 
 
-def _texts(values: NDArray[Any] | None) -> tuple[str, ...]:
-    return () if values is None else tuple(str(v) for v in np.atleast_1d(values))
+def _texts(path: Path, content: dict[str, NDArray[Any]], key: str) -> tuple[str, ...]:
+    values = np.atleast_1d(content.get(key, np.array([], dtype=str)))
+    if values.dtype.kind == "S":
+        values = np.char.decode(values, "utf-8")
+    if values.dtype.kind != "U" or values.ndim != 1:
+        raise InputError(f"{path}: {key}: expected (n,) texts, got {values.dtype} of shape {values.shape}")
+    return tuple(str(v) for v in values)
 
 
 def _assumed_units(path: Path, n: int) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from catenary.recording.hashing import sha256_of
 from catenary.recording.importers import read_command_log
 
 FORMAT = "catenary.motion_log.1"
-PER_JOINT = {"q_nominal": "{u}", "q_encoder": "{u}", "qd": "{u}/s", "tau": None}  # column prefix -> unit
+PER_JOINT = ("q_nominal", "q_encoder", "qd", "tau")  # prefixes of columns
 
 
 def read_log(
@@ -24,17 +24,17 @@ def read_log(
 
     Args:
         path: The file.
-        units: "rad" or "m" per joint, where the file does not state them.
-        joint_names: Names of the joints, where the file does not state them.
+        units: "rad" or "m" per joint, for a file that does not state them.
+        joint_names: Names of the joints, for a file that does not state them; they also rename those of a `.npz`.
 
     Raises:
         FileFormatError: No such file, unknown kind, damaged, or something is missing.
-        InputError: The numbers are not a log: shape, NaN, unit, empty.
+        InputError: The numbers are not a log (shape, NaN, unit, empty), or names or units contradict the file's.
     """
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")
     if path.suffix == ".parquet":
-        return read_parquet(path, units=units)
+        return read_parquet(path, units=units, joint_names=joint_names)
     if path.suffix == ".npz":
         return read_command_log(path, units=units, joint_names=joint_names)
     raise FileFormatError(f'{path}: ending "{path.suffix}": expected a recording, .npz or .parquet')
@@ -45,6 +45,10 @@ def write_parquet(log: MotionLog, path: Path) -> None:
 
     Columns are `time`, `ok`, `q_nominal:<joint>`, `q_encoder:<joint>`, `qd:<joint>`, `tau:<joint>` and the
     further signals by name.
+
+    Raises:
+        InputError: A further signal has the name of another column.
+        FileFormatError: The file cannot be written.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -60,12 +64,18 @@ def write_parquet(log: MotionLog, path: Path) -> None:
                 columns.append((f"{prefix}:{joint}", values[:, i], _unit(prefix, unit)))
     for name, values in log.signals.items():
         columns.append((name, values, log.signal_units.get(name, "")))
+    names = [name for name, _, _ in columns]
+    for name in log.signals:
+        if names.count(name) > 1:
+            raise InputError(f'recording "{log.name}": signal "{name}" has the name of a column of every log')
     about = {
         "format": FORMAT,
         "joint_names": log.joint_names,
         "joint_units": log.joint_units,
+        "units_assumed": log.units_assumed,
         "robot": log.robot,
         "simulated": log.simulated,
+        "notes": log.notes,
     }
     schema = pa.schema(
         [
@@ -74,22 +84,28 @@ def write_parquet(log: MotionLog, path: Path) -> None:
         ],
         metadata={"catenary": json.dumps(about)},
     )
-    pq.write_table(pa.table([values for _, values, _ in columns], schema=schema), path, compression="zstd")
+    table = pa.table([values for _, values, _ in columns], schema=schema)
+    try:
+        pq.write_table(table, path, compression="zstd", write_page_checksum=True)
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
-def read_parquet(path: Path, *, units: Sequence[str] | None = None) -> MotionLog:
+def read_parquet(
+    path: Path, *, units: Sequence[str] | None = None, joint_names: Sequence[str] | None = None
+) -> MotionLog:
     """Read a log that `write_parquet` or the extraction wrote.
 
     Raises:
-        FileFormatError: Damaged, not a motion log, or a column is missing.
-        InputError: The units given contradict the file's, or the numbers are not a log.
+        FileFormatError: Damaged, not a motion log, or a column is missing or of another type.
+        InputError: The units or names given contradict the file's, or the numbers are not a log.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
-        table = pq.read_table(path)
-    except (pa.ArrowInvalid, pa.ArrowException, OSError) as error:
+        table = pq.read_table(path, page_checksum_verification=True)
+    except (pa.ArrowException, OSError) as error:
         raise FileFormatError(f"{path}: cannot be read as Parquet: {error}") from error
     metadata = table.schema.metadata or {}
     try:
@@ -98,7 +114,7 @@ def read_parquet(path: Path, *, units: Sequence[str] | None = None) -> MotionLog
         joint_units = tuple(str(unit) for unit in about["joint_units"])
         if about["format"] != FORMAT:
             raise FileFormatError(f"{path}: log format {about['format']!r}, expected {FORMAT!r}")
-    except (KeyError, TypeError, json.JSONDecodeError) as error:
+    except (KeyError, TypeError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise FileFormatError(
             f"{path}: is Parquet but no catenary motion log: its schema lacks the joint names and units"
         ) from error
@@ -106,7 +122,17 @@ def read_parquet(path: Path, *, units: Sequence[str] | None = None) -> MotionLog
         raise InputError(
             f"{path}: states the units {','.join(joint_units)}, but {','.join(units)} were given"
         )
-    columns = {name: table.column(name).to_numpy(zero_copy_only=False) for name in table.column_names}
+    if joint_names is not None and tuple(joint_names) != names:
+        raise InputError(
+            f"{path}: states the joints {', '.join(names)}, but {', '.join(joint_names)} were given"
+        )
+    columns: dict[str, NDArray[Any]] = {}
+    for field, values in zip(table.schema, table.columns, strict=True):
+        is_ok = field.name == "ok"
+        if not (pa.types.is_boolean(field.type) if is_ok else _is_number(field.type)):
+            expected = "true or false" if is_ok else "numbers"
+            raise FileFormatError(f"{path}: column {field.name} holds {field.type}, expected {expected}")
+        columns[field.name] = values.to_numpy(zero_copy_only=False).astype(bool if is_ok else np.float64)
     joints: dict[str, Any] = {}
     for prefix in PER_JOINT:
         wanted = [f"{prefix}:{joint}" for joint in names]
@@ -115,32 +141,39 @@ def read_parquet(path: Path, *, units: Sequence[str] | None = None) -> MotionLog
             missing = ", ".join(name for name in wanted if name not in columns)
             raise FileFormatError(f"{path}: column(s) {missing} are missing")
         if present:
-            joints[prefix] = np.column_stack([columns.pop(name).astype(np.float64) for name in wanted])
-    for required in ("q_nominal",):
-        if required not in joints:
-            raise FileFormatError(f"{path}: columns {required}:<joint> are missing for {', '.join(names)}")
-    rows = table.num_rows
+            joints[prefix] = np.column_stack([columns.pop(name) for name in wanted])
+    if "q_nominal" not in joints:
+        raise FileFormatError(f"{path}: columns q_nominal:<joint> are missing for {', '.join(names)}")
+    if "ok" not in columns:
+        raise FileFormatError(f"{path}: column ok, the rows whose q_encoder can be trusted, is missing")
     time = columns.pop("time", None)
-    ok = columns.pop("ok", np.ones(rows, dtype=bool)).astype(bool)
+    ok = columns.pop("ok")
     return MotionLog(
         name=path.stem,
         joint_names=names,
         joint_units=joint_units,
         ok=ok,
-        time=None if time is None else time.astype(np.float64),
+        time=time,
         **joints,
-        signals={name: values.astype(np.float64) for name, values in columns.items()},
+        signals=columns,
         signal_units={
             name: (table.schema.field(name).metadata or {}).get(b"unit", b"").decode() for name in columns
         },
         robot=about.get("robot"),
         simulated=bool(about.get("simulated", False)),
         sha256=sha256_of(path),
+        units_assumed=bool(about.get("units_assumed", False)),
+        notes=tuple(str(note) for note in about.get("notes", ())),
     )
 
 
+def _is_number(kind: Any) -> bool:
+    import pyarrow as pa
+
+    return bool(pa.types.is_floating(kind) or pa.types.is_integer(kind))
+
+
 def _unit(prefix: str, joint_unit: str) -> str:
-    pattern = PER_JOINT[prefix]
-    if pattern is None:
+    if prefix == "tau":
         return "Nm" if joint_unit == "rad" else "N"
-    return pattern.format(u=joint_unit)
+    return f"{joint_unit}/s" if prefix == "qd" else joint_unit

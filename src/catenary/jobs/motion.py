@@ -1,0 +1,263 @@
+"""Move a robot along a trajectory, whatever it is: simulated, real, or behind a network."""
+
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catenary.arrays import Floats, as_array
+from catenary.calibration.progress import Progress, silent
+from catenary.errors import InputError, LimitError, NotReadyError, UnsupportedCommandError
+from catenary.plant import JointState, Plant
+from catenary.trajectories.point_to_point import go_to
+from catenary.trajectories.reference import Reference, Trajectory
+
+Observer = Callable[[JointState, Reference], None]  # after each tick: what is measured, what was commanded
+
+# A go-to nobody asked to be fast: about ten times slower than RAVEN-II's servo limits, 2.5 rad/s and 0.05 m/s
+GENTLE_VELOCITY = {"rad": 0.2, "m": 0.01}  # [rad/s], [m/s]
+GENTLE_ACCELERATION = {"rad": 0.5, "m": 0.025}  # [rad/s2], [m/s2]
+
+_BLOCK = 1000  # ticks whose setpoints are computed at once; progress is told as often
+_AT_LIMIT = 1e-9  # [rad|m] rounding, with a wide margin
+_THERE = 1e-9  # [rad|m] nearer than any encoder tells
+
+
+class Bounded(Protocol):
+    """What has joints with limits: a plant or a robot model."""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def joint_units(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def lower(self) -> Floats: ...  # noqa: D102
+    @property
+    def upper(self) -> Floats: ...  # noqa: D102
+
+
+def check_motion(
+    limits: Bounded,
+    trajectory: Trajectory,
+    *,
+    joints: Sequence[str] | None = None,
+    max_velocity: ArrayLike | None = None,
+    step: float = 0.01,
+) -> None:
+    """Refuse a trajectory that leaves the joint limits or moves too fast.
+
+    Args:
+        limits: A plant or a robot model.
+        trajectory: Of k joints.
+        joints: Names of the joints that it moves, in its order; all when None.
+        max_velocity: (k,) largest speed [rad/s or m/s]; not checked when None.
+        step: Time between the samples that are looked at [s].
+
+    Raises:
+        LimitError: The first violation: which joint, when, value and limit.
+        InputError: A joint that there is not, another number of joints than the trajectory moves, or a step
+            or velocity that is not positive.
+    """
+    moved = _indices(limits, trajectory, joints)
+    lower, upper = limits.lower[moved] - _AT_LIMIT, limits.upper[moved] + _AT_LIMIT
+    fastest = np.full(len(moved), np.inf)
+    if max_velocity is not None:
+        fastest = as_array("max_velocity", max_velocity, (len(moved),))
+        if not (fastest > 0.0).all():
+            raise InputError(f"max_velocity: expected more than 0, got {fastest}")
+        fastest = fastest * (1.0 + 1e-9)  # rounding
+    if not float(as_array("step", step, ())) > 0.0:
+        raise InputError(f"step: expected more than 0 s, got {step}")
+    ticks = int(np.ceil(trajectory.duration / step))
+    for first in range(0, ticks + 1, _BLOCK):
+        times = np.minimum(np.arange(first, min(first + _BLOCK, ticks + 1)) * step, trajectory.duration)
+        q, qd, _ = trajectory.sample(times)
+        # not "beyond": a NaN is a violation too
+        bad = ~((q >= lower) & (q <= upper) & (np.abs(qd) <= fastest))
+        if bad.any():
+            k, j = (int(i) for i in np.argwhere(bad)[0])
+            raise LimitError(
+                _violation(limits, int(moved[j]), float(times[k]), q[k, j], qd[k, j], fastest[j])
+            )
+
+
+def move_to(
+    plant: Plant,
+    q: ArrayLike,
+    *,
+    joints: Sequence[str] | None = None,
+    max_velocity: ArrayLike | None = None,
+    max_acceleration: ArrayLike | None = None,
+    observe: Observer | None = None,
+    progress: Progress = silent,
+) -> None:
+    """Bring a plant to a joint position, all joints arriving together; joints not named hold their setpoint.
+
+    It may start outside the limits, as after homing against a stop, but not end there.
+
+    Args:
+        plant: Enabled and homed.
+        q: (k,) where to [rad or m].
+        joints: Names of the k joints, in the order of q; all when None.
+        max_velocity: (k,) [rad/s or m/s]; GENTLE_VELOCITY when None.
+        max_acceleration: (k,) [rad/s2 or m/s2]; GENTLE_ACCELERATION when None.
+        observe: Called after every tick.
+        progress: Called with the share done.
+
+    Raises:
+        LimitError: The goal lies outside the limits; nothing has moved.
+        NotReadyError: The plant is not enabled, not homed or busy, or stopped being enabled on the way.
+        UnsupportedCommandError: It has no servo_jp.
+        InputError: An argument has another shape, or a joint that there is not.
+    """
+    _require_ready(plant)
+    moved = _named_indices(plant, joints)
+    goal = as_array("q", q, (len(moved),))
+    motion = _approach(plant, moved, goal, max_velocity, max_acceleration)
+    _stream(plant, motion, moved, observe, progress)
+
+
+def run_trajectory(
+    plant: Plant,
+    trajectory: Trajectory,
+    *,
+    joints: Sequence[str] | None = None,
+    max_velocity: ArrayLike | None = None,
+    observe: Observer | None = None,
+    progress: Progress = silent,
+) -> None:
+    """Run a trajectory on a plant, one setpoint a tick; joints not named hold their setpoint.
+
+    If the plant's setpoint is not at the trajectory's start it first goes there, gently. Time advances by the
+    plant's period each tick: a late tick delays the motion, it never makes it leap.
+
+    Args:
+        plant: Enabled and homed.
+        trajectory: Of k joints.
+        joints: Names of the joints that it moves, in its order; all when None.
+        max_velocity: (k,) largest speed that is let pass [rad/s or m/s]; any when None.
+        observe: Called after every tick, those of the approach included.
+        progress: Called with the share done, from 0 to 1.
+
+    Raises:
+        LimitError: The trajectory leaves the limits; nothing has moved.
+        NotReadyError: The plant is not enabled, not homed or busy, or stopped being enabled on the way; the
+            message says when.
+        UnsupportedCommandError: It has no servo_jp.
+        InputError: A joint that there is not, or another number of joints than the trajectory moves.
+    """
+    _require_ready(plant)
+    moved = _indices(plant, trajectory, joints)
+    check_motion(plant, trajectory, joints=joints, max_velocity=max_velocity)
+    gentle = np.array([GENTLE_VELOCITY[plant.joint_units[j]] for j in moved])
+    slowest = gentle if max_velocity is None else np.minimum(gentle, max_velocity)
+    approach = _approach(plant, moved, trajectory(0.0).q, slowest, None)
+    whole = approach.duration + trajectory.duration
+    share = approach.duration / whole if whole > 0.0 else 0.0
+    if approach.duration > 0.0:
+        _stream(plant, approach, moved, observe, lambda done: progress(share * done))
+    _stream(plant, trajectory, moved, observe, lambda done: progress(share + (1.0 - share) * done))
+
+
+def _stream(
+    plant: Plant,
+    trajectory: Trajectory,
+    moved: NDArray[np.int64],
+    observe: Observer | None,
+    progress: Progress,
+) -> None:
+    """Send one setpoint a tick; the last one is the trajectory's end."""
+    held = np.array(plant.setpoint_js().q)
+    none = np.zeros(len(held))
+    ticks = int(np.ceil(trajectory.duration / plant.period - 1e-9))
+    progress(0.0)
+    for first in range(1, ticks + 1, _BLOCK):
+        last = min(first + _BLOCK, ticks + 1)
+        q, qd, qdd = trajectory.sample(np.arange(first, last) * plant.period)
+        rows = np.tile(held, (last - first, 1))
+        rows[:, moved] = q
+        for k in range(last - first):
+            state = plant.operating_state()
+            if state.state != "ENABLED":
+                raise NotReadyError(
+                    f"stopped {(first + k - 1) * plant.period:.3f} s into a motion of {trajectory.duration:.3f} s: "
+                    f"the robot is {state.state}, expected ENABLED"
+                )
+            plant.servo_jp(rows[k])
+            plant.wait()
+            if observe is not None:
+                velocity, acceleration = none.copy(), none.copy()
+                velocity[moved], acceleration[moved] = qd[k], qdd[k]
+                observe(plant.measured_js(), Reference(rows[k], velocity, acceleration))
+        progress((last - 1) / ticks)
+    if ticks == 0:
+        progress(1.0)
+
+
+def _approach(
+    plant: Plant,
+    moved: NDArray[np.int64],
+    goal: Floats,
+    max_velocity: ArrayLike | None,
+    max_acceleration: ArrayLike | None,
+) -> Trajectory:
+    """Go-to from the plant's setpoint; measured positions would make it leap back by its control error."""
+    units = [plant.joint_units[j] for j in moved]
+    velocity = [GENTLE_VELOCITY[unit] for unit in units] if max_velocity is None else max_velocity
+    acceleration = (
+        [GENTLE_ACCELERATION[unit] for unit in units] if max_acceleration is None else max_acceleration
+    )
+    start = np.array(plant.setpoint_js().q)[moved]
+    if np.abs(goal - start).max(initial=0.0) <= _THERE:
+        start = goal
+    motion = go_to(start, goal, max_velocity=velocity, max_acceleration=acceleration)
+    # on the way every joint stays between start and goal, so the goal alone decides
+    rest = go_to(goal, goal, max_velocity=velocity, max_acceleration=acceleration)
+    check_motion(plant, rest, joints=[plant.joint_names[j] for j in moved])
+    return motion
+
+
+def _require_ready(plant: Plant) -> None:
+    if "servo_jp" not in plant.supports:
+        raise UnsupportedCommandError(
+            f"the robot has no servo_jp, which motions need; it has {', '.join(sorted(plant.supports))}"
+        )
+    state = plant.operating_state()
+    if state.state != "ENABLED":
+        raise NotReadyError(f"the robot is {state.state}, expected ENABLED; nothing has moved")
+    if not state.is_homed:
+        raise NotReadyError("the robot is not homed: its joint positions mean nothing yet; nothing has moved")
+    if state.is_busy:
+        raise NotReadyError("the robot is busy with a motion of its own; nothing has moved")
+
+
+def _named_indices(limits: Bounded, joints: Sequence[str] | None) -> NDArray[np.int64]:
+    names = limits.joint_names if joints is None else tuple(joints)
+    unknown = [name for name in names if name not in limits.joint_names]
+    if unknown or len(set(names)) < len(names):
+        raise InputError(
+            f"joints: expected different names among {', '.join(limits.joint_names)}; got {', '.join(names)}"
+        )
+    return np.array([limits.joint_names.index(name) for name in names], dtype=np.int64)
+
+
+def _indices(limits: Bounded, trajectory: Trajectory, joints: Sequence[str] | None) -> NDArray[np.int64]:
+    """Indices of the joints that a trajectory moves, in its order."""
+    moved = _named_indices(limits, joints)
+    k = len(trajectory(0.0).q)
+    if k != len(moved):
+        raise InputError(
+            f"joints: the trajectory moves {k}; expected as many names, got {len(moved)}: "
+            f"{', '.join(limits.joint_names[j] for j in moved)}"
+        )
+    return moved
+
+
+def _violation(limits: Bounded, joint: int, time: float, q: float, qd: float, fastest: float) -> str:
+    name, unit = limits.joint_names[joint], limits.joint_units[joint]
+    low, high = limits.lower[joint], limits.upper[joint]
+    where = f'joint "{name}" at {time:.3f} s'
+    if not low - _AT_LIMIT <= q <= high + _AT_LIMIT:
+        return f"{where}: position {q:.6g} {unit} outside [{low:.6g}, {high:.6g}]"
+    return f"{where}: velocity {qd:.6g} {unit}/s beyond {fastest:.6g} {unit}/s"

@@ -1,0 +1,97 @@
+"""Recordings of a simulated arm, made in memory: hours of motion in a minute, without bags in between."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.plant import MotionLog
+from catenary.simulation.cable_plant import JOINTS, UNITS, CablePlant
+from catenary.simulation.firmware import PERIOD
+from catenary.trajectories.reference import Trajectory
+
+STATE_RATE = 30.0  # [Hz] at which the paper recorded raven_state
+ENCODER_TICKS = 10  # of 1 ms between samples of the external encoders
+STAMP_JITTER = 0.3  # of the period, either way
+CHUNK = 60_000  # ticks whose full log is held at once
+APPROACH_TICKS = 4_000  # to the start of a motion
+CALIBRATED = 3  # positioning joints; the rest are the tool's
+
+
+def record_simulated(
+    plant: CablePlant,
+    trajectory: Trajectory,
+    name: str,
+    rng: np.random.Generator,
+    *,
+    state_rate: float = STATE_RATE,
+) -> MotionLog:
+    """Drive a homed arm along a trajectory of its positioning joints and record what a lab would.
+
+    The robot's state is sampled at `state_rate` with jittered stamps, the external encoders at 100 Hz; their
+    positions are interpolated to the state's stamps.
+
+    Args:
+        plant: Homed and enabled; its tool joints stay where they are.
+        trajectory: Of the three positioning joints [rad, rad, m].
+        name: Of the recording.
+        rng: Draws the jitter.
+        state_rate: [Hz].
+
+    Returns:
+        Joints shoulder, elbow, insertion with q_nominal, q_encoder, tau (at the gearbox's output [Nm]); the tool's
+        positions and torques as signals.
+
+    Raises:
+        NotReadyError: The arm is not homed or enabled, or its software e-stop tripped.
+    """
+    _approach(plant, trajectory)
+    ticks = round(trajectory.duration / PERIOD)
+    stamps = _stamps(ticks, state_rate, rng)
+    joint: list[Floats] = []
+    torque: list[Floats] = []
+    encoder: list[Floats] = []
+    for first in range(0, ticks, CHUNK):
+        last = min(ticks, first + CHUNK)
+        rows = np.full((last - first, len(JOINTS)), np.nan)
+        rows[:, :CALIBRATED] = trajectory.sample(np.arange(first, last) * PERIOD)[0]
+        log = plant.run(rows)
+        here = stamps[(stamps >= first) & (stamps < last)] - first
+        joint.append(log.joint[here])
+        torque.append(log.torque[here])
+        seen = np.arange(0, last - first, ENCODER_TICKS)
+        positions = plant.rig_positions(plant.rig_counts(log.q[seen]))
+        encoder.append(np.column_stack([np.interp(here, seen, positions[:, j]) for j in range(CALIBRATED)]))
+    q, tau = np.concatenate(joint), np.concatenate(torque)
+    tools = JOINTS[CALIBRATED:]
+    return MotionLog(
+        name=name,
+        joint_names=JOINTS[:CALIBRATED],
+        joint_units=UNITS[:CALIBRATED],
+        q_nominal=q[:, :CALIBRATED],
+        q_encoder=np.concatenate(encoder),
+        ok=np.ones(len(q), dtype=bool),
+        time=stamps.astype(np.float64) * PERIOD,
+        tau=tau[:, :CALIBRATED],
+        signals={f"q_{tool}": q[:, CALIBRATED + t] for t, tool in enumerate(tools)}
+        | {f"tau_{tool}": tau[:, CALIBRATED + t] for t, tool in enumerate(tools)},
+        signal_units={f"q_{tool}": "rad" for tool in tools} | {f"tau_{tool}": "Nm" for tool in tools},
+        robot=plant.arm.name,
+        simulated=True,
+    )
+
+
+def _approach(plant: CablePlant, trajectory: Trajectory) -> None:
+    """Go to the start of a motion along half a cosine, and wait there for a moment."""
+    start = plant.control.setpoint[:CALIBRATED].copy()
+    goal = trajectory(0.0).q
+    share = 0.5 * (1.0 - np.cos(np.pi * np.minimum(np.arange(1, APPROACH_TICKS + 500) / APPROACH_TICKS, 1.0)))
+    rows = np.full((len(share), len(JOINTS)), np.nan)
+    rows[:, :CALIBRATED] = start + (goal - start) * share[:, None]
+    plant.run(rows)
+
+
+def _stamps(ticks: int, rate: float, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Ticks at which the state is sampled: at the rate, jittered, strictly rising."""
+    count = int(ticks * PERIOD * rate)
+    wanted = (np.arange(count) + 0.5 + rng.uniform(-STAMP_JITTER, STAMP_JITTER, count)) / rate
+    return np.unique(np.clip((wanted / PERIOD).astype(np.int64), 0, ticks - 1))

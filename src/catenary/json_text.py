@@ -1,0 +1,20 @@
+"""JSON that every reader takes: NaN and infinity, which JSON does not know, are null."""
+
+import json
+import math
+from typing import Any
+
+
+def json_text(content: Any) -> str:
+    """JSON text of plain data, indented, in ASCII."""
+    return json.dumps(_finite(content), indent=2, allow_nan=False)
+
+
+def _finite(content: Any) -> Any:
+    if isinstance(content, float):
+        return content if math.isfinite(content) else None
+    if isinstance(content, dict):
+        return {key: _finite(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_finite(value) for value in content]
+    return content

@@ -1,0 +1,84 @@
+"""What an arm's base does: stand level, stand tilted, rock."""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from catenary.arrays import Floats, as_array
+from catenary.spatial import rotation_about_x
+
+STANDARD_GRAVITY = 9.81  # [m/s2]
+
+
+class BaseSamples(NamedTuple):
+    """A base at N instants, in its own axes."""
+
+    gravity: Floats  # (N, 3) free-fall acceleration [m/s2]
+    motion: Floats  # (N, 3, 3) angular velocity, angular acceleration, linear acceleration of the origin
+
+
+class MovingBase(Protocol):
+    """Anything an arm can stand on."""
+
+    def sample(self, times: Floats) -> BaseSamples:
+        """Motion at times (N,) [s]."""
+        ...
+
+
+@dataclass(frozen=True)
+class FixedBase:
+    """A base that stands still, turned by `roll` about x, then by `pitch` about its own y [rad]."""
+
+    roll: float = 0.0
+    pitch: float = 0.0
+
+    def sample(self, times: Floats) -> BaseSamples:
+        """One row for all times: nothing changes."""
+        gravity = tilt(self.roll, self.pitch).T @ np.array([0.0, 0.0, -STANDARD_GRAVITY])
+        return BaseSamples(gravity[None, :], np.zeros((1, 3, 3)))
+
+
+@dataclass(frozen=True)
+class RockingBase:
+    """A base that rocks about an axis of its own through a point, after the tilt of a FixedBase.
+
+    angle(t) = mean + amplitude sin(2 pi frequency t); `lever` is the base's origin seen from a point of the axis.
+    """
+
+    mean: float  # [rad]
+    amplitude: float  # [rad]
+    frequency: float  # [Hz]
+    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    lever: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] in base axes
+    start: FixedBase = field(default_factory=FixedBase)
+
+    def sample(self, times: Floats) -> BaseSamples:
+        """Gravity turned into the base, and the accelerations that rocking brings."""
+        t = as_array("times", times, (None,))
+        axis = as_array("axis", self.axis, (3,))
+        axis = axis / np.linalg.norm(axis)
+        w = 2.0 * np.pi * self.frequency
+        angle = self.mean + self.amplitude * np.sin(w * t)
+        rate = self.amplitude * w * np.cos(w * t)
+        change = -self.amplitude * w * w * np.sin(w * t)
+        level = tilt(self.start.roll, self.start.pitch).T @ np.array([0.0, 0.0, -STANDARD_GRAVITY])
+        gravity: Floats = Rotation.from_rotvec(-angle[:, None] * axis).apply(level)
+        omega, alpha = rate[:, None] * axis, change[:, None] * axis
+        r = np.asarray(self.lever)
+        linear = np.cross(alpha, r) + np.cross(omega, np.cross(omega, r))
+        return BaseSamples(gravity, np.stack([omega, alpha, linear], axis=1))
+
+
+def tilt(roll: float, pitch: float) -> Floats:
+    """R_world_base of a base turned by roll about x, then by pitch about its own y [rad]."""
+    c, s = np.cos(pitch), np.sin(pitch)
+    about_y = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    turned: Floats = rotation_about_x(roll) @ about_y
+    return turned
+
+
+def imu_reading(samples: BaseSamples) -> tuple[Floats, Floats]:
+    """What an ideal inertial unit at the base's origin reads: specific force (N, 3) [m/s2], rate (N, 3) [rad/s]."""
+    return samples.motion[:, 2] - samples.gravity, samples.motion[:, 0]

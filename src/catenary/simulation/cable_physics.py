@@ -1,0 +1,261 @@
+"""One step of a cable-driven arm: rotors, cables, links. Compiled; every array is the caller's."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.compiled import inlined
+from catenary.dynamics.coordinates import place_tree
+from catenary.dynamics.recursion import composite_body_recursion, newton_euler_recursion
+from catenary.robots.model import Tree
+from catenary.simulation.cable_parameters import Cable
+from catenary.transmission.coupling import joint_forces, winding_of
+from catenary.transmission.drift import loss_rate, set_rate
+from catenary.transmission.elasticity import beyond_backlash, tension_of
+from catenary.transmission.friction import coulomb, coulomb_coupled
+from catenary.transmission.hysteresis import bouc_wen_step, maxwell_step
+
+FRICTION_SWEEPS = 4
+
+
+class ArmState(NamedTuple):
+    """What changes while an arm moves. Positioning joints come first among the seven rotors."""
+
+    rotor: Floats  # (7,) motor shafts [rad]
+    rotor_velocity: Floats  # (7,) [rad/s]
+    q: Floats  # (3,) where the joints really are [rad, rad, m]
+    qd: Floats  # (3,)
+    hysteresis: Floats  # (3,) Bouc-Wen states
+    slow_stretch: Floats  # (3,) Maxwell branches [rad, rad, m]
+    slack: Floats  # (3,) permanent set of the cables [rad, rad, m]
+    loss: Floats  # (3,) share of the stiffness that is lost
+    tension: Floats  # (3,) of the last step [Nm, Nm, N]
+    friction: Floats  # (3,) impulses of the last step, where the next one's search starts
+
+
+class Work(NamedTuple):
+    """Scratch of the dynamics of a tree with three joints."""
+
+    coordinates: Floats
+    rotation: Floats
+    position: Floats
+    omega: Floats
+    alpha: Floats
+    acceleration: Floats
+    force: Floats
+    moment: Floats
+    bias: Floats
+    mass: Floats
+    first_moment: Floats
+    inertia: Floats
+    matrix: Floats
+    inverse: Floats
+    zero: Floats
+    impulse: Floats
+    identity: Floats
+
+
+def new_state() -> ArmState:
+    """An arm at zero, at rest, its cables new."""
+    return ArmState(np.zeros(7), np.zeros(7), *(np.zeros(3) for _ in range(8)))
+
+
+def new_work() -> Work:
+    """Scratch for `physics_step`."""
+    return Work(
+        coordinates=np.empty((3, 3)),
+        rotation=np.empty((3, 3, 3)),
+        position=np.empty((3, 3)),
+        omega=np.empty((4, 3)),
+        alpha=np.empty((4, 3)),
+        acceleration=np.empty((4, 3)),
+        force=np.empty((4, 3)),
+        moment=np.empty((4, 3)),
+        bias=np.empty(3),
+        mass=np.empty(4),
+        first_moment=np.empty((4, 3)),
+        inertia=np.empty((4, 3, 3)),
+        matrix=np.empty((3, 3)),
+        inverse=np.empty((3, 3)),
+        zero=np.zeros(3),
+        impulse=np.empty(3),
+        identity=np.eye(3),
+    )
+
+
+@inlined
+def physics_step(
+    tree: Tree,
+    cable: Cable,
+    state: ArmState,
+    shaft_torque: Floats,
+    braked: bool,
+    gravity: Floats,
+    base_motion: Floats,
+    step: float,
+    work: Work,
+) -> None:
+    """Advance an arm by one semi-implicit Euler step: forces, then velocities, then positions.
+
+    Args:
+        tree: The three positioning joints, payload included.
+        cable: The arm's numbers.
+        state: Overwritten.
+        shaft_torque: (7,) of the motors [Nm].
+        braked: The positioning motors' shafts are held.
+        gravity: (3,) in base axes [m/s2].
+        base_motion: (3, 3) angular velocity, angular acceleration, linear acceleration of the base, base axes.
+        step: [s].
+        work: Scratch.
+    """
+    q, qd = state.q, state.qd
+    rate = winding_of(cable.coupling, qd)
+    winding = winding_of(cable.coupling, q)
+    for j in range(3):
+        _pull(cable, state, j, winding[j], rate[j], step)
+        _turn(cable, state, j, shaft_torque[j], braked, step)
+        _turn_tool(cable, state, j, shaft_torque[3 + j], braked, step)
+    _turn_tool(cable, state, 3, shaft_torque[6], braked, step)
+
+    force = joint_forces(cable.coupling, (state.tension[0], state.tension[1], state.tension[2]))
+    _links(tree, state, gravity, base_motion, work)
+    for j in range(3):
+        push = 0.0
+        into = cable.stop_side[j] * (q[j] - cable.stop_position[j])
+        if into > 0.0:
+            resist = cable.stop_stiffness[j] * into + cable.stop_damping[j] * cable.stop_side[j] * qd[j]
+            push = -cable.stop_side[j] * max(0.0, resist)
+        work.force[j, 0] = force[j] + push - work.bias[j]
+        work.impulse[j] = step * (
+            cable.link_friction[j] + cable.link_load_friction[j] * abs(state.tension[j])
+        )
+    for j in range(3):
+        change = 0.0
+        for i in range(3):
+            change += work.inverse[j, i] * work.force[i, 0]
+        qd[j] += step * change
+    coulomb_coupled(work.inverse, work.impulse, qd, state.friction, FRICTION_SWEEPS)
+    for j in range(3):
+        q[j] += step * qd[j]
+
+
+@inlined
+def _pull(cable: Cable, state: ArmState, j: int, winding: float, winding_rate: float, step: float) -> None:
+    """Stretch cable j and write its tension; let it remember, creep, set and wear."""
+    true_ratio = cable.ratio[j] * (1.0 + cable.ratio_error[j])
+    runout = cable.capstan_runout[j] * math.sin(
+        state.rotor[j] / cable.gearbox[j] + cable.capstan_phase[j]
+    ) + cable.pulley_runout[j] * math.sin(state.q[j] + cable.pulley_phase[j])
+    pulled = state.rotor[j] / true_ratio - winding + runout - state.slack[j]
+    stretch = beyond_backlash(pulled, cable.backlash[j])
+    # run-out moves slowly: it enters the stretch, not its rate
+    rate = state.rotor_velocity[j] / true_ratio - winding_rate if stretch != 0.0 else 0.0
+    state.hysteresis[j] = bouc_wen_step(state.hysteresis[j], rate * step, cable.hysteresis_width[j])
+    state.slow_stretch[j] = maxwell_step(state.slow_stretch[j], stretch, step, cable.slow_time[j])
+    tension = tension_of(
+        stretch,
+        rate,
+        state.hysteresis[j],
+        state.slow_stretch[j],
+        cable.stiffness[j] * (1.0 - state.loss[j]),
+        cable.elastic_share[j],
+        cable.hysteresis_width[j],
+        cable.slow_share[j],
+        cable.damping[j],
+    )
+    state.tension[j] = tension
+    speed = abs(state.qd[j])
+    if speed > 0.0:
+        state.slack[j] += step * set_rate(
+            tension,
+            cable.reference_tension[j],
+            cable.set_side[j],
+            speed,
+            state.slack[j],
+            cable.set_rate[j],
+            cable.largest_set[j],
+        )
+        state.loss[j] += step * loss_rate(
+            tension, cable.reference_tension[j], speed, state.loss[j], cable.loss_rate[j]
+        )
+
+
+@inlined
+def _turn(cable: Cable, state: ArmState, j: int, torque: float, braked: bool, step: float) -> None:
+    """Turn positioning motor j against its cable."""
+    if braked:
+        state.rotor_velocity[j] = 0.0
+        return
+    load = state.tension[j] / (cable.ratio[j] * (1.0 + cable.ratio_error[j]))
+    velocity = state.rotor_velocity[j]
+    free = velocity + step / cable.rotor_inertia[j] * (torque - load - cable.rotor_damping[j] * velocity)
+    friction = cable.rotor_friction[j] + cable.rotor_load_friction[j] * abs(load)
+    velocity = coulomb(free, step * friction / cable.rotor_inertia[j])
+    state.rotor_velocity[j] = velocity
+    state.rotor[j] += step * velocity
+
+
+@inlined
+def _turn_tool(cable: Cable, state: ArmState, t: int, torque: float, braked: bool, step: float) -> None:
+    """Turn tool motor t: its cables are taken as rigid, its joint meets a stop."""
+    if braked:
+        state.rotor_velocity[3 + t] = 0.0
+        return
+    joint = (state.rotor[3 + t] - cable.tool_carried[t] * state.rotor[2]) / cable.tool_ratio[t]
+    into = joint - cable.tool_stop[t]
+    push = -cable.tool_stop_stiffness[t] * into / cable.tool_ratio[t] if into > 0.0 else 0.0
+    velocity = state.rotor_velocity[3 + t]
+    free = velocity + step / cable.tool_inertia[t] * (torque + push - cable.tool_damping[t] * velocity)
+    velocity = coulomb(free, step * cable.tool_friction[t] / cable.tool_inertia[t])
+    state.rotor_velocity[3 + t] = velocity
+    state.rotor[3 + t] += step * velocity
+
+
+@inlined
+def _links(tree: Tree, state: ArmState, gravity: Floats, base_motion: Floats, work: Work) -> None:
+    """Write the links' bias torques (velocity, gravity, moving base) and the inverse of their mass matrix."""
+    place_tree(tree, work.identity, work.zero, state.q, work.coordinates, work.rotation, work.position)
+    for r in range(3):
+        work.omega[3, r] = base_motion[0, r]
+        work.alpha[3, r] = base_motion[1, r]
+        work.acceleration[3, r] = base_motion[2, r] - gravity[r]
+    newton_euler_recursion(
+        tree,
+        work.rotation,
+        work.position,
+        state.qd,
+        work.zero,
+        work.omega,
+        work.alpha,
+        work.acceleration,
+        work.force,
+        work.moment,
+        work.bias,
+    )
+    composite_body_recursion(
+        tree,
+        work.rotation,
+        work.position,
+        work.mass,
+        work.first_moment,
+        work.inertia,
+        work.matrix,
+    )
+    _invert(work.matrix, work.inverse)
+
+
+@inlined
+def _invert(m: Floats, inverse: Floats) -> None:
+    """Invert a symmetric 3 x 3 matrix by its cofactors."""
+    a = m[1, 1] * m[2, 2] - m[1, 2] * m[1, 2]
+    b = m[0, 2] * m[1, 2] - m[0, 1] * m[2, 2]
+    c = m[0, 1] * m[1, 2] - m[0, 2] * m[1, 1]
+    scale = 1.0 / (m[0, 0] * a + m[0, 1] * b + m[0, 2] * c)
+    inverse[0, 0] = scale * a
+    inverse[0, 1] = inverse[1, 0] = scale * b
+    inverse[0, 2] = inverse[2, 0] = scale * c
+    inverse[1, 1] = scale * (m[0, 0] * m[2, 2] - m[0, 2] * m[0, 2])
+    inverse[1, 2] = inverse[2, 1] = scale * (m[0, 1] * m[0, 2] - m[0, 0] * m[1, 2])
+    inverse[2, 2] = scale * (m[0, 0] * m[1, 1] - m[0, 1] * m[0, 1])

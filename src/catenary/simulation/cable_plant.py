@@ -1,0 +1,362 @@
+"""A simulated RAVEN-II arm: real cables, its own firmware, homing, external encoders; a Plant."""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array
+from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
+from catenary.plant import STATE_COMMANDS, Column, JointState, OperatingState, StateCommand, StateName
+from catenary.robots.assembly import LinkInertia
+from catenary.robots.catalog import load_robot
+from catenary.robots.model import RobotModel, Tree
+from catenary.simulation.base_motion import FixedBase, MovingBase
+from catenary.simulation.cable_parameters import CableArm, load_cable_arm, right_arm, varied
+from catenary.simulation.cable_physics import new_state, new_work
+from catenary.simulation.firmware import (
+    BRAKES,
+    OFF,
+    PERIOD,
+    POSITION,
+    STOPPED,
+    TORQUE,
+    TickLog,
+    new_control,
+    new_log,
+    read_encoders_of,
+    run_ticks,
+)
+from catenary.simulation.homing import home, registered_zero
+from catenary.transmission.coupling import winding_of
+
+JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")
+UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
+PAYLOAD_PLACE = (0.0, 0.0, -0.47)  # [m] in the insertion's frame: the tool's wrist
+COLUMNS = (
+    Column("encVals", "counts", 7),
+    Column("mpos", "rad", 7),
+    Column("mvel", "rad/s", 7),
+    Column("jpos", "rad|m", 7),
+    Column("jvel", "rad/s|m/s", 7),
+    Column("jpos_d", "rad|m", 7),
+    Column("mpos_d", "rad", 7),
+    Column("tau", "Nm at the gearbox's output", 7),
+    Column("dac_val", "DAC", 7),
+    Column("encoffsets", "counts", 7),
+    Column("joint_enc", "counts", 3),
+    Column("ext_jpos", "rad|m", 3),
+    Column("q_true", "rad|m", 3),
+)
+
+
+class CablePlant:
+    """One arm. Nothing moves before it is homed and enabled; brakes hold it while it is not enabled."""
+
+    def __init__(
+        self,
+        arm: CableArm | None = None,
+        *,
+        side: str = "left",
+        seed: int | None = None,
+        start: ArrayLike | None = None,
+        payload: float = 0.0,
+        base: MovingBase | None = None,
+        substeps: int = 2,
+    ) -> None:
+        """Put an arm on a base.
+
+        Args:
+            arm: Its numbers; the package's RAVEN-II when None.
+            side: "left" (gold) or "right" (green).
+            seed: Draws another robot of the same kind; the nominal one when None.
+            start: (3,) where the positioning joints stand at power-on [rad, rad, m]; drawn by the seed when None.
+            payload: Mass at the tool's wrist [kg].
+            base: What it stands on; a level base at rest when None.
+            substeps: Physics steps in 1 ms; 1 is enough for hours-long runs.
+
+        Raises:
+            InputError: A side that is none, a negative payload, or no substep.
+        """
+        if side not in ("left", "right"):
+            raise InputError(f'side "{side}": expected left or right')
+        if not payload >= 0.0 or not np.isfinite(payload):
+            raise InputError(f"payload: expected zero or more kg, got {payload}")
+        if substeps < 1:
+            raise InputError(f"substeps: expected at least 1, got {substeps}")
+        rng = np.random.default_rng(seed)
+        drawn = load_cable_arm() if arm is None else arm
+        drawn = drawn if seed is None else varied(drawn, rng)
+        self.arm = drawn if side == "left" else right_arm(drawn)
+        self.side, self.seed, self.substeps, self.payload = side, seed, substeps, payload
+        self.base: MovingBase = FixedBase() if base is None else base
+        self.model: RobotModel = load_robot("raven2_full" if side == "left" else "raven2_full_right")
+        self.cable, self.firmware, self.rig = self.arm.cable, self.arm.firmware, self.arm.rig
+        self._tree = _with_payload(load_robot("raven2" if side == "left" else "raven2_right"), payload)
+        self.state, self.control = new_state(), new_control()
+        self._work, self._one = new_work(), new_log(1)
+        self._tick = 0
+        self._state: StateName = "DISABLED"
+        self._is_homed = False
+        self._homing: Iterator[Floats] | None = None
+        self._wanted = np.full(7, np.nan)
+        self._rig_seen: list[Floats] | None = None
+        self.rig_zero = np.full(3, np.nan)
+        self._power_on(rng, start)
+
+    # what a Plant says about itself
+
+    joint_names: tuple[str, ...] = JOINTS
+    joint_units: tuple[str, ...] = UNITS
+    period = PERIOD
+    simulated = True
+    supports = frozenset({"servo_jp", "servo_jr", "servo_jf", "state_command"})
+    columns = COLUMNS
+
+    @property
+    def lower(self) -> Floats:
+        """Software limits below, (7,)."""
+        return self.firmware.lower
+
+    @property
+    def upper(self) -> Floats:
+        """Software limits above, (7,)."""
+        return self.firmware.upper
+
+    @property
+    def time(self) -> float:
+        """Time since power-on [s]."""
+        return self._tick * PERIOD
+
+    def measured_js(self) -> JointState:
+        """Joint state as the firmware believes it."""
+        c = self.control
+        gravity = self.base.sample(np.array([self.time])).gravity[0]
+        return JointState(
+            self.time,
+            c.joint.copy(),
+            c.joint_velocity.copy(),
+            self._joint_torque(),
+            c.motor.copy(),
+            gravity,
+            0.0,
+        )
+
+    def setpoint_js(self) -> JointState:
+        """Joint setpoint of the firmware."""
+        return self.measured_js()._replace(q=self.control.setpoint.copy(), qd=np.zeros(7))
+
+    def operating_state(self) -> OperatingState:
+        """CRTK's operating state."""
+        return OperatingState(self._state, self._is_homed, self._homing is not None)
+
+    def telemetry(self) -> Mapping[str, Floats]:
+        """Latest sample of every column of `columns`."""
+        c = self.control
+        counts = self.rig_counts(self.state.q)
+        return {
+            "encVals": c.counts.copy(),
+            "mpos": c.motor.copy(),
+            "mvel": c.motor_velocity.copy(),
+            "jpos": c.joint.copy(),
+            "jvel": c.joint_velocity.copy(),
+            "jpos_d": c.setpoint.copy(),
+            "mpos_d": c.motor_setpoint.copy(),
+            "tau": c.torque.copy(),
+            "dac_val": c.dac.copy(),
+            "encoffsets": c.offset.copy(),
+            "joint_enc": counts,
+            "ext_jpos": self.rig_positions(counts),
+            "q_true": self.state.q.copy(),
+        }
+
+    # what a Plant obeys
+
+    def servo_jp(self, q: Floats) -> None:
+        """Move the setpoint towards q (7,): at most one clamped step in a tick, within the software limits."""
+        self._require_ready()
+        self._wanted = as_array("servo_jp", q, (7,))
+        self.control.mode[:] = POSITION
+
+    def servo_jr(self, dq: Floats) -> None:
+        """Move the setpoint by dq (7,); several in a tick add up, then the clamp holds."""
+        self._require_ready()
+        start = np.where(np.isnan(self._wanted), self.control.setpoint, self._wanted)
+        self._wanted = start + as_array("servo_jr", dq, (7,))
+        self.control.mode[:] = POSITION
+
+    def servo_jf(self, tau: Floats) -> None:
+        """Command joint torques, (7,), or (3,) for the positioning joints with the tool held, [Nm, Nm, N, Nm...]."""
+        self._require_ready()
+        torque = np.asarray(tau, dtype=float)
+        if torque.shape not in ((7,), (3,)) or not np.isfinite(torque).all():
+            raise InputError(f"servo_jf: expected (7,) or (3,) finite torques, got {torque}")
+        n = len(torque)
+        self.control.torque_command[:n] = torque
+        self.control.mode[:n] = TORQUE
+        self.control.mode[n:] = POSITION
+
+    def state_command(self, command: StateCommand) -> None:
+        """Ask for a transition: enable, disable, pause, resume, home, unhome.
+
+        Raises:
+            UnsupportedCommandError: No such command.
+        """
+        if command not in STATE_COMMANDS:
+            raise UnsupportedCommandError(
+                f'state command "{command}": expected one of {", ".join(STATE_COMMANDS)}'
+            )
+        if command == "enable" and self._state in ("DISABLED", "FAULT"):
+            self.control.flags[STOPPED] = 0
+            self._set_state("ENABLED")
+        elif command == "disable":
+            self._homing = None
+            self._set_state("DISABLED")
+        elif command == "pause" and self._state == "ENABLED":
+            self._set_state("PAUSED")
+        elif command == "resume" and self._state == "PAUSED":
+            self._set_state("ENABLED")
+        elif command == "unhome":
+            self._is_homed = False
+        elif command == "home":
+            if self._state != "ENABLED":
+                raise NotReadyError(f"home: the arm is {self._state}; enable it first")
+            self._is_homed = False
+            self.control.flags[BRAKES] = 0
+            self._homing = home(self)
+
+    def wait(self) -> None:
+        """Advance by one tick of 1 ms."""
+        row = self._wanted
+        if self._homing is not None:
+            step = next(self._homing, None)
+            if step is None:
+                self._homing, self._is_homed = None, True
+                self._set_state(self._state)
+                row = np.full(7, np.nan)
+            else:
+                row = step
+        self._advance(row[None, :], self._one, keep_log=False)
+        self._wanted = np.full(7, np.nan)
+        if self._rig_seen is not None:
+            self._rig_seen.append(self.rig_counts(self.state.q))
+
+    # what only a simulator can do
+
+    def home(self) -> None:
+        """Enable and home, as fast as the machine runs."""
+        if self._state != "ENABLED":
+            self.state_command("enable")
+        self.state_command("home")
+        while self._homing is not None:
+            self.wait()
+
+    def run(self, setpoints: ArrayLike) -> TickLog:
+        """Run a list of setpoints (T, 7), one a tick, in one compiled call, with the firmware inside.
+
+        Equal, sample for sample, to `servo_jp` and `wait` for every row. A column of NaN leaves that axis alone.
+
+        Raises:
+            NotReadyError: Not homed, not enabled, or the software e-stop tripped on the way.
+        """
+        self._require_ready()
+        rows = np.ascontiguousarray(setpoints, dtype=float)
+        if rows.ndim != 2 or rows.shape[1] != 7:
+            raise InputError(f"run: expected setpoints of shape (T, 7), got {rows.shape}")
+        self.control.mode[:] = POSITION
+        log = new_log(len(rows))
+        self._advance(rows, log, keep_log=True)
+        return log
+
+    def rig_counts(self, q: Floats) -> Floats:
+        """Counts of the external encoders at true joint positions (..., 3)."""
+        return np.round(q * self.rig.counts)
+
+    def rig_positions(self, counts: Floats) -> Floats:
+        """Joint positions that the rig reports, (..., 3) [rad, rad, m]; NaN before it is registered."""
+        positions: Floats = self.rig.registered + (counts - self.rig_zero) / self.rig.counts
+        return positions
+
+    def rig_peak_begin(self) -> None:
+        """Begin to watch the external encoders for the stops."""
+        self._rig_seen = []
+
+    def rig_register(self) -> None:
+        """Register the external encoders at the stops that they saw."""
+        if self._rig_seen:
+            self.rig_zero = registered_zero(self.rig, np.array(self._rig_seen), self.cable.stop_side)
+        self._rig_seen = None
+
+    def _advance(self, rows: Floats, log: TickLog, *, keep_log: bool) -> None:
+        times = PERIOD * np.arange(self._tick, self._tick + len(rows), dtype=float)
+        samples = self.base.sample(times)
+        done = run_ticks(
+            self._tree,
+            self.cable,
+            self.firmware,
+            self.state,
+            self.control,
+            rows,
+            samples.gravity,
+            samples.motion,
+            self.substeps,
+            self._work,
+            log,
+            keep_log,
+        )
+        self._tick += done
+        if self.control.flags[STOPPED] and self._state != "FAULT":
+            self._homing = None
+            self._set_state("FAULT")
+            if keep_log:
+                raise NotReadyError(
+                    f"the software e-stop tripped at {self.time:.3f} s: a motor's command was too large"
+                )
+
+    def _set_state(self, state: StateName) -> None:
+        self._state = state
+        running = state == "ENABLED" and self._is_homed
+        self.control.flags[BRAKES] = 0 if running else 1
+        self.control.mode[:] = POSITION if running else OFF
+        if running:  # no jump when control begins
+            self.control.setpoint[:] = self.control.joint
+
+    def _require_ready(self) -> None:
+        if self._state != "ENABLED" or not self._is_homed or self._homing is not None:
+            homed = "homing" if self._homing is not None else "homed" if self._is_homed else "not homed"
+            raise NotReadyError(
+                f"the arm is {self._state} and {homed}; it must be ENABLED and homed to be moved"
+            )
+
+    def _joint_torque(self) -> Floats:
+        """Joint torques that the motors were asked for, through the nominal ratios; the cables' friction unknown."""
+        f = self.firmware
+        torque: Floats = self.control.torque * f.ratio / f.gearbox
+        return torque
+
+    def _power_on(self, rng: np.random.Generator, start: ArrayLike | None) -> None:
+        low = np.array([np.deg2rad(10.0), np.deg2rad(60.0), 0.30])
+        high = np.array([np.deg2rad(70.0), np.deg2rad(120.0), 0.45])
+        q = rng.uniform(low, high) if start is None else as_array("start", start, (3,))
+        self.state.q[:] = q
+        true_ratio = self.cable.ratio * (1.0 + self.cable.ratio_error)
+        self.state.rotor[:3] = true_ratio * np.array(winding_of(self.cable.coupling, q))
+        tools = rng.uniform(-0.5, 0.5, 4)
+        self.state.rotor[3:] = self.cable.tool_ratio * tools + self.cable.tool_carried * self.state.rotor[2]
+        # the encoders count from wherever they woke up
+        self.control.offset[:] = np.round(rng.uniform(-2e5, 2e5, 7))
+        read_encoders_of(self.firmware, self.state, self.control)
+        self.control.motor_velocity[:] = 0.0
+        self.control.joint_velocity[:] = 0.0
+        self.control.setpoint[:] = self.control.joint
+
+
+def _with_payload(model: RobotModel, mass: float) -> Tree:
+    tree = model.tree
+    if mass == 0.0:
+        return tree
+    link = LinkInertia(float(tree.mass[2]), tree.com[2], tree.inertia[2])
+    carried = link.plus(LinkInertia(mass, np.array(PAYLOAD_PLACE), np.zeros((3, 3))))
+    masses, coms, inertias = tree.mass.copy(), tree.com.copy(), tree.inertia.copy()
+    masses[2], coms[2], inertias[2] = carried.mass, carried.com, carried.inertia
+    return tree._replace(mass=masses, com=coms, inertia=inertias)

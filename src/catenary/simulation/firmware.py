@@ -1,0 +1,251 @@
+"""The robot's own 1 kHz control: encoders, cable coupling, PD, DAC. Compiled; the physics runs inside its tick.
+
+[RAVEN-II source, branch master; sections 3 and 5 of its description in docs/plant.md]
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.compiled import compiled, inlined
+from catenary.robots.model import Tree
+from catenary.simulation.cable_parameters import Cable, Firmware
+from catenary.simulation.cable_physics import ArmState, Work, physics_step
+from catenary.transmission.coupling import joints_of, tensions_for, winding_of
+
+COUNTS_PER_RADIAN = 4000.0 / (2.0 * math.pi)  # of the motor's encoder
+PERIOD = 1e-3  # [s]
+OFF, POSITION, TORQUE = 0, 1, 2  # modes of an axis: no output, PD on its setpoint, joint torque as commanded
+SEEKING, FOUND = 1, 2
+BRAKES, STOPPED, GUARDED = 0, 1, 2  # flags
+STOP_DAC = 20_000.0  # beyond: software e-stop
+
+
+class ControlState(NamedTuple):
+    """What the firmware keeps between ticks, and what it read and sent in the last one."""
+
+    offset: Floats  # (7,) encoder offsets [counts], written at homing
+    counts: Floats  # (7,) of the encoders as read
+    motor: Floats  # (7,) measured motor positions [rad]
+    motor_velocity: Floats  # (7,) difference over 1 ms [rad/s]
+    joint: Floats  # (7,) measured joint positions [rad, rad, m, rad...]
+    joint_velocity: Floats  # (7,)
+    setpoint: Floats  # (7,) desired joint positions
+    motor_setpoint: Floats  # (7,) desired motor positions [rad]
+    torque_command: Floats  # (7,) joint torques for axes in mode TORQUE [Nm, Nm, N, Nm...]
+    integral: Floats  # (7,) of the motor position error [rad s]
+    torque: Floats  # (7,) demanded at the gearbox's output, before clipping [Nm]
+    dac: Floats  # (7,) sent, after clipping, with the board's sign
+    demand: Floats  # (7,) DAC before clipping
+    mode: NDArray[np.int64]  # (7,)
+    seek: NDArray[np.int64]  # (7,) axes that look for their stop: SEEKING, then FOUND
+    flags: NDArray[np.int64]  # (3,) brakes on, software e-stop tripped, setpoints guarded
+
+
+class TickLog(NamedTuple):
+    """What happened in each tick, as it began: rows of one compiled run."""
+
+    counts: Floats  # (T, 7)
+    motor: Floats
+    motor_velocity: Floats
+    joint: Floats
+    joint_velocity: Floats
+    setpoint: Floats
+    motor_setpoint: Floats
+    torque: Floats
+    dac: Floats
+    q: Floats  # (T, 3) where the joints really were
+
+
+def new_control() -> ControlState:
+    """Firmware as it wakes up: brakes on, all axes off, encoders not registered."""
+    floats = [np.zeros(7) for _ in range(13)]
+    return ControlState._make([*floats, np.zeros(7, np.int64), np.zeros(7, np.int64), np.array([1, 0, 1])])
+
+
+def new_log(ticks: int) -> TickLog:
+    """Room for the log of a run."""
+    return TickLog._make([*(np.empty((ticks, 7)) for _ in range(9)), np.empty((ticks, 3))])
+
+
+@inlined
+def _motors_of(firmware: Firmware, joint: Floats, insertion_motor: float, out: Floats) -> None:
+    """Motor positions at joint positions; the tools' depend on where the insertion motor is."""
+    winding = winding_of(firmware.coupling, joint)
+    for j in range(3):
+        out[j] = firmware.ratio[j] * winding[j]
+    carried = firmware.tool_sign[0] * insertion_motor / firmware.insertion_ratio[0]
+    for t in range(3, 7):
+        side = -1.0 if t == 5 else 1.0  # the first jaw's cable runs the other way
+        out[t] = firmware.ratio[t] * joint[t] + side * carried
+
+
+@inlined
+def _joints_of(firmware: Firmware, motor: Floats, out: Floats) -> None:
+    """Joint positions at motor positions, through rigid cables of the nominal ratios."""
+    first, second, third = joints_of(
+        firmware.coupling,
+        (motor[0] / firmware.ratio[0], motor[1] / firmware.ratio[1], motor[2] / firmware.ratio[2]),
+    )
+    out[0], out[1], out[2] = first, second, third
+    carried = firmware.tool_sign[0] * motor[2] / firmware.insertion_ratio[0]
+    for t in range(3, 7):
+        side = -1.0 if t == 5 else 1.0
+        out[t] = (motor[t] - side * carried) / firmware.ratio[t]
+
+
+@inlined
+def read_encoders(firmware: Firmware, arm: ArmState, control: ControlState) -> None:
+    """Read the encoders and derive motor and joint positions and velocities; the velocities ignore the coupling."""
+    for j in range(7):
+        control.counts[j] = math.floor(arm.rotor[j] * COUNTS_PER_RADIAN)
+        motor = (control.counts[j] - control.offset[j]) / COUNTS_PER_RADIAN
+        control.motor_velocity[j] = (motor - control.motor[j]) / PERIOD
+        control.motor[j] = motor
+        control.joint_velocity[j] = control.motor_velocity[j] / firmware.ratio[j]
+    _joints_of(firmware, control.motor, control.joint)
+
+
+@compiled
+def read_encoders_of(firmware: Firmware, arm: ArmState, control: ControlState) -> None:
+    """`read_encoders`, outside of a run."""
+    read_encoders(firmware, arm, control)
+
+
+@inlined
+def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floats) -> None:
+    """Write the motors' shaft torques [Nm]: PD on motor positions, through the DAC's steps and limits.
+
+    tau = Kp (m_d - m) + Kd (0 - m_vel) + Ki integral(m_d - m); DAC = trunc(s tau / (Kt gearbox) DAC/A).
+    """
+    _motors_of(firmware, control.setpoint, control.motor[2], control.motor_setpoint)
+    cable = tensions_for(firmware.coupling, control.torque_command)
+    for j in range(7):
+        torque = 0.0
+        if control.mode[j] == POSITION:
+            error = control.motor_setpoint[j] - control.motor[j]
+            control.integral[j] += error * PERIOD
+            torque = (
+                firmware.kp[j] * error
+                - firmware.kd[j] * control.motor_velocity[j]
+                + firmware.ki[j] * control.integral[j]
+            )
+        elif control.mode[j] == TORQUE:
+            wanted = cable[j] if j < 3 else control.torque_command[j]
+            torque = wanted * firmware.gearbox[j] / firmware.ratio[j]
+        per_torque = firmware.dac_per_ampere[j] / (firmware.torque_constant[j] * firmware.gearbox[j])
+        dac = float(math.trunc(firmware.dac_sign[j] * torque * per_torque))
+        control.torque[j] = torque
+        control.demand[j] = dac
+        if abs(dac) > STOP_DAC:
+            control.flags[STOPPED] = 1
+        if control.seek[j] == SEEKING and abs(dac) >= firmware.home_threshold[j]:
+            control.seek[j] = FOUND  # no output for this cycle, then the PD holds where the axis stands
+            control.setpoint[j] = control.joint[j]
+            dac = 0.0
+        limit = firmware.dac_limit[j]
+        if limit > 0.0:
+            dac = min(max(dac, -limit), limit)
+        if control.flags[STOPPED] != 0:
+            dac = 0.0
+        control.dac[j] = dac
+        shaft_torque[j] = firmware.dac_sign[j] * dac / per_torque / firmware.gearbox[j]
+
+
+@inlined
+def _take_setpoint(firmware: Firmware, control: ControlState, wanted: Floats) -> None:
+    """Move the setpoint towards what is wanted: guarded, by one clamped step and within the software limits."""
+    for j in range(7):
+        if math.isnan(wanted[j]):
+            continue
+        if control.flags[GUARDED] == 0:
+            control.setpoint[j] = wanted[j]
+            continue
+        most = firmware.step_limit[j]
+        moved = control.setpoint[j] + min(max(wanted[j] - control.setpoint[j], -most), most)
+        control.setpoint[j] = min(max(moved, firmware.lower[j]), firmware.upper[j])
+
+
+@compiled
+def register(firmware: Firmware, control: ControlState, joint: Floats, axes: NDArray[np.bool_]) -> None:
+    """Write encoder offsets so that the axes read the given joint positions (7,) where they now stand.
+
+    All offsets follow from the joint positions together, the tools' with the insertion motor that belongs to
+    them; only those of `axes` (7,) are changed.
+    """
+    motor = np.empty(7)
+    _motors_of(firmware, joint, 0.0, motor)
+    _motors_of(firmware, joint, motor[2], motor)
+    for j in range(7):
+        if axes[j]:
+            control.offset[j] = math.trunc(control.counts[j] - motor[j] * COUNTS_PER_RADIAN)
+            control.motor[j] = (control.counts[j] - control.offset[j]) / COUNTS_PER_RADIAN
+    _joints_of(firmware, control.motor, control.joint)
+
+
+@compiled
+def run_ticks(
+    tree: Tree,
+    cable: Cable,
+    firmware: Firmware,
+    arm: ArmState,
+    control: ControlState,
+    setpoints: Floats,
+    gravity: Floats,
+    base_motion: Floats,
+    substeps: int,
+    work: Work,
+    log: TickLog,
+    keep_log: bool,
+) -> int:
+    """Run the firmware and the arm for T ticks of 1 ms.
+
+    A tick reads nothing new: it acts on what the encoders gave at the end of the last one, advances the
+    physics by 1 ms, and reads the encoders again. The log holds each tick's reading and what was sent on it.
+
+    Args:
+        tree: Positioning joints, payload included.
+        cable: The arm.
+        firmware: Its control.
+        arm: Overwritten.
+        control: Overwritten.
+        setpoints: (T, 7) desired joint positions; NaN leaves an axis where it is.
+        gravity: (1, 3) or (T, 3) [m/s2] in base axes.
+        base_motion: (1, 3, 3) or (T, 3, 3).
+        substeps: Physics steps in a tick.
+        work: Scratch.
+        log: Rows to write.
+        keep_log: Whether to.
+
+    Returns:
+        Number of ticks run; fewer than T when the software e-stop tripped.
+    """
+    shaft_torque = np.zeros(7)
+    step = PERIOD / substeps
+    for k in range(len(setpoints)):
+        _take_setpoint(firmware, control, setpoints[k])
+        control_motors(firmware, control, shaft_torque)
+        if keep_log:
+            for j in range(7):
+                log.counts[k, j] = control.counts[j]
+                log.motor[k, j] = control.motor[j]
+                log.motor_velocity[k, j] = control.motor_velocity[j]
+                log.joint[k, j] = control.joint[j]
+                log.joint_velocity[k, j] = control.joint_velocity[j]
+                log.setpoint[k, j] = control.setpoint[j]
+                log.motor_setpoint[k, j] = control.motor_setpoint[j]
+                log.torque[k, j] = control.torque[j]
+                log.dac[k, j] = control.dac[j]
+            for j in range(3):
+                log.q[k, j] = arm.q[j]
+        g = gravity[k] if len(gravity) > 1 else gravity[0]
+        base = base_motion[k] if len(base_motion) > 1 else base_motion[0]
+        for _ in range(substeps):
+            physics_step(tree, cable, arm, shaft_torque, control.flags[BRAKES] != 0, g, base, step, work)
+        read_encoders(firmware, arm, control)
+        if control.flags[STOPPED] != 0:
+            return k + 1
+    return len(setpoints)

@@ -1,0 +1,179 @@
+"""Sinusoids of the tool along one Cartesian axis after the other: the tracking test of gravity compensation.
+
+Dynamic-gravity-compensation paper, section IV: "sequential sinusoidal motions along each Cartesian direction",
+amplitude 3.1 inch, period 4 s, two full cycles. The tool moves by amplitude sin(phase) about its start.
+A sine begins at full speed; the paper leaves that to the robot's controller. Here the phase speeds up and
+slows down over `ramp` seconds, so that every axis begins and ends at rest at the start and takes `ramp` longer.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import BSpline, make_interp_spline
+
+from catenary.arrays import Floats, as_array
+from catenary.dynamics.inverse_kinematics import inverse_kinematics
+from catenary.dynamics.kinematics import forward_kinematics
+from catenary.dynamics.raven_inverse_kinematics import raven_path
+from catenary.errors import InputError, LimitError, UnreachablePoseError
+from catenary.robots.model import RobotModel
+from catenary.spatial import Pose
+from catenary.trajectories.reference import Reference
+from catenary.trajectories.smoothed_path import SmoothedPath
+
+AMPLITUDE = 3.1 * 0.0254  # [m] dynamic-gravity-compensation paper, section IV
+PERIOD = 4.0  # [s] the same
+CYCLES = 2  # the same
+
+# Where a model states no velocity limit: near a singularity joints would have to move faster than any robot
+_FASTEST = {"rad": 10.0, "m": 1.0}  # [rad/s], [m/s], ours
+_DEGREE = 5  # of the splines: position to acceleration are smooth, and zero at both ends where they must be
+
+
+class CartesianSinusoids:
+    """A trajectory that moves a robot's tip along the axes of its base frame, one after the other.
+
+    Its joint positions come from inverse kinematics every `step` seconds, joined by splines of degree 5; all
+    are found at construction, so a motion that the robot cannot make is refused before anything moves.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        q_start: ArrayLike,
+        *,
+        amplitude: float = AMPLITUDE,
+        period: float = PERIOD,
+        cycles: int = CYCLES,
+        axes: Sequence[str] = ("x", "y", "z"),
+        ramp: float | None = None,
+        step: float = 0.01,
+    ) -> None:
+        """Solve the inverse kinematics along the whole motion.
+
+        Args:
+            model: The robot; with six coordinates or more its tip keeps its orientation.
+            q_start: (n,) where the motion begins, and returns to after every axis [rad or m].
+            amplitude: Of the sine [m], to either side of the start.
+            period: Of the sine [s].
+            cycles: Of each axis.
+            axes: Of the base frame, in their order.
+            ramp: Time over which the phase speeds up, and slows down [s]; a quarter of the period when None.
+            step: Between solutions [s].
+
+        Raises:
+            LimitError: A joint limit, the robot's reach, the remote centre or a singularity stands in the way;
+                the message says when, along which axis, and what.
+            InputError: An argument has another shape or is outside its range.
+        """
+        start = as_array("q_start", q_start, (model.n,))
+        swing, seconds = _positive("amplitude", amplitude), _positive("period", period)
+        ramp = 0.25 * seconds if ramp is None else _positive("ramp", ramp)
+        step = _positive("step", step)
+        if cycles < 1:
+            raise InputError(f"cycles: expected at least 1, got {cycles}")
+        if not axes or any(axis not in ("x", "y", "z") for axis in axes):
+            raise InputError(f"axes: expected some of x, y, z, got {list(axes)}")
+        self.axes = tuple(axes)
+        self._phases = _phases(len(self.axes), seconds, cycles, ramp)
+        self._duration = self._phases.duration
+        self._swing = swing * np.array([[name == axis for name in "xyz"] for axis in self.axes], float)
+        self._start = forward_kinematics(model, start)
+
+        times = np.linspace(0.0, self._duration, max(int(np.ceil(self._duration / step)), 2 * _DEGREE) + 1)
+        q = self._solve(model, start, times)
+        self._refuse_leaps(model, times, q)
+        # zero velocity and acceleration at both ends
+        rest = [(1, np.zeros(model.n)), (2, np.zeros(model.n))]
+        ends: Any = (rest, rest)  # SciPy's type stubs know no lists of derivatives
+        self._q: BSpline = make_interp_spline(times, q, k=_DEGREE, bc_type=ends)
+        self._qd, self._qdd = self._q.derivative(1), self._q.derivative(2)
+
+    @property
+    def duration(self) -> float:
+        """Time until the tip is at rest at the start again after the last axis [s]."""
+        return self._duration
+
+    def __call__(self, t: float) -> Reference:
+        """Reference at `t` [s] after the start."""
+        q, qd, qdd = self.sample(as_array("t", t, ()).reshape(1))
+        return Reference(q[0], qd[0], qdd[0])
+
+    def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """References at many times: q, qd, qdd, each (N, n), at `times` (N,) [s].
+
+        Raises:
+            InputError: `times` has another shape or is not finite.
+        """
+        t = as_array("times", times, (None,))
+        inside = np.clip(t, 0.0, self._duration)
+        q, qd, qdd = self._q(inside), self._qd(inside), self._qdd(inside)
+        at_rest = (t <= 0.0) | (t >= self._duration)
+        qd[at_rest], qdd[at_rest] = 0.0, 0.0
+        return q, qd, qdd
+
+    def tip_positions(self, times: ArrayLike) -> Floats:
+        """Where the tip is meant to be in the base frame, (N, 3) [m], at `times` (N,) [s]."""
+        phases, _, _ = self._phases.sample(times)
+        positions: Floats = self._start.position + np.sin(phases) @ self._swing
+        return positions
+
+    def _solve(self, model: RobotModel, start: Floats, times: Floats) -> Floats:
+        positions = self.tip_positions(times)
+        if model.closed_form == "raven2":
+            rotations = np.broadcast_to(self._start.rotation, (len(times), 3, 3))
+            try:
+                return raven_path(model, rotations, positions, start)
+            except UnreachablePoseError:
+                pass  # below, pose by pose, to say when
+        q = np.empty((len(times), model.n))
+        near = start
+        for k, position in enumerate(positions):
+            try:
+                near = inverse_kinematics(
+                    model, Pose(self._start.rotation, position), near, position_tolerance=1e-10
+                )
+            except UnreachablePoseError as error:
+                raise LimitError(f"{self._when(times[k], position)}: {error}") from error
+            q[k] = near
+        return q
+
+    def _refuse_leaps(self, model: RobotModel, times: Floats, q: Floats) -> None:
+        """Refuse velocities beyond the joints' limits; a leap to another configuration is one of them."""
+        fallback = [_FASTEST[unit] for unit in model.joint_units]
+        fastest = np.where(np.isinf(model.velocity_limit), fallback, model.velocity_limit)
+        speed = np.abs(np.diff(q, axis=0)) / np.diff(times)[:, np.newaxis]
+        too_fast = np.argwhere(speed > fastest)
+        if len(too_fast):
+            k, j = (int(i) for i in too_fast[0])
+            unit = model.joint_units[j]
+            raise LimitError(
+                f"{self._when(times[k], self.tip_positions(times[k : k + 1])[0])}: joint "
+                f'"{model.joint_names[j]}" would move at {speed[k, j]:.4g} {unit}/s; '
+                f"expected at most {fastest[j]:.4g} {unit}/s: a singularity is near"
+            )
+
+    def _when(self, time: float, position: Floats) -> str:
+        axis = self.axes[min(int(time / self._duration * len(self.axes)), len(self.axes) - 1)]
+        return (
+            f"Cartesian sinusoid along {axis}, at {time:.3f} of {self._duration:.3f} s, "
+            f"tip at {np.round(position, 4)} m"
+        )
+
+
+def _phases(axes: int, period: float, cycles: int, ramp: float) -> SmoothedPath:
+    """Phase of each axis' sine [rad]: it rises through all its cycles while the others stand."""
+    runs = cycles * period
+    begins = np.arange(axes) * (runs + ramp)
+    times = np.sort(np.concatenate([begins, begins + runs]))
+    phases = np.where(times[:, np.newaxis] > begins, 2.0 * np.pi * cycles, 0.0)
+    return SmoothedPath.through(times, phases, ramp)
+
+
+def _positive(name: str, value: float) -> float:
+    number = float(as_array(name, value, ()))
+    if not number > 0.0:
+        raise InputError(f"{name}: expected more than 0, got {number}")
+    return number

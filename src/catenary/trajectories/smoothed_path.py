@@ -1,0 +1,167 @@
+"""Broken lines in time with rounded corners: what almost every trajectory here is made of.
+
+Each joint has its own broken line: corners at times t_k, constant speed between them. The motion is that line
+averaged over a window of `blend` seconds,
+
+    q(t) = integral of line(t + blend (1/2 - x)) w(x) over x in 0..1,    w(x) = 6 x (1 - x),
+
+so at a corner the velocity changes over `blend` seconds as the smoothstep 3 x² - 2 x³ does: position, velocity
+and acceleration are continuous. Since w is nowhere negative and its integral is 1, the motion never leaves the
+range of the line: joint limits that hold for the corners hold for it, velocity limits too.
+A lone corner where the velocity jumps by dv is passed at a distance of 3/32 |dv| blend, and the acceleration
+there reaches 3/2 |dv| / blend.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catenary.arrays import Floats, as_array
+from catenary.compiled import compiled
+from catenary.errors import InputError
+from catenary.trajectories.reference import Reference
+
+PEAK = 1.5  # largest value of w: acceleration / (velocity change / blend)
+
+
+class BrokenLine(NamedTuple):
+    """One joint's line."""
+
+    times: ArrayLike  # (K,) [s] rising; the first is when the motion sets off
+    points: ArrayLike  # (K,) [rad|m]; one point alone is a joint that rests
+    blend: float  # [s] over which the velocity changes at a corner, positive
+
+
+class _Lines(NamedTuple):
+    """All joints' lines, end to end; joint j has the corners from first[j] to first[j + 1]."""
+
+    first: NDArray[np.int64]  # (n + 1,)
+    times: Floats  # [s]
+    points: Floats  # [rad|m]
+    slopes: Floats  # [rad/s|m/s] after each corner; 0 after a joint's last one
+    blends: Floats  # (n,) [s]
+
+
+class SmoothedPath:
+    """A trajectory along one broken line per joint, its corners rounded."""
+
+    def __init__(self, lines: Sequence[BrokenLine]) -> None:
+        """Take one line per joint.
+
+        Raises:
+            InputError: No line; times that do not rise; numbers of another shape, or not finite; a blend that
+                is not positive.
+        """
+        if not lines:
+            raise InputError("lines: expected one for each joint, got none")
+        times, points, slopes, blends = [], [], [], []
+        for j, line in enumerate(lines):
+            line_times = as_array(f"lines[{j}] times", line.times, (None,))
+            line_points = as_array(f"lines[{j}] points", line.points, (len(line_times),))
+            blend = float(as_array(f"lines[{j}] blend", line.blend, ()))
+            steps = np.diff(line_times)
+            if len(line_times) == 0 or not (steps > 0.0).all():
+                raise InputError(f"lines[{j}] times: expected at least one, each later than the one before")
+            if not blend > 0.0:
+                raise InputError(f"lines[{j}] blend: expected more than 0 s, got {blend}")
+            times.append(line_times)
+            points.append(line_points)
+            slopes.append(np.append(np.diff(line_points) / steps, 0.0))
+            blends.append(blend)
+        first = np.concatenate([[0], np.cumsum([len(line) for line in times])])
+        self._lines = _Lines(
+            first, np.concatenate(times), np.concatenate(points), np.concatenate(slopes), np.array(blends)
+        )
+        moving = [line[-1] + blend for line, blend in zip(times, blends, strict=True) if len(line) > 1]
+        self._duration = float(max(moving, default=0.0))
+
+    @classmethod
+    def through(cls, times: ArrayLike, points: ArrayLike, blend: float) -> "SmoothedPath":
+        """Give the path of joints that share their corners: times (K,) [s], points (K, n) [rad|m].
+
+        Raises:
+            InputError: As for the class.
+        """
+        t = as_array("times", times, (None,))
+        rows = as_array("points", points, (len(t), None))
+        return cls([BrokenLine(t, column, blend) for column in rows.T])
+
+    @property
+    def duration(self) -> float:
+        """Time until all joints are at rest again [s]."""
+        return self._duration
+
+    @property
+    def corner_distance(self) -> Floats:
+        """How far each joint passes from its corners at most, (n,) [rad|m].
+
+        It is how far the motion leaves the line, as long as corners lie at least a blend apart.
+        """
+        first, times, points, _, blends = self._lines
+        largest = np.zeros(len(blends))
+        for j, blend in enumerate(blends):
+            own = slice(first[j], first[j + 1])
+            q, _, _ = self.sample(times[own] + 0.5 * blend)
+            largest[j] = np.abs(q[:, j] - points[own]).max()
+        return largest
+
+    def __call__(self, t: float) -> Reference:
+        """Reference at `t` [s] after the start."""
+        q, qd, qdd = self._evaluate(as_array("t", t, ()).reshape(1))
+        return Reference(q[0], qd[0], qdd[0])
+
+    def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """References at many times: q, qd, qdd, each (N, n), at `times` (N,) [s]; rising times are fastest.
+
+        Raises:
+            InputError: `times` has another shape or is not finite.
+        """
+        return self._evaluate(as_array("times", times, (None,)))
+
+    def _evaluate(self, times: Floats) -> tuple[Floats, Floats, Floats]:
+        shape = (len(times), len(self._lines.blends))
+        q, qd, qdd = np.empty(shape), np.empty(shape), np.empty(shape)
+        _evaluate_lines(self._lines, times, q, qd, qdd)
+        return q, qd, qdd
+
+
+@compiled
+def _evaluate_lines(lines: _Lines, times: Floats, q: Floats, qd: Floats, qdd: Floats) -> None:
+    for j in range(len(lines.blends)):
+        first, last = lines.first[j], lines.first[j + 1] - 1
+        blend = lines.blends[j]
+        begin, end = lines.times[first], lines.times[last] + blend
+        k = first - 1  # the last corner before the window; first - 1 when all lie in it or after it
+        for i in range(len(times)):
+            if first == last or times[i] <= begin:
+                q[i, j], qd[i, j], qdd[i, j] = lines.points[first], 0.0, 0.0
+                continue
+            if times[i] >= end:
+                q[i, j], qd[i, j], qdd[i, j] = lines.points[last], 0.0, 0.0
+                continue
+            opens = times[i] - blend  # the window reaches from here to times[i], in the line's own time
+            here = times[i] - 0.5 * blend
+            if k >= first and lines.times[k] > opens:
+                k = first - 1  # time went back
+            if k < last and lines.times[k + 1] <= opens:
+                k += 1
+                if k < last and lines.times[k + 1] <= opens:  # a leap
+                    k = first + np.searchsorted(lines.times[first : last + 1], opens, side="right") - 1
+            if k < first:
+                position, velocity = lines.points[first], 0.0
+            else:
+                velocity = lines.slopes[k]
+                position = lines.points[k] + velocity * (here - lines.times[k])
+            acceleration, slope = 0.0, velocity
+            m = k + 1
+            while m <= last and lines.times[m] < times[i]:
+                dv = lines.slopes[m] - slope
+                slope = lines.slopes[m]
+                x = (times[i] - lines.times[m]) / blend
+                position += dv * blend * x**3 * (1.0 - 0.5 * x)
+                velocity += dv * x**2 * (3.0 - 2.0 * x)
+                acceleration += dv / blend * 6.0 * x * (1.0 - x)
+                m += 1
+            q[i, j], qd[i, j], qdd[i, j] = position, velocity, acceleration

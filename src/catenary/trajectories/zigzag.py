@@ -1,0 +1,221 @@
+"""Zig-zag calibration trajectories: even coverage of three joints' ranges in one direction.
+
+Joint-calibration paper, section II-B, equations 1 to 5; the generator is the one whose output was published
+(uw-biorobotics/raven2_CRTK_Python_controller @ c83e669, generated_trajs/*.csv), which `zigzag_rows` equals row
+for row. In the unit cube the path sweeps x from side to side, moves on by the sparsity in y after each sweep,
+and, when y is through, by the sparsity in z; y then goes back the other way. A rotation turns x into the
+direction wanted, a scale per joint brings the cube into the joints' ranges.
+
+Where the sources are silent or disagree:
+- Only the directions J1, J1-J2 and J1-J2-J3 were published. The others permute the joints cyclically, so that
+  the sweep of J2-J3 runs along the diagonal of joints 2 and 3.
+- The equal volume of equations 4 and 5 holds for single and double directions. The published J1-J2-J3 files
+  stretch their first axis over the joint's whole range, by 1.22, and so do we; and they differ from the
+  rotations of equation 3 (Ry45 Rx45): theirs is Rx45 Rz45.
+- The path ends on the way to one more layer, 5 % beyond the cube: it is kept, as published.
+"""
+
+from collections.abc import Sequence
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catenary.arrays import Floats, as_array
+from catenary.compiled import compiled
+from catenary.errors import InputError
+from catenary.spatial import rotation_about_x, rotation_about_z
+from catenary.trajectories.calibration_box import CALIBRATION_LOWER, CALIBRATION_UPPER
+from catenary.trajectories.smoothed_path import SmoothedPath
+
+Direction = Literal["J1", "J2", "J3", "J1-J2", "J2-J3", "J1-J3", "J1-J2-J3"]
+DIRECTIONS: tuple[Direction, ...] = get_args(Direction)
+
+ROWS_PER_SECOND = 64.3  # 65,164 rows of J2-J3 at 1/2 + 1/3 + 1/4 take the paper's 1013 s
+BLEND = 0.5  # [s], ours: the paper asks for smooth velocity and states no number
+LEAST_SPARSITY = 0.01  # eleven million rows
+
+_STEP = 0.001  # of the unit cube, from row to row
+_END = 1.05  # of z: beyond it the path stops, wherever it is
+# how far the published J1-J2-J3 path reaches along its first axis before it is stretched
+_REACH = (0.09093521295520893, 0.9082482904638634)
+
+
+def unit_zigzag(sparsity: float) -> Floats:
+    """Path in the unit cube, sweeping along its first axis.
+
+    Args:
+        sparsity: Distance between sweeps, 0.01 to 1; they lie a multiple of 0.001 apart, the next larger one.
+
+    Returns:
+        (rows, 3), 0.001 apart; the largest coordinates exceed 1 by what the sparsity does not divide.
+
+    Raises:
+        InputError: The sparsity is outside its range.
+    """
+    s = float(as_array("sparsity", sparsity, ()))
+    if not LEAST_SPARSITY <= s <= 1.0:
+        raise InputError(f"sparsity: expected {LEAST_SPARSITY} to 1, got {s}")
+    rows = np.empty((_write_zigzag(s, np.empty((0, 3))), 3))
+    _write_zigzag(s, rows)
+    return rows
+
+
+def zigzag_rows(
+    direction: Direction,
+    sparsity: float,
+    *,
+    lower: ArrayLike = CALIBRATION_LOWER,
+    upper: ArrayLike = CALIBRATION_UPPER,
+) -> Floats:
+    """Rows of a zig-zag path as published: joint positions, equal distances apart, corners sharp.
+
+    Args:
+        direction: Of the sweeps.
+        sparsity: Distance between sweeps in the unit cube, 0.01 to 1.
+        lower: (3,) lower end of the joints' ranges [rad or m]; the RAVEN-II's calibration box by default.
+        upper: (3,) upper end [rad or m].
+
+    Returns:
+        (rows, 3) [rad or m].
+
+    Raises:
+        InputError: An unknown direction, a sparsity out of range, a range that is empty.
+    """
+    matrix, shift = _placement(direction, lower, upper)
+    joints: Floats = unit_zigzag(sparsity) @ matrix.T + shift
+    return joints
+
+
+def zigzag(
+    direction: Direction,
+    sparsities: Sequence[float],
+    *,
+    lower: ArrayLike = CALIBRATION_LOWER,
+    upper: ArrayLike = CALIBRATION_UPPER,
+    rows_per_second: float = ROWS_PER_SECOND,
+    blend: float = BLEND,
+) -> SmoothedPath:
+    """Zig-zag paths one after the other, with continuous position, velocity and acceleration.
+
+    The corners are rounded over `blend` seconds: at the defaults the motion stays within 0.14 deg or 0.23 mm of
+    the published path (`corner_distance` says how far), and passes its rows half a blend later. Between two
+    paths it comes to rest at the end of the first, goes straight to the start of the next, no joint faster
+    than in the sweeps, and comes to rest there: each path is as it would be alone.
+
+    Args:
+        direction: Of the sweeps.
+        sparsities: Distance between sweeps in the unit cube, of each path, 0.01 to 1.
+        lower: (3,) lower end of the joints' ranges [rad or m]; the RAVEN-II's calibration box by default.
+        upper: (3,) upper end [rad or m].
+        rows_per_second: Speed: how many rows of `zigzag_rows` are played in a second, positive.
+        blend: Time over which the velocity changes at a corner [s], positive.
+
+    Raises:
+        InputError: An argument outside its range, an unknown direction.
+    """
+    matrix, shift = _placement(direction, lower, upper)
+    rate = float(as_array("rows_per_second", rows_per_second, ()))
+    if not rate > 0.0:
+        raise InputError(f"rows_per_second: expected more than 0, got {rate}")
+    if len(sparsities) == 0:
+        raise InputError("sparsities: expected at least one, got none")
+    rest = rate * float(as_array("blend", blend, ()))  # rows: a stop of one blend reaches its point exactly
+    if not rest > 0.0:
+        raise InputError(f"blend: expected more than 0 s, got {blend}")
+    fastest = _STEP * np.abs(matrix).max(axis=1)  # of each joint, per row
+    times: list[Floats] = []  # in rows
+    points: list[Floats] = []
+    for sparsity in sparsities:
+        path = unit_zigzag(sparsity)
+        corners = _corner_rows(path)
+        joints: Floats = path[corners] @ matrix.T + shift
+        begin = 0.0
+        if points:
+            leaves = times[-1][-1] + rest
+            arrives = leaves + float((np.abs(joints[0] - points[-1][-1]) / fastest).max())
+            begin = arrives + rest
+            times.append(np.array([leaves, arrives]))
+            points.append(np.array([points[-1][-1], joints[0]]))
+        times.append(corners.astype(np.float64) + begin)
+        points.append(joints)
+    return SmoothedPath.through(np.concatenate(times) / rate, np.concatenate(points), blend)
+
+
+def _placement(direction: str, lower: ArrayLike, upper: ArrayLike) -> tuple[Floats, Floats]:
+    """Matrix (3, 3) and shift (3,) that take the unit cube's path to joint positions."""
+    if direction not in DIRECTIONS:
+        raise InputError(f"direction: expected one of {', '.join(DIRECTIONS)}, got {direction!r}")
+    low, high = as_array("lower", lower, (3,)), as_array("upper", upper, (3,))
+    if not (low < high).all():
+        raise InputError(f"lower, upper: expected lower below upper for each joint, got {low} and {high}")
+    # u = matrix @ (path - 1/2) + 1/2 + lean, in the order of the axes; equal volume: equations 4 and 5
+    lean = np.zeros(3)
+    named = direction.split("-")
+    if len(named) == 1:
+        matrix = np.eye(3) / np.sqrt(3.0)
+    elif len(named) == 2:
+        half = np.array([np.sqrt(2.0 / 3.0), np.sqrt(2.0 / 3.0), 1.0 / np.sqrt(3.0)])
+        back = np.array([1.0 / np.sqrt(2.0), 1.0 / np.sqrt(2.0), 1.0])  # equation 2
+        matrix = np.diag(half * back) @ rotation_about_z(np.pi / 4.0)
+    else:
+        matrix = rotation_about_x(np.pi / 4.0) @ rotation_about_z(np.pi / 4.0) / np.sqrt(3.0)
+        first, last = _REACH
+        matrix[0] /= last - first
+        lean[0] = (0.5 - first) / (last - first) - 0.5
+    # the direction's first joint takes the first axis, the joints after it the others, round and round
+    leading = {"J1-J3": 2}.get(direction, int(named[0][1]) - 1)
+    axis_of_joint = (np.arange(3) - leading) % 3
+    matrix, lean = matrix[axis_of_joint], lean[axis_of_joint]
+    joint_range = high - low
+    shift = 0.5 * (low + high) + joint_range * (lean - 0.5 * matrix.sum(axis=1))
+    return joint_range[:, np.newaxis] * matrix, shift
+
+
+def _corner_rows(path: Floats) -> NDArray[np.int64]:
+    """Indices of the rows where the path turns, first and last row included."""
+    steps = np.sign(np.round(np.diff(path, axis=0) / _STEP))
+    turns = np.flatnonzero((steps[1:] != steps[:-1]).any(axis=1)) + 1
+    return np.concatenate([[0], turns, [len(path) - 1]])
+
+
+@compiled
+def _write_zigzag(sparsity: float, out: Floats) -> int:
+    """Write as many rows as `out` (N, 3) has room for; give how many there are.
+
+    All sums add 0.001 in floating point, as the published generator does: it decides the number of rows.
+    """
+    x, y, z = 0.0, 0.0, 0.0
+    toward_x, toward_y = _STEP, _STEP
+    path_y, path_z = 0.0, 0.0
+    count = _write_row(out, 0, x, y, z)
+    while True:
+        moved = 0.0
+        while moved < 1.0:
+            x += toward_x
+            moved += _STEP
+            count = _write_row(out, count, x, y, z)
+        toward_x = -toward_x
+        moved = 0.0
+        if path_y < 1.0:
+            while moved < sparsity:
+                y += toward_y
+                moved += _STEP
+                path_y += _STEP
+                count = _write_row(out, count, x, y, z)
+        else:
+            toward_y, path_y = -toward_y, 0.0
+            while moved < sparsity:
+                z += _STEP
+                moved += _STEP
+                path_z += _STEP
+                count = _write_row(out, count, x, y, z)
+                if path_z > _END:
+                    return count
+
+
+@compiled
+def _write_row(out: Floats, count: int, x: float, y: float, z: float) -> int:
+    if count < len(out):
+        out[count, 0], out[count, 1], out[count, 2] = x, y, z
+    return count + 1

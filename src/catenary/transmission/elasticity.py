@@ -1,0 +1,52 @@
+"""The cable as a spring behind a backlash."""
+
+from catenary.compiled import inlined
+
+
+@inlined
+def beyond_backlash(stretch: float, width: float) -> float:
+    """Stretch that the cable feels: nothing inside a backlash of total width `width`, less half of it outside."""
+    half = 0.5 * width
+    if stretch > half:
+        return stretch - half
+    if stretch < -half:
+        return stretch + half
+    return 0.0
+
+
+@inlined
+def tension_of(
+    stretch: float,
+    rate: float,
+    hysteresis: float,
+    slow_stretch: float,
+    stiffness: float,
+    elastic_share: float,
+    hysteresis_width: float,
+    slow_share: float,
+    damping: float,
+) -> float:
+    """Tension of a cable [Nm or N].
+
+    T = a K s + (1 - a) K w z + k K (s - s_v) + D ds/dt: an elastic part, a Bouc-Wen part with state z, a
+    Maxwell branch with state s_v, and a damper. The first two and the damper are the model of M. Miyasaka et
+    al., "Hysteresis model of longitudinally loaded cable for cable driven robots", ICRA 2016; the Maxwell branch
+    adds creep under load.
+
+    Args:
+        stretch: s, beyond the backlash [rad or m].
+        rate: ds/dt.
+        hysteresis: z, between -1 and 1.
+        slow_stretch: s_v.
+        stiffness: K [Nm/rad or N/m].
+        elastic_share: a.
+        hysteresis_width: w, the stretch at which the hysteretic part yields [rad or m].
+        slow_share: k.
+        damping: D [Nm s/rad or N s/m].
+    """
+    return (
+        elastic_share * stiffness * stretch
+        + (1.0 - elastic_share) * stiffness * hysteresis_width * hysteresis
+        + slow_share * stiffness * (stretch - slow_stretch)
+        + damping * rate
+    )

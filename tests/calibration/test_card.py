@@ -1,0 +1,152 @@
+import json
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import catenary
+from catenary.calibration.card import Card, model_card
+from catenary.calibration.dataset import calibration_data
+from catenary.calibration.evaluate import cross_validate, evaluate
+from catenary.calibration.fit import FitOptions, choose_inputs, fit
+from recordings import recording
+
+
+def card_of(log: Any = None, *, held_out: bool = True, folds: int = 3, **options: Any) -> Card:
+    log = recording(np.random.default_rng(0), rows=60, sha256="ab" * 32) if log is None else log
+    asked = FitOptions(**options)
+    inputs = choose_inputs([log], asked)
+    early, late = calibration_data([log], inputs.features).split_by_time(0.2)
+    model = fit(early, inputs, asked)
+    spread = cross_validate(early, lambda rows, _: fit(rows, inputs, asked), folds=folds) if folds else ()
+    return model_card(
+        model,
+        early,
+        asked,
+        robot="raven2",
+        command={"held_out": 0.2, "folds": folds, "max_error": None},
+        spread=spread,
+        held_out=evaluate(model, late) if held_out else None,
+        notes=("one thing was assumed",),
+    )
+
+
+KINDS = [
+    {"kind": "offset"},
+    {"kind": "linear", "history": 2},
+    {"kind": "polynomial", "target": "position"},
+    {"kind": "neural"},
+    {"kind": "neural", "preset": "best"},
+    {"inputs": {"J1": ("q:J1",)}},
+]
+
+
+@pytest.mark.parametrize("options", KINDS, ids=str)
+def test_card_of_every_kind_is_plain_json(options: dict[str, Any]) -> None:
+    def refuse(constant: str) -> None:
+        raise ValueError(constant)
+
+    card = card_of(folds=0, **options)
+    assert json.loads(json.dumps(card), parse_constant=refuse).keys() == card.keys()
+
+
+def test_card_of_a_perfect_offset_has_no_percentage() -> None:
+    log = recording(np.random.default_rng(0), rows=60, error=np.zeros_like)
+    assert [joint["percent_of_offset"] for joint in card_of(log)["errors"]["held_out"]] == [None] * 3
+
+
+def test_card_names_robot_and_joints_with_units() -> None:
+    card = card_of()
+    assert card["robot"] == "raven2"
+    assert [(joint["name"], joint["unit"]) for joint in card["joints"]] == [
+        ("J1", "rad"),
+        ("J2", "rad"),
+        ("J3", "m"),
+    ]
+
+
+def test_card_lists_inputs_in_order_with_units() -> None:
+    inputs = card_of(history=1)["inputs"]
+    assert [(one["name"], one["unit"]) for one in inputs] == [
+        ("q:J1", "rad"),
+        ("q:J2", "rad"),
+        ("q:J3", "m"),
+        ("q:J1[-1]", "rad"),
+        ("q:J2[-1]", "rad"),
+        ("q:J3[-1]", "m"),
+    ]
+
+
+def test_card_tells_which_joint_takes_which_inputs() -> None:
+    joints = card_of(inputs={"J1": ("q:J2",), "J2": ("q:J2", "q:J3")})["joints"]
+    assert joints[0]["inputs"] == ["q:J2"]
+    assert joints[1]["inputs"] == ["q:J2", "q:J3"]
+
+
+def test_card_gives_scaling_and_valid_range_of_every_input() -> None:
+    log = recording(np.random.default_rng(0), rows=60)
+    first, q = card_of(log)["inputs"][0], log.q_nominal[:48, 0]
+    assert (first["training_mean"], first["training_sd"]) == pytest.approx((q.mean(), q.std()))
+    margin = 0.5 * (q.max() - q.min())
+    # a millionth of the spread is added
+    assert first["valid"]["lower"] == pytest.approx(q.min() - margin, abs=1e-5)
+    assert first["valid"]["upper"] == pytest.approx(q.max() + margin, abs=1e-5)
+
+
+def test_card_gives_the_fixed_offset_of_every_joint() -> None:
+    log = recording(np.random.default_rng(0), rows=60)
+    expected = (log.q_encoder - log.q_nominal)[:48].mean(axis=0)
+    assert [joint["fixed_offset"] for joint in card_of(log)["joints"]] == pytest.approx(list(expected))
+
+
+def test_card_names_the_data_by_hash_and_rows() -> None:
+    source = card_of(history=3)["data"][0]
+    assert (source["name"], source["sha256"], source["rows"]) == ("run", "ab" * 32, 60)
+    assert source["without_history"] == 3
+
+
+def test_card_counts_the_rows_that_were_fitted() -> None:
+    assert card_of(history=3)["rows"] == 48 - 3
+
+
+def test_card_gives_seed_and_settings_of_the_run() -> None:
+    assert card_of(seed=7)["run"] == {"seed": 7, "held_out": 0.2, "folds": 3, "max_error": None}
+
+
+def test_card_gives_versions() -> None:
+    version = card_of()["version"]
+    assert version["catenary"] == catenary.__version__
+    assert version["numpy"] == np.__version__
+
+
+def test_card_gives_errors_with_their_spread() -> None:
+    errors = card_of()["errors"]
+    assert errors["unit"] == {"J1": "deg", "J2": "deg", "J3": "mm"}
+    spread = errors["cross_validation"]["joints"][2]
+    assert (spread["joint"], spread["folds"]) == ("J3", 3)
+    assert spread["rmse_mean"] > spread["rmse_sd"] > 0.0
+
+
+def test_card_says_so_where_nothing_was_estimated() -> None:
+    errors = card_of(folds=0, held_out=False)["errors"]
+    assert (errors["cross_validation"], errors["held_out"]) == (None, None)
+
+
+def test_card_gives_the_ridge_that_was_used() -> None:
+    assert card_of(kind="polynomial", history=1)["settings"]["ridge"] == 10.0
+
+
+def test_card_describes_the_network() -> None:
+    network = card_of(kind="neural", folds=0)["settings"]["network"]
+    assert (network["hidden"], network["activation"], network["epochs"]) == ((100, 100), "logistic", 200)
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_card_says_whether_the_data_were_simulated(simulated: bool) -> None:
+    log = replace(recording(np.random.default_rng(0), rows=60), simulated=simulated)
+    assert card_of(log)["simulated"] is simulated
+
+
+def test_card_keeps_the_notes() -> None:
+    assert card_of()["notes"] == ["one thing was assumed"]

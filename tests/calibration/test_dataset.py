@@ -1,0 +1,176 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from catenary.calibration.dataset import CalibrationData, calibration_data
+from catenary.calibration.features import FeatureSet
+from catenary.errors import InputError
+from catenary.plant import MotionLog
+from recordings import recording
+
+NAMES, UNITS = ("q:J1", "q:J2", "q:J3"), ("rad", "rad", "m")
+PLAIN = FeatureSet(NAMES, UNITS)
+
+
+def run(seed: int = 0, rows: int = 50, bad: tuple[int, ...] = (), **changes: object) -> MotionLog:
+    ok = np.ones(rows, dtype=bool)
+    ok[list(bad)] = False
+    return recording(np.random.default_rng(seed), rows=rows, ok=ok, name=f"run{seed}", **changes)
+
+
+def kept_rows(data: CalibrationData, log: MotionLog, number: int = 0) -> np.ndarray:
+    """Rows of the log that the data hold, found by their time stamps."""
+    return np.searchsorted(log.time, data.time[data.recording == number])
+
+
+def test_error_is_truth_minus_what_was_reported() -> None:
+    log = run()
+    assert_array_equal(calibration_data([log], PLAIN).error, log.q_encoder - log.q_nominal)
+
+
+def test_rows_without_measurement_are_left_out_and_counted() -> None:
+    log = run(bad=(3, 4, 20))
+    data = calibration_data([log], PLAIN)
+    assert_array_equal(kept_rows(data, log), np.delete(np.arange(50), [3, 4, 20]))
+    assert data.sources[0].without_truth == 3
+
+
+def test_rows_without_predecessors_are_left_out_and_counted() -> None:
+    log = run(bad=(1, 20))
+    data = calibration_data([log], FeatureSet(NAMES, UNITS, history=4))
+    assert kept_rows(data, log)[0] == 4
+    assert data.sources[0].without_history == 3  # rows 0, 2, 3; row 1 has no measurement anyway
+
+
+def test_rows_after_one_without_measurement_keep_it_as_their_history() -> None:
+    log = run(bad=(20,))
+    data = calibration_data([log], FeatureSet(NAMES, UNITS, history=1))
+    row = int(np.flatnonzero(kept_rows(data, log) == 21)[0])
+    assert_array_equal(data.X[row, 3:], log.q_nominal[20])
+
+
+def test_history_does_not_reach_into_the_recording_before() -> None:
+    data = calibration_data([run(1), run(2)], FeatureSet(NAMES, UNITS, history=5))
+    assert [s.without_history for s in data.sources] == [5, 5]
+    assert np.bincount(data.recording).tolist() == [45, 45]
+
+
+def test_history_does_not_reach_across_a_clock_that_goes_back() -> None:
+    log = run(time=np.concatenate([np.arange(30.0), np.arange(20.0)]))
+    assert calibration_data([log], FeatureSet(NAMES, UNITS, history=5)).sources[0].without_history == 10
+
+
+def test_rows_beyond_the_error_limit_are_dropped_and_counted() -> None:
+    log = run(bad=(7,))
+    q = log.q_nominal.copy()
+    q[5, 0] += 0.2
+    q[6, 2] -= 0.02
+    q[7, 1] += 9.0  # no measurement: not counted twice
+    q[8, 1] += 0.05
+    data = calibration_data([replace(log, q_encoder=q)], PLAIN, max_error=np.array([0.1, 0.1, 0.01]))
+    assert_array_equal(kept_rows(data, log), np.delete(np.arange(50), [5, 6, 7]))
+    assert (data.sources[0].dropped, data.sources[0].without_truth) == (2, 1)
+
+
+@pytest.mark.parametrize("limit", [[0.1, 0.1], 0.1, [0.1, 0.0, 0.1], [0.1, -1.0, 0.1], [0.1, np.nan, 0.1]])
+def test_error_limit_that_is_not_one_positive_number_per_joint_is_refused(limit: object) -> None:
+    with pytest.raises(InputError, match="max_error: expected"):
+        calibration_data([run()], PLAIN, max_error=np.array(limit))
+
+
+def test_infinite_error_limit_drops_nothing() -> None:
+    data = calibration_data([run()], PLAIN, max_error=np.array([np.inf, 0.5, np.inf]))
+    assert len(data) == 50
+
+
+def test_every_row_is_counted_once() -> None:
+    log = run(bad=(0, 30))
+    features = FeatureSet(NAMES, UNITS, history=3)
+    data = calibration_data([log], features, max_error=np.array([0.01, 0.01, 0.001]))
+    source = data.sources[0]
+    assert source.dropped > 0
+    assert source.rows == len(data) + source.without_truth + source.without_history + source.dropped
+
+
+@pytest.mark.parametrize("held_out", [0.1, 0.2, 0.3, 0.5, 0.77])
+def test_split_holds_out_the_end_of_every_recording(held_out: float) -> None:
+    logs = [run(1, rows=50), run(2, rows=81)]
+    early, late = calibration_data(logs, PLAIN).split_by_time(held_out)
+    for number, log in enumerate(logs):
+        first, last = kept_rows(early, log, number), kept_rows(late, log, number)
+        assert_array_equal(np.concatenate([first, last]), np.arange(len(log)))
+        assert abs(len(last) - held_out * len(log)) < 1.0
+
+
+@pytest.mark.parametrize("held_out", [0.0, 1.0, -0.2, 1.5, np.nan])
+def test_held_out_share_that_is_no_share_is_refused(held_out: float) -> None:
+    with pytest.raises(InputError, match="held-out share"):
+        calibration_data([run()], PLAIN).split_by_time(held_out)
+
+
+def test_split_that_leaves_a_side_empty_is_refused() -> None:
+    data = calibration_data([run(bad=tuple(range(40, 50)))], PLAIN)
+    with pytest.raises(InputError, match="leaves no rows on one side"):
+        data.split_by_time(0.1)
+
+
+@pytest.mark.parametrize("count", [2, 5, 7])
+def test_blocks_are_contiguous_and_cover_every_recording(count: int) -> None:
+    logs = [run(1, rows=50, bad=(10, 11)), run(2, rows=81)]
+    data = calibration_data(logs, PLAIN)
+    block = data.blocks(count)
+    for number in range(2):
+        numbers = block[data.recording == number]
+        assert np.all(np.diff(numbers) >= 0)  # rows are in order of time, so each block is one stretch
+        assert set(numbers) == set(range(count))
+
+
+def test_blocks_of_a_recording_differ_by_one_row_at_most() -> None:
+    sizes = np.bincount(calibration_data([run(rows=53)], PLAIN).blocks(5))
+    assert sizes.max() - sizes.min() <= 1
+
+
+def test_time_is_the_row_number_where_any_recording_has_none() -> None:
+    data = calibration_data([run(1), replace(run(2), time=None)], PLAIN)
+    assert not data.has_time
+    assert_array_equal(data.time, np.tile(np.arange(50.0), 2))
+
+
+def test_robot_is_the_one_that_any_recording_names() -> None:
+    assert calibration_data([run(1), run(2, robot="raven2")], PLAIN).robot == "raven2"
+
+
+def test_recordings_of_two_robots_are_refused() -> None:
+    with pytest.raises(InputError, match='"run1" and "run2" are of two robots: raven2 and dvrk'):
+        calibration_data([run(1, robot="raven2"), run(2, robot="dvrk")], PLAIN)
+
+
+@pytest.mark.parametrize("change", [{"joint_names": ("a", "b", "c")}, {"joint_units": ("rad", "m", "m")}])
+def test_recordings_of_other_joints_are_refused(change: dict[str, tuple[str, ...]]) -> None:
+    with pytest.raises(InputError, match='"run1" and "run2" are not of the same joints'):
+        calibration_data([run(1), run(2, **change)], PLAIN)
+
+
+def test_simulated_recordings_are_marked_as_sources() -> None:
+    data = calibration_data([run(1), run(2, simulated=True)], PLAIN)
+    assert [source.simulated for source in data.sources] == [False, True]
+
+
+def test_no_recording_is_refused() -> None:
+    with pytest.raises(InputError, match="at least one recording"):
+        calibration_data([], PLAIN)
+
+
+def test_recording_without_measurements_is_refused() -> None:
+    with pytest.raises(InputError, match='"run0": has no q_encoder'):
+        calibration_data([replace(run(), q_encoder=None)], PLAIN)
+
+
+def test_recording_without_a_usable_row_is_refused_with_the_reasons() -> None:
+    log = run(rows=6, bad=(0, 1))
+    with pytest.raises(
+        InputError, match=r"6 rows, 2 without measurement, 4 without 6 previous commands, 0 beyond"
+    ):
+        calibration_data([log], FeatureSet(NAMES, UNITS, history=6))

@@ -1,0 +1,283 @@
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.calibration.dataset import CalibrationData
+from catenary.calibration.evaluate import Evaluation, cross_validate, evaluate, rms
+from catenary.calibration.fit import FitOptions, choose_inputs, fit
+from catenary.calibration.model import CalibrationModel
+from catenary.calibration.progress import Progress
+from catenary.errors import InputError
+from catenary.plant import MotionLog
+from recordings import data_of, fitted, recording
+
+
+def off_by(errors: Any, **changes: Any) -> MotionLog:
+    """One turning and one sliding joint, off by the errors (N, 2) in rad and m."""
+    values = np.asarray(errors, dtype=float)
+    return recording(
+        np.random.default_rng(0), rows=len(values), units=("rad", "m"), error=lambda _: values, **changes
+    )
+
+
+def offset_model(*errors: float) -> CalibrationModel:
+    """Corrects by fixed offsets, fitted to the motion of off_by."""
+    return fitted(off_by(np.tile(errors, (40, 1))), kind="offset")
+
+
+def judged(model: CalibrationModel, log: MotionLog, **options: Any) -> Evaluation:
+    return evaluate(model, data_of(log, inputs=model.features.signals), **options)
+
+
+def test_rms_of_three_and_four() -> None:
+    assert rms(np.array([3.0, -4.0])) == pytest.approx(np.sqrt(12.5))
+
+
+def test_errors_of_a_turning_joint_are_in_deg_and_of_a_sliding_one_in_mm() -> None:
+    errors = np.tile([np.deg2rad(3.0), 0.004], (40, 1))
+    turning, sliding = judged(offset_model(0.0, 0.0), off_by(errors)).joints
+    assert (turning.unit, sliding.unit) == ("deg", "mm")
+    assert (turning.raw_rmse, sliding.raw_rmse) == pytest.approx((3.0, 4.0))
+
+
+def test_errors_of_two_rows_are_those_of_paper_and_pencil() -> None:
+    # offset 1 mm; errors 4 mm and -3 mm: raw 3.54 and 4, after the offset 3 and -4: 3.54 and 4
+    errors = np.zeros((40, 2))
+    errors[::2, 1], errors[1::2, 1] = 0.004, -0.003
+    sliding = judged(offset_model(0.0, 0.001), off_by(errors)).joints[1]
+    assert (sliding.n, sliding.raw_rmse, sliding.raw_max) == (
+        40,
+        pytest.approx(np.sqrt(12.5)),
+        pytest.approx(4.0),
+    )
+    assert (sliding.offset_rmse, sliding.offset_max) == pytest.approx((np.sqrt(12.5), 4.0))
+
+
+def test_largest_error_counts_its_size_not_its_sign() -> None:
+    errors = np.zeros((40, 2))
+    errors[7, 1], errors[8, 1] = -0.009, 0.002
+    sliding = judged(offset_model(0.0, 0.0), off_by(errors)).joints[1]
+    assert (sliding.raw_max, sliding.offset_max, sliding.max) == pytest.approx((9.0, 9.0, 9.0))
+
+
+def test_model_is_measured_against_the_truth() -> None:
+    log = recording(np.random.default_rng(1), error=lambda q: 0.1 * q + 0.02 * np.sin(9.0 * q))
+    model = fitted(log, kind="linear")
+    left = np.rad2deg((log.q_encoder - model.calibrate(log))[:, 0])
+    first = judged(model, log).joints[0]
+    assert first.rmse == pytest.approx(np.sqrt(np.mean(left**2)))
+    assert first.max == pytest.approx(np.abs(left).max())
+
+
+def test_percent_is_of_the_error_after_the_fixed_offset() -> None:
+    log = recording(np.random.default_rng(1), error=lambda q: 0.5 + 0.1 * q + 0.02 * np.sin(9.0 * q))
+    joint = judged(fitted(log, kind="linear"), log).joints[0]
+    assert joint.percent_of_offset == pytest.approx(100.0 * joint.rmse / joint.offset_rmse)
+    assert joint.percent_of_offset < 100.0
+
+
+def test_percent_of_no_error_is_not_a_number() -> None:
+    assert np.isnan(judged(offset_model(0.0, 0.0), off_by(np.zeros((40, 2)))).joints[0].percent_of_offset)
+
+
+def test_raw_offset_and_model_are_judged_on_the_same_rows() -> None:
+    log = recording(np.random.default_rng(2), rows=60, ok=np.arange(60) % 7 != 0)
+    model = fitted(log, kind="linear", history=4)
+    evaluation = evaluate(model, data_of(log, history=4))
+    usable = np.flatnonzero((np.arange(60) >= 4) & log.ok)
+    raw = (log.q_encoder - log.q_nominal)[usable]
+    assert_array_equal(evaluation.raw, raw)
+    assert_allclose(evaluation.after_offset, raw - raw.mean(axis=0), atol=1e-15)
+    assert_allclose(evaluation.after_model, (log.q_encoder - model.calibrate(log))[usable], atol=1e-15)
+    assert {joint.n for joint in evaluation.joints} == {len(usable)}
+
+
+def test_share_of_rows_outside_the_valid_range_is_reported() -> None:
+    log = recording(np.random.default_rng(3), rows=100)
+    model = fitted(log, kind="linear")
+    q = log.q_nominal.copy()
+    q[:25, 0] = 5.0
+    far = replace(log, q_nominal=q)
+    assert [joint.outside_valid_range for joint in judged(model, far).joints] == [0.25] * 3
+
+
+def test_rows_outside_the_valid_range_have_the_error_after_the_offset() -> None:
+    log = recording(np.random.default_rng(3), rows=100)
+    model = fitted(log, kind="linear")
+    evaluation = judged(model, replace(log, q_nominal=log.q_nominal + 9.0))
+    assert_array_equal(evaluation.after_model, evaluation.after_offset)
+
+
+def stretches(evaluation: Evaluation) -> list[tuple[float, float, int]]:
+    return [(round(w.start, 6), round(w.end, 6), w.n) for w in evaluation.windows]
+
+
+def test_windows_of_a_given_length_follow_the_clock() -> None:
+    log = off_by(np.zeros((25, 2)), time=100.0 + np.arange(25.0))
+    evaluation = judged(offset_model(0.0, 0.0), log, window=10.0)
+    assert evaluation.window_unit == "s"
+    assert stretches(evaluation) == [(100.0, 110.0, 10), (110.0, 120.0, 10), (120.0, 130.0, 5)]
+
+
+def test_last_row_belongs_to_the_window_that_it_ends() -> None:
+    log = off_by(np.zeros((21, 2)), time=np.arange(21.0))
+    evaluation = judged(offset_model(0.0, 0.0), log, window=10.0)
+    assert stretches(evaluation) == [(0.0, 10.0, 10), (10.0, 20.0, 11)]
+
+
+def test_window_that_holds_no_row_is_left_out() -> None:
+    time = np.concatenate([np.arange(10.0), 50.0 + np.arange(10.0)])
+    evaluation = judged(offset_model(0.0, 0.0), off_by(np.zeros((20, 2)), time=time), window=10.0)
+    assert stretches(evaluation) == [(0.0, 10.0, 10), (50.0, 60.0, 10)]
+
+
+@pytest.mark.parametrize("rows", [40, 101, 1000])
+@pytest.mark.parametrize("timed", [True, False])
+def test_windows_are_ten_of_about_the_same_size_where_none_is_asked_for(rows: int, timed: bool) -> None:
+    log = off_by(np.zeros((rows, 2)), **({} if timed else {"time": None}))
+    sizes = [w.n for w in judged(offset_model(0.0, 0.0), log).windows]
+    assert (len(sizes), sum(sizes)) == (10, rows)
+    assert max(sizes) - min(sizes) <= 1 + timed
+
+
+def test_windows_without_a_clock_are_of_rows() -> None:
+    evaluation = judged(offset_model(0.0, 0.0), off_by(np.zeros((21, 2)), time=None), window=10.0)
+    assert evaluation.window_unit == "rows"
+    assert stretches(evaluation) == [(0.0, 10.0, 10), (10.0, 20.0, 10), (20.0, 30.0, 1)]
+
+
+def test_errors_of_a_window_are_those_of_its_rows() -> None:
+    errors = np.zeros((20, 2))
+    errors[:10, 1], errors[10:, 1] = 0.002, 0.005
+    log = off_by(errors, time=np.arange(20.0))
+    windows = judged(offset_model(0.0, 0.001), log, window=10.0).windows
+    assert [w.raw_rmse[1] for w in windows] == pytest.approx([2.0, 5.0])
+    assert [w.offset_rmse[1] for w in windows] == pytest.approx([1.0, 4.0])
+    assert [w.rmse[1] for w in windows] == pytest.approx([1.0, 4.0])
+
+
+def test_clock_that_goes_back_begins_new_windows_with_a_name_of_their_own() -> None:
+    time = np.concatenate([np.arange(20.0), np.arange(10.0)])
+    evaluation = judged(offset_model(0.0, 0.0), off_by(np.zeros((30, 2)), time=time), window=10.0)
+    assert [(w.recording, w.start, w.n) for w in evaluation.windows] == [
+        ("run (1)", 0.0, 10),
+        ("run (1)", 10.0, 10),
+        ("run (2)", 0.0, 10),
+    ]
+
+
+def test_windows_of_a_single_row_hold_it() -> None:
+    model = offset_model(0.0, 0.0)
+    data = data_of(off_by(np.zeros((5, 2))))
+    assert [w.n for w in evaluate(model, data.rows(np.arange(5) == 2)).windows] == [1]
+
+
+def test_every_row_lies_in_one_window() -> None:
+    rng = np.random.default_rng(4)
+    time = np.cumsum(rng.exponential(size=500))
+    log = off_by(np.zeros((500, 2)), time=time, ok=rng.uniform(size=500) > 0.2)
+    for window in (None, 0.5, 7.0, 1e4):
+        assert sum(w.n for w in judged(offset_model(0.0, 0.0), log, window=window).windows) == log.ok.sum()
+
+
+@pytest.mark.parametrize("window", [0.0, -1.0, float("nan")])
+def test_window_that_is_no_length_is_refused(window: float) -> None:
+    with pytest.raises(InputError, match="window: expected a positive length"):
+        judged(offset_model(0.0, 0.0), off_by(np.zeros((20, 2))), window=window)
+
+
+def test_data_of_other_features_are_refused_with_both() -> None:
+    log = recording(np.random.default_rng(5))
+    with pytest.raises(
+        InputError, match=r"data: holds q:J1, .*q:J1\[-1\].*; the model takes q:J1, q:J2, q:J3"
+    ):
+        evaluate(fitted(log), data_of(log, history=1))
+
+
+def test_data_of_other_joints_are_refused_with_both() -> None:
+    model = fitted(recording(np.random.default_rng(6)), inputs=("q:J1",))
+    other = data_of(recording(np.random.default_rng(6), units=("rad", "m")), inputs=("q:J1",))
+    with pytest.raises(InputError, match="data: has joints J1, J2 in rad, m; the model is for J1, J2, J3"):
+        evaluate(model, other)
+
+
+def test_evaluation_on_no_row_is_refused() -> None:
+    data = data_of(recording(np.random.default_rng(7)))
+    with pytest.raises(InputError, match="data: no row"):
+        evaluate(fitted(recording(np.random.default_rng(7))), data.rows(np.zeros(300, dtype=bool)))
+
+
+Fit = Callable[[CalibrationData, Progress], CalibrationModel]
+
+
+def offset_fit(log: MotionLog) -> Fit:
+    options = FitOptions("offset")
+    inputs = choose_inputs([log], options)
+    return lambda rows, progress: fit(rows, inputs, options, progress=progress)
+
+
+def test_no_fold_is_fitted_to_the_block_that_it_predicts() -> None:
+    log = off_by(np.random.default_rng(8).normal(size=(53, 2)))
+    data, fitted_to = data_of(log), []
+
+    def spy(rows: CalibrationData, progress: Progress) -> CalibrationModel:
+        fitted_to.append(set(rows.time))
+        return offset_fit(log)(rows, progress)
+
+    cross_validate(data, spy, folds=5)
+    blocks = [set(part) for part in np.split(data.time, np.flatnonzero(np.diff(data.blocks(5))) + 1)]
+    assert fitted_to == [set(data.time) - block for block in blocks]
+
+
+def test_spread_over_blocks_is_that_of_their_errors_about_the_others_mean() -> None:
+    errors = np.random.default_rng(9).normal(size=(60, 2))
+    spread = cross_validate(data_of(off_by(errors)), offset_fit(off_by(errors)), folds=4)
+    expected = []
+    for block in np.split(np.arange(60), 4):
+        others = np.delete(errors[:, 1], block).mean()
+        expected.append(1000.0 * np.sqrt(np.mean((errors[block, 1] - others) ** 2)))
+    sliding = spread[1]
+    assert (sliding.joint, sliding.unit, sliding.folds) == ("J2", "mm", 4)
+    for mean, sd in (
+        (sliding.rmse_mean, sliding.rmse_sd),
+        (sliding.offset_rmse_mean, sliding.offset_rmse_sd),
+    ):
+        assert mean == pytest.approx(np.mean(expected))
+        assert sd == pytest.approx(np.sqrt(np.sum((expected - np.mean(expected)) ** 2) / 3.0))
+
+
+def test_blocks_are_taken_from_every_recording() -> None:
+    logs = [off_by(np.zeros((40, 2))), off_by(np.ones((40, 2)))]
+    seen: list[np.ndarray] = []
+
+    def spy(rows: CalibrationData, progress: Progress) -> CalibrationModel:
+        seen.append(np.bincount(rows.recording))
+        return offset_fit(logs[0])(rows, progress)
+
+    cross_validate(data_of(*logs), spy, folds=4)
+    assert_array_equal(seen, np.full((4, 2), 30))
+
+
+@pytest.mark.parametrize("folds", [-1, 0, 1, 41])
+def test_number_of_folds_that_leaves_nothing_is_refused(folds: int) -> None:
+    log = off_by(np.zeros((40, 2)))
+    with pytest.raises(InputError, match="folds: expected 2 to 40"):
+        cross_validate(data_of(log), offset_fit(log), folds=folds)
+
+
+def test_recordings_of_one_row_each_are_too_short_for_blocks() -> None:
+    logs = [off_by(np.zeros((40, 2)), ok=np.arange(40) == k) for k in range(3)]
+    with pytest.raises(InputError, match="folds: 2 blocks leave no rows to fit to, 3 rows in all"):
+        cross_validate(data_of(*logs), offset_fit(logs[0]), folds=2)
+
+
+def test_progress_of_the_folds_ends_at_one() -> None:
+    told: list[float] = []
+    log = off_by(np.zeros((40, 2)))
+    cross_validate(data_of(log), offset_fit(log), folds=4, progress=told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1.0

@@ -1,0 +1,224 @@
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.calibration.features import FeatureSet, available_signals, choose_signals, play, signal_unit
+from catenary.errors import InputError
+from recordings import recording
+
+NAMES, UNITS = ("q:J1", "q:J2", "q:J3"), ("rad", "rad", "m")
+LOG = recording(np.random.default_rng(0), rows=12)
+
+motions = arrays(np.float64, st.integers(1, 30), elements=st.floats(-100.0, 100.0, width=32))
+half_widths = st.floats(0.0, 50.0)
+repeatable = settings(derandomize=True, deadline=None)  # the first call compiles
+
+
+def dragged(x: np.ndarray, r: float) -> np.ndarray:
+    """A block of half-width r on a table, pushed by a pin at x only when the pin touches its end."""
+    block, places = x[0], []
+    for pin in x:
+        if pin - block > r:
+            block = pin - r
+        elif block - pin > r:
+            block = pin + r
+        places.append(block)
+    return np.array(places)
+
+
+@repeatable
+@given(motions, half_widths)
+def test_play_is_a_block_pushed_by_a_pin(x: np.ndarray, r: float) -> None:
+    assert_allclose(play(x, r), dragged(x, r), rtol=0.0, atol=1e-12)  # rounding of numbers up to 150
+
+
+@repeatable
+@given(motions, half_widths)
+def test_play_stays_within_its_half_width(x: np.ndarray, r: float) -> None:
+    # x - r and x + r are rounded
+    assert np.all(np.abs(play(x, r) - x) <= r + 1e-13 * (r + np.abs(x)))
+
+
+@repeatable
+@given(motions, half_widths, st.lists(st.floats(0.0, 1.0), min_size=1, max_size=4))
+def test_play_does_not_depend_on_the_rate_of_sampling(x: np.ndarray, r: float, shares: list[float]) -> None:
+    finer, kept = [x[0]], [0]
+    for a, b in pairwise(x):
+        finer += list(np.clip([a + share * (b - a) for share in sorted(shares)], min(a, b), max(a, b)))
+        kept.append(len(finer))
+        finer.append(b)
+    assert_array_equal(play(np.array(finer), r)[kept], play(x, r))
+
+
+@repeatable
+@given(motions, half_widths, st.floats(0.0, 10.0), st.integers(0, 2**32 - 1))
+def test_play_of_a_motion_that_lies_above_another_lies_above(
+    x: np.ndarray, r: float, lift: float, seed: int
+) -> None:
+    above = x + lift * np.random.default_rng(seed).uniform(size=len(x))
+    assert np.all(play(above, r) >= play(x, r))
+
+
+@repeatable
+@given(motions, half_widths, st.tuples(*[st.floats(-100.0, 100.0)] * 4))
+def test_larger_sweep_wipes_out_the_loops_within_it(
+    x: np.ndarray, r: float, turns: tuple[float, float, float, float]
+) -> None:
+    start, back, forth, end = np.sort(turns)
+    direct = play(np.array([*x, start, end]), r)
+    with_loop = play(np.array([*x, start, forth, back, end]), r)
+    assert with_loop[-1] == direct[-1]
+
+
+def test_play_of_zero_width_follows_exactly() -> None:
+    assert_array_equal(play(LOG.q_nominal[:, 0].copy(), 0.0), LOG.q_nominal[:, 0])
+
+
+def test_play_starts_centred() -> None:
+    assert play(np.array([3.0]), 1.0) == 3.0
+
+
+def test_signals_come_first_as_they_are() -> None:
+    assert_array_equal(FeatureSet(NAMES, UNITS, history=2).matrix(LOG)[:, :3], LOG.q_nominal)
+
+
+def test_history_of_a_row_is_the_rows_before_it_newest_first() -> None:
+    X = FeatureSet(NAMES, UNITS, history=3).matrix(LOG)
+    for i in range(3, len(LOG)):
+        expected = [LOG.q_nominal[i - k, j] for k in (1, 2, 3) for j in range(3)]
+        assert_array_equal(X[i, 3:], expected)
+
+
+def test_rows_without_predecessors_have_nan_where_these_lack() -> None:
+    X = FeatureSet(NAMES, UNITS, history=2).matrix(LOG)
+    assert_array_equal(np.isnan(X[:3]).sum(axis=1), [6, 3, 0])
+
+
+def test_rows_without_measurement_are_commands_all_the_same() -> None:
+    features = FeatureSet(NAMES, UNITS, history=2)
+    ok = LOG.ok.copy()
+    ok[4:7] = False
+    assert_array_equal(features.matrix(replace(LOG, ok=ok)), features.matrix(LOG))
+
+
+def test_history_ends_where_the_clock_goes_back() -> None:
+    time = np.array([*range(7), *range(5)], dtype=float)
+    X = FeatureSet(NAMES, UNITS, history=3).matrix(replace(LOG, time=time))
+    assert_array_equal(np.flatnonzero(np.isnan(X).any(axis=1)), [0, 1, 2, 7, 8, 9])
+    assert_array_equal(X[10, 3:6], LOG.q_nominal[9])
+
+
+def test_play_begins_anew_where_the_clock_goes_back() -> None:
+    time = np.array([*range(7), *range(5)], dtype=float)
+    X = FeatureSet(NAMES, UNITS, play=(("q:J1", 0.2),)).matrix(replace(LOG, time=time))
+    expected = np.concatenate([dragged(LOG.q_nominal[:7, 0], 0.2), dragged(LOG.q_nominal[7:, 0], 0.2)])
+    assert_array_equal(X[:, 3], expected - LOG.q_nominal[:, 0])
+
+
+def test_recording_shorter_than_the_history_has_no_complete_row() -> None:
+    X = FeatureSet(NAMES, UNITS, history=20).matrix(LOG)
+    assert X.shape == (12, 63)
+    assert np.isnan(X).any(axis=1).all()
+
+
+def test_history_and_play_are_of_positions_only() -> None:
+    log = replace(LOG, tau=np.ones((12, 3)))
+    features = FeatureSet(("q:J1", "tau:J1"), ("rad", "Nm"), history=1, play=(("q:J1", 0.1),))
+    assert features.names == ("q:J1", "tau:J1", "q:J1[-1]", "play(q:J1, 0.1)")
+    assert features.feature_units == ("rad", "Nm", "rad", "rad")
+    assert features.matrix(log).shape == (12, 4)
+
+
+def test_play_states_are_the_features_that_cannot_leave_their_range() -> None:
+    features = FeatureSet(NAMES, UNITS, history=1, play=(("q:J1", 0.1), ("q:J3", 0.01)))
+    assert_array_equal(features.bounded, [False] * 6 + [True] * 2)
+
+
+def test_columns_of_a_signal_are_its_value_its_history_and_its_play() -> None:
+    features = FeatureSet(NAMES, UNITS, history=2, play=(("q:J1", 0.1), ("q:J2", 0.1)))
+    assert [features.names[c] for c in features.columns_of(["q:J2"])] == [
+        "q:J2",
+        "q:J2[-1]",
+        "q:J2[-2]",
+        "play(q:J2, 0.1)",
+    ]
+
+
+def test_groups_of_signals_are_all_their_joints() -> None:
+    log = replace(LOG, tau=np.ones((12, 3)))
+    assert choose_signals(log, ["tau", "q:J2"]) == ("tau:J1", "tau:J2", "tau:J3", "q:J2")
+
+
+def test_all_signals_are_everything_that_the_log_has() -> None:
+    log = replace(LOG, qd=np.ones((12, 3)), signals={"current": np.ones(12)})
+    assert choose_signals(log, ["all"]) == available_signals(log)
+    assert len(available_signals(log)) == 7
+
+
+def test_signal_named_twice_is_taken_once() -> None:
+    assert choose_signals(LOG, ["q:J2", "q", "all"]) == ("q:J2", "q:J1", "q:J3")
+
+
+@pytest.mark.parametrize("word", ["tau", "qd:J1", "q:J9", "current", ""])
+def test_unknown_input_is_refused_with_those_there_are(word: str) -> None:
+    with pytest.raises(
+        InputError, match=f'no input "{word}"; it has q:J1, q:J2, q:J3, and the groups q and all'
+    ):
+        choose_signals(LOG, [word])
+
+
+def test_no_input_at_all_is_refused() -> None:
+    with pytest.raises(InputError, match="inputs: expected at least one"):
+        choose_signals(LOG, [])
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("q:J1", "rad"), ("q:J3", "m"), ("qd:J3", "m/s"), ("tau:J1", "Nm"), ("tau:J3", "N"), ("current", "A")],
+)
+def test_unit_of_a_signal_follows_from_its_joint(name: str, unit: str) -> None:
+    log = replace(LOG, signals={"current": np.ones(12)}, signal_units={"current": "A"})
+    assert signal_unit(log, name) == unit
+
+
+def test_log_that_lacks_an_input_is_refused() -> None:
+    with pytest.raises(InputError, match='"run": has no input "tau:J1"'):
+        FeatureSet(("tau:J1",), ("Nm",)).matrix(LOG)
+
+
+def test_nan_in_an_input_is_refused_with_its_row() -> None:
+    current = np.ones(12)
+    current[3] = np.nan
+    with pytest.raises(InputError, match='input "current" is nan at row 3'):
+        FeatureSet(("current",), ("A",)).matrix(
+            replace(LOG, signals={"current": current}, signal_units={"current": "A"})
+        )
+
+
+def test_input_in_another_unit_is_refused() -> None:
+    log = replace(LOG, signals={"current": np.ones(12)}, signal_units={"current": "mA"})
+    with pytest.raises(InputError, match='input "current" is in "mA", expected "A"'):
+        FeatureSet(("current",), ("A",)).matrix(log)
+
+
+def test_history_without_any_position_is_refused() -> None:
+    with pytest.raises(InputError, match="history: 2 previous commands of no joint"):
+        FeatureSet(("tau:J1",), ("Nm",), history=2)
+
+
+@pytest.mark.parametrize(("signals", "history"), [((), 0), (("q:J1",), -1)])
+def test_feature_set_that_means_nothing_is_refused(signals: tuple[str, ...], history: int) -> None:
+    with pytest.raises(InputError):
+        FeatureSet(signals, ("rad",) * len(signals), history)
+
+
+def test_features_of_a_whole_log_are_those_of_its_parts() -> None:
+    features = FeatureSet(NAMES, UNITS, history=2, play=(("q:J2", 0.1),))
+    part = replace(LOG, q_nominal=LOG.q_nominal[:8], q_encoder=None, ok=LOG.ok[:8], time=LOG.time[:8])
+    assert_allclose(features.matrix(part), features.matrix(LOG)[:8], rtol=0.0)

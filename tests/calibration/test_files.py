@@ -1,0 +1,269 @@
+import json
+import os
+import pickle
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from catenary.calibration.files import card_path, load_model, save_model
+from catenary.calibration.linear import Linear
+from catenary.errors import FileFormatError
+from recordings import fitted, recording
+
+LOG = recording(np.random.default_rng(0), rows=40)
+MODEL = fitted(LOG, kind="linear", history=1)
+CARD = {"robot": "räven", "rows": 40}
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "arm.npz"
+
+
+def altered(path: Path, change: Callable[[dict[str, np.ndarray]], Any]) -> Path:
+    """A model's file with its arrays changed."""
+    save_model(MODEL, CARD, path)
+    with np.load(path) as content:
+        arrays = dict(content)
+    change(arrays)
+    np.savez(path, **arrays)
+    return path
+
+
+def restructured(path: Path, **changes: Any) -> Path:
+    def change(arrays: dict[str, np.ndarray]) -> None:
+        arrays["structure"] = np.array(json.dumps(json.loads(str(arrays["structure"])) | changes))
+
+    return altered(path, change)
+
+
+def test_card_comes_back_with_the_model(path: Path) -> None:
+    save_model(MODEL, CARD, path)
+    assert load_model(path)[1] == CARD
+
+
+def test_card_stands_beside_the_model_for_people_to_read(path: Path) -> None:
+    save_model(MODEL, CARD, path)
+    assert card_path(path).name == "arm.card.json"
+    assert json.loads(card_path(path).read_text(encoding="utf-8")) == CARD
+
+
+def test_model_needs_no_card_beside_it(path: Path) -> None:
+    save_model(MODEL, CARD, path)
+    card_path(path).unlink()
+    assert load_model(path)[1] == CARD
+
+
+def test_file_holds_no_python_objects(path: Path) -> None:
+    save_model(MODEL, CARD, path)
+    with np.load(path, allow_pickle=False) as arrays:
+        assert all(arrays[key].dtype.kind in "fiU" for key in arrays.files)
+
+
+def test_same_model_gives_the_same_bytes(path: Path, tmp_path: Path) -> None:
+    save_model(MODEL, CARD, path)
+    save_model(MODEL, CARD, tmp_path / "again.npz")
+    assert path.read_bytes() == (tmp_path / "again.npz").read_bytes()
+
+
+def test_nothing_but_model_and_card_is_left_in_the_folder(path: Path) -> None:
+    save_model(MODEL, CARD, path)
+    assert sorted(p.name for p in path.parent.iterdir()) == ["arm.card.json", "arm.npz"]
+
+
+def test_model_replaces_the_one_before(path: Path) -> None:
+    save_model(fitted(LOG, kind="offset"), CARD, path)
+    save_model(MODEL, CARD, path)
+    assert load_model(path)[0].kind == "linear"
+
+
+def test_failed_write_leaves_the_old_model_and_nothing_else(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_model(fitted(LOG, kind="offset"), CARD, path)
+    before = {p.name: p.read_bytes() for p in path.parent.iterdir()}
+
+    def full(self: Path, data: bytes) -> int:
+        with self.open("wb") as file:
+            file.write(data[:100])
+        raise OSError(28, os.strerror(28))
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(FileFormatError, match=r"arm.npz: cannot be written: No space left on device"):
+        save_model(MODEL, CARD, path)
+    assert {p.name: p.read_bytes() for p in path.parent.iterdir()} == before
+
+
+@pytest.mark.parametrize("place", ["none/arm.npz", "file/arm.npz", "folder"])
+def test_place_that_cannot_be_written_to_is_named(tmp_path: Path, place: str) -> None:
+    (tmp_path / "file").write_text("")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(FileFormatError, match=f"{place}: cannot be written"):
+        save_model(MODEL, CARD, tmp_path / place)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder"]
+
+
+def test_missing_file_is_named(path: Path) -> None:
+    with pytest.raises(FileFormatError, match=r"arm.npz: no such file"):
+        load_model(path)
+
+
+def test_pickled_objects_are_refused_and_not_run(path: Path, tmp_path: Path) -> None:
+    class Trap:
+        def __reduce__(self) -> tuple[Any, ...]:
+            return (Path.touch, (tmp_path / "sprung",))
+
+    save_model(MODEL, CARD, path)
+    np.savez(path, **(dict(np.load(path)) | {"offset": np.array([Trap()], dtype=object)}), allow_pickle=True)
+    with pytest.raises(FileFormatError, match=r"arm.npz: cannot be read"):
+        load_model(path)
+    assert not (tmp_path / "sprung").exists()
+
+
+def test_bare_pickle_is_refused(path: Path) -> None:
+    path.write_bytes(pickle.dumps({"structure": 1}))
+    with pytest.raises(FileFormatError, match=r"arm.npz: cannot be read"):
+        load_model(path)
+
+
+def test_truncated_file_is_refused_wherever_it_ends(path: Path) -> None:
+    save_model(MODEL, CARD, path)
+    whole = path.read_bytes()
+    for end in range(0, len(whole), 101):
+        path.write_bytes(whole[:end])
+        with pytest.raises(FileFormatError, match=r"arm.npz: cannot be read"):
+            load_model(path)
+
+
+def test_random_bytes_are_refused(path: Path) -> None:
+    path.write_bytes(np.random.default_rng(1).bytes(3000))
+    with pytest.raises(FileFormatError, match=r"arm.npz: cannot be read"):
+        load_model(path)
+
+
+def test_flipped_bits_are_refused_or_harmless(path: Path) -> None:
+    save_model(MODEL, CARD, path)
+    whole, rng, expected = path.read_bytes(), np.random.default_rng(2), MODEL.calibrate(LOG)
+    for _ in range(300):
+        damaged = bytearray(whole)
+        damaged[rng.integers(len(whole))] ^= 1 << int(rng.integers(8))
+        path.write_bytes(damaged)
+        try:
+            model, _ = load_model(path)
+        except FileFormatError:
+            continue
+        assert_array_equal(model.calibrate(LOG), expected)
+
+
+def test_foreign_archive_is_refused_with_what_it_holds(path: Path) -> None:
+    np.savez(path, weights=np.zeros(3), bias=np.zeros(1))
+    with pytest.raises(FileFormatError, match=r"arm.npz: is no calibration model \(it holds weights, bias\)"):
+        load_model(path)
+
+
+def test_empty_archive_is_refused(path: Path) -> None:
+    np.savez(path)
+    with pytest.raises(FileFormatError, match=r"arm.npz: is no calibration model \(it holds nothing\)"):
+        load_model(path)
+
+
+def test_any_missing_array_is_noticed(path: Path) -> None:
+    save_model(MODEL, CARD, path)
+    for key in np.load(path).files:
+        with pytest.raises(FileFormatError, match=r"arm.npz: is (no|a damaged) calibration model"):
+            load_model(altered(path, lambda arrays, key=key: arrays.pop(key)))
+
+
+@pytest.mark.parametrize("key", ["format", "signals", "groups", "target", "history", "joint_names"])
+def test_any_missing_part_of_the_structure_is_noticed(path: Path, key: str) -> None:
+    def change(arrays: dict[str, np.ndarray]) -> None:
+        structure = json.loads(str(arrays["structure"]))
+        del structure[key]
+        arrays["structure"] = np.array(json.dumps(structure))
+
+    with pytest.raises(FileFormatError, match=f"arm.npz: is a damaged calibration model: KeyError.*{key}"):
+        load_model(altered(path, change))
+
+
+def test_format_of_another_version_is_refused_by_number(path: Path) -> None:
+    with pytest.raises(
+        FileFormatError, match=r"format 'catenary.calibration.9', expected 'catenary.calibration.1'"
+    ):
+        load_model(restructured(path, format="catenary.calibration.9"))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"target": "torque"},
+        {"joint_names": ["J1", "J2"]},
+        {"groups": []},
+        {"groups": [{"joints": [0, 1, 1], "predictor": "linear"}]},
+        {"groups": [{"joints": [0, 1, 2], "predictor": "cubic"}]},
+        {"groups": [{"joints": [0, 1, 2], "predictor": "network"}]},
+        {"signals": ["q:J1"]},
+        {"history": -1},
+        {"history": 0},
+        {"play": [["q:J1"]]},
+    ],
+    ids=str,
+)
+def test_structure_that_does_not_fit_the_arrays_is_refused(path: Path, changes: dict[str, Any]) -> None:
+    with pytest.raises(FileFormatError, match=r"arm.npz: is a damaged calibration model"):
+        load_model(restructured(path, **changes))
+
+
+@pytest.mark.parametrize("text", ["", "[1, 2]", "null", "{"])
+@pytest.mark.parametrize("key", ["structure", "card"])
+def test_text_that_is_no_table_is_refused(path: Path, key: str, text: str) -> None:
+    with pytest.raises(FileFormatError, match=r"arm.npz: is a damaged calibration model"):
+        load_model(altered(path, lambda arrays: arrays.update({key: np.array(text)})))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_number_that_is_not_finite_is_refused_by_array(path: Path, value: float) -> None:
+    save_model(MODEL, CARD, path)
+    for key, values in dict(np.load(path)).items():
+        if values.dtype.kind == "f":
+            broken = values.copy()
+            broken.flat[-1] = value
+            with pytest.raises(FileFormatError, match=f"arm.npz: is a damaged .*{key} holds NaN or infinity"):
+                load_model(altered(path, lambda arrays, key=key, broken=broken: arrays.update({key: broken})))
+
+
+@pytest.mark.parametrize(
+    "key",
+    ["offset", "0.columns", "0.predictor.weights", "0.range.lower", "0.range.axes", "0.range.axis_upper"],
+)
+def test_array_of_another_shape_is_refused(path: Path, key: str) -> None:
+    with pytest.raises(FileFormatError, match=r"arm.npz: is a damaged calibration model"):
+        load_model(altered(path, lambda arrays: arrays.update({key: arrays[key][:1]})))
+
+
+def test_column_that_does_not_exist_is_refused(path: Path) -> None:
+    with pytest.raises(FileFormatError, match=r"arm.npz: is a damaged calibration model"):
+        load_model(altered(path, lambda arrays: arrays.update({"0.columns": arrays["0.columns"] + 5})))
+
+
+def test_predictor_without_a_file_format_is_refused_before_writing(path: Path) -> None:
+    class Mystery:
+        def predict(self, X: np.ndarray) -> np.ndarray:
+            return X
+
+    group = replace(MODEL.groups[0], predictor=Mystery())
+    with pytest.raises(TypeError, match="no file format for Mystery"):
+        save_model(replace(MODEL, groups=(group,)), CARD, path)
+    assert not path.exists()
+
+
+def test_numbers_keep_every_bit(path: Path) -> None:
+    odd = Linear(np.full((6, 3), np.nextafter(0.1, 1.0)), np.full(3, 5e-324))
+    save_model(replace(MODEL, groups=(replace(MODEL.groups[0], predictor=odd),)), CARD, path)
+    back = load_model(path)[0].groups[0].predictor
+    assert back.weights.tobytes() == odd.weights.tobytes()
+    assert back.bias.tobytes() == odd.bias.tobytes()

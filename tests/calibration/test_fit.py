@@ -1,0 +1,233 @@
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from sklearn.linear_model import LinearRegression, Ridge
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import PolynomialFeatures, StandardScaler
+
+from catenary.calibration.dataset import calibration_data
+from catenary.calibration.fit import PLAY_SHARES, FitOptions, choose_inputs, fit
+from catenary.errors import InputError
+from recordings import data_of, fitted, recording
+
+
+def bent(q: np.ndarray) -> np.ndarray:
+    """Error that is neither linear nor the same for all joints."""
+    return 0.01 + 0.05 * q @ np.array([[1.0, 0.5, 0.0], [0.0, 1.0, 0.1], [3.0, 0.0, 1.0]]) + 0.02 * q**2
+
+
+def log(seed: int = 0, rows: int = 300, **changes: Any) -> Any:
+    return recording(np.random.default_rng(seed), rows=rows, error=bent, **changes)
+
+
+@pytest.mark.parametrize("kind", ["offset", "linear", "polynomial", "neural"])
+def test_offset_of_every_model_is_the_mean_error_of_its_rows(kind: str) -> None:
+    run = log(rows=40)
+    expected = (run.q_encoder - run.q_nominal).mean(axis=0)
+    assert_allclose(fitted(run, kind=kind).offset, expected, rtol=1e-12)
+
+
+def test_offset_counts_only_rows_with_their_history() -> None:
+    run = log()
+    expected = (run.q_encoder - run.q_nominal)[5:].mean(axis=0)
+    assert_allclose(fitted(run, kind="offset", history=5).offset, expected, rtol=1e-12)
+
+
+def test_fixed_offset_is_the_same_whichever_the_target() -> None:
+    X, q = data_of(log()).X, data_of(log()).q_nominal
+    one, two = (fitted(log(), kind="offset", target=target) for target in ("error", "position"))
+    assert_array_equal(one.correction(X, q), two.correction(X, q))
+
+
+def test_linear_model_with_history_agrees_with_scikit_learn() -> None:
+    data = data_of(log(), history=2)
+    expected = LinearRegression().fit(data.X, data.error).predict(data.X)
+    correction = fitted(log(), kind="linear", history=2).correction(data.X, data.q_nominal)
+    # sinusoids and their shifted copies resemble each other: a few digits are lost
+    assert_allclose(correction, expected, atol=1e-9)
+
+
+def test_linear_model_with_play_is_a_ridge_regression() -> None:
+    data = data_of(log(), play=(0.1, 0.2))
+    pipeline = make_pipeline(StandardScaler(), Ridge(alpha=10.0)).fit(data.X, data.error)
+    correction = fitted(log(), kind="linear", play=(0.1, 0.2)).correction(data.X, data.q_nominal)
+    assert_allclose(correction, pipeline.predict(data.X), atol=1e-10)
+
+
+def test_polynomial_model_agrees_with_scikit_learn() -> None:
+    data = data_of(log())
+    expected = (
+        make_pipeline(PolynomialFeatures(2), LinearRegression()).fit(data.X, data.error).predict(data.X)
+    )
+    assert_allclose(fitted(log(), kind="polynomial").correction(data.X, data.q_nominal), expected, atol=1e-10)
+
+
+def test_second_order_error_is_learned_exactly() -> None:
+    new = log(1)
+    model = fitted(log(0, rows=3000), kind="polynomial")
+    assert_allclose(model.calibrate(new), new.q_encoder, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["linear", "polynomial"])
+def test_least_squares_correct_the_same_whichever_the_target(kind: str) -> None:
+    # q_nominal is among the inputs, so position = error + q_nominal is as linear as the error
+    data = data_of(log())
+    one, two = (
+        fitted(log(), kind=kind, target=target).correction(data.X, data.q_nominal)
+        for target in ("error", "position")
+    )
+    assert_allclose(one, two, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("options", "ridge"),
+    [
+        ({"kind": "linear"}, 0.0),
+        ({"kind": "linear", "history": 6}, 0.0),
+        ({"kind": "linear", "play": (0.1,)}, 10.0),
+        ({"kind": "polynomial"}, 0.0),
+        ({"kind": "polynomial", "history": 6}, 10.0),
+        ({"kind": "polynomial", "history": 6, "ridge": 0.0}, 0.0),
+        ({"kind": "linear", "ridge": 3.0}, 3.0),
+        ({"kind": "neural"}, None),
+        ({"kind": "offset"}, None),
+    ],
+)
+def test_ridge_is_that_asked_for_or_the_kinds(options: dict[str, Any], ridge: float | None) -> None:
+    assert FitOptions(**options).ridge_used == ridge
+
+
+def test_joints_with_the_same_inputs_are_fitted_together() -> None:
+    inputs = {"J1": ("q:J1",), "J2": ("q:J1",), "J3": ("q",)}
+    assert [group.joints for group in fitted(log(), inputs=inputs).groups] == [(0, 1), (2,)]
+
+
+def test_joint_is_fitted_to_its_own_inputs_only() -> None:
+    run, inputs = log(), {"J1": ("q:J1",), "J2": ("q:J1", "q:J3")}
+    error, calibrated = run.q_encoder - run.q_nominal, fitted(log(), inputs=inputs).calibrate(run)
+    for joint, columns in enumerate(([0], [0, 2], [0, 1, 2])):
+        X = run.q_nominal[:, columns]
+        expected = LinearRegression().fit(X, error[:, joint]).predict(X)
+        assert_allclose(calibrated[:, joint] - run.q_nominal[:, joint], expected, atol=1e-10)
+
+
+def test_inputs_are_positions_and_torques_where_recorded() -> None:
+    assert choose_inputs([log()], FitOptions()).features.signals == ("q:J1", "q:J2", "q:J3")
+    with_tau = log(tau=np.ones((300, 3)))
+    assert choose_inputs([with_tau], FitOptions()).features.signals[3:] == ("tau:J1", "tau:J2", "tau:J3")
+
+
+def test_best_takes_play_states_of_every_joint_that_moves() -> None:
+    run = log()
+    q = run.q_nominal.copy()
+    q[:, 1] = 0.3
+    features = choose_inputs([replace(run, q_nominal=q)], FitOptions("neural", "best")).features
+    assert [signal for signal, _ in features.play] == ["q:J1"] * len(PLAY_SHARES) + ["q:J3"] * len(
+        PLAY_SHARES
+    )
+
+
+def test_best_takes_no_play_states_beside_torques_unless_asked() -> None:
+    run = log(tau=np.ones((300, 3)))
+    assert choose_inputs([run], FitOptions("neural", "best")).features.play == ()
+    assert len(choose_inputs([run], FitOptions("neural", "best", play=(0.1,))).features.play) == 3
+
+
+def test_play_half_widths_are_shares_of_the_motion_of_all_recordings() -> None:
+    logs = [log(0), log(1)]
+    q = np.concatenate([run.q_nominal[:, 2] for run in logs])
+    play = dict(choose_inputs(logs, FitOptions(inputs=("q:J3",), play=(0.1,))).features.play)
+    assert play["q:J3"] == pytest.approx(0.1 * (q.max() - q.min()))
+
+
+def test_play_half_widths_do_not_look_at_the_held_out_part() -> None:
+    run = log()
+    q = run.q_nominal.copy()
+    q[240:] *= 9.0
+    options = FitOptions(play=(0.1,))
+    assert choose_inputs([run], options, held_out=0.2) == choose_inputs(
+        [replace(run, q_nominal=q)], options, held_out=0.2
+    )
+
+
+def test_penalty_of_the_best_network_is_chosen_on_the_last_fifth(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = []
+    monkeypatch.setattr("catenary.calibration.fit.fit_neural", lambda *_, late, **__: seen.append(late))
+    fitted(log(rows=100), log(1, rows=50), kind="neural", preset="best")
+    assert_array_equal(seen[0], np.concatenate([np.arange(100) >= 80, np.arange(50) >= 40]))
+
+
+def test_play_states_do_not_narrow_the_valid_range() -> None:
+    model = fitted(log(), kind="linear", play=(0.1,))
+    group = model.groups[0]
+    assert [model.features.names[c] for c in group.watched] == ["q:J1", "q:J2", "q:J3"]
+    assert len(group.columns) == 6
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"kind": "cubic"}, 'model "cubic": expected one of offset, linear, polynomial, neural'),
+        ({"kind": "linear", "preset": "best"}, 'preset "best" of model "linear": only neural has presets'),
+        ({"kind": "neural", "preset": "worst"}, "paper and best"),
+        ({"target": "torque"}, 'target "torque": expected one of error, position'),
+        ({"history": -1}, "history: expected zero or more"),
+        ({"play": (1.5,)}, "play: expected shares"),
+        ({"play": (0.0,)}, "play: expected shares"),
+        ({"ridge": -1.0}, "ridge: expected zero or more"),
+        ({"ridge": float("nan")}, "ridge: expected zero or more"),
+        ({"kind": "neural", "ridge": 1.0}, "only linear and polynomial take one"),
+        ({"kind": "offset", "ridge": 0.0}, "only linear and polynomial take one"),
+    ],
+)
+def test_options_that_contradict_each_other_are_refused(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        FitOptions(**options)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"inputs": ("current",)}, 'no input "current"'),
+        ({"inputs": ()}, "expected at least one"),
+        ({"inputs": {"J9": ("q",)}}, 'inputs of joint "J9": no such joint; joints: J1, J2, J3'),
+        ({"inputs": {"J1": ()}}, "expected at least one"),
+        ({"inputs": ("tau",), "history": 2}, "history: 2 previous commands of no joint"),
+        (
+            {"inputs": ("tau",), "play": (0.1,)},
+            "play: none of the inputs tau:J1, tau:J2, tau:J3 is the position",
+        ),
+    ],
+)
+def test_inputs_that_cannot_be_had_are_refused(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        choose_inputs([log(tau=np.ones((300, 3)))], FitOptions(**options))
+
+
+def test_fit_without_recordings_is_refused() -> None:
+    with pytest.raises(InputError, match="at least one recording"):
+        choose_inputs([], FitOptions())
+
+
+def test_fit_to_a_few_rows_is_refused_with_their_number() -> None:
+    with pytest.raises(InputError, match="data: 9 usable rows, expected at least 10"):
+        fitted(log(rows=12), history=3)
+
+
+def test_fit_to_rows_of_other_features_is_refused() -> None:
+    inputs = choose_inputs([log()], FitOptions())
+    data = calibration_data([log()], replace(inputs.features, history=1))
+    with pytest.raises(InputError, match="data: holds q:J1"):
+        fit(data, inputs, FitOptions())
+
+
+@pytest.mark.parametrize("kind", ["offset", "linear", "polynomial", "neural"])
+def test_progress_ends_at_one(kind: str) -> None:
+    told: list[float] = []
+    inputs = choose_inputs([log(rows=40)], FitOptions(kind, inputs={"J1": ("q:J1",)}))
+    fit(calibration_data([log(rows=40)], inputs.features), inputs, FitOptions(kind), progress=told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1.0

@@ -1,0 +1,102 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.calibration.features import FeatureSet
+from catenary.calibration.linear import Linear
+from catenary.calibration.model import CalibrationModel, JointGroup, Target
+from catenary.calibration.valid_range import ValidRange
+from catenary.errors import InputError
+from recordings import recording
+
+OFFSET = np.array([0.5, -0.25])
+INPUTS = FeatureSet(("q:J1", "q:J2"), ("rad", "m"))
+
+
+def unit_box(count: int) -> ValidRange:
+    ones = np.ones(count)
+    return ValidRange(-ones, ones, 0.0 * ones, np.eye(count), -ones, ones)
+
+
+def one_of_each(target: Target = "error") -> CalibrationModel:
+    """J1 takes both inputs, J2 only its own; each within [-1, 1]."""
+    both, own = np.array([0, 1]), np.array([1])
+    return CalibrationModel(
+        kind="linear",
+        preset=None,
+        joint_names=("J1", "J2"),
+        joint_units=("rad", "m"),
+        features=INPUTS,
+        target=target,
+        offset=OFFSET,
+        groups=(
+            JointGroup((0,), both, Linear(np.array([[2.0], [3.0]]), np.array([1.0])), unit_box(2), both),
+            JointGroup((1,), own, Linear(np.array([[4.0]]), np.array([0.0])), unit_box(1), own),
+        ),
+    )
+
+
+def test_each_group_corrects_its_joints_from_its_columns() -> None:
+    correction = one_of_each().correction(np.array([[0.1, 0.2]]), np.zeros((1, 2)))
+    assert_allclose(correction, [[1.0 + 2.0 * 0.1 + 3.0 * 0.2, 4.0 * 0.2]], rtol=1e-15)
+
+
+def test_only_the_group_that_is_outside_falls_back_to_its_offset() -> None:
+    correction = one_of_each().correction(np.array([[1.5, 0.2]]), np.zeros((1, 2)))
+    assert_allclose(correction, [[OFFSET[0], 0.8]], rtol=1e-15)
+
+
+def test_inside_tells_rows_and_joints_apart() -> None:
+    X = np.array([[0.0, 0.0], [1.5, 0.0], [0.0, -1.5]])
+    assert_array_equal(one_of_each().inside(X), [[True, True], [False, True], [False, False]])
+
+
+def test_missing_feature_leads_to_the_offset_of_the_joints_that_need_it() -> None:
+    correction = one_of_each().correction(np.array([[np.nan, 0.2]]), np.zeros((1, 2)))
+    assert_allclose(correction, [[OFFSET[0], 0.8]], rtol=1e-15)
+
+
+def test_position_that_a_model_gives_end_to_end_becomes_a_correction() -> None:
+    X, q = np.array([[0.1, 0.2]]), np.array([[0.3, 0.7]])
+    assert_allclose(
+        one_of_each("position").correction(X, q) + q, one_of_each("error").correction(X, q), rtol=1e-15
+    )
+
+
+def test_offset_is_an_error_even_in_a_model_that_gives_positions() -> None:
+    far = np.full((1, 2), 9.0)
+    assert_array_equal(one_of_each("position").correction(far, np.ones((1, 2))), OFFSET[None])
+
+
+def test_calibrated_position_is_the_reported_one_plus_the_correction() -> None:
+    log = recording(np.random.default_rng(0), rows=20, units=("rad", "m"))
+    model = one_of_each()
+    expected = log.q_nominal + model.correction(log.q_nominal, log.q_nominal)
+    assert_array_equal(model.calibrate(log), expected)
+
+
+def test_calibration_gives_every_row_a_position() -> None:
+    log = recording(np.random.default_rng(0), rows=20, units=("rad", "m"))
+    model = replace(one_of_each(), features=replace(INPUTS, history=3))
+    early = model.calibrate(log)[:3] - log.q_nominal[:3]
+    # columns without their history still serve: the groups take none of it
+    assert np.isfinite(early).all()
+
+
+@pytest.mark.parametrize(
+    "change", [{"joint_names": ("J2", "J1")}, {"joint_units": ("rad", "rad")}], ids=["names", "units"]
+)
+def test_recording_of_other_joints_is_refused_with_both(change: dict[str, tuple[str, ...]]) -> None:
+    log = replace(recording(np.random.default_rng(0), rows=5, units=("rad", "m")), **change)
+    with pytest.raises(InputError, match=r'"run" has joints .*; the model is for J1 \[rad\], J2 \[m\]'):
+        one_of_each().calibrate(log)
+
+
+@pytest.mark.parametrize(
+    ("features", "q"), [((4, 3), (4, 2)), ((2,), (1, 2)), ((4, 2), (3, 2)), ((4, 2), (4, 1))]
+)
+def test_arrays_of_another_shape_are_refused(features: tuple[int, ...], q: tuple[int, ...]) -> None:
+    with pytest.raises(InputError, match="expected shape"):
+        one_of_each().correction(np.zeros(features), np.zeros(q))

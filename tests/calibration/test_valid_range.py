@@ -1,0 +1,91 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.calibration.valid_range import fit_valid_range
+
+MARGIN = 0.1
+
+
+@pytest.mark.parametrize("shape", [(500, 1), (500, 6), (500, 42), (10, 42), (11, 3)])
+def test_training_rows_are_inside(shape: tuple[int, int]) -> None:
+    X = np.random.default_rng(0).normal(size=shape)
+    assert fit_valid_range(X, MARGIN).inside(X).all()
+
+
+def test_box_ends_a_margin_beyond_each_features_range() -> None:
+    x = np.linspace(-1.0, 3.0, 100)[:, None]
+    valid = fit_valid_range(x, MARGIN)
+    edge = 3.0 + MARGIN * 4.0
+    assert_array_equal(valid.inside(np.array([[edge - 1e-3], [edge + 1e-3]])), [True, False])
+
+
+def test_box_alone_catches_a_joint_beyond_where_it_was() -> None:
+    X = np.random.default_rng(1).uniform(-1.0, 1.0, size=(4000, 3))
+    assert not fit_valid_range(X, MARGIN).inside(np.array([[0.0, 1.2, 0.0]])).any()
+
+
+def test_point_inside_the_box_but_off_the_diagonal_is_outside() -> None:
+    rng = np.random.default_rng(2)
+    a = rng.uniform(-1.0, 1.0, size=2000)
+    X = np.column_stack([a, a + 0.02 * rng.normal(size=2000)])
+    assert_array_equal(fit_valid_range(X, MARGIN).inside(np.array([[0.8, 0.8], [0.8, -0.8]])), [True, False])
+
+
+def test_axes_are_the_principal_ones_with_their_margin() -> None:
+    rng = np.random.default_rng(3)
+    X = rng.normal(size=(300, 4)) @ rng.normal(size=(4, 4))
+    Z = (X - X.mean(axis=0)) / X.std(axis=0)
+    _, vectors = np.linalg.eigh(np.cov(Z.T))
+    spans = np.sort(np.ptp(Z @ vectors, axis=0))
+    valid = fit_valid_range(X, MARGIN)
+    # SMALLEST_RANGE is added, 1e-6 on each side
+    assert_allclose(np.sort(valid.axis_upper - valid.axis_lower), spans * (1.0 + 2.0 * MARGIN), rtol=1e-5)
+
+
+def test_range_does_not_depend_on_units() -> None:
+    rng = np.random.default_rng(4)
+    X, asked = rng.normal(size=(200, 3)), 2.0 * rng.normal(size=(500, 3))
+    factors = np.array([1.0, 1000.0, 57.3])
+    assert_array_equal(
+        fit_valid_range(X, MARGIN).inside(asked), fit_valid_range(X * factors, MARGIN).inside(asked * factors)
+    )
+
+
+@pytest.mark.parametrize("constant", [0.0, 0.1, -7.3, 1e6])
+def test_joint_that_never_moved_is_outside_as_soon_as_it_does(constant: float) -> None:
+    rng = np.random.default_rng(5)
+    X = np.column_stack([rng.normal(size=10_001), np.full(10_001, constant)])
+    valid = fit_valid_range(X, MARGIN)
+    assert valid.inside(X).all()
+    assert not valid.inside(X + np.array([0.0, 1e-3])).any()
+
+
+def test_joint_that_never_moved_may_differ_by_rounding() -> None:
+    X = np.column_stack([np.random.default_rng(5).normal(size=10_001), np.full(10_001, 0.1)])
+    assert fit_valid_range(X, MARGIN).inside(X + np.array([0.0, 1e-15])).all()
+
+
+def test_direction_that_was_never_taken_is_outside() -> None:
+    a = np.random.default_rng(6).normal(size=1000)
+    X = np.column_stack([a, 2.0 * a + 7.0])
+    assert_array_equal(
+        fit_valid_range(X, MARGIN).inside(X + np.array([0.0, 0.01])), np.zeros(1000, dtype=bool)
+    )
+
+
+def test_directions_beyond_a_few_rows_are_watched() -> None:
+    rng = np.random.default_rng(7)
+    X = rng.normal(size=(12, 40))
+    middle = X.mean(axis=0)
+    across = np.linalg.svd(X - middle)[2][-1]  # no row moved along it
+    assert not fit_valid_range(X, MARGIN).inside((middle + 0.1 * across)[None]).any()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.filterwarnings("error")
+def test_value_that_is_not_finite_is_outside(value: float) -> None:
+    X = np.random.default_rng(8).normal(size=(100, 3))
+    asked = X[:2].copy()
+    asked[0, 1] = value
+    assert_array_equal(fit_valid_range(X, MARGIN).inside(asked), [False, True])

@@ -1,0 +1,382 @@
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import simulated_arm
+from command_line import catenary, refusal
+
+DISPLAY = np.array([180.0 / np.pi, 180.0 / np.pi, 1000.0])  # rad, rad, m to deg, deg, mm
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    return simulated_arm.write(tmp_path / "run.npz")
+
+
+@pytest.fixture
+def model(tmp_path: Path, run: Path) -> Path:
+    path = tmp_path / "model.npz"
+    assert catenary("fit", run, "--model", "linear", "--out", path).code == 0
+    return path
+
+
+def fit_json(data: Path, *options: object) -> Any:
+    outcome = catenary("fit", data, "--out", data.with_name("out.npz"), "--json", *options)
+    assert outcome.code == 0, outcome
+    return outcome.json
+
+
+def evaluate_json(model: Path, *arguments: object) -> Any:
+    outcome = catenary("evaluate", model, *arguments, "--json")
+    assert outcome.code == 0, outcome
+    return outcome.json
+
+
+def test_fit_writes_a_model_and_its_card(model: Path) -> None:
+    card = json.loads(model.with_name("model.card.json").read_text())
+    assert (card["kind"], card["rows"]) == ("linear", 400)
+
+
+def test_fit_prints_its_error_on_unseen_data(run: Path, tmp_path: Path) -> None:
+    outcome = catenary("fit", run, "--model", "linear", "--out", tmp_path / "m.npz", "--held-out", "0.2")
+    assert "RMSE on blocks of time that the fit did not see" in outcome.out
+    assert "RMSE and largest error on the held-out part" in outcome.out
+
+
+def test_fit_as_json_has_the_documented_keys(run: Path) -> None:
+    content = fit_json(run, "--model", "linear", "--held-out", "0.25")
+    assert content["kind"] == "linear"
+    assert content["rows"] == 300
+    assert content["inputs"] == ["q:J1", "q:J2", "q:J3"]
+    assert [joint["joint"] for joint in content["cross_validation"]] == ["J1", "J2", "J3"]
+    assert [joint["n"] for joint in content["held_out"]] == [100, 100, 100]
+
+
+def test_evaluate_as_json_has_the_documented_keys(model: Path, run: Path) -> None:
+    content = evaluate_json(model, run)
+    assert [joint["unit"] for joint in content["joints"]] == ["deg", "deg", "mm"]
+    for joint in content["joints"]:
+        assert {"name", "n", "raw_rmse", "offset_rmse", "rmse", "max", "outside_valid_range"} <= set(joint)
+        assert joint["n"] == 400
+
+
+def test_evaluate_tells_the_error_that_the_arm_has(tmp_path: Path, model: Path) -> None:
+    arrays = simulated_arm.arrays(seed=1)
+    np.savez(tmp_path / "other.npz", **arrays)
+    joints = evaluate_json(model, tmp_path / "other.npz")["joints"]
+    error = arrays["q_act"] - arrays["q_des"]
+    rms = DISPLAY * np.sqrt(np.mean(error**2, axis=0))
+    np.testing.assert_allclose([joint["raw_rmse"] for joint in joints], rms, rtol=1e-12)
+    largest = DISPLAY * np.abs(error).max(axis=0)
+    np.testing.assert_allclose([joint["raw_max"] for joint in joints], largest, rtol=1e-12)
+
+
+def test_a_percentage_of_nothing_is_null(tmp_path: Path) -> None:
+    q = simulated_arm.arrays()["q_des"]
+    perfect = simulated_arm.write(tmp_path / "perfect.npz", q_act=q)
+    fit_json(perfect, "--model", "offset", "--folds", "0")
+    joints = evaluate_json(tmp_path / "out.npz", perfect)["joints"]
+    assert [joint["percent_of_offset"] for joint in joints] == [None, None, None]
+
+
+def test_a_percentage_of_nothing_is_a_dash_in_the_table(tmp_path: Path) -> None:
+    q = simulated_arm.arrays()["q_des"]
+    perfect = simulated_arm.write(tmp_path / "perfect.npz", q_act=q)
+    fit_json(perfect, "--model", "offset", "--folds", "0")
+    outcome = catenary("evaluate", tmp_path / "out.npz", perfect)
+    assert "nan" not in outcome.out
+
+
+def test_notes_do_not_stand_in_the_json(tmp_path: Path) -> None:
+    silent = simulated_arm.write(tmp_path / "silent.npz", units=None)
+    assert any("units not stated" in note for note in fit_json(silent, "--model", "offset")["notes"])
+
+
+def test_evaluate_says_which_recording_the_model_was_fitted_to(model: Path, run: Path) -> None:
+    assert evaluate_json(model, run)["seen_in_training"] == ["run"]
+    assert "run: the model was fitted to this recording" in catenary("evaluate", model, run).err
+
+
+def test_units_of_the_option_are_taken(tmp_path: Path) -> None:
+    four = np.zeros((50, 4))
+    path = simulated_arm.write(tmp_path / "four.npz", rows=50, q_des=four, q_act=four + 0.001, units=None)
+    content = fit_json(path, "--model", "offset", "--units", "m,rad,rad,m")
+    assert [joint["unit"] for joint in content["cross_validation"]] == ["mm", "deg", "deg", "mm"]
+
+
+def test_history_adds_the_previous_commands(run: Path) -> None:
+    content = fit_json(run, "--model", "linear", "--history", "2")
+    assert content["inputs"][3:] == [f"q:J{j}[-{k}]" for k in (1, 2) for j in (1, 2, 3)]
+    assert content["rows"] == 398
+
+
+def test_play_adds_states_of_the_shares_asked_for(run: Path) -> None:
+    content = fit_json(run, "--model", "linear", "--play", "0.1,0.2")
+    assert sum(name.startswith("play(") for name in content["inputs"]) == 6
+
+
+def test_inputs_are_chosen_per_joint(tmp_path: Path) -> None:
+    path = simulated_arm.write(tmp_path / "run.npz", tau=np.zeros((400, 3)))
+    fit_json(path, "--model", "linear", "--inputs", "J1=q:J1,tau:J1;J2=q;J3=q:J3")
+    card = json.loads((tmp_path / "out.card.json").read_text())
+    assert [sorted(joint["inputs"]) for joint in card["joints"]] == [
+        ["q:J1", "tau:J1"],
+        ["q:J1", "q:J2", "q:J3"],
+        ["q:J3"],
+    ]
+
+
+def test_target_position_learns_the_position_itself(run: Path) -> None:
+    fit_json(run, "--model", "linear", "--target", "position")
+    joints = evaluate_json(run.with_name("out.npz"), run)["joints"]
+    assert all(joint["rmse"] < 0.1 * joint["offset_rmse"] for joint in joints)
+
+
+def test_no_folds_means_no_cross_validation(run: Path) -> None:
+    assert fit_json(run, "--model", "linear", "--folds", "0")["cross_validation"] == []
+
+
+def test_rows_beyond_the_error_limit_are_left_out(tmp_path: Path) -> None:
+    arrays = simulated_arm.arrays()
+    arrays["q_act"][7, 2] += 0.5  # m
+    np.savez(tmp_path / "run.npz", **arrays)
+    content = fit_json(tmp_path / "run.npz", "--model", "linear", "--max-error", "inf,inf,100")
+    assert content["rows"] == 399
+    card = (tmp_path / "out.card.json").read_text()
+    assert "Infinity" not in card
+
+
+def test_robot_gives_names_and_units(tmp_path: Path) -> None:
+    path = simulated_arm.write(tmp_path / "run.npz", units=None)
+    content = fit_json(path, "--model", "offset", "--robot", "raven2")
+    assert [(j["joint"], j["unit"]) for j in content["cross_validation"]] == [
+        ("shoulder", "deg"),
+        ("elbow", "deg"),
+        ("insertion", "mm"),
+    ]
+
+
+def test_a_model_of_a_robot_evaluates_a_bare_recording(tmp_path: Path) -> None:
+    path = simulated_arm.write(tmp_path / "run.npz", units=None)
+    fit_json(path, "--model", "offset", "--robot", "raven2")
+    assert [j["name"] for j in evaluate_json(tmp_path / "out.npz", path)["joints"]][2] == "insertion"
+
+
+def test_window_sets_the_length_of_the_windows(model: Path, run: Path) -> None:
+    windows = evaluate_json(model, run, "--window", "5")["windows"]
+    assert [round(window["start"]) for window in windows] == [0, 5, 10]
+
+
+def test_evaluate_writes_a_page(model: Path, run: Path, tmp_path: Path) -> None:
+    outcome = catenary("evaluate", model, run, "--report", tmp_path / "page.html")
+    assert outcome.out.endswith(f"page: {tmp_path / 'page.html'}\n")
+    assert "no test: the model was fitted to run" in (tmp_path / "page.html").read_text()
+
+
+def test_fit_writes_a_page(run: Path, tmp_path: Path) -> None:
+    catenary("fit", run, "--model", "offset", "--out", tmp_path / "m.npz", "--report", tmp_path / "p.html")
+    assert "the data that it was fitted to" in (tmp_path / "p.html").read_text()
+
+
+@pytest.mark.parametrize("report", ["no_folder/page.html", "."])
+def test_a_page_that_cannot_be_written_does_not_lose_the_model(
+    run: Path, tmp_path: Path, report: str
+) -> None:
+    outcome = catenary(
+        "fit", run, "--model", "linear", "--out", tmp_path / "m.npz", "--report", tmp_path / report
+    )
+    assert outcome.code == 2
+    assert "cannot be written" in outcome.err
+    assert "m.npz" in outcome.out
+    assert catenary("evaluate", tmp_path / "m.npz", run).code == 0
+
+
+def test_a_page_that_cannot_be_written_does_not_lose_the_evaluation(model: Path, run: Path) -> None:
+    outcome = catenary("evaluate", model, run, "--report", "/no/page.html", "--json")
+    assert outcome.code == 2
+    assert len(outcome.json["joints"]) == 3
+
+
+def test_a_terminal_without_the_signs_still_shows_the_numbers(run: Path, tmp_path: Path) -> None:
+    outcome = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "catenary.cli.main",
+            "fit",
+            run,
+            "--model=offset",
+            "--out",
+            tmp_path / "m.npz",
+        ],
+        capture_output=True,
+        check=False,
+        env={**os.environ, "PYTHONIOENCODING": "ascii"},
+    )
+    assert outcome.returncode == 0, outcome.stderr
+    assert rb"\xb1" in outcome.stdout  # plus-minus
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"q_act": None}, 'array "q_act" is missing'),
+        ({"ok": None}, 'array "ok" is missing'),
+        ({"q_act": np.zeros((399, 3))}, "expected shape (400, 3), got (399, 3)"),
+        ({"q_des": np.zeros(400)}, "expected shape (N, n), got (400,)"),
+        ({"ok": np.ones(7, dtype=bool)}, "ok: expected (400,)"),
+        ({"q_des": np.full((400, 3), np.nan)}, "is nan at row 0"),
+        ({"q_des": np.full((400, 3), np.inf)}, "is inf at row 0"),
+        ({"q_act": np.full((400, 3), np.nan)}, "q_encoder of joint J1 is nan at row 0, where ok is set"),
+        ({"ok": np.zeros(400, dtype=bool)}, "no usable row"),
+        ({"rows": 0}, "is empty"),
+        ({"rows": 5}, "5 usable rows, expected at least 10"),
+        ({"rows": 11}, "with one of 5 blocks left out 8 remain"),
+        ({"units": ["deg", "deg", "mm"]}, "each rad or m"),
+        ({"q_des": np.array([{}])}, "plain arrays"),
+    ],
+)
+def test_a_recording_that_is_none_is_refused(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
+    path = simulated_arm.write(tmp_path / "run.npz", **changes)
+    assert words in refusal("fit", path, "--model", "linear", "--out", tmp_path / "out.npz")
+    assert not (tmp_path / "out.npz").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--model", "forest"], "expected one of offset, linear, polynomial, neural"),
+        (["--model", "neural", "--preset", "worst"], 'preset "worst"'),
+        (["--model", "linear", "--preset", "best"], "only neural has presets"),
+        (["--inputs", "nonsense"], 'has no input "nonsense"'),
+        (["--inputs", "tau"], 'has no input "tau"'),
+        (["--inputs", ""], "inputs: expected at least one"),
+        (["--inputs", "J1="], "--inputs: expected 'JOINT=signal"),
+        (["--inputs", "J9=q"], 'joint "J9": no such joint'),
+        (["--history", "-1"], "--history"),
+        (["--history", "400"], "the longest recording has 400 rows"),
+        (["--history", "1000000000"], "the longest recording has 400 rows"),
+        (["--play", "nonsense"], "--play: expected numbers"),
+        (["--play", "2"], "between 0 and 1"),
+        (["--target", "nonsense"], "expected one of error, position"),
+        (["--units", "rad,rad"], "rad,rad"),
+        (["--held-out", "0"], "held-out share"),
+        (["--held-out", "nan"], "held-out share"),
+        (["--folds", "1"], "folds: expected 2 or more, or 0"),
+        (["--folds", "-1"], "--folds"),
+        (["--folds", "401"], "folds"),
+        (["--max-error", "1,1"], "one per joint"),
+        (["--max-error", "1,1,-1"], "positive"),
+        (["--ridge", "-1"], "--ridge"),
+        (["--ridge", "inf"], "--ridge"),
+        (["--seed", "-1"], "--seed"),
+        (["--seed", "4294967296"], "--seed"),
+        (["--robot", "raven3"], 'did you mean "raven2"'),
+        (["--robot", "raven2_full"], "6 joint names"),
+        (["--out", "no_folder/out.npz"], "folder no_folder does not exist"),
+        (["--out", "."], "is a folder"),
+    ],
+)
+def test_wrong_options_are_refused_by_name(run: Path, options: list[str], words: str) -> None:
+    defaults = {"--model": "linear", "--out": str(run.with_name("out.npz"))}
+    given = [*options]
+    for name, value in defaults.items():
+        if name not in options:
+            given += [name, value]
+    assert words in refusal("fit", run, *given)
+
+
+def test_the_model_does_not_overwrite_a_recording(run: Path) -> None:
+    before = run.read_bytes()
+    assert "is a file that is read here" in refusal("fit", run, "--model", "linear", "--out", run)
+    assert run.read_bytes() == before
+
+
+def test_the_page_overwrites_neither_recording_nor_model(run: Path, model: Path) -> None:
+    before = model.read_bytes()
+    for path in (run, model):
+        assert "is a file that is read here" in refusal("evaluate", model, run, "--report", path)
+    assert "are written there" in refusal("fit", run, "--model=linear", "--out", model, "--report", model)
+    assert model.read_bytes() == before
+
+
+def test_recordings_of_different_joints_are_refused(run: Path, tmp_path: Path) -> None:
+    names = simulated_arm.write(tmp_path / "named.npz", joint_names=["a", "b", "c"])
+    message = refusal("fit", run, names, "--model", "linear", "--out", tmp_path / "m.npz")
+    assert "not of the same joints: J1 [rad], J2 [rad], J3 [m] against a [rad], b [rad], c [m]" in message
+
+
+def test_a_recording_of_other_joints_than_the_models_is_refused(model: Path, tmp_path: Path) -> None:
+    names = simulated_arm.write(tmp_path / "named.npz", joint_names=["a", "b", "c"])
+    assert "the model is for J1 [rad], J2 [rad], J3 [m]" in refusal("evaluate", model, names)
+
+
+def test_a_recording_in_other_units_than_the_models_is_refused(model: Path, tmp_path: Path) -> None:
+    other = simulated_arm.write(tmp_path / "other.npz", units=["m", "rad", "rad"])
+    assert "the model is for J1 [rad], J2 [rad], J3 [m]" in refusal("evaluate", model, other)
+
+
+def test_a_recording_of_more_joints_than_the_models_is_refused(model: Path, tmp_path: Path) -> None:
+    six = np.zeros((50, 6))
+    other = simulated_arm.write(tmp_path / "six.npz", rows=50, q_des=six, q_act=six, units=None)
+    assert "has 6 joints; the model is for 3: J1, J2, J3" in refusal("evaluate", model, other)
+
+
+@pytest.mark.parametrize("length", ["0", "-1", "nan"])
+def test_windows_have_a_length(model: Path, run: Path, length: str) -> None:
+    assert "window: expected a positive length" in refusal("evaluate", model, run, "--window", length)
+
+
+def broken(path: Path, kind: str) -> Path:
+    whole = simulated_arm.write(path.with_name("whole.npz")).read_bytes()
+    if kind == "folder":
+        path.mkdir()
+    elif kind != "missing":
+        damaged = bytearray(whole)
+        damaged[200:220] = 20 * b"x"
+        content = {
+            "empty": b"",
+            "cut": whole[:1000],
+            "not a text": b"\xff\xfe\x00",
+            "damaged": bytes(damaged),
+        }
+        path.write_bytes(content[kind])
+    return path
+
+
+@pytest.mark.parametrize("ending", [".npz", ".parquet"])
+@pytest.mark.parametrize("kind", ["missing", "folder", "empty", "cut", "not a text", "damaged"])
+def test_a_file_that_cannot_be_read_is_refused_by_name(
+    tmp_path: Path, model: Path, ending: str, kind: str
+) -> None:
+    path = broken(tmp_path / f"bad{ending}", kind)
+    for command in (
+        ["fit", path, "--model", "linear", "--out", tmp_path / "out.npz"],
+        ["evaluate", model, path],
+    ):
+        assert f"bad{ending}" in refusal(*command)
+
+
+@pytest.mark.parametrize("kind", ["missing", "folder", "empty", "cut", "not a text", "damaged"])
+def test_a_model_that_cannot_be_read_is_refused_by_name(tmp_path: Path, run: Path, kind: str) -> None:
+    assert "bad.npz" in refusal("evaluate", broken(tmp_path / "bad.npz", kind), run)
+
+
+def test_a_recording_is_no_model(run: Path) -> None:
+    assert "is no calibration model" in refusal("evaluate", run, run)
+
+
+@pytest.mark.parametrize("structure", ["nonsense", "{}", "[]", '{"format": "catenary.calibration.9"}'])
+def test_a_model_of_another_make_is_refused(tmp_path: Path, run: Path, structure: str) -> None:
+    np.savez(tmp_path / "model.npz", structure=np.array(structure), card=np.array("{}"))
+    assert "model.npz: " in refusal("evaluate", tmp_path / "model.npz", run)
+
+
+def test_demo_needs_a_folder(run: Path) -> None:
+    assert "File exists" in refusal("demo", "--out", run)

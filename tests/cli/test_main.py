@@ -1,0 +1,115 @@
+import subprocess
+import sys
+
+import pytest
+
+from catenary import __version__
+from command_line import catenary, refusal
+
+COMMANDS = ("fit", "evaluate", "check", "fk", "ik", "robots", "demo")
+HEAVY = ("numpy", "numba", "scipy", "sklearn", "matplotlib", "pydantic", "mujoco", "pyarrow", "rich.table")
+
+
+def modules_after(code: str) -> set[str]:
+    listing = "import sys; print('\\n' + '\\n'.join(sys.modules))"
+    text = subprocess.run(
+        [sys.executable, "-c", f"{code}\n{listing}"], capture_output=True, text=True, check=True
+    ).stdout
+    return set(text.split("\n"))
+
+
+def test_help_names_every_command() -> None:
+    text = catenary("--help").out
+    assert all(f"\n  {name} " in text for name in COMMANDS)
+
+
+def test_help_of_the_commands_is_not_cut() -> None:
+    assert "..." not in catenary("--help").out.split("Commands:")[1]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help_and_json(command: str) -> None:
+    outcome = catenary(command, "--help")
+    assert outcome.code == 0
+    assert "--json" in outcome.out
+    assert "Usage: catenary" in outcome.out
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_fits_into_eighty_columns(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert max(len(line) for line in catenary(command, "--help").out.split("\n")) <= 80
+
+
+def test_help_shows_defaults_that_are_settled_later() -> None:
+    text = " ".join(catenary("fit", "--help").out.split())
+    assert "[default: paper]" in text
+    assert "[default: q, and tau if recorded]" in text
+    assert "[default: its tip]" in catenary("fk", "--help").out
+
+
+def test_version_is_printed() -> None:
+    assert catenary("--version").out == f"catenary {__version__}\n"
+
+
+def test_importing_the_package_imports_nothing_heavy() -> None:
+    assert not modules_after("import catenary") & set(HEAVY)
+
+
+@pytest.mark.parametrize("arguments", [[], ["--help"], ["fit", "--help"], ["ik", "--help"]])
+def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
+    heavy = set(HEAVY)
+    if len(arguments) == 2:
+        heavy.remove("pydantic")  # some versions of typer check a command's arguments with it
+    code = f"""
+import contextlib, os, sys
+sys.argv = ["catenary", *{arguments!r}]
+from catenary.cli.main import main
+with open(os.devnull, "w") as nowhere, contextlib.suppress(SystemExit):
+    with contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere):
+        main()
+"""
+    assert not modules_after(code) & heavy
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nonsense"], "No such command 'nonsense'"),
+        (["robots", "extra"], "extra"),
+        (["robots", "--nonsense"], "--nonsense"),
+        (["fit", "--folds", "many", "a.npz"], "--folds"),
+        (["fit"], "Usage: catenary fit"),
+        (["check"], "Usage: catenary check"),
+    ],
+)
+def test_wrong_usage_ends_with_2(arguments: list[str], words: str) -> None:
+    assert words in refusal(*arguments)
+
+
+def test_a_name_too_long_for_the_file_system_is_refused() -> None:
+    assert "File name too long" in refusal("check", 300 * "a")
+
+
+def run(*arguments: str, **settings: object) -> subprocess.CompletedProcess[bytes]:
+    return subprocess.run(
+        [sys.executable, "-m", "catenary.cli.main", *arguments],
+        stdin=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        **settings,  # type: ignore[call-overload]
+    )
+
+
+def test_a_full_disk_is_a_message() -> None:
+    with open("/dev/full", "wb") as full:
+        outcome = run("robots", stdout=full)
+    assert (outcome.returncode, outcome.stderr) == (2, b"catenary: output: No space left on device\n")
+
+
+def test_a_reader_that_goes_away_is_no_traceback() -> None:
+    outcome = subprocess.run(
+        ["bash", "-c", f"{sys.executable} -m catenary.cli.main robots --json | head -c 1"],
+        capture_output=True,
+        check=True,
+    )
+    assert outcome.stderr == b""

@@ -1,0 +1,50 @@
+"""The catenary command, run in this process: what it prints, and its exit code."""
+
+import contextlib
+import io
+import json
+import sys
+from typing import Any, NamedTuple
+from unittest.mock import patch
+
+from catenary.cli.main import main
+
+
+class Outcome(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> Any:
+        """Standard output as strict JSON: nothing else may stand there, no NaN or infinity in it."""
+
+        def refuse(word: str) -> None:
+            raise ValueError(f"{word} is not JSON")
+
+        return json.loads(self.out, parse_constant=refuse)
+
+
+def catenary(*arguments: object) -> Outcome:
+    """Run the command; an exception other than its exit would be a traceback to a user, and fails the test."""
+    out, err, code = io.StringIO(), io.StringIO(), 0
+    with (
+        patch.object(sys, "argv", ["catenary", *map(str, arguments)]),
+        patch.object(sys, "stdin", io.StringIO()),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+    ):
+        try:
+            main()
+        except SystemExit as end:
+            code = int(end.code or 0)
+    return Outcome(code, out.getvalue(), err.getvalue())
+
+
+def refusal(*arguments: object) -> str:
+    """Run the command on bad input: exit code 2, nothing on standard output; give the message."""
+    outcome = catenary(*arguments)
+    assert outcome.code == 2, outcome
+    assert outcome.out == ""
+    assert "Traceback" not in outcome.err
+    return outcome.err

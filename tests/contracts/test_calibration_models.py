@@ -1,0 +1,202 @@
+"""What every kind of calibration model must do, whatever it was fitted to."""
+
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.calibration.dataset import CalibrationData, calibration_data
+from catenary.calibration.files import load_model, save_model
+from catenary.calibration.fit import FitOptions, choose_inputs, fit
+from catenary.calibration.model import CalibrationModel
+from recordings import data_of, fitted, recording
+
+KINDS: dict[str, dict[str, Any]] = {
+    "offset": {"kind": "offset"},
+    "linear": {"kind": "linear"},
+    "linear with history": {"kind": "linear", "history": 3},
+    "linear with play": {"kind": "linear", "play": (0.1, 0.3)},
+    "linear per joint": {"kind": "linear", "inputs": {"J1": ("q:J1",), "J2": ("q:J1", "q:J2")}, "history": 2},
+    "polynomial": {"kind": "polynomial"},
+    "polynomial with history": {"kind": "polynomial", "history": 2},
+    "neural paper": {"kind": "neural", "preset": "paper"},
+    "neural best": {"kind": "neural", "preset": "best"},
+    "neural per joint": {"kind": "neural", "inputs": {"J1": ("q:J1",), "J2": ("q:J2",), "J3": ("q:J3",)}},
+}
+CASES = [(kind, target) for kind in KINDS for target in ("error", "position")]
+
+
+def truth(q: np.ndarray) -> np.ndarray:
+    return 0.01 * (1.0 + q) + 0.02 * q**2
+
+
+LOG = recording(np.random.default_rng(0), error=truth)
+NEW = recording(np.random.default_rng(0), rows=60, error=truth)  # the first fifth of the same motion
+
+
+class Case:
+    """A model of some kind, fitted once, and rows of its features."""
+
+    def __init__(self, options: dict[str, Any]) -> None:
+        self.options = options
+        self.model: CalibrationModel = fitted(LOG, **options)
+        self.data: CalibrationData = calibration_data([NEW], self.model.features)
+
+    def correct(self, X: np.ndarray, q: np.ndarray | None = None) -> np.ndarray:
+        return self.model.correction(X, self.data.q_nominal[: len(X)] if q is None else q)
+
+
+@pytest.fixture(scope="module", params=CASES, ids=lambda case: ", ".join(case))
+def case(request: pytest.FixtureRequest) -> Case:
+    kind, target = request.param
+    return Case(KINDS[kind] | {"target": target})
+
+
+def test_correction_has_a_row_per_row_and_a_column_per_joint(case: Case) -> None:
+    correction = case.correct(case.data.X)
+    assert (correction.shape, correction.dtype) == ((len(case.data), 3), np.float64)
+    assert np.isfinite(correction).all()
+
+
+def test_no_rows_get_no_corrections(case: Case) -> None:
+    assert case.correct(case.data.X[:0], np.zeros((0, 3))).shape == (0, 3)
+
+
+def test_correction_of_a_single_row_is_that_of_the_row_in_a_batch(case: Case) -> None:
+    batch = case.correct(case.data.X)
+    for i in (0, 17, len(case.data) - 1):
+        single = case.correct(case.data.X[i : i + 1], case.data.q_nominal[i : i + 1])
+        assert_allclose(single[0], batch[i], rtol=1e-12, atol=1e-13)  # matrix products sum in another order
+
+
+def test_correction_does_not_depend_on_the_order_of_the_rows(case: Case) -> None:
+    order = np.random.default_rng(1).permutation(len(case.data))
+    shuffled = case.correct(case.data.X[order], case.data.q_nominal[order])
+    assert_allclose(shuffled, case.correct(case.data.X)[order], rtol=1e-12, atol=1e-13)  # as above
+
+
+def test_correction_leaves_its_arguments_alone(case: Case) -> None:
+    X, q = case.data.X.copy(), case.data.q_nominal.copy()
+    case.correct(X, q)
+    assert_array_equal(X, case.data.X)
+    assert_array_equal(q, case.data.q_nominal)
+
+
+def test_same_seed_gives_the_same_bits(case: Case) -> None:
+    again = fitted(LOG, **case.options).correction(case.data.X, case.data.q_nominal)
+    assert again.tobytes() == case.correct(case.data.X).tobytes()
+
+
+def test_training_rows_lie_in_the_valid_range(case: Case) -> None:
+    assert case.model.inside(calibration_data([LOG], case.model.features).X).all()
+
+
+def test_correction_outside_the_valid_range_is_exactly_the_fixed_offset(case: Case) -> None:
+    far = case.data.X + 9.0
+    assert not case.model.inside(far).any()
+    assert_array_equal(case.correct(far), np.tile(case.model.offset, (len(far), 1)))
+
+
+def test_fixed_offset_is_the_mean_error_of_the_training_rows(case: Case) -> None:
+    expected = calibration_data([LOG], case.model.features).error.mean(axis=0)
+    assert_allclose(case.model.offset, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_features_that_are_not_finite_give_the_fixed_offset(case: Case, value: float) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert_array_equal(case.correct(np.full((1, case.data.X.shape[1]), value)), case.model.offset[None])
+
+
+def test_one_missing_feature_takes_the_offset_to_the_joints_that_use_it(case: Case) -> None:
+    for column in range(case.data.X.shape[1]):
+        X = case.data.X[20:21].copy()
+        X[0, column] = np.nan
+        correction = case.correct(X)[0]
+        for group in case.model.groups:
+            if column in group.columns:
+                assert_array_equal(correction[list(group.joints)], case.model.offset[list(group.joints)])
+
+
+def test_calibrated_log_has_finite_positions_from_its_first_row(case: Case) -> None:
+    assert np.isfinite(case.model.calibrate(NEW)).all()
+
+
+def test_calibration_does_not_look_at_the_measurement(case: Case) -> None:
+    assert_array_equal(case.model.calibrate(replace(NEW, q_encoder=None)), case.model.calibrate(NEW))
+
+
+def test_calibration_is_causal(case: Case) -> None:
+    q = NEW.q_nominal.copy()
+    q[40:] = q[40:][::-1]
+    changed = case.model.calibrate(replace(NEW, q_nominal=q))
+    assert_allclose(changed[:40], case.model.calibrate(NEW)[:40], rtol=1e-12, atol=1e-13)  # as above
+
+
+def test_saved_and_loaded_model_gives_the_same_bits(case: Case, tmp_path: Path) -> None:
+    save_model(case.model, {"robot": None}, tmp_path / "model.npz")
+    back, _ = load_model(tmp_path / "model.npz")
+    assert back.calibrate(NEW).tobytes() == case.model.calibrate(NEW).tobytes()
+    assert back.inside(case.data.X + 0.3).tobytes() == case.model.inside(case.data.X + 0.3).tobytes()
+
+
+def test_saved_and_loaded_model_says_the_same_of_itself(case: Case, tmp_path: Path) -> None:
+    save_model(case.model, {"robot": None}, tmp_path / "model.npz")
+    back, _ = load_model(tmp_path / "model.npz")
+    for key in ("kind", "preset", "joint_names", "joint_units", "features", "target"):
+        assert getattr(back, key) == getattr(case.model, key)
+    assert [group.joints for group in back.groups] == [group.joints for group in case.model.groups]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_model_of_the_error_is_no_worse_than_the_offset_on_its_training_rows(kind: str) -> None:
+    model = fitted(LOG, **KINDS[kind])
+    data = calibration_data([LOG], model.features)
+    left = data.error - model.correction(data.X, data.q_nominal)
+    # training brings a sum of squares down from that of the mean; 1e-9 for rounding
+    assert np.all((left**2).mean(axis=0) <= data.error.var(axis=0) * (1.0 + 1e-9))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_joint_that_never_moved_breaks_no_model_and_is_watched(kind: str) -> None:
+    q = LOG.q_nominal.copy()
+    q[:, 1] = 0.1
+    still = replace(LOG, q_nominal=q, q_encoder=q + truth(q))
+    model = fitted(still, **KINDS[kind])
+    assert_allclose(model.calibrate(still)[:, 1], 0.1 + truth(np.array(0.1)), atol=1e-9)  # a constant error
+    q = q.copy()
+    q[:, 1] = 0.2
+    takes_it = [
+        j for g in model.groups if "q:J2" in [model.features.names[c] for c in g.watched] for j in g.joints
+    ]
+    X = model.features.matrix(replace(still, q_nominal=q))
+    assert not model.inside(X)[:, takes_it].any()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_single_joint_is_calibrated_without_a_warning(kind: str) -> None:
+    options = {key: value for key, value in KINDS[kind].items() if key != "inputs"}
+    log = recording(np.random.default_rng(3), rows=100, units=("m",), error=truth)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        model = fitted(log, **options)
+    assert np.isfinite(model.calibrate(log)).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_ten_rows_are_enough_for_any_kind(kind: str) -> None:
+    log = recording(np.random.default_rng(4), rows=10 + KINDS[kind].get("history", 0), error=truth)
+    assert np.isfinite(fitted(log, **KINDS[kind]).calibrate(log)).all()
+
+
+@pytest.mark.parametrize("preset", ["paper", "best"])
+def test_another_seed_gives_another_network(preset: Any) -> None:
+    data = data_of(LOG, kind="neural", preset=preset)
+    options = [FitOptions("neural", preset, seed=seed) for seed in (0, 1)]
+    one, two = (fit(data, choose_inputs([LOG], o), o).correction(data.X, data.q_nominal) for o in options)
+    assert (one != two).any()

@@ -1,0 +1,138 @@
+"""What every trajectory owes its callers; a new one joins `TRAJECTORIES`."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from numpy.typing import NDArray
+
+from catenary.errors import InputError
+from catenary.robots.catalog import load_robot
+from catenary.trajectories.calibration_box import CALIBRATION_LOWER, CALIBRATION_UPPER
+from catenary.trajectories.cartesian import CartesianSinusoids
+from catenary.trajectories.point_to_point import go_to
+from catenary.trajectories.reference import Trajectory
+from catenary.trajectories.sinusoids import random_sinusoids
+from catenary.trajectories.waypoints import follow_waypoints, play_rows
+from catenary.trajectories.zigzag import DIRECTIONS, zigzag, zigzag_rows
+
+Floats = NDArray[np.float64]
+
+LOW, HIGH = np.array([0.0, 0.9, 0.33]), np.array([1.0, 2.0, 0.42])
+BOUNDS = {"max_velocity": [0.5, 0.3, 0.02], "max_acceleration": [1.0, 1.0, 0.1]}
+SPEED = [0.05, 0.05, 0.005]
+ARM_LOW, ARM_HIGH = np.deg2rad([0.0, 45.0, 0.0]), np.deg2rad([90.0, 135.0, 0.0])
+ARM_LOW[2], ARM_HIGH[2] = 0.23, 0.56
+
+
+def random_rows() -> Floats:
+    return np.random.default_rng(3).uniform(LOW, HIGH, (8, 3))
+
+
+# how to make it, and the range that it promises to stay in; the published paths run 5 % over their box
+OVER = 0.06 * (CALIBRATION_UPPER - CALIBRATION_LOWER)
+TRAJECTORIES: dict[str, tuple[Callable[[], Trajectory], Floats, Floats]] = {
+    **{
+        f"zigzag {direction}": (
+            lambda direction=direction: zigzag(direction, [1 / 2, 1 / 3]),
+            CALIBRATION_LOWER - OVER,
+            CALIBRATION_UPPER + OVER,
+        )
+        for direction in DIRECTIONS
+    },
+    "random sinusoids": (
+        lambda: random_sinusoids(np.random.default_rng(1), 300.0),
+        CALIBRATION_LOWER,
+        CALIBRATION_UPPER,
+    ),
+    "cartesian sinusoids": (
+        lambda: CartesianSinusoids(load_robot("raven2"), [0.8, 1.6, 0.3]),
+        ARM_LOW,
+        ARM_HIGH,
+    ),
+    "go to, together": (lambda: go_to(LOW, HIGH, **BOUNDS), LOW, HIGH),
+    "go to, each by itself": (lambda: go_to(LOW, HIGH, **BOUNDS, together=False), LOW, HIGH),
+    "go to, nowhere": (lambda: go_to(LOW, LOW, **BOUNDS), LOW, LOW),
+    "waypoints": (lambda: follow_waypoints(random_rows(), speed=SPEED, q_start=LOW), LOW, HIGH),
+    "waypoints, blends overlapping": (lambda: follow_waypoints(random_rows(), speed=SPEED, blend=60.0), LOW, HIGH),
+    "rows of a published path": (
+        lambda: play_rows(zigzag_rows("J2-J3", 1 / 2), rows_per_second=64.3),
+        CALIBRATION_LOWER,
+        CALIBRATION_UPPER,
+    ),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module", params=TRAJECTORIES)
+def case(request: pytest.FixtureRequest) -> tuple[Trajectory, Floats, Floats]:
+    make, lower, upper = TRAJECTORIES[request.param]
+    return make(), lower, upper
+
+
+@pytest.fixture(scope="module")
+def trajectory(case: tuple[Trajectory, Floats, Floats]) -> Trajectory:
+    return case[0]
+
+
+def test_motion_stays_within_its_range(case: tuple[Trajectory, Floats, Floats]) -> None:
+    trajectory, lower, upper = case
+    q, _, _ = trajectory.sample(np.linspace(0.0, trajectory.duration, 20001))
+    assert (q >= lower - 1e-9).all()
+    assert (q <= upper + 1e-9).all()
+
+
+def test_velocity_is_the_derivative_of_position(trajectory: Trajectory) -> None:
+    t, h = np.linspace(-1.0, trajectory.duration + 1.0, 5003), 1e-4
+    before, after = trajectory.sample(t - h)[0], trajectory.sample(t + h)[0]
+    # central difference: jerk h²/6, at most 50/s3 here, and rounding of 1e-15 / h
+    assert_allclose((after - before) / (2.0 * h), trajectory.sample(t)[1], atol=1e-7)
+
+
+def test_acceleration_is_the_derivative_of_velocity(trajectory: Trajectory) -> None:
+    t, h = np.linspace(-1.0, trajectory.duration + 1.0, 5003), 1e-5
+    before, after = trajectory.sample(t - h)[1], trajectory.sample(t + h)[1]
+    # where the jerk steps, half of that step times h
+    assert_allclose((after - before) / (2.0 * h), trajectory.sample(t)[2], atol=1e-3)
+
+
+def test_position_and_velocity_never_leap(trajectory: Trajectory) -> None:
+    t = np.linspace(-0.5, trajectory.duration + 0.5, 20001)
+    q, qd, qdd = trajectory.sample(t)
+    step = t[1] - t[0]
+    # the mean value theorem, with the extreme between two samples
+    assert (np.abs(np.diff(q, axis=0)) <= 1.1 * step * np.abs(qd).max() + 1e-12).all()
+    assert (np.abs(np.diff(qd, axis=0)) <= 1.1 * step * np.abs(qdd).max() + 1e-12).all()
+
+
+def test_motion_is_at_rest_before_its_start_and_after_its_end(trajectory: Trajectory) -> None:
+    start, end = trajectory(0.0), trajectory(trajectory.duration)
+    for t in (-1e9, -1e-3, 0.0):
+        assert_array_equal(trajectory(t).q, start.q)
+        assert_array_equal(trajectory(t)[1:], 0.0)
+    for t in (trajectory.duration, trajectory.duration + 1e-3, 1e9):
+        assert_array_equal(trajectory(t).q, end.q)
+        assert_array_equal(trajectory(t)[1:], 0.0)
+
+
+def test_duration_is_when_the_motion_comes_to_rest(trajectory: Trajectory) -> None:
+    assert np.isfinite(trajectory.duration)
+    if trajectory.duration > 0.0:
+        assert np.abs(trajectory(trajectory.duration - 0.01).qd).max() > 0.0
+
+
+def test_sample_equals_calls(trajectory: Trajectory) -> None:
+    times = np.random.default_rng(0).uniform(-1.0, trajectory.duration + 1.0, 200)
+    sampled = trajectory.sample(times)
+    for k, t in enumerate(times):
+        assert_array_equal(trajectory(t), [values[k] for values in sampled])
+    n = len(trajectory(0.0).q)
+    assert all(values.shape == (0, n) for values in trajectory.sample([]))
+
+
+@pytest.mark.parametrize("times", [[[0.0]], 0.0, [np.nan], [np.inf], ["now"]])
+def test_times_that_are_none_are_refused(trajectory: Trajectory, times: object) -> None:
+    with pytest.raises(InputError, match="times"):
+        trajectory.sample(times)
+    with pytest.raises(InputError):
+        trajectory(np.nan)

@@ -1,0 +1,65 @@
+"""A stranger's first afternoon: a recording, a model, an evaluation on another day, a look at the files."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import simulated_arm
+
+
+def catenary(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    outcome = subprocess.run(
+        [sys.executable, "-m", "catenary.cli.main", *arguments],
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2] / "src")},
+    )
+    assert "Traceback" not in outcome.stderr
+    return outcome
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two days of recordings, as the arm's owner would save them, and a model of the first."""
+    folder = tmp_path_factory.mktemp("first_use")
+    simulated_arm.write(folder / "monday.npz", seed=1, rows=900, units=None)
+    simulated_arm.write(folder / "tuesday.npz", seed=1, rows=600, noise=2e-4, units=None)
+    outcome = catenary(
+        folder, "fit", "monday.npz", "--model", "linear", "--out", "arm.npz", "--report", "arm.html"
+    )
+    assert outcome.returncode == 0, outcome.stderr
+    return folder
+
+
+def test_the_fit_leaves_model_card_and_page(folder: Path) -> None:
+    assert {"arm.npz", "arm.card.json", "arm.html"} <= {path.name for path in folder.iterdir()}
+
+
+def test_the_model_takes_most_of_the_error_away_on_another_day(folder: Path) -> None:
+    outcome = catenary(folder, "evaluate", "arm.npz", "tuesday.npz", "--report", "tuesday.html", "--json")
+    assert outcome.returncode == 0, outcome.stderr
+    result = json.loads(outcome.stdout)
+    assert result["seen_in_training"] == []
+    assert all(joint["rmse"] < 0.05 * joint["raw_rmse"] for joint in result["joints"])
+    assert "Joint J3" in (folder / "tuesday.html").read_text()
+
+
+def test_check_finds_nothing_wrong_with_any_of_the_files(folder: Path) -> None:
+    for name, kind in (("monday.npz", "recording"), ("arm.npz", "calibration model")):
+        outcome = catenary(folder, "check", name)
+        assert outcome.returncode == 0, outcome.stdout
+        assert outcome.stdout.startswith(f"{name}: {kind}")
+
+
+def test_a_model_of_the_wrong_arm_is_refused(folder: Path) -> None:
+    simulated_arm.write(folder / "other_arm.npz", joint_names=["a", "b", "c"])
+    outcome = catenary(folder, "evaluate", "arm.npz", "other_arm.npz")
+    assert (outcome.returncode, outcome.stdout) == (2, "")
+    assert "the model is for J1 [rad], J2 [rad], J3 [m]" in outcome.stderr

@@ -1,0 +1,50 @@
+"""Recordings made for tests, whose errors are known exactly, and models fitted to them."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from catenary.calibration.dataset import CalibrationData, calibration_data
+from catenary.calibration.fit import FitOptions, choose_inputs, fit
+from catenary.calibration.model import CalibrationModel
+from catenary.plant import MotionLog
+
+REACH = {"rad": 1.0, "m": 0.1}  # amplitude of the motion
+STEP = 0.1  # [s] between rows
+
+
+def recording(
+    rng: np.random.Generator,
+    rows: int = 300,
+    units: Sequence[str] = ("rad", "rad", "m"),
+    error: Callable[[np.ndarray], np.ndarray] | None = None,
+    **changes: Any,
+) -> MotionLog:
+    """Joints J1, J2, ... on independent sinusoids; `error` of the commands (N, n), or small noise, is the truth."""
+    time = STEP * np.arange(rows)
+    reach = np.array([REACH[unit] for unit in units])
+    rates, phases = rng.uniform(0.3, 2.0, size=len(units)), rng.uniform(0.0, 6.28, size=len(units))
+    q = reach * np.sin(time[:, None] * rates + phases)
+    e = 0.01 * reach * rng.normal(size=q.shape) if error is None else error(q)
+    fields = {
+        "name": "run",
+        "joint_names": tuple(f"J{i + 1}" for i in range(len(units))),
+        "joint_units": tuple(units),
+        "q_nominal": q,
+        "q_encoder": q + e,
+        "ok": np.ones(rows, dtype=bool),
+        "time": time,
+    }
+    return MotionLog(**(fields | changes))
+
+
+def data_of(*logs: MotionLog, **options: Any) -> CalibrationData:
+    """Usable rows of recordings with the features that the options ask for."""
+    return calibration_data(logs, choose_inputs(logs, FitOptions(**options)).features)
+
+
+def fitted(*logs: MotionLog, **options: Any) -> CalibrationModel:
+    """Model fitted to all usable rows of recordings."""
+    inputs = choose_inputs(logs, FitOptions(**options))
+    return fit(calibration_data(logs, inputs.features), inputs, FitOptions(**options))

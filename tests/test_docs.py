@@ -1,0 +1,54 @@
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from catenary.robots.catalog import load_robot
+from command_line import catenary
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def blocks(language: str) -> list[tuple[str, str]]:
+    """Name of the page and text of each block in a language."""
+    return [
+        (page.name, text)
+        for page in PAGES
+        for text in re.findall(rf"^```{language}\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL)
+    ]
+
+
+@pytest.mark.parametrize(("page", "text"), blocks("python"), ids=lambda value: value[:20])
+def test_python_on_the_pages_runs(page: str, text: str) -> None:
+    exec(compile(text, page, "exec"), {})
+
+
+@pytest.mark.parametrize(("page", "text"), blocks("toml"), ids=lambda value: value[:20])
+def test_robots_on_the_pages_load(page: str, text: str, tmp_path: Path) -> None:
+    (tmp_path / "robot.toml").write_text(text)
+    assert not load_robot(tmp_path / "robot.toml").missing_inertia
+
+
+def commands() -> list[str]:
+    """Commands on the pages that are complete: with arguments, and none of them a placeholder."""
+    lines = [line for page in PAGES for line in re.findall(r"`catenary ([^`]+)`", page.read_text())]
+    return sorted({line for line in lines if " " in line and not re.search(r"[A-Z]{2}|\.\.\.", line)})
+
+
+def test_there_are_commands_on_the_pages() -> None:
+    assert commands()
+
+
+@pytest.mark.parametrize("line", commands())
+def test_commands_on_the_pages_run(line: str) -> None:
+    assert catenary(*shlex.split(line)).code == 0
+
+
+def test_help_examples_that_name_no_file_run() -> None:
+    for name in ("fk", "ik"):
+        text = " ".join(catenary(name, "--help").out.split())
+        example = re.search(r"Example: catenary (.*?) (?:Arguments|Options):", text)
+        assert example
+        assert catenary(*shlex.split(example.group(1))).code == 0

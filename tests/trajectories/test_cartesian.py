@@ -1,0 +1,103 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.dynamics.inverse_kinematics import inverse_kinematics
+from catenary.dynamics.kinematics import forward_kinematics, frame_poses
+from catenary.errors import InputError, LimitError
+from catenary.robots.catalog import load_robot
+from catenary.spatial import Pose
+from catenary.trajectories.cartesian import AMPLITUDE, CartesianSinusoids
+
+MIDDLE = [np.deg2rad(45.0), np.deg2rad(90.0), 0.3]
+STARTS = {
+    "raven2": MIDDLE,
+    "raven2_right": MIDDLE,
+    "raven2_full": [*MIDDLE, 0.0, 0.0, 0.0],
+}
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_tip_follows_a_sine_along_each_axis_in_turn(name: str) -> None:
+    model = load_robot(name)
+    motion = CartesianSinusoids(model, STARTS[name])
+    start = forward_kinematics(model, STARTS[name])
+    times = np.linspace(0.0, motion.duration, 3001)
+    q, _, _ = motion.sample(times)
+    rotations, positions = frame_poses(model, q)
+    for axis in range(3):
+        turn = (times >= 9.0 * axis) & (times <= 9.0 * (axis + 1))
+        others = [other for other in range(3) if other != axis]
+        off = positions[turn] - start.position
+        assert_allclose(off[:, others], 0.0, atol=1e-7)  # the spline between solutions
+        assert_allclose([off[:, axis].min(), off[:, axis].max()], [-AMPLITUDE, AMPLITUDE], rtol=1e-3)
+        # away from the ramps it is a sine of the period asked for
+        full = (times >= 9.0 * axis + 1.0) & (times <= 9.0 * axis + 8.0)
+        phase = 2.0 * np.pi / 4.0 * (times[full] - 9.0 * axis - 0.5)
+        assert_allclose(positions[full, axis] - start.position[axis], AMPLITUDE * np.sin(phase), atol=1e-7)
+    if model.n == 6:
+        assert_allclose(rotations, np.broadcast_to(start.rotation, rotations.shape), atol=1e-6)
+
+
+def test_paper_amplitude_is_three_point_one_inches() -> None:
+    assert pytest.approx(0.07874) == AMPLITUDE
+
+
+def test_other_robots_are_moved_by_search() -> None:
+    model = load_robot("planar_3r")
+    motion = CartesianSinusoids(model, [0.3, 0.8, 0.5], axes=("z", "x"), amplitude=0.1, period=2.0, cycles=1)
+    times = np.linspace(0.0, motion.duration, 501)
+    _, positions = frame_poses(model, motion.sample(times)[0])
+    assert motion.duration == pytest.approx(2 * (2.0 + 0.5))
+    assert_allclose(positions, motion.tip_positions(times), atol=1e-6)
+    assert_allclose(np.ptp(positions, axis=0), [0.2, 0.0, 0.2], atol=1e-3)
+
+
+def test_limit_in_the_way_is_refused_with_joint_time_and_axis() -> None:
+    start = [np.deg2rad(45.0), np.deg2rad(90.0), 0.23]
+    with pytest.raises(LimitError, match=r"along x, at .* of 27.000 s, .*\"insertion\".*outside \[0.23"):
+        CartesianSinusoids(load_robot("raven2"), start)
+
+
+def test_remote_centre_in_the_way_is_refused() -> None:
+    model = load_robot("raven2")  # its base frame has the remote centre as origin
+    q = inverse_kinematics(model, Pose(np.eye(3), np.array([0.0, 0.0, -0.04])))
+    with pytest.raises(LimitError, match=r"along z, .* mm from the remote centre"):
+        CartesianSinusoids(model, q, axes=("z",), amplitude=0.035)
+
+
+def test_direction_out_of_the_arms_plane_is_refused() -> None:
+    with pytest.raises(LimitError, match="along y"):
+        CartesianSinusoids(load_robot("planar_3r"), [0.3, 0.8, 0.5], axes=("y",), amplitude=0.01)
+
+
+def test_joint_velocity_limit_is_kept() -> None:
+    # nearly stretched out: small motions inward need large ones of the joints
+    with pytest.raises(LimitError, match=r"would move at .* a singularity is near"):
+        CartesianSinusoids(
+            load_robot("two_link"),
+            [0.0, 0.05],
+            axes=("x",),
+            amplitude=0.0004,
+            period=0.01,
+            cycles=1,
+            step=1e-5,
+        )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"amplitude": 0.0}, "amplitude: expected more than 0"),
+        ({"period": -1.0}, "period"),
+        ({"ramp": 0.0}, "ramp"),
+        ({"step": np.nan}, "step"),
+        ({"cycles": 0}, "cycles: expected at least 1"),
+        ({"axes": ()}, "axes"),
+        ({"axes": ("w",)}, "axes: expected some of x, y, z"),
+        ({"q_start": [0.0, 0.0]}, r"q_start: expected shape \(3,\)"),
+    ],
+)
+def test_bad_arguments_are_refused(arguments: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        CartesianSinusoids(load_robot("raven2"), **{"q_start": MIDDLE, **arguments})
