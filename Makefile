@@ -12,12 +12,13 @@ CATENARY_DATA ?= ../shared/data
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test lint dvrk-table clean help
+.PHONY: demo test lint bench dvrk-table clean help
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
 	@echo "make test        set up, run all tests"
 	@echo "make lint        format, lint, types, import order"
+	@echo "make bench       speed of deployed models and of the control loop, beside other libraries"
 	@echo "make dvrk-table  the table of docs/calibration.md, from recordings of a real arm (CATENARY_DATA)"
 	@echo "make clean       remove .venv and everything made here"
 
@@ -32,6 +33,10 @@ lint: $(VENV)/.development
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+bench: $(VENV)/.benchmarks
+	$(BIN)/python -m tests.benchmarks.inference --json build/benchmarks/inference.json
+	$(BIN)/python -m tests.benchmarks.control_tick --json build/benchmarks/control_tick.json
 
 dvrk-table: $(VENV)/.package
 	$(BIN)/python -m catenary.reproduce.dvrk_joint_errors $(CATENARY_DATA)
@@ -49,6 +54,10 @@ $(VENV)/.package: $(BIN)/python pyproject.toml
 $(VENV)/.development: $(BIN)/python pyproject.toml
 	$(BIN)/python -m pip install --disable-pip-version-check -e ".[dev]"
 	@touch $@ $(VENV)/.package
+
+$(VENV)/.benchmarks: $(VENV)/.package
+	$(BIN)/python -m pip install --disable-pip-version-check -e ".[bench]"
+	@touch $@
 
 clean:
 	rm -rf $(VENV) demo build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -72,6 +72,7 @@ def model_card(
             for c, (name, unit) in enumerate(zip(names, features.feature_units, strict=True))
         ],
         "history": features.history,
+        "rate_hz": model.rate_hz,
         "target": model.target,
         "output": "correction added to q_nominal, in rad and m",
         "scaling": _scaling(model.kind),

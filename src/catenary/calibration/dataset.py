@@ -11,6 +11,8 @@ from catenary.calibration.features import FeatureSet
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 
+RATE_TOLERANCE = 0.03  # recordings whose rates differ by more were not taken at one rate
+
 
 @dataclass(frozen=True)
 class Source:
@@ -41,6 +43,7 @@ class CalibrationData:
     sources: tuple[Source, ...]
     has_time: bool
     robot: str | None = None
+    rate_hz: float | None = None  # of the recordings' rows; None without time, or when they differ
 
     def __len__(self) -> int:
         return len(self.X)
@@ -165,7 +168,23 @@ def calibration_data(
         sources=tuple(sources),
         has_time=has_time,
         robot=next((log.robot for log in logs if log.robot is not None), None),
+        rate_hz=_common_rate(logs),
     )
+
+
+def sampling_rate(log: MotionLog) -> float | None:
+    """Rows per second of a recording, by the median of its time steps; None where it has no time."""
+    steps = np.diff(log.time) if log.time is not None else np.zeros(0)
+    forward = steps[steps > 0.0]  # where the clock goes back, another recording begins
+    return float(1.0 / np.median(forward)) if len(forward) else None
+
+
+def _common_rate(logs: Sequence[MotionLog]) -> float | None:
+    rates = [sampling_rate(log) for log in logs]
+    known = [rate for rate in rates if rate is not None]
+    if len(known) < len(rates) or max(known) > (1.0 + RATE_TOLERANCE) * min(known):
+        return None
+    return float(np.median(known))
 
 
 def _same_joints(a: MotionLog, b: MotionLog) -> None:

@@ -50,6 +50,7 @@ def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
         "history": model.features.history,
         "play": model.features.play,
         "target": model.target,
+        "rate_hz": model.rate_hz,
         "groups": [{"joints": group.joints, "predictor": _kind(group.predictor)} for group in model.groups],
     }
     text = json.dumps(card, indent=2, ensure_ascii=False) + "\n"
@@ -103,6 +104,7 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
             target=structure["target"],
             offset=arrays["offset"],
             groups=groups,
+            rate_hz=_rate(structure.get("rate_hz")),
         )
         _check(model)
         card = json.loads(str(arrays["card"]))
@@ -134,6 +136,15 @@ def _check(model: CalibrationModel) -> None:
         if values.shape != (1, len(group.joints)) or not np.isfinite(values).all():
             raise ValueError(f"the predictor of joints {group.joints} gives {values!r}")
         group.inside(np.zeros((1, width)))
+
+
+def _rate(value: Any) -> float | None:
+    if value is None:  # not known, or the file is older than the field
+        return None
+    rate = float(value)
+    if not 0.0 < rate < float("inf"):
+        raise ValueError(f"rate of {rate} Hz")
+    return rate
 
 
 def _group(arrays: Arrays, i: int, entry: dict[str, Any]) -> JointGroup:

@@ -189,6 +189,7 @@ def fit(
         target=target,
         offset=offset,
         groups=tuple(groups),
+        rate_hz=data.rate_hz,
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from sklearn.linear_model import LinearRegression, Ridge
 
 from catenary.arrays import Floats
+from catenary.calibration.kernels import LINEAR, Packed, pack, predict_rows
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,13 @@ class Linear:
 
     def predict(self, X: Floats) -> Floats:
         """Give (N, m) for features (N, F)."""
-        return X @ self.weights + self.bias
+        return predict_rows(self.pack(), X)
+
+    def pack(self) -> Packed:
+        """Give the arrays as compiled loops take them."""
+        inputs, m = self.weights.shape
+        parts = [("weights", self.weights, (inputs, m)), ("bias", self.bias, (m,))]
+        return pack(LINEAR, parts, sizes=(inputs, m))
 
 
 def standardisation(X: Floats) -> tuple[Floats, Floats]:

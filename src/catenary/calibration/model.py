@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration.features import FeatureSet
+from catenary.calibration.kernels import Packed
 from catenary.calibration.valid_range import ValidRange
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -20,6 +21,10 @@ class Predictor(Protocol):
 
     def predict(self, X: Floats) -> Floats:
         """Give (N, m) for features (N, F)."""
+        ...
+
+    def pack(self) -> Packed:
+        """Give the arrays as compiled loops take them."""
         ...
 
 
@@ -55,6 +60,7 @@ class CalibrationModel:
     target: Target  # what the predictors give: the joint error, or the joint position (end to end)
     offset: Floats  # (n,) mean error of the training data [rad|m]
     groups: tuple[JointGroup, ...]
+    rate_hz: float | None = None  # of the training rows, at which `history` counts; None where not known
 
     def inside(self, X: Floats) -> NDArray[np.bool_]:
         """Whether features (N, F) lie in the valid range of each joint, (N, n)."""

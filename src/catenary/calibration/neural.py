@@ -9,6 +9,7 @@ from sklearn.neural_network import MLPRegressor
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
+from catenary.calibration.kernels import LOGISTIC, NETWORK, TANH, Packed, pack, predict_rows
 from catenary.calibration.linear import Linear, fit_linear, standardisation
 from catenary.calibration.progress import Progress, part_of, silent
 
@@ -31,11 +32,23 @@ class Network:
 
     def predict(self, X: Floats) -> Floats:
         """Give (N, m) for features (N, F)."""
-        layer = (X - self.mean) / self.scale
-        for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
-            layer = _bend(layer @ W + b, self.activation)
-        out: Floats = (layer @ self.weights[-1] + self.biases[-1]) * self.out_scale + self.out_mean
-        return out if self.skip is None else out + self.skip.predict(X)
+        return predict_rows(self.pack(), X)
+
+    def pack(self) -> Packed:
+        """Give the arrays as compiled loops take them."""
+        widths = (len(self.mean), *(len(bias) for bias in self.biases))
+        sizes = (widths[0], widths[-1])
+        parts: list[tuple[str, Floats, tuple[int, ...]]] = [
+            ("mean", self.mean, widths[:1]),
+            ("scale", self.scale, widths[:1]),
+        ]
+        for k, (W, b) in enumerate(zip(self.weights, self.biases, strict=True)):
+            parts += [(f"weights{k}", W, widths[k : k + 2]), (f"bias{k}", b, widths[k + 1 : k + 2])]
+        parts += [("out_mean", self.out_mean, sizes[1:]), ("out_scale", self.out_scale, sizes[1:])]
+        if self.skip is not None:
+            parts += [("skip_weights", self.skip.weights, sizes), ("skip_bias", self.skip.bias, sizes[1:])]
+        activation = TANH if self.activation == "tanh" else LOGISTIC
+        return pack(NETWORK, parts, sizes=sizes, more=[activation, self.skip is not None, *widths[1:]])
 
 
 @dataclass(frozen=True)
@@ -184,9 +197,3 @@ def sklearn_alpha(l2: float, rows: int, outputs: int) -> float:
 
 def _keras_batches(order: np.ndarray, batch: int) -> list[np.ndarray]:
     return [order[i : i + batch] for i in range(0, len(order), batch)]
-
-
-def _bend(values: Floats, activation: Activation) -> Floats:
-    if activation == "tanh":
-        return np.tanh(values)
-    return 0.5 * (1.0 + np.tanh(0.5 * values))  # the logistic function, without overflow

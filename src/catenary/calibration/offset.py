@@ -7,6 +7,7 @@ import numpy as np
 from sklearn.dummy import DummyRegressor
 
 from catenary.arrays import Floats
+from catenary.calibration.kernels import CONSTANT, Packed, pack, predict_rows
 
 
 @dataclass(frozen=True)
@@ -18,7 +19,12 @@ class Constant:
 
     def predict(self, X: Floats) -> Floats:
         """Give (N, m) for features (N, F)."""
-        return np.broadcast_to(self.value, (len(X), len(self.value)))
+        return predict_rows(self.pack(), X)
+
+    def pack(self) -> Packed:
+        """Give the arrays as compiled loops take them; features of any number."""
+        m = len(self.value)
+        return pack(CONSTANT, [("value", self.value, (m,))], sizes=(0, m))
 
 
 def fit_offset(X: Floats, Y: Floats) -> Constant:

@@ -8,6 +8,7 @@ from sklearn.linear_model import LinearRegression, Ridge
 from sklearn.preprocessing import PolynomialFeatures
 
 from catenary.arrays import Floats
+from catenary.calibration.kernels import QUADRATIC, Packed, pack, predict_rows
 from catenary.calibration.linear import standardisation
 
 
@@ -24,14 +25,19 @@ class Quadratic:
 
     def predict(self, X: Floats) -> Floats:
         """Give (N, m) for features (N, F)."""
-        Z = (X - self.mean) / self.scale
-        i, j = np.triu_indices(Z.shape[1])
-        rows = max(1, 4_000_000 // len(i))  # bounds the memory that the products take
+        return predict_rows(self.pack(), X)
+
+    def pack(self) -> Packed:
+        """Give the arrays as compiled loops take them."""
+        inputs, m = self.linear.shape
         parts = [
-            z @ self.linear + (z[:, i] * z[:, j]) @ self.quadratic
-            for z in (Z[k : k + rows] for k in range(0, len(Z), rows))
+            ("mean", self.mean, (inputs,)),
+            ("scale", self.scale, (inputs,)),
+            ("linear", self.linear, (inputs, m)),
+            ("quadratic", self.quadratic, (inputs * (inputs + 1) // 2, m)),
+            ("bias", self.bias, (m,)),
         ]
-        return np.concatenate(parts) + self.bias if parts else np.zeros((0, len(self.bias)))
+        return pack(QUADRATIC, parts, sizes=(inputs, m))
 
 
 def fit_polynomial(X: Floats, Y: Floats, *, ridge: float = 0.0) -> Quadratic:

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, as_array
+from catenary.calibration.kernels import in_lines, inside_rows
 from catenary.calibration.linear import standardisation
 
 SMALLEST_RANGE = 1e-6  # [standard deviations] below it a direction counts as not moved at all
@@ -28,10 +29,22 @@ class ValidRange:
 
     def inside(self, X: Floats) -> NDArray[np.bool_]:
         """Whether each row of features (N, F) lies within both boxes, (N,); never true for NaN."""
-        inside = np.asarray(((X >= self.lower) & (X <= self.upper)).all(axis=1))
-        projection = (X[inside] - self.mean) @ self.axes  # of finite rows only
-        inside[inside] = ((projection >= self.axis_lower) & (projection <= self.axis_upper)).all(axis=1)
-        return inside
+        count, axes = self.axes.shape
+        rows = as_array("features", X, (None, count), finite=False)
+        out = np.empty(len(rows), dtype=bool)
+        inside_rows(rows, axes, self.pack(), np.empty(count + axes), out)
+        return out
+
+    def pack(self) -> Floats:
+        """Give the arrays one after the other, as compiled loops take them.
+
+        Raises:
+            InputError: Their shapes do not fit together.
+        """
+        count, axes = self.axes.shape
+        shapes = {"lower": (count,), "upper": (count,), "mean": (count,), "axes": (count, axes)}
+        shapes |= {"axis_lower": (axes,), "axis_upper": (axes,)}
+        return in_lines([as_array(name, getattr(self, name), shape) for name, shape in shapes.items()])
 
 
 def fit_valid_range(X: Floats, margin: float) -> ValidRange:

@@ -1,0 +1,189 @@
+"""A calibration model inside a control loop: one compiled call per tick, the bits of the fitted model."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats, as_array
+from catenary.calibration.dataset import RATE_TOLERANCE
+from catenary.calibration.model import CalibrationModel
+from catenary.calibration.tick import (
+    SOURCES,
+    clear,
+    fuse,
+    tick,
+    tick_rows,
+    tick_state,
+    with_robot,
+)
+from catenary.errors import InputError
+from catenary.plant import JointState
+
+Flags = NDArray[np.bool_]
+
+
+class Corrector:
+    """Calibrated joint positions and valid-range flags from the signals of each tick.
+
+    Gives what `CalibrationModel.calibrate` gives, bit for bit, whatever the kind of model. It keeps the previous
+    positions and play states that the model takes. Until `history` of them have been seen, outside the valid range
+    and where an input is NaN, the flag is false and the fixed offset is added.
+
+    Previous positions lie `decimation` ticks apart, as far in time as the training rows did; they are taken anew at
+    every tick, so the correction is as smooth as the motion. Play states need no rate.
+    """
+
+    def __init__(
+        self, model: CalibrationModel, *, rate_hz: float = 1000.0, decimation: int | None = None
+    ) -> None:
+        """Compile the model's tick.
+
+        Args:
+            model: The model.
+            rate_hz: Rate of the loop [Hz]; matters to models with history only.
+            decimation: Ticks between previous positions; None divides the loop's rate by the training rows'.
+
+        Raises:
+            InputError: The model has history, and its training rows' rate is not known and `decimation` is None,
+                or no whole number of ticks is as long as their spacing, to 3 %; or its parts do not fit together.
+        """
+        self.model = model
+        self.rate_hz = rate_hz
+        self.decimation = _decimation(model, rate_hz, decimation)
+        self._layout, self._memory = fuse(model, self.decimation)
+        self._robot_layout = (
+            self._layout
+        )  # of a robot whose joints are the model's, until `prepare` says more
+        n, size = len(model.joint_names), len(model.features.signals)
+        self.correct(np.zeros(n), np.zeros(size), np.empty(n), np.empty(n, dtype=bool))  # compiles
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all previous ticks: another motion begins."""
+        clear(self._layout, self._memory)
+
+    def correct(self, q_nominal: Floats, signals: Floats, out: Floats, inside: Flags) -> None:
+        """Take one tick.
+
+        Args:
+            q_nominal: (n,) positions that the robot reports [rad|m].
+            signals: (S,) current values of `model.features.signals`, in that order.
+            out: (n,) receives the calibrated positions [rad|m].
+            inside: (n,) receives whether each joint is inside the model's valid range.
+
+        Raises:
+            InputError: An array has another size.
+        """
+        if not tick(self._layout, self._memory, q_nominal, signals, out, inside):
+            n, size = len(self.model.joint_names), len(self.model.features.signals)
+            raise InputError(
+                f"corrector: expected q_nominal ({n},), signals ({size},), out ({n},), inside ({n},), "
+                f"got {q_nominal.shape}, {signals.shape}, {out.shape}, {inside.shape}"
+            )
+
+    def run(self, q_nominal: Floats, signals: Floats) -> tuple[Floats, Flags]:
+        """Take a whole recording in one call, from its first row on.
+
+        Args:
+            q_nominal: (N, n) reported positions [rad|m].
+            signals: (N, S) values of `model.features.signals`.
+
+        Returns:
+            (N, n) calibrated positions [rad|m], and (N, n) whether each is inside the valid range.
+
+        Raises:
+            InputError: An array has another shape.
+        """
+        q = as_array("q_nominal", q_nominal, (None, len(self.model.joint_names)), finite=False)
+        rows = as_array("signals", signals, (len(q), len(self.model.features.signals)), finite=False)
+        out, inside = np.empty_like(q), np.empty(q.shape, dtype=bool)
+        self.reset()
+        tick_rows(self._layout, self._memory, q, rows, out, inside)
+        return out, inside
+
+    def prepare(self, joint_names: Sequence[str], joint_units: Sequence[str], rate_hz: float) -> None:
+        """Get ready for the joint states of a robot, which may have joints that the model does not.
+
+        Raises:
+            InputError: The robot lacks a joint of the model, or has it in another unit; an input is no position,
+                velocity or torque of its joints; or the model has history and the loop runs at another rate.
+        """
+        model, robot = self.model, ", ".join(joint_names)
+        for name, unit in zip(model.joint_names, model.joint_units, strict=True):
+            if name not in joint_names:
+                raise InputError(f'corrector: the robot has no joint "{name}"; it has {robot}')
+            if joint_units[joint_names.index(name)] != unit:
+                raise InputError(
+                    f'corrector: joint "{name}" is in {joint_units[joint_names.index(name)]}, the model in {unit}'
+                )
+        if model.features.history > 0 and abs(rate_hz / self.rate_hz - 1.0) > RATE_TOLERANCE:
+            raise InputError(
+                f"corrector: made for {self.rate_hz:g} Hz, the loop runs at {rate_hz:g} Hz; the model's previous "
+                f"positions would lie at other times. Make it with rate_hz={rate_hz:g}"
+            )
+        sources = []
+        for signal in model.features.signals:
+            group, _, joint = signal.partition(":")
+            if group not in SOURCES or joint not in joint_names:
+                raise InputError(
+                    f'corrector: input "{signal}" is in no joint state; expected q, qd or tau of {robot}'
+                )
+            sources.append((SOURCES.index(group), joint_names.index(joint)))
+        places = [joint_names.index(name) for name in model.joint_names]
+        size = len(joint_names)
+        self._robot_layout = with_robot(self._layout, places, sources, size)
+        zero = np.zeros(size)
+        tick_state(
+            self._robot_layout,
+            self._memory,
+            zero,
+            zero,
+            zero,
+            np.empty(size),
+            np.empty(size, dtype=bool),
+        )  # compiles
+        self.reset()
+
+    def correct_state(self, state: JointState, out: Floats, inside: Flags) -> None:
+        """Take one tick of the robot that `prepare` was told of.
+
+        Args:
+            state: What the robot reports.
+            out: (n,) receives the calibrated positions [rad|m]; joints without a model pass through.
+            inside: (n,) receives the flags; true for joints without a model.
+
+        Raises:
+            InputError: An array has another size than the robot's joints.
+        """
+        if not tick_state(self._robot_layout, self._memory, state.q, state.qd, state.tau, out, inside):
+            raise InputError(
+                "corrector: q, qd, tau, out and inside are not of the robot that it was prepared for: "
+                f"{state.q.shape}, {state.qd.shape}, {state.tau.shape}, {out.shape}, {inside.shape}"
+            )
+
+
+def _decimation(model: CalibrationModel, rate_hz: float, decimation: int | None) -> int:
+    if not 0.0 < rate_hz < float("inf"):
+        raise InputError(f"rate_hz: expected a positive rate, got {rate_hz}")
+    if decimation is not None and decimation < 1:
+        raise InputError(f"decimation: expected one or more ticks, got {decimation}")
+    history, trained = model.features.history, model.rate_hz
+    if history == 0:
+        return 1
+    if trained is None:
+        if decimation is None:
+            raise InputError(
+                f"corrector: the model takes {history} previous positions, and its training recordings do not say "
+                "how far apart in time they lie; give `decimation`, the number of ticks between them"
+            )
+        return decimation
+    ticks = decimation or max(1, round(rate_hz / trained))
+    if abs(rate_hz / ticks / trained - 1.0) > RATE_TOLERANCE:
+        raise InputError(
+            f"corrector: the model's {history} previous positions lie {1.0 / trained:.4g} s apart ({trained:.4g} Hz); "
+            f"{ticks} tick(s) at {rate_hz:g} Hz are {ticks / rate_hz:.4g} s, more than {RATE_TOLERANCE:.0%} off. "
+            "Run the loop at a multiple of the training rate, or train at a fraction of the loop's, "
+            "or use play states, which need no rate"
+        )
+    return ticks

@@ -1,0 +1,119 @@
+"""Limits on the torque that is sent: size, rate of change, and the way to a joint limit."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catenary.arrays import Floats, as_array
+from catenary.compiled import compiled
+from catenary.errors import InputError
+
+
+class TorqueLimits:
+    """Makes any torque one that may be sent; never raises in the tick.
+
+    In this order, per joint:
+
+    1. A torque that is NaN or infinite, or one for a joint whose position is, becomes zero.
+    2. Within `taper` of a joint limit, torque towards the limit fades linearly, to none at the limit and beyond;
+       torque away from it stays whole.
+    3. Saturation: -torque to torque.
+    4. Slew: no more than `slew` dt from the torque sent before. It comes last, so what is sent never leaps, also when
+       a NaN or a limit demands a leap; between two saturated torques it stays saturated.
+
+    `limited` and `not_finite` count ticks since `reset`.
+    """
+
+    def __init__(
+        self,
+        torque: ArrayLike,
+        *,
+        slew: ArrayLike | None = None,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
+        taper: ArrayLike | None = None,
+    ) -> None:
+        """Take the limits.
+
+        Args:
+            torque: (n,) largest torque [Nm|N]; infinity for none.
+            slew: (n,) largest rate of change [Nm/s|N/s]; any when None.
+            lower: (n,) joint limits as the robot reports positions [rad|m].
+            upper: (n,) likewise.
+            taper: (n,) distance from a joint limit over which torque fades [rad|m]; zero for a joint without, None
+                for none at all.
+
+        Raises:
+            InputError: Other shapes, negative limits, taper without joint limits.
+        """
+        self.torque = as_array("torque", torque, (None,), finite=False)
+        shape = self.torque.shape
+        self.slew = as_array("slew", np.full(shape, np.inf) if slew is None else slew, shape, finite=False)
+        self.taper = as_array("taper", np.zeros(shape) if taper is None else taper, shape)
+        if taper is not None and (lower is None or upper is None):
+            raise InputError("taper: expected the joint limits, lower and upper, too")
+        self.lower = as_array(
+            "lower", np.full(shape, -np.inf) if lower is None else lower, shape, finite=False
+        )
+        self.upper = as_array(
+            "upper", np.full(shape, np.inf) if upper is None else upper, shape, finite=False
+        )
+        for name, values in (("torque", self.torque), ("slew", self.slew), ("taper", self.taper)):
+            if not (values >= 0.0).all():
+                raise InputError(f"{name}: expected zero or more, got {values.tolist()}")
+        if not (self.lower <= self.upper).all():
+            raise InputError(f"lower {self.lower.tolist()}: expected at most upper {self.upper.tolist()}")
+        self._rows = np.stack([self.torque, self.slew, self.lower, self.upper, self.taper])
+        self._last = np.zeros(shape)
+        self._counts = np.zeros(2, dtype=np.int64)
+
+    @property
+    def limited(self) -> int:
+        """Ticks in which any torque was made smaller or slower."""
+        return int(self._counts[0])
+
+    @property
+    def not_finite(self) -> int:
+        """Ticks in which any torque or position was NaN or infinite."""
+        return int(self._counts[1])
+
+    def reset(self, tau: Floats) -> None:
+        """Begin from a torque (n,) [Nm|N] that is being applied; NaN counts as none.
+
+        Raises:
+            InputError: Another number of joints.
+        """
+        applied = as_array("tau", tau, self.torque.shape, finite=False)
+        self._last[:] = np.clip(np.nan_to_num(applied, nan=0.0), -self.torque, self.torque)
+        self._counts[:] = 0
+
+    def apply(self, tau: Floats, q: Floats, dt: float) -> Floats:
+        """What may be sent of tau (n,) [Nm|N], at positions q (n,) [rad|m], dt [s] after the last."""
+        sent = np.empty(len(self._last))
+        _limit(self._rows, self._last, self._counts, tau, q, dt, sent)
+        return sent
+
+
+@compiled
+def _limit(
+    rows: Floats, last: Floats, counts: NDArray[np.int64], tau: Floats, q: Floats, dt: float, sent: Floats
+) -> None:
+    limited, not_finite = False, False
+    for j in range(len(sent)):
+        # a torque that is missing is as good as NaN
+        wanted = tau[j] if j < len(tau) and j < len(q) else np.nan
+        torque, slew, lower, upper, taper = rows[0, j], rows[1, j], rows[2, j], rows[3, j], rows[4, j]
+        if not (np.isfinite(wanted) and np.isfinite(q[j])):
+            wanted = 0.0
+            not_finite = True
+        value = wanted
+        if taper > 0.0 and value != 0.0:  # then the position is a number, too
+            room = (upper - q[j] if value > 0.0 else q[j] - lower) / taper
+            value *= min(max(room, 0.0), 1.0)
+        value = min(max(value, -torque), torque)
+        step = slew * dt
+        value = min(max(value, last[j] - step), last[j] + step)
+        limited |= value != wanted
+        last[j] = value
+        sent[j] = value
+    counts[0] += limited
+    counts[1] += not_finite

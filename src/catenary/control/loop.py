@@ -1,0 +1,234 @@
+"""The control loop: the only clock, and the only place that cleans up behind a controller."""
+
+import contextlib
+import logging
+import math
+import time
+from collections.abc import Callable, Sequence
+from itertools import count
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats, as_array
+from catenary.control.controller import Controller
+from catenary.control.limits import TorqueLimits
+from catenary.control.realtime import Durations, RealTime
+from catenary.control.report import LoopReport, Tally
+from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
+from catenary.plant import JointState, Plant
+from catenary.trajectories.reference import Reference, Trajectory
+
+Flags = NDArray[np.bool_]
+_log = logging.getLogger(__name__)
+
+
+class StateCorrector(Protocol):
+    """What tells the loop where the joints really are, such as a deployed calibration model."""
+
+    def prepare(self, joint_names: Sequence[str], joint_units: Sequence[str], rate_hz: float) -> None:
+        """Get ready for a robot, or raise; forget all previous ticks."""
+        ...
+
+    def correct_state(self, state: JointState, out: Floats, inside: Flags) -> None:
+        """Write calibrated positions (n,) [rad|m], and whether each joint is inside the valid range (n,)."""
+        ...
+
+
+class Tick(NamedTuple):
+    """What one tick measured and sent; the arrays are the observer's to keep, not to change."""
+
+    number: int
+    time: float  # [s] since the start, in ticks
+    state: JointState  # q is q_calibrated where a corrector is there
+    q_nominal: Floats  # (n,) [rad|m] as the robot reported it
+    inside: Flags  # (n,) inside the corrector's valid range; true without corrector
+    reference: Reference
+    tau: Floats | None  # (n,) [Nm|N] that was sent; None when `reference.q` was, as a position
+
+
+Observer = Callable[[Tick], None]
+
+
+def run_loop(
+    plant: Plant,
+    controller: Controller | None,
+    trajectory: Trajectory,
+    *,
+    limits: TorqueLimits | None = None,
+    rate_hz: float = 1000.0,
+    corrector: StateCorrector | None = None,
+    observers: Sequence[Observer] = (),
+    duration: float | None = None,
+    real_time: bool = False,
+) -> LoopReport:
+    """Run a controller on a robot along a trajectory.
+
+    A tick: measure, correct, control, limit, send, observe, wait. Without a controller the reference's positions are
+    sent, and the robot's own firmware controls. The trajectory's time advances by a period each tick: a late tick
+    delays the motion, it never makes it leap. The clock starts when the first command has gone out, so that whatever
+    is compiled on first use holds up nothing but the start.
+
+    At the end the robot holds its position, by its firmware where it has servo_jp, otherwise at zero torque and
+    paused. Whatever else ends the loop, an error or Ctrl-C, it holds its last measured position or gets zero torque,
+    and is paused; the error goes on, with the report so far as its attribute `loop_report`.
+
+    Args:
+        plant: Enabled and homed.
+        controller: Gives torques; None sends positions.
+        trajectory: Of all joints of the plant.
+        limits: On torque; None stops only NaN and infinity, which become zero torque.
+        rate_hz: Of ticks; the plant's own rate divided by a whole number.
+        corrector: Turns reported positions into calibrated ones before the controller sees them. Limits look at
+            reported ones, in which the robot's joint limits are.
+        observers: Called with every tick, after its command was sent.
+        duration: [s]; the trajectory's when None; infinity runs until Ctrl-C.
+        real_time: Keep time also with a simulated plant, which otherwise runs as fast as it can.
+
+    Returns:
+        Timing, trust and tracking.
+
+    Raises:
+        NotReadyError: The plant is not enabled, not homed or busy; nothing was sent.
+        UnsupportedCommandError: It takes no torques, or without controller no positions.
+        InputError: Rate, duration, trajectory or limits do not fit the plant.
+    """
+    waits = _require_ready(plant, controller, rate_hz)
+    n, dt = len(plant.joint_names), 1.0 / rate_hz
+    length = trajectory.duration if duration is None else duration
+    if not length >= 0.0:
+        raise InputError(f"duration: expected zero or more seconds, got {length}")
+    # the last tick sends the reference at the end; 1e-9 forgives rounding
+    numbers = range(math.ceil(length * rate_hz - 1e-9) + 1) if math.isfinite(length) else count()
+    as_array("reference q", trajectory(0.0).q, (n,))
+    state = plant.measured_js()
+    if limits is None:
+        limits = TorqueLimits(np.full(n, np.inf))
+    limits.reset(state.tau)
+    if corrector is not None:
+        corrector.prepare(plant.joint_names, plant.joint_units, rate_hz)
+    clock = RealTime(dt) if real_time or not plant.simulated else None
+    compute, tally, inside = Durations(), Tally(n), np.ones(n, dtype=bool)
+    ticks, held = 0, state.q
+    finished = False
+
+    def report() -> LoopReport:
+        return LoopReport(
+            joint_names=plant.joint_names,
+            joint_units=plant.joint_units,
+            rate_hz=rate_hz,
+            ticks=ticks,
+            finished=finished,
+            compute=compute.timing(),
+            jitter=None if clock is None else clock.jitter.timing(),
+            overruns=None if clock is None else clock.overruns,
+            has_priority=clock is not None and clock.has_priority,
+            outside_valid_range=None if corrector is None else tally.outside(ticks),
+            tracking_nominal=tally.tracking_nominal(),
+            tracking_calibrated=None if corrector is None else tally.tracking_calibrated(),
+            limited_ticks=limits.limited,
+            not_finite_ticks=limits.not_finite,
+        )
+
+    try:
+        if clock is not None:
+            clock.begin()
+        for number in numbers:
+            begin = time.perf_counter()
+            state = plant.measured_js()
+            q_nominal = held = state.q
+            if corrector is not None:
+                calibrated, inside = np.empty(n), np.empty(n, dtype=bool)
+                corrector.correct_state(state, calibrated, inside)
+                state = JointState(state.time, calibrated, *state[2:])
+            reference = trajectory(number * dt)
+            tau = None
+            if controller is None:
+                plant.servo_jp(reference.q)
+            else:
+                tau = limits.apply(controller.torque(state, reference), q_nominal, dt)
+                plant.servo_jf(tau)
+            tally.add(reference.q, q_nominal, state.q, inside)
+            ticks += 1
+            for observe in observers:
+                observe(Tick(number, number * dt, state, q_nominal, inside, reference, tau))
+            if number > 0:
+                compute.add(time.perf_counter() - begin)
+            for _ in range(waits):
+                plant.wait()
+            if clock is not None:
+                if number > 0:
+                    clock.wait()
+                else:
+                    clock.start()
+        finished = True
+        if controller is not None:
+            _hand_over(plant)
+        return report()
+    except BaseException as error:  # Ctrl-C too: whatever ends the loop must not leave the robot under way
+        _leave_safe(plant, held, error)
+        finished = False
+        error.loop_report = report()  # type: ignore[attr-defined]
+        error.add_note(f"the control loop ended after {ticks} ticks ({ticks * dt:.3f} s)")
+        raise
+    finally:
+        if clock is not None:
+            clock.end()
+
+
+def _require_ready(plant: Plant, controller: Controller | None, rate_hz: float) -> int:
+    """Refuse what cannot run; give the number of the plant's ticks in one of the loop's."""
+    verb = "servo_jp" if controller is None else "servo_jf"
+    if verb not in plant.supports:
+        raise UnsupportedCommandError(
+            f"the robot has no {verb}, which this loop needs; it has {', '.join(sorted(plant.supports))}"
+        )
+    state = plant.operating_state()
+    if state.state != "ENABLED":
+        raise NotReadyError(f"the robot is {state.state}, expected ENABLED; nothing was sent")
+    if not state.is_homed:
+        raise NotReadyError("the robot is not homed: its joint positions mean nothing yet; nothing was sent")
+    if state.is_busy:
+        raise NotReadyError("the robot is busy with a motion of its own; nothing was sent")
+    if not 0.0 < rate_hz < math.inf:
+        raise InputError(f"rate_hz: expected a positive rate, got {rate_hz}")
+    ratio = 1.0 / (rate_hz * plant.period)
+    waits = max(1, round(ratio))
+    if abs(ratio / waits - 1.0) > 0.01:
+        raise InputError(
+            f"rate_hz {rate_hz:g}: expected the robot's rate, {1.0 / plant.period:g} Hz, divided by a whole number"
+        )
+    return waits
+
+
+def _hand_over(plant: Plant) -> None:
+    """Let the robot hold where it is, without the controller."""
+    if "servo_jp" in plant.supports:
+        plant.servo_jp(plant.measured_js().q)
+    else:
+        plant.servo_jf(np.zeros(len(plant.joint_names)))
+        plant.state_command("pause")
+
+
+def _leave_safe(plant: Plant, last: Floats, error: BaseException) -> None:
+    """Hold the last measured position or go limp, then pause; what fails on the way is told with the error."""
+
+    def hold() -> None:
+        q = last
+        with contextlib.suppress(Exception):  # measuring may be what failed
+            q = plant.measured_js().q
+        if "servo_jp" in plant.supports and np.isfinite(q).all():
+            plant.servo_jp(q)
+        else:
+            plant.servo_jf(np.zeros(len(q)))
+
+    def pause() -> None:
+        plant.state_command("pause")
+
+    for name, action in (("holding", hold), ("pausing", pause)):
+        try:
+            action()
+        except BaseException as another:  # a second Ctrl-C, too, must not keep the robot from being paused
+            error.add_note(f"{name} the robot failed: {another!r}")
+            _log.error("%s the robot failed: %r", name, another)

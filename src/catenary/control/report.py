@@ -1,0 +1,96 @@
+"""What a run of the control loop says about itself."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.compiled import compiled
+from catenary.control.realtime import Timing
+
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class LoopReport:
+    """Timing, trust and tracking of one run; per joint in the robot's order."""
+
+    joint_names: tuple[str, ...]
+    joint_units: tuple[str, ...]
+    rate_hz: float
+    ticks: int
+    finished: bool  # false when an error or Ctrl-C ended it
+    compute: Timing | None  # [s] of a tick: measuring, correcting, controlling, sending, observing
+    jitter: Timing | None  # [s] by which periods differed from the nominal one; None when not in real time
+    overruns: int | None  # ticks that were not done by their deadline; None when not in real time
+    has_priority: bool  # real-time priority was granted
+    outside_valid_range: tuple[float, ...] | None  # share of ticks, per joint; None without corrector
+    tracking_nominal: tuple[float, ...]  # RMS of reference - q_nominal [rad|m]; NaN where never measured
+    tracking_calibrated: (
+        tuple[float, ...] | None
+    )  # RMS of reference - q_calibrated [rad|m]; None without corrector
+    limited_ticks: int  # in which the limits changed a torque
+    not_finite_ticks: int  # in which a torque or position was NaN or infinite, and no torque sent for it
+
+    def __str__(self) -> str:
+        lines = [f"{self.ticks} ticks at {self.rate_hz:g} Hz" + ("" if self.finished else ", not finished")]
+        for name, timing in (("compute time", self.compute), ("period jitter", self.jitter)):
+            if timing is not None:
+                values = zip(("median", "p99", "p99.9", "max"), timing, strict=True)
+                lines.append(f"{name} [us]: " + ", ".join(f"{key} {1e6 * v:.4g}" for key, v in values))
+        if self.overruns is not None:
+            lines.append(
+                f"overruns: {self.overruns}; real-time priority: {'yes' if self.has_priority else 'no'}"
+            )
+        for j, (name, unit) in enumerate(zip(self.joint_names, self.joint_units, strict=True)):
+            line = f"{name}: tracking error {self.tracking_nominal[j]:.4g} {unit} RMS"
+            if self.tracking_calibrated is not None and self.outside_valid_range is not None:
+                line += f", calibrated {self.tracking_calibrated[j]:.4g} {unit}"
+                line += f"; outside the valid range {100.0 * self.outside_valid_range[j]:.3g} % of ticks"
+            lines.append(line)
+        return "\n".join(lines)
+
+
+class Tally:
+    """Sums over the ticks of a run."""
+
+    def __init__(self, joints: int) -> None:
+        self._sums = np.zeros((5, joints))
+
+    def add(self, q_ref: Floats, q_nominal: Floats, q_calibrated: Floats, inside: Flags) -> None:
+        """Count a tick, each (n,)."""
+        _add(self._sums, q_ref, q_nominal, q_calibrated, inside)
+
+    def tracking_nominal(self) -> tuple[float, ...]:
+        """RMS of reference - q_nominal (n,) over the ticks in which it was a number [rad|m]."""
+        return _rms(self._sums[0], self._sums[1])
+
+    def tracking_calibrated(self) -> tuple[float, ...]:
+        """Same of q_calibrated."""
+        return _rms(self._sums[2], self._sums[3])
+
+    def outside(self, ticks: int) -> tuple[float, ...]:
+        """Share of ticks outside the valid range (n,)."""
+        return tuple(float(v) / max(1, ticks) for v in self._sums[4])
+
+
+def _rms(squares: Floats, counts: Floats) -> tuple[float, ...]:
+    return tuple(
+        float(np.sqrt(square / count)) if count > 0.0 else float("nan")
+        for square, count in zip(squares, counts, strict=True)
+    )
+
+
+@compiled
+def _add(sums: Floats, q_ref: Floats, q_nominal: Floats, q_calibrated: Floats, inside: Flags) -> None:
+    for j in range(sums.shape[1]):
+        nominal, calibrated = q_ref[j] - q_nominal[j], q_ref[j] - q_calibrated[j]
+        if np.isfinite(nominal):
+            sums[0, j] += nominal * nominal
+            sums[1, j] += 1.0
+        if np.isfinite(calibrated):
+            sums[2, j] += calibrated * calibrated
+            sums[3, j] += 1.0
+        if not inside[j]:
+            sums[4, j] += 1.0

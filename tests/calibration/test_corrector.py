@@ -1,0 +1,204 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from catenary.arrays import Floats
+from catenary.calibration.corrector import Corrector
+from catenary.calibration.linear import Linear
+from catenary.calibration.model import CalibrationModel
+from catenary.errors import InputError
+from catenary.plant import JointState
+from oracles.calibration_models import random_model
+
+RNG = np.random.default_rng(0)
+SIGNALS = np.cumsum(0.2 * RNG.normal(size=(200, 5)), axis=0)  # three positions, two torques
+NAMES, UNITS = ("j0", "j1", "j2"), ("rad", "rad", "m")
+
+
+def model(**options: object) -> CalibrationModel:
+    return random_model("linear", SIGNALS, np.random.default_rng(1), joints=3, torques=2, **options)  # type: ignore[arg-type]
+
+
+def state(q: Floats, tau: Floats) -> JointState:
+    return JointState(0.0, q, np.zeros_like(q), tau, np.zeros(0), np.zeros(3), 0.0)
+
+
+def test_history_at_a_multiple_of_the_training_rate_looks_as_far_back_in_time() -> None:
+    slow = model(history=3, rate_hz=50.0)
+    calibrated, flags = Corrector(slow, rate_hz=50.0).run(SIGNALS[:, :3], SIGNALS)
+    held = np.repeat(SIGNALS, 20, axis=0)  # the same motion at 1 kHz, each row for 20 ticks
+    corrector = Corrector(slow, rate_hz=1000.0)
+    assert corrector.decimation == 20
+    out, inside = corrector.run(held[:, :3], held)
+    assert_array_equal(out[::20], calibrated)
+    assert_array_equal(inside[::20], flags)
+
+
+def test_play_states_need_no_rate() -> None:
+    hysteretic = model(plays=2)
+    calibrated, _ = Corrector(hysteretic).run(SIGNALS[:, :3], SIGNALS)
+    held = np.repeat(SIGNALS, 7, axis=0)
+    out, _ = Corrector(hysteretic, rate_hz=333.0).run(held[:, :3], held)
+    assert_array_equal(out[::7], calibrated)
+
+
+def test_a_rate_that_is_no_multiple_of_the_training_rate_is_refused() -> None:
+    with pytest.raises(InputError, match=r"0\.025 s apart \(40 Hz\); 2 tick\(s\) at 66 Hz are 0\.0303 s"):
+        Corrector(model(history=2, rate_hz=40.0), rate_hz=66.0)
+    with pytest.raises(InputError, match=r"previous positions lie 0\.02 s apart"):
+        Corrector(model(history=2, rate_hz=50.0), rate_hz=1000.0, decimation=10)
+    with pytest.raises(InputError, match="more than 3% off"):
+        Corrector(model(history=2, rate_hz=2000.0), rate_hz=1000.0)
+
+
+def test_a_few_per_cent_of_rate_are_taken() -> None:
+    assert Corrector(model(history=2, rate_hz=30.0), rate_hz=1000.0).decimation == 33
+
+
+def test_history_of_unknown_rate_needs_its_decimation_said() -> None:
+    unknown = model(history=2, rate_hz=None)
+    with pytest.raises(InputError, match=r"takes 2 previous positions, .* give `decimation`"):
+        Corrector(unknown)
+    assert Corrector(unknown, decimation=33).decimation == 33
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"rate_hz": 0.0}, "rate_hz: expected a positive"),
+        ({"decimation": 0}, "decimation: expected one or more"),
+    ],
+)
+def test_rates_and_decimations_are_positive(options: dict[str, float], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Corrector(model(history=1), **options)  # type: ignore[arg-type]
+
+
+def test_reset_forgets_previous_ticks() -> None:
+    remembering = model(history=2, plays=1, rate_hz=1000.0)
+    corrector = Corrector(remembering)
+    first = corrector.run(SIGNALS[:, :3], SIGNALS)
+    corrector.run(SIGNALS[::-1, :3], SIGNALS[::-1])
+    again = corrector.run(SIGNALS[:, :3], SIGNALS)
+    assert_array_equal(first[0], again[0])
+    assert_array_equal(first[1], again[1])
+
+
+def test_nan_among_previous_positions_clears_the_flag_for_as_long_as_it_is_one() -> None:
+    corrector = Corrector(model(history=3, rate_hz=1000.0))
+    still = np.tile(np.median(SIGNALS, axis=0), (20, 1))
+    broken = still.copy()
+    broken[10, 0] = np.nan
+    _, sound = corrector.run(still[:, :3], still)
+    _, inside = corrector.run(still[:, :3], broken)
+    assert sound[3:].all()
+    assert not inside[10:14].any()
+    assert inside[14:].all()
+
+
+def test_nan_before_the_first_number_does_not_stick_in_the_play_states() -> None:
+    corrector = Corrector(model(plays=2))
+    late = SIGNALS.copy()
+    late[:5] = np.nan
+    out, _ = corrector.run(late[:, :3], late)
+    expected, _ = corrector.run(SIGNALS[5:, :3], SIGNALS[5:])
+    assert np.isnan(out[:5]).all()
+    assert_array_equal(out[5:], expected)
+
+
+def test_unmeasured_joint_is_outside_the_valid_range() -> None:
+    corrector = Corrector(model())
+    q = SIGNALS[:3, :3].copy()
+    q[1, 2] = np.nan
+    _, inside = corrector.run(q, np.tile(np.median(SIGNALS, axis=0), (3, 1)))
+    assert inside[1].tolist() == [True, True, False]
+
+
+def test_joint_state_of_a_robot_with_more_joints_in_another_order() -> None:
+    corrector = Corrector(model(history=1, plays=1, rate_hz=1000.0))
+    corrector.prepare(["wrist", "j2", "j0", "j1"], ["rad", "m", "rad", "rad"], 1000.0)
+    expected, flags = corrector.run(SIGNALS[:, :3], SIGNALS)
+    corrector.reset()
+    out, inside = np.empty(4), np.empty(4, dtype=bool)
+    for k, row in enumerate(SIGNALS):
+        q = np.array([7.0, row[2], row[0], row[1]])
+        tau = np.array([9.0, 0.0, row[3], row[4]])
+        corrector.correct_state(state(q, tau), out, inside)
+        assert_array_equal(out, [7.0, expected[k, 2], expected[k, 0], expected[k, 1]])
+        assert_array_equal(inside, [True, flags[k, 2], flags[k, 0], flags[k, 1]])
+
+
+def test_calibrated_positions_may_overwrite_the_reported_ones() -> None:
+    corrector = Corrector(model())
+    expected, _ = corrector.run(SIGNALS[:1, :3], SIGNALS[:1])
+    q = SIGNALS[0, :3].copy()
+    corrector.correct(q, SIGNALS[0], q, np.empty(3, dtype=bool))
+    assert_array_equal(q, expected[0])
+
+
+@pytest.mark.parametrize(
+    ("names", "units", "message"),
+    [
+        (NAMES[:2], UNITS[:2], 'the robot has no joint "j2"; it has j0, j1'),
+        (NAMES, ("rad", "rad", "rad"), 'joint "j2" is in rad, the model in m'),
+    ],
+)
+def test_robots_with_other_joints_are_refused(
+    names: tuple[str, ...], units: tuple[str, ...], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        Corrector(model()).prepare(names, units, 1000.0)
+
+
+def test_inputs_that_no_joint_state_has_are_refused() -> None:
+    fine = model()
+    signals = ("q:j0", "q:j1", "q:j2", "tau:j0", "motor_temperature")
+    other = replace(fine, features=replace(fine.features, signals=signals))
+    with pytest.raises(InputError, match='input "motor_temperature" is in no joint state'):
+        Corrector(other).prepare(NAMES, UNITS, 1000.0)
+
+
+def test_history_refuses_a_loop_at_another_rate_than_it_was_made_for() -> None:
+    corrector = Corrector(model(history=1, rate_hz=50.0), rate_hz=1000.0)
+    with pytest.raises(InputError, match="made for 1000 Hz, the loop runs at 500 Hz"):
+        corrector.prepare(NAMES, UNITS, 500.0)
+    Corrector(model(), rate_hz=1000.0).prepare(NAMES, UNITS, 500.0)  # without history any rate does
+
+
+def test_joint_states_are_refused_before_the_robot_is_known() -> None:
+    with pytest.raises(InputError, match="not of the robot that it was prepared for"):
+        Corrector(model()).correct_state(
+            state(np.zeros(3), np.zeros(3)), np.empty(3), np.empty(3, dtype=bool)
+        )
+
+
+@pytest.mark.parametrize("sizes", [(2, 5, 3, 3), (3, 4, 3, 3), (3, 5, 4, 3), (3, 5, 3, 2)])
+def test_arrays_of_another_size_are_refused(sizes: tuple[int, int, int, int]) -> None:
+    q, signals, out, inside = (np.zeros(size) for size in sizes)
+    with pytest.raises(InputError, match=r"expected q_nominal \(3,\), signals \(5,\)"):
+        Corrector(model()).correct(q, signals, out, inside.astype(bool))
+
+
+def test_recordings_of_another_shape_are_refused() -> None:
+    with pytest.raises(InputError, match=r"signals: expected shape \(200, 5\), got \(200, 4\)"):
+        Corrector(model()).run(SIGNALS[:, :3], SIGNALS[:, :4])
+
+
+def test_models_whose_parts_do_not_fit_together_are_refused() -> None:
+    fine = model()
+    group = fine.groups[0]
+    narrow = replace(group, predictor=Linear(np.zeros((4, 3)), np.zeros(3)))
+    with pytest.raises(
+        InputError, match="take 5 features, 5 of them watched; the predictor takes 4 and gives 3"
+    ):
+        Corrector(replace(fine, groups=(narrow,)))
+    beyond = replace(group, columns=np.arange(1, 6))
+    with pytest.raises(InputError, match="features beyond the 5 that there are"):
+        Corrector(replace(fine, groups=(beyond,)))
+    broken = replace(group, predictor=Linear(np.full((5, 3), np.nan), np.zeros(3)))
+    with pytest.raises(InputError, match="NaN or infinity"):
+        Corrector(replace(fine, groups=(broken,)))
+    with pytest.raises(InputError, match="each of its 3 joints in one group"):
+        Corrector(replace(fine, groups=()))

@@ -1,0 +1,104 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.control.limits import TorqueLimits
+from catenary.errors import InputError
+
+DT = 0.001
+ANY = st.floats(allow_nan=True, allow_infinity=True)
+
+
+def once(limits: TorqueLimits, tau: list[float], q: list[float] | None = None) -> list[float]:
+    return limits.apply(np.array(tau), np.array(q if q is not None else [0.0] * len(tau)), DT).tolist()
+
+
+def test_small_torques_pass_unchanged() -> None:
+    limits = TorqueLimits([2.0, 3.0], slew=[1e6, 1e6], lower=[-1.0, -1.0], upper=[1.0, 1.0], taper=[0.1, 0.0])
+    assert once(limits, [1.9, -2.9], [0.5, 0.99]) == [1.9, -2.9]
+    assert limits.limited == 0
+
+
+def test_large_torques_are_cut() -> None:
+    limits = TorqueLimits([2.0, 3.0])
+    assert once(limits, [5.0, -5.0]) == [2.0, -3.0]
+    assert limits.limited == 1
+
+
+def test_torque_changes_no_faster_than_the_slew_rate() -> None:
+    limits = TorqueLimits([10.0], slew=[1000.0])
+    assert [once(limits, [tau])[0] for tau in (5.0, 5.0, 1.5, -9.0)] == [1.0, 2.0, 1.5, 0.5]
+
+
+def test_slew_begins_from_the_torque_being_applied() -> None:
+    limits = TorqueLimits([10.0], slew=[1000.0])
+    limits.reset(np.array([7.0]))
+    assert once(limits, [0.0]) == [6.0]
+
+
+def test_torque_towards_a_joint_limit_fades_and_away_from_it_stays() -> None:
+    q = np.array([0.8, 0.9, 0.95, 1.0, 1.1])
+    limits = TorqueLimits(
+        np.full(5, 9.0), lower=np.full(5, -1.0), upper=np.full(5, 1.0), taper=np.full(5, 0.2)
+    )
+    assert_allclose(limits.apply(np.full(5, 4.0), q, DT), [4.0, 2.0, 1.0, 0.0, 0.0], atol=1e-12)
+    assert_array_equal(limits.apply(np.full(5, -4.0), q, DT), np.full(5, -4.0))
+    assert_allclose(limits.apply(np.full(5, -4.0), -q, DT), [-4.0, -2.0, -1.0, 0.0, 0.0], atol=1e-12)
+    assert_array_equal(limits.apply(np.full(5, 4.0), -q, DT), np.full(5, 4.0))
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_what_is_no_number_becomes_zero_torque_of_that_joint(bad: float) -> None:
+    limits = TorqueLimits([2.0, 2.0])
+    assert once(limits, [bad, 1.0]) == [0.0, 1.0]
+    assert once(limits, [1.0, 1.0], [0.0, bad]) == [1.0, 0.0]
+    assert limits.not_finite == 2
+
+
+def test_a_single_nan_does_not_make_the_torque_leap() -> None:
+    limits = TorqueLimits([10.0], slew=[1000.0])
+    limits.reset(np.array([5.0]))
+    assert [once(limits, [tau])[0] for tau in (np.nan, 5.0)] == [4.0, 5.0]
+
+
+def test_a_torque_of_too_few_joints_is_none_for_the_rest() -> None:
+    assert once(TorqueLimits([2.0, 2.0]), [1.0], [0.0, 0.0]) == [1.0, 0.0]
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(st.tuples(ANY, ANY), min_size=1, max_size=8))
+def test_whatever_is_demanded_what_is_sent_is_a_number_within_the_limits(
+    demands: list[tuple[float, float]],
+) -> None:
+    limits = TorqueLimits([2.0], slew=[500.0], lower=[-1.0], upper=[1.0], taper=[0.1])
+    last = 0.0
+    for tau, q in demands:
+        (sent,) = once(limits, [tau], [q])
+        assert abs(sent) <= 2.0
+        assert abs(sent - last) <= 0.5 + 1e-12
+        last = sent
+
+
+def test_reset_forgets_and_takes_nan_as_no_torque() -> None:
+    limits = TorqueLimits([2.0], slew=[1000.0])
+    once(limits, [np.nan])
+    limits.reset(np.array([np.nan]))
+    assert (limits.limited, limits.not_finite) == (0, 0)
+    assert once(limits, [0.5]) == [0.5]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"torque": [-1.0]}, "torque: expected zero or more"),
+        ({"torque": [np.nan]}, "torque: expected zero or more"),
+        ({"torque": [1.0], "slew": [1.0, 2.0]}, "slew: expected shape"),
+        ({"torque": [1.0], "taper": [0.1]}, "taper: expected the joint limits"),
+        ({"torque": [1.0], "lower": [1.0], "upper": [0.0]}, "lower"),
+    ],
+)
+def test_impossible_limits_are_refused(arguments: dict[str, list[float]], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        TorqueLimits(**arguments)

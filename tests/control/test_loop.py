@@ -1,0 +1,338 @@
+import gc
+import os
+import time
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.arrays import Floats
+from catenary.calibration.corrector import Corrector
+from catenary.control.limits import TorqueLimits
+from catenary.control.loop import Tick, run_loop
+from catenary.control.pd import JointPD
+from catenary.control.report import LoopReport
+from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
+from catenary.plant import JointState, OperatingState
+from catenary.trajectories.reference import Reference, Trajectory
+from oracles.calibration_models import random_model
+from oracles.mass_plant import MassPlant
+
+ZERO = np.zeros(2)
+
+
+class Swing(Trajectory):
+    """Both joints on a sine of 1 Hz, for as long as it is told."""
+
+    def __init__(self, duration: float) -> None:
+        self._duration = duration
+
+    @property
+    def duration(self) -> float:
+        return self._duration
+
+    def __call__(self, t: float) -> Reference:
+        w = 2.0 * np.pi
+        q = np.full(2, 0.1 * np.sin(w * t))
+        return Reference(q, np.full(2, 0.1 * w * np.cos(w * t)), -w * w * q)
+
+
+class Pushing:
+    """Gives one torque always, or raises at a tick."""
+
+    def __init__(self, tau: Floats, *, error: BaseException | None = None, at: int = 5) -> None:
+        self.tau, self.error, self.at, self.ticks = tau, error, at, 0
+
+    def torque(self, state: JointState, reference: Reference) -> Floats:
+        self.ticks += 1
+        if self.error is not None and self.ticks > self.at:
+            raise self.error
+        return self.tau.copy()
+
+
+PD = JointPD([400.0, 400.0], [40.0, 40.0])
+
+
+def report_of(error: BaseException) -> LoopReport:
+    return error.loop_report  # type: ignore[attr-defined]
+
+
+def test_pd_holds_a_mass_on_its_trajectory() -> None:
+    plant = MassPlant(ZERO)
+    report = run_loop(plant, PD, Swing(2.0))
+    assert report.finished
+    assert report.ticks == 2001  # both ends
+    # stiffness 400 on a unit mass at 1 Hz: acceleration 3.9 / 400 lags behind, plus the start at rest
+    assert max(report.tracking_nominal) < 0.02
+    assert 0.0 < min(report.tracking_nominal)
+
+
+def test_torque_moves_a_mass_as_newton_says() -> None:
+    plant = MassPlant(ZERO)
+    run_loop(plant, Pushing(np.array([2.0, -1.0])), Swing(0.0), duration=0.999)
+    # semi-implicit Euler: q = a dt^2 k (k + 1) / 2 after k = 1000 ticks
+    assert_allclose(plant.q, np.array([2.0, -1.0]) * 1e-6 * 1000 * 1001 / 2, rtol=1e-9)
+
+
+def test_without_controller_the_references_positions_are_sent() -> None:
+    plant, swing = MassPlant(ZERO), Swing(0.05)
+    report = run_loop(plant, None, swing)
+    sent = [values for verb, values in plant.log if verb == "servo_jp"]
+    assert_array_equal(sent, [swing(k * 0.001).q for k in range(51)])
+    assert plant.state.state == "ENABLED"
+    assert report.tracking_calibrated is None
+
+
+def test_observers_see_what_was_measured_and_sent() -> None:
+    seen: list[Tick] = []
+    plant = MassPlant(ZERO)
+    limits = TorqueLimits([1.0, 1.0], slew=[100.0, 100.0])
+    report = run_loop(plant, PD, Swing(0.2), limits=limits, observers=[seen.append])
+    assert [tick.number for tick in seen] == list(range(201))
+    assert_allclose([tick.time for tick in seen], 0.001 * np.arange(201), atol=1e-12)
+    sent = [values for verb, values in plant.log if verb == "servo_jf"]
+    assert_array_equal([tick.tau for tick in seen], sent)
+    assert np.abs(sent).max() <= 1.0
+    assert np.abs(np.diff(sent, axis=0)).max() <= 0.1 + 1e-12
+    assert report.limited_ticks > 0
+
+
+def test_limits_taper_by_the_robots_own_positions() -> None:
+    plant = MassPlant(np.array([0.95, 0.0]))
+    limits = TorqueLimits([9.0, 9.0], lower=[-1.0, -1.0], upper=[1.0, 1.0], taper=[0.1, 0.1])
+    seen: list[Tick] = []
+    run_loop(
+        plant,
+        Pushing(np.full(2, 4.0)),
+        Swing(0.0),
+        limits=limits,
+        corrector=Shift(7.0),
+        observers=[seen.append],
+    )
+    assert_allclose(seen[0].tau, [2.0, 4.0])
+    assert_allclose(seen[0].state.q, [7.95, 7.0])
+
+
+class Shift:
+    """A corrector that adds a constant; the second joint is outside every other tick."""
+
+    def __init__(self, shift: float) -> None:
+        self.shift, self.rate, self.ticks = shift, 0.0, 0
+
+    def prepare(self, joint_names: tuple[str, ...], joint_units: tuple[str, ...], rate_hz: float) -> None:
+        self.rate = rate_hz
+
+    def correct_state(self, state: JointState, out: Floats, inside: Floats) -> None:
+        out[:] = state.q + self.shift
+        inside[:] = [True, self.ticks % 2 == 0]
+        self.ticks += 1
+
+
+def test_controller_sees_calibrated_positions() -> None:
+    plant, corrector = MassPlant(ZERO, friction=1.0), Shift(0.02)
+    report = run_loop(plant, PD, Still(), corrector=corrector, duration=4.0)
+    assert corrector.rate == 1000.0
+    assert_allclose(plant.q, [-0.02, -0.02], atol=1e-6)  # so that the calibrated position is zero
+    assert report.outside_valid_range == (0.0, pytest.approx(0.5, abs=1e-3))
+    assert report.tracking_calibrated is not None
+    assert max(report.tracking_calibrated) < min(report.tracking_nominal)
+
+
+class Still(Swing):
+    """Zero, for no time."""
+
+    def __init__(self) -> None:
+        super().__init__(0.0)
+
+    def __call__(self, t: float) -> Reference:
+        return Reference(np.zeros(2), np.zeros(2), np.zeros(2))
+
+
+def test_a_deployed_model_corrects_in_the_loop() -> None:
+    signals = 0.1 * np.random.default_rng(0).normal(size=(400, 4))
+    model = random_model("linear", signals, np.random.default_rng(1), joints=2, torques=2, plays=1)
+    seen: list[Tick] = []
+    run_loop(MassPlant(ZERO), None, Swing(0.5), corrector=Corrector(model), observers=[seen.append])
+    q = np.array([tick.q_nominal for tick in seen])
+    expected, inside = Corrector(model).run(q, np.hstack([q, 0.0 * q]))
+    assert_array_equal([tick.state.q for tick in seen], expected)
+    assert_array_equal([tick.inside for tick in seen], inside)
+
+
+def test_a_slower_loop_lets_the_robot_take_several_of_its_ticks() -> None:
+    plant = MassPlant(ZERO)
+    report = run_loop(plant, PD, Swing(0.1), rate_hz=500.0)
+    assert report.ticks == 51
+    assert plant.time == pytest.approx(0.102)
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf, 2000.0, 700.0])
+def test_rates_that_the_robot_cannot_keep_are_refused(rate: float) -> None:
+    with pytest.raises(InputError, match="rate_hz"):
+        run_loop(MassPlant(ZERO), PD, Swing(0.1), rate_hz=rate)
+
+
+@pytest.mark.parametrize(
+    ("state", "message"),
+    [
+        (OperatingState("DISABLED", True, False), "DISABLED, expected ENABLED"),
+        (OperatingState("PAUSED", True, False), "PAUSED, expected ENABLED"),
+        (OperatingState("ENABLED", False, False), "not homed"),
+        (OperatingState("ENABLED", True, True), "busy"),
+    ],
+)
+def test_robots_that_are_not_ready_are_sent_nothing(state: OperatingState, message: str) -> None:
+    plant = MassPlant(ZERO)
+    plant.state = state
+    with pytest.raises(NotReadyError, match=message):
+        run_loop(plant, PD, Swing(0.1))
+    assert plant.log == []
+
+
+@pytest.mark.parametrize("controller", [None, PD])
+def test_robots_without_the_verb_are_refused(controller: JointPD | None) -> None:
+    plant = MassPlant(ZERO)
+    plant.supports = frozenset({"measured_js"})
+    with pytest.raises(UnsupportedCommandError, match="the robot has no servo_j"):
+        run_loop(plant, controller, Swing(0.1))
+
+
+def test_trajectories_limits_and_durations_that_do_not_fit_are_refused() -> None:
+    plant = MassPlant(np.zeros(3))
+    with pytest.raises(InputError, match=r"reference q: expected shape \(3,\), got \(2,\)"):
+        run_loop(plant, PD, Swing(0.1))
+    with pytest.raises(InputError, match="tau"):
+        run_loop(MassPlant(ZERO), PD, Swing(0.1), limits=TorqueLimits([1.0, 1.0, 1.0]))
+    with pytest.raises(InputError, match="duration"):
+        run_loop(MassPlant(ZERO), PD, Swing(0.1), duration=-1.0)
+    assert plant.log == []
+
+
+@pytest.mark.parametrize("error", [ValueError("a mistake"), KeyboardInterrupt()])
+def test_whatever_ends_the_loop_the_robot_holds_and_pauses(error: BaseException) -> None:
+    plant = MassPlant(np.array([0.3, -0.3]))
+    with pytest.raises(type(error)) as caught:
+        run_loop(plant, Pushing(np.full(2, 5.0), error=error), Swing(1.0))
+    assert caught.value is error
+    verbs = [verb for verb, _ in plant.log]
+    assert verbs == ["servo_jf"] * 5 + ["servo_jp", "state_command"]
+    assert_allclose(plant.q, [0.3, -0.3], atol=1e-3)
+    assert plant.state.state == "PAUSED"
+    report = report_of(error)
+    assert (report.ticks, report.finished) == (5, False)
+    assert "ended after 5 ticks" in error.__notes__[0]
+
+
+def test_a_robot_without_position_control_is_left_without_torque() -> None:
+    plant = MassPlant(ZERO)
+    plant.supports = frozenset({"servo_jf"})
+    with pytest.raises(ValueError, match="a mistake"):
+        run_loop(plant, Pushing(np.full(2, 5.0), error=ValueError("a mistake")), Swing(1.0))
+    assert_array_equal(plant.tau, ZERO)
+    assert plant.state.state == "PAUSED"
+
+
+def test_a_robot_that_stops_by_itself_ends_the_loop() -> None:
+    plant = MassPlant(ZERO)
+
+    def emergency_stop(tick: Tick) -> None:
+        if tick.number == 7:
+            plant.state = OperatingState("FAULT", True, False)
+
+    with pytest.raises(NotReadyError) as caught:
+        run_loop(plant, PD, Swing(1.0), observers=[emergency_stop])
+    assert report_of(caught.value).ticks == 8
+    assert any("holding the robot failed" in note for note in caught.value.__notes__)
+
+
+def test_a_second_interrupt_does_not_keep_the_robot_from_being_paused() -> None:
+    class Interrupted(MassPlant):
+        def servo_jp(self, q: Floats) -> None:
+            raise KeyboardInterrupt
+
+    plant = Interrupted(ZERO)
+    with pytest.raises(ValueError, match="a mistake"):
+        run_loop(plant, Pushing(ZERO, error=ValueError("a mistake")), Swing(1.0))
+    assert plant.state.state == "PAUSED"
+
+
+def test_at_the_end_of_torque_control_the_robot_holds() -> None:
+    plant = MassPlant(ZERO)
+    run_loop(plant, PD, Swing(0.1))
+    assert plant.log[-1][0] == "servo_jp"
+    assert plant.state.state == "ENABLED"
+
+
+def test_at_the_end_a_robot_without_position_control_is_paused() -> None:
+    plant = MassPlant(ZERO)
+    plant.supports = frozenset({"servo_jf"})
+    run_loop(plant, PD, Swing(0.1))
+    assert_array_equal(plant.tau, ZERO)
+    assert plant.state.state == "PAUSED"
+
+
+def test_a_torque_that_is_no_number_is_never_sent() -> None:
+    plant = MassPlant(ZERO)
+    report = run_loop(plant, Pushing(np.array([np.nan, 1.0])), Swing(0.01))
+    sent = np.array([values for verb, values in plant.log if verb == "servo_jf"])
+    assert_array_equal(sent, np.tile([0.0, 1.0], (11, 1)))
+    assert report.not_finite_ticks == 11
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_real_time_is_kept_where_it_is_asked_for_or_real(simulated: bool) -> None:
+    plant = MassPlant(ZERO, simulated=simulated)
+    enabled, frozen = gc.isenabled(), gc.get_freeze_count()
+    policy = os.sched_getscheduler(0)
+    collecting: list[bool] = []
+    begin = time.perf_counter()
+    report = run_loop(
+        plant, PD, Swing(0.2), real_time=simulated, observers=[lambda tick: collecting.append(gc.isenabled())]
+    )
+    assert time.perf_counter() - begin >= 0.2
+    assert not any(collecting)
+    assert (gc.isenabled(), gc.get_freeze_count(), os.sched_getscheduler(0)) == (enabled, frozen, policy)
+    assert report.compute is not None
+    assert report.jitter is not None
+    assert report.overruns is not None
+    assert 0.0 < report.compute.median <= report.compute.p99 <= report.compute.max
+    assert "period jitter" in str(report)
+
+
+def test_real_time_is_given_back_after_an_error() -> None:
+    enabled, frozen = gc.isenabled(), gc.get_freeze_count()
+    with pytest.raises(ValueError, match="a mistake"):
+        run_loop(MassPlant(ZERO, simulated=False), Pushing(ZERO, error=ValueError("a mistake")), Swing(1.0))
+    assert (gc.isenabled(), gc.get_freeze_count()) == (enabled, frozen)
+
+
+def test_late_ticks_are_counted_and_delay_the_motion() -> None:
+    seen: list[float] = []
+
+    def slow(tick: Tick) -> None:
+        seen.append(tick.time)
+        if tick.number in (10, 20):
+            time.sleep(0.01)
+
+    report = run_loop(MassPlant(ZERO, simulated=False), PD, Swing(0.05), observers=[slow])
+    assert report.overruns is not None
+    assert report.overruns >= 2
+    assert_allclose(np.diff(seen), 0.001, atol=1e-12)
+    assert report.compute is not None
+    assert report.compute.max > 0.01
+
+
+def test_simulated_time_runs_as_fast_as_it_can() -> None:
+    report = run_loop(MassPlant(ZERO), None, Swing(1.0))
+    assert report.jitter is None
+    assert report.overruns is None
+
+
+def test_a_run_without_end_stops_at_ctrl_c() -> None:
+    def interrupt(tick: Tick) -> None:
+        if tick.number == 100:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt) as caught:
+        run_loop(MassPlant(ZERO), PD, Swing(np.inf), observers=[interrupt])
+    assert report_of(caught.value).ticks == 101

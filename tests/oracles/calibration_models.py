@@ -1,0 +1,142 @@
+"""Random predictors and models, and what they must give, in plain NumPy."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.calibration.features import FeatureSet
+from catenary.calibration.linear import Linear
+from catenary.calibration.model import CalibrationModel, JointGroup, Predictor, Target
+from catenary.calibration.neural import Activation, Network
+from catenary.calibration.offset import Constant
+from catenary.calibration.polynomial import Quadratic
+from catenary.calibration.valid_range import fit_valid_range
+from catenary.plant import MotionLog
+
+PREDICTORS = ("constant", "linear", "quadratic", "tanh", "logistic", "tanh, skip", "logistic, skip")
+
+
+def random_predictor(name: str, inputs: int, outputs: int, rng: np.random.Generator) -> Predictor:
+    """Draw a predictor of one of PREDICTORS."""
+    n = rng.normal
+    if name == "constant":
+        return Constant(n(size=outputs))
+    linear = Linear(n(size=(inputs, outputs)), n(size=outputs))
+    if name == "linear":
+        return linear
+    mean, scale = n(size=inputs), np.exp(0.3 * n(size=inputs))
+    if name == "quadratic":
+        pairs = inputs * (inputs + 1) // 2
+        return Quadratic(mean, scale, linear.weights, n(size=(pairs, outputs)), linear.bias)
+    activation: Activation = "tanh" if name.startswith("tanh") else "logistic"
+    hidden = tuple(int(width) for width in rng.integers(1, 20, size=rng.integers(0, 4)))
+    return random_network((inputs, *hidden, outputs), activation, rng, linear if "skip" in name else None)
+
+
+def random_network(
+    widths: tuple[int, ...], activation: Activation, rng: np.random.Generator, skip: Linear | None = None
+) -> Network:
+    """Draw a network with layers of the given widths, the inputs' first."""
+    n = rng.normal
+    return Network(
+        mean=n(size=widths[0]),
+        scale=np.exp(0.3 * n(size=widths[0])),
+        weights=tuple(n(size=(a, b)) / np.sqrt(a) for a, b in pairwise(widths)),
+        biases=tuple(n(size=b) for b in widths[1:]),
+        activation=activation,
+        out_mean=n(size=widths[-1]),
+        out_scale=np.exp(n(size=widths[-1])),
+        skip=skip,
+    )
+
+
+def predicted(predictor: Predictor, X: Floats) -> Floats:
+    """Give a predictor's outputs (N, m) by matrix products and the C library's functions."""
+    if isinstance(predictor, Constant):
+        return np.tile(predictor.value, (len(X), 1))
+    if isinstance(predictor, Linear):
+        return X @ predictor.weights + predictor.bias
+    assert isinstance(predictor, Quadratic | Network)
+    Z = (X - predictor.mean) / predictor.scale
+    if isinstance(predictor, Quadratic):
+        i, j = np.triu_indices(Z.shape[1])
+        return Z @ predictor.linear + (Z[:, i] * Z[:, j]) @ predictor.quadratic + predictor.bias
+    for W, b in zip(predictor.weights[:-1], predictor.biases[:-1], strict=True):
+        Z = Z @ W + b
+        Z = np.tanh(Z) if predictor.activation == "tanh" else 1.0 / (1.0 + np.exp(-Z))
+    out = (Z @ predictor.weights[-1] + predictor.biases[-1]) * predictor.out_scale + predictor.out_mean
+    return out if predictor.skip is None else out + predicted(predictor.skip, X)
+
+
+def random_model(
+    kind: str,
+    signals: Floats,
+    rng: np.random.Generator,
+    *,
+    joints: int,
+    torques: int = 0,
+    history: int = 0,
+    plays: int = 0,
+    target: Target = "error",
+    per_joint: bool = False,
+    rate_hz: float | None = None,
+) -> CalibrationModel:
+    """Draw a model of joints j0, j1, ... whose valid range is that of a recording.
+
+    Args:
+        kind: One of PREDICTORS.
+        signals: (N, joints + torques) that the valid range is fitted to.
+        rng: Source of randomness.
+        joints: Number of joints; all their positions are inputs.
+        torques: Number of torques among the inputs.
+        history: Previous positions.
+        plays: Play states of every position.
+        target: What the predictors give.
+        per_joint: Every joint takes its own signals only.
+        rate_hz: Rate of the training data.
+    """
+    names = tuple(f"j{k}" for k in range(joints))
+    units = tuple("m" if k % 3 == 2 else "rad" for k in range(joints))
+    force = {"rad": "Nm", "m": "N"}
+    features = FeatureSet(
+        (*(f"q:{name}" for name in names), *(f"tau:{name}" for name in names[:torques])),
+        (*units, *(force[unit] for unit in units[:torques])),
+        history,
+        tuple((f"q:{name}", 0.1 * (k + 1)) for name in names for k in range(plays)),
+    )
+    X = features.matrix(log_of(names, units, signals, torques))
+    X = X[np.isfinite(X).all(axis=1)]
+    groups = []
+    for group in [(j,) for j in range(joints)] if per_joint else [tuple(range(joints))]:
+        own = [s for s in features.signals if any(s.endswith(f":j{j}") for j in group)]
+        columns = features.columns_of(own)
+        watched = columns[~features.bounded[columns]]
+        predictor = random_predictor(kind, len(columns), len(group), rng)
+        groups.append(JointGroup(group, columns, predictor, fit_valid_range(X[:, watched], 0.1), watched))
+    return CalibrationModel(
+        kind="neural",
+        preset=None,
+        joint_names=names,
+        joint_units=units,
+        features=features,
+        target=target,
+        offset=rng.normal(size=joints),
+        groups=tuple(groups),
+        rate_hz=rate_hz,
+    )
+
+
+def log_of(names: tuple[str, ...], units: tuple[str, ...], signals: Floats, torques: int = 0) -> MotionLog:
+    """Make a recording of signals (N, n + torques): positions of joints, torques of the first few."""
+    n = len(names)
+    tau = np.zeros((len(signals), n))
+    tau[:, :torques] = signals[:, n : n + torques]
+    return MotionLog(
+        name="run",
+        joint_names=names,
+        joint_units=units,
+        q_nominal=signals[:, :n],
+        ok=np.ones(len(signals), dtype=bool),
+        tau=tau,
+    )
