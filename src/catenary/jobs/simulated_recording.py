@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.plant import MotionLog
-from catenary.simulation.cable_plant import JOINTS, UNITS, CablePlant
+from catenary.simulation.cable_plant import JOINTS, UNITS, CablePlant, joint_torques
 from catenary.simulation.firmware import PERIOD
 from catenary.trajectories.reference import Trajectory
 
@@ -38,8 +38,8 @@ def record_simulated(
         state_rate: [Hz].
 
     Returns:
-        Joints shoulder, elbow, insertion with q_nominal, q_encoder, tau (at the gearbox's output [Nm]); the tool's
-        positions and torques as signals.
+        Joints shoulder, elbow, insertion with q_nominal, q_encoder, tau [Nm, Nm, N]; the tool's
+        positions and torques as signals q:<joint> and tau:<joint>.
 
     Raises:
         NotReadyError: The arm is not homed or enabled, or its software e-stop tripped.
@@ -57,7 +57,7 @@ def record_simulated(
         log = plant.run(rows)
         here = stamps[(stamps >= first) & (stamps < last)] - first
         joint.append(log.joint[here])
-        torque.append(log.torque[here])
+        torque.append(joint_torques(plant.firmware, log.torque[here]))
         seen = np.arange(0, last - first, ENCODER_TICKS)
         positions = plant.rig_positions(plant.rig_counts(log.q[seen]))
         encoder.append(np.column_stack([np.interp(here, seen, positions[:, j]) for j in range(CALIBRATED)]))
@@ -72,9 +72,9 @@ def record_simulated(
         ok=np.ones(len(q), dtype=bool),
         time=stamps.astype(np.float64) * PERIOD,
         tau=tau[:, :CALIBRATED],
-        signals={f"q_{tool}": q[:, CALIBRATED + t] for t, tool in enumerate(tools)}
-        | {f"tau_{tool}": tau[:, CALIBRATED + t] for t, tool in enumerate(tools)},
-        signal_units={f"q_{tool}": "rad" for tool in tools} | {f"tau_{tool}": "Nm" for tool in tools},
+        signals={f"q:{tool}": q[:, CALIBRATED + t] for t, tool in enumerate(tools)}
+        | {f"tau:{tool}": tau[:, CALIBRATED + t] for t, tool in enumerate(tools)},
+        signal_units={f"q:{tool}": "rad" for tool in tools} | {f"tau:{tool}": "Nm" for tool in tools},
         robot=plant.arm.name,
         simulated=True,
     )

@@ -39,11 +39,14 @@ PAPER: dict[str, tuple[float, float, float]] = {
 ALL = (
     "all",
 )  # the paper's 16 inputs: positions and torques of one arm; two of them are an unused channel's zeros
+POSITIONING = tuple(
+    f"{group}:{joint}" for group in ("q", "tau") for joint in ("shoulder", "elbow", "insertion")
+)
 # the tool's torques tell the insertion's cable where it lies; its positions only repeat the insertion motor's
 PER_JOINT = {
-    "shoulder": ("q", "tau"),
-    "elbow": ("q", "tau"),
-    "insertion": ("q", "tau", "tau_roll", "tau_wrist", "tau_jaw1", "tau_jaw2"),
+    "shoulder": POSITIONING,
+    "elbow": POSITIONING,
+    "insertion": (*POSITIONING, "tau:roll", "tau:wrist", "tau:jaw1", "tau:jaw2"),
 }
 MODELS = {
     "linear": FitOptions(kind="linear", inputs=ALL),

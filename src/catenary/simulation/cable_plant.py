@@ -12,7 +12,14 @@ from catenary.robots.assembly import LinkInertia
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel, Tree
 from catenary.simulation.base_motion import BaseTimeline, FixedBase, MovingBase
-from catenary.simulation.cable_parameters import POSITIONING, CableArm, load_cable_arm, right_arm, varied
+from catenary.simulation.cable_parameters import (
+    POSITIONING,
+    CableArm,
+    Firmware,
+    load_cable_arm,
+    right_arm,
+    varied,
+)
 from catenary.simulation.cable_physics import new_state, unstretched_rotors
 from catenary.simulation.firmware import (
     BRAKES,
@@ -148,7 +155,7 @@ class CablePlant:
             self.time,
             c.joint.copy(),
             c.joint_velocity.copy(),
-            self._joint_torque(),
+            joint_torques(self.firmware, self.control.torque),
             c.motor.copy(),
             gravity,
             0.0,
@@ -363,14 +370,6 @@ class CablePlant:
                 f"the arm is {self._state} and {homed}; it must be ENABLED and homed to be moved"
             )
 
-    def _joint_torque(self) -> Floats:
-        """Joint torques that the motors were asked for, through nominal ratios and coupling; friction is unknown."""
-        f = self.firmware
-        cable: Floats = self.control.torque * f.ratio / f.gearbox
-        torque = cable.copy()
-        torque[:3] = joint_forces(f.coupling, (cable[0], cable[1], cable[2]))
-        return torque
-
     def _power_on(self, rng: np.random.Generator, start: ArrayLike | None) -> None:
         low = np.array([np.deg2rad(10.0), np.deg2rad(60.0), 0.30])
         high = np.array([np.deg2rad(70.0), np.deg2rad(120.0), 0.45])
@@ -385,6 +384,19 @@ class CablePlant:
         self.control.motor_velocity[:] = 0.0
         self.control.joint_velocity[:] = 0.0
         self.control.setpoint[:] = self.control.joint
+
+
+def joint_torques(firmware: Firmware, torque: Floats) -> Floats:
+    """Joint torques (..., 7) that motors were asked for with `torque` (..., 7) [Nm] at their gearboxes' outputs.
+
+    Through the nominal ratios and coupling; what friction takes on the way is unknown.
+    """
+    cable: Floats = torque * firmware.ratio / firmware.gearbox
+    joint = cable.copy()
+    forces = joint_forces(firmware.coupling, (cable[..., 0], cable[..., 1], cable[..., 2]))
+    for j in range(3):
+        joint[..., j] = forces[j]
+    return joint
 
 
 def _with_payload(model: RobotModel, mass: float) -> Tree:

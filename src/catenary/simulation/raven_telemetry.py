@@ -8,7 +8,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import frame_poses
-from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.cable_plant import CablePlant, joint_torques
 from catenary.simulation.firmware import TickLog
 
 CHANNELS = np.array([0, 1, 2, 4, 5, 6, 7])
@@ -67,7 +67,7 @@ def telemetry_of(plant: CablePlant, log: TickLog) -> dict[str, Floats]:
     columns["ext_jpos"] = plant.rig_positions(columns["joint_enc"])
     columns["measured_js"] = log.joint
     columns["measured_js_velocity"] = log.joint_velocity
-    columns["measured_js_effort"] = log.torque * plant.firmware.ratio / plant.firmware.gearbox
+    columns["measured_js_effort"] = joint_torques(plant.firmware, log.torque)
     return columns
 
 
