@@ -242,6 +242,35 @@ def test_a_disk_that_fills_between_appends_is_told_at_the_next(
         keep_appending()
 
 
+def test_what_a_failing_disk_did_not_confirm_does_not_count_as_safe(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    journal = JournalWriter(tmp_path / "r", TOPICS, flush_interval=60.0)
+    for i in range(5):
+        journal.append("/a", i, b"x")
+    journal.flush()
+
+    def fail(descriptor: int) -> None:
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr("catenary.recording.journal.os.fsync", fail)
+    journal.append("/a", 5, b"x")
+    with pytest.raises(RecordingError, match=r"Input/output error\. Safe are the first 5 of 6"):
+        journal.close()
+
+
+def test_files_too_short_for_their_own_header_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="allow more"):
+        JournalWriter(tmp_path / "r", TOPICS, max_bytes=100)
+    assert not (tmp_path / "r").exists()
+
+
+def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RecordingError, match="cannot be made"):
+        JournalWriter(tmp_path / "file" / "r", TOPICS)
+
+
 @pytest.fixture
 def small_disk(tmp_path: Path) -> "os.PathLike[str]":
     """A file system of 200 kB, where we may mount one."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from struct import Struct
 from types import TracebackType
-from typing import Any, NamedTuple, NoReturn, Self
+from typing import Any, Literal, NamedTuple, NoReturn, Self
 from zlib import crc32
 
 from catenary.errors import InputError, RecordingError
@@ -28,7 +28,7 @@ HEAD = Struct(
 MARKER = b"\xc7REC"
 HEADER, FOOTER = 0xFFFF, 0xFFFE  # in place of a topic's index
 FLUSH_INTERVAL = 0.5  # [s] a crash loses at most this and what the disk takes to write it
-MAX_BYTES = 256 * 2**20  # of a file
+MAX_BYTES = 64 * 2**20  # of a file; reading one maps it into memory
 MAX_PENDING = 8 * 2**20  # [B] that wait for the disk; beyond it whoever appends waits too
 MAX_RECORD = 64 * 2**20  # [B]; a longer one is taken for damage
 _REST = Struct("<IHHQq")  # of the head, from behind the checksum
@@ -99,17 +99,13 @@ class JournalWriter:
         """Begin a recording.
 
         Raises:
-            InputError: The folder has a recording already, or no or too many topics.
+            InputError: The folder has a recording already, topics do not differ, or files are to be too short.
             RecordingError: Its files cannot be made.
         """
         if not 0 < len(topics) < FOOTER or len({t.name for t in topics}) != len(topics):
             raise InputError(f"{folder}: expected topics that differ, got {[t.name for t in topics]}")
         for topic in topics:
             definition(topic.type)  # an unknown type is refused before anything is written
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise RecordingError(f"{folder}: cannot be made: {error.strerror}") from error
         if any(folder.glob("*.journal")):
             raise InputError(f"{folder}: holds a recording already, which is never overwritten")
         self.folder = folder
@@ -120,10 +116,9 @@ class JournalWriter:
         self._number = 0  # of the next record
         self._part = 0
         self._pending = bytearray()
-        self._file_bytes = 0  # of the present file, what waits included
-        self._safe_bytes = 0  # of the present file, on the disk
-        self._safe_number = 0  # records before this one are on the disk
         self._messages = 0
+        self._safe_bytes = 0  # of the present file, on the disk
+        self._safe_messages = 0  # on the disk, in all files
         self._last_stamp = 0
         self._error: OSError | None = None
         self._closed = False
@@ -131,7 +126,17 @@ class JournalWriter:
         self._disk_lock = threading.RLock()  # guards the file; taken before the other one
         self._fd = -1
         self._stop = threading.Event()
-        self._open_part()
+        self._pending += self._header()
+        if max_bytes < 2 * len(self._pending):
+            raise InputError(
+                f"{folder}: files of {max_bytes} bytes, but each begins with {len(self._pending)}; allow more"
+            )
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise RecordingError(f"{folder}: cannot be made: {error.strerror}") from error
+        self._open_file()
+        self.flush()
         self._thread = threading.Thread(target=self._flush_often, args=(flush_interval,), daemon=True)
         self._thread.start()
 
@@ -160,12 +165,8 @@ class JournalWriter:
             self._messages += 1
             self._last_stamp = stamp
             self._pending += record
-            self._file_bytes += len(record)
-            full = self._file_bytes >= self._max_bytes
             waiting = len(self._pending)
-        if full:
-            self._next_part()
-        elif waiting > MAX_PENDING:
+        if waiting > min(MAX_PENDING, self._max_bytes // 4):
             self.flush()
 
     def flush(self) -> None:
@@ -190,7 +191,7 @@ class JournalWriter:
         self._stop.set()
         self._thread.join()
         with self._disk_lock:
-            self._end_part(last=True)
+            self._write_pending(end="last")
             self._closed = True
         if self._error is not None:
             self._fail()
@@ -213,11 +214,10 @@ class JournalWriter:
                 raise  # otherwise it would hide the error that is under way
             log.exception("%s: could not be closed", self.folder)
 
-    def _open_part(self) -> None:
-        path = self.folder / f"{self._part:04d}.journal"
+    def _header(self) -> bytes:
+        """How a file begins; counts as a record."""
         header = {
             "format": "catenary.journal.1",
-            "part": self._part,
             "topics": [
                 {
                     "name": t.name,
@@ -229,9 +229,19 @@ class JournalWriter:
             ],
             **json.loads(self._about.as_json()),
         }
-        start = MAGIC + record_bytes(HEADER, self._number, self._last_stamp, json.dumps(header).encode())
         self._number += 1
-        self._file_bytes, self._safe_bytes = len(start), 0
+        return MAGIC + record_bytes(HEADER, self._number - 1, self._last_stamp, json.dumps(header).encode())
+
+    def _footer(self, *, last: bool) -> bytes:
+        """How a file ends; counts as a record."""
+        self._number += 1
+        content = json.dumps({"last": last}).encode()
+        return record_bytes(FOOTER, self._number - 1, self._last_stamp, content)
+
+    def _open_file(self) -> None:
+        """Make the present part's file; keeps an error for the next append. Needs the disk."""
+        path = self.folder / f"{self._part:04d}.journal"
+        self._safe_bytes = 0
         try:
             self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
             folder = os.open(self.folder, os.O_RDONLY)
@@ -241,34 +251,6 @@ class JournalWriter:
                 os.close(folder)
         except OSError as error:
             self._error = error
-            self._fail()
-        with self._append_lock:
-            self._pending[:0] = start
-        self._write_pending()
-        if self._error is not None:
-            self._fail()
-
-    def _next_part(self) -> None:
-        with self._disk_lock, self._append_lock:
-            if self._file_bytes < self._max_bytes:
-                return  # another thread was faster
-            self._end_part(last=False)
-            if self._error is None:
-                self._part += 1
-                self._open_part()
-        if self._error is not None:
-            self._fail()
-
-    def _end_part(self, *, last: bool) -> None:
-        """Write the footer and close the file; needs the disk."""
-        with self._append_lock:
-            footer = json.dumps({"last": last, "next_number": self._number + 1}).encode()
-            self._pending += record_bytes(FOOTER, self._number, self._last_stamp, footer)
-            self._number += 1
-        self._write_pending()
-        if self._fd >= 0:
-            os.close(self._fd)
-            self._fd = -1
 
     def _flush_often(self, interval: float) -> None:
         while not self._stop.wait(interval):
@@ -277,35 +259,54 @@ class JournalWriter:
             if self._error is not None:
                 return
 
-    def _write_pending(self) -> None:
-        """Write what waits and see it onto the disk; keeps an error for the next append. Needs the disk."""
+    def _write_pending(self, *, end: Literal["last", "if full"] = "if full") -> None:
+        """Bring what waits onto the disk, and go on in another file if this one is full. Needs the disk.
+
+        Whoever appends meanwhile waits only while bytes are set aside, not for the disk. An error is kept for the
+        next append.
+        """
         with self._append_lock:
-            block, self._pending = bytes(self._pending), bytearray()
-            number = self._number
+            full = end == "if full" and self._safe_bytes + len(self._pending) >= self._max_bytes
+            if end == "last" or full:
+                self._pending += self._footer(last=not full)
+            block, self._pending = self._pending, bytearray(self._header() if full else b"")
+            messages = self._messages
         if self._error is not None or not block:
             return
         written = 0
         try:
             while written < len(block):
                 written += os.write(self._fd, memoryview(block)[written:])
-            os.fsync(self._fd)
         except OSError as error:
-            self._cut(block[:written])
+            self._cut(bytes(block[:written]))
             self._error = error
             return
+        try:
+            os.fsync(self._fd)
+        except OSError as error:
+            self._error = error  # nobody knows what of this block is on the disk: it does not count as safe
+            return
         self._safe_bytes += len(block)
-        self._safe_number = number
+        self._safe_messages = messages
+        if full or end == "last":
+            os.close(self._fd)
+            self._fd = -1
+        if full:
+            self._part += 1
+            self._open_file()
+            self._write_pending()
 
     def _cut(self, written: bytes) -> None:
         """Cut the file behind its last whole record, so that no torn one follows it."""
         position = len(MAGIC) if self._safe_bytes == 0 else 0
         while position + HEAD.size <= len(written):
-            end = position + HEAD.size + HEAD.unpack_from(written, position)[2]
-            if end > len(written):
+            _, _, length, topic, *_ = HEAD.unpack_from(written, position)
+            if position + HEAD.size + length > len(written):
                 break
-            position, self._safe_number = end, HEAD.unpack_from(written, position)[5] + 1
+            position += HEAD.size + length
+            self._safe_messages += topic < FOOTER
         try:
-            os.ftruncate(self._fd, self._safe_bytes + position)
+            os.ftruncate(self._fd, self._safe_bytes + min(position, len(written)))
             os.fsync(self._fd)
         except OSError:
             log.exception("%s: could not be cut behind its last whole record", self.folder)
@@ -318,9 +319,7 @@ class JournalWriter:
             if self._fd >= 0:
                 os.close(self._fd)
                 self._fd = -1
-        # a header per file and a footer per file but this one are no messages
-        safe = min(max(0, self._safe_number - 2 * self._part - 1), self._messages)
-        reason = self._error.strerror if self._error is not None else "closed"
+        safe, reason = self._safe_messages, self._error.strerror if self._error is not None else "closed"
         raise RecordingError(
             f"{self.folder}: recording stopped: {reason}. Safe are the first {safe} of {self._messages} messages, "
             f"in {self._part + 1} file(s); {self._messages - safe} are lost"

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.extract import TopicFile, topic_file
+from catenary.recording.extract import topic_file
 from catenary.recording.series import SECOND, Series, clean_series
 from catenary.recording.synchronise import (
     Synchronisation,
@@ -25,6 +25,7 @@ from catenary.recording.synchronise import (
     build_log,
     measured_topic,
     open_state,
+    read_series,
 )
 from catenary.recording.topics import AXES, EXT_JPOS, JOINTS, RAVENSTATE, Arm, Topic, TopicColumn
 
@@ -145,16 +146,7 @@ def read_raven_csv(
 
 def _samples(folder: Path, topic: Topic, max_gap: float) -> Series:
     with topic_file(folder, topic) as file:
-        return _positions(file, max_gap)
-
-
-def _positions(file: TopicFile, max_gap: float) -> Series:
-    names = file.topic.columns[0].names
-    content = file.read(["stamp", "arrival", *names])
-    values = np.column_stack([content[name] for name in names])
-    return clean_series(
-        file.topic.name, content["stamp"], values, max_gap=max_gap, arrival=content["arrival"]
-    )
+        return read_series(file, file.topic.columns[0].names, max_gap)
 
 
 def _nearest(series: Series, stamp: NDArray[np.int64], max_gap: float, origin: int = 0) -> Iterator[Floats]:

@@ -65,6 +65,11 @@ class Throttle:
         self._due = self._due[passed:]
         return np.unique(ticks)
 
+    @property
+    def next_due(self) -> float:
+        """The next instant at which a message is due [s]."""
+        return float(self._due[0]) if len(self._due) else -np.inf
+
 
 class Recorder:
     """Records telemetry; an observer of the control loop, or fed with whole arrays.
@@ -124,6 +129,7 @@ class Recorder:
         self._sent = [0] * len(self.topics)
         self._start = start_ns
         self._last_time = -np.inf
+        self.next_due = -np.inf  # [s] no tick before it needs its telemetry collected
         self.journal = JournalWriter(
             folder, [JournalTopic(t.name, t.type) for t in self.topics], about, max_bytes=max_bytes
         )
@@ -135,6 +141,9 @@ class Recorder:
             InputError: Time does not advance, or a column has another shape than its topic.
             RecordingError: The disk is full or failed.
         """
+        if self._last_time < time < self.next_due:
+            self._last_time = time  # most ticks: nothing is due
+            return
         self.observe_many(np.array([time]), {name: np.atleast_1d(v)[None] for name, v in telemetry.items()})
 
     def observe_many(self, time: Floats, telemetry: Mapping[str, Floats]) -> None:
@@ -154,6 +163,7 @@ class Recorder:
                 raise InputError(f'telemetry "{name}": {len(values)} rows, but {len(time)} ticks')
         self._last_time = float(time[-1])
         picked = [throttle.pick(time) for throttle in self._throttles]
+        self.next_due = min(throttle.next_due for throttle in self._throttles)
         for first in range(0, len(time), BLOCK):
             self._write(time, telemetry, picked, first)
 

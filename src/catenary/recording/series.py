@@ -113,11 +113,12 @@ def clean_series(
     elif arrival is not None:
         offset = float(np.median(arrival - stamp)) / SECOND
     shuffled = int((stamp < np.maximum.accumulate(stamp)).sum())
-    order = np.argsort(stamp, kind="stable")
-    ordered = stamp[order]
-    first = np.ones(len(ordered), dtype=bool)
-    first[1:] = np.diff(ordered) > 0
-    ordered = ordered[first]
+    ordered, repeated = stamp, 0
+    if (np.diff(stamp) <= 0).any():  # rarely; long series are not copied for nothing
+        order = np.argsort(stamp, kind="stable")
+        fresh = np.concatenate([[True], np.diff(stamp[order]) > 0])
+        order, repeated = order[fresh], int((~fresh).sum())
+        ordered, values = stamp[order], values[order]
     start = ordered[0] if span is None else span[0]
     edges = (
         ordered
@@ -135,12 +136,12 @@ def clean_series(
         rate=float(1.0 / regular.mean()) if len(regular) else float("nan"),
         jitter=float(regular.std()) if len(regular) else float("nan"),
         gaps=gaps,
-        repeated=int((~first).sum()),
+        repeated=repeated,
         shuffled=shuffled,
         clock_offset=offset,
         stamped_by_arrival=unstamped,
     )
-    return Series(ordered, np.asarray(values[order][first], dtype=np.float64), report)
+    return Series(ordered, np.asarray(values, dtype=np.float64), report)
 
 
 def interpolate(series: Series, stamp: NDArray[np.int64], max_gap: float) -> tuple[Floats, NDArray[np.bool_]]:

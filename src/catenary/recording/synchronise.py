@@ -97,17 +97,17 @@ def synchronise(folder: Path, options: SynchroniseOptions | None = None) -> Sync
     state_names = [f"{kind}:{arm}_{axis}" for kind in ("jpos", "tau", "jvel") for axis in AXES]
     with open_state(folder) as file:
         about = file.about
-        state = _series(file, state_names, options.max_gap)
+        state = read_series(file, state_names, options.max_gap)
     origin = int(state.stamp[0])
     span = (origin, int(state.stamp[-1]))
     with topic_file(folder, EXT_JPOS) as file:
-        encoder = _series(file, EXT_JPOS.columns[0].names, options.max_gap, span)
+        encoder = read_series(file, EXT_JPOS.columns[0].names, options.max_gap, span)
     reports = [state.report, encoder.report]
     measured: Series | None = None
     topic = measured_topic(arm)
     if (folder / f"{topic.stem}.parquet").is_file():
         with topic_file(folder, topic) as file:
-            measured = _series(file, topic.columns[0].names, options.max_gap, span)
+            measured = read_series(file, topic.columns[0].names, options.max_gap, span)
         reports.append(measured.report)
     return build_log(
         name=folder.name,
@@ -155,7 +155,7 @@ def build_log(
         InputError: No row is left.
     """
     arm = options.arm
-    whole = np.all([np.isfinite(v) for v in state.values()], axis=0)
+    whole = np.logical_and.reduce([np.isfinite(v) for v in state.values()])
     stamp = state_stamp[whole]
     if len(stamp) == 0:
         raise InputError(f'recording "{name}": no state message with finite numbers is left')
@@ -219,15 +219,18 @@ def open_state(folder: Path) -> TopicFile:
     return topic_file(folder, there[0] if there else RAVENSTATE)
 
 
-def _series(
+def read_series(
     file: TopicFile, columns: Sequence[str], max_gap: float, span: tuple[int, int] | None = None
 ) -> Series:
-    content = file.read(["stamp", "arrival", *columns])
-    return clean_series(
-        file.topic.name,
-        content["stamp"],
-        np.column_stack([content[name] for name in columns]),
-        max_gap=max_gap,
-        arrival=content["arrival"],
-        span=span,
-    )
+    """Read columns of an extracted topic, in order of time, a row group at a time."""
+    stamp, arrival = np.empty((2, file.rows), dtype=np.int64)
+    values = np.empty((file.rows, len(columns)))
+    first = 0
+    for group in range(file.row_groups):
+        content = file.read(["stamp", "arrival", *columns], group)
+        rows = slice(first, first + len(content["stamp"]))
+        stamp[rows], arrival[rows] = content["stamp"], content["arrival"]
+        for i, name in enumerate(columns):
+            values[rows, i] = content[name]
+        first = rows.stop
+    return clean_series(file.topic.name, stamp, values, max_gap=max_gap, arrival=arrival, span=span)
