@@ -117,6 +117,14 @@ def test_definitions_and_sums_are_in_the_bag(journal: Path, tmp_path: Path) -> N
             assert connection.msgdef.data == full_definition(name)
 
 
+def test_what_a_torn_journal_lost_is_logged_when_a_bag_is_made(
+    journal: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "torn.journal").write_bytes((journal / "0000.journal").read_bytes()[:-300])
+    write_bag(JournalReader(tmp_path / "torn.journal"), tmp_path / "a.bag")
+    assert "no whole record" in caplog.text
+
+
 def test_nothing_is_overwritten(journal: Path, tmp_path: Path) -> None:
     write_bag(JournalReader(journal), tmp_path / "a.bag")
     with pytest.raises(InputError, match="never overwritten"):

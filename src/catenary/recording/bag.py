@@ -5,6 +5,7 @@ a bag that is there is whole. A bag has no place for the robot's name, the seed 
 travel as one message on `/catenary/recording`.
 """
 
+import logging
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -31,6 +32,7 @@ from catenary.recording.topics import ABOUT_TOPIC, ABOUT_TYPE, topic_named
 if TYPE_CHECKING:
     from catenary.recording.source import Source
 
+log = logging.getLogger(__name__)
 BagKind = Literal["ros1", "mcap"]
 MAX_MESSAGES = 500_000  # of a bag: readers hold about 170 bytes of index per message in memory
 ROS2_VERSION: Literal[8] = 8  # of metadata.yaml, as ROS 2 Jazzy reads it
@@ -123,7 +125,8 @@ def write_bag(
 ) -> tuple[Path, ...]:
     """Write a recording as one bag: a `.bag` file, or a ROS 2 bag with MCAP in it, which is a folder.
 
-    Beyond half a million messages further bags follow, named `<name>_1` and so on.
+    Beyond half a million messages further bags follow, named `<name>_1` and so on. What is damaged in the source is
+    left out; its `problems` say what, and are logged.
 
     Returns:
         What was written, in order.
@@ -168,6 +171,8 @@ def _write(source: "Source", kind: BagKind, targets: Mapping[str, Path]) -> tupl
             bag.open()
         for topic, stamp, data in source.messages(tuple(targets)):
             bags[targets[topic]].write(topic, stamp, data)
+        for problem in source.problems:
+            log.warning("%s", problem)
         return tuple(path for bag in bags.values() for path in bag.close())
     except BaseException:
         for bag in bags.values():
