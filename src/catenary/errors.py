@@ -65,3 +65,7 @@ class NotReadyError(CatenaryError):
 
 class LimitError(CatenaryError, ValueError):
     """A motion leaves the joint limits, or runs into a stop, and was refused before anything moved."""
+
+
+class RecordingError(CatenaryError):
+    """A recording had to stop; the message says why, and what is safe in the file."""

@@ -1,0 +1,239 @@
+"""Recordings into Parquet: a file per topic, a column per number, in SI, in bounded memory."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from catenary.errors import FileFormatError, InputError
+from catenary.recording.hashing import sha256_of
+from catenary.recording.journal import About
+from catenary.recording.layout import Encoding
+from catenary.recording.messages import md5_sum
+from catenary.recording.salvage import SalvageReader
+from catenary.recording.source import Source, open_recordings
+from catenary.recording.topics import TOPICS, Topic, decode, topic_named, wrong_type
+
+FORMAT = "catenary.topic.1"
+ROW_GROUP = 8192  # messages that are in memory at once, per topic
+
+
+@dataclass(frozen=True)
+class Extraction:
+    """What was extracted from a recording."""
+
+    folder: Path
+    files: Mapping[str, Path]  # by topic
+    messages: Mapping[str, int]  # by topic
+    about: About | None  # None where the recording does not say
+    problems: tuple[str, ...]  # what was damaged, missing or left out
+
+
+def extract(
+    paths: Sequence[Path], folder: Path, *, topics: Sequence[str] | None = None, salvage: bool = False
+) -> Extraction:
+    """Extract a recording, which may lie in several files (one bag per topic, or in a row), into a folder.
+
+    Each file has the columns `stamp` (header) and `arrival` [ns] and those of the topic, such as
+    `jpos:gold_shoulder`; the unit is in the column's metadata, what the recording is of in the schema's. Messages
+    keep the order and the stamps in which they were found.
+
+    Args:
+        paths: Journal, bags, MCAP files, or folders of them.
+        folder: Where the files go; made if it is not there.
+        topics: Names of those to extract; None for all that catenary knows.
+        salvage: Read bags that were cut off, as far as they go.
+
+    Raises:
+        FileFormatError: A file cannot be read, its types are not ours, or it lacks a topic that was asked for.
+        InputError: The folder holds an extraction already, or the files are of different recordings.
+    """
+    sources: Sequence[Source]
+    sources = [SalvageReader(path) for path in paths] if salvage else open_recordings(paths)
+    if folder.is_dir() and any(folder.glob("*.parquet")):
+        raise InputError(f"{folder}: holds an extraction already; give another folder, or empty this one")
+    about = _one_about(sources)
+    wanted, problems = _choose(sources, topics)
+    metadata = {
+        "format": FORMAT,
+        **json.loads((about if about is not None else About()).as_json()),
+        "sources": [
+            {"name": file.name, "sha256": sha256_of(file)} for path in paths for file in _files(path)
+        ],
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    writers: dict[str, _TopicWriter] = {}
+    try:
+        for source in sources:
+            here = {t.name: wanted[t.name] for t in source.topics if t.name in wanted}
+            for name, stamp, data in source.messages(tuple(here)):
+                writer = writers.get(name)
+                if writer is None:
+                    writer = writers[name] = _TopicWriter(folder, here[name], metadata)
+                writer.add(stamp, data, source.encoding)
+            for writer in writers.values():
+                writer.write()  # the next file may be in another encoding
+            problems += source.problems
+        files = {name: writer.close() for name, writer in writers.items()}
+    except BaseException:
+        for writer in writers.values():
+            writer.abort()
+        raise
+    problems += [f"topic {name}: no messages" for name in wanted if name not in writers]
+    counts = {name: writer.messages for name, writer in writers.items()}
+    return Extraction(folder, files, counts, about, tuple(problems))
+
+
+class TopicFile:
+    """An extracted topic."""
+
+    def __init__(self, path: Path) -> None:
+        """Open it.
+
+        Raises:
+            FileFormatError: No such file, damaged, or not an extracted topic.
+        """
+        self.path = path
+        try:
+            self._file = pq.ParquetFile(path)
+            self._metadata: dict[str, Any] = json.loads(self._file.schema_arrow.metadata[b"catenary"])
+            self.topic: Topic = next(t for t in TOPICS if t.name == self._metadata["topic"])
+        except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, StopIteration) as error:
+            raise FileFormatError(f"{path}: cannot be read as an extracted topic: {error!r}") from error
+        if self._metadata.get("format") != FORMAT:
+            raise FileFormatError(f"{path}: format {self._metadata.get('format')!r}, expected {FORMAT!r}")
+        self.about = About.from_mapping(self._metadata)
+        self.rows: int = self._file.metadata.num_rows
+        self.row_groups: int = self._file.num_row_groups
+
+    def read(self, columns: Sequence[str], group: int | None = None) -> dict[str, NDArray[Any]]:
+        """Read columns by name, such as `stamp` or `jpos:gold_shoulder`; of one row group, or of all."""
+        if group is None:
+            table = self._file.read(columns=list(columns))
+        else:
+            table = self._file.read_row_group(group, columns=list(columns))
+        return {name: table.column(name).to_numpy() for name in columns}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+
+def topic_file(folder: Path, topic: Topic) -> TopicFile:
+    """Open a topic of an extraction.
+
+    Raises:
+        FileFormatError: It is not there (the message says which are), or damaged.
+    """
+    path = folder / f"{topic.stem}.parquet"
+    if not path.is_file():
+        there = ", ".join(sorted(p.stem for p in folder.glob("*.parquet"))) or "none"
+        raise FileFormatError(
+            f"{folder}: topic {topic.name} ({path.name}) is not there; topics there: {there}"
+        )
+    return TopicFile(path)
+
+
+class _TopicWriter:
+    """Decodes and writes one topic, a row group at a time."""
+
+    def __init__(self, folder: Path, topic: Topic, metadata: Mapping[str, Any]) -> None:
+        self.topic = topic
+        self.messages = 0
+        self.path = folder / f"{topic.stem}.parquet"
+        self._part = folder / f"{topic.stem}.parquet.part"
+        fields = [pa.field(name, pa.int64(), metadata={"unit": "ns"}) for name in ("stamp", "arrival")]
+        for column in topic.columns:
+            kind = pa.int32() if column.whole else pa.float64()
+            fields += [
+                pa.field(name, kind, metadata={"unit": unit})
+                for name, unit in zip(column.names, column.units, strict=True)
+            ]
+        about = {**metadata, "topic": topic.name, "type": topic.type, "md5": md5_sum(topic.type)}
+        self._schema = pa.schema(fields, metadata={"catenary": json.dumps(about)})
+        # dictionaries do not pay for measured numbers
+        self._writer = pq.ParquetWriter(self._part, self._schema, compression="zstd", use_dictionary=False)
+        self._arrivals: list[int] = []
+        self._data: list[bytes] = []
+        self._encoding: Encoding = "ros1"
+
+    def add(self, arrival: int, data: bytes, encoding: Encoding) -> None:
+        self._arrivals.append(arrival)
+        self._data.append(data)
+        self._encoding = encoding
+        if len(self._data) >= ROW_GROUP:
+            self.write()
+
+    def write(self) -> None:
+        """Write what was added since the last time."""
+        if not self._data:
+            return
+        samples = decode(self.topic, self._data, self._encoding)
+        arrays = [pa.array(samples.stamp), pa.array(np.array(self._arrivals, dtype=np.int64))]
+        for column in self.topic.columns:
+            values = np.ascontiguousarray(samples.columns[column.name].T)
+            arrays += [pa.array(row) for row in values]
+        self._writer.write_table(pa.table(arrays, schema=self._schema), row_group_size=len(self._data))
+        self.messages += len(self._data)
+        self._arrivals, self._data = [], []
+
+    def close(self) -> Path:
+        self.write()
+        self._writer.close()
+        self._part.rename(self.path)
+        return self.path
+
+    def abort(self) -> None:
+        self._writer.close()
+        self._part.unlink(missing_ok=True)
+
+
+def _choose(sources: Sequence[Source], topics: Sequence[str] | None) -> tuple[dict[str, Topic], list[str]]:
+    """Topics to extract, by the name they have in the recording, and what is left out."""
+    there = {t.name: t.type for source in sources for t in source.topics}
+    names = {name.strip("/"): name for name in there}
+    missing = [name for name in topics or () if name.strip("/") not in names]
+    if missing:
+        raise FileFormatError(
+            f"recording: no topic {', '.join(missing)}; it has {', '.join(there) or 'none'}"
+        )
+    asked = list(there) if topics is None else [names[name.strip("/")] for name in topics]
+    wanted, problems = {}, []
+    for name in asked:
+        topic = topic_named(name)
+        if topic is None:
+            problems.append(f"topic {name} of type {there[name]}: catenary does not know it; left out")
+            continue
+        error = wrong_type(topic, there[name])
+        if error is not None:
+            raise error
+        wanted[name] = topic
+    if not wanted:
+        raise FileFormatError(
+            f"recording: has none of the topics {', '.join(t.name for t in TOPICS)}; "
+            f"it has {', '.join(there) or 'none'}"
+        )
+    return wanted, problems
+
+
+def _one_about(sources: Sequence[Source]) -> About | None:
+    stated = [source.about for source in sources if source.about is not None]
+    if any((a.robot, a.simulated) != (stated[0].robot, stated[0].simulated) for a in stated):
+        found = ", ".join(f"{a.robot} ({'simulated' if a.simulated else 'real'})" for a in stated)
+        raise InputError(f"recording: its files are of different robots: {found}")
+    return stated[0] if stated else None
+
+
+def _files(path: Path) -> list[Path]:
+    return sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]

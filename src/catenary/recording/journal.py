@@ -1,0 +1,326 @@
+"""A recording while it grows: an append-only file that survives a crash, a kill and a full disk.
+
+A recording is a folder of `0000.journal`, `0001.journal`, ...: each at most about `max_bytes` long and readable by
+itself. A file is magic, then records of 32 bytes of head (`HEAD`) and data: first the header (JSON), then messages,
+last a footer (JSON), which only a file that was closed has. Every record has a checksum and a number that counts
+through all files, so that whatever is missing is noticed and counted.
+"""
+
+import json
+import logging
+import os
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from struct import Struct
+from types import TracebackType
+from typing import Any, Literal, NamedTuple, NoReturn, Self
+from zlib import crc32
+
+from catenary.errors import InputError, RecordingError
+from catenary.recording.messages import definition, full_definition, md5_sum
+
+MAGIC = b"catenary journal 1\n"
+HEAD = Struct(
+    "<4sIIHHQq"
+)  # marker, checksum of all that follows, bytes of data, topic, 0, number, stamp [ns]
+MARKER = b"\xc7REC"
+HEADER, FOOTER = 0xFFFF, 0xFFFE  # in place of a topic's index
+FLUSH_INTERVAL = 0.5  # [s] a crash loses at most this and what the disk takes to write it
+MAX_BYTES = 64 * 2**20  # of a file; reading one maps it into memory
+MAX_PENDING = 8 * 2**20  # [B] that wait for the disk; beyond it whoever appends waits too
+MAX_RECORD = 64 * 2**20  # [B]; a longer one is taken for damage
+_REST = Struct("<IHHQq")  # of the head, from behind the checksum
+
+log = logging.getLogger(__name__)
+
+
+class JournalTopic(NamedTuple):
+    """A topic of a journal."""
+
+    name: str
+    type: str
+
+
+@dataclass(frozen=True)
+class About:
+    """What a recording is of; travels with it through every file."""
+
+    robot: str | None = None
+    simulated: bool = False
+    seed: int | None = None
+    configuration: Mapping[str, Any] = field(default_factory=dict)
+
+    def as_json(self) -> str:
+        """Text that `from_json` reads."""
+        return json.dumps(
+            {
+                "robot": self.robot,
+                "simulated": self.simulated,
+                "seed": self.seed,
+                "configuration": dict(self.configuration),
+            }
+        )
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any]) -> Self:
+        """Read what `as_json` wrote; keys that are not known are left out."""
+        return cls(
+            robot=values.get("robot"),
+            simulated=bool(values.get("simulated", False)),
+            seed=values.get("seed"),
+            configuration=values.get("configuration") or {},
+        )
+
+
+def record_bytes(topic: int, number: int, stamp: int, data: bytes) -> bytes:
+    """One record."""
+    rest = _REST.pack(len(data), topic, 0, number, stamp)
+    return b"".join((MARKER, crc32(data, crc32(rest)).to_bytes(4, "little"), rest, data))
+
+
+class JournalWriter:
+    """Writes a recording. Appending copies bytes; a thread brings them to the disk every half second.
+
+    Raises RecordingError at the next append, or when closed, if the disk is full or fails: the file then ends
+    with its last whole record and the error says which message that was.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        topics: Sequence[JournalTopic],
+        about: About | None = None,
+        *,
+        max_bytes: int = MAX_BYTES,
+        flush_interval: float = FLUSH_INTERVAL,
+    ) -> None:
+        """Begin a recording.
+
+        Raises:
+            InputError: The folder has a recording already, topics do not differ, or files are to be too short.
+            RecordingError: Its files cannot be made.
+        """
+        if not 0 < len(topics) < FOOTER or len({t.name for t in topics}) != len(topics):
+            raise InputError(f"{folder}: expected topics that differ, got {[t.name for t in topics]}")
+        for topic in topics:
+            definition(topic.type)  # an unknown type is refused before anything is written
+        if any(folder.glob("*.journal")):
+            raise InputError(f"{folder}: holds a recording already, which is never overwritten")
+        self.folder = folder
+        self._topics = tuple(topics)
+        self._index = {topic.name: i for i, topic in enumerate(topics)}
+        self._about = about if about is not None else About()
+        self._max_bytes = max_bytes
+        self._number = 0  # of the next record
+        self._part = 0
+        self._pending = bytearray()
+        self._messages = 0
+        self._safe_bytes = 0  # of the present file, on the disk
+        self._safe_messages = 0  # on the disk, in all files
+        self._last_stamp = 0
+        self._error: OSError | None = None
+        self._closed = False
+        self._append_lock = threading.RLock()  # guards what waits
+        self._disk_lock = threading.RLock()  # guards the file; taken before the other one
+        self._fd = -1
+        self._stop = threading.Event()
+        self._pending += self._header()
+        if max_bytes < 2 * len(self._pending):
+            raise InputError(
+                f"{folder}: files of {max_bytes} bytes, but each begins with {len(self._pending)}; allow more"
+            )
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise RecordingError(f"{folder}: cannot be made: {error.strerror}") from error
+        self._open_file()
+        self.flush()
+        self._thread = threading.Thread(target=self._flush_often, args=(flush_interval,), daemon=True)
+        self._thread.start()
+
+    def append(self, topic: str, stamp: int, data: bytes) -> None:
+        """Add a message that arrived at `stamp` [ns].
+
+        Raises:
+            InputError: Unknown topic, or the recording is closed.
+            RecordingError: The disk is full or failed, now or at an earlier flush.
+        """
+        if self._error is not None:
+            self._fail()
+        if self._closed:
+            raise InputError(f"{self.folder}: is closed")
+        try:
+            index = self._index[topic]
+        except KeyError:
+            raise InputError(
+                f'topic "{topic}": not in this recording, which has {", ".join(self._index)}'
+            ) from None
+        if len(data) > MAX_RECORD:
+            raise InputError(f'topic "{topic}": {len(data)} bytes, expected {MAX_RECORD} at most')
+        with self._append_lock:
+            record = record_bytes(index, self._number, stamp, data)
+            self._number += 1
+            self._messages += 1
+            self._last_stamp = stamp
+            self._pending += record
+            waiting = len(self._pending)
+        if waiting > min(MAX_PENDING, self._max_bytes // 4):
+            self.flush()
+
+    def flush(self) -> None:
+        """Bring everything to the disk.
+
+        Raises:
+            RecordingError: The disk is full or failed.
+        """
+        with self._disk_lock:
+            self._write_pending()
+        if self._error is not None:
+            self._fail()
+
+    def close(self) -> None:
+        """Finish the recording; a second time does nothing.
+
+        Raises:
+            RecordingError: The disk is full or failed; what is safe is closed all the same.
+        """
+        if self._closed:
+            return
+        self._stop.set()
+        self._thread.join()
+        with self._disk_lock:
+            self._write_pending(end="last")
+            self._closed = True
+        if self._error is not None:
+            self._fail()
+
+    @property
+    def messages(self) -> int:
+        """How many messages were appended."""
+        return self._messages
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            self.close()
+        except RecordingError:
+            if error is None:
+                raise  # otherwise it would hide the error that is under way
+            log.exception("%s: could not be closed", self.folder)
+
+    def _header(self) -> bytes:
+        """How a file begins; counts as a record."""
+        header = {
+            "format": "catenary.journal.1",
+            "topics": [
+                {
+                    "name": t.name,
+                    "type": t.type,
+                    "md5": md5_sum(t.type),
+                    "definition": full_definition(t.type),
+                }
+                for t in self._topics
+            ],
+            **json.loads(self._about.as_json()),
+        }
+        self._number += 1
+        return MAGIC + record_bytes(HEADER, self._number - 1, self._last_stamp, json.dumps(header).encode())
+
+    def _footer(self, *, last: bool) -> bytes:
+        """How a file ends; counts as a record."""
+        self._number += 1
+        content = json.dumps({"last": last}).encode()
+        return record_bytes(FOOTER, self._number - 1, self._last_stamp, content)
+
+    def _open_file(self) -> None:
+        """Make the present part's file; keeps an error for the next append. Needs the disk."""
+        path = self.folder / f"{self._part:04d}.journal"
+        self._safe_bytes = 0
+        try:
+            self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+            folder = os.open(self.folder, os.O_RDONLY)
+            try:
+                os.fsync(folder)  # or the file's name may not survive a power cut
+            finally:
+                os.close(folder)
+        except OSError as error:
+            self._error = error
+
+    def _flush_often(self, interval: float) -> None:
+        while not self._stop.wait(interval):
+            with self._disk_lock:
+                self._write_pending()
+            if self._error is not None:
+                return
+
+    def _write_pending(self, *, end: Literal["last", "if full"] = "if full") -> None:
+        """Bring what waits onto the disk, and go on in another file if this one is full. Needs the disk.
+
+        Whoever appends meanwhile waits only while bytes are set aside, not for the disk. An error is kept for the
+        next append.
+        """
+        with self._append_lock:
+            full = end == "if full" and self._safe_bytes + len(self._pending) >= self._max_bytes
+            if end == "last" or full:
+                self._pending += self._footer(last=not full)
+            block, self._pending = self._pending, bytearray(self._header() if full else b"")
+            messages = self._messages
+        if self._error is not None or not block:
+            return
+        written = 0
+        try:
+            while written < len(block):
+                written += os.write(self._fd, memoryview(block)[written:])
+        except OSError as error:
+            self._cut(bytes(block[:written]))
+            self._error = error
+            return
+        try:
+            os.fsync(self._fd)
+        except OSError as error:
+            self._error = error  # nobody knows what of this block is on the disk: it does not count as safe
+            return
+        self._safe_bytes += len(block)
+        self._safe_messages = messages
+        if full or end == "last":
+            os.close(self._fd)
+            self._fd = -1
+        if full:
+            self._part += 1
+            self._open_file()
+            self._write_pending()
+
+    def _cut(self, written: bytes) -> None:
+        """Cut the file behind its last whole record, so that no torn one follows it."""
+        position = len(MAGIC) if self._safe_bytes == 0 else 0
+        while position + HEAD.size <= len(written):
+            _, _, length, topic, *_ = HEAD.unpack_from(written, position)
+            if position + HEAD.size + length > len(written):
+                break
+            position += HEAD.size + length
+            self._safe_messages += topic < FOOTER
+        try:
+            os.ftruncate(self._fd, self._safe_bytes + min(position, len(written)))
+            os.fsync(self._fd)
+        except OSError:
+            log.exception("%s: could not be cut behind its last whole record", self.folder)
+
+    def _fail(self) -> NoReturn:
+        """Close and say what is safe."""
+        with self._disk_lock:
+            self._closed = True
+            self._stop.set()
+            if self._fd >= 0:
+                os.close(self._fd)
+                self._fd = -1
+        safe, reason = self._safe_messages, self._error.strerror if self._error is not None else "closed"
+        raise RecordingError(
+            f"{self.folder}: recording stopped: {reason}. Safe are the first {safe} of {self._messages} messages, "
+            f"in {self._part + 1} file(s); {self._messages - safe} are lost"
+        ) from self._error

@@ -1,0 +1,172 @@
+"""Where the numbers lie in a serialised message: a NumPy structured type, so that thousands are read at once."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.errors import FileFormatError
+from catenary.recording.messages import MESSAGES, NUMBERS, TIMES, current_name, fields
+
+Encoding = Literal["ros1", "cdr"]
+CDR_HEADER = 4  # bytes before the message; alignment counts from behind them
+COUNT = "#"  # before the name of a string or a sequence: the field that holds its length
+MAX_ELEMENTS = 100_000  # of one sequence; more is taken for damage
+
+
+@dataclass
+class _Walk:
+    """A pass over a message from its first byte to its last."""
+
+    encoding: Encoding
+    size_of: Callable[[str, int], int]  # path and offset of a length field -> number of elements
+    offset: int = 0
+    names: list[str] = field(default_factory=list)
+    formats: list[Any] = field(default_factory=list)
+    offsets: list[int] = field(default_factory=list)
+
+    def message(self, name: str, prefix: str = "") -> None:
+        for item in fields(name):
+            if self.encoding == "cdr" and current_name(name) == "std_msgs/Header" and item.name == "seq":
+                continue  # ROS 2 has none
+            path = prefix + item.name
+            if item.length is None:
+                self._one(item.type, path)
+            elif item.type in NUMBERS:
+                self._numbers(item.type, path, item.length or self._length(path))
+            else:
+                for i in range(item.length or self._length(path)):
+                    self._one(item.type, f"{path}.{i}")
+
+    def _one(self, kind: str, path: str) -> None:
+        if kind in MESSAGES:
+            self.message(kind, f"{path}.")
+        elif kind in TIMES:
+            # ROS 1's time counts without a sign, its duration with; ROS 2's with, and without in nanoseconds
+            signed = kind == "duration" or self.encoding == "cdr"
+            self._number("<i4" if signed else "<u4", f"{path}.sec")
+            self._number("<i4" if kind == "duration" and self.encoding == "ros1" else "<u4", f"{path}.nsec")
+        elif kind == "string":
+            self._place(path, f"V{self._length(path)}", 1)
+        else:
+            self._number(NUMBERS[kind], path)
+
+    def _number(self, number: str, path: str) -> None:
+        self._place(path, number, np.dtype(number).itemsize)
+
+    def _numbers(self, kind: str, path: str, count: int) -> None:
+        number = np.dtype(NUMBERS[kind])
+        # CDR aligns elements, so an empty sequence moves nothing
+        self._place(path, (number, (count,)), number.itemsize if count else 1)
+
+    def _length(self, path: str) -> int:
+        self._number("<u4", COUNT + path)
+        size = self.size_of(path, self.offsets[-1])
+        if not 0 <= size <= MAX_ELEMENTS:
+            raise FileFormatError(
+                f'message: "{path}" claims {size} elements, expected {MAX_ELEMENTS} at most'
+            )
+        return size
+
+    def _place(self, path: str, kind: Any, alignment: int) -> None:
+        if self.encoding == "cdr":
+            self.offset += -(self.offset - CDR_HEADER) % alignment
+        self.names.append(path)
+        self.formats.append(kind)
+        self.offsets.append(self.offset)
+        self.offset += np.dtype(kind).itemsize
+
+    def dtype(self) -> np.dtype[np.void]:
+        layout = {
+            "names": self.names,
+            "formats": self.formats,
+            "offsets": self.offsets,
+            "itemsize": self.offset,
+        }
+        return np.dtype(layout)  # type: ignore[call-overload, no-any-return]
+
+
+def layout_of(name: str, data: bytes, encoding: Encoding) -> np.dtype[np.void]:
+    """Structured type that reads this message and all others with strings and sequences of the same lengths.
+
+    Field names are paths such as `header.stamp.sec` or `position`; `#position` is the length that is stored.
+
+    Args:
+        name: Message type.
+        data: One serialised message.
+        encoding: ROS 1's own, or CDR with its four bytes in front, little-endian.
+
+    Raises:
+        FileFormatError: The bytes are not such a message.
+    """
+
+    def size_of(path: str, offset: int) -> int:
+        if offset + 4 > len(data):
+            raise FileFormatError(f'{name}: the message of {len(data)} bytes ends before "{path}"')
+        return int.from_bytes(data[offset : offset + 4], "little")
+
+    if encoding == "cdr" and data[:2] != b"\x00\x01":
+        raise FileFormatError(
+            f"{name}: expected little-endian CDR, whose first bytes are 0, 1; got {list(data[:2])}"
+        )
+    walk = _Walk(encoding, size_of, CDR_HEADER if encoding == "cdr" else 0)
+    walk.message(name)
+    padding = len(data) - walk.offset
+    if not 0 <= padding <= (3 if encoding == "cdr" else 0):
+        raise FileFormatError(f"{name}: expected {walk.offset} bytes, got {len(data)}")
+    walk.offset = len(data)
+    return walk.dtype()
+
+
+def read_messages(
+    name: str, messages: Sequence[bytes], encoding: Encoding
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.void]]]:
+    """Give messages as structured arrays, one for each shape that occurs, with the positions they came from.
+
+    Raises:
+        FileFormatError: A message is not of this type.
+    """
+    lengths = np.fromiter(map(len, messages), dtype=np.int64, count=len(messages))
+    left = np.arange(len(messages))
+    while len(left):
+        layout = layout_of(name, bytes(messages[left[0]]), encoding)
+        same_length = left[lengths[left] == layout.itemsize]
+        block = b"".join([messages[i] for i in same_length] if len(same_length) < len(messages) else messages)
+        records = np.frombuffer(block, dtype=layout)
+        same = np.ones(len(records), dtype=bool)
+        for count in (n for n in layout.names or () if n.startswith(COUNT)):
+            same &= records[count] == records[count][0]
+        yield same_length[same], records if same.all() else records[same]
+        left = left[~np.isin(left, same_length[same])]
+
+
+@cache
+def _blank(name: str, texts: tuple[tuple[str, str], ...], counts: tuple[tuple[str, int], ...]) -> bytes:
+    sizes = {**{path: len(text.encode()) for path, text in texts}, **dict(counts)}
+    walk = _Walk("ros1", lambda path, _: sizes.get(path, 0))
+    walk.message(name)
+    record = np.zeros(1, dtype=walk.dtype())
+    for path in walk.names:
+        if path.startswith(COUNT):
+            record[path] = sizes.get(path[1:], 0)
+    for path, text in texts:
+        record[path] = np.void(text.encode())
+    return record.tobytes()
+
+
+def blank_messages(
+    name: str, number: int, texts: Mapping[str, str], counts: Mapping[str, int]
+) -> NDArray[np.void]:
+    """Give ROS 1 messages with all numbers zero, to be filled by field and cut into bytes.
+
+    Args:
+        name: Message type.
+        number: How many.
+        texts: Strings by path, such as `name.0`; others are empty.
+        counts: Lengths of sequences by path; others are empty.
+    """
+    blank = _blank(name, tuple(texts.items()), tuple(counts.items()))
+    return np.frombuffer(bytearray(blank * number), dtype=layout_of(name, blank, "ros1"))

@@ -1,0 +1,214 @@
+"""Turns a robot's telemetry into the messages it would publish, at each topic's rate, and writes the journal.
+
+Telemetry is a mapping from column name to numbers in SI; the names are those of `topics.py`: raven_state's fields
+(jpos and tau at least; what else is missing is published as zero), `ext_jpos` (3,), `joint_enc` (3,) and
+`measured_js` (7,), with `_velocity` and `_effort` where known. Degrees, micrometres and counts appear when the
+message is made, not before. A topic whose columns a robot lacks altogether is left out, and `left_out` names it.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats, as_array
+from catenary.errors import InputError
+from catenary.recording.journal import MAX_BYTES, About, JournalTopic, JournalWriter
+from catenary.recording.topics import SECOND, Topic, encode
+
+JITTER = 0.05  # of a topic's period, standard deviation; simulated recordings only
+SHORTEST = 0.25  # of a topic's period between two messages
+BLOCK = 16384  # ticks that are made into messages at once
+
+
+class Throttle:
+    """When a topic's messages are due: about one a period, never evenly, as a throttled topic comes.
+
+    Intervals are period (1 + jitter N(0, 1)), at least a quarter of a period. Instants are drawn in blocks, so that
+    the same `rng` gives the same ones whether time comes tick by tick or all at once.
+    """
+
+    def __init__(self, rate: float, rng: np.random.Generator, *, jitter: float = JITTER) -> None:
+        """Begin at time 0.
+
+        Raises:
+            InputError: The rate is not positive, or the jitter not within 0 and 1.
+        """
+        if not rate > 0.0 or not 0.0 <= jitter <= 1.0:
+            raise InputError(
+                f"throttle: expected a rate above 0 Hz and a jitter of 0 to 1, got {rate}, {jitter}"
+            )
+        self._period, self._jitter, self._rng = 1.0 / rate, jitter, rng
+        self._due: Floats = np.zeros(0)  # instants to come, ascending
+        self._last: float | None = None
+
+    def pick(self, time: Floats) -> NDArray[np.int64]:
+        """Give the ticks at which a message goes out: the first at or after each instant, once.
+
+        Args:
+            time: (N,) [s] ascending, after all times that were given before.
+        """
+        if self._last is None:
+            self._last = float(time[0])  # the first tick is recorded
+            self._due = np.array([self._last])
+        while self._last <= time[-1]:
+            steps = np.maximum(SHORTEST, 1.0 + self._jitter * self._rng.standard_normal(256)) * self._period
+            instants = self._last + np.cumsum(steps)
+            self._due = np.concatenate([self._due, instants])
+            self._last = float(instants[-1])
+        passed = int(np.searchsorted(self._due, time[-1], side="right"))
+        ticks = np.searchsorted(time, self._due[:passed], side="left")
+        self._due = self._due[passed:]
+        return np.unique(ticks)
+
+    @property
+    def next_due(self) -> float:
+        """The next instant at which a message is due [s]."""
+        return float(self._due[0]) if len(self._due) else -np.inf
+
+
+class Recorder:
+    """Records telemetry; an observer of the control loop, or fed with whole arrays.
+
+    Stamps are `start_ns` plus the telemetry's time. Nothing is written to the disk in the tick.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        topics: Sequence[Topic],
+        available: Iterable[str],
+        rng: np.random.Generator,
+        *,
+        about: About | None = None,
+        start_ns: int = 0,
+        jitter: float = JITTER,
+        max_bytes: int = MAX_BYTES,
+    ) -> None:
+        """Begin a recording.
+
+        Args:
+            folder: Where the journal goes.
+            topics: What to record.
+            available: Names of telemetry's columns.
+            rng: Draws the instants of messages.
+            about: What the recording is of.
+            start_ns: Stamp of time 0 [ns].
+            jitter: Of the intervals, as a share of the period.
+            max_bytes: Of a file, before the next one begins.
+
+        Raises:
+            InputError: Telemetry has nothing for any topic, or the folder holds a recording.
+            RecordingError: The files cannot be made.
+        """
+        have = frozenset(available)
+        self.topics = tuple(topic for topic in topics if _required(topic) <= have)
+        self.left_out = tuple(
+            f"{t.name}: telemetry lacks {', '.join(sorted(_required(t) - have))}"
+            for t in topics
+            if t not in self.topics
+        )
+        if not self.topics:
+            raise InputError(f"recording: telemetry has no topic's columns: {'; '.join(self.left_out)}")
+        zero = {t.name: [c.name for c in t.columns if c.name not in have] for t in self.topics}
+        about = about if about is not None else About()
+        about = replace(
+            about,
+            configuration={**about.configuration, "not_in_telemetry": {k: v for k, v in zero.items() if v}},
+        )
+        streams = rng.spawn(len(topics))  # a topic's instants do not depend on which others are recorded
+        self._throttles = [
+            Throttle(t.rate, stream, jitter=jitter)
+            for t, stream in zip(topics, streams, strict=True)
+            if t in self.topics
+        ]
+        self._sent = [0] * len(self.topics)
+        self._start = start_ns
+        self._last_time = -np.inf
+        self.next_due = -np.inf  # [s] no tick before it needs its telemetry collected
+        self.journal = JournalWriter(
+            folder, [JournalTopic(t.name, t.type) for t in self.topics], about, max_bytes=max_bytes
+        )
+
+    def observe(self, time: float, telemetry: Mapping[str, Floats]) -> None:
+        """Take one tick's telemetry, each column (width,).
+
+        Raises:
+            InputError: Time does not advance, or a column has another shape than its topic.
+            RecordingError: The disk is full or failed.
+        """
+        if self._last_time < time < self.next_due:
+            self._last_time = time  # most ticks: nothing is due
+            return
+        self.observe_many(np.array([time]), {name: np.atleast_1d(v)[None] for name, v in telemetry.items()})
+
+    def observe_many(self, time: Floats, telemetry: Mapping[str, Floats]) -> None:
+        """Take N ticks' telemetry, each column (N, width) or (N,), in one go; may be called again with what follows.
+
+        Raises:
+            InputError: Time does not advance, or a column has another shape than its topic.
+            RecordingError: The disk is full or failed.
+        """
+        time = as_array("time", time, (None,))
+        if len(time) == 0:
+            return
+        if time[0] <= self._last_time or (np.diff(time) <= 0.0).any():
+            raise InputError("recording: time must advance from tick to tick")
+        for name, values in telemetry.items():
+            if len(values) != len(time):
+                raise InputError(f'telemetry "{name}": {len(values)} rows, but {len(time)} ticks')
+        self._last_time = float(time[-1])
+        picked = [throttle.pick(time) for throttle in self._throttles]
+        self.next_due = min(throttle.next_due for throttle in self._throttles)
+        for first in range(0, len(time), BLOCK):
+            self._write(time, telemetry, picked, first)
+
+    def _write(
+        self, time: Floats, telemetry: Mapping[str, Floats], picked: list[NDArray[np.int64]], first: int
+    ) -> None:
+        """Write the messages of the ticks from `first` on, in the order of ticks, within one of topics."""
+        ticks, owners, parts = [], [], []
+        for i, (topic, all_ticks) in enumerate(zip(self.topics, picked, strict=True)):
+            chosen = all_ticks[slice(*np.searchsorted(all_ticks, (first, first + BLOCK)))]
+            if len(chosen) == 0:
+                continue
+            columns = {c.name: telemetry[c.name][chosen] for c in topic.columns if c.name in telemetry}
+            messages = encode(topic, self._stamps(time[chosen]), columns, first_seq=self._sent[i])
+            self._sent[i] += len(chosen)
+            size, block = messages.dtype.itemsize, messages.tobytes()
+            parts += [block[at : at + size] for at in range(0, len(block), size)]
+            ticks.append(chosen)
+            owners.append(np.full(len(chosen), i))
+        if not parts:
+            return
+        tick, owner = np.concatenate(ticks), np.concatenate(owners)
+        stamps = self._stamps(time[tick])
+        for message in np.lexsort((owner, tick)).tolist():
+            self.journal.append(self.topics[owner[message]].name, int(stamps[message]), parts[message])
+
+    def _stamps(self, time: Floats) -> NDArray[np.int64]:
+        return self._start + np.rint(time * SECOND).astype(np.int64)
+
+    def close(self) -> None:
+        """Finish the recording.
+
+        Raises:
+            RecordingError: The disk is full or failed.
+        """
+        self.journal.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.journal.__exit__(kind, error, trace)
+
+
+def _required(topic: Topic) -> frozenset[str]:
+    return frozenset(column.name for column in topic.columns if column.required)

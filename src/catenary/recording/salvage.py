@@ -1,0 +1,202 @@
+"""What is whole in a bag that was cut off: its index comes last, so readers that need one refuse the file."""
+
+import bz2
+import json
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from struct import Struct, error
+from typing import BinaryIO
+
+from lz4.frame import decompress as lz4_decompress  # type: ignore[import-untyped]
+
+from catenary.errors import FileFormatError
+from catenary.recording.bag_types import check_ros1_type, check_ros2_type
+from catenary.recording.journal import About, JournalTopic
+from catenary.recording.layout import Encoding
+from catenary.recording.messages import current_name
+from catenary.recording.topics import ABOUT_TOPIC
+
+ROS1_MAGIC = b"#ROSBAG V2.0\n"
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+_MESSAGE, _CHUNK, _CONNECTION = 2, 5, 7  # record types of a ROS 1 bag [wiki.ros.org/Bags/Format/2.0]
+_SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _DATA_END = 3, 4, 5, 6, 15  # of MCAP [mcap.dev/spec]
+_CHUNK_HEAD = 60  # [B] before a chunk's records, at most; a shorter one holds none
+_U16, _U32, _U64 = Struct("<H"), Struct("<I"), Struct("<Q")
+_UNPACK = {b"none": bytes, b"bz2": bz2.decompress, b"lz4": lz4_decompress}
+
+
+class SalvageReader:
+    """Reads the messages of a cut-off `.bag` or `.mcap` from its beginning.
+
+    It reads up to the last whole message, or the last whole chunk where chunks are compressed. `problems` says
+    where that was.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Read the file once, to find its topics.
+
+        Raises:
+            FileFormatError: No such kind of file, or message types that are not ours.
+        """
+        self.path = path
+        self.problems: list[str] = []
+        with path.open("rb") as file:
+            self._ros1 = file.read(len(ROS1_MAGIC)) == ROS1_MAGIC
+            file.seek(0)
+            if not self._ros1 and file.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
+                raise FileFormatError(f"{path}: begins neither as a ROS 1 bag nor as MCAP")
+        self.encoding: Encoding = "ros1" if self._ros1 else "cdr"
+        self.about: About | None = None
+        self._types: dict[str, str] = {}
+        self.counts: dict[str, int] = {}
+        for name, _, data in self._whole():
+            if name == ABOUT_TOPIC:
+                self.about = about_of(data, self.encoding)
+            else:
+                self.counts[name] = self.counts.get(name, 0) + 1
+        self.topics = tuple(JournalTopic(n, t) for n, t in self._types.items() if n != ABOUT_TOPIC)
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
+        """Give topic, arrival stamp [ns] and bytes of every whole message."""
+        self.problems.clear()
+        for message in self._whole():
+            if message[0] != ABOUT_TOPIC and (topics is None or message[0] in topics):
+                yield message
+
+    def _whole(self) -> Iterator[tuple[str, int, bytes]]:
+        with self.path.open("rb") as file:
+            size = file.seek(0, 2)
+            file.seek(len(ROS1_MAGIC) if self._ros1 else len(MCAP_MAGIC))
+            names: dict[int, str] = {}
+            try:
+                yield from self._bag(file, size, names) if self._ros1 else self._mcap(file, size, names)
+            except (error, KeyError, ValueError, OSError, EOFError, RuntimeError) as problem:
+                if isinstance(problem, FileFormatError):
+                    raise
+                self.problems.append(f"{self.path}: damaged before byte {file.tell()}: {problem}")
+
+    def _cut_off(self, left: int) -> None:
+        self.problems.append(f"{self.path}: is cut off within its last {left} bytes")
+
+    def _bag(self, file: BinaryIO, size: int, names: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:
+        while file.tell() < size:
+            start = file.tell()
+            head = _sized(file, size)
+            data = None if head is None else _sized(file, size)
+            values = {} if head is None else _header(head)
+            if data is None:
+                if values.get(b"compression") == b"none":
+                    yield from self._bag_chunk(file.read(), names)
+                self._cut_off(size - start)
+                return
+            if values[b"op"][0] == _CHUNK:
+                unpack = _UNPACK.get(values[b"compression"])
+                if unpack is None:
+                    raise ValueError(f"unknown compression {values[b'compression'].decode(errors='replace')}")
+                yield from self._bag_chunk(unpack(data), names)
+
+    def _bag_chunk(self, chunk: bytes, names: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:
+        position = 0
+        while (middle := _behind(chunk, position)) is not None and (
+            end := _behind(chunk, middle)
+        ) is not None:
+            values, data = _header(chunk[position + 4 : middle]), chunk[middle + 4 : end]
+            position = end
+            connection = _U32.unpack(values[b"conn"])[0]
+            if values[b"op"][0] == _CONNECTION:
+                about = _header(data)
+                name = values[b"topic"].decode()
+                kind = about[b"type"].decode()
+                text = about[b"message_definition"].decode(errors="replace")
+                check_ros1_type(self.path, name, kind, about[b"md5sum"].decode(), text)
+                names[connection], self._types[name] = name, current_name(kind)
+            elif values[b"op"][0] == _MESSAGE:
+                seconds, nanoseconds = Struct("<II").unpack(values[b"time"])
+                yield names[connection], seconds * 10**9 + nanoseconds, data
+
+    def _mcap(self, file: BinaryIO, size: int, names: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:
+        schemas: dict[int, tuple[str, str]] = {}
+        while file.tell() + 9 <= size:
+            start = file.tell()
+            kind = file.read(1)[0]
+            length = _U64.unpack(file.read(8))[0]
+            if kind == _DATA_END:
+                return  # whole but for the index
+            cut = file.tell() + length > size
+            data = file.read(min(length, size))
+            if kind == _MCAP_CHUNK and len(data) > _CHUNK_HEAD:
+                compression, position = _text(data, 28)
+                if not compression:
+                    yield from self._mcap_records(data[position + 8 :], schemas, names)
+                elif not cut:
+                    raise ValueError(f"chunks compressed by {compression} are not read here")
+            elif not cut:
+                yield from self._mcap_record(kind, data, schemas, names)
+            if cut:
+                self._cut_off(size - start)
+                return
+
+    def _mcap_records(
+        self, chunk: bytes, schemas: dict[int, tuple[str, str]], names: dict[int, str]
+    ) -> Iterator[tuple[str, int, bytes]]:
+        position = 0
+        while position + 9 <= len(chunk):
+            end = position + 9 + _U64.unpack_from(chunk, position + 1)[0]
+            if end > len(chunk):
+                return
+            yield from self._mcap_record(chunk[position], chunk[position + 9 : end], schemas, names)
+            position = end
+
+    def _mcap_record(
+        self, kind: int, data: bytes, schemas: dict[int, tuple[str, str]], names: dict[int, str]
+    ) -> Iterator[tuple[str, int, bytes]]:
+        number = _U16.unpack_from(data)[0] if kind in (_SCHEMA, _CHANNEL, _MCAP_MESSAGE) else 0
+        if kind == _SCHEMA:
+            name, position = _text(data, 2)
+            _, position = _text(data, position)
+            schemas[number] = name, _text(data, position)[0]
+        elif kind == _CHANNEL:
+            name, _ = _text(data, 4)
+            schema, text = schemas[_U16.unpack_from(data, 2)[0]]
+            check_ros2_type(self.path, name, schema, text)
+            names[number], self._types[name] = name, current_name(schema)
+        elif kind == _MCAP_MESSAGE:
+            yield names[number], _U64.unpack_from(data, 6)[0], data[22:]
+
+
+def _behind(data: bytes, position: int) -> int | None:
+    """Where bytes behind their length end, or None where the data end first."""
+    if position + 4 > len(data):
+        return None
+    end: int = position + 4 + _U32.unpack_from(data, position)[0]
+    return end if end <= len(data) else None
+
+
+def about_of(data: bytes, encoding: Encoding) -> About:
+    """Read the message on `/catenary/recording`."""
+    text = data[4:] if encoding == "ros1" else data[8:].rstrip(b"\0")
+    return About.from_mapping(json.loads(text))
+
+
+def _sized(file: BinaryIO, size: int) -> bytes | None:
+    """Bytes behind their length, or None where the file ends first."""
+    if file.tell() + 4 > size:
+        return None
+    length = _U32.unpack(file.read(4))[0]
+    return file.read(length) if file.tell() + length <= size else None  # else what is there can still be read
+
+
+def _header(data: bytes) -> dict[bytes, bytes]:
+    values, position = {}, 0
+    while position < len(data):
+        length = _U32.unpack_from(data, position)[0]
+        key, _, value = data[position + 4 : position + 4 + length].partition(b"=")
+        values[key] = value
+        position += 4 + length
+    return values
+
+
+def _text(data: bytes, position: int) -> tuple[str, int]:
+    length = _U32.unpack_from(data, position)[0]
+    end = position + 4 + length
+    return data[position + 4 : end].decode(), end

@@ -1,0 +1,236 @@
+"""Topics with clocks of their own onto the stamps of raven_state: a MotionLog to calibrate with, and a report."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.errors import FileFormatError, InputError
+from catenary.plant import MotionLog
+from catenary.recording.extract import TopicFile, topic_file
+from catenary.recording.series import (
+    Series,
+    StoppedEncoder,
+    TopicReport,
+    clean_series,
+    interpolate,
+    stopped_encoders,
+)
+from catenary.recording.topics import (
+    AXES,
+    EXT_JPOS,
+    GOLD_MEASURED_JS,
+    GREEN_MEASURED_JS,
+    JOINTS,
+    RAVENSTATE,
+    RAVENSTATE_100HZ,
+    SECOND,
+    Arm,
+    Topic,
+)
+
+CALIBRATED = ("shoulder", "elbow", "insertion")
+UNITS = ("rad", "rad", "m")
+OTHERS = ("roll", "wrist", "jaw1", "jaw2")
+ROBOT: Mapping[Arm, str] = {"gold": "raven2", "green": "raven2_right"}
+# joint torque or force = torque at the gearbox's output * ratio / gearbox, the cables' coupling left out, as the
+# robot's own gravity feed does it [raven2 source: transmission ratios; RE40 with 49/4, RE30 with 26/7]
+JOINT_TORQUE: Mapping[str, float] = {
+    "shoulder": 136.1963 / 12.25, "elbow": 121.5221 / 12.25, "insertion": 2158.590 / 12.25,  # [1], [1], [1/m]
+    "roll": 5.395176 * 7 / 26, "wrist": 8.991960 * 7 / 26, "jaw1": 8.991960 * 7 / 26, "jaw2": 8.991960 * 7 / 26,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class SynchroniseOptions:
+    """What counts as synchronous, and as stopped."""
+
+    arm: Arm = "gold"
+    max_gap: float = 0.05  # [s] between two samples that are interpolated between
+    stopped_after: float = 0.5  # [s] that an encoder stays put while its motor moves
+    moved: Sequence[float] = (
+        0.02,
+        0.02,
+        0.001,
+    )  # [rad, rad, m] by which it must: more than slack and stretch give
+
+
+@dataclass(frozen=True)
+class Synchronisation:
+    """A log, and how well its parts fit together."""
+
+    log: MotionLog
+    topics: tuple[TopicReport, ...]
+    stopped: tuple[StoppedEncoder, ...]
+    without_encoder: int  # rows whose `ok` is not set
+    dropped: int  # rows left out since the robot's own numbers were not finite
+
+
+def synchronise(folder: Path, options: SynchroniseOptions | None = None) -> Synchronisation:
+    """Bring an extraction's encoders and measured_js onto the stamps of raven_state.
+
+    A row is a raven_state message. `q_nominal` and `qd` are its jpos and jvel, `tau` its commanded torque at the
+    joint, `q_encoder` ext_jpos between its two neighbours in time. `ok` is cleared where these lie further apart
+    than `max_gap`, before the first and after the last, and while an encoder stands still although its motor moves.
+    Signals are q_<joint> and tau_<joint> of roll, wrist and jaws, and measured_js_<joint> where it was recorded
+    (NaN in gaps). Messages with a stamp that was there before are dropped, messages out of order are sorted; both
+    are counted.
+
+    Args:
+        folder: What `extract` wrote.
+        options: Arm and limits.
+
+    Raises:
+        FileFormatError: raven_state or ext_jpos is missing.
+        InputError: An option is out of range, or nothing is left.
+    """
+    options = options if options is not None else SynchroniseOptions()
+    if not options.max_gap > 0.0 or not options.stopped_after > 0.0 or len(options.moved) != len(CALIBRATED):
+        raise InputError(
+            f"synchronise: expected a positive gap and time, and {len(CALIBRATED)} distances; got {options}"
+        )
+    arm = options.arm
+    state_names = [f"{kind}:{arm}_{axis}" for kind in ("jpos", "tau", "jvel") for axis in AXES]
+    with open_state(folder) as file:
+        about = file.about
+        state = read_series(file, state_names, options.max_gap)
+    origin = int(state.stamp[0])
+    span = (origin, int(state.stamp[-1]))
+    with topic_file(folder, EXT_JPOS) as file:
+        encoder = read_series(file, EXT_JPOS.columns[0].names, options.max_gap, span)
+    reports = [state.report, encoder.report]
+    measured: Series | None = None
+    topic = measured_topic(arm)
+    if (folder / f"{topic.stem}.parquet").is_file():
+        with topic_file(folder, topic) as file:
+            measured = read_series(file, topic.columns[0].names, options.max_gap, span)
+        reports.append(measured.report)
+    return build_log(
+        name=folder.name,
+        robot=about.robot if about.robot is not None else ROBOT[arm],
+        simulated=about.simulated,
+        state=dict(zip(state_names, state.values.T, strict=True)),
+        state_stamp=state.stamp,
+        encoder=encoder,
+        measured=measured,
+        options=options,
+        reports=tuple(reports),
+    )
+
+
+def build_log(
+    *,
+    name: str,
+    robot: str | None,
+    simulated: bool,
+    state: Mapping[str, NDArray[Any]],
+    state_stamp: NDArray[np.int64],
+    encoder: Series,
+    measured: Series | None,
+    options: SynchroniseOptions,
+    reports: tuple[TopicReport, ...] = (),
+    further: Mapping[str, Floats] | None = None,
+    further_units: Mapping[str, str] | None = None,
+) -> Synchronisation:
+    """Make the log of an arm from series that are clean.
+
+    Args:
+        name: Of the log.
+        robot: Of the log.
+        simulated: Of the log.
+        state: `jpos:`, `tau:` and `jvel:` of the arm's axes, each (N,), SI, tau at the gearbox's output.
+        state_stamp: (N,) [ns] ascending.
+        encoder: Positions of the joints to calibrate.
+        measured: measured_js, if any.
+        options: Arm and limits.
+        reports: On the topics.
+        further: Signals that the recording has besides, each (N,).
+        further_units: Theirs.
+
+    Raises:
+        InputError: No row is left.
+    """
+    arm = options.arm
+    whole = np.logical_and.reduce([np.isfinite(v) for v in state.values()])
+    stamp = state_stamp[whole]
+    if len(stamp) == 0:
+        raise InputError(f'recording "{name}": no state message with finite numbers is left')
+    state = {key: values[whole].astype(np.float64) for key, values in state.items()}
+    q_nominal = np.column_stack([state[f"jpos:{arm}_{joint}"] for joint in CALIBRATED])
+    q_encoder, ok = interpolate(encoder, stamp, options.max_gap)
+    ok &= np.isfinite(q_encoder).all(axis=1)
+    stopped = stopped_encoders(
+        encoder, stamp, q_nominal, CALIBRATED, stopped_after=options.stopped_after, moved=options.moved
+    )
+    for stop in stopped:
+        ok &= ~((stamp > stop.start_ns) & (stamp < stop.end_ns))
+    signals = {f"q_{joint}": state[f"jpos:{arm}_{joint}"] for joint in OTHERS}
+    signals |= {f"tau_{joint}": state[f"tau:{arm}_{joint}"] * JOINT_TORQUE[joint] for joint in OTHERS}
+    units = {f"q_{joint}": "rad" for joint in OTHERS} | {f"tau_{joint}": "Nm" for joint in OTHERS}
+    if measured is not None:
+        values, _ = interpolate(measured, stamp, options.max_gap)
+        for i, joint in enumerate(JOINTS):
+            signals[f"measured_js_{joint}"] = values[:, i]
+            units[f"measured_js_{joint}"] = "m" if joint == "insertion" else "rad"
+    for key, column in (further or {}).items():
+        signals[key], units[key] = column[whole], (further_units or {})[key]
+    notes = [note for report in reports for note in report.notes()] + [stop.note() for stop in stopped]
+    if not whole.all():
+        notes.append(f"{int((~whole).sum())} state messages with numbers that are not finite were left out")
+    log = MotionLog(
+        name=name,
+        joint_names=CALIBRATED,
+        joint_units=UNITS,
+        q_nominal=q_nominal,
+        q_encoder=q_encoder,
+        ok=ok,
+        time=(stamp - stamp[0]) / SECOND,
+        qd=np.column_stack([state[f"jvel:{arm}_{joint}"] for joint in CALIBRATED]),
+        tau=np.column_stack([state[f"tau:{arm}_{joint}"] * JOINT_TORQUE[joint] for joint in CALIBRATED]),
+        signals=signals,
+        signal_units=units,
+        robot=robot,
+        simulated=simulated,
+        notes=tuple(notes),
+    )
+    return Synchronisation(log, reports, stopped, int((~ok).sum()), int((~whole).sum()))
+
+
+def measured_topic(arm: Arm) -> Topic:
+    """Topic of an arm's measured_js."""
+    return GOLD_MEASURED_JS if arm == "gold" else GREEN_MEASURED_JS
+
+
+def open_state(folder: Path) -> TopicFile:
+    """Open raven_state at the rate that it was recorded at.
+
+    Raises:
+        FileFormatError: It is not there, or at two rates.
+    """
+    there = [t for t in (RAVENSTATE, RAVENSTATE_100HZ) if (folder / f"{t.stem}.parquet").is_file()]
+    if len(there) > 1:
+        raise FileFormatError(
+            f"{folder}: has {' and '.join(t.name for t in there)}; expected one, extract only that"
+        )
+    return topic_file(folder, there[0] if there else RAVENSTATE)
+
+
+def read_series(
+    file: TopicFile, columns: Sequence[str], max_gap: float, span: tuple[int, int] | None = None
+) -> Series:
+    """Read columns of an extracted topic, in order of time, a row group at a time."""
+    stamp, arrival = np.empty((2, file.rows), dtype=np.int64)
+    values = np.empty((file.rows, len(columns)))
+    first = 0
+    for group in range(file.row_groups):
+        content = file.read(["stamp", "arrival", *columns], group)
+        rows = slice(first, first + len(content["stamp"]))
+        stamp[rows], arrival[rows] = content["stamp"], content["arrival"]
+        for i, name in enumerate(columns):
+            values[rows, i] = content[name]
+        first = rows.stop
+    return clean_series(file.topic.name, stamp, values, max_gap=max_gap, arrival=arrival, span=span)

@@ -1,0 +1,74 @@
+"""Telemetry of an arm on exact sinusoids, and recordings of it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.recording.journal import About, JournalTopic, JournalWriter
+from catenary.recording.recorder import Recorder
+from catenary.recording.topics import RAVENSTATE, Topic, encode, raven_topics
+
+START_NS = 1_600_000_000_000_000_000
+CENTRE, AMPLITUDE, RATE = (0.7, 1.4, 0.37), (0.3, 0.4, 0.04), (0.2, 0.31, 0.25)  # rad|m, rad|m, rad/s
+ABOUT = About(robot="raven2", simulated=True, seed=7, configuration={"trajectory": "sinusoids"})
+
+
+def nominal(time: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Positions of shoulder, elbow, insertion (N, 3)."""
+    return np.column_stack(
+        [c + a * np.sin(w * time) for c, a, w in zip(CENTRE, AMPLITUDE, RATE, strict=True)]
+    )
+
+
+def encoder(time: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Where they really are: a little off (N, 3)."""
+    return 1.01 * nominal(time) + np.array([0.01, -0.02, 0.001])
+
+
+def telemetry(time: NDArray[np.float64], rng: np.random.Generator) -> dict[str, NDArray[np.float64]]:
+    """Every column of a RAVEN, gold arm on sinusoids, the rest random numbers in SI."""
+    n = len(time)
+    columns: dict[str, NDArray[np.float64]] = {
+        c.name: rng.integers(-1000, 1000, (n, c.width)).astype(float)
+        if c.whole
+        else rng.normal(size=(n, c.width))
+        for c in RAVENSTATE.columns
+    }
+    columns["dt"] = np.full((n, 1), 0.001)
+    columns["jpos"][:, :3] = nominal(time)
+    columns["ext_jpos"] = encoder(time)
+    columns["measured_js"] = columns["jpos"][:, [0, 1, 2, 4, 5, 6, 7]]
+    columns["joint_enc"] = np.rint(1e4 * columns["ext_jpos"])
+    return columns
+
+
+def record(
+    folder: Path, seconds: float, *, max_bytes: int = 2**28, topics: Sequence[Topic] | None = None
+) -> Path:
+    """Record that long at 1 kHz."""
+    time = 0.001 * np.arange(round(1000 * seconds))
+    columns = telemetry(time, np.random.default_rng(1))
+    with Recorder(
+        folder,
+        topics if topics is not None else raven_topics(),
+        columns,
+        np.random.default_rng(2),
+        about=ABOUT,
+        start_ns=START_NS,
+        max_bytes=max_bytes,
+    ) as recorder:
+        recorder.observe_many(time, columns)
+    return folder
+
+
+def write_journal(
+    folder: Path, streams: Sequence[tuple[Topic, NDArray[np.int64], dict[str, NDArray[np.float64]]]]
+) -> Path:
+    """Write given messages with given stamps [ns], in the order given, stamped by arrival in that order."""
+    with JournalWriter(folder, [JournalTopic(t.name, t.type) for t, _, _ in streams], ABOUT) as journal:
+        for topic, stamp, columns in streams:
+            for message, arrival in zip(encode(topic, stamp, columns), np.sort(stamp), strict=True):
+                journal.append(topic.name, int(arrival), message.tobytes())
+    return folder

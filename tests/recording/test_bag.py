@@ -1,0 +1,269 @@
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from catenary.errors import FileFormatError, InputError
+from catenary.recording import bag
+from catenary.recording.bag import BagReader, write_bag, write_group_bags
+from catenary.recording.journal_reader import JournalReader
+from catenary.recording.messages import full_definition, md5_sum, typestore
+from catenary.recording.salvage import SalvageReader
+from catenary.recording.source import open_recording, open_recordings
+from catenary.recording.topics import ABOUT_TOPIC
+from oracles.raven_recording import ABOUT, record
+
+Message = tuple[str, int, bytes]
+
+
+@pytest.fixture(scope="module")
+def journal(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Half a minute of a RAVEN: more than one chunk of a bag."""
+    return record(tmp_path_factory.mktemp("recording") / "journal", 30.0)
+
+
+@pytest.fixture(scope="module")
+def sent(journal: Path) -> list[Message]:
+    return list(JournalReader(journal).messages())
+
+
+def _by_rosbags(path: Path) -> Iterator[tuple[str, int, bytes, Any]]:
+    with AnyReader([path]) as reader:  # checks the definitions against their sums, too
+        for connection, stamp, data in reader.messages():
+            if connection.topic != ABOUT_TOPIC:
+                yield connection.topic, stamp, bytes(data), reader.deserialize(data, connection.msgtype)
+
+
+def test_a_ros1_bag_holds_the_journals_bytes(journal: Path, sent: list[Message], tmp_path: Path) -> None:
+    write_bag(JournalReader(journal), tmp_path / "a.bag")
+    read = [message[:3] for message in _by_rosbags(tmp_path / "a.bag")]
+    assert sorted(read) == sorted(sent)
+    assert sorted(BagReader(tmp_path / "a.bag").messages()) == sorted(sent)
+
+
+def test_mcap_holds_the_same_messages_in_cdr(journal: Path, sent: list[Message], tmp_path: Path) -> None:
+    write_bag(JournalReader(journal), tmp_path / "a", "mcap")
+    read = sorted(_by_rosbags(tmp_path / "a"), key=lambda message: (message[1], message[0]))
+    for (topic, stamp, _, message), (sent_topic, sent_stamp, data) in zip(
+        read, sorted(sent, key=lambda m: (m[1], m[0])), strict=True
+    ):
+        assert (topic, stamp) == (sent_topic, sent_stamp)
+        name = message.__msgtype__
+        original = typestore(1).deserialize_ros1(data, name)
+        for field in ("jpos", "tau", "encVals", "pos") if name.endswith("state") else ("position", "name"):
+            np.testing.assert_array_equal(getattr(message, field), getattr(original, field))
+        header = "hdr" if name.endswith("state") else "header"
+        assert vars(getattr(message, header).stamp) == vars(getattr(original, header).stamp)
+
+
+def test_back_from_mcap_the_bytes_are_the_same_but_for_seq(
+    journal: Path, sent: list[Message], tmp_path: Path
+) -> None:
+    write_bag(JournalReader(journal), tmp_path / "a", "mcap")
+    write_bag(BagReader(tmp_path / "a"), tmp_path / "back.bag")
+    back = sorted(BagReader(tmp_path / "back.bag").messages())
+    # ROS 2 has no seq, the first four bytes of a header
+    assert [(t, s, d[4:]) for t, s, d in back] == [(t, s, d[4:]) for t, s, d in sorted(sent)]
+
+
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
+def test_robot_seed_and_simulated_travel_with_the_bag(
+    journal: Path, tmp_path: Path, kind: bag.BagKind
+) -> None:
+    (path,) = write_bag(
+        JournalReader(journal), tmp_path / "a.bag" if kind == "ros1" else tmp_path / "a", kind
+    )
+    about = open_recording(path).about
+    assert about is not None
+    assert (about.robot, about.simulated, about.seed) == (ABOUT.robot, ABOUT.simulated, ABOUT.seed)
+    assert ABOUT_TOPIC not in [topic.name for topic in open_recording(path).topics]
+
+
+def test_one_bag_per_topic_as_the_group_records(journal: Path, sent: list[Message], tmp_path: Path) -> None:
+    written = write_group_bags(JournalReader(journal), tmp_path)
+    assert [path.name for path in written] == [
+        "record_ravenstate.bag",
+        "record_CRTKmeasurejs.bag",
+        "record_ext_jenc.bag",
+    ]
+    read = [m for source in open_recordings([tmp_path]) for m in source.messages()]
+    assert sorted(read) == sorted(sent)
+    rig = BagReader(tmp_path / "record_ext_jenc.bag")
+    assert [topic.name for topic in rig.topics] == ["/ext_jpos", "/joint_enc"]
+
+
+def test_a_long_recording_goes_into_several_bags(
+    journal: Path, sent: list[Message], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bag, "MAX_MESSAGES", 4000)
+    written = write_bag(JournalReader(journal), tmp_path / "a.bag")
+    assert [path.name for path in written] == ["a.bag", "a_1.bag", "a_2.bag"]
+    assert sorted(m for path in written for m in BagReader(path).messages()) == sorted(sent)
+
+
+def test_definitions_and_sums_are_in_the_bag(journal: Path, tmp_path: Path) -> None:
+    write_bag(JournalReader(journal), tmp_path / "a.bag")
+    with AnyReader([tmp_path / "a.bag"]) as reader:
+        for connection in reader.connections:
+            name = connection.msgtype.replace("/msg/", "/")
+            assert connection.digest == md5_sum(name)
+            assert connection.msgdef.data == full_definition(name)
+
+
+def test_what_a_torn_journal_lost_is_logged_when_a_bag_is_made(
+    journal: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "torn.journal").write_bytes((journal / "0000.journal").read_bytes()[:-300])
+    write_bag(JournalReader(tmp_path / "torn.journal"), tmp_path / "a.bag")
+    assert "no whole record" in caplog.text
+
+
+def test_nothing_is_overwritten(journal: Path, tmp_path: Path) -> None:
+    write_bag(JournalReader(journal), tmp_path / "a.bag")
+    with pytest.raises(InputError, match="never overwritten"):
+        write_bag(JournalReader(journal), tmp_path / "a.bag")
+
+
+def test_a_bag_that_could_not_be_finished_keeps_another_name(journal: Path, tmp_path: Path) -> None:
+    class Failing(JournalReader):
+        def messages(self, topics: object = None) -> Iterator[Message]:
+            yield from list(super().messages())[:10]
+            raise OSError("gone")
+
+    with pytest.raises(OSError, match="gone"):
+        write_bag(Failing(journal), tmp_path / "a.bag")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.bag.part"]
+
+
+def test_a_topic_that_is_not_there_is_answered_with_those_that_are(journal: Path, tmp_path: Path) -> None:
+    write_group_bags(JournalReader(journal), tmp_path)
+    reader = BagReader(tmp_path / "record_ravenstate.bag")
+    with pytest.raises(FileFormatError, match=r"no topic /ext_jpos; it has /ravenstate"):
+        list(reader.messages(["/ext_jpos"]))
+    with pytest.raises(FileFormatError, match=r"no topic /x; it has /ravenstate"):
+        list(JournalReader(journal).messages(["/x"]))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.3, 0.7, 0.95, 0.9999])
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
+def test_a_truncated_bag_is_refused_and_what_is_whole_is_named(
+    journal: Path, sent: list[Message], tmp_path: Path, kind: bag.BagKind, share: float
+) -> None:
+    (written,) = write_bag(JournalReader(journal), tmp_path / ("a.bag" if kind == "ros1" else "a"), kind)
+    file = written if kind == "ros1" else next(written.glob("*.mcap"))
+    whole = file.read_bytes()
+    cut = tmp_path / f"cut{file.suffix}"
+    cut.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(FileFormatError) as caught:
+        BagReader(cut)
+    if share < 0.01:
+        assert "can be saved" in str(caught.value)
+        return
+    salvaged = SalvageReader(cut)
+    for topic, count in salvaged.counts.items():
+        assert f"{count} messages of {topic}" in str(caught.value)
+    saved = [(t, s) for t, s, _ in salvaged.messages()]
+    assert saved == [(t, s) for t, s, _ in sent][: len(saved)]  # the first ones, none between lost
+    assert len(saved) > (share - 0.1) * len(sent)
+    assert salvaged.problems or share > 0.9  # the index alone may be what is missing
+    assert salvaged.about is not None
+
+
+def test_a_salvaged_bag_is_written_anew(journal: Path, sent: list[Message], tmp_path: Path) -> None:
+    write_bag(JournalReader(journal), tmp_path / "a.bag")
+    whole = (tmp_path / "a.bag").read_bytes()
+    (tmp_path / "cut.bag").write_bytes(whole[: len(whole) // 2])
+    write_bag(SalvageReader(tmp_path / "cut.bag"), tmp_path / "saved.bag")
+    saved = [m[:3] for m in _by_rosbags(tmp_path / "saved.bag")]
+    assert sorted(saved) == sorted(sent[: len(saved)])
+    assert len(saved) > 0.4 * len(sent)
+
+
+@pytest.mark.parametrize("compression", ["BZ2", "LZ4"])
+def test_compressed_bags_are_salvaged(journal: Path, tmp_path: Path, compression: str) -> None:
+    (path,) = write_bag(JournalReader(journal), tmp_path / "a.bag", topics=["/ravenstate"])
+    packed = Writer1(tmp_path / "packed.bag")
+    packed.set_compression(Writer1.CompressionFormat[compression])
+    messages = list(BagReader(path).messages())
+    with packed:
+        connection = packed.add_connection("/ravenstate", "raven_2/msg/raven_state", typestore=typestore(1))
+        for _, stamp, data in messages * 3:
+            packed.write(connection, stamp, data)
+    whole = (tmp_path / "packed.bag").read_bytes()
+    (tmp_path / "cut.bag").write_bytes(whole[: int(0.8 * len(whole))])
+    saved = list(SalvageReader(tmp_path / "cut.bag").messages())
+    assert 0 < len(saved) < 3 * len(messages)
+    assert saved == (messages * 3)[: len(saved)]
+
+
+@pytest.mark.parametrize("content", [b"", b"#ROSBAG V1.2\n", b"#ROSBAG V2.0\n", b"\x00" * 100])
+def test_what_is_no_bag_is_refused(tmp_path: Path, content: bytes) -> None:
+    for name in ("x.bag", "x.mcap"):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(FileFormatError, match="cannot be read"):
+            BagReader(tmp_path / name)
+
+
+def test_another_version_of_raven_state_in_a_bag_is_refused_with_the_difference(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    store.register(
+        get_types_from_msg("Header hdr\nint32 runlevel\nfloat64[16] jpos\n", "raven_2/msg/raven_state")
+    )
+    with Writer1(tmp_path / "a.bag") as writer:
+        writer.add_connection("/ravenstate", "raven_2/msg/raven_state", typestore=store)
+        writer.write(writer.connections[0], 1, b"\0" * 148)
+    with pytest.raises(FileFormatError) as caught:
+        BagReader(tmp_path / "a.bag")
+    for part in (md5_sum("raven_2/raven_state"), "float32[16] jpos", "has besides [float64[16] jpos]"):
+        assert part in str(caught.value)
+
+
+def test_another_version_of_a_type_in_mcap_is_refused_with_the_difference(tmp_path: Path) -> None:
+    store = get_typestore(Stores.LATEST)
+    store.register(
+        get_types_from_msg("std_msgs/Header header\nstring state\n", "crtk_msgs/msg/OperatingState")
+    )
+    with Writer2(tmp_path / "a", version=8, storage_plugin=StoragePlugin.MCAP) as writer:
+        writer.add_connection("/operating_state", "crtk_msgs/msg/OperatingState", typestore=store)
+    with pytest.raises(FileFormatError, match=r"lacks \[bool is_homed, bool is_busy\]"):
+        BagReader(tmp_path / "a")
+
+
+def test_a_joint_state_as_ros2_defines_it_is_ours(tmp_path: Path) -> None:
+    store = get_typestore(Stores.LATEST)
+    with Writer2(tmp_path / "a", version=8, storage_plugin=StoragePlugin.MCAP) as writer:
+        writer.add_connection("/ext_jpos", "sensor_msgs/msg/JointState", typestore=store)
+        types = store.types
+        header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](3, 5), "")
+        message = types["sensor_msgs/msg/JointState"](header, [], np.arange(3.0), np.zeros(0), np.zeros(0))
+        data = store.serialize_cdr(message, "sensor_msgs/msg/JointState")
+        writer.write(writer.connections[0], 7, data)
+    reader = BagReader(tmp_path / "a")
+    assert reader.topics[0].type == "sensor_msgs/JointState"
+    assert list(reader.messages()) == [("/ext_jpos", 7, bytes(data))]
+
+
+def test_a_topic_of_an_unknown_type_is_listed_but_not_copied(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Writer1(tmp_path / "a.bag") as writer:
+        connection = writer.add_connection("/imu", "sensor_msgs/msg/Temperature", typestore=store)
+        writer.write(connection, 1, b"\0" * 32)
+    reader = BagReader(tmp_path / "a.bag")
+    assert [(t.name, t.type) for t in reader.topics] == [("/imu", "sensor_msgs/Temperature")]
+    with pytest.raises(InputError, match="Temperature is not known"):
+        write_bag(reader, tmp_path / "b.bag")
+
+
+def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileFormatError, match="no such recording"):
+        open_recording(tmp_path / "a.bag")
+    (tmp_path / "notes.txt").write_text("hello")
+    with pytest.raises(FileFormatError, match=r"expected a folder of \.journal files"):
+        open_recording(tmp_path / "notes.txt")

@@ -1,0 +1,167 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from rosbags.highlevel import AnyReader
+
+from catenary.errors import FileFormatError, InputError
+from catenary.recording import extract as extract_module
+from catenary.recording.bag import write_bag, write_group_bags
+from catenary.recording.extract import TopicFile, extract, topic_file
+from catenary.recording.hashing import sha256_of
+from catenary.recording.journal_reader import JournalReader
+from catenary.recording.topics import EXT_JPOS, GREEN_MEASURED_JS, RAVENSTATE, raven_topics
+from oracles.raven_recording import ABOUT, START_NS, encoder, nominal, record
+
+
+@pytest.fixture(scope="module")
+def journal(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record(tmp_path_factory.mktemp("recording") / "journal", 10.0, max_bytes=400_000)
+
+
+def _columns(folder: Path, name: str) -> dict[str, np.ndarray]:
+    table = pq.read_table(folder / f"{name}.parquet")
+    return {column: table.column(column).to_numpy() for column in table.column_names}
+
+
+def test_positions_come_out_in_radians_and_metres(journal: Path, tmp_path: Path) -> None:
+    extract([journal], tmp_path / "x")
+    state = _columns(tmp_path / "x", "ravenstate")
+    time = (state["stamp"] - START_NS) / 1e9
+    for i, joint in enumerate(("shoulder", "elbow", "insertion")):
+        # atol: float32 degrees
+        assert_allclose(state[f"jpos:gold_{joint}"], nominal(time)[:, i], atol=1e-7)
+    rig = _columns(tmp_path / "x", "ext_jpos")
+    time = (rig["stamp"] - START_NS) / 1e9
+    assert_allclose(rig["ext_jpos:insertion"], encoder(time)[:, 2], rtol=1e-12)  # float64
+
+
+def test_units_and_origin_are_in_the_schema(journal: Path, tmp_path: Path) -> None:
+    extract([journal], tmp_path / "x")
+    schema = pq.read_schema(tmp_path / "x" / "ravenstate.parquet")
+    unit = {field.name: field.metadata[b"unit"].decode() for field in schema}
+    assert unit["stamp"] == "ns"
+    assert (unit["jpos:gold_insertion"], unit["jpos:green_elbow"]) == ("m", "rad")
+    assert (unit["jvel:gold_insertion"], unit["pos:gold_x"], unit["encVals:gold_roll"]) == (
+        "m/s",
+        "m",
+        "count",
+    )
+    about = json.loads(schema.metadata[b"catenary"])
+    assert (about["robot"], about["simulated"], about["seed"]) == (ABOUT.robot, True, ABOUT.seed)
+    assert about["sources"][0]["sha256"] == sha256_of(journal / "0000.journal")
+    assert TopicFile(tmp_path / "x" / "ravenstate.parquet").about.simulated
+
+
+@pytest.mark.parametrize("kind", ["bag", "group", "mcap", "mcap file"])
+def test_every_kind_of_file_gives_the_same_numbers(journal: Path, tmp_path: Path, kind: str) -> None:
+    extract([journal], tmp_path / "x")
+    source = JournalReader(journal)
+    if kind == "group":
+        write_group_bags(source, tmp_path / "bags")
+        paths = [tmp_path / "bags"]
+    elif kind == "bag":
+        paths = list(write_bag(source, tmp_path / "a.bag"))
+    else:
+        paths = list(write_bag(source, tmp_path / "a", "mcap"))
+        paths = list(paths[0].glob("*.mcap")) if kind == "mcap file" else paths
+    result = extract(paths, tmp_path / "y")
+    assert result.problems == ()
+    assert result.about is not None
+    assert result.about.simulated
+    for topic in raven_topics():
+        expected = _columns(tmp_path / "x", topic.stem)
+        got = _columns(tmp_path / "y", topic.stem)
+        assert list(got) == list(expected)
+        for name, values in expected.items():
+            assert_array_equal(got[name], values, err_msg=name)
+
+
+def test_every_field_is_what_rosbags_reads(journal: Path, tmp_path: Path) -> None:
+    (path,) = write_bag(JournalReader(journal), tmp_path / "a.bag")
+    extract([path], tmp_path / "x")
+    state = _columns(tmp_path / "x", "ravenstate")
+    with AnyReader([path]) as reader:
+        connections = [c for c in reader.connections if c.topic == "/ravenstate"]
+        for row, (connection, arrival, data) in enumerate(reader.messages(connections)):
+            message = reader.deserialize(data, connection.msgtype)
+            assert state["arrival"][row] == arrival
+            for column in RAVENSTATE.columns:
+                if column.name == "dt":
+                    continue
+                raw = np.atleast_1d(getattr(message, column.path)).astype(float)
+                scale = 1e-6 if column.path in ("pos", "pos_d") else 1.0
+                if column.path in ("jpos", "jvel", "mpos", "mvel", "jpos_d", "mpos_d"):
+                    scale = np.pi / 180.0
+                got = [state[name][row] for name in column.names]
+                assert_allclose(got, raw * scale, rtol=1e-15, err_msg=column.name)
+
+
+def test_memory_is_bounded_by_row_groups(
+    journal: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(extract_module, "ROW_GROUP", 100)
+    extract([journal], tmp_path / "x")
+    file = topic_file(tmp_path / "x", EXT_JPOS)
+    assert file.row_groups == -(-file.rows // 100)
+    parts = [file.read(["stamp"], group)["stamp"] for group in range(file.row_groups)]
+    assert_array_equal(np.concatenate(parts), file.read(["stamp"])["stamp"])
+
+
+def test_only_the_topics_asked_for_are_extracted(journal: Path, tmp_path: Path) -> None:
+    result = extract([journal], tmp_path / "x", topics=["ext_jpos"])
+    assert list(result.files) == ["/ext_jpos"]
+    assert [path.name for path in (tmp_path / "x").iterdir()] == ["ext_jpos.parquet"]
+
+
+def test_a_topic_that_is_not_there_is_answered_with_those_that_are(journal: Path, tmp_path: Path) -> None:
+    with pytest.raises(FileFormatError, match="no topic /force; it has /ravenstate, /arm2"):
+        extract([journal], tmp_path / "x", topics=["/force"])
+    assert not (tmp_path / "x").exists()
+    extract([journal], tmp_path / "y", topics=["ext_jpos"])
+    with pytest.raises(FileFormatError, match="topics there: ext_jpos"):
+        topic_file(tmp_path / "y", GREEN_MEASURED_JS)
+
+
+def test_a_torn_journal_is_extracted_and_the_loss_reported(journal: Path, tmp_path: Path) -> None:
+    (tmp_path / "r").mkdir()
+    whole = (journal / "0000.journal").read_bytes()
+    (tmp_path / "r" / "0000.journal").write_bytes(whole[:-500])
+    result = extract([tmp_path / "r"], tmp_path / "x")
+    assert any("no whole record" in problem for problem in result.problems)
+    assert result.messages["/ravenstate"] > 0
+
+
+def test_a_cut_off_bag_is_extracted_on_request(journal: Path, tmp_path: Path) -> None:
+    write_bag(JournalReader(journal), tmp_path / "a.bag")
+    whole = (tmp_path / "a.bag").read_bytes()
+    (tmp_path / "cut.bag").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(FileFormatError, match="can be saved"):
+        extract([tmp_path / "cut.bag"], tmp_path / "x")
+    result = extract([tmp_path / "cut.bag"], tmp_path / "x", salvage=True)
+    assert any("cut off" in problem for problem in result.problems)
+    assert result.messages["/ravenstate"] > 100
+
+
+def test_an_extraction_is_not_mixed_with_another(journal: Path, tmp_path: Path) -> None:
+    extract([journal], tmp_path / "x")
+    with pytest.raises(InputError, match="holds an extraction already"):
+        extract([journal], tmp_path / "x")
+
+
+def test_a_bag_given_twice_is_not_another_robot_but_two_robots_are(tmp_path: Path, journal: Path) -> None:
+    from catenary.recording.journal import About, JournalTopic, JournalWriter
+
+    with JournalWriter(tmp_path / "other", [JournalTopic("/ext_jpos", EXT_JPOS.type)], About("panda", False)):
+        pass
+    with pytest.raises(InputError, match=r"raven2 \(simulated\), panda \(real\)"):
+        extract([journal, tmp_path / "other"], tmp_path / "x")
+
+
+def test_what_is_no_extracted_topic_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "ext_jpos.parquet").write_bytes(b"no parquet")
+    with pytest.raises(FileFormatError, match="cannot be read as an extracted topic"):
+        topic_file(tmp_path, EXT_JPOS)

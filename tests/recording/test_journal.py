@@ -1,0 +1,341 @@
+import errno
+import os
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from catenary.errors import FileFormatError, InputError, RecordingError
+from catenary.recording.journal import HEAD, MAGIC, MARKER, About, JournalTopic, JournalWriter
+from catenary.recording.journal_reader import JournalReader, survey_journal
+
+TOPICS = (JournalTopic("/a", "std_msgs/String"), JournalTopic("/b", "std_msgs/Header"))
+ABOUT = About("raven2", True, 5, {"speed": 1.5})
+KILLS = 20
+
+
+def _write(folder: Path, messages: int = 50, **options: int) -> list[tuple[str, int, bytes]]:
+    rng = random.Random(1)
+    sent = [(rng.choice(("/a", "/b")), 1000 * i, rng.randbytes(rng.randrange(200))) for i in range(messages)]
+    with JournalWriter(folder, TOPICS, ABOUT, **options) as journal:  # type: ignore[arg-type]
+        for message in sent:
+            journal.append(*message)
+    return sent
+
+
+def _read(path: Path) -> list[tuple[str, int, bytes]]:
+    return list(JournalReader(path).messages())
+
+
+def test_what_is_written_is_read(tmp_path: Path) -> None:
+    sent = _write(tmp_path / "r")
+    reader = JournalReader(tmp_path / "r")
+    assert list(reader.messages()) == sent
+    assert reader.about == ABOUT
+    assert reader.topics == TOPICS
+    assert reader.report.closed
+    assert reader.problems == []
+    assert sum(reader.report.messages.values()) == len(sent)
+
+
+def test_one_topic_is_read_and_all_are_counted(tmp_path: Path) -> None:
+    sent = _write(tmp_path / "r")
+    reader = JournalReader(tmp_path / "r")
+    assert list(reader.messages(("/b",))) == [m for m in sent if m[0] == "/b"]
+    assert sum(reader.report.messages.values()) == len(sent)
+
+
+def test_long_recordings_are_split_and_each_file_reads_by_itself(tmp_path: Path) -> None:
+    sent = _write(tmp_path / "r", 200, max_bytes=4000)
+    files = sorted((tmp_path / "r").iterdir())
+    assert len(files) > 3
+    assert all(file.stat().st_size < 6000 for file in files)
+    assert _read(tmp_path / "r") == sent
+    assert [m for file in files for m in _read(file)] == sent
+    assert survey_journal(tmp_path / "r").problems == []
+
+
+def test_a_missing_file_in_the_middle_is_counted(tmp_path: Path) -> None:
+    sent = _write(tmp_path / "r", 200, max_bytes=4000)
+    gone = sorted((tmp_path / "r").iterdir())[1]
+    lost = len(_read(gone))
+    gone.unlink()
+    report = survey_journal(tmp_path / "r")
+    assert sum(report.messages.values()) == len(sent) - lost
+    assert report.lost == lost + 2  # its header and footer
+    assert any("missing" in problem for problem in report.problems)
+
+
+def test_missing_files_at_the_end_are_noticed(tmp_path: Path) -> None:
+    _write(tmp_path / "r", 200, max_bytes=4000)
+    sorted((tmp_path / "r").iterdir())[-1].unlink()
+    report = survey_journal(tmp_path / "r")
+    assert not report.closed
+    assert "was not closed" in report.problems[0]
+
+
+def test_torn_last_record_is_dropped_at_every_byte_and_all_before_it_is_kept(tmp_path: Path) -> None:
+    with JournalWriter(tmp_path / "r", TOPICS) as journal:
+        for i in range(5):
+            journal.append("/a", i, bytes([i]) * 40)
+    path = tmp_path / "r" / "0000.journal"
+    whole = path.read_bytes()
+    footer = whole.rindex(MARKER)
+    last = whole.rindex(MARKER, 0, footer)
+    assert footer - last == HEAD.size + 40
+    torn = tmp_path / "torn.journal"
+    for end in range(last, footer):
+        torn.write_bytes(whole[:end])
+        reader = JournalReader(torn)
+        assert [stamp for _, stamp, _ in reader.messages()] == [0, 1, 2, 3]
+        assert reader.report.torn_bytes == end - last
+        assert not reader.report.closed
+        assert len(reader.problems) == 1 + (end > last)
+
+
+def test_a_damaged_byte_costs_one_record_that_is_counted(tmp_path: Path) -> None:
+    with JournalWriter(tmp_path / "r", TOPICS) as journal:
+        for i in range(5):
+            journal.append("/a", i, bytes([i]) * 40)
+    whole = (tmp_path / "r" / "0000.journal").read_bytes()
+    starts = [i for i in range(len(whole)) if whole.startswith(MARKER, i)]
+    hit = tmp_path / "hit.journal"
+    for place in range(starts[3], starts[4]):  # the third message
+        damaged = bytearray(whole)
+        damaged[place] ^= 0x40
+        hit.write_bytes(damaged)
+        reader = JournalReader(hit)
+        assert [stamp for _, stamp, _ in reader.messages()] == [0, 1, 3, 4], place
+        assert reader.report.lost == 1
+        assert any("damaged" in problem for problem in reader.problems)
+
+
+@pytest.mark.parametrize("content", [b"", MAGIC, b"something else", MAGIC + MARKER])
+def test_a_file_with_nothing_whole_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "x.journal"
+    path.write_bytes(content)
+    with pytest.raises(FileFormatError, match="nothing can be read"):
+        JournalReader(path)
+
+
+def test_killed_while_the_next_file_begins_the_others_are_read(tmp_path: Path) -> None:
+    sent = _write(tmp_path / "r", 200, max_bytes=4000)
+    (tmp_path / "r" / "0099.journal").write_bytes(b"")
+    reader = JournalReader(tmp_path / "r")
+    assert list(reader.messages()) == sent
+    assert any("is empty" in problem for problem in reader.problems)
+
+
+def test_no_recording_there_is_said(tmp_path: Path) -> None:
+    with pytest.raises(FileFormatError, match="no journal there"):
+        JournalReader(tmp_path)
+
+
+def test_a_recording_is_never_overwritten(tmp_path: Path) -> None:
+    _write(tmp_path / "r")
+    with pytest.raises(InputError, match="never overwritten"):
+        JournalWriter(tmp_path / "r", TOPICS)
+
+
+def test_an_unknown_topic_is_refused_with_the_choices(tmp_path: Path) -> None:
+    with (
+        JournalWriter(tmp_path / "r", TOPICS) as journal,
+        pytest.raises(InputError, match="/a, /b"),
+    ):
+        journal.append("/c", 0, b"")
+
+
+def test_a_type_of_another_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("catenary.recording.journal.md5_sum", lambda _: "0" * 32)
+    _write(tmp_path / "r")
+    monkeypatch.undo()
+    with pytest.raises(FileFormatError, match="md5 sum 0000"):
+        JournalReader(tmp_path / "r")
+
+
+def test_threads_append_without_loss(tmp_path: Path) -> None:
+    with JournalWriter(tmp_path / "r", TOPICS, max_bytes=20_000) as journal:
+
+        def append(topic: str) -> None:
+            for i in range(1000):
+                journal.append(topic, i, b"x" * 30)
+
+        threads = [threading.Thread(target=append, args=(t.name,)) for t in TOPICS]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    report = survey_journal(tmp_path / "r")
+    assert report.messages == {"/a": 1000, "/b": 1000}
+    assert report.problems == []
+
+
+def test_what_waits_reaches_the_disk_without_a_further_message(tmp_path: Path) -> None:
+    journal = JournalWriter(tmp_path / "r", TOPICS, flush_interval=0.05)
+    journal.append("/a", 1, b"x")
+    deadline = time.monotonic() + 20.0
+    while not _read(tmp_path / "r") and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert _read(tmp_path / "r") == [("/a", 1, b"x")]
+    journal.close()
+
+
+class _FullDisk:
+    """os.write on a disk with so many bytes left."""
+
+    def __init__(self, left: int) -> None:
+        self.left = left
+        self.real = os.write
+
+    def __call__(self, descriptor: int, data: bytes) -> int:
+        if self.left <= 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        written = self.real(descriptor, bytes(data)[: self.left])
+        self.left -= written
+        return written
+
+
+@pytest.mark.parametrize("left", [3000, 3001, 3037, 3100, 5000])
+def test_a_full_disk_stops_the_recording_and_says_what_is_safe(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, left: int
+) -> None:
+    journal = JournalWriter(tmp_path / "r", TOPICS, flush_interval=60.0)
+    monkeypatch.setattr("catenary.recording.journal.os.write", _FullDisk(left))
+    for i in range(60):
+        journal.append("/a", i, b"x" * 68)  # a hundred bytes a record
+    with pytest.raises(RecordingError) as caught:
+        journal.close()
+    safe = left // 100
+    assert f"Safe are the first {safe} of 60 messages" in str(caught.value)
+    assert f"{60 - safe} are lost" in str(caught.value)
+    reader = JournalReader(tmp_path / "r")
+    assert [stamp for _, stamp, _ in reader.messages()] == list(range(safe))
+    assert reader.report.torn_bytes == 0
+    with pytest.raises(RecordingError):
+        journal.append("/a", 0, b"")
+
+
+def test_a_full_disk_at_the_first_byte_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("catenary.recording.journal.os.write", _FullDisk(0))
+    with pytest.raises(RecordingError, match="Safe are the first 0 of 0"):
+        JournalWriter(tmp_path / "r", TOPICS)
+
+
+def test_a_disk_that_fills_between_appends_is_told_at_the_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    journal = JournalWriter(tmp_path / "r", TOPICS, flush_interval=0.02)
+    monkeypatch.setattr("catenary.recording.journal.os.write", _FullDisk(50))
+
+    def keep_appending() -> None:
+        deadline = time.monotonic() + 20.0
+        while time.monotonic() < deadline:
+            journal.append("/a", 0, b"x")
+            time.sleep(0.005)
+
+    with pytest.raises(RecordingError, match="No space left"):
+        keep_appending()
+
+
+def test_what_a_failing_disk_did_not_confirm_does_not_count_as_safe(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    journal = JournalWriter(tmp_path / "r", TOPICS, flush_interval=60.0)
+    for i in range(5):
+        journal.append("/a", i, b"x")
+    journal.flush()
+
+    def fail(descriptor: int) -> None:
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr("catenary.recording.journal.os.fsync", fail)
+    journal.append("/a", 5, b"x")
+    with pytest.raises(RecordingError, match=r"Input/output error\. Safe are the first 5 of 6"):
+        journal.close()
+
+
+def test_files_too_short_for_their_own_header_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="allow more"):
+        JournalWriter(tmp_path / "r", TOPICS, max_bytes=100)
+    assert not (tmp_path / "r").exists()
+
+
+def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RecordingError, match="cannot be made"):
+        JournalWriter(tmp_path / "file" / "r", TOPICS)
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> "os.PathLike[str]":
+    """A file system of 200 kB, where we may mount one."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=200k", "tmpfs", str(place)], capture_output=True, check=False
+    )
+    if mounted.returncode:
+        pytest.skip("may not mount a small file system here; a file object that is full stands in above")
+    yield place  # type: ignore[misc]
+    subprocess.run(["umount", str(place)], check=True)
+
+
+def test_a_disk_that_is_really_full_keeps_what_is_safe(small_disk: Path) -> None:
+    journal = JournalWriter(small_disk / "r", TOPICS, flush_interval=60.0)
+    for i in range(3000):
+        journal.append("/a", i, b"x" * 100)
+    with pytest.raises(RecordingError) as caught:
+        journal.close()
+    stamps = [stamp for _, stamp, _ in _read(small_disk / "r")]
+    assert stamps == list(range(len(stamps)))
+    assert 1000 < len(stamps) < 3000
+    assert f"first {len(stamps)} of 3000" in str(caught.value)
+
+
+RECORDING = """
+import sys, time
+from pathlib import Path
+from catenary.recording.journal import JournalTopic, JournalWriter
+journal = JournalWriter(Path(sys.argv[1]), [JournalTopic("/a", "std_msgs/String")], max_bytes=100_000)
+print("ready", flush=True)
+while True:
+    now = time.time_ns()
+    journal.append("/a", now, now.to_bytes(8, "little") * 20)
+    time.sleep(0.002)
+"""
+
+
+@pytest.mark.slow
+def test_a_killed_recording_opens_and_misses_a_second_at_most(tmp_path: Path) -> None:
+    rng = random.Random(11)
+    running = []
+    for i in range(KILLS):
+        folder = tmp_path / str(i)
+        process = subprocess.Popen(
+            [sys.executable, "-c", RECORDING, str(folder)], stdout=subprocess.PIPE, env=os.environ
+        )
+        running.append((process, folder))
+        if len(running) == 5 or i == KILLS - 1:  # a few at a time
+            for process, _ in running:
+                assert process.stdout is not None
+                process.stdout.readline()
+            ready = time.time_ns()
+            for process, folder in running:
+                time.sleep(rng.uniform(0.1, 0.8))
+                process.send_signal(signal.SIGKILL)
+                killed = time.time_ns()
+                process.wait()
+                reader = JournalReader(folder)
+                messages = list(reader.messages())
+                last = messages[-1][1] if messages else ready
+                assert killed - last < 1_000_000_000
+                assert all(data == stamp.to_bytes(8, "little") * 20 for _, stamp, data in messages)
+                assert reader.report.lost == 0
+                assert not reader.report.closed
+                assert any("was not closed" in problem for problem in reader.problems)
+            running.clear()

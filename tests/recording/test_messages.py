@@ -1,0 +1,162 @@
+import numpy as np
+import pytest
+
+from catenary.errors import FileFormatError
+from catenary.recording.layout import blank_messages, layout_of, read_messages
+from catenary.recording.messages import (
+    MESSAGES,
+    current_name,
+    fields,
+    full_definition,
+    md5_sum,
+    parse_fields,
+    ros2_name,
+    typestore,
+)
+
+# raven_2 and crtk_msgs: as the robot publishes them; the rest: rosmsg md5 on ROS Noetic
+PUBLISHED = {
+    "raven_2/raven_state": "ce9e7f4969049d8bb365de3c98461a01",
+    "raven_2/raven_automove": "409f695c901a20d6a1f90a4e55ae6f63",
+    "crtk_msgs/OperatingState": "b1bd4021639d9d9c5fbfff78d6ff3158",
+    "crtk_msgs/operating_state": "b1bd4021639d9d9c5fbfff78d6ff3158",
+    "crtk_msgs/StringStamped": "5e3e46086181199270f1ac3a28a5977f",
+    "sensor_msgs/JointState": "3066dcd76a6cfaef579bd0f34173e9fd",
+    "geometry_msgs/TransformStamped": "b5764a33bfeb3588febc2682852579b0",
+    "std_msgs/Header": "2176decaecbce78abc3b96ef049fabed",
+    "std_msgs/String": "992ce8a1687cec8c8bd883ec73ca41d1",
+}
+
+
+@pytest.mark.parametrize(("name", "md5"), PUBLISHED.items())
+def test_md5_sum_is_the_published_one(name: str, md5: str) -> None:
+    assert md5_sum(name) == md5
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_rosbags_computes_the_same_sum(name: str) -> None:
+    assert typestore(1).generate_msgdef(ros2_name(name))[1] == md5_sum(name)
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_full_definition_holds_every_type_within(name: str) -> None:
+    definition = full_definition(name)
+    for part in (f for f in MESSAGES if any(field.type == f for field in fields(name))):
+        assert f"MSG: {part}\n" in definition
+    assert definition.count("MSG: std_msgs/Header") <= 1
+
+
+def test_raven_state_has_964_bytes_after_its_header() -> None:
+    message = blank_messages("raven_2/raven_state", 1, {}, {})
+    header = 4 + 8 + 4  # seq, stamp, length of an empty frame
+    assert message.dtype.itemsize == header + 964
+    assert message.dtype.fields["runlevel"][1] == header  # type: ignore[index]
+
+
+def test_old_and_ros2_names_lead_to_the_same_type() -> None:
+    assert current_name("crtk_msgs/msg/operating_state") == "crtk_msgs/OperatingState"
+    assert ros2_name("crtk_msgs/operating_state") == "crtk_msgs/msg/OperatingState"
+
+
+def test_comments_and_constants_are_no_fields() -> None:
+    assert [
+        f.name for f in parse_fields("# a line\nint32 LIMIT=4\nHeader header # behind\nfloat32[] x\n")
+    ] == [
+        "header",
+        "x",
+    ]
+
+
+@pytest.mark.parametrize("text", ["int32", "int32 two words", "int32[ x"])
+def test_a_line_that_is_no_field_is_refused(text: str) -> None:
+    with pytest.raises(FileFormatError, match="expected"):
+        parse_fields(text)
+
+
+def test_an_unknown_type_is_refused_with_the_choices() -> None:
+    with pytest.raises(FileFormatError, match="raven_state"):
+        md5_sum("raven_2/raven_mood")
+
+
+def _joint_state(rng: np.random.Generator, joints: int, frame: str) -> bytes:
+    """One JointState, written by rosbags."""
+    types = typestore(1).types
+    header = types["std_msgs/msg/Header"](
+        seq=int(rng.integers(2**32)),
+        stamp=types["builtin_interfaces/msg/Time"](
+            sec=int(rng.integers(2**31)), nanosec=int(rng.integers(10**9))
+        ),
+        frame_id=frame,
+    )
+    message = types["sensor_msgs/msg/JointState"](
+        header=header,
+        name=[f"joint{'x' * i}" for i in range(joints)],
+        position=rng.normal(size=joints),
+        velocity=np.zeros(0),
+        effort=rng.normal(size=joints),
+    )
+    return bytes(typestore(1).serialize_ros1(message, "sensor_msgs/msg/JointState"))
+
+
+@pytest.mark.parametrize("encoding", ["ros1", "cdr"])
+def test_joint_states_of_all_shapes_read_as_rosbags_reads_them(encoding: str) -> None:
+    rng = np.random.default_rng(3)
+    raw = [_joint_state(rng, joints, frame) for joints in (3, 0, 7, 3, 1, 7) for frame in ("", "a", "base")]
+    store, name = typestore(1 if encoding == "ros1" else 2), "sensor_msgs/msg/JointState"
+    if encoding == "cdr":
+        raw = [bytes(store.ros1_to_cdr(message, name)) for message in raw]
+    read = store.deserialize_ros1 if encoding == "ros1" else store.deserialize_cdr
+    seen = []
+    for where, records in read_messages("sensor_msgs/JointState", raw, encoding):  # type: ignore[arg-type]
+        for row, record in zip(where, records, strict=True):
+            expected = read(raw[row], name)
+            np.testing.assert_array_equal(record["position"], expected.position)
+            np.testing.assert_array_equal(record["effort"], expected.effort)
+            assert record["header.stamp.sec"] == expected.header.stamp.sec
+            assert record["header.stamp.nsec"] == expected.header.stamp.nanosec
+            seen.append(int(row))
+    assert sorted(seen) == list(range(len(raw)))
+
+
+@pytest.mark.parametrize("encoding", ["ros1", "cdr"])
+@pytest.mark.parametrize("name", MESSAGES)
+def test_numbers_written_by_field_are_what_rosbags_reads(name: str, encoding: str) -> None:
+    rng = np.random.default_rng(4)
+    message = blank_messages(name, 1, {"header.frame_id": "b"} if "Stamped" in name else {}, {})
+    for path in message.dtype.names or ():
+        if not path.startswith("#") and message[path].dtype.kind in "iuf":
+            message[path] = rng.integers(
+                0, 2 if message[path].dtype.itemsize == 1 else 100, message[path].shape
+            )
+    raw = message.tobytes()
+    if encoding == "cdr":
+        raw = bytes(typestore(2).ros1_to_cdr(raw, ros2_name(name)))
+    read = typestore(1).deserialize_ros1 if encoding == "ros1" else typestore(2).deserialize_cdr
+    expected = read(raw, ros2_name(name))
+    ((_, records),) = read_messages(name, [raw], encoding)  # type: ignore[arg-type]
+    for path in records.dtype.names or ():
+        value = expected
+        for part in path.lstrip("#").replace("nsec", "nanosec").split("."):
+            value = value[int(part)] if part.isdigit() else getattr(value, part)
+        if path.startswith("#") or isinstance(value, str):
+            continue
+        np.testing.assert_array_equal(records[path][0], value, err_msg=path)
+
+
+@pytest.mark.parametrize("cut", [1, 20, 500, 979])
+def test_a_message_of_another_length_is_refused(cut: int) -> None:
+    raw = blank_messages("raven_2/raven_state", 1, {}, {}).tobytes()
+    with pytest.raises(FileFormatError, match="bytes"):
+        layout_of("raven_2/raven_state", raw[:cut], "ros1")
+    with pytest.raises(FileFormatError, match="expected 980 bytes"):
+        layout_of("raven_2/raven_state", raw + b"\0", "ros1")
+
+
+def test_a_length_that_is_damage_is_refused() -> None:
+    with pytest.raises(FileFormatError, match="claims"):
+        layout_of("std_msgs/String", b"\xff\xff\xff\xff", "ros1")
+
+
+def test_big_endian_cdr_is_refused() -> None:
+    with pytest.raises(FileFormatError, match="little-endian"):
+        layout_of("std_msgs/String", b"\0\0\0\0\0\0\0\1\0", "cdr")

@@ -1,0 +1,182 @@
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from rosbags.highlevel import AnyReader
+
+from catenary.errors import FileFormatError, InputError
+from catenary.recording.bag import write_bag
+from catenary.recording.extract import extract
+from catenary.recording.journal_reader import JournalReader
+from catenary.recording.raven_csv import read_raven_csv, write_raven_csv
+from catenary.recording.synchronise import synchronise
+from oracles.raven_recording import START_NS, record
+
+# the published layout: first and last column of each field of raven_state
+LAYOUT = {
+    "jpos": (13, 28), "runlevel": (29, 29), "sublevel": (30, 30), "last_seq": (31, 31), "type": (32, 33),
+    "pos": (34, 39), "ori": (40, 57), "ori_d": (58, 75), "pos_d": (76, 81), "encVals": (82, 97),
+    "dac_val": (98, 113), "tau": (114, 129), "mpos": (130, 145), "mvel": (146, 161), "jvel": (162, 177),
+    "mpos_d": (178, 193), "jpos_d": (194, 209), "grasp_d": (210, 211), "encoffsets": (212, 227),
+    "jac_vel": (228, 239), "jac_f": (240, 251),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("recording")
+    return write_bag(JournalReader(record(folder / "journal", 6.0)), folder / "a.bag")[0]
+
+
+@pytest.fixture(scope="module")
+def extraction(bag: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return extract([bag], tmp_path_factory.mktemp("extraction") / "x").folder
+
+
+def _rows(path: Path) -> list[list[str]]:
+    with path.open(newline="") as file:
+        return list(csv.reader(file))
+
+
+def test_every_column_is_the_messages_number_in_its_published_place(
+    bag: Path, extraction: Path, tmp_path: Path
+) -> None:
+    write_raven_csv(extraction, tmp_path / "a.csv")
+    rows = _rows(tmp_path / "a.csv")
+    assert {len(row) for row in rows} == {252}
+    with AnyReader([bag]) as reader:
+        messages = {
+            topic: [
+                (c, reader.deserialize(data, c.msgtype))
+                for c, _, data in reader.messages([c for c in reader.connections if c.topic == topic])
+            ]
+            for topic in ("/ravenstate", "/ext_jpos", "/arm2/measured_js")
+        }
+    states = [message for _, message in messages["/ravenstate"]]
+    assert len(rows) == len(states)
+    for row, state in zip(rows, states, strict=True):
+        for field, (first, last) in LAYOUT.items():
+            value = np.atleast_1d(getattr(state, field))
+            written = np.array([float(text) for text in row[first : last + 1]]).astype(value.dtype)
+            assert_array_equal(written, value, err_msg=field)  # float32 and whole numbers: to the bit
+        stamp = state.hdr.stamp.sec + state.hdr.stamp.nanosec * 1e-9
+        assert_allclose(float(row[12]), stamp, atol=1e-6)  # seconds since 1970 in a double
+        for topic, stamp_column, origin, width in (
+            ("/ext_jpos", 0, START_NS / 1e9, 3),
+            ("/arm2/measured_js", 4, 0.0, 7),
+        ):
+            others = [m for _, m in messages[topic]]
+            times = np.array([m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for m in others])
+            nearest = int(np.argmin(np.abs(times - stamp)))
+            got = float(row[stamp_column]) + origin
+            assert_allclose(abs(got - stamp), abs(times[nearest] - stamp), atol=2e-6)
+            same = int(np.argmin(np.abs(times - got)))
+            numbers = [float(text) for text in row[stamp_column + 1 : stamp_column + 1 + width]]
+            assert_array_equal(numbers, others[same].position)
+
+
+def test_jpos_is_times_180_over_pi_in_metres_too(extraction: Path, tmp_path: Path) -> None:
+    write_raven_csv(extraction, tmp_path / "a.csv")
+    insertion = np.array([float(row[15]) for row in _rows(tmp_path / "a.csv")])
+    assert (insertion > 18.0).all()  # 0.33 m and more, as if they were radians
+    log = read_raven_csv(tmp_path / "a.csv").log
+    assert (log.q_nominal[:, 2] < 0.42).all()
+
+
+def test_the_csv_reads_back_as_the_log_of_the_recording(extraction: Path, tmp_path: Path) -> None:
+    expected = synchronise(extraction).log
+    write_raven_csv(extraction, tmp_path / "a.csv")
+    log = read_raven_csv(tmp_path / "a.csv", robot="raven2", simulated=True).log
+    assert log.tau is not None
+    assert expected.tau is not None
+    assert_array_equal(log.q_nominal, expected.q_nominal)
+    assert_array_equal(log.tau, expected.tau)
+    assert list(log.signals) == list(expected.signals)
+    both = log.ok & expected.ok
+    assert both[1:-1].all()
+    # samples of 100 Hz at 30 Hz: chords of up to 45 ms, 0.4 rad at 0.31 rad/s
+    assert_allclose(log.q_encoder[both], expected.q_encoder[both], atol=0.045**2 / 8 * 0.4 * 0.31**2)  # type: ignore[index]
+    assert (log.robot, log.simulated) == ("raven2", True)
+
+
+def test_force_makes_256_columns_and_comes_back_as_signals(extraction: Path, tmp_path: Path) -> None:
+    stamps = START_NS / 1e9 + np.arange(0.0, 6.0, 0.01)
+    force = np.column_stack([np.full(600, 1.5), np.arange(600.0), -np.arange(600.0)])
+    write_raven_csv(extraction, tmp_path / "a.csv", force=(stamps, force))
+    assert {len(row) for row in _rows(tmp_path / "a.csv")} == {256}
+    log = read_raven_csv(tmp_path / "a.csv").log
+    assert log.time is not None
+    assert_array_equal(log.signals["force_x"], np.full(len(log), 1.5))
+    assert_allclose(log.signals["force_y"], 100.0 * log.time, atol=0.51)  # the nearest sample
+    assert log.signal_units["force_z"] == "N"
+
+
+def test_stamps_that_all_count_from_the_first_state_read_the_same(extraction: Path, tmp_path: Path) -> None:
+    write_raven_csv(extraction, tmp_path / "a.csv")
+    rows = _rows(tmp_path / "a.csv")
+    origin = float(rows[0][12])
+    for row in rows:
+        row[4], row[12] = (repr(float(row[i]) - origin) for i in (4, 12))
+    with (tmp_path / "b.csv").open("w", newline="") as file:
+        csv.writer(file).writerows(rows)
+    a, b = read_raven_csv(tmp_path / "a.csv").log, read_raven_csv(tmp_path / "b.csv").log
+    assert_allclose(a.time, b.time, atol=1e-6)
+    assert_allclose(a.signals["measured_js_elbow"], b.signals["measured_js_elbow"], atol=1e-6, equal_nan=True)
+
+
+def test_a_line_of_names_is_passed_over(extraction: Path, tmp_path: Path) -> None:
+    write_raven_csv(extraction, tmp_path / "a.csv")
+    text = (tmp_path / "a.csv").read_text()
+    (tmp_path / "b.csv").write_text(",".join(f"c{i}" for i in range(252)) + "\n" + text)
+    assert len(read_raven_csv(tmp_path / "b.csv").log) == len(read_raven_csv(tmp_path / "a.csv").log)
+
+
+def test_rows_without_an_encoder_near_are_written_as_nan_and_not_trusted(
+    extraction: Path, tmp_path: Path
+) -> None:
+    write_raven_csv(extraction, tmp_path / "a.csv", max_gap=0.0001)
+    rows = _rows(tmp_path / "a.csv")
+    lonely = [row[0] == "nan" for row in rows]
+    assert any(lonely)
+    assert not all(lonely)
+    result = read_raven_csv(tmp_path / "a.csv")
+    assert result.without_encoder > 0
+    assert len(result.log) == len(rows)
+
+
+def test_another_number_of_columns_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("1,2,3\n")
+    with pytest.raises(FileFormatError, match="3 columns, expected RAVEN-II's 252, or 256"):
+        read_raven_csv(tmp_path / "a.csv")
+    with pytest.raises(FileFormatError, match="no such file"):
+        read_raven_csv(tmp_path / "b.csv")
+
+
+def test_a_row_that_is_cut_off_is_refused(extraction: Path, tmp_path: Path) -> None:
+    write_raven_csv(extraction, tmp_path / "a.csv")
+    whole = (tmp_path / "a.csv").read_bytes()
+    (tmp_path / "a.csv").write_bytes(whole[:-300])
+    with pytest.raises(FileFormatError, match="cannot be read as RAVEN-II's CSV"):
+        read_raven_csv(tmp_path / "a.csv")
+
+
+def test_text_among_the_numbers_is_refused(extraction: Path, tmp_path: Path) -> None:
+    write_raven_csv(extraction, tmp_path / "a.csv")
+    rows = _rows(tmp_path / "a.csv")
+    rows[3][40] = "oops"
+    (tmp_path / "a.csv").write_text("\n".join(",".join(row) for row in rows))
+    with pytest.raises(FileFormatError, match="oops"):
+        read_raven_csv(tmp_path / "a.csv")
+
+
+def test_a_file_of_names_alone_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(",".join(f"c{i}" for i in range(252)) + "\n")
+    with pytest.raises(InputError, match="no rows"):
+        read_raven_csv(tmp_path / "a.csv")
+
+
+def test_force_of_another_shape_is_refused(extraction: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="force"):
+        write_raven_csv(extraction, tmp_path / "a.csv", force=(np.zeros(3), np.zeros((2, 3))))

@@ -1,0 +1,110 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.errors import InputError
+from catenary.recording.journal_reader import JournalReader, survey_journal
+from catenary.recording.recorder import Recorder, Throttle
+from catenary.recording.topics import EXT_JPOS, RAVENSTATE, decode, raven_topics
+from oracles.raven_recording import ABOUT, START_NS, encoder, nominal, record, telemetry
+
+
+def test_tick_by_tick_and_all_at_once_give_the_same_bytes(tmp_path: Path) -> None:
+    time = 0.001 * np.arange(1500)
+    columns = telemetry(time, np.random.default_rng(1))
+    for name, split in (("once", [1500]), ("pieces", [1, 700, 701, 1500]), ("ticks", [])):
+        with Recorder(
+            tmp_path / name, raven_topics(), columns, np.random.default_rng(2), about=ABOUT
+        ) as recorder:
+            if not split:
+                for i, t in enumerate(time):
+                    recorder.observe(float(t), {k: v[i] for k, v in columns.items()})
+            for first, last in zip([0, *split], split, strict=False):
+                recorder.observe_many(time[first:last], {k: v[first:last] for k, v in columns.items()})
+    whole = (tmp_path / "once" / "0000.journal").read_bytes()
+    assert (tmp_path / "pieces" / "0000.journal").read_bytes() == whole
+    assert (tmp_path / "ticks" / "0000.journal").read_bytes() == whole
+
+
+def test_topics_come_at_their_rates_with_uneven_stamps(tmp_path: Path) -> None:
+    record(tmp_path / "r", 20.0)
+    stamps: dict[str, list[int]] = {}
+    for topic, stamp, _ in JournalReader(tmp_path / "r").messages():
+        stamps.setdefault(topic, []).append(stamp)
+    for topic in raven_topics():
+        intervals = np.diff(stamps[topic.name]) / 1e9
+        assert_allclose(1.0 / intervals.mean(), topic.rate, rtol=0.02)  # jitter of 5 %, hundreds of intervals
+        assert intervals.std() > 0.02 / topic.rate
+        assert intervals.min() > 0.0
+
+
+def test_messages_hold_the_state_of_the_instant_they_are_stamped_with(tmp_path: Path) -> None:
+    record(tmp_path / "r", 3.0)
+    raw = [data for _, _, data in JournalReader(tmp_path / "r").messages((RAVENSTATE.name,))]
+    state = decode(RAVENSTATE, raw)
+    time = (state.stamp - START_NS) / 1e9
+    assert_allclose(state.columns["jpos"][:, :3], nominal(time), atol=1e-7)  # float32 degrees
+    raw = [data for _, _, data in JournalReader(tmp_path / "r").messages((EXT_JPOS.name,))]
+    rig = decode(EXT_JPOS, raw)
+    assert_allclose(rig.columns["ext_jpos"], encoder((rig.stamp - START_NS) / 1e9), atol=1e-12)  # float64
+
+
+def test_messages_are_in_the_order_of_time(tmp_path: Path) -> None:
+    record(tmp_path / "r", 5.0)
+    stamps = [stamp for _, stamp, _ in JournalReader(tmp_path / "r").messages()]
+    assert stamps == sorted(stamps)
+
+
+def test_the_same_seed_gives_the_same_recording(tmp_path: Path) -> None:
+    record(tmp_path / "a", 2.0)
+    record(tmp_path / "b", 2.0)
+    assert (tmp_path / "a/0000.journal").read_bytes() == (tmp_path / "b/0000.journal").read_bytes()
+
+
+def test_what_a_robot_lacks_is_left_out_and_named(tmp_path: Path) -> None:
+    with Recorder(
+        tmp_path / "r", raven_topics(), ["jpos", "tau", "measured_js"], np.random.default_rng(0)
+    ) as recorder:
+        recorder.observe(0.0, {"jpos": np.zeros(16), "tau": np.zeros(16), "measured_js": np.zeros(7)})
+    assert [text.split(":")[0] for text in recorder.left_out] == ["/ext_jpos", "/joint_enc"]
+    about = JournalReader(tmp_path / "r").about
+    assert about is not None
+    assert "encVals" in about.configuration["not_in_telemetry"]["/ravenstate"]
+
+
+def test_a_robot_with_nothing_to_record_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no topic's columns"):
+        Recorder(tmp_path / "r", raven_topics(), ["q"], np.random.default_rng(0))
+    assert not (tmp_path / "r").exists()
+
+
+@pytest.mark.parametrize("times", [[0.0, 0.0], [0.1, 0.0], [np.nan, 1.0]])
+def test_time_that_does_not_advance_is_refused(tmp_path: Path, times: list[float]) -> None:
+    with (
+        Recorder(tmp_path / "r", (EXT_JPOS,), ["ext_jpos"], np.random.default_rng(0)) as recorder,
+        pytest.raises(InputError),
+    ):
+        recorder.observe_many(np.array(times), {"ext_jpos": np.zeros((2, 3))})
+
+
+def test_another_number_of_rows_is_refused(tmp_path: Path) -> None:
+    with (
+        Recorder(tmp_path / "r", (EXT_JPOS,), ["ext_jpos"], np.random.default_rng(0)) as recorder,
+        pytest.raises(InputError, match="3 rows, but 2 ticks"),
+    ):
+        recorder.observe_many(np.array([0.0, 0.1]), {"ext_jpos": np.zeros((3, 3))})
+
+
+def test_a_robot_slower_than_the_topic_sends_every_sample_once(tmp_path: Path) -> None:
+    time = 0.05 * np.arange(40)
+    with Recorder(tmp_path / "r", (EXT_JPOS,), ["ext_jpos"], np.random.default_rng(0)) as recorder:
+        recorder.observe_many(time, {"ext_jpos": np.zeros((40, 3))})
+    assert survey_journal(tmp_path / "r").messages["/ext_jpos"] == 40
+
+
+@pytest.mark.parametrize(("rate", "jitter"), [(0.0, 0.1), (np.nan, 0.1), (10.0, -0.1), (10.0, 2.0)])
+def test_a_throttle_out_of_range_is_refused(rate: float, jitter: float) -> None:
+    with pytest.raises(InputError, match="throttle"):
+        Throttle(rate, np.random.default_rng(0), jitter=jitter)

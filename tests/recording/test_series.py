@@ -1,0 +1,140 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.errors import InputError
+from catenary.recording.series import clean_series, interpolate, stopped_encoders
+
+EPOCH = 1_700_000_000_000_000_000
+
+
+def _ns(seconds: object) -> np.ndarray:
+    return EPOCH + np.rint(np.asarray(seconds, dtype=float) * 1e9).astype(np.int64)
+
+
+@given(
+    stamps=st.lists(st.integers(0, 10**10), min_size=2, max_size=40, unique=True),
+    wanted=st.lists(st.integers(-(10**9), 11 * 10**9), min_size=1, max_size=40),
+    slope=st.floats(-10, 10),
+    offset=st.floats(-10, 10),
+    shuffle=st.randoms(use_true_random=False),
+)
+def test_linear_signals_are_interpolated_exactly(
+    stamps: list[int], wanted: list[int], slope: float, offset: float, shuffle: object
+) -> None:
+    shuffle.shuffle(stamps)  # type: ignore[attr-defined]
+    stamp = EPOCH + np.array(stamps)
+    series = clean_series("x", stamp, (slope * np.array(stamps) / 1e9 + offset)[:, None], max_gap=100.0)
+    values, near = interpolate(series, EPOCH + np.array(wanted), 100.0)
+    inside = (np.array(wanted) >= min(stamps)) & (np.array(wanted) <= max(stamps))
+    assert_array_equal(near, inside)
+    # atol: a few roundings of numbers up to 110
+    assert_allclose(values[near, 0], slope * np.array(wanted)[near] / 1e9 + offset, atol=1e-12)
+    assert np.isnan(values[~near]).all()
+
+
+def test_sinusoids_are_interpolated_within_the_bound_of_the_chord() -> None:
+    rng = np.random.default_rng(0)
+    time = np.cumsum(0.01 * (1.0 + 0.2 * rng.random(2000)))
+    omega = np.array([0.2, 3.0, 10.0])
+    series = clean_series("x", _ns(time), np.sin(time[:, None] * omega), max_gap=0.05)
+    wanted = np.sort(rng.uniform(time[0], time[-1], 3000))
+    values, near = interpolate(series, _ns(wanted), 0.05)
+    assert near.all()
+    bound = omega**2 * 0.012**2 / 8.0  # of a chord: h² max|f''| / 8
+    assert (np.abs(values - np.sin(wanted[:, None] * omega)) <= bound + 1e-8).all()  # stamps in whole ns
+
+
+def test_gaps_are_reported_and_nothing_is_interpolated_across_them() -> None:
+    time = np.concatenate([np.arange(0.0, 1.0, 0.01), np.arange(1.6, 3.0, 0.01)])
+    series = clean_series("x", _ns(time), time[:, None], max_gap=0.05)
+    ((start, length),) = series.report.gaps
+    assert_allclose((start, length), (0.99, 0.61), atol=1e-9)
+    assert series.report.longest_gap == length
+    wanted = np.array([0.5, 0.99, 0.9901, 1.3, 1.5999, 1.6, 1.605])
+    _, near = interpolate(series, _ns(wanted), 0.05)
+    assert_array_equal(near, [True, True, False, False, False, True, True])
+
+
+def test_what_is_missing_at_the_ends_of_the_state_is_a_gap() -> None:
+    time = np.arange(1.0, 2.0, 0.01)
+    series = clean_series("x", _ns(time), time[:, None], max_gap=0.05, span=(int(_ns(0.0)), int(_ns(5.0))))
+    assert_allclose(series.report.gaps, [(0.0, 1.0), (1.99, 3.01)], atol=1e-9)
+    _, near = interpolate(series, _ns([0.5, 1.5, 2.5]), 0.05)
+    assert_array_equal(near, [False, True, False])
+
+
+def test_a_slow_topic_has_no_gaps_for_being_slow() -> None:
+    assert clean_series("x", _ns(0.2 * np.arange(50)), np.zeros((50, 1)), max_gap=0.05).report.gaps == ()
+
+
+def test_repeated_stamps_are_dropped_and_shuffled_ones_sorted_and_both_counted() -> None:
+    time = np.array([0.0, 0.01, 0.01, 0.03, 0.02, 0.04, 0.04, 0.04, 0.05])
+    series = clean_series("x", _ns(time), np.arange(9.0)[:, None], max_gap=0.05)
+    assert_array_equal(series.stamp, _ns([0.0, 0.01, 0.02, 0.03, 0.04, 0.05]))
+    assert_array_equal(series.values[:, 0], [0, 1, 4, 3, 5, 8])  # the first to arrive stays
+    assert (series.report.repeated, series.report.shuffled, series.report.messages) == (3, 1, 9)
+    assert any("3 repeated" in note for note in series.report.notes())
+    assert any("1 messages were out of order" in note for note in series.report.notes())
+
+
+def test_rate_and_jitter_are_measured_outside_gaps() -> None:
+    rng = np.random.default_rng(1)
+    steps = 0.01 + 0.001 * rng.standard_normal(5000)
+    steps[1000] = 3.0
+    report = clean_series("x", _ns(np.cumsum(steps)), np.zeros((5000, 1)), max_gap=0.05).report
+    assert_allclose(report.rate, 100.0, rtol=0.005)  # 10 % of jitter over 5000 intervals
+    assert_allclose(report.jitter, 0.001, rtol=0.05)
+
+
+def test_clock_offset_is_the_median_delay_of_arrival() -> None:
+    stamp = _ns(0.01 * np.arange(100))
+    series = clean_series("x", stamp, np.zeros((100, 1)), max_gap=0.05, arrival=stamp + 42_000_000)
+    assert series.report.clock_offset == pytest.approx(0.042)
+    assert any("not corrected" in note for note in series.report.notes())
+
+
+def test_messages_without_stamps_take_their_arrival() -> None:
+    arrival = _ns(0.01 * np.arange(100))
+    series = clean_series(
+        "x", np.zeros(100, dtype=np.int64), np.zeros((100, 1)), max_gap=0.05, arrival=arrival
+    )
+    assert_array_equal(series.stamp, arrival)
+    assert series.report.stamped_by_arrival
+    assert any("their arrival was taken" in note for note in series.report.notes())
+
+
+def test_no_messages_are_refused() -> None:
+    with pytest.raises(InputError, match="no messages"):
+        clean_series("x", np.zeros(0, dtype=np.int64), np.zeros((0, 1)), max_gap=0.05)
+
+
+def test_an_encoder_that_stands_still_while_its_motor_moves_is_found() -> None:
+    time = 0.01 * np.arange(2000)
+    position = np.column_stack([0.1 * np.sin(time), 0.1 * np.cos(time)])
+    frozen = position.copy()
+    frozen[500:800, 1] = frozen[500, 1]
+    series = clean_series("x", _ns(time), frozen, max_gap=0.05)
+    (stop,) = stopped_encoders(series, _ns(time), position, ("a", "b"), stopped_after=0.5, moved=(0.02, 0.02))
+    assert (stop.joint, stop.start_ns, stop.end_ns) == ("b", _ns(5.0), _ns(8.0))
+    assert_allclose((stop.start, stop.length), (5.0, 2.99), atol=1e-9)
+    assert "stood still" in stop.note()
+
+
+@pytest.mark.parametrize("last", [True, False])
+def test_an_encoder_that_stands_still_with_its_motor_is_not_reported(last: bool) -> None:
+    time = 0.01 * np.arange(2000)
+    position = np.minimum(time, 5.0)[:, None] if last else np.maximum(time, 5.0)[:, None]
+    series = clean_series("x", _ns(time), position, max_gap=0.05)
+    assert stopped_encoders(series, _ns(time), position, ("a",), stopped_after=0.5, moved=(0.02,)) == ()
+
+
+def test_an_encoder_that_never_moves_is_found_from_end_to_end() -> None:
+    time = 0.01 * np.arange(2000)
+    series = clean_series("x", _ns(time), np.zeros((2000, 1)), max_gap=0.05)
+    (stop,) = stopped_encoders(
+        series, _ns(time), np.sin(time)[:, None], ("a",), stopped_after=0.5, moved=(0.02,)
+    )
+    assert stop.length == pytest.approx(19.99)

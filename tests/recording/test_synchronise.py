@@ -1,0 +1,210 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.errors import FileFormatError, InputError
+from catenary.recording.extract import extract
+from catenary.recording.logs import read_log, write_parquet
+from catenary.recording.synchronise import Synchronisation, SynchroniseOptions, synchronise
+from catenary.recording.topics import EXT_JPOS, GOLD_MEASURED_JS, RAVENSTATE, RAVENSTATE_100HZ, raven_topics
+from oracles.raven_recording import (
+    AMPLITUDE,
+    RATE,
+    START_NS,
+    encoder,
+    nominal,
+    record,
+    telemetry,
+    write_journal,
+)
+
+STATE_TIME = np.arange(0.0, 20.0, 1.0 / 30.0)
+RIG_TIME = np.arange(0.0, 20.0, 0.01)
+CHORD = np.abs(AMPLITUDE) * np.square(RATE) * 0.015**2 / 8.0 * 1.01  # h² max|f''| / 8, intervals up to 15 ms
+
+
+def _stamp(time: np.ndarray) -> np.ndarray:
+    return START_NS + np.rint(time * 1e9).astype(np.int64)
+
+
+def _synchronised(
+    tmp_path: Path, rig_time: np.ndarray, rig: np.ndarray, state_time: np.ndarray = STATE_TIME
+) -> Synchronisation:
+    """Of a state and an encoder given message by message."""
+    columns = telemetry(state_time, np.random.default_rng(0))
+    streams = [
+        (RAVENSTATE, _stamp(state_time), columns),
+        (EXT_JPOS, _stamp(rig_time), {"ext_jpos": rig}),
+    ]
+    write_journal(tmp_path / "r", streams)
+    extract([tmp_path / "r"], tmp_path / "x")
+    return synchronise(tmp_path / "x")
+
+
+def test_a_recording_becomes_a_log_with_the_encoder_on_the_states_stamps(tmp_path: Path) -> None:
+    record(tmp_path / "r", 20.0)
+    extract([tmp_path / "r"], tmp_path / "x")
+    result = synchronise(tmp_path / "x")
+    log = result.log
+    assert log.joint_names == ("shoulder", "elbow", "insertion")
+    assert log.joint_units == ("rad", "rad", "m")
+    assert log.time is not None
+    assert log.q_encoder is not None
+    assert log.time[0] == 0.0
+    assert log.ok[:-1].all()  # the last state may come after the last encoder sample
+    assert_allclose(log.q_nominal, nominal(log.time), atol=1e-7)  # float32 degrees
+    error = np.abs(log.q_encoder - encoder(log.time))[log.ok]
+    assert (error <= CHORD + 1e-9).all()
+    assert (log.robot, log.simulated) == ("raven2", True)
+    assert result.without_encoder == int((~log.ok).sum())
+    rates = {report.topic: report.rate for report in result.topics}
+    assert_allclose(
+        [rates["/ravenstate"], rates["/ext_jpos"], rates["/arm2/measured_js"]], [30, 100, 100], rtol=0.02
+    )
+
+
+def test_torque_is_at_the_joint_and_other_joints_are_signals(tmp_path: Path) -> None:
+    columns = telemetry(STATE_TIME, np.random.default_rng(0))
+    log = _synchronised(tmp_path, RIG_TIME, encoder(RIG_TIME)).log
+    assert log.tau is not None
+    # at the joint, the gains 0.3, 0.3, 0.15 per motor radian are 454.3, 361.7 Nm/rad and 57055 N/m
+    ratio = np.array([136.1963, 121.5221, 2158.590])
+    expected = columns["tau"][:, :3] * np.array([454.3, 361.7, 57055.0]) / np.array([0.3, 0.3, 0.15]) / ratio
+    assert_allclose(log.tau, expected, rtol=1.5e-4)  # the gains have four digits: 0.05 in 361.7
+    for name, axis in (("roll", 4), ("wrist", 5), ("jaw1", 6), ("jaw2", 7)):
+        assert_allclose(log.signals[f"q_{name}"], columns["jpos"][:, axis], rtol=1e-6)  # float32
+        assert log.signal_units[f"q_{name}"] == "rad"
+        assert f"tau_{name}" in log.signals
+    assert log.qd is not None
+    assert_allclose(log.qd, columns["jvel"][:, :3], rtol=1e-6)
+
+
+def test_a_log_written_to_parquet_reads_back(tmp_path: Path) -> None:
+    log = _synchronised(tmp_path, RIG_TIME, encoder(RIG_TIME)).log
+    write_parquet(log, tmp_path / "log.parquet")
+    back = read_log(tmp_path / "log.parquet")
+    assert_array_equal(back.q_nominal, log.q_nominal)
+    assert back.q_encoder is not None
+    assert_array_equal(back.q_encoder, log.q_encoder)
+    assert back.simulated
+    assert dict(back.signal_units) == dict(log.signal_units)
+
+
+def test_measured_js_is_interpolated_too(tmp_path: Path) -> None:
+    record(tmp_path / "r", 5.0, topics=raven_topics()[:3])
+    extract([tmp_path / "r"], tmp_path / "x")
+    log = synchronise(tmp_path / "x").log
+    inside = np.isfinite(log.signals["measured_js_elbow"])
+    assert inside[:-1].all()
+    assert_allclose(log.signals["measured_js_elbow"][inside], log.q_nominal[inside, 1], atol=CHORD[1] + 1e-7)
+    assert log.signal_units["measured_js_insertion"] == "m"
+
+
+def test_an_encoder_with_a_gap_is_not_trusted_there(tmp_path: Path) -> None:
+    rig_time = RIG_TIME[(RIG_TIME < 4.0) | (RIG_TIME > 6.0)]
+    result = _synchronised(tmp_path, rig_time, encoder(rig_time))
+    assert result.log.time is not None
+    inside = (result.log.time > 3.995) & (result.log.time < 6.005)
+    assert not result.log.ok[inside].any()
+    assert result.log.ok[~inside & (result.log.time < RIG_TIME[-1])].all()
+    assert result.without_encoder == int((~result.log.ok).sum())
+    assert any("/ext_jpos: 1 gap(s), the longest 2.0" in note for note in result.log.notes)
+
+
+def test_an_encoder_whose_messages_end_is_reported(tmp_path: Path) -> None:
+    rig_time = RIG_TIME[RIG_TIME < 12.0]
+    result = _synchronised(tmp_path, rig_time, encoder(rig_time))
+    assert result.log.time is not None
+    assert_array_equal(result.log.ok, result.log.time <= rig_time[-1])
+    ((start, length),) = result.topics[1].gaps
+    assert_allclose((start, start + length), (rig_time[-1], STATE_TIME[-1]), atol=1e-6)
+
+
+def test_an_encoder_that_freezes_is_reported_and_not_trusted(tmp_path: Path) -> None:
+    rig = encoder(RIG_TIME)
+    frozen = (RIG_TIME >= 1.0) & (RIG_TIME < 4.0)
+    rig[frozen, 0] = rig[frozen][0, 0]
+    result = _synchronised(tmp_path, RIG_TIME, rig)
+    (stop,) = result.stopped
+    assert stop.joint == "shoulder"
+    assert result.log.time is not None
+    inside = (result.log.time > 1.0) & (result.log.time < 4.0)
+    assert not result.log.ok[inside].any()
+    assert result.log.ok[~inside & (result.log.time < RIG_TIME[-1])].all()
+    assert any("encoder of shoulder: stood still from 1.00 s" in note for note in result.log.notes)
+
+
+def test_shuffled_and_repeated_messages_change_nothing_but_the_report(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    order = np.arange(len(RIG_TIME))
+    order[100:110] = order[100:110][::-1]
+    again = np.sort(np.concatenate([order, rng.choice(len(order), 30, replace=False)]))
+    again[100:110] = again[100:110][::-1]
+    plain = _synchronised(tmp_path / "a", RIG_TIME, encoder(RIG_TIME))
+    mixed = _synchronised(tmp_path / "b", RIG_TIME[again], encoder(RIG_TIME[again]))
+    assert mixed.log.q_encoder is not None
+    assert plain.log.q_encoder is not None
+    assert_array_equal(mixed.log.q_encoder, plain.log.q_encoder)
+    assert_array_equal(mixed.log.ok, plain.log.ok)
+    assert mixed.topics[1].repeated == 30
+    assert mixed.topics[1].shuffled > 0
+
+
+def test_a_state_that_comes_shuffled_and_twice_is_put_in_order(tmp_path: Path) -> None:
+    state_time = np.concatenate([STATE_TIME[:50], STATE_TIME[40:]])
+    result = _synchronised(tmp_path, RIG_TIME, encoder(RIG_TIME), state_time)
+    assert result.log.time is not None
+    assert_allclose(result.log.time, STATE_TIME, atol=1e-8)  # whole ns
+    assert (result.topics[0].repeated, result.topics[0].shuffled) == (10, 9)
+
+
+def test_a_state_that_is_not_a_number_is_left_out_and_counted(tmp_path: Path) -> None:
+    columns = telemetry(STATE_TIME, np.random.default_rng(0))
+    columns["jpos"][7, 1] = np.nan
+    streams = [
+        (RAVENSTATE, _stamp(STATE_TIME), columns),
+        (EXT_JPOS, _stamp(RIG_TIME), {"ext_jpos": encoder(RIG_TIME)}),
+    ]
+    write_journal(tmp_path / "r", streams)
+    extract([tmp_path / "r"], tmp_path / "x")
+    result = synchronise(tmp_path / "x")
+    assert result.dropped == 1
+    assert len(result.log) == len(STATE_TIME) - 1
+    assert any("1 state messages" in note for note in result.log.notes)
+
+
+def test_an_encoder_that_is_not_a_number_is_not_trusted(tmp_path: Path) -> None:
+    rig = encoder(RIG_TIME)
+    rig[500:510, 1] = np.nan
+    log = _synchronised(tmp_path, RIG_TIME, rig).log
+    assert log.time is not None
+    inside = (log.time > 4.99) & (log.time < 5.1)
+    assert not log.ok[inside].any()
+    assert log.ok[~inside & (log.time < RIG_TIME[-1])].all()
+
+
+def test_a_missing_topic_is_answered_with_those_that_are_there(tmp_path: Path) -> None:
+    record(tmp_path / "r", 1.0)
+    extract([tmp_path / "r"], tmp_path / "x", topics=["ravenstate", "arm2/measured_js"])
+    with pytest.raises(
+        FileFormatError, match=r"/ext_jpos .* is not there; topics there: measured_js_gold, ravenst"
+    ):
+        synchronise(tmp_path / "x")
+
+
+def test_a_state_at_100_hz_is_found_and_two_are_one_too_many(tmp_path: Path) -> None:
+    record(tmp_path / "r", 2.0, topics=raven_topics(state_rate=100.0))
+    extract([tmp_path / "r"], tmp_path / "x")
+    assert len(synchronise(tmp_path / "x").log) > 180
+    record(tmp_path / "s", 2.0, topics=(RAVENSTATE, RAVENSTATE_100HZ, EXT_JPOS, GOLD_MEASURED_JS))
+    extract([tmp_path / "s"], tmp_path / "y")
+    with pytest.raises(FileFormatError, match="expected one"):
+        synchronise(tmp_path / "y")
+
+
+@pytest.mark.parametrize("wrong", [{"max_gap": 0.0}, {"stopped_after": -1.0}, {"moved": (1.0,)}])
+def test_options_out_of_range_are_refused(tmp_path: Path, wrong: dict[str, float]) -> None:
+    with pytest.raises(InputError, match="synchronise"):
+        synchronise(tmp_path, SynchroniseOptions(**wrong))  # type: ignore[arg-type]
