@@ -12,7 +12,7 @@ from catenary.control.limits import TorqueLimits
 from catenary.control.loop import Tick, run_loop
 from catenary.control.pd import JointPD
 from catenary.control.report import LoopReport
-from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
+from catenary.errors import InputError, LimitError, NotReadyError, UnsupportedCommandError
 from catenary.plant import JointState, OperatingState
 from catenary.trajectories.reference import Reference, Trajectory
 from oracles.calibration_models import random_model
@@ -195,6 +195,14 @@ def test_robots_without_the_verb_are_refused(controller: JointPD | None) -> None
     plant.supports = frozenset({"measured_js"})
     with pytest.raises(UnsupportedCommandError, match="the robot has no servo_j"):
         run_loop(plant, controller, Swing(0.1))
+
+
+@pytest.mark.parametrize("q", [[0.1, 0.0], [0.0, np.nan]])
+def test_setpoints_are_not_made_to_leap_at_the_start(q: list[float]) -> None:
+    plant = MassPlant(np.array(q))
+    with pytest.raises(LimitError, match=r'joint "j[01]": the trajectory begins at 0 rad, .* go there first'):
+        run_loop(plant, None, Swing(0.1))
+    assert plant.log == []
 
 
 def test_trajectories_limits_and_durations_that_do_not_fit_are_refused() -> None:

@@ -16,11 +16,13 @@ from catenary.control.controller import Controller
 from catenary.control.limits import TorqueLimits
 from catenary.control.realtime import Durations, RealTime
 from catenary.control.report import LoopReport, Tally
-from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
+from catenary.errors import InputError, LimitError, NotReadyError, UnsupportedCommandError
 from catenary.plant import JointState, Plant
 from catenary.trajectories.reference import Reference, Trajectory
 
 Flags = NDArray[np.bool_]
+# [rad], [m] from a robot's setpoint to a first reference: more than rounding, less than what firmware stops at
+LEAP = {"rad": 0.02, "m": 0.002}
 _log = logging.getLogger(__name__)
 
 
@@ -92,6 +94,7 @@ def run_loop(
     Raises:
         NotReadyError: The plant is not enabled, not homed or busy; nothing was sent.
         UnsupportedCommandError: It takes no torques, or without controller no positions.
+        LimitError: Without controller, and the trajectory begins elsewhere than the robot's setpoint is.
         InputError: Rate, duration, trajectory or limits do not fit the plant.
     """
     waits = _require_ready(plant, controller, rate_hz)
@@ -101,7 +104,9 @@ def run_loop(
         raise InputError(f"duration: expected zero or more seconds, got {length}")
     # the last tick sends the reference at the end; 1e-9 forgives rounding
     numbers = range(math.ceil(length * rate_hz - 1e-9) + 1) if math.isfinite(length) else count()
-    as_array("reference q", trajectory(0.0).q, (n,))
+    first = as_array("reference q", trajectory(0.0).q, (n,))
+    if controller is None:
+        _require_near(plant, first)
     state = plant.measured_js()
     if limits is None:
         limits = TorqueLimits(np.full(n, np.inf))
@@ -200,6 +205,17 @@ def _require_ready(plant: Plant, controller: Controller | None, rate_hz: float) 
             f"rate_hz {rate_hz:g}: expected the robot's rate, {1.0 / plant.period:g} Hz, divided by a whole number"
         )
     return waits
+
+
+def _require_near(plant: Plant, first: Floats) -> None:
+    """Refuse to make the setpoint leap."""
+    setpoint = plant.setpoint_js().q
+    for j, (name, unit) in enumerate(zip(plant.joint_names, plant.joint_units, strict=True)):
+        if not abs(first[j] - setpoint[j]) <= LEAP[unit]:
+            raise LimitError(
+                f'joint "{name}": the trajectory begins at {first[j]:.6g} {unit}, the setpoint is at '
+                f"{setpoint[j]:.6g} {unit}; go there first"
+            )
 
 
 def _hand_over(plant: Plant) -> None:
