@@ -136,7 +136,6 @@ def read_raven_csv(
         state={name: clean.values[:, names.index(name)] for name in wanted},
         state_stamp=clean.stamp,
         encoder=encoder,
-        measured=measured,
         options=options,
         further=force if table.shape[1] == WIDTH_WITH_FORCE else {},
         further_units=dict.fromkeys(force, "N"),

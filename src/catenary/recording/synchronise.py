@@ -25,24 +25,29 @@ from catenary.recording.topics import (
     EXT_JPOS,
     GOLD_MEASURED_JS,
     GREEN_MEASURED_JS,
-    JOINTS,
     RAVENSTATE,
     RAVENSTATE_100HZ,
     SECOND,
     Arm,
     Topic,
 )
+from catenary.transmission.coupling import joint_forces
 
 CALIBRATED = ("shoulder", "elbow", "insertion")
 UNITS = ("rad", "rad", "m")
 OTHERS = ("roll", "wrist", "jaw1", "jaw2")
 ROBOT: Mapping[Arm, str] = {"gold": "raven2", "green": "raven2_right"}
-# joint torque or force = torque at the gearbox's output * ratio / gearbox, the cables' coupling left out, as the
-# robot's own gravity feed does it [raven2 source: transmission ratios; RE40 with 49/4, RE30 with 26/7]
+# cable torque or tension = torque at the gearbox's output * ratio / gearbox [raven2 source: transmission ratios; RE40
+# with 49/4, RE30 with 26/7]; the joints' torques follow through the cables' coupling, as a controller is told them
 JOINT_TORQUE: Mapping[str, float] = {
     "shoulder": 136.1963 / 12.25, "elbow": 121.5221 / 12.25, "insertion": 2158.590 / 12.25,  # [1], [1], [1/m]
     "roll": 5.395176 * 7 / 26, "wrist": 8.991960 * 7 / 26, "jaw1": 8.991960 * 7 / 26, "jaw2": 8.991960 * 7 / 26,
 }  # fmt: skip
+
+
+COUPLING = np.array(
+    [0.14545, 0.0077973826, 0.008077387]
+)  # c01, c02, c12 [raven2 source] rad/rad, m/rad, m/rad
 
 
 @dataclass(frozen=True)
@@ -76,8 +81,8 @@ def synchronise(folder: Path, options: SynchroniseOptions | None = None) -> Sync
     A row is a raven_state message. `q_nominal` and `qd` are its jpos and jvel, `tau` its commanded torque at the
     joint, `q_encoder` ext_jpos between its two neighbours in time. `ok` is cleared where these lie further apart
     than `max_gap`, before the first and after the last, and while an encoder stands still although its motor moves.
-    Signals are q_<joint> and tau_<joint> of roll, wrist and jaws, and measured_js_<joint> where it was recorded
-    (NaN in gaps). Messages with a stamp that was there before are dropped, messages out of order are sorted; both
+    Signals are q:<joint> and tau:<joint> of roll, wrist and jaws; measured_js, which repeats jpos, is only reported
+    on. Messages with a stamp that was there before are dropped, messages out of order are sorted; both
     are counted.
 
     Args:
@@ -103,12 +108,10 @@ def synchronise(folder: Path, options: SynchroniseOptions | None = None) -> Sync
     with topic_file(folder, EXT_JPOS) as file:
         encoder = read_series(file, EXT_JPOS.columns[0].names, options.max_gap, span)
     reports = [state.report, encoder.report]
-    measured: Series | None = None
     topic = measured_topic(arm)
     if (folder / f"{topic.stem}.parquet").is_file():
         with topic_file(folder, topic) as file:
-            measured = read_series(file, topic.columns[0].names, options.max_gap, span)
-        reports.append(measured.report)
+            reports.append(read_series(file, topic.columns[0].names, options.max_gap, span).report)
     return build_log(
         name=folder.name,
         robot=about.robot if about.robot is not None else ROBOT[arm],
@@ -116,7 +119,6 @@ def synchronise(folder: Path, options: SynchroniseOptions | None = None) -> Sync
         state=dict(zip(state_names, state.values.T, strict=True)),
         state_stamp=state.stamp,
         encoder=encoder,
-        measured=measured,
         options=options,
         reports=tuple(reports),
     )
@@ -130,7 +132,6 @@ def build_log(
     state: Mapping[str, NDArray[Any]],
     state_stamp: NDArray[np.int64],
     encoder: Series,
-    measured: Series | None,
     options: SynchroniseOptions,
     reports: tuple[TopicReport, ...] = (),
     further: Mapping[str, Floats] | None = None,
@@ -145,7 +146,6 @@ def build_log(
         state: `jpos:`, `tau:` and `jvel:` of the arm's axes, each (N,), SI, tau at the gearbox's output.
         state_stamp: (N,) [ns] ascending.
         encoder: Positions of the joints to calibrate.
-        measured: measured_js, if any.
         options: Arm and limits.
         reports: On the topics.
         further: Signals that the recording has besides, each (N,).
@@ -168,14 +168,10 @@ def build_log(
     )
     for stop in stopped:
         ok &= ~((stamp > stop.start_ns) & (stamp < stop.end_ns))
-    signals = {f"q_{joint}": state[f"jpos:{arm}_{joint}"] for joint in OTHERS}
-    signals |= {f"tau_{joint}": state[f"tau:{arm}_{joint}"] * JOINT_TORQUE[joint] for joint in OTHERS}
-    units = {f"q_{joint}": "rad" for joint in OTHERS} | {f"tau_{joint}": "Nm" for joint in OTHERS}
-    if measured is not None:
-        values, _ = interpolate(measured, stamp, options.max_gap)
-        for i, joint in enumerate(JOINTS):
-            signals[f"measured_js_{joint}"] = values[:, i]
-            units[f"measured_js_{joint}"] = "m" if joint == "insertion" else "rad"
+    signals = {f"q:{joint}": state[f"jpos:{arm}_{joint}"] for joint in OTHERS}
+    signals |= {f"tau:{joint}": state[f"tau:{arm}_{joint}"] * JOINT_TORQUE[joint] for joint in OTHERS}
+    units = {f"q:{joint}": "rad" for joint in OTHERS} | {f"tau:{joint}": "Nm" for joint in OTHERS}
+    shoulder, elbow, insertion = (state[f"tau:{arm}_{joint}"] * JOINT_TORQUE[joint] for joint in CALIBRATED)
     for key, column in (further or {}).items():
         signals[key], units[key] = column[whole], (further_units or {})[key]
     notes = [note for report in reports for note in report.notes()] + [stop.note() for stop in stopped]
@@ -190,7 +186,7 @@ def build_log(
         ok=ok,
         time=(stamp - stamp[0]) / SECOND,
         qd=np.column_stack([state[f"jvel:{arm}_{joint}"] for joint in CALIBRATED]),
-        tau=np.column_stack([state[f"tau:{arm}_{joint}"] * JOINT_TORQUE[joint] for joint in CALIBRATED]),
+        tau=np.column_stack(joint_forces(COUPLING, (shoulder, elbow, insertion))),
         signals=signals,
         signal_units=units,
         robot=robot,
