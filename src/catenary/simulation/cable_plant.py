@@ -193,7 +193,10 @@ class CablePlant:
         self.control.mode[:] = POSITION
 
     def servo_jf(self, tau: Floats) -> None:
-        """Command joint torques, (7,), or (3,) for the positioning joints with the tool held, [Nm, Nm, N, Nm...]."""
+        """Command joint torques, (7,), or (3,) for the positioning joints with the tool held, [Nm, Nm, N, Nm...].
+
+        They hold until the next command, and the setpoint follows the arm meanwhile.
+        """
         self._require_ready()
         n = POSITIONING if np.shape(tau) == (POSITIONING,) else len(JOINTS)
         torque = as_array("servo_jf", tau, (n,))
