@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 from catenary.compiled import compiled
 from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import Cable, CableArm, load_cable_arm
-from catenary.simulation.cable_physics import ArmState, new_state, new_work, physics_step, unstretched_rotors
+from catenary.simulation.cable_physics import (
+    ArmState,
+    link_dynamics,
+    new_state,
+    new_work,
+    physics_step,
+    unstretched_rotors,
+)
 from catenary.simulation.cable_plant import CablePlant
 
 Floats = NDArray[np.float64]
@@ -103,7 +110,8 @@ def take_steps(
     """Step the physics with shaft torques (T, 7), on a base at rest or in motion, and keep every step."""
     work = new_work()
     for k in range(len(shaft_torque)):
-        physics_step(tree, cable, state, shaft_torque[k], braked, gravity, base_motion, step, work)
+        link_dynamics(tree, state, gravity, base_motion, work)
+        physics_step(cable, state, shaft_torque[k], braked, step, work)
         for j in range(3):
             out.rotor[k, j] = state.rotor[j]
             out.rotor_velocity[k, j] = state.rotor_velocity[j]

@@ -7,8 +7,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.compiled import inlined
-from catenary.dynamics.coordinates import place_tree
-from catenary.dynamics.recursion import composite_body_recursion, newton_euler_recursion
+from catenary.dynamics.recursion import composite_body_recursion, newton_euler_recursion, place_joints
 from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import Cable
 from catenary.transmission.coupling import joint_forces, winding_of
@@ -38,7 +37,8 @@ class ArmState(NamedTuple):
 class Work(NamedTuple):
     """Scratch of the dynamics of a tree with three joints."""
 
-    coordinates: Floats
+    sine: Floats
+    cosine: Floats
     rotation: Floats
     position: Floats
     omega: Floats
@@ -53,8 +53,8 @@ class Work(NamedTuple):
     matrix: Floats
     inverse: Floats
     zero: Floats
+    push: Floats
     impulse: Floats
-    identity: Floats
 
 
 def new_state() -> ArmState:
@@ -64,9 +64,10 @@ def new_state() -> ArmState:
 
 @inlined
 def new_work() -> Work:
-    """Scratch for `physics_step`."""
+    """Scratch for `link_dynamics` and `physics_step`."""
     return Work(
-        coordinates=np.empty((3, 3)),
+        sine=np.empty(3),
+        cosine=np.empty(3),
         rotation=np.empty((3, 3, 3)),
         position=np.empty((3, 3)),
         omega=np.empty((4, 3)),
@@ -81,35 +82,29 @@ def new_work() -> Work:
         matrix=np.empty((3, 3)),
         inverse=np.empty((3, 3)),
         zero=np.zeros(3),
+        push=np.empty(3),
         impulse=np.empty(3),
-        identity=np.eye(3),
     )
 
 
 @inlined
 def physics_step(
-    tree: Tree,
     cable: Cable,
     state: ArmState,
     shaft_torque: Floats,
     braked: bool,
-    gravity: Floats,
-    base_motion: Floats,
     step: float,
     work: Work,
 ) -> None:
     """Advance an arm by one semi-implicit Euler step: forces, then velocities, then positions.
 
     Args:
-        tree: The three positioning joints, payload included.
         cable: The arm's numbers.
         state: Overwritten.
         shaft_torque: (7,) of the motors [Nm].
         braked: Every motor's shaft is held.
-        gravity: (3,) in base axes [m/s2].
-        base_motion: (3, 3) angular velocity, angular acceleration, linear acceleration of the base, base axes.
         step: [s].
-        work: Scratch.
+        work: Scratch, in which `link_dynamics` has left the links' dynamics.
     """
     q, qd = state.q, state.qd
     rate = winding_of(cable.coupling, qd)
@@ -121,21 +116,20 @@ def physics_step(
         _turn(cable, state, j, shaft_torque[j], braked, step)
 
     force = joint_forces(cable.coupling, (state.tension[0], state.tension[1], state.tension[2]))
-    _links(tree, state, gravity, base_motion, work)
     for j in range(3):
         push = 0.0
         into = cable.stop_side[j] * (q[j] - cable.stop_position[j])
         if into > 0.0:
             resist = cable.stop_stiffness[j] * into + cable.stop_damping[j] * cable.stop_side[j] * qd[j]
             push = -cable.stop_side[j] * max(0.0, resist)
-        work.force[j, 0] = force[j] + push - work.bias[j]
+        work.push[j] = force[j] + push - work.bias[j]
         work.impulse[j] = step * (
             cable.link_friction[j] + cable.link_load_friction[j] * abs(state.tension[j])
         )
     for j in range(3):
         change = 0.0
         for i in range(3):
-            change += work.inverse[j, i] * work.force[i, 0]
+            change += work.inverse[j, i] * work.push[i]
         qd[j] += step * change
     coulomb_coupled(work.inverse, work.impulse, qd, state.friction, FRICTION_SWEEPS)
     for j in range(3):
@@ -230,9 +224,23 @@ def _turn_tool(cable: Cable, state: ArmState, t: int, torque: float, braked: boo
 
 
 @inlined
-def _links(tree: Tree, state: ArmState, gravity: Floats, base_motion: Floats, work: Work) -> None:
-    """Write the links' bias torques (velocity, gravity, moving base) and the inverse of their mass matrix."""
-    place_tree(tree, work.identity, work.zero, state.q, work.coordinates, work.rotation, work.position)
+def link_dynamics(tree: Tree, state: ArmState, gravity: Floats, base_motion: Floats, work: Work) -> None:
+    """Write the links' bias torques (velocity, gravity, moving base) and the inverse of their mass matrix.
+
+    They change with the pose, which a millisecond hardly moves; cables, rotors and friction are what substeps
+    are for.
+
+    Args:
+        tree: The three positioning joints, payload included.
+        state: Where the arm is.
+        gravity: (3,) in base axes [m/s2].
+        base_motion: (3, 3) angular velocity, angular acceleration, linear acceleration of the base, base axes.
+        work: Scratch; `bias` and `inverse` are the result.
+    """
+    for j in range(3):
+        work.sine[j] = math.sin(state.q[j])
+        work.cosine[j] = math.cos(state.q[j])
+    place_joints(tree, state.q, work.sine, work.cosine, work.rotation, work.position)
     for r in range(3):
         work.omega[3, r] = base_motion[0, r]
         work.alpha[3, r] = base_motion[1, r]

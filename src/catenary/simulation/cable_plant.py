@@ -194,18 +194,21 @@ class CablePlant:
     def servo_jp(self, q: Floats) -> None:
         """Move the setpoint towards q (7,): at most one clamped step in a tick, within the software limits."""
         self._require_ready()
-        self._wanted = as_array("servo_jp", q, (7,)).copy()
+        self._wanted[:] = as_array("servo_jp", q, (7,))
         self.control.mode[:] = POSITION
 
     def servo_jr(self, dq: Floats) -> None:
         """Move the setpoint by dq (7,); several in a tick add up, then the clamp holds."""
         self._require_ready()
         start = np.where(np.isnan(self._wanted), self.control.setpoint, self._wanted)
-        self._wanted = start + as_array("servo_jr", dq, (7,))
+        self._wanted[:] = start + as_array("servo_jr", dq, (7,))
         self.control.mode[:] = POSITION
 
     def servo_jf(self, tau: Floats) -> None:
-        """Command joint torques, (7,), or (3,) for the positioning joints with the tool held, [Nm, Nm, N, Nm...]."""
+        """Command joint torques, (7,), or (3,) for the positioning joints with the tool held, [Nm, Nm, N, Nm...].
+
+        They hold until the next command, and the setpoint follows the arm meanwhile.
+        """
         self._require_ready()
         n = POSITIONING if np.shape(tau) == (POSITIONING,) else len(JOINTS)
         torque = as_array("servo_jf", tau, (n,))
@@ -248,10 +251,9 @@ class CablePlant:
         Raises:
             NotReadyError: An axis that homes met no stop; the arm is then in FAULT.
         """
-        row, self._wanted = self._wanted, np.full(7, np.nan)
-        if self._homing is not None:
-            row = self._next_homing_row(self._homing)
+        row = self._wanted if self._homing is None else self._next_homing_row(self._homing)
         self._advance(row[None, :], NO_LOG)
+        self._wanted[:] = np.nan
         if self._rig_seen is not None:
             self._rig_seen.append(self.rig_counts(self.state.q))
 

@@ -13,7 +13,7 @@ from catenary.arrays import Floats
 from catenary.compiled import compiled, inlined
 from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import Cable, Firmware
-from catenary.simulation.cable_physics import ArmState, new_work, physics_step
+from catenary.simulation.cable_physics import ArmState, link_dynamics, new_work, physics_step
 from catenary.transmission.coupling import joints_of, tensions_for, winding_of
 
 COUNTS_PER_RADIAN = 4000.0 / (2.0 * math.pi)  # of the motor's encoder
@@ -244,8 +244,9 @@ def run_ticks(
                 log.q[k, j] = arm.q[j]
         g = gravity[k] if len(gravity) > 1 else gravity[0]
         base = base_motion[k] if len(base_motion) > 1 else base_motion[0]
+        link_dynamics(tree, arm, g, base, work)
         for _ in range(substeps):
-            physics_step(tree, cable, arm, shaft_torque, control.flags[BRAKES] != 0, g, base, step, work)
+            physics_step(cable, arm, shaft_torque, control.flags[BRAKES] != 0, step, work)
         read_encoders(firmware, arm, control)
         if control.flags[STOPPED] != 0:
             return k + 1
