@@ -11,10 +11,12 @@ def json_text(content: Any) -> str:
 
 
 def _finite(content: Any) -> Any:
-    if isinstance(content, float):
-        return content if math.isfinite(content) else None
     if isinstance(content, dict):
-        return {key: _finite(value) for key, value in content.items()}
+        return {str(key): _finite(value) for key, value in content.items()}
     if isinstance(content, list | tuple):
         return [_finite(value) for value in content]
+    if hasattr(content, "tolist"):  # a NumPy array or number; NumPy itself need not be loaded here
+        return _finite(content.tolist())
+    if isinstance(content, float) and not math.isfinite(content):
+        return None
     return content

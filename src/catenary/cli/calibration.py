@@ -1,4 +1,4 @@
-"""catenary fit, evaluate, demo."""
+"""catenary fit and evaluate."""
 
 import os
 import sys
@@ -213,28 +213,6 @@ def evaluate(
         )
         if not as_json:
             print(f"page: {report}")
-
-
-def demo(
-    out: Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Where to put the results.")] = Path(
-        "demo"
-    ),
-    seed: Seed = 0,
-    as_json: AsJson = False,
-) -> None:
-    """Calibrate a simulated arm from recordings made on the spot."""
-    from catenary.jobs.demo import run_demo
-
-    with progress_bar("calibrating a simulated arm") as progress:
-        result = run_demo(out, seed=seed, progress=progress)
-    if as_json:
-        print_json(result.summary())
-        return
-    header, rows = result.table()
-    print_table(
-        "Simulated arm: RMSE on a recording that no model saw (per cent of the fixed offset)", header, rows
-    )
-    print(f"page:  {result.page}\nmodel: {result.model_path}")
 
 
 def _print_fit(out: Path, card: Path, result: "FitResult") -> None:

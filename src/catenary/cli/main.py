@@ -7,7 +7,7 @@ import sys
 import typer
 
 from catenary import __version__
-from catenary.cli import calibration, check, robots
+from catenary.cli import calibration, check, pipeline, robots
 
 app = typer.Typer(
     name="catenary",
@@ -17,13 +17,19 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # plain help: nothing is cut, and it comes in half the time
 )
+app.command("calibrate", no_args_is_help=True)(pipeline.calibrate)
+app.command("home", no_args_is_help=True)(pipeline.home)
+app.command("excite", no_args_is_help=True)(pipeline.excite)
+app.command("record", no_args_is_help=True)(pipeline.record)
+app.command("extract", no_args_is_help=True)(pipeline.extract)
 app.command("fit", no_args_is_help=True)(calibration.fit)
 app.command("evaluate", no_args_is_help=True)(calibration.evaluate)
+app.command("deploy", no_args_is_help=True)(pipeline.deploy)
 app.command("check", no_args_is_help=True)(check.check)
 app.command("fk", no_args_is_help=True)(robots.fk)
 app.command("ik", no_args_is_help=True)(robots.ik)
 app.command("robots")(robots.robots)
-app.command("demo")(calibration.demo)
+app.command("demo")(pipeline.demo)
 
 
 def _print_version(wanted: bool) -> None:

@@ -24,6 +24,8 @@ def write_calibration_report(
     spread: Sequence[Spread] = (),
     notes: Sequence[str] = (),
     comparison: tuple[Sequence[str], Sequence[Sequence[str]]] | None = None,
+    opening: Sequence[Block] = (),
+    further: Sequence[Block] = (),
 ) -> None:
     """Write one self-contained page.
 
@@ -36,6 +38,8 @@ def write_calibration_report(
         spread: Errors of a cross-validation, if there was one.
         notes: What a reader must know about the data.
         comparison: Header and rows of a table of several models, to open the page with.
+        opening: What else to open the page with.
+        further: What else to say before the model's card.
     """
     simulated = bool(card["simulated"]) or any(s.simulated for s in evaluation.data.sources)
     blocks: list[Block] = [
@@ -50,12 +54,14 @@ def write_calibration_report(
     ]
     if comparison is not None:
         blocks[:0] = [Heading("Every model"), Table(*comparison)]
+    blocks[:0] = opening
     for j, name in enumerate(model.joint_names):
         blocks += [Heading(f"Joint {name}"), joint_picture(evaluation, model, j)]
     blocks += [Heading("RMSE of the model over time"), window_table(evaluation)]
     if spread:
         blocks += [Heading("Cross-validation over blocks of time"), spread_table(spread)]
     blocks += [
+        *further,
         Heading("The model"),
         Facts(card_facts(card)),
         Listing("The whole card", json_text(card)),

@@ -16,6 +16,8 @@ from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit import FitOptions, choose_inputs, fit
+from catenary.jobs.calibrate import RAVEN_INPUTS
+from catenary.jobs.paper_table import TABLE_1
 from catenary.jobs.simulated_recording import record_simulated
 from catenary.json_text import json_text
 from catenary.page import Block, Heading, Table, Text, write_page
@@ -28,31 +30,14 @@ SPARSITIES = (1 / 2, 1 / 3, 1 / 4)
 TEST_SECONDS = 1200.0
 ROBOTS: tuple[int | None, ...] = (None, 1, 2, 3, 4, 5)  # None is the nominal one
 UNITS = ("deg", "deg", "mm")
-# Peng et al., table I, direction J2-J3; the paper's numbers, on a real robot
-PAPER: dict[str, tuple[float, float, float]] = {
-    "raw": (2.103, 7.963, 11.715),
-    "fixed offset": (0.859, 1.095, 0.492),
-    "linear": (0.174, 0.186, 0.166),
-    "polynomial": (0.118, 0.222, 0.173),
-    "neural, paper": (0.104, 0.120, 0.118),
-}
 ALL = (
     "all",
 )  # the paper's 16 inputs: positions and torques of one arm; two of them are an unused channel's zeros
-POSITIONING = tuple(
-    f"{group}:{joint}" for group in ("q", "tau") for joint in ("shoulder", "elbow", "insertion")
-)
-# the tool's torques tell the insertion's cable where it lies; its positions only repeat the insertion motor's
-PER_JOINT = {
-    "shoulder": POSITIONING,
-    "elbow": POSITIONING,
-    "insertion": (*POSITIONING, "tau:roll", "tau:wrist", "tau:jaw1", "tau:jaw2"),
-}
 MODELS = {
     "linear": FitOptions(kind="linear", inputs=ALL),
     "polynomial": FitOptions(kind="polynomial", inputs=ALL),
-    "neural, paper": FitOptions(kind="neural", preset="paper", inputs=ALL),
-    "neural, best": FitOptions(kind="neural", preset="best", inputs=PER_JOINT),
+    "neural, preset paper": FitOptions(kind="neural", preset="paper", inputs=ALL),
+    "neural, preset best": FitOptions(kind="neural", preset="best", inputs=RAVEN_INPUTS),
 }
 RANDOM_TRAINED = "neural, best, trained on random motion"
 RANDOM_TRAINED_PAPER = "neural, paper, trained on random motion"
@@ -80,8 +65,8 @@ def run_robot(seed: int | None) -> RobotResult:
     outside: dict[str, float] = {}
     jobs = [(name, train, options) for name, options in MODELS.items()]
     jobs += [
-        (RANDOM_TRAINED_PAPER, other, MODELS["neural, paper"]),
-        (RANDOM_TRAINED, other, MODELS["neural, best"]),
+        (RANDOM_TRAINED_PAPER, other, MODELS["neural, preset paper"]),
+        (RANDOM_TRAINED, other, MODELS["neural, preset best"]),
     ]
     for name, source, options in jobs:
         inputs = choose_inputs([source], options)
@@ -115,7 +100,7 @@ def table(results: list[RobotResult]) -> tuple[list[str], list[list[str]]]:
             cells += [
                 f"{nominal.rmse[name][j]:.3f}",
                 f"{np.mean(values[:, j]):.3f} ± {spread:.3f}",
-                f"{PAPER[name][j]:.3f}" if name in PAPER else "-",
+                f"{TABLE_1[name][j]:.3f}" if name in TABLE_1 else "-",
             ]
         rows.append(cells)
     return header, rows
@@ -124,7 +109,7 @@ def table(results: list[RobotResult]) -> tuple[list[str], list[list[str]]]:
 def gains(results: list[RobotResult]) -> dict[str, list[float]]:
     """RMSE of preset best over preset paper, per joint, mean over all robots: on zig-zag and on random motion."""
     pairs = {
-        "trained on zig-zag": ("neural, best", "neural, paper"),
+        "trained on zig-zag": ("neural, preset best", "neural, preset paper"),
         "trained on random motion": (RANDOM_TRAINED, RANDOM_TRAINED_PAPER),
     }
     return {
@@ -148,7 +133,7 @@ def main(folder: Path, robots: tuple[int | None, ...] = ROBOTS) -> None:
     content = {
         "simulated": True,
         "version": __version__,
-        "paper": PAPER,
+        "paper": TABLE_1,
         "robots": [
             {"seed": r.seed, "rmse": {k: v.tolist() for k, v in r.rmse.items()}, "outside": r.outside}
             for r in results

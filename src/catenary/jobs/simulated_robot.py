@@ -1,0 +1,198 @@
+"""What people do with a simulated RAVEN-II in a project: home it, drive it, record it; each from where it was left."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.calibration.progress import Progress, silent
+from catenary.errors import ConfigError
+from catenary.jobs.motion import check_motion
+from catenary.jobs.project import Project, ProjectSettings, write
+from catenary.plant import MotionLog
+from catenary.simulation.base_motion import FixedBase
+from catenary.simulation.cable_plant import JOINTS, CablePlant
+from catenary.simulation.firmware import PERIOD, TickLog
+from catenary.simulation.plant_state import restore_plant, save_plant
+from catenary.simulation.raven_telemetry import COLUMNS, telemetry_of
+from catenary.trajectories.point_to_point import go_to
+from catenary.trajectories.reference import Trajectory
+
+CHUNK = 20_000  # ticks whose telemetry is held at once
+CALIBRATED = 3
+
+
+def make_plant(settings: ProjectSettings) -> CablePlant:
+    """The robot of a project, as it wakes up."""
+    roll, pitch = np.deg2rad(settings.base_tilt_deg)
+    return CablePlant(
+        side=settings.side,
+        seed=settings.seed,
+        payload=settings.payload_kg,
+        base=FixedBase(float(roll), float(pitch)),
+    )
+
+
+def home_robot(project: Project) -> bool:
+    """Home the project's robot; whether it had to be done."""
+    folder = project.folder / "robot"
+
+    def work() -> None:
+        folder.mkdir(exist_ok=True)
+        plant = make_plant(project.settings)
+        plant.home()
+        save_plant(plant, folder / "homed.npz")
+        telemetry = plant.telemetry()
+        write(
+            folder / "home.json",
+            {
+                "simulated": True,
+                "seconds": plant.time,
+                "joint_names": plant.joint_names,
+                "believed": plant.control.joint,
+                "external_encoders": telemetry["ext_jpos"],
+                "true": plant.state.q,
+            },
+        )
+
+    return project.run(
+        "home", _robot_settings(project.settings), [folder / "homed.npz", folder / "home.json"], work
+    )
+
+
+def record_robot(
+    project: Project,
+    name: str,
+    trajectory: Trajectory,
+    motion: Any,
+    *,
+    after: str,
+    progress: Progress = silent,
+) -> bool:
+    """Drive the robot along a trajectory of its positioning joints and record it into recordings/NAME.
+
+    The robot begins where the step `after` left it, and is put away again afterwards.
+
+    Args:
+        project: The project.
+        name: Of the recording.
+        trajectory: Of the three positioning joints.
+        motion: What the trajectory is, as plain data.
+        after: "home", or the name of the recording before.
+        progress: Called with the share done.
+
+    Raises:
+        LimitError: The motion leaves the joint limits; nothing has moved.
+        ConfigError: The step before was not done.
+    """
+    from catenary.recording.journal import About
+    from catenary.recording.recorder import Recorder
+    from catenary.recording.topics import raven_topics
+
+    settings = project.settings
+    recording = project.folder / "recordings" / name
+    before = project.folder / "robot" / ("homed.npz" if after == "home" else f"after_{after}.npz")
+    left = project.folder / "robot" / f"after_{name}.npz"
+    made_from = [
+        motion,
+        settings.state_rate_hz,
+        project.fingerprint_of(after if after == "home" else f"record {after}"),
+    ]
+
+    def work() -> None:
+        if not before.is_file():
+            raise ConfigError(f"{before}: is missing; do the step {after} first")
+        plant = make_plant(settings)
+        restore_plant(plant, before)
+        plant.state_command("enable")
+        check_motion(plant, trajectory, joints=JOINTS[:CALIBRATED])
+        _empty(recording)
+        topics = raven_topics(
+            "gold" if settings.side == "left" else "green", state_rate=settings.state_rate_hz
+        )
+        about = About(
+            robot=settings.robot, simulated=True, seed=settings.seed, configuration={"motion": motion}
+        )
+        seed = 0 if settings.seed is None else settings.seed
+        rng = np.random.default_rng([seed, *name.encode()])
+        approach = go_to(plant.control.setpoint[:CALIBRATED], trajectory(0.0).q, max_velocity=[0.2, 0.2, 0.01],
+                         max_acceleration=[0.4, 0.4, 0.02])  # fmt: skip
+        for _ in _ticks(plant, approach):
+            pass
+        begin = plant.time
+        with Recorder(recording, topics, COLUMNS, rng, about=about) as recorder:
+            for log, done in _ticks(plant, trajectory):
+                time = plant.time - begin - PERIOD * np.arange(len(log.joint), 0, -1)
+                recorder.observe_many(np.round(time, 6), telemetry_of(plant, log))
+                progress(done)
+        plant.state_command("pause")
+        save_plant(plant, left)
+
+    return project.run(f"record {name}", made_from, [recording, left], work)
+
+
+def _ticks(plant: CablePlant, trajectory: Trajectory) -> Iterator[tuple[TickLog, float]]:
+    """Drive an arm along a trajectory: each piece of its log, and the share done."""
+    ticks = max(1, round(trajectory.duration / PERIOD))
+    for first in range(0, ticks, CHUNK):
+        last = min(ticks, first + CHUNK)
+        rows: Floats = np.full((last - first, len(JOINTS)), np.nan)
+        rows[:, :CALIBRATED] = trajectory.sample(np.arange(first, last) * PERIOD)[0]
+        yield plant.run(rows), last / ticks
+
+
+def extract_recording(project: Project, name: str) -> bool:
+    """Extract recordings/NAME and synchronise it into a motion log, NAME.parquet."""
+    from catenary.recording.extract import extract
+    from catenary.recording.logs import write_parquet
+    from catenary.recording.synchronise import SynchroniseOptions, synchronise
+
+    folder = project.folder / "extracted" / name
+    path, report = motion_log_path(project, name), project.folder / f"{name}.synchronised.json"
+
+    def work() -> None:
+        _empty(folder)
+        extraction = extract([project.folder / "recordings" / name], folder)
+        arm = SynchroniseOptions(arm="gold" if project.settings.side == "left" else "green")
+        result = synchronise(folder, arm)
+        write_parquet(result.log, path)
+        write(
+            report,
+            {
+                "topics": [vars(topic) | {"longest_gap": topic.longest_gap} for topic in result.topics],
+                "stopped_encoders": [stop.note() for stop in result.stopped],
+                "rows": len(result.log),
+                "rows_without_encoder": result.without_encoder,
+                "problems": list(extraction.problems),
+            },
+        )
+
+    return project.run(f"extract {name}", [project.fingerprint_of(f"record {name}")], [path, report], work)
+
+
+def motion_log_path(project: Project, name: str) -> Path:
+    """Where the motion log of a recording stands."""
+    return project.folder / f"{name}.parquet"
+
+
+def coverage(log: MotionLog) -> dict[str, tuple[float, float]]:
+    """Range of each joint that a recording covers [rad or m]."""
+    return {
+        joint: (float(log.q_nominal[:, j].min()), float(log.q_nominal[:, j].max()))
+        for j, joint in enumerate(log.joint_names)
+    }
+
+
+def _robot_settings(settings: ProjectSettings) -> Any:
+    return [settings.robot, settings.side, settings.seed, settings.base_tilt_deg, settings.payload_kg]
+
+
+def _empty(folder: Path) -> None:
+    """Make room for a step that is done again."""
+    import shutil
+
+    if folder.exists():
+        shutil.rmtree(folder)
+    folder.parent.mkdir(parents=True, exist_ok=True)
