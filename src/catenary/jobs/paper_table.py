@@ -11,3 +11,18 @@ TABLE_1: dict[str, tuple[float, float, float]] = {
     "polynomial": (0.118, 0.222, 0.173),
     "neural, preset paper": (0.104, 0.120, 0.118),
 }
+# raw and fixed-offset RMSE of every direction, same joints and units
+TABLE_1_DIRECTIONS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
+    "J1": ((1.930, 7.927, 11.723), (0.857, 1.106, 0.486)),
+    "J2": ((2.015, 8.016, 11.737), (0.911, 1.135, 0.628)),
+    "J3": ((2.061, 8.115, 11.754), (0.877, 1.160, 0.498)),
+    "J1-J2": ((2.095, 8.064, 11.773), (0.908, 1.168, 0.584)),
+    "J2-J3": ((2.103, 7.963, 11.715), (0.859, 1.095, 0.492)),
+    "J1-J3": ((2.125, 7.985, 11.778), (0.932, 1.168, 0.557)),
+    "J1-J2-J3": ((2.219, 7.945, 11.703), (0.866, 1.038, 0.469)),
+}
+# section II-G: the linear model in hour 0 and hour 5 of six hours of unloaded motion, and in hour 0 with 500 g
+SIX_HOURS_LINEAR = ((0.169, 0.247, 0.132), (0.527, 0.353, 0.200))
+LOADED_LINEAR_HOUR_0 = (0.144, 0.266, 0.138)
+# section II-I: the linear model on J2 before the first and after the fifth of five homings, none seen in training
+HOMINGS_LINEAR_J2 = (0.317, 0.712)
