@@ -12,6 +12,8 @@ CATENARY_DATA ?= ../shared/data
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
+
+.PHONY: table1 refit plant-check
 .PHONY: demo test lint bench dvrk-table clean help
 
 help:
@@ -20,6 +22,9 @@ help:
 	@echo "make lint        format, lint, types, import order"
 	@echo "make bench       speed of deployed models and of the control loop, beside other libraries"
 	@echo "make dvrk-table  the table of docs/calibration.md, from recordings of a real arm (CATENARY_DATA)"
+	@echo "make table1      table I of the calibration paper on six simulated robots (15 minutes), into results/"
+	@echo "make refit       fit the simulated RAVEN-II to the paper's errors again (15 minutes); rewrites its data file"
+	@echo "make plant-check what the simulated RAVEN-II does where it was not fitted, into results/"
 	@echo "make clean       remove .venv and everything made here"
 
 demo: $(VENV)/.package
@@ -40,6 +45,15 @@ bench: $(VENV)/.benchmarks
 
 dvrk-table: $(VENV)/.package
 	$(BIN)/python -m catenary.reproduce.dvrk_joint_errors $(CATENARY_DATA)
+
+table1: $(VENV)/.package
+	$(BIN)/python -m catenary.reproduce.table1 results
+
+refit: $(VENV)/.package
+	$(BIN)/python -m catenary.reproduce.plant_refit src/catenary/simulation/data/raven2.toml 4 results
+
+plant-check: $(VENV)/.package
+	$(BIN)/python -m catenary.reproduce.plant_check results
 
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed: apt install python3 python3-venv"; exit 1; }

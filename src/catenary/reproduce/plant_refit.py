@@ -14,12 +14,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
+from catenary import __version__
 from catenary.arrays import Floats
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit import FitOptions, choose_inputs, fit
 from catenary.jobs.paper_table import TABLE_1
 from catenary.jobs.simulated_recording import record_simulated
+from catenary.page import Heading, Table, write_page
 from catenary.plant import MotionLog
 from catenary.simulation.cable_parameters import Cable, CableArm, load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
@@ -129,10 +131,39 @@ def write_arm(arm: CableArm, path: Path) -> None:
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def main(path: Path, rounds: int) -> None:
-    """Refit and rewrite the data file."""
+def write_refit_page(folder: Path, reached: dict[str, Floats], factors: Floats) -> None:
+    """Write plant_refit.html: target against reached, and how far each parameter went."""
+    folder.mkdir(parents=True, exist_ok=True)
+    errors_table = Table(
+        ["RMSE", "J1 [deg]", "paper", "J2 [deg]", "paper", "J3 [mm]", "paper"],
+        [
+            [key, *(cell for j in range(3) for cell in (f"{reached[key][j]:.3f}", f"{target[j]:.3f}"))]
+            for key, target in TARGETS.items()
+        ],
+    )
+    parameters = Table(
+        ["parameter", "joint", "factor", "allowed"],
+        [
+            [free.field, f"J{free.joint + 1}", f"{factor:.3f}", f"{1 / free.factor:.2f} to {free.factor:.2f}"]
+            for free, factor in zip(FREE, factors, strict=True)
+        ],
+    )
+    write_page(
+        folder / "plant_refit.html",
+        "The simulated RAVEN-II: target against reached",
+        "Nine targets of Peng et al., table I, direction J2-J3; sixteen free numbers held near where they started.",
+        [Heading("Errors"), errors_table, Heading("Parameters"), parameters],
+        footer=f"catenary {__version__}",
+        simulated=True,
+    )
+
+
+def main(path: Path, rounds: int, folder: Path | None) -> None:
+    """Refit and rewrite the data file; write the page into `folder`, if given."""
     fitted, reached, factors = refit(load_cable_arm(path), rounds)
     write_arm(fitted, path)
+    if folder is not None:
+        write_refit_page(folder, reached, factors)
     for key, target in TARGETS.items():
         shown = ", ".join(
             f"{value:.3f} (paper {wanted})" for value, wanted in zip(reached[key], target, strict=True)
@@ -143,4 +174,9 @@ def main(path: Path, rounds: int) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 4)
+    arguments = sys.argv[1:]
+    main(
+        Path(arguments[0]),
+        int(arguments[1]) if len(arguments) > 1 else 4,
+        Path(arguments[2]) if len(arguments) > 2 else None,
+    )
