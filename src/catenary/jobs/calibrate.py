@@ -31,25 +31,26 @@ from catenary.trajectories.zigzag import zigzag
 
 TRAIN, TEST = "train", "test"
 DEPLOY_SECONDS = 20.0
-POSITIONING = tuple(
+POSITIONING_INPUTS = tuple(
     f"{group}:{joint}" for group in ("q", "tau") for joint in ("shoulder", "elbow", "insertion")
 )
 # the tool's torques tell the insertion's cable where it lies; its positions only repeat the insertion motor's
 RAVEN_INPUTS = {
-    "shoulder": POSITIONING,
-    "elbow": POSITIONING,
-    "insertion": (*POSITIONING, "tau:roll", "tau:wrist", "tau:jaw1", "tau:jaw2"),
+    "shoulder": POSITIONING_INPUTS,
+    "elbow": POSITIONING_INPUTS,
+    "insertion": (*POSITIONING_INPUTS, "tau:roll", "tau:wrist", "tau:jaw1", "tau:jaw2"),
 }
 BEST = "neural_best"
 
 
 def models_for(robot: str | None, seed: int) -> Mapping[str, FitOptions]:
-    """Every kind of model, the best last; the paper's inputs for the paper's models."""
+    """Every kind of model, the best last; the paper's network has the paper's inputs, the tool's too."""
     everything = ("q", "tau") if robot is not None else None
+    positioning = POSITIONING_INPUTS if robot is not None else None
     inputs = RAVEN_INPUTS if robot is not None else None
     return {
-        "linear": FitOptions(kind="linear", inputs=everything, seed=seed),
-        "polynomial": FitOptions(kind="polynomial", inputs=everything, seed=seed),
+        "linear": FitOptions(kind="linear", inputs=positioning, seed=seed),
+        "polynomial": FitOptions(kind="polynomial", inputs=positioning, seed=seed),
         "neural_paper": FitOptions(kind="neural", preset="paper", inputs=everything, seed=seed),
         BEST: FitOptions(kind="neural", preset="best", inputs=inputs, seed=seed),
     }

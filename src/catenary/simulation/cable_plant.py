@@ -1,6 +1,8 @@
 """A simulated RAVEN-II arm: real cables, its own firmware, homing, external encoders; a Plant."""
 
 from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +16,7 @@ from catenary.robots.model import RobotModel, Tree
 from catenary.simulation.base_motion import BaseTimeline, FixedBase, MovingBase
 from catenary.simulation.cable_parameters import (
     POSITIONING,
+    Cable,
     CableArm,
     Firmware,
     load_cable_arm,
@@ -31,17 +34,17 @@ from catenary.simulation.firmware import (
     TORQUE,
     TickLog,
     new_control,
-    new_log,
     read_encoders_of,
-    run_ticks,
 )
 from catenary.simulation.homing import home, registered_zero
+from catenary.simulation.packed import LOG, arm_of, control_of, log_of, pack, pack_tree
+from catenary.simulation.ticks import run_ticks
 from catenary.transmission.coupling import joint_forces
 
 JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")
 UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
 PAYLOAD_PLACE = (0.0, 0.0, -0.47)  # [m] in the insertion's frame: the tool's wrist
-NO_LOG = new_log(0)
+NO_LOG = np.empty((0, LOG))
 COLUMNS = (
     Column("encVals", "counts", 7),
     Column("mpos", "rad", 7),
@@ -101,9 +104,15 @@ class CablePlant:
         self.side, self.seed, self.substeps, self.payload = side, seed, substeps, payload
         self._base = BaseTimeline(FixedBase() if base is None else base, PERIOD)
         self.model: RobotModel = load_robot("raven2_full" if side == "left" else "raven2_full_right")
-        self.cable, self.firmware, self.rig = self.arm.cable, self.arm.firmware, self.arm.rig
+        self.rig = self.arm.rig
         self._tree = _with_payload(load_robot("raven2" if side == "left" else "raven2_right"), payload)
-        self.state, self.control = new_state(), new_control()
+        self._tree_numbers = pack_tree(self._tree)
+        self._cable, self._firmware = self.arm.cable, self.arm.firmware
+        self._parameters = pack(self._cable), pack(self._firmware)
+        self._state_numbers = pack(new_state()), pack(new_control())
+        self._whole_numbers = np.concatenate([a for a in new_control() if a.dtype == np.int64])
+        self.state = arm_of(self._state_numbers[0])
+        self.control = control_of(self._state_numbers[1], self._whole_numbers)
         self._tick = 0
         self._state: StateName = "DISABLED"
         self._is_homed = False
@@ -113,6 +122,17 @@ class CablePlant:
         self.rig_zero = np.full(3, np.nan)
         self._power_on(rng, start)
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> "CablePlant":
+        """Another arm in the same state; its named arrays are views of its own long ones."""
+        twin = object.__new__(CablePlant)
+        memo[id(self)] = twin
+        for name, value in vars(self).items():
+            if name not in ("state", "control"):
+                setattr(twin, name, deepcopy(value, memo))
+        twin.state = arm_of(twin._state_numbers[0])
+        twin.control = control_of(twin._state_numbers[1], twin._whole_numbers)
+        return twin
+
     # what a Plant says about itself
 
     joint_names: tuple[str, ...] = JOINTS
@@ -121,6 +141,26 @@ class CablePlant:
     simulated = True
     supports = frozenset({"servo_jp", "servo_jr", "servo_jf", "state_command"})
     columns = COLUMNS
+
+    @property
+    def cable(self) -> Cable:
+        """The arm's parameters; another set may be put in place of them."""
+        return self._cable
+
+    @cable.setter
+    def cable(self, cable: Cable) -> None:
+        self._cable = cable
+        self._parameters = pack(cable), self._parameters[1]
+
+    @property
+    def firmware(self) -> Firmware:
+        """The firmware's parameters; another set may be put in place of them."""
+        return self._firmware
+
+    @firmware.setter
+    def firmware(self, firmware: Firmware) -> None:
+        self._firmware = firmware
+        self._parameters = self._parameters[0], pack(firmware)
 
     @property
     def lower(self) -> Floats:
@@ -283,13 +323,13 @@ class CablePlant:
         if np.isinf(rows).any():
             raise InputError(f"run: setpoints are infinite on {np.isinf(rows).any(axis=1).sum()} rows")
         self.control.mode[:] = POSITION
-        log = new_log(len(rows))
-        self._advance(rows, log)
+        table = np.empty((len(rows), LOG))
+        self._advance(rows, table)
         if self._state == "FAULT":
             raise NotReadyError(
                 f"the software e-stop tripped at {self.time:.3f} s: a motor's command was too large"
             )
-        return log
+        return log_of(table)
 
     def rig_counts(self, q: Floats) -> Floats:
         """Counts of the external encoders at true joint positions (..., 3)."""
@@ -317,21 +357,22 @@ class CablePlant:
             self.rig_zero = registered_zero(self.rig, np.array(self._rig_seen), self.cable.stop_side)
         self._rig_seen = None
 
-    def _advance(self, rows: Floats, log: TickLog) -> None:
+    def _advance(self, rows: Floats, log: Floats) -> None:
         done = 0
         while done < len(rows):
             base, count = self._base.rows(self._tick, len(rows) - done)
             ran = run_ticks(
-                self._tree,
-                self.cable,
-                self.firmware,
-                self.state,
-                self.control,
+                self._tree.parent,
+                self._tree.prismatic,
+                self._tree_numbers,
+                *self._parameters,
+                *self._state_numbers,
+                self._whole_numbers,
                 rows[done : done + count],
                 base.gravity,
                 base.motion,
                 self.substeps,
-                log if done == 0 else TickLog._make(column[done:] for column in log),
+                log[done:],
             )
             done += ran
             self._tick += ran

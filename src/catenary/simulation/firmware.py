@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.compiled import compiled, inlined
-from catenary.robots.model import Tree
-from catenary.simulation.cable_parameters import Cable, Firmware
-from catenary.simulation.cable_physics import ArmState, link_dynamics, new_work, physics_step
+from catenary.simulation.cable_parameters import Firmware
+from catenary.simulation.cable_physics import ArmState
 from catenary.transmission.coupling import joints_of, tensions_for, winding_of
 
 COUNTS_PER_RADIAN = 4000.0 / (2.0 * math.pi)  # of the motor's encoder
@@ -159,7 +158,7 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
 
 
 @inlined
-def _take_setpoint(firmware: Firmware, control: ControlState, wanted: Floats) -> None:
+def take_setpoint(firmware: Firmware, control: ControlState, wanted: Floats) -> None:
     """Move the setpoint towards what is wanted: guarded, by one clamped step and within the software limits."""
     for j in range(7):
         if math.isnan(wanted[j]):
@@ -187,67 +186,3 @@ def register(firmware: Firmware, control: ControlState, joint: Floats, axes: NDA
             control.offset[j] = math.trunc(control.counts[j] - motor[j] * COUNTS_PER_RADIAN)
             control.motor[j] = (control.counts[j] - control.offset[j]) / COUNTS_PER_RADIAN
     _joints_of(firmware, control.motor, control.joint)
-
-
-@compiled
-def run_ticks(
-    tree: Tree,
-    cable: Cable,
-    firmware: Firmware,
-    arm: ArmState,
-    control: ControlState,
-    setpoints: Floats,
-    gravity: Floats,
-    base_motion: Floats,
-    substeps: int,
-    log: TickLog,
-) -> int:
-    """Run the firmware and the arm for T ticks of 1 ms.
-
-    A tick reads nothing new: it acts on what the encoders gave at the end of the last one, advances the
-    physics by 1 ms, and reads the encoders again. The log holds each tick's reading and what was sent on it.
-
-    Args:
-        tree: Positioning joints, payload included.
-        cable: The arm.
-        firmware: Its control.
-        arm: Overwritten.
-        control: Overwritten.
-        setpoints: (T, 7) desired joint positions; NaN leaves an axis where it is.
-        gravity: (1, 3) or (T, 3) [m/s2] in base axes.
-        base_motion: (1, 3, 3) or (T, 3, 3).
-        substeps: Physics steps in a tick.
-        log: Rows to write, T of them, or none to keep no log.
-
-    Returns:
-        Number of ticks run; fewer than T when the software e-stop tripped.
-    """
-    shaft_torque = np.zeros(7)
-    work = new_work()
-    step = PERIOD / substeps
-    keep_log = len(log.q) > 0
-    for k in range(len(setpoints)):
-        _take_setpoint(firmware, control, setpoints[k])
-        control_motors(firmware, control, shaft_torque)
-        if keep_log:
-            for j in range(7):
-                log.counts[k, j] = control.counts[j]
-                log.motor[k, j] = control.motor[j]
-                log.motor_velocity[k, j] = control.motor_velocity[j]
-                log.joint[k, j] = control.joint[j]
-                log.joint_velocity[k, j] = control.joint_velocity[j]
-                log.setpoint[k, j] = control.setpoint[j]
-                log.motor_setpoint[k, j] = control.motor_setpoint[j]
-                log.torque[k, j] = control.torque[j]
-                log.dac[k, j] = control.dac[j]
-            for j in range(3):
-                log.q[k, j] = arm.q[j]
-        g = gravity[k] if len(gravity) > 1 else gravity[0]
-        base = base_motion[k] if len(base_motion) > 1 else base_motion[0]
-        link_dynamics(tree, arm, g, base, work)
-        for _ in range(substeps):
-            physics_step(cable, arm, shaft_torque, control.flags[BRAKES] != 0, step, work)
-        read_encoders(firmware, arm, control)
-        if control.flags[STOPPED] != 0:
-            return k + 1
-    return len(setpoints)
