@@ -46,7 +46,10 @@ def home(
     side: Side = None,
     as_json: AsJson = False,
 ) -> None:
-    """Home the project's robot: every axis runs into its stop, which registers its encoder."""
+    """Home the project's robot.
+
+    Every axis runs into its stop, which registers its encoder.
+    """
     from catenary.jobs.simulated_robot import home_robot
 
     opened = _open(project, seed, base_tilt_deg, payload, side)
@@ -65,7 +68,10 @@ def excite(
     side: Side = None,
     as_json: AsJson = False,
 ) -> None:
-    """Drive the robot along the calibration zig-zag and record it, as recordings/train; homes first if needed."""
+    """Drive the robot along the calibration zig-zag and record it.
+
+    Writes recordings/train; homes first if needed.
+    """
     from catenary.jobs.calibrate import TRAIN, excitation
     from catenary.jobs.simulated_robot import home_robot, record_robot
 
@@ -86,7 +92,10 @@ def record(
     name: Annotated[str, typer.Option("--name", help="Of the recording.")] = "test",
     as_json: AsJson = False,
 ) -> None:
-    """Drive the robot along a random motion and record it, as recordings/NAME; after `catenary excite`."""
+    """Drive the robot along a random motion and record it.
+
+    Writes recordings/NAME; after `catenary excite`.
+    """
     from catenary.jobs.calibrate import TRAIN, random_motion
     from catenary.jobs.simulated_robot import record_robot
 
@@ -105,7 +114,10 @@ def extract(
     bag: Annotated[str | None, typer.Option("--bag", help="Also write bags: ros1 or mcap.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Extract and synchronise the project's recordings into motion logs (.parquet) with a report beside each."""
+    """Extract and synchronise the project's recordings.
+
+    Writes a motion log NAME.parquet for each, and a report beside it.
+    """
     from catenary.jobs.simulated_robot import extract_recording, motion_log_path
     from catenary.recording.bag import write_group_bags
     from catenary.recording.source import open_recording
@@ -153,7 +165,10 @@ def deploy(
     real_time: Annotated[bool, typer.Option("--real-time/--fast", help="Keep time with the clock.")] = True,
     as_json: AsJson = False,
 ) -> None:
-    """Run a model inside the robot's 1 kHz loop: latency, valid range, and error while it runs."""
+    """Run a model inside the robot's 1 kHz loop.
+
+    Tells latency, valid range, and error while it runs.
+    """
     from catenary.calibration.files import load_model
     from catenary.jobs.calibrate import TRAIN, random_motion
     from catenary.jobs.deploy import deploy_on_simulated
@@ -205,9 +220,9 @@ def calibrate(
     side: Side = None,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrate in one go: home, excite, record, extract, fit, evaluate, deploy, report; done steps are not repeated.
+    """Calibrate a robot in one go, from homing to a report.
 
-    Without recordings it drives a simulated RAVEN-II; with them it fits every model to them and tests on --test.
+    Home, excite, record, extract, fit, evaluate, deploy, report; done steps are not repeated. Without recordings it drives a simulated RAVEN-II; with them it fits every model to them and tests on --test.
     """
     from catenary.jobs.calibrate import calibrate_recordings, calibrate_robot
     from catenary.jobs.calibration import FitRun
@@ -233,7 +248,10 @@ def demo(
     seed: Seed = None,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrate a simulated RAVEN-II in two minutes: a short zig-zag, a short test, the whole pipeline and a page."""
+    """Calibrate a simulated RAVEN-II in two minutes.
+
+    A short zig-zag, a short test, the whole pipeline and a page.
+    """
     from catenary.jobs.calibrate import calibrate_robot
     from catenary.jobs.project import Project, ProjectSettings
 

@@ -24,7 +24,7 @@ def save_plant(plant: CablePlant, path: Path) -> None:
         "tick": plant.ticks,
         "is_homed": plant.operating_state().is_homed,
     }
-    np.savez(path, allow_pickle=False, about=np.array(json.dumps(about)), **arrays)
+    np.savez(path, about=np.array(json.dumps(about)), **arrays)
 
 
 def restore_plant(plant: CablePlant, path: Path) -> None:
