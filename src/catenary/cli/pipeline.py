@@ -99,11 +99,12 @@ def record(
     from catenary.jobs.calibrate import TRAIN, random_motion
     from catenary.jobs.simulated_robot import record_robot
 
-    opened = _open(project)
-    seconds = 60.0 * opened.settings.test_minutes if hours is None else 3600.0 * hours
-    motion, what = random_motion(opened, seconds)
     if not name.isidentifier() or name == TRAIN:
         raise InputError(f'--name "{name}": expected letters, digits and _, and another name than {TRAIN}')
+    _require_project(project)
+    opened = _open(project, hours=hours)
+    seconds = 60.0 * opened.settings.test_minutes
+    motion, what = random_motion(opened, seconds)
     with _progress("record") as tell:
         was_run = record_robot(opened, name, motion, what, after=TRAIN, progress=tell)
     _say(opened, f"recorded {seconds:.0f} s as {name}", was_run, as_json, {"seconds": seconds})
@@ -124,6 +125,7 @@ def extract(
 
     if bag not in (None, "ros1", "mcap"):
         raise InputError(f'--bag "{bag}": expected ros1 or mcap')
+    _require_project(project)
     opened = _open(project)
     names = sorted(p.name for p in (opened.folder / "recordings").glob("*") if p.is_dir())
     if not names:
@@ -175,8 +177,9 @@ def deploy(
     from catenary.jobs.simulated_robot import make_plant
     from catenary.simulation.plant_state import restore_plant
 
-    opened = _open(project)
     loaded, _ = load_model(model)
+    _require_project(project)
+    opened = _open(project)
     plant = make_plant(opened.settings)
     state = opened.folder / "robot" / f"after_{TRAIN}.npz"
     restore_plant(plant, state if state.is_file() else opened.folder / "robot" / "homed.npz")
@@ -222,7 +225,8 @@ def calibrate(
 ) -> None:
     """Calibrate a robot in one go, from homing to a report.
 
-    Home, excite, record, extract, fit, evaluate, deploy, report; done steps are not repeated. Without recordings it drives a simulated RAVEN-II; with them it fits every model to them and tests on --test.
+    Home, excite, record, extract, fit, evaluate, deploy, report; done steps are not repeated. Without recordings
+    it drives a simulated RAVEN-II; with them it fits every model to them and tests on --test.
     """
     from catenary.jobs.calibrate import calibrate_recordings, calibrate_robot
     from catenary.jobs.calibration import FitRun
@@ -302,11 +306,17 @@ def _open(
         settings = replace(settings, sparsities=tuple(_fraction(word) for word in words(sparsity)))
     changes: dict[str, Any] = {"seed": seed, "payload_kg": payload, "side": side, "direction": direction}
     changes["test_minutes"] = None if hours is None else 60.0 * hours
-    if changes["test_minutes"] is not None and not 0.0 < changes["test_minutes"] <= 60.0 * 48.0:
-        raise InputError(f"--hours: expected more than 0 and at most 48, got {hours}")
     return Project(
         folder, replace(settings, **{key: value for key, value in changes.items() if value is not None})
     )
+
+
+def _require_project(folder: Path) -> None:
+    """Refuse a folder in which nothing was begun, so that a mistyped name makes no new project."""
+    from catenary.jobs.project import SETTINGS
+
+    if not (folder / SETTINGS).is_file():
+        raise InputError(f"{folder}: is no project; begin one with catenary home, excite or calibrate")
 
 
 def _fraction(text: str) -> float:
