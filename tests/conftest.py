@@ -1,5 +1,6 @@
 from hashlib import sha256
 from pathlib import Path
+from shutil import copytree
 from typing import TYPE_CHECKING
 
 import numba
@@ -29,3 +30,19 @@ def random_robots() -> "list[RandomRobot]":
     from oracles.random_trees import random_robot
 
     return [random_robot(seed) for seed in range(60)]
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a project with a short zig-zag and a short test motion, recorded and extracted; not to be written."""
+    from simulated_project import record_short
+
+    folder = tmp_path_factory.mktemp("recorded") / "project"
+    record_short(folder)
+    return folder
+
+
+@pytest.fixture
+def project_folder(recorded: Path, tmp_path: Path) -> Path:
+    """Copy of one's own of the recorded project."""
+    return Path(copytree(recorded, tmp_path / "project"))

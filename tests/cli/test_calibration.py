@@ -376,7 +376,3 @@ def test_a_recording_is_no_model(run: Path) -> None:
 def test_a_model_of_another_make_is_refused(tmp_path: Path, run: Path, structure: str) -> None:
     np.savez(tmp_path / "model.npz", structure=np.array(structure), card=np.array("{}"))
     assert "model.npz: " in refusal("evaluate", tmp_path / "model.npz", run)
-
-
-def test_demo_needs_a_folder(run: Path) -> None:
-    assert "File exists" in refusal("demo", "--out", run)

@@ -6,7 +6,21 @@ import pytest
 from catenary import __version__
 from command_line import catenary, refusal
 
-COMMANDS = ("fit", "evaluate", "check", "fk", "ik", "robots", "demo")
+COMMANDS = (
+    "calibrate",
+    "home",
+    "excite",
+    "record",
+    "extract",
+    "fit",
+    "evaluate",
+    "deploy",
+    "check",
+    "fk",
+    "ik",
+    "robots",
+    "demo",
+)
 HEAVY = ("numpy", "numba", "scipy", "sklearn", "matplotlib", "pydantic", "mujoco", "pyarrow", "rich.table")
 
 

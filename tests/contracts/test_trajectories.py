@@ -11,6 +11,7 @@ from catenary.errors import InputError
 from catenary.robots.catalog import load_robot
 from catenary.trajectories.calibration_box import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.trajectories.cartesian import CartesianSinusoids
+from catenary.trajectories.embedded import Embedded
 from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
@@ -53,6 +54,11 @@ TRAJECTORIES: dict[str, tuple[Callable[[], Trajectory], Floats, Floats]] = {
     ),
     "go to, together": (lambda: go_to(LOW, HIGH, **BOUNDS), LOW, HIGH),
     "go to, each by itself": (lambda: go_to(LOW, HIGH, **BOUNDS, together=False), LOW, HIGH),
+    "go to, of some of the joints": (
+        lambda: Embedded(go_to(LOW, HIGH, **BOUNDS), [3, 0, 2], [9.0, 0.5, 9.0, 9.0]),
+        np.array([LOW[1], 0.5, LOW[2], LOW[0]]),
+        np.array([HIGH[1], 0.5, HIGH[2], HIGH[0]]),
+    ),
     "go to, nowhere": (lambda: go_to(LOW, LOW, **BOUNDS), LOW, LOW),
     "waypoints": (lambda: follow_waypoints(random_rows(), speed=SPEED, q_start=LOW), LOW, HIGH),
     "waypoints, blends overlapping": (lambda: follow_waypoints(random_rows(), speed=SPEED, blend=60.0), LOW, HIGH),

@@ -121,7 +121,7 @@ def fit(
     report: Report = None,
     as_json: AsJson = False,
 ) -> None:
-    """Fit a calibration model; tell its error on data it has not seen.
+    """Fit a calibration model; tell its error on unseen data.
 
     Example: catenary fit run1.npz --model linear --history 6 --out arm.npz
     """

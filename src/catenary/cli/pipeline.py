@@ -46,7 +46,10 @@ def home(
     side: Side = None,
     as_json: AsJson = False,
 ) -> None:
-    """Home the project's robot: every axis runs into its stop, which registers its encoder."""
+    """Home the project's robot.
+
+    Every axis runs into its stop, which registers its encoder.
+    """
     from catenary.jobs.simulated_robot import home_robot
 
     opened = _open(project, seed, base_tilt_deg, payload, side)
@@ -65,7 +68,10 @@ def excite(
     side: Side = None,
     as_json: AsJson = False,
 ) -> None:
-    """Drive the robot along the calibration zig-zag and record it, as recordings/train; homes first if needed."""
+    """Drive the robot along the calibration zig-zag and record it.
+
+    Writes recordings/train; homes first if needed.
+    """
     from catenary.jobs.calibrate import TRAIN, excitation
     from catenary.jobs.simulated_robot import home_robot, record_robot
 
@@ -86,15 +92,19 @@ def record(
     name: Annotated[str, typer.Option("--name", help="Of the recording.")] = "test",
     as_json: AsJson = False,
 ) -> None:
-    """Drive the robot along a random motion and record it, as recordings/NAME; after `catenary excite`."""
+    """Drive the robot along a random motion and record it.
+
+    Writes recordings/NAME; after `catenary excite`.
+    """
     from catenary.jobs.calibrate import TRAIN, random_motion
     from catenary.jobs.simulated_robot import record_robot
 
-    opened = _open(project)
-    seconds = 60.0 * opened.settings.test_minutes if hours is None else 3600.0 * hours
-    motion, what = random_motion(opened, seconds)
     if not name.isidentifier() or name == TRAIN:
         raise InputError(f'--name "{name}": expected letters, digits and _, and another name than {TRAIN}')
+    _require_project(project)
+    opened = _open(project, hours=hours)
+    seconds = 60.0 * opened.settings.test_minutes
+    motion, what = random_motion(opened, seconds)
     with _progress("record") as tell:
         was_run = record_robot(opened, name, motion, what, after=TRAIN, progress=tell)
     _say(opened, f"recorded {seconds:.0f} s as {name}", was_run, as_json, {"seconds": seconds})
@@ -105,13 +115,17 @@ def extract(
     bag: Annotated[str | None, typer.Option("--bag", help="Also write bags: ros1 or mcap.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Extract and synchronise the project's recordings into motion logs (.parquet) with a report beside each."""
+    """Extract and synchronise the project's recordings.
+
+    Writes a motion log NAME.parquet for each, and a report beside it.
+    """
     from catenary.jobs.simulated_robot import extract_recording, motion_log_path
     from catenary.recording.bag import write_group_bags
     from catenary.recording.source import open_recording
 
     if bag not in (None, "ros1", "mcap"):
         raise InputError(f'--bag "{bag}": expected ros1 or mcap')
+    _require_project(project)
     opened = _open(project)
     names = sorted(p.name for p in (opened.folder / "recordings").glob("*") if p.is_dir())
     if not names:
@@ -153,15 +167,19 @@ def deploy(
     real_time: Annotated[bool, typer.Option("--real-time/--fast", help="Keep time with the clock.")] = True,
     as_json: AsJson = False,
 ) -> None:
-    """Run a model inside the robot's 1 kHz loop: latency, valid range, and error while it runs."""
+    """Run a model inside the robot's 1 kHz loop.
+
+    Tells latency, valid range, and error while it runs.
+    """
     from catenary.calibration.files import load_model
     from catenary.jobs.calibrate import TRAIN, random_motion
     from catenary.jobs.deploy import deploy_on_simulated
     from catenary.jobs.simulated_robot import make_plant
     from catenary.simulation.plant_state import restore_plant
 
-    opened = _open(project)
     loaded, _ = load_model(model)
+    _require_project(project)
+    opened = _open(project)
     plant = make_plant(opened.settings)
     state = opened.folder / "robot" / f"after_{TRAIN}.npz"
     restore_plant(plant, state if state.is_file() else opened.folder / "robot" / "homed.npz")
@@ -205,9 +223,10 @@ def calibrate(
     side: Side = None,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrate in one go: home, excite, record, extract, fit, evaluate, deploy, report; done steps are not repeated.
+    """Calibrate a robot in one go, from homing to a report.
 
-    Without recordings it drives a simulated RAVEN-II; with them it fits every model to them and tests on --test.
+    Home, excite, record, extract, fit, evaluate, deploy, report; done steps are not repeated. Without recordings
+    it drives a simulated RAVEN-II; with them it fits every model to them and tests on --test.
     """
     from catenary.jobs.calibrate import calibrate_recordings, calibrate_robot
     from catenary.jobs.calibration import FitRun
@@ -233,7 +252,10 @@ def demo(
     seed: Seed = None,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrate a simulated RAVEN-II in two minutes: a short zig-zag, a short test, the whole pipeline and a page."""
+    """Calibrate a simulated RAVEN-II in two minutes.
+
+    A short zig-zag, a short test, the whole pipeline and a page.
+    """
     from catenary.jobs.calibrate import calibrate_robot
     from catenary.jobs.project import Project, ProjectSettings
 
@@ -284,11 +306,17 @@ def _open(
         settings = replace(settings, sparsities=tuple(_fraction(word) for word in words(sparsity)))
     changes: dict[str, Any] = {"seed": seed, "payload_kg": payload, "side": side, "direction": direction}
     changes["test_minutes"] = None if hours is None else 60.0 * hours
-    if changes["test_minutes"] is not None and not 0.0 < changes["test_minutes"] <= 60.0 * 48.0:
-        raise InputError(f"--hours: expected more than 0 and at most 48, got {hours}")
     return Project(
         folder, replace(settings, **{key: value for key, value in changes.items() if value is not None})
     )
+
+
+def _require_project(folder: Path) -> None:
+    """Refuse a folder in which nothing was begun, so that a mistyped name makes no new project."""
+    from catenary.jobs.project import SETTINGS
+
+    if not (folder / SETTINGS).is_file():
+        raise InputError(f"{folder}: is no project; begin one with catenary home, excite or calibrate")
 
 
 def _fraction(text: str) -> float:

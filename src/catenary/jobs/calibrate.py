@@ -13,6 +13,7 @@ from catenary.calibration.fit import FitOptions
 from catenary.calibration.progress import Progress, part_of, silent
 from catenary.errors import InputError
 from catenary.jobs.calibration import FitRun, evaluate_calibration, fit_calibration
+from catenary.jobs.calibration_report import percent
 from catenary.jobs.deploy import deploy_on_simulated
 from catenary.jobs.project import Project, write
 from catenary.jobs.project_report import write_project_report
@@ -75,7 +76,7 @@ class CalibrationResult:
             ["fixed offset", *(f"{joint.offset_rmse:.3f} (100 %)" for joint in first)],
         ]
         for name, evaluation in self.evaluations.items():
-            cells = (f"{j.rmse:.3f} ({j.percent_of_offset:.0f} %)" for j in evaluation.joints)
+            cells = (f"{j.rmse:.3f} ({percent(j.percent_of_offset, 0)})" for j in evaluation.joints)
             rows.append([name.replace("_", ", preset "), *cells])
         return header, rows
 
@@ -149,9 +150,10 @@ def calibrate_robot(
         write(deployed, deploy_on_simulated(plant, model, motion, real_time=True).as_data())
 
     progress("deploy")
+    made_from = [*map(project.fingerprint_of, (f"fit {BEST}", f"record {TEST}")), DEPLOY_SECONDS]
     note(
         "deploy",
-        project.run("deploy", [project.fingerprint_of(f"fit {BEST}"), DEPLOY_SECONDS], [deployed], deploy),
+        project.run("deploy", made_from, [deployed], deploy),
     )
     progress("report")
     return conclude(project, models, train, test, deployed, tuple(run))
@@ -172,11 +174,10 @@ def calibrate_recordings(
     """
     if not train or not test:
         raise InputError("calibrate: give recordings to train on, and others to test on with --test")
-    both = {path.resolve() for path in train} & {path.resolve() for path in test}
+    hashes = _hashes(train)
+    both = [str(path) for path, content in zip(test, _hashes(test), strict=True) if content in hashes]
     if both:
-        raise InputError(
-            f"calibrate: {', '.join(map(str, both))}: a recording cannot be both trained and tested on"
-        )
+        raise InputError(f"calibrate: {', '.join(both)}: a recording cannot be both trained and tested on")
     run: list[str] = []
 
     def note(step: str, was_run: bool) -> None:
@@ -205,10 +206,7 @@ def fit_models(
 ) -> None:
     """Fit every model that has not been fitted to these recordings."""
     (project.folder / "models").mkdir(exist_ok=True)
-    for path in train:
-        if not path.is_file():
-            raise InputError(f"{path}: no such recording")
-    hashes = [sha256_of(path) for path in train]
+    hashes = _hashes(train)
     base = run_options if run_options is not None else FitRun(robot=robot)
     settings = FitRun(base.units, base.joint_names, robot, base.max_error, None, 0)
     for name, options in models.items():
@@ -221,6 +219,13 @@ def fit_models(
 
         made_from = [hashes, asdict(options), asdict(settings)]
         note(f"fit {name}", project.run(f"fit {name}", made_from, [path, card_path(path)], work))
+
+
+def _hashes(paths: Sequence[Path]) -> list[str]:
+    for path in paths:
+        if not path.is_file():
+            raise InputError(f"{path}: no such recording")
+    return [sha256_of(path) for path in paths]
 
 
 def conclude(

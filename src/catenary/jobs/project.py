@@ -6,16 +6,19 @@ settings and inputs are the same as before, and whose files are still there, is 
 
 import hashlib
 import json
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from catenary import __version__
-from catenary.errors import ConfigError, FileFormatError
+from catenary.errors import ConfigError, FileFormatError, InputError
 from catenary.json_text import json_text
+from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY
 
 SETTINGS, STEPS = "settings.json", "steps.json"
+LONGEST_TEST = 48.0 * 60.0  # [min]
 
 
 @dataclass(frozen=True)
@@ -32,12 +35,50 @@ class ProjectSettings:
     test_minutes: float = 20.0
     state_rate_hz: float = 30.0
 
+    def __post_init__(self) -> None:
+        """Refuse settings that no robot or motion can have, before a file says them or anything moves."""
+        wrong = [
+            f"{name}: expected {expected}, got {got}"
+            for name, is_right, expected, got in (
+                ("side", self.side in ("left", "right"), "left or right", self.side),
+                ("seed", self.seed is None or self.seed >= 0, "zero or more", self.seed),
+                (
+                    "base tilt",
+                    len(self.base_tilt_deg) == 2 and all(abs(angle) <= 180.0 for angle in self.base_tilt_deg),
+                    "roll and pitch of at most 180 deg",
+                    self.base_tilt_deg,
+                ),
+                ("payload", 0.0 <= self.payload_kg < math.inf, "zero or more kg", self.payload_kg),
+                ("direction", self.direction in DIRECTIONS, ", ".join(DIRECTIONS), self.direction),
+                (
+                    "sparsity",
+                    len(self.sparsities) > 0 and all(LEAST_SPARSITY <= s <= 1.0 for s in self.sparsities),
+                    f"numbers from {LEAST_SPARSITY} to 1",
+                    self.sparsities,
+                ),
+                (
+                    "test motion",
+                    0.0 < self.test_minutes <= LONGEST_TEST,
+                    f"more than 0 and at most {LONGEST_TEST:g} min",
+                    self.test_minutes,
+                ),
+                ("state rate", 0.0 < self.state_rate_hz <= 1000.0, "at most 1000 Hz", self.state_rate_hz),
+            )
+            if not is_right
+        ]
+        if wrong:
+            raise InputError("; ".join(wrong))
+
 
 class Project:
     """A folder and what has been done in it."""
 
     def __init__(self, folder: Path, settings: ProjectSettings) -> None:
         """Open a project, or begin one.
+
+        Args:
+            folder: Of the project.
+            settings: Written into it.
 
         Raises:
             FileFormatError: The folder cannot be made, or holds other things than a project.
@@ -54,8 +95,10 @@ class Project:
         path = folder / STEPS
         if path.is_file():
             try:
-                self._steps = dict(json.loads(path.read_text(encoding="utf-8")))
-            except (json.JSONDecodeError, TypeError, ValueError) as error:
+                self._steps = json.loads(path.read_text(encoding="utf-8"))
+                for entry in self._steps.values():
+                    entry["made_from"], entry["files"]
+            except (AttributeError, KeyError, TypeError, ValueError) as error:
                 raise ConfigError(f"{path}: damaged: {error}; delete it to run every step again") from error
         write(folder / SETTINGS, asdict(settings))
 
@@ -79,7 +122,8 @@ class Project:
         """
         if self.done(step, made_from, files):
             return False
-        self._steps.pop(step, None)
+        if self._steps.pop(step, None) is not None:  # what stops in the middle must not look done
+            write(self.folder / STEPS, self._steps)
         work()
         self._steps[step] = {
             "made_from": fingerprint(made_from),
@@ -118,7 +162,7 @@ def project_settings(folder: Path) -> ProjectSettings | None:
                 "sparsities": tuple(content["sparsities"]),
             }
         )
-    except (json.JSONDecodeError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, InputError) as error:
         raise ConfigError(f"{path}: no settings of a project: {error}") from error
 
 

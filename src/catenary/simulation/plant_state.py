@@ -1,6 +1,7 @@
 """A simulated robot put away and taken out again: what a real one keeps by standing there."""
 
 import json
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -16,15 +17,11 @@ def save_plant(plant: CablePlant, path: Path) -> None:
     arrays = {f"arm.{name}": values for name, values in plant.state._asdict().items()}
     arrays |= {f"control.{name}": values for name, values in plant.control._asdict().items()}
     arrays["rig_zero"] = plant.rig_zero
-    about = {
-        "format": FORMAT,
-        "side": plant.side,
-        "seed": plant.seed,
-        "payload": plant.payload,
+    about = _robot(plant) | {
         "tick": plant.ticks,
         "is_homed": plant.operating_state().is_homed,
     }
-    np.savez(path, allow_pickle=False, about=np.array(json.dumps(about)), **arrays)
+    np.savez(path, about=np.array(json.dumps(about)), **arrays)
 
 
 def restore_plant(plant: CablePlant, path: Path) -> None:
@@ -36,8 +33,8 @@ def restore_plant(plant: CablePlant, path: Path) -> None:
     try:
         with np.load(path, allow_pickle=False) as file:
             about = json.loads(str(file["about"]))
-            found = {key: about[key] for key in ("format", "side", "seed", "payload")}
-            wanted = {"format": FORMAT, "side": plant.side, "seed": plant.seed, "payload": plant.payload}
+            wanted = _robot(plant)
+            found = {key: about[key] for key in wanted}
             if found != wanted:
                 raise FileFormatError(f"{path}: is of another robot: {found}, expected {wanted}")
             for name, values in plant.state._asdict().items():
@@ -47,5 +44,18 @@ def restore_plant(plant: CablePlant, path: Path) -> None:
             plant.resume_at(int(about["tick"]), file["rig_zero"], is_homed=bool(about["is_homed"]))
     except FileFormatError:
         raise
-    except (OSError, KeyError, ValueError) as error:
+    except FileNotFoundError as error:
+        raise FileFormatError(f"{path}: no such file; the robot was not put away there") from error
+    except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
         raise FileFormatError(f"{path}: is no state of a simulated robot: {error}") from error
+
+
+def _robot(plant: CablePlant) -> dict[str, object]:
+    """Everything that makes an arm another one, or makes it stand elsewhere."""
+    return {
+        "format": FORMAT,
+        "side": plant.side,
+        "seed": plant.seed,
+        "payload": plant.payload,
+        "base": repr(plant.base),
+    }

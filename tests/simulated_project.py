@@ -1,0 +1,26 @@
+"""A project on a simulated robot, as short as one can be: a zig-zag of two minutes, a test of a quarter of one."""
+
+from pathlib import Path
+
+from catenary.calibration.fit import FitOptions
+from catenary.jobs.calibrate import BEST, TEST, TRAIN, excitation, random_motion
+from catenary.jobs.project import Project, ProjectSettings
+from catenary.jobs.simulated_robot import extract_recording, home_robot, record_robot
+
+SHORT = ProjectSettings(seed=1, sparsities=(1.0,), test_minutes=0.25)
+POSITIONS = ("q:shoulder", "q:elbow", "q:insertion")
+QUICK_MODELS = {
+    "linear": FitOptions(kind="linear", inputs=POSITIONS),
+    BEST: FitOptions(kind="linear", inputs=POSITIONS, ridge=1.0),
+}
+
+
+def record_short(folder: Path) -> Project:
+    """Home a robot, record both motions and extract them."""
+    project = Project(folder, SHORT)
+    home_robot(project)
+    record_robot(project, TRAIN, *excitation(project), after="home")
+    record_robot(project, TEST, *random_motion(project, 60.0 * SHORT.test_minutes), after=TRAIN)
+    for name in (TRAIN, TEST):
+        extract_recording(project, name)
+    return project

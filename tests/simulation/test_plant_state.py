@@ -1,0 +1,97 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from catenary.errors import FileFormatError
+from catenary.simulation.base_motion import FixedBase
+from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.plant_state import restore_plant, save_plant
+from oracles.cable_arms import homed_plant, smooth_motion
+
+
+@pytest.fixture(scope="module")
+def worn() -> CablePlant:
+    """An arm that has moved since it was homed."""
+    plant = homed_plant(seed=2)
+    plant.run(smooth_motion(plant.setpoint_js().q, 3.0))
+    plant.state_command("disable")
+    return plant
+
+
+@pytest.fixture(scope="module")
+def saved(worn: CablePlant, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("state") / "arm.npz"
+    save_plant(worn, path)
+    return path
+
+
+def test_an_arm_put_away_goes_on_bit_for_bit(worn: CablePlant, saved: Path) -> None:
+    again = CablePlant(seed=2)
+    restore_plant(again, saved)
+    logs = []
+    for plant in (worn, again):
+        plant.state_command("enable")
+        logs.append(plant.run(smooth_motion(plant.setpoint_js().q, 3.0)))
+    for ours, theirs in zip(*logs, strict=True):
+        assert_array_equal(ours, theirs)
+
+
+def test_a_restored_arm_is_disabled_and_homed(saved: Path) -> None:
+    plant = CablePlant(seed=2)
+    restore_plant(plant, saved)
+    assert plant.operating_state()[:2] == ("DISABLED", True)
+
+
+def test_time_goes_on(saved: Path) -> None:
+    plant = CablePlant(seed=2)
+    restore_plant(plant, saved)
+    assert plant.time > 3.0
+
+
+def test_external_encoders_stay_registered(saved: Path) -> None:
+    plant = CablePlant(seed=2)
+    restore_plant(plant, saved)
+    assert np.isfinite(plant.telemetry()["ext_jpos"]).all()
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"seed": 3},
+        {"seed": None},
+        {"seed": 2, "side": "right"},
+        {"seed": 2, "payload": 0.1},
+        {"seed": 2, "base": FixedBase(0.1, 0.0)},
+    ],
+    ids=str,
+)
+def test_the_state_of_another_arm_is_refused_and_changes_nothing(
+    saved: Path, other: dict[str, object]
+) -> None:
+    plant = CablePlant(**other)  # type: ignore[arg-type]
+    before = plant.state.q.copy()
+    with pytest.raises(FileFormatError, match="of another robot"):
+        restore_plant(plant, saved)
+    assert_array_equal(plant.state.q, before)
+
+
+def test_a_missing_state_is_named(tmp_path: Path) -> None:
+    with pytest.raises(FileFormatError, match=r"none\.npz: no such file"):
+        restore_plant(CablePlant(), tmp_path / "none.npz")
+
+
+@pytest.mark.parametrize("damage", ["empty", "text", "half", "array", "other archive"])
+def test_damaged_states_are_refused(saved: Path, tmp_path: Path, damage: str) -> None:
+    path = tmp_path / "state.npz"
+    if damage == "array":
+        with path.open("wb") as file:
+            np.save(file, np.zeros(3))
+    elif damage == "other archive":
+        np.savez(path, q=np.zeros(3))
+    else:
+        whole = saved.read_bytes()
+        path.write_bytes({"empty": b"", "text": b"nonsense", "half": whole[: len(whole) // 2]}[damage])
+    with pytest.raises(FileFormatError, match="is no state of a simulated robot"):
+        restore_plant(CablePlant(seed=2), path)
