@@ -330,3 +330,14 @@ def test_torque_column_is_in_gearbox_units():
     plant.wait()
     assert {c.name: c.unit for c in COLUMNS}["tau"].startswith("Nm at the gearbox")
     assert_allclose(plant.telemetry()["tau"][2], 10.0 * 12.25 / 2158.59, rtol=1e-12)
+
+
+def test_inertial_sensors_read_the_bases_motion():
+    base = RockingBase(0.1, 0.2, 0.5, lever=(0.1, 0.2, 0.4))
+    plant = CablePlant(base=base)
+    settle(plant, 0.3)
+    gravity, motion = base.sample(np.array([plant.time]))
+    seen = plant.telemetry()
+    assert_allclose(seen["accelerometer"], motion[0, 2] - gravity[0], atol=1e-12)
+    assert_allclose(seen["gyroscope"], motion[0, 0], atol=1e-12)
+    assert_allclose(CablePlant().telemetry()["accelerometer"], [0.0, 0.0, 9.81])  # +g upwards at rest

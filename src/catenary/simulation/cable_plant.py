@@ -13,7 +13,7 @@ from catenary.plant import STATE_COMMANDS, Column, JointState, OperatingState, S
 from catenary.robots.assembly import LinkInertia
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel, Tree
-from catenary.simulation.base_motion import BaseTimeline, FixedBase, MovingBase
+from catenary.simulation.base_motion import BaseTimeline, FixedBase, MovingBase, imu_reading
 from catenary.simulation.cable_parameters import (
     POSITIONING,
     Cable,
@@ -59,6 +59,8 @@ COLUMNS = (
     Column("joint_enc", "counts", 3),
     Column("ext_jpos", "rad|m", 3),
     Column("q_true", "rad|m", 3),
+    Column("accelerometer", "m/s2", 3),
+    Column("gyroscope", "rad/s", 3),
 )
 
 
@@ -213,6 +215,7 @@ class CablePlant:
         """Latest sample of every column of `columns`."""
         c = self.control
         counts = self.rig_counts(self.state.q)
+        specific_force, rate = imu_reading(self._base.rows(self._tick, 1)[0])
         return {
             "encVals": c.counts.copy(),
             "mpos": c.motor.copy(),
@@ -227,6 +230,8 @@ class CablePlant:
             "joint_enc": counts,
             "ext_jpos": self.rig_positions(counts),
             "q_true": self.state.q.copy(),
+            "accelerometer": specific_force[0].copy(),  # an ideal one at the base's origin, in base axes
+            "gyroscope": rate[0].copy(),
         }
 
     # what a Plant obeys
