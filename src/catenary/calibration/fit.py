@@ -27,11 +27,10 @@ PRESETS: tuple[str, ...] = get_args(Preset)
 PLAY_SHARES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 MEMORY_RIDGE = 10.0  # for regressions on features with memory, which resemble each other
 SMALLEST_DATA = 10  # rows
-# How far beyond the training data a model may go, as a share of their range. Linear models and networks extrapolate
-# gently: on zig-zag data, which leave half of the shoulder's range out, half a range beyond still corrects most of
-# the error. A polynomial's error grows with the square of the distance, and with memory faster still.
+# How far beyond the training data a model may go, as a share of their range. Zig-zag data leave nearly half of the
+# shoulder's range out; half a range beyond, models without memory still correct most of the error there. A polynomial
+# with memory has hundreds of terms, and its error grows fast.
 EXTRAPOLATION = 0.5
-POLYNOMIAL_EXTRAPOLATION = 0.25
 POLYNOMIAL_MEMORY_EXTRAPOLATION = 0.1
 
 
@@ -208,10 +207,8 @@ def _fit_predictor(
 
 def extrapolation(kind: str, features: FeatureSet) -> float:
     """How far beyond the training data a kind of model may go, as a share of their range."""
-    if kind != "polynomial":
-        return EXTRAPOLATION
     memory = features.history > 0 or bool(features.play)
-    return POLYNOMIAL_MEMORY_EXTRAPOLATION if memory else POLYNOMIAL_EXTRAPOLATION
+    return POLYNOMIAL_MEMORY_EXTRAPOLATION if kind == "polynomial" and memory else EXTRAPOLATION
 
 
 def _default_words(log: MotionLog) -> tuple[str, ...]:
