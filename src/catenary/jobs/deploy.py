@@ -14,7 +14,7 @@ from catenary.calibration.model import CalibrationModel
 from catenary.control.loop import Tick, run_loop
 from catenary.control.realtime import Durations, Timing
 from catenary.control.report import LoopReport
-from catenary.jobs.motion import move_to
+from catenary.jobs.motion import check_motion, move_to
 from catenary.plant import JointState
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.embedded import Embedded
@@ -76,7 +76,9 @@ def deploy_on_simulated(
     corrector.prepare(
         plant.joint_names, plant.joint_units, 1.0 / plant.period
     )  # refuses before anything moves
-    move_to(plant, trajectory(0.0).q, joints=[plant.joint_names[j] for j in places])
+    joints = [plant.joint_names[j] for j in places]
+    check_motion(plant, trajectory, joints=joints)
+    move_to(plant, trajectory(0.0).q, joints=joints)
     motion = Embedded(trajectory, places, plant.setpoint_js().q)
     true: list[Floats] = []
     ticks: list[Tick] = []

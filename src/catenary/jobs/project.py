@@ -15,9 +15,11 @@ from typing import Any
 from catenary import __version__
 from catenary.errors import ConfigError, FileFormatError, InputError
 from catenary.json_text import json_text
+from catenary.trajectories.sinusoids import TURN_TIME
 from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY
 
 SETTINGS, STEPS = "settings.json", "steps.json"
+SHORTEST_TEST = 2.0 * TURN_TIME / 60.0  # [min] of any random motion
 LONGEST_TEST = 48.0 * 60.0  # [min]
 
 
@@ -58,8 +60,8 @@ class ProjectSettings:
                 ),
                 (
                     "test motion",
-                    0.0 < self.test_minutes <= LONGEST_TEST,
-                    f"more than 0 and at most {LONGEST_TEST:g} min",
+                    SHORTEST_TEST <= self.test_minutes <= LONGEST_TEST,
+                    f"{SHORTEST_TEST:.3g} to {LONGEST_TEST:g} min",
                     self.test_minutes,
                 ),
                 ("state rate", 0.0 < self.state_rate_hz <= 1000.0, "at most 1000 Hz", self.state_rate_hz),
