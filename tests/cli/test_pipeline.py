@@ -69,6 +69,20 @@ def test_extract_as_json_names_the_logs(project_folder: Path) -> None:
     }
 
 
+def test_extract_writes_the_published_table(project_folder: Path) -> None:
+    content = catenary("extract", project_folder, "--csv", "--json").json
+    first = Path(content["train"]["csv"]).read_text().splitlines()[0]
+    assert len(first.split(",")) == 252
+
+
+def test_state_can_be_recorded_at_100_hz(tmp_path: Path) -> None:
+    project = tmp_path / "fast"
+    outcome = catenary("excite", project, "--direction", "J1", "--sparsity", "1", "--state-rate", "100")
+    assert outcome.code == 0, outcome
+    topics = catenary("extract", project, "--json").json["train"]["topics"]
+    assert {t["topic"]: round(t["rate"], -1) for t in topics}["ravenstate_100hz"] == 100.0
+
+
 def test_extract_writes_bags(project_folder: Path) -> None:
     content = catenary("extract", project_folder, "--bag", "ros1", "--json").json
     assert all(Path(bag).is_file() for found in content.values() for bag in found["bags"])

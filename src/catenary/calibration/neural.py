@@ -13,6 +13,7 @@ from catenary.calibration.kernels import LOGISTIC, NETWORK, TANH, Packed, pack, 
 from catenary.calibration.linear import Linear, fit_linear, standardisation
 from catenary.calibration.progress import Progress, part_of, silent
 
+MANY_ROWS = 10_000
 Activation = Literal["logistic", "tanh"]
 
 
@@ -108,9 +109,9 @@ def fit_neural(
             losses = []
             for i, l2 in enumerate(candidates):
                 part = part_of(progress, i, runs)
-                short = replace(
-                    settings, l2=l2, epochs=max(1, settings.epochs // 3)
-                )  # enough to tell them apart
+                # a third of the training tells candidates apart where a pass over the data has many steps
+                epochs = settings.epochs if len(X) <= MANY_ROWS else max(1, settings.epochs // 3)
+                short = replace(settings, l2=l2, epochs=epochs)
                 trial = _train(X[~late], Y[~late], short, seed, part)
                 errors = np.mean((trial.predict(X[late]) - Y[late]) ** 2, axis=0)
                 losses.append(

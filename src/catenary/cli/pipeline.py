@@ -35,6 +35,9 @@ Direction = Annotated[
 Sparsity = Annotated[
     str | None, typer.Option("--sparsity", metavar="S,S,...", help="Of the zig-zags. [default: 1/2,1/3,1/4]")
 ]
+StateRate = Annotated[
+    float | None, typer.Option("--state-rate", metavar="HZ", help="Of raven_state, 30 or 100. [default: 30]")
+]
 Hours = Annotated[float | None, typer.Option("--hours", help="Length of the random motion.")]
 
 
@@ -66,6 +69,7 @@ def excite(
     base_tilt_deg: Tilt = None,
     payload: Payload = None,
     side: Side = None,
+    state_rate: StateRate = None,
     as_json: AsJson = False,
 ) -> None:
     """Drive the robot along the calibration zig-zag and record it.
@@ -75,7 +79,7 @@ def excite(
     from catenary.jobs.calibrate import TRAIN, excitation
     from catenary.jobs.simulated_robot import home_robot, record_robot
 
-    opened = _open(project, seed, base_tilt_deg, payload, side, direction, sparsity)
+    opened = _open(project, seed, base_tilt_deg, payload, side, direction, sparsity, None, state_rate)
     with _progress("homing"):
         home_robot(opened)
     motion, what = excitation(opened)
@@ -113,6 +117,7 @@ def record(
 def extract(
     project: Folder,
     bag: Annotated[str | None, typer.Option("--bag", help="Also write bags: ros1 or mcap.")] = None,
+    csv: Annotated[bool, typer.Option("--csv", help="Also write the published 252-column CSV.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Extract and synchronise the project's recordings.
@@ -121,6 +126,7 @@ def extract(
     """
     from catenary.jobs.simulated_robot import extract_recording, motion_log_path
     from catenary.recording.bag import write_group_bags
+    from catenary.recording.raven_csv import write_raven_csv
     from catenary.recording.source import open_recording
 
     if bag not in (None, "ros1", "mcap"):
@@ -143,6 +149,11 @@ def extract(
                     "ros1" if bag == "ros1" else "mcap",
                 )
                 found[name]["bags"] = [str(path) for path in written]
+            if csv:
+                table = opened.folder / f"{name}.csv"
+                folder = opened.folder / "extracted" / name
+                write_raven_csv(folder, table, arm="gold" if opened.settings.side == "left" else "green")
+                found[name]["csv"] = str(table)
     if as_json:
         print_json(found)
         return
@@ -221,6 +232,7 @@ def calibrate(
     base_tilt_deg: Tilt = None,
     payload: Payload = None,
     side: Side = None,
+    state_rate: StateRate = None,
     as_json: AsJson = False,
 ) -> None:
     """Calibrate a robot in one go, from homing to a report.
@@ -231,7 +243,7 @@ def calibrate(
     from catenary.jobs.calibrate import calibrate_recordings, calibrate_robot
     from catenary.jobs.calibration import FitRun
 
-    opened = _open(project, seed, base_tilt_deg, payload, side, direction, sparsity, hours)
+    opened = _open(project, seed, base_tilt_deg, payload, side, direction, sparsity, hours, state_rate)
     with _steps() as tell:
         if train:
             run = FitRun(units=words(units) if units else None)
@@ -292,6 +304,7 @@ def _open(
     direction: str | None = None,
     sparsity: str | None = None,
     hours: float | None = None,
+    state_rate: float | None = None,
 ) -> "Project":
     """Open a project with the settings it has, changed by what was typed."""
     from catenary.jobs.project import Project, ProjectSettings, project_settings
@@ -305,6 +318,7 @@ def _open(
     if sparsity is not None:
         settings = replace(settings, sparsities=tuple(_fraction(word) for word in words(sparsity)))
     changes: dict[str, Any] = {"seed": seed, "payload_kg": payload, "side": side, "direction": direction}
+    changes["state_rate_hz"] = state_rate
     changes["test_minutes"] = None if hours is None else 60.0 * hours
     return Project(
         folder, replace(settings, **{key: value for key, value in changes.items() if value is not None})

@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.plant import MotionLog
-from catenary.simulation.cable_plant import JOINTS, UNITS, CablePlant, joint_torques
-from catenary.simulation.firmware import PERIOD
+from catenary.simulation.cable_plant import JOINTS, UNITS, CablePlant
+from catenary.simulation.firmware import PERIOD, joint_torques
 from catenary.trajectories.reference import Trajectory
 
 STATE_RATE = 30.0  # [Hz] at which the paper recorded raven_state

@@ -113,7 +113,10 @@ def record_robot(
             "gold" if settings.side == "left" else "green", state_rate=settings.state_rate_hz
         )
         about = About(
-            robot=settings.robot, simulated=True, seed=settings.seed, configuration={"motion": motion}
+            robot=settings.robot if settings.side == "left" else f"{settings.robot}_right",
+            simulated=True,
+            seed=settings.seed,
+            configuration={"motion": motion},
         )
         seed = 0 if settings.seed is None else settings.seed
         rng = np.random.default_rng([seed, *name.encode()])

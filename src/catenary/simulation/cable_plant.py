@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array, frozen
+from catenary.arrays import Floats, as_array
 from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
-from catenary.plant import STATE_COMMANDS, Column, JointState, OperatingState, StateCommand, StateName
-from catenary.robots.assembly import LinkInertia
+from catenary.plant import STATE_COMMANDS, JointState, OperatingState, StateCommand, StateName
 from catenary.robots.catalog import load_robot
-from catenary.robots.model import RobotModel, Tree
-from catenary.simulation.base_motion import BaseTimeline, FixedBase, MovingBase, imu_reading
+from catenary.robots.model import RobotModel
+from catenary.simulation.base_motion import BaseTimeline, FixedBase, MovingBase
 from catenary.simulation.cable_parameters import (
     POSITIONING,
     Cable,
@@ -24,6 +23,7 @@ from catenary.simulation.cable_parameters import (
     varied,
 )
 from catenary.simulation.cable_physics import new_state, unstretched_rotors
+from catenary.simulation.columns import COLUMNS, sample
 from catenary.simulation.firmware import (
     BRAKES,
     GUARDED,
@@ -33,35 +33,18 @@ from catenary.simulation.firmware import (
     STOPPED,
     TORQUE,
     TickLog,
+    joint_torques,
     new_control,
     read_encoders_of,
 )
 from catenary.simulation.homing import home, registered_zero
 from catenary.simulation.packed import LOG, arm_of, control_of, log_of, pack, pack_tree
+from catenary.simulation.payload import with_payload
 from catenary.simulation.ticks import run_ticks
-from catenary.transmission.coupling import joint_forces
 
 JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")
 UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
-PAYLOAD_PLACE = (0.0, 0.0, -0.47)  # [m] in the insertion's frame: the tool's wrist
 NO_LOG = np.empty((0, LOG))
-COLUMNS = (
-    Column("encVals", "counts", 7),
-    Column("mpos", "rad", 7),
-    Column("mvel", "rad/s", 7),
-    Column("jpos", "rad|m", 7),
-    Column("jvel", "rad/s|m/s", 7),
-    Column("jpos_d", "rad|m", 7),
-    Column("mpos_d", "rad", 7),
-    Column("tau", "Nm at the gearbox's output", 7),
-    Column("dac_val", "DAC", 7),
-    Column("encoffsets", "counts", 7),
-    Column("joint_enc", "counts", 3),
-    Column("ext_jpos", "rad|m", 3),
-    Column("q_true", "rad|m", 3),
-    Column("accelerometer", "m/s2", 3),
-    Column("gyroscope", "rad/s", 3),
-)
 
 
 class CablePlant:
@@ -107,7 +90,7 @@ class CablePlant:
         self._base = BaseTimeline(FixedBase() if base is None else base, PERIOD)
         self.model: RobotModel = load_robot("raven2_full" if side == "left" else "raven2_full_right")
         self.rig = self.arm.rig
-        self._tree = _with_payload(load_robot("raven2" if side == "left" else "raven2_right"), payload)
+        self._tree = with_payload(load_robot("raven2" if side == "left" else "raven2_right"), payload)
         self._tree_numbers = pack_tree(self._tree)
         self._cable, self._firmware = self.arm.cable, self.arm.firmware
         self._parameters = pack(self._cable), pack(self._firmware)
@@ -213,26 +196,7 @@ class CablePlant:
 
     def telemetry(self) -> Mapping[str, Floats]:
         """Latest sample of every column of `columns`."""
-        c = self.control
-        counts = self.rig_counts(self.state.q)
-        specific_force, rate = imu_reading(self._base.rows(self._tick, 1)[0])
-        return {
-            "encVals": c.counts.copy(),
-            "mpos": c.motor.copy(),
-            "mvel": c.motor_velocity.copy(),
-            "jpos": c.joint.copy(),
-            "jvel": c.joint_velocity.copy(),
-            "jpos_d": c.setpoint.copy(),
-            "mpos_d": c.motor_setpoint.copy(),
-            "tau": c.torque.copy(),
-            "dac_val": c.dac.copy(),
-            "encoffsets": c.offset.copy(),
-            "joint_enc": counts,
-            "ext_jpos": self.rig_positions(counts),
-            "q_true": self.state.q.copy(),
-            "accelerometer": specific_force[0].copy(),  # an ideal one at the base's origin, in base axes
-            "gyroscope": rate[0].copy(),
-        }
+        return sample(self, self._base.rows(self._tick, 1)[0])
 
     # what a Plant obeys
 
@@ -432,28 +396,3 @@ class CablePlant:
         self.control.motor_velocity[:] = 0.0
         self.control.joint_velocity[:] = 0.0
         self.control.setpoint[:] = self.control.joint
-
-
-def joint_torques(firmware: Firmware, torque: Floats) -> Floats:
-    """Joint torques (..., 7) that motors were asked for with `torque` (..., 7) [Nm] at their gearboxes' outputs.
-
-    Through the nominal ratios and coupling; what friction takes on the way is unknown.
-    """
-    cable: Floats = torque * firmware.ratio / firmware.gearbox
-    joint = cable.copy()
-    forces = joint_forces(firmware.coupling, (cable[..., 0], cable[..., 1], cable[..., 2]))
-    for j in range(3):
-        joint[..., j] = forces[j]
-    return joint
-
-
-def _with_payload(model: RobotModel, mass: float) -> Tree:
-    tree = model.tree
-    if mass == 0.0:
-        return tree
-    link = LinkInertia(float(tree.mass[2]), tree.com[2], tree.inertia[2])
-    carried = link.plus(LinkInertia(mass, np.array(PAYLOAD_PLACE), np.zeros((3, 3))))
-    masses, coms, inertias = tree.mass.copy(), tree.com.copy(), tree.inertia.copy()
-    masses[2], coms[2], inertias[2] = carried.mass, carried.com, carried.inertia
-    # read-only like the rest of the tree: compiled code would be compiled once more for another kind of array
-    return tree._replace(mass=frozen(masses), com=frozen(coms), inertia=frozen(inertias))

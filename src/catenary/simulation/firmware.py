@@ -13,7 +13,7 @@ from catenary.arrays import Floats
 from catenary.compiled import compiled, inlined
 from catenary.simulation.cable_parameters import Firmware
 from catenary.simulation.cable_physics import ArmState
-from catenary.transmission.coupling import joints_of, tensions_for, winding_of
+from catenary.transmission.coupling import joint_forces, joints_of, tensions_for, winding_of
 
 COUNTS_PER_RADIAN = 4000.0 / (2.0 * math.pi)  # of the motor's encoder
 PERIOD = 1e-3  # [s]
@@ -186,3 +186,16 @@ def register(firmware: Firmware, control: ControlState, joint: Floats, axes: NDA
             control.offset[j] = math.trunc(control.counts[j] - motor[j] * COUNTS_PER_RADIAN)
             control.motor[j] = (control.counts[j] - control.offset[j]) / COUNTS_PER_RADIAN
     _joints_of(firmware, control.motor, control.joint)
+
+
+def joint_torques(firmware: Firmware, torque: Floats) -> Floats:
+    """Joint torques (..., 7) that motors were asked for with `torque` (..., 7) [Nm] at their gearboxes' outputs.
+
+    Through the nominal ratios and coupling; what friction takes on the way is unknown.
+    """
+    cable: Floats = torque * firmware.ratio / firmware.gearbox
+    joint = cable.copy()
+    forces = joint_forces(firmware.coupling, (cable[..., 0], cable[..., 1], cable[..., 2]))
+    for j in range(3):
+        joint[..., j] = forces[j]
+    return joint

@@ -8,8 +8,8 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import frame_poses
-from catenary.simulation.cable_plant import CablePlant, joint_torques
-from catenary.simulation.firmware import TickLog
+from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.firmware import TickLog, joint_torques
 
 CHANNELS = np.array([0, 1, 2, 4, 5, 6, 7])
 RUNNING = 3  # run level: pedal down
