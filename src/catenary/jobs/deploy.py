@@ -30,6 +30,7 @@ class Deployment:
     units: tuple[str, ...]  # deg or mm
     raw_rmse: tuple[float, ...]
     rmse: tuple[float, ...]
+    outside: tuple[float, ...]  # share of ticks outside the valid range
     correction: Timing  # [s] of the model's part of a tick alone
 
     def as_data(self) -> dict[str, Any]:
@@ -46,11 +47,10 @@ class Deployment:
             "correction_us": {k: 1e6 * v for k, v in self.correction._asdict().items()},
             "overruns": self.loop.overruns,
             "real_time_priority": self.loop.has_priority,
-            "outside_valid_range": self.loop.outside_valid_range,
             "joints": [
-                {"name": name, "unit": unit, "raw_rmse": raw, "rmse": rmse}
-                for name, unit, raw, rmse in zip(
-                    self.joint_names, self.units, self.raw_rmse, self.rmse, strict=True
+                {"name": name, "unit": unit, "raw_rmse": raw, "rmse": rmse, "outside_valid_range": outside}
+                for name, unit, raw, rmse, outside in zip(
+                    self.joint_names, self.units, self.raw_rmse, self.rmse, self.outside, strict=True
                 )
             ],
         }
@@ -98,6 +98,7 @@ def deploy_on_simulated(
         units=tuple(DISPLAY[unit][0] for unit in model.joint_units),
         raw_rmse=tuple(rms(column) for column in before.T),
         rmse=tuple(rms(column) for column in after.T),
+        outside=tuple((report.outside_valid_range or ())[place] for place in places),
         correction=_time_correction(corrector, [tick.state for tick in ticks]),
     )
 

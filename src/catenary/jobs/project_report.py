@@ -82,8 +82,14 @@ def _deployment_blocks(deployment: Mapping[str, Any]) -> list[Block]:
     if jitter:
         rows.append(["period jitter [us]", *(f"{jitter[key]:.1f}" for key in keys)])
     joints = [
-        [j["name"], j["unit"], f"{j['raw_rmse']:.3f}", f"{j['rmse']:.3f}", f"{100.0 * outside:.1f} %"]
-        for j, outside in zip(deployment["joints"], deployment["outside_valid_range"], strict=False)
+        [
+            joint["name"],
+            joint["unit"],
+            f"{joint['raw_rmse']:.3f}",
+            f"{joint['rmse']:.3f}",
+            f"{100.0 * joint['outside_valid_range']:.1f} %",
+        ]
+        for joint in deployment["joints"]
     ]
     priority = "with" if deployment["real_time_priority"] else "without"
     return [
