@@ -51,10 +51,6 @@ class UnreachablePoseError(CatenaryError, ValueError):
     """No configuration within the joint limits reaches the pose that was asked for."""
 
 
-class ExcitationError(CatenaryError, ValueError):
-    """The data do not determine what was asked of them."""
-
-
 class UnsupportedCommandError(CatenaryError):
     """A robot has no such verb."""
 

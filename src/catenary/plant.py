@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats, frozen
-from catenary.errors import InputError
+from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
 
 JOINT_UNITS = ("rad", "m")
 StateName = Literal["DISABLED", "ENABLED", "PAUSED", "FAULT"]
@@ -103,6 +103,26 @@ class Plant(Protocol):
     def wait(self) -> None:
         """End a tick: a simulator advances by its period, hardware sleeps until the next one."""
         ...
+
+
+def require_ready(plant: Plant, verb: str) -> None:
+    """Refuse a robot that must not be moved, or that lacks the verb by which it would be.
+
+    Raises:
+        UnsupportedCommandError: It has no such verb.
+        NotReadyError: It is not enabled, not homed, or busy with a motion of its own.
+    """
+    if verb not in plant.supports:
+        raise UnsupportedCommandError(
+            f"the robot has no {verb}, which this motion needs; it has {', '.join(sorted(plant.supports))}"
+        )
+    state = plant.operating_state()
+    if state.state != "ENABLED":
+        raise NotReadyError(f"the robot is {state.state}, expected ENABLED; nothing has moved")
+    if not state.is_homed:
+        raise NotReadyError("the robot is not homed: its joint positions mean nothing yet; nothing has moved")
+    if state.is_busy:
+        raise NotReadyError("the robot is busy with a motion of its own; nothing has moved")
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from catenary.control.controller import Controller
 from catenary.control.limits import TorqueLimits
 from catenary.control.realtime import Durations, RealTime
 from catenary.control.report import LoopReport, Tally
-from catenary.errors import InputError, LimitError, NotReadyError, UnsupportedCommandError
-from catenary.plant import JointState, Plant
+from catenary.errors import InputError, LimitError
+from catenary.plant import JointState, Plant, require_ready
 from catenary.trajectories.reference import Reference, Trajectory
 
 Flags = NDArray[np.bool_]
@@ -184,18 +184,7 @@ def run_loop(
 
 def _require_ready(plant: Plant, controller: Controller | None, rate_hz: float) -> int:
     """Refuse what cannot run; give the number of the plant's ticks in one of the loop's."""
-    verb = "servo_jp" if controller is None else "servo_jf"
-    if verb not in plant.supports:
-        raise UnsupportedCommandError(
-            f"the robot has no {verb}, which this loop needs; it has {', '.join(sorted(plant.supports))}"
-        )
-    state = plant.operating_state()
-    if state.state != "ENABLED":
-        raise NotReadyError(f"the robot is {state.state}, expected ENABLED; nothing was sent")
-    if not state.is_homed:
-        raise NotReadyError("the robot is not homed: its joint positions mean nothing yet; nothing was sent")
-    if state.is_busy:
-        raise NotReadyError("the robot is busy with a motion of its own; nothing was sent")
+    require_ready(plant, "servo_jp" if controller is None else "servo_jf")
     if not 0.0 < rate_hz < math.inf:
         raise InputError(f"rate_hz: expected a positive rate, got {rate_hz}")
     ratio = 1.0 / (rate_hz * plant.period)

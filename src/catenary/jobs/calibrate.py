@@ -10,7 +10,7 @@ import numpy as np
 from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.files import card_path, load_model, save_model
 from catenary.calibration.fit import FitOptions
-from catenary.calibration.progress import Progress, part_of, silent
+from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.jobs.calibration import FitRun, evaluate_calibration, fit_calibration
 from catenary.jobs.calibration_report import percent
@@ -214,7 +214,7 @@ def fit_models(
 
         def work(options: FitOptions = options, path: Path = path, name: str = name) -> None:
             tell = progress(f"fit {name.replace('_', ', preset ')}")
-            result = fit_calibration(list(train), options, settings, progress=part_of(tell, 0, 1))
+            result = fit_calibration(list(train), options, settings, progress=tell)
             save_model(result.model, result.card, path)
 
         made_from = [hashes, asdict(options), asdict(settings)]

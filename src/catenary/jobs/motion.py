@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration.progress import Progress, silent
-from catenary.errors import InputError, LimitError, NotReadyError, UnsupportedCommandError
-from catenary.plant import JointState, Plant
+from catenary.errors import InputError, LimitError, NotReadyError
+from catenary.plant import JointState, Plant, require_ready
 from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Reference, Trajectory
 
@@ -111,7 +111,7 @@ def move_to(
         UnsupportedCommandError: It has no servo_jp.
         InputError: An argument has another shape, or a joint that there is not.
     """
-    _require_ready(plant)
+    require_ready(plant, "servo_jp")
     moved = _named_indices(plant, joints)
     goal = as_array("q", q, (len(moved),))
     motion = _approach(plant, moved, goal, max_velocity, max_acceleration)
@@ -147,7 +147,7 @@ def run_trajectory(
         UnsupportedCommandError: It has no servo_jp.
         InputError: A joint that there is not, or another number of joints than the trajectory moves.
     """
-    _require_ready(plant)
+    require_ready(plant, "servo_jp")
     moved = _indices(plant, trajectory, joints)
     check_motion(plant, trajectory, joints=joints, max_velocity=max_velocity)
     gentle = np.array([GENTLE_VELOCITY[plant.joint_units[j]] for j in moved])
@@ -216,20 +216,6 @@ def _approach(
     rest = go_to(goal, goal, max_velocity=velocity, max_acceleration=acceleration)
     check_motion(plant, rest, joints=[plant.joint_names[j] for j in moved])
     return motion
-
-
-def _require_ready(plant: Plant) -> None:
-    if "servo_jp" not in plant.supports:
-        raise UnsupportedCommandError(
-            f"the robot has no servo_jp, which motions need; it has {', '.join(sorted(plant.supports))}"
-        )
-    state = plant.operating_state()
-    if state.state != "ENABLED":
-        raise NotReadyError(f"the robot is {state.state}, expected ENABLED; nothing has moved")
-    if not state.is_homed:
-        raise NotReadyError("the robot is not homed: its joint positions mean nothing yet; nothing has moved")
-    if state.is_busy:
-        raise NotReadyError("the robot is busy with a motion of its own; nothing has moved")
 
 
 def _named_indices(limits: Bounded, joints: Sequence[str] | None) -> NDArray[np.int64]:

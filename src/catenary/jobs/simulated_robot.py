@@ -11,7 +11,6 @@ from catenary.calibration.progress import Progress, silent
 from catenary.errors import ConfigError
 from catenary.jobs.motion import check_motion
 from catenary.jobs.project import Project, ProjectSettings, write
-from catenary.plant import MotionLog
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_plant import JOINTS, CablePlant
 from catenary.simulation.firmware import PERIOD, TickLog
@@ -178,14 +177,6 @@ def extract_recording(project: Project, name: str) -> bool:
 def motion_log_path(project: Project, name: str) -> Path:
     """Where the motion log of a recording stands."""
     return project.folder / f"{name}.parquet"
-
-
-def coverage(log: MotionLog) -> dict[str, tuple[float, float]]:
-    """Range of each joint that a recording covers [rad or m]."""
-    return {
-        joint: (float(log.q_nominal[:, j].min()), float(log.q_nominal[:, j].max()))
-        for j, joint in enumerate(log.joint_names)
-    }
 
 
 def _robot_settings(settings: ProjectSettings) -> Any:
