@@ -14,6 +14,7 @@ JOINT_UNITS = ("rad", "m")
 StateName = Literal["DISABLED", "ENABLED", "PAUSED", "FAULT"]
 StateCommand = Literal["enable", "disable", "pause", "resume", "home", "unhome"]
 STATE_COMMANDS: tuple[str, ...] = get_args(StateCommand)
+AT_REST = frozen(np.zeros((2, 3)))  # base_rates of a base that stands still, or whose motion nobody measures
 
 
 class OperatingState(NamedTuple):
@@ -34,6 +35,9 @@ class JointState(NamedTuple):
     q_motor: Floats  # (m,) [rad] motor shafts, empty where a robot has none
     gravity: Floats  # (3,) [m/s2] in the base frame
     gravity_age: float  # [s] since it was measured; inf when it is nominal
+    base_rates: Floats = (
+        AT_REST  # (2, 3) angular velocity and acceleration of the base, in its axes [rad/s, rad/s2]
+    )
 
 
 class Column(NamedTuple):

@@ -40,6 +40,53 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Float
     return out[0] if single else out
 
 
+class GravityKernel:
+    """Gravity torque of one robot, for loops: no checks, no memory taken but for the result.
+
+    Not for two threads at once: calls share work arrays.
+    """
+
+    def __init__(self, model: RobotModel) -> None:
+        """Take a robot with inertia, and compile.
+
+        Raises:
+            MissingInertiaError: Links without inertia.
+        """
+        model.require_inertia()
+        self.model = model
+        n = len(model.tree.parent)
+        self._work = (
+            np.empty((3, n)),
+            np.empty((n, 3, 3)),
+            np.empty((n, 3)),
+            np.empty(n + 1),
+            np.empty((n + 1, 3)),
+            np.empty((n + 1, 3)),
+            np.empty(n),
+        )
+        self(np.zeros(model.n), np.zeros(3))
+
+    def __call__(self, q: Floats, gravity: Floats, out: Floats | None = None) -> Floats:
+        """Torques (n,) [Nm|N] that hold the arm still at q (n,) [rad|m] under gravity (3,) [m/s2]; see gravity_torque.
+
+        Both are arrays of float64; NaN in gives NaN out.
+        """
+        tau = np.empty(self.model.n) if out is None else out
+        _gravity_torque_row(
+            self.model.tree, self.model.coupling, self.model.offset, q, gravity, *self._work, tau
+        )
+        return tau
+
+
+def gravity_kernel(model: RobotModel) -> GravityKernel:
+    """What gives a robot's gravity torque in a loop; controllers hold it.
+
+    Raises:
+        MissingInertiaError: Links without inertia.
+    """
+    return GravityKernel(model)
+
+
 def potential_energy(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
     """Potential energy of the links, zero with all mass in the base's origin: U = -sum_k m_k gravity . r_k.
 
@@ -74,11 +121,44 @@ def _gravity_torque_rows(
     mass, moment, link_gravity = np.empty(n + 1), np.empty((n + 1, 3)), np.empty((n + 1, 3))
     torque = np.empty(n)
     for k in range(len(q)):
-        place_tree(tree, coupling, offset, q[k], work, rotation, position)
-        l = k if len(gravity) > 1 else 0
-        g = (gravity[l, 0], gravity[l, 1], gravity[l, 2])
-        gravity_recursion(tree, rotation, position, g, mass, moment, link_gravity, torque)
-        to_robot(coupling, torque, out[k])
+        g = gravity[k if len(gravity) > 1 else 0]
+        _gravity_torque_row(
+            tree,
+            coupling,
+            offset,
+            q[k],
+            g,
+            work,
+            rotation,
+            position,
+            mass,
+            moment,
+            link_gravity,
+            torque,
+            out[k],
+        )
+
+
+@compiled
+def _gravity_torque_row(
+    tree: Tree,
+    coupling: Floats,
+    offset: Floats,
+    q: Floats,
+    gravity: Floats,
+    work: Floats,
+    rotation: Floats,
+    position: Floats,
+    mass: Floats,
+    moment: Floats,
+    link_gravity: Floats,
+    torque: Floats,
+    out: Floats,
+) -> None:
+    place_tree(tree, coupling, offset, q, work, rotation, position)
+    g = (gravity[0], gravity[1], gravity[2])
+    gravity_recursion(tree, rotation, position, g, mass, moment, link_gravity, torque)
+    to_robot(coupling, torque, out)
 
 
 @compiled
