@@ -65,3 +65,7 @@ class LimitError(CatenaryError, ValueError):
 
 class RecordingError(CatenaryError):
     """A recording had to stop; the message says why, and what is safe in the file."""
+
+
+class TransportError(CatenaryError, ConnectionError):
+    """Messages cannot pass: no master, a name or a topic taken otherwise, a transport that is closed."""

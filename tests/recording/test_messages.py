@@ -11,6 +11,7 @@ from catenary.recording.messages import (
     md5_sum,
     parse_fields,
     ros2_name,
+    service_md5_sum,
     typestore,
 )
 
@@ -25,12 +26,30 @@ PUBLISHED = {
     "geometry_msgs/TransformStamped": "b5764a33bfeb3588febc2682852579b0",
     "std_msgs/Header": "2176decaecbce78abc3b96ef049fabed",
     "std_msgs/String": "992ce8a1687cec8c8bd883ec73ca41d1",
+    "std_msgs/Bool": "8b94c1b53db61fb6aed406028ad6332a",
+    "std_msgs/Empty": "d41d8cd98f00b204e9800998ecf8427e",
+    "sensor_msgs/Imu": "6a62c6daae103f4ff57a132d6f95cec2",
+    "sensor_msgs/Joy": "5a9ea5f83505693b71e785041e67a8bb",
+    "geometry_msgs/PoseStamped": "d3812c3cbc69362b77dc0b19b345f8f5",
+    "geometry_msgs/TwistStamped": "98d34b0043a2093cf9d9345ab6eef12e",
+    "geometry_msgs/WrenchStamped": "d78d3cb249ce23087ade7e7d0c40cfa7",
+    "geometry_msgs/AccelStamped": "d8a98a5d81351b6eb0578c78557e7659",
+    "geometry_msgs/Vector3Stamped": "7b324c7325e683bf02a9b14b01090ec7",
 }
 
 
 @pytest.mark.parametrize(("name", "md5"), PUBLISHED.items())
 def test_md5_sum_is_the_published_one(name: str, md5: str) -> None:
     assert md5_sum(name) == md5
+
+
+def test_md5_sum_of_a_service_is_the_published_one() -> None:
+    assert service_md5_sum("std_srvs/Trigger") == "937c9679a518e3a18d831e57125ea522"
+
+
+def test_an_unknown_service_is_refused_with_the_choices() -> None:
+    with pytest.raises(FileFormatError, match="std_srvs/Trigger"):
+        service_md5_sum("std_srvs/Mood")
 
 
 @pytest.mark.parametrize("name", MESSAGES)

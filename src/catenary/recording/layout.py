@@ -135,7 +135,7 @@ def read_messages(
         layout = layout_of(name, bytes(messages[left[0]]), encoding)
         same_length = left[lengths[left] == layout.itemsize]
         block = b"".join([messages[i] for i in same_length] if len(same_length) < len(messages) else messages)
-        records = np.frombuffer(block, dtype=layout)
+        records = _records(block, layout, len(same_length))
         same = np.ones(len(records), dtype=bool)
         for count in (n for n in layout.names or () if n.startswith(COUNT)):
             same &= records[count] == records[count][0]
@@ -169,4 +169,9 @@ def blank_messages(
         counts: Lengths of sequences by path; others are empty.
     """
     blank = _blank(name, tuple(texts.items()), tuple(counts.items()))
-    return np.frombuffer(bytearray(blank * number), dtype=layout_of(name, blank, "ros1"))
+    return _records(bytearray(blank * number), layout_of(name, blank, "ros1"), number)
+
+
+def _records(block: bytes | bytearray, layout: np.dtype[np.void], number: int) -> NDArray[np.void]:
+    # NumPy cannot count messages without a byte, such as std_msgs/Empty
+    return np.frombuffer(block, dtype=layout) if layout.itemsize else np.zeros(number, dtype=layout)

@@ -22,10 +22,28 @@ MESSAGES: Mapping[str, str] = MappingProxyType(
     {
         "std_msgs/Header": "uint32 seq\ntime stamp\nstring frame_id\n",
         "std_msgs/String": "string data\n",
+        "std_msgs/Bool": "bool data\n",
+        "std_msgs/Empty": "",
         "sensor_msgs/JointState": (
             "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n"
         ),
+        "sensor_msgs/Joy": "std_msgs/Header header\nfloat32[] axes\nint32[] buttons\n",
+        "sensor_msgs/Imu": (
+            "std_msgs/Header header\ngeometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n"
+            "geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n"
+            "geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance\n"
+        ),
         "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z\n",
+        "geometry_msgs/Vector3Stamped": "std_msgs/Header header\ngeometry_msgs/Vector3 vector\n",
+        "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z\n",
+        "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n",
+        "geometry_msgs/PoseStamped": "std_msgs/Header header\ngeometry_msgs/Pose pose\n",
+        "geometry_msgs/Twist": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n",
+        "geometry_msgs/TwistStamped": "std_msgs/Header header\ngeometry_msgs/Twist twist\n",
+        "geometry_msgs/Wrench": "geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque\n",
+        "geometry_msgs/WrenchStamped": "std_msgs/Header header\ngeometry_msgs/Wrench wrench\n",
+        "geometry_msgs/Accel": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n",
+        "geometry_msgs/AccelStamped": "std_msgs/Header header\ngeometry_msgs/Accel accel\n",
         "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n",
         "geometry_msgs/Transform": "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n",
         "geometry_msgs/TransformStamped": (
@@ -43,6 +61,17 @@ MESSAGES: Mapping[str, str] = MappingProxyType(
             "float32[16] mvel\nfloat32[16] jvel\nfloat32[16] mpos_d\nfloat32[16] jpos_d\nfloat32[2] grasp_d\n"
             "float32[16] encoffsets\nfloat32[12] jac_vel\nfloat32[12] jac_f\n"
         ),
+    }
+)
+# request, response
+SERVICES: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {"std_srvs/Trigger": ("", "bool success\nstring message\n")}
+)
+_HALVES: Mapping[str, str] = MappingProxyType(
+    {
+        f"{name}{half}": text
+        for name, texts in SERVICES.items()
+        for half, text in zip(("Request", "Response"), texts, strict=True)
     }
 )
 OLD_NAMES: Mapping[str, str] = MappingProxyType({"crtk_msgs/operating_state": "crtk_msgs/OperatingState"})
@@ -105,17 +134,15 @@ def parse_fields(text: str) -> tuple[Field, ...]:
 
 
 def definition(name: str) -> str:
-    """Definition of a message type by itself, in ROS's `.msg` language.
+    """Definition of a message type by itself, in ROS's `.msg` language; also of a service's Request, Response.
 
     Raises:
         FileFormatError: The type is not one that catenary knows.
     """
-    try:
-        return MESSAGES[current_name(name)]
-    except KeyError:
-        raise FileFormatError(
-            f'message type "{name}": unknown; known are {", ".join(sorted(MESSAGES))}'
-        ) from None
+    found = MESSAGES.get(current_name(name), _HALVES.get(name))
+    if found is None:
+        raise FileFormatError(f'message type "{name}": unknown; known are {", ".join(sorted(MESSAGES))}')
+    return found
 
 
 def full_definition(name: str) -> str:
@@ -132,6 +159,23 @@ def md5_sum(name: str) -> str:
     The rule [genmsg, gentools.compute_md5_text]: the definition without comments, constants first, each field as
     "type name", a message type replaced by its own sum, the array's brackets kept for built-in types only.
     """
+    return md5(_sum_text(name).encode(), usedforsecurity=False).hexdigest()
+
+
+@cache
+def service_md5_sum(name: str) -> str:
+    """Sum by which ROS 1 tells versions of a service apart: of request and response, one after the other.
+
+    Raises:
+        FileFormatError: The service is not one that catenary knows.
+    """
+    if name not in SERVICES:
+        raise FileFormatError(f'service type "{name}": unknown; known are {", ".join(sorted(SERVICES))}')
+    text = _sum_text(f"{name}Request") + _sum_text(f"{name}Response")
+    return md5(text.encode(), usedforsecurity=False).hexdigest()
+
+
+def _sum_text(name: str) -> str:
     lines = []
     for field in fields(name):
         if field.type in MESSAGES:
@@ -139,7 +183,7 @@ def md5_sum(name: str) -> str:
         else:
             brackets = "" if field.length is None else f"[{field.length or ''}]"
             lines.append(f"{field.type}{brackets} {field.name}")
-    return md5("\n".join(lines).encode(), usedforsecurity=False).hexdigest()
+    return "\n".join(lines)
 
 
 @cache

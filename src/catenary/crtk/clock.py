@@ -1,0 +1,94 @@
+"""Time as a transport tells it: the machine's, or one that a test or a simulator moves on."""
+
+import threading
+import time
+from typing import Protocol
+
+from catenary.errors import InputError
+
+SECOND = 1_000_000_000  # [ns]
+
+
+class Clock(Protocol):
+    """What a transport needs of time."""
+
+    def now(self) -> int:
+        """Time of day [ns since 1970], which may be set back and forth."""
+        ...
+
+    def elapsed(self) -> int:
+        """Time [ns] from an unknown beginning, which only grows."""
+        ...
+
+    def sleep(self, seconds: float) -> None:
+        """Let time pass."""
+        ...
+
+
+class WallClock:
+    """The machine's own time."""
+
+    def now(self) -> int:
+        """Time of day [ns since 1970]."""
+        return time.time_ns()
+
+    def elapsed(self) -> int:
+        """Time [ns] from an unknown beginning, which only grows."""
+        return time.monotonic_ns()
+
+    def sleep(self, seconds: float) -> None:
+        """Let time pass."""
+        if seconds > 0.0:
+            time.sleep(seconds)
+
+
+class ManualClock:
+    """Time that passes only when somebody sleeps: a second of simulation takes no second."""
+
+    def __init__(self, start: int = SECOND) -> None:
+        """Begin at `start` [ns]; not at 0, which ROS takes for a missing stamp."""
+        self._now = self._start = start
+        self._lock = threading.Lock()
+
+    def now(self) -> int:
+        """Time [ns] that has been reached."""
+        return self._now
+
+    def elapsed(self) -> int:
+        """Time [ns] since the start."""
+        return self._now - self._start
+
+    def sleep(self, seconds: float) -> None:
+        """Move time on."""
+        with self._lock:
+            self._now += max(0, round(seconds * SECOND))
+
+
+class Rate:
+    """Paces a loop; ticks stay on their grid, so a late one does not delay those behind it.
+
+    `late` counts ticks that began a whole period late or more; the grid is then begun anew, and nothing is made up.
+    """
+
+    def __init__(self, clock: Clock, hertz: float) -> None:
+        """Begin now.
+
+        Raises:
+            InputError: The rate is not positive.
+        """
+        if not 0.0 < hertz < float("inf"):
+            raise InputError(f"rate: expected a positive number of Hz, got {hertz}")
+        self._clock = clock
+        self._period = SECOND / hertz
+        self._begin, self._ticks = clock.elapsed(), 0
+        self.late = 0
+
+    def sleep(self) -> None:
+        """Sleep until the next tick."""
+        self._ticks += 1
+        left = self._begin + self._ticks * self._period - self._clock.elapsed()
+        if left > 0.0:
+            self._clock.sleep(left / SECOND)
+        elif left <= -self._period:
+            self.late += 1
+            self._begin, self._ticks = self._clock.elapsed(), 0

@@ -1,0 +1,195 @@
+"""What has arrived at a transport and waits to be looked at: bounded queues, one order of arrival for all of them."""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from catenary.crtk.message import Message
+from catenary.errors import FileFormatError, InputError
+
+
+class Received(NamedTuple):
+    """A message as it came."""
+
+    message: Message
+    time: int  # [ns] by the transport's clock, when it came in
+
+
+Callback = Callable[[Received], None]
+
+
+class Inbox:
+    """Order in which messages of all topics, and requests, came in. Any thread may put in."""
+
+    def __init__(self) -> None:
+        self.changed = threading.Condition()
+        self._jobs: deque[Callable[[], None]] = deque()
+        self.closed = False
+
+    def put(self, job: Callable[[], None]) -> None:
+        """Add what `run` is to do."""
+        with self.changed:
+            self._jobs.append(job)
+            self.changed.notify_all()
+
+    def run(self, timeout: float = 0.0) -> int:
+        """Do what had come in when this began, and give how many that were; wait for the first up to `timeout` [s].
+
+        An exception of a callback leaves the rest for the next call.
+        """
+        with self.changed:
+            if timeout > 0.0:
+                self.changed.wait_for(lambda: self._jobs or self.closed, timeout)
+            waiting = len(self._jobs)
+        done = 0
+        while done < waiting:
+            try:
+                job = self._jobs.popleft()
+            except IndexError:  # another thread, or a callback, has run it
+                break
+            done += 1
+            job()
+        return done
+
+    def close(self) -> None:
+        """Wake whoever waits, and forget what has not been run."""
+        with self.changed:
+            self.closed = True
+            self._jobs.clear()
+            self.changed.notify_all()
+
+
+class Subscription:
+    """Messages of one topic, each once and in order.
+
+    With a callback they are handed over in the transport's `poll`; without, `take` gives them. At most `depth` wait;
+    then the oldest gives way, and `overflowed` counts it. `damaged` counts those whose bytes were no message of the
+    type; they are left out.
+    """
+
+    def __init__(
+        self,
+        topic: str,
+        type_name: str,
+        inbox: Inbox,
+        decode: Callable[[Any], Message],
+        callback: Callback | None = None,
+        depth: int = 1000,
+    ) -> None:
+        """Prepare to receive; transports call this, not users.
+
+        Raises:
+            InputError: The depth is not positive.
+        """
+        if depth < 1:
+            raise InputError(f"subscription of {topic}: depth: expected 1 or more, got {depth}")
+        self.topic = topic
+        self.type_name = type_name
+        self.depth = depth
+        self.overflowed = 0
+        self.damaged = 0
+        self._inbox = inbox
+        self._decode = decode
+        self._callback = callback
+        self._waiting: deque[tuple[Any, int]] = deque()
+        self._closed = False
+        self._leave: Callable[[], None] | None = None
+
+    def on_close(self, leave: Callable[[], None]) -> None:
+        """Have `leave` called, once, when the subscription is closed; transports call this."""
+        self._leave = leave
+
+    def push(self, data: Any, time: int) -> None:
+        """Take in a message as the transport has it, at `time` [ns]; transports call this, from any thread."""
+        with self._inbox.changed:
+            if self._closed:
+                return
+            self._waiting.append((data, time))
+            if len(self._waiting) > self.depth:
+                # the job that was put for the oldest now stands for the newest
+                self._waiting.popleft()
+                self.overflowed += 1
+            elif self._callback is not None:
+                self._inbox.put(self._hand_over)
+            self._inbox.changed.notify_all()
+
+    def take(self, timeout: float = 0.0) -> list[Received]:
+        """Give what has come since the last time, oldest first; wait for the first up to `timeout` [s].
+
+        Raises:
+            InputError: The subscription has a callback, which gets them.
+        """
+        if self._callback is not None:
+            raise InputError(f"subscription of {self.topic}: its messages go to its callback, in poll()")
+        with self._inbox.changed:
+            if timeout > 0.0:
+                self._inbox.changed.wait_for(
+                    lambda: self._waiting or self._closed or self._inbox.closed, timeout
+                )
+            raw, self._waiting = self._waiting, deque()
+        return [received for one in raw if (received := self._received(one)) is not None]
+
+    def __len__(self) -> int:
+        """How many wait."""
+        return len(self._waiting)
+
+    def close(self) -> None:
+        """Receive no more, and forget what waits."""
+        with self._inbox.changed:
+            self._closed = True
+            self._waiting.clear()
+            self._inbox.changed.notify_all()
+            leave, self._leave = self._leave, None
+        if leave is not None:
+            leave()
+
+    def _hand_over(self) -> None:
+        with self._inbox.changed:
+            if not self._waiting:
+                return  # closed meanwhile
+            raw = self._waiting.popleft()
+        received = self._received(raw)
+        if received is not None and self._callback is not None:
+            self._callback(received)
+
+    def _received(self, raw: tuple[Any, int]) -> Received | None:
+        try:
+            return Received(self._decode(raw[0]), raw[1])
+        except FileFormatError:
+            self.damaged += 1
+            return None
+
+
+class Request:
+    """A call of a service that waits for its answer."""
+
+    def __init__(self, answer: Callable[[], Message]) -> None:
+        self._answer = answer
+        self._done = threading.Event()
+        self._result: Message = None
+        self._error: Exception | None = None
+
+    def run(self) -> None:
+        """Answer it, in the thread that serves."""
+        try:
+            self._result = self._answer()
+        except Exception as error:  # the caller gets it, the server lives on
+            self._error = error
+        self._done.set()
+
+    def wait(self, timeout: float, serve: Callable[[], object] | None = None) -> bool:
+        """Wait for the answer up to `timeout` [s], calling `serve` meanwhile; whether it came."""
+        if serve is None:
+            return self._done.wait(timeout)
+        end = time.monotonic() + timeout
+        while not self._done.is_set() and time.monotonic() < end:
+            serve()
+        return self._done.is_set()
+
+    def result(self) -> Message:
+        """Give the answer, or raise what the handler raised."""
+        if self._error is not None:
+            raise self._error
+        return self._result

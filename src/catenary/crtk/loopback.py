@@ -1,0 +1,242 @@
+"""Messages within one process, without ROS: for simulation, for tests, for a server and its client in one program.
+
+Every message is turned into ROS's bytes and back, so what passes here passes a network.
+"""
+
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from catenary.crtk.clock import Clock, WallClock
+from catenary.crtk.inbox import Callback, Request, Subscription
+from catenary.crtk.message import Message, message_class
+from catenary.crtk.transport import DEPTH, QUEUE, Connections, Handler, PollingTransport, absolute, other_type
+from catenary.crtk.wire import codec
+from catenary.errors import TransportError
+from catenary.recording.messages import current_name, service_md5_sum
+
+
+@dataclass
+class _Topic:
+    type_name: str
+    publishers: dict[str, "LoopbackPublisher"] = field(default_factory=dict)  # by name of transport
+    subscriptions: list[tuple[str, Subscription]] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class _Service:
+    transport: "Loopback"
+    type_name: str
+    handler: Handler
+
+
+class LoopbackNetwork:
+    """What transports of one process share: topics, services, names, time.
+
+    With `threaded` false, a program of one thread can serve and call: a call polls the server. Callbacks then run in an
+    order that depends on the program only. With `threaded` true, servers poll in threads of their own and a call waits.
+    """
+
+    def __init__(self, *, clock: Clock | None = None, threaded: bool = False) -> None:
+        self.clock: Clock = clock or WallClock()
+        self.threaded = threaded
+        self.lock = threading.RLock()
+        self.transports: dict[str, Loopback] = {}
+        self.services: dict[str, _Service] = {}
+        self._topics: dict[str, _Topic] = {}
+
+    def topic(self, name: str, type_name: str) -> _Topic:
+        """Topic of that name, begun if nobody uses it.
+
+        Raises:
+            TransportError: It carries another type.
+        """
+        found = self._topics.setdefault(name, _Topic(type_name))
+        if found.type_name != type_name:
+            if found.publishers or found.subscriptions:
+                raise other_type(name, type_name, found.type_name)
+            found.type_name = type_name
+        return found
+
+    def published(self) -> dict[str, str]:
+        """Topics with a publisher, and their types."""
+        return {name: topic.type_name for name, topic in sorted(self._topics.items()) if topic.publishers}
+
+    def connections(self, name: str, of: str) -> Connections:
+        """Peers of one transport over a topic."""
+        topic = self._topics.get(name)
+        if topic is None:
+            return Connections((), ())
+        subscribers = sorted({owner for owner, _ in topic.subscriptions})
+        return Connections(
+            tuple(sorted(topic.publishers)) if of in subscribers else (),
+            tuple(subscribers) if of in topic.publishers else (),
+        )
+
+    def forget(self, name: str) -> None:
+        """Remove a transport and all that is its."""
+        with self.lock:
+            self.transports.pop(name, None)
+            self.services = {key: one for key, one in self.services.items() if one.transport.name != name}
+            for topic in self._topics.values():
+                topic.publishers.pop(name, None)
+                for owner, subscription in tuple(topic.subscriptions):
+                    if owner == name:
+                        subscription.close()
+
+    def drop(self, topic: _Topic, subscription: Subscription) -> None:
+        """Remove a subscription."""
+        with self.lock:
+            topic.subscriptions = [one for one in topic.subscriptions if one[1] is not subscription]
+
+
+class LoopbackPublisher:
+    """Publisher of one transport on one topic."""
+
+    overflowed = 0  # a message goes straight into the subscriptions, which count for themselves
+
+    def __init__(self, transport: "Loopback", topic: str, shared: _Topic, *, latch: bool) -> None:
+        self.topic = topic
+        self.type_name = shared.type_name
+        self.latched: bytes | None = None
+        self._transport = transport
+        self._shared = shared
+        self._latch = latch
+        self._encode = codec(shared.type_name).encode
+        self._sent = 0
+        self._closed = False
+
+    def publish(self, message: Message) -> None:
+        """Send a message."""
+        if self._closed:
+            raise TransportError(f"publisher of {self.topic} is closed")
+        self._transport.require_open()
+        self._sent += 1
+        network = self._transport.network
+        data = self._encode(message, self._sent)  # also for nobody: what is wrong is refused here and now
+        with network.lock:
+            if self._latch:
+                self.latched = data
+            now = network.clock.now()
+            for _, subscription in self._shared.subscriptions:
+                subscription.push(data, now)
+
+    def close(self) -> None:
+        """Publish no more."""
+        with self._transport.network.lock:
+            self._closed = True
+            self._shared.publishers.pop(self._transport.name, None)
+
+
+class Loopback(PollingTransport):
+    """One program's part of a network within the process."""
+
+    def __init__(self, name: str, network: LoopbackNetwork | None = None) -> None:
+        """Join a network; one of its own when None.
+
+        Raises:
+            InputError: The name is none.
+            TransportError: The name is taken.
+        """
+        self.network = network or LoopbackNetwork()
+        super().__init__(name, self.network.clock)
+        with self.network.lock:
+            if name in self.network.transports:
+                raise TransportError(f'name "{name}" is taken; names on this network: {self._names()}')
+            self.network.transports[name] = self
+
+    def publisher(
+        self, topic: str, type_name: str, *, latch: bool = False, queue: int = QUEUE
+    ) -> LoopbackPublisher:
+        """Begin to publish; `queue` is not needed, since nothing waits between here and a subscription."""
+        self.require_open()
+        topic, type_name = absolute(topic), _known(type_name)
+        with self.network.lock:
+            shared = self.network.topic(topic, type_name)
+            if self.name in shared.publishers:
+                raise TransportError(f'"{self.name}" publishes {topic} already')
+            publisher = LoopbackPublisher(self, topic, shared, latch=latch)
+            shared.publishers[self.name] = publisher
+        return publisher
+
+    def subscribe(
+        self, topic: str, type_name: str, callback: Callback | None = None, *, depth: int = DEPTH
+    ) -> Subscription:
+        """Begin to receive."""
+        self.require_open()
+        topic, type_name = absolute(topic), _known(type_name)
+        subscription = Subscription(topic, type_name, self.inbox, codec(type_name).decode, callback, depth)
+        with self.network.lock:
+            shared = self.network.topic(topic, type_name)
+            shared.subscriptions.append((self.name, subscription))
+            subscription.on_close(lambda: self.network.drop(shared, subscription))
+            for publisher in shared.publishers.values():
+                if publisher.latched is not None:
+                    subscription.push(publisher.latched, self.now())
+        return subscription
+
+    def service(self, name: str, type_name: str, handler: Handler) -> None:
+        """Offer a service."""
+        self.require_open()
+        name = absolute(name)
+        service_md5_sum(type_name)
+        with self.network.lock:
+            if name in self.network.services:
+                raise TransportError(
+                    f'service {name} is offered by "{self.network.services[name].transport.name}" already'
+                )
+            self.network.services[name] = _Service(self, type_name, handler)
+
+    def call(
+        self, name: str, type_name: str, request: Message | None = None, *, timeout: float = 5.0
+    ) -> Message:
+        """Call a service."""
+        self.require_open()
+        name = absolute(name)
+        service_md5_sum(type_name)
+        service = self.network.services.get(name)
+        if service is None:
+            offered = ", ".join(sorted(self.network.services)) or "none"
+            raise TransportError(f"service {name}: nobody offers it; offered are {offered}")
+        if service.type_name != type_name:
+            raise TransportError(f"service {name} is a {service.type_name}, expected {type_name}")
+        asked, answer = codec(f"{type_name}Request"), codec(f"{type_name}Response")
+        sent = asked.encode(message_class(f"{type_name}Request")() if request is None else request, 0)
+        waiting = Request(lambda: answer.decode(answer.encode(service.handler(asked.decode(sent)), 0)))
+        service.transport.inbox.put(waiting.run)
+        serve = None if self.network.threaded else service.transport.poll
+        if not waiting.wait(timeout, serve):
+            raise TransportError(f"service {name}: no answer within {timeout} s")
+        try:
+            return waiting.result()
+        except Exception as error:
+            raise TransportError(f"service {name} failed: {error}") from error
+
+    def connections(self, topic: str) -> Connections:
+        """Peers over a topic."""
+        with self.network.lock:
+            return self.network.connections(absolute(topic), self.name)
+
+    def topics(self) -> Mapping[str, str]:
+        """Topics that anyone publishes, with their types."""
+        with self.network.lock:
+            return self.network.published()
+
+    def is_up(self) -> bool:
+        """Whether it is open."""
+        return not self.inbox.closed
+
+    def close(self) -> None:
+        """Leave the network."""
+        if not self.inbox.closed:
+            self.network.forget(self.name)
+        super().close()
+
+    def _names(self) -> str:
+        return ", ".join(sorted(self.network.transports))
+
+
+def _known(type_name: str) -> str:
+    """Present name of a type, which must be a known one."""
+    codec(type_name)
+    return current_name(type_name)

@@ -1,0 +1,249 @@
+"""What carries messages between programs: one protocol for ROS 1, ROS 2 and a single process.
+
+Every message that reaches a subscription is given once, in the order in which it came, with the time at which it came.
+Nothing is repeated. Queues are bounded: where a program does not keep up, the oldest message gives way and a counter
+says so (`Subscription.overflowed`, `Publisher.overflowed`).
+
+Callbacks and services run where `poll` is called, in that thread and nowhere else; `Spinner` calls it in another.
+"""
+
+import logging
+import re
+import threading
+from collections.abc import Callable, Mapping
+from typing import NamedTuple, Protocol, Self
+
+from catenary.crtk.clock import Clock, Rate, WallClock
+from catenary.crtk.inbox import Callback, Inbox, Subscription
+from catenary.crtk.message import Message
+from catenary.errors import InputError, TransportError
+
+Handler = Callable[[Message], Message]
+_NAME = re.compile(r"/?[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
+_logger = logging.getLogger(__name__)
+QUEUE = 100  # messages that wait for a slow peer: 0.1 s of a robot's topic
+DEPTH = 1000  # messages that wait for the program: 1 s
+
+
+class Connections(NamedTuple):
+    """Who is connected to this program over a topic."""
+
+    publishers: tuple[str, ...]  # whose messages it gets
+    subscribers: tuple[str, ...]  # who get its messages
+
+
+class Publisher(Protocol):
+    """Sends messages of one type to one topic."""
+
+    @property
+    def topic(self) -> str: ...  # noqa: D102
+    @property
+    def type_name(self) -> str: ...  # noqa: D102
+    @property
+    def overflowed(self) -> int:
+        """Messages that a slow peer missed, over all peers."""
+        ...
+
+    def publish(self, message: Message) -> None:
+        """Send a message; it never waits for a peer.
+
+        Raises:
+            InputError: It is not of the publisher's type, or a value does not fit its field.
+            TransportError: The transport is closed.
+        """
+        ...
+
+    def close(self) -> None:
+        """Publish no more."""
+        ...
+
+
+class Transport(Protocol):
+    """Carries messages and calls under one name."""
+
+    @property
+    def name(self) -> str: ...  # noqa: D102
+
+    def publisher(self, topic: str, type_name: str, *, latch: bool = False, queue: int = QUEUE) -> Publisher:
+        """Begin to publish.
+
+        Args:
+            topic: Its name; one without a leading slash gets it.
+            type_name: Message type, such as sensor_msgs/JointState.
+            latch: Give the last message to whoever subscribes later.
+            queue: Messages that wait for a peer that does not keep up.
+
+        Raises:
+            InputError: No such name or type.
+            TransportError: The topic carries another type, or this transport publishes it already, or is closed.
+        """
+        ...
+
+    def subscribe(
+        self, topic: str, type_name: str, callback: Callback | None = None, *, depth: int = DEPTH
+    ) -> Subscription:
+        """Begin to receive: by `callback` in `poll`, or without one by the subscription's `take`.
+
+        Raises:
+            InputError: No such name or type, or no depth.
+            TransportError: The topic carries another type, or the transport is closed.
+        """
+        ...
+
+    def service(self, name: str, type_name: str, handler: Handler) -> None:
+        """Offer a service; `handler` makes the response from the request, in `poll`.
+
+        Raises:
+            InputError: No such name or type.
+            TransportError: The name is taken, or the transport is closed.
+        """
+        ...
+
+    def call(
+        self, name: str, type_name: str, request: Message | None = None, *, timeout: float = 5.0
+    ) -> Message:
+        """Call a service and give its response.
+
+        Raises:
+            InputError: No such type, or the request is not of it.
+            TransportError: Nobody offers it, it failed, or it did not answer within `timeout` [s].
+        """
+        ...
+
+    def poll(self, timeout: float = 0.0) -> int:
+        """Run callbacks and services for what has come; wait for the first up to `timeout` [s]; give how many ran."""
+        ...
+
+    def spin(self) -> None:
+        """Poll until the transport is closed or its network is told to end it."""
+        ...
+
+    def connections(self, topic: str) -> Connections:
+        """Peers that this transport is connected to over a topic."""
+        ...
+
+    def topics(self) -> Mapping[str, str]:
+        """Topics that anyone publishes, with their types."""
+        ...
+
+    def now(self) -> int:
+        """Time [ns], as it goes into stamps."""
+        ...
+
+    def sleep(self, seconds: float) -> None:
+        """Let time pass."""
+        ...
+
+    def rate(self, hertz: float) -> Rate:
+        """Pace for a loop."""
+        ...
+
+    def is_up(self) -> bool:
+        """Whether it is open, and whatever brings peers together (ROS 1's master) answers."""
+        ...
+
+    def close(self) -> None:
+        """End all publishers, subscriptions and services."""
+        ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(self, *exception: object) -> None: ...
+
+
+class PollingTransport:
+    """What every transport here shares: an inbox, a clock, an end."""
+
+    def __init__(self, name: str, clock: Clock | None = None) -> None:
+        """Check the name.
+
+        Raises:
+            InputError: It is none for a program on a network of messages.
+        """
+        if not re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII):
+            raise InputError(f'name "{name}": expected a letter, then letters, digits and underscores')
+        self.name = name
+        self.clock: Clock = clock or WallClock()
+        self.inbox = Inbox()
+
+    def poll(self, timeout: float = 0.0) -> int:
+        """Run callbacks and services for what has come."""
+        self.require_open()
+        return self.inbox.run(timeout)
+
+    def spin(self) -> None:
+        """Poll until the transport is closed."""
+        while not self.inbox.closed:
+            self.inbox.run(0.1)
+
+    def now(self) -> int:
+        """Time [ns]."""
+        return self.clock.now()
+
+    def sleep(self, seconds: float) -> None:
+        """Let time pass."""
+        self.clock.sleep(seconds)
+
+    def rate(self, hertz: float) -> Rate:
+        """Pace for a loop."""
+        return Rate(self.clock, hertz)
+
+    def require_open(self) -> None:
+        """Refuse a transport that has been closed."""
+        if self.inbox.closed:
+            raise TransportError(f'transport "{self.name}" is closed')
+
+    def close(self) -> None:
+        """End the inbox."""
+        self.inbox.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+
+class Spinner:
+    """Polls a transport in a thread of its own, while it is entered; a callback's exception is logged."""
+
+    def __init__(self, transport: Transport) -> None:
+        """Prepare; entering it starts the thread."""
+        self._transport = transport
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"{transport.name} spinner", daemon=True)
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            try:
+                self._transport.poll(0.05)
+            except TransportError:  # closed
+                return
+            except Exception:
+                _logger.exception("callback of %s", self._transport.name)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._stop.set()
+        self._thread.join()
+
+
+def absolute(name: str) -> str:
+    """Name of a topic or service with its leading slash; namespaces and remapping of the environment change nothing.
+
+    Raises:
+        InputError: It is no name for one.
+    """
+    if not _NAME.fullmatch(name):
+        raise InputError(f'name "{name}": expected words of letters, digits and underscores between slashes')
+    return "/" + name.strip("/")
+
+
+def other_type(topic: str, wanted: str, found: str) -> TransportError:
+    """Error to raise when a topic carries another type than was asked for."""
+    return TransportError(
+        f"topic {topic} carries {found}, expected {wanted}; one topic cannot carry two types"
+    )

@@ -1,0 +1,357 @@
+"""What every transport keeps to; a new one joins TRANSPORTS. Each talks to itself here, over its own network."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from catenary.crtk.inbox import Received
+from catenary.crtk.loopback import Loopback, LoopbackNetwork
+from catenary.crtk.message import header, message_class
+from catenary.crtk.transport import Spinner, Transport
+from catenary.errors import CatenaryError, InputError, TransportError
+
+JOINT_STATE = "sensor_msgs/JointState"
+TEXT = "std_msgs/String"
+JOINTS = ("shoulder", "elbow", "insertion")
+TRANSPORTS: dict[str, Callable[[], Transport]] = {
+    "loopback": lambda: Loopback("robot"),
+    "loopback, threaded": lambda: Loopback("robot", LoopbackNetwork(threaded=True)),
+}
+
+
+@pytest.fixture(params=TRANSPORTS)
+def transport(request: pytest.FixtureRequest) -> Iterator[Transport]:
+    with TRANSPORTS[request.param]() as made:
+        yield made
+
+
+@pytest.fixture
+def topic(request: pytest.FixtureRequest) -> str:
+    """A topic of the test's own."""
+    return "/" + "".join(c if c.isalnum() else "_" for c in request.node.name)
+
+
+def text(data: str) -> Any:
+    return message_class(TEXT)(data=data)
+
+
+def eventually(claim: Callable[[], object], transport: Transport, seconds: float = 5.0) -> None:
+    """Poll until the claim is true."""
+    end = time.monotonic() + seconds
+    while not claim():
+        assert time.monotonic() < end, "did not come true"
+        transport.poll(0.01)
+
+
+def connected(transport: Transport, topic: str, subscribers: int = 1) -> None:
+    eventually(lambda: len(transport.connections(topic).subscribers) >= subscribers, transport)
+
+
+def taken(subscription: Any, count: int, seconds: float = 5.0) -> list[Received]:
+    """That many messages, and a moment for more that should not come."""
+    got: list[Received] = []
+    end = time.monotonic() + seconds
+    while len(got) < count and time.monotonic() < end:
+        got += subscription.take(0.05)
+    return got + subscription.take(0.05)
+
+
+def test_a_message_arrives_as_it_was_sent(transport: Transport, topic: str) -> None:
+    subscription = transport.subscribe(topic, JOINT_STATE)
+    publisher = transport.publisher(topic, JOINT_STATE)
+    connected(transport, topic)
+    sent = message_class(JOINT_STATE)(
+        header(1_700_000_000_123_456_789, "base"), JOINTS, np.array([0.1, -0.2, 0.3]), (), np.ones(3)
+    )
+    publisher.publish(sent)
+    ((got, _),) = taken(subscription, 1)
+    assert got.header.stamp == sent.header.stamp
+    assert got.header.frame_id == "base"
+    assert got.name == JOINTS
+    np.testing.assert_array_equal(got.position, sent.position)
+    assert got.velocity.shape == (0,)
+
+
+def test_every_message_arrives_once_and_in_order(transport: Transport, topic: str) -> None:
+    subscription = transport.subscribe(topic, TEXT)
+    publisher = transport.publisher(topic, TEXT, queue=1000)
+    connected(transport, topic)
+    for i in range(1000):
+        publisher.publish(text(str(i)))
+    assert [int(one.message.data) for one in taken(subscription, 1000)] == list(range(1000))
+    assert subscription.overflowed == publisher.overflowed == 0
+
+
+def test_arrival_is_stamped_between_sending_and_taking(transport: Transport, topic: str) -> None:
+    subscription = transport.subscribe(topic, TEXT)
+    publisher = transport.publisher(topic, TEXT)
+    connected(transport, topic)
+    before = transport.now()
+    publisher.publish(text("a"))
+    got = taken(subscription, 1)
+    assert before <= got[0].time <= transport.now()
+
+
+def test_two_subscriptions_each_get_every_message(transport: Transport, topic: str) -> None:
+    subscriptions = [transport.subscribe(topic, TEXT) for _ in range(2)]
+    publisher = transport.publisher(topic, TEXT)
+    connected(transport, topic)
+    publisher.publish(text("a"))
+    publisher.publish(text("b"))
+    for subscription in subscriptions:
+        assert [one.message.data for one in taken(subscription, 2)] == ["a", "b"]
+
+
+def test_callbacks_run_in_poll_and_in_its_thread(transport: Transport, topic: str) -> None:
+    threads = []
+    transport.subscribe(topic, TEXT, lambda _: threads.append(threading.current_thread()))
+    publisher = transport.publisher(topic, TEXT)
+    connected(transport, topic)
+    publisher.publish(text("a"))
+    time.sleep(0.05)
+    assert threads == []
+    eventually(lambda: threads, transport)
+    assert threads == [threading.current_thread()]
+
+
+def test_a_spinner_runs_callbacks_in_a_thread_of_its_own(transport: Transport, topic: str) -> None:
+    done = threading.Event()
+    transport.subscribe(topic, TEXT, lambda _: done.set())
+    publisher = transport.publisher(topic, TEXT)
+    connected(transport, topic)
+    with Spinner(transport):
+        publisher.publish(text("a"))
+        assert done.wait(5.0)
+
+
+def test_the_oldest_gives_way_and_is_counted_when_nobody_takes(transport: Transport, topic: str) -> None:
+    subscription = transport.subscribe(topic, TEXT, depth=3)
+    publisher = transport.publisher(topic, TEXT)
+    connected(transport, topic)
+    for i in range(10):
+        publisher.publish(text(str(i)))
+    eventually(lambda: subscription.overflowed == 7, transport)
+    assert [one.message.data for one in taken(subscription, 3)] == ["7", "8", "9"]
+
+
+def test_callbacks_get_what_is_left_after_an_overflow(transport: Transport, topic: str) -> None:
+    got: list[str] = []
+    subscription = transport.subscribe(topic, TEXT, lambda one: got.append(one.message.data), depth=3)
+    publisher = transport.publisher(topic, TEXT)
+    connected(transport, topic)
+    for i in range(10):
+        publisher.publish(text(str(i)))
+    end = time.monotonic() + 5.0
+    while subscription.overflowed < 7 and time.monotonic() < end:
+        time.sleep(0.01)
+    eventually(lambda: len(got) == 3, transport)
+    assert got == ["7", "8", "9"]
+
+
+def test_a_late_subscription_gets_the_latched_message_once(transport: Transport, topic: str) -> None:
+    publisher = transport.publisher(topic, TEXT, latch=True)
+    publisher.publish(text("old"))
+    publisher.publish(text("last"))
+    for _ in range(2):
+        subscription = transport.subscribe(topic, TEXT)
+        assert [one.message.data for one in taken(subscription, 1)] == ["last"]
+
+
+def test_a_late_subscription_gets_nothing_that_was_not_latched(transport: Transport, topic: str) -> None:
+    transport.publisher(topic, TEXT).publish(text("gone"))
+    assert taken(transport.subscribe(topic, TEXT), 1, 0.3) == []
+
+
+def test_seq_counts_the_publishers_messages(transport: Transport, topic: str) -> None:
+    if "2" in type(transport).__name__:
+        pytest.skip("ROS 2 has no seq")
+    subscription = transport.subscribe(topic, "crtk_msgs/StringStamped")
+    publisher = transport.publisher(topic, "crtk_msgs/StringStamped")
+    connected(transport, topic)
+    for _ in range(3):
+        publisher.publish(message_class("crtk_msgs/StringStamped")())
+    numbers = [one.message.header.seq for one in taken(subscription, 3)]
+    assert np.diff(numbers).tolist() == [1, 1]
+
+
+def test_connections_name_the_peers(transport: Transport, topic: str) -> None:
+    assert transport.connections(topic) == ((), ())
+    transport.subscribe(topic, TEXT)
+    publisher = transport.publisher(topic, TEXT)
+    connected(transport, topic)
+    eventually(lambda: transport.connections(topic).publishers, transport)
+    assert "robot" in transport.connections(topic).subscribers[0]
+    publisher.close()
+    eventually(lambda: not transport.connections(topic).subscribers, transport)
+
+
+def test_topics_are_those_that_are_published(transport: Transport, topic: str) -> None:
+    publisher = transport.publisher(topic.strip("/"), "crtk_msgs/operating_state")
+    eventually(lambda: topic in transport.topics(), transport)
+    assert transport.topics()[topic] == "crtk_msgs/OperatingState"
+    publisher.close()
+    eventually(lambda: topic not in transport.topics(), transport)
+
+
+def test_a_closed_subscription_gets_nothing_more(transport: Transport, topic: str) -> None:
+    closed, left = transport.subscribe(topic, TEXT), transport.subscribe(topic, TEXT)
+    publisher = transport.publisher(topic, TEXT)
+    connected(transport, topic)
+    closed.close()
+    publisher.publish(text("a"))
+    assert len(taken(left, 1)) == 1
+    assert closed.take() == []
+
+
+def test_a_topic_can_be_published_again_after_its_publisher_is_closed(
+    transport: Transport, topic: str
+) -> None:
+    subscription = transport.subscribe(topic, TEXT)
+    for data in ("first", "second"):
+        publisher = transport.publisher(topic, TEXT)
+        connected(transport, topic)
+        publisher.publish(text(data))
+        assert [one.message.data for one in taken(subscription, 1)] == [data]
+        publisher.close()
+        with pytest.raises(TransportError, match="closed"):
+            publisher.publish(text("too late"))
+        eventually(lambda: not transport.connections(topic).subscribers, transport)
+
+
+def test_a_topic_of_another_type_is_refused(transport: Transport, topic: str) -> None:
+    transport.publisher(topic, TEXT)
+    eventually(lambda: topic in transport.topics(), transport)
+    with pytest.raises(TransportError, match=f"{TEXT}, expected {JOINT_STATE}"):
+        transport.subscribe(topic, JOINT_STATE)
+    with pytest.raises(TransportError, match=r"already|expected"):
+        transport.publisher(topic, JOINT_STATE)
+
+
+def test_a_second_publisher_of_the_same_topic_is_refused(transport: Transport, topic: str) -> None:
+    transport.publisher(topic, TEXT)
+    with pytest.raises(TransportError, match="already"):
+        transport.publisher(topic, TEXT)
+
+
+@pytest.mark.parametrize("name", ["", "/", "a b", "9a", "/a//b", "a/", "~a", "{x}"])
+def test_a_name_that_is_none_is_refused(transport: Transport, name: str) -> None:
+    with pytest.raises(InputError, match="name"):
+        transport.publisher(name, TEXT)
+    with pytest.raises(InputError, match="name"):
+        transport.subscribe(name, TEXT)
+
+
+def test_an_unknown_type_is_refused(transport: Transport, topic: str) -> None:
+    with pytest.raises(CatenaryError, match="unknown"):
+        transport.publisher(topic, "raven_2/raven_mood")
+    with pytest.raises(CatenaryError, match="unknown"):
+        transport.service(topic, "std_srvs/Mood", lambda request: request)
+
+
+def test_a_depth_of_none_is_refused(transport: Transport, topic: str) -> None:
+    with pytest.raises(InputError, match="depth"):
+        transport.subscribe(topic, TEXT, depth=0)
+
+
+def test_a_subscription_with_a_callback_is_not_taken_from(transport: Transport, topic: str) -> None:
+    with pytest.raises(InputError, match="callback"):
+        transport.subscribe(topic, TEXT, print).take()
+
+
+def test_a_wrong_message_is_refused_by_its_field(transport: Transport, topic: str) -> None:
+    transport.subscribe(topic, JOINT_STATE)
+    publisher = transport.publisher(topic, JOINT_STATE)
+    connected(transport, topic)
+    with pytest.raises(InputError, match="position"):
+        publisher.publish(message_class(JOINT_STATE)(position=["a"]))
+    with pytest.raises(InputError, match="JointState"):
+        publisher.publish(text("a"))
+
+
+def test_a_service_answers(transport: Transport, topic: str) -> None:
+    response = message_class("std_srvs/TriggerResponse")
+    threads = []
+
+    def press(request: Any) -> Any:
+        threads.append(threading.current_thread().name)
+        return response(success=True, message="pressed")
+
+    transport.service(topic, "std_srvs/Trigger", press)
+    with Spinner(transport):
+        assert transport.call(topic, "std_srvs/Trigger") == (True, "pressed")
+    assert len(threads) == 1
+
+
+def test_a_service_that_fails_says_why(transport: Transport, topic: str) -> None:
+    def press(request: Any) -> Any:
+        raise InputError("the button is stuck")
+
+    transport.service(topic, "std_srvs/Trigger", press)
+    with Spinner(transport), pytest.raises(TransportError, match="the button is stuck"):
+        transport.call(topic, "std_srvs/Trigger")
+
+
+def test_calling_what_nobody_offers_is_refused(transport: Transport, topic: str) -> None:
+    with pytest.raises(TransportError, match="nobody offers"):
+        transport.call(topic, "std_srvs/Trigger", timeout=0.5)
+
+
+def test_a_service_whose_name_is_taken_is_refused(transport: Transport, topic: str) -> None:
+    transport.service(topic, "std_srvs/Trigger", lambda request: request)
+    with pytest.raises(TransportError, match="already"):
+        transport.service(topic, "std_srvs/Trigger", lambda request: request)
+
+
+def test_an_exception_in_a_callback_reaches_poll_and_spares_the_rest(
+    transport: Transport, topic: str
+) -> None:
+    got = []
+
+    def fail_once(one: Received) -> None:
+        got.append(one.message.data)
+        if len(got) == 1:
+            raise RuntimeError("first")
+
+    transport.subscribe(topic, TEXT, fail_once)
+    publisher = transport.publisher(topic, TEXT)
+    connected(transport, topic)
+    publisher.publish(text("a"))
+    publisher.publish(text("b"))
+    with pytest.raises(RuntimeError, match="first"):
+        eventually(lambda: False, transport)
+    eventually(lambda: len(got) == 2, transport)
+
+
+def test_poll_gives_how_many_callbacks_ran(transport: Transport, topic: str) -> None:
+    subscription = transport.subscribe(topic, TEXT, lambda one: None)
+    publisher = transport.publisher(topic, TEXT)
+    connected(transport, topic)
+    assert transport.poll() == 0
+    publisher.publish(text("a"))
+    publisher.publish(text("b"))
+    end = time.monotonic() + 5.0
+    while len(subscription) < 2 and time.monotonic() < end:
+        time.sleep(0.01)
+    assert transport.poll() == 2
+
+
+def test_a_closed_transport_refuses_and_is_not_up(transport: Transport, topic: str) -> None:
+    assert transport.is_up()
+    publisher = transport.publisher(topic, TEXT)
+    transport.close()
+    transport.close()
+    assert not transport.is_up()
+    for use in (
+        lambda: transport.publisher(topic + "2", TEXT),
+        lambda: transport.subscribe(topic, TEXT),
+        lambda: transport.call(topic, "std_srvs/Trigger"),
+        lambda: publisher.publish(text("a")),
+        transport.poll,
+    ):
+        with pytest.raises(TransportError, match="closed"):
+            use()
+    transport.spin()  # returns at once

@@ -1,0 +1,115 @@
+import threading
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from catenary.crtk.inbox import Inbox, Received, Request, Subscription
+from catenary.errors import FileFormatError
+
+
+def subscription(inbox: Inbox, **options: Any) -> Subscription:
+    return Subscription("/t", "std_msgs/String", inbox, lambda data: data, **options)
+
+
+@given(st.lists(st.integers(0, 2), max_size=60), st.integers(1, 5))
+def test_what_was_taken_and_what_overflowed_is_what_came(steps: list[int], depth: int) -> None:
+    one = subscription(Inbox(), depth=depth)
+    got, sent = [], 0
+    for step in steps:
+        if step:
+            one.push(sent, 0)
+            sent += 1
+        else:
+            got += [received.message for received in one.take()]
+    got += [received.message for received in one.take()]
+    assert got == sorted(set(got))
+    assert len(got) + one.overflowed == sent
+
+
+def test_callbacks_of_several_topics_run_in_the_order_of_arrival() -> None:
+    inbox, got = Inbox(), []
+    topics = [subscription(inbox, callback=lambda one, i=i: got.append((i, one.message))) for i in range(3)]
+    order = [0, 2, 1, 1, 0, 2, 2]
+    for count, i in enumerate(order):
+        topics[i].push(count, 0)
+    assert inbox.run() == len(order)
+    assert got == [(i, count) for count, i in enumerate(order)]
+
+
+def test_what_comes_in_a_callback_waits_for_the_next_run() -> None:
+    inbox, got = Inbox(), []
+
+    def again(one: Received) -> None:
+        got.append(one.message)
+        echo.push(one.message + 1, 0)
+
+    echo = subscription(inbox, callback=again)
+    echo.push(0, 0)
+    assert inbox.run() == 1
+    assert got == [0]
+
+
+def test_damaged_messages_are_left_out_and_counted() -> None:
+    def refuse(data: Any) -> Any:
+        if data == "bad":
+            raise FileFormatError("bad")
+        return data
+
+    one = Subscription("/t", "std_msgs/String", Inbox(), refuse)
+    for data in ("a", "bad", "b"):
+        one.push(data, 0)
+    assert [received.message for received in one.take()] == ["a", "b"]
+    assert one.damaged == 1
+
+
+def test_closing_a_subscription_silences_its_callback() -> None:
+    inbox, got = Inbox(), []
+    one = subscription(inbox, callback=got.append)
+    one.push("a", 0)
+    one.close()
+    one.push("b", 0)
+    inbox.run()
+    assert got == []
+
+
+@pytest.mark.parametrize("wait", ["take", "run"])
+def test_closing_the_inbox_wakes_who_waits(wait: str) -> None:
+    inbox = Inbox()
+    one = subscription(inbox)
+    waiting = threading.Thread(target=lambda: one.take(60.0) if wait == "take" else inbox.run(60.0))
+    waiting.start()
+    inbox.close()
+    waiting.join(5.0)
+    assert not waiting.is_alive()
+
+
+def test_four_threads_lose_and_repeat_nothing() -> None:
+    inbox = Inbox()
+    one = subscription(inbox, depth=10_000)
+    threads = [
+        threading.Thread(target=lambda k=k: [one.push((k, i), 0) for i in range(1000)]) for k in range(4)
+    ]
+    got = []
+    for thread in threads:
+        thread.start()
+    while any(thread.is_alive() for thread in threads):
+        got += [received.message for received in one.take(0.01)]
+    got += [received.message for received in one.take()]
+    for k in range(4):
+        assert [i for source, i in got if source == k] == list(range(1000))
+
+
+def test_a_request_gives_its_answer_or_its_error() -> None:
+    def fail() -> Any:
+        raise ValueError("no")
+
+    answered, failed = Request(lambda: 3), Request(fail)
+    assert not answered.wait(0.0)
+    answered.run()
+    failed.run()
+    assert answered.wait(0.0)
+    assert answered.result() == 3
+    with pytest.raises(ValueError, match="no"):
+        failed.result()
