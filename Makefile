@@ -31,7 +31,7 @@ demo: $(VENV)/.package
 	$(BIN)/catenary demo --out demo
 
 test: $(VENV)/.development
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -rs
 
 lint: $(VENV)/.development
 	$(BIN)/ruff format --check .

@@ -1,3 +1,4 @@
+from collections.abc import Iterator
 from hashlib import sha256
 from pathlib import Path
 from shutil import copytree
@@ -8,6 +9,7 @@ import pytest
 
 if TYPE_CHECKING:  # nothing of catenary may be imported before pytest_configure has run
     from oracles.random_trees import RandomRobot
+    from ros import Master
 
 ROOT = Path(__file__).parents[1]
 
@@ -30,6 +32,17 @@ def random_robots() -> "list[RandomRobot]":
     from oracles.random_trees import random_robot
 
     return [random_robot(seed) for seed in range(60)]
+
+
+@pytest.fixture(scope="session")
+def ros_master(tmp_path_factory: pytest.TempPathFactory) -> "Iterator[Master]":
+    """ROS 1's master for the process of the tests, which can have one node; skips where there is no ROS 1."""
+    from ros import running_master
+
+    with running_master(tmp_path_factory.mktemp("ros")) as master, pytest.MonkeyPatch.context() as patch:
+        for name in ("ROS_MASTER_URI", "ROS_IP", "ROS_LOG_DIR", "ROS_HOME"):
+            patch.setenv(name, master.environment[name])
+        yield master
 
 
 @pytest.fixture(scope="session")

@@ -11,6 +11,7 @@ import pytest
 from catenary.crtk.inbox import Received
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
+from catenary.crtk.ros1 import Ros1Transport
 from catenary.crtk.transport import Spinner, Transport
 from catenary.errors import CatenaryError, InputError, TransportError
 
@@ -20,11 +21,14 @@ JOINTS = ("shoulder", "elbow", "insertion")
 TRANSPORTS: dict[str, Callable[[], Transport]] = {
     "loopback": lambda: Loopback("robot"),
     "loopback, threaded": lambda: Loopback("robot", LoopbackNetwork(threaded=True)),
+    "ROS 1": lambda: Ros1Transport("robot"),
 }
 
 
 @pytest.fixture(params=TRANSPORTS)
 def transport(request: pytest.FixtureRequest) -> Iterator[Transport]:
+    if request.param == "ROS 1":
+        request.getfixturevalue("ros_master")
     with TRANSPORTS[request.param]() as made:
         yield made
 

@@ -1,0 +1,126 @@
+"""ROS 1's master, asked over XML-RPC with a limit on the time; needs nothing of ROS.
+
+The master only brings programs together: topics that are connected go on without it.
+API: wiki.ros.org/ROS/Master_API.
+"""
+
+import http.client
+import os
+import threading
+import xmlrpc.client
+from typing import Any
+from urllib.parse import urlparse
+
+from catenary.errors import TransportError
+
+DEFAULT_URI = "http://localhost:11311"
+PATIENCE = 2.0  # [s] for an answer
+_NO_SUCH = -1  # the master's code for "I know no such name"
+
+
+class Refused(Exception):
+    """The master, or a node, answered that it cannot."""
+
+
+class _LimitedTransport(xmlrpc.client.Transport):
+    """XML-RPC that does not wait for ever."""
+
+    def make_connection(self, host: Any) -> http.client.HTTPConnection:
+        """Give a connection with a time limit, whatever the process's default is."""
+        connection = super().make_connection(host)
+        connection.timeout = PATIENCE
+        return connection
+
+
+class Master:
+    """Questions to a master, each answered within `PATIENCE` or refused.
+
+    Methods raise TransportError when it does not answer.
+    """
+
+    def __init__(self, uri: str, caller: str) -> None:
+        """Prepare; nothing is asked yet.
+
+        Raises:
+            TransportError: The URI is none.
+        """
+        parts = urlparse(uri)
+        try:
+            valid = parts.scheme == "http" and bool(parts.hostname) and parts.port is not None
+        except ValueError:
+            valid = False
+        if not valid:
+            raise TransportError(f'ROS_MASTER_URI "{uri}": expected http://HOST:PORT, such as {DEFAULT_URI}')
+        self.uri = uri
+        self._caller = caller
+
+    def pid(self) -> int:
+        """Process number, by which a master that was restarted is told from the one before."""
+        return int(self._ask(self.uri, "getPid"))
+
+    def node(self, name: str) -> str | None:
+        """URI of a node that the master knows, or None."""
+        return self._lookup("lookupNode", name)
+
+    def service(self, name: str) -> str | None:
+        """URI of a service that somebody offers, or None."""
+        return self._lookup("lookupService", name)
+
+    def node_answers(self, uri: str) -> bool:
+        """Whether a node is alive: the master also lists those that crashed."""
+        try:
+            self._ask(uri, "getPid")
+        except (TransportError, Refused):
+            return False
+        return True
+
+    def topics(self) -> dict[str, str]:
+        """Topics that somebody publishes, and their types as the publisher spells them."""
+        return {str(topic): str(kind) for topic, kind in self._ask(self.uri, "getPublishedTopics", "")}
+
+    def register(self, method: str, *arguments: str) -> Any:
+        """Register a publisher, a subscriber or a service."""
+        return self._ask(self.uri, method, *arguments)
+
+    def _lookup(self, method: str, name: str) -> str | None:
+        try:
+            return str(self._ask(self.uri, method, name))
+        except Refused:
+            return None
+
+    def _ask(self, uri: str, method: str, *arguments: str) -> Any:
+        """Ask in a thread of its own, because looking up a host's address knows no time limit."""
+        answer: list[Any] = []
+
+        def ask() -> None:
+            try:
+                with xmlrpc.client.ServerProxy(uri, transport=_LimitedTransport()) as server:
+                    answer.append(getattr(server, method)(self._caller, *arguments))
+            except (OSError, http.client.HTTPException, xmlrpc.client.Error) as error:
+                answer.append(error)
+
+        thread = threading.Thread(target=ask, daemon=True)
+        thread.start()
+        thread.join(PATIENCE + 0.5)
+        result = answer[0] if answer else TimeoutError("no answer")
+        if isinstance(result, Exception):
+            if uri != self.uri:
+                raise TransportError(f"node at {uri} does not answer: {result}") from result
+            raise no_master(uri, result) from result
+        code, text, value = result
+        if code != 1:
+            raise Refused(f"{method}: {text}")
+        return value
+
+
+def no_master(uri: str, reason: Exception) -> TransportError:
+    """Error to raise when there is no master."""
+    return TransportError(
+        f"no ROS master at {uri} ({reason}). Start one with roscore, or set ROS_MASTER_URI to that of the robot, "
+        "and ROS_IP to this machine's address as the robot sees it"
+    )
+
+
+def master_uri(given: str | None = None) -> str:
+    """URI of the master: the one given, else ROS_MASTER_URI, else this machine's."""
+    return given or os.environ.get("ROS_MASTER_URI") or DEFAULT_URI

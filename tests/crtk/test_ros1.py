@@ -1,0 +1,389 @@
+"""Ros1Transport between processes, and against rospy as it comes; what holds for every transport is in contracts."""
+
+import contextlib
+import os
+import signal
+import time
+import xmlrpc.client
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from catenary.crtk.message import message_class
+from catenary.crtk.wire import codec
+from catenary.recording.messages import MESSAGES, full_definition, md5_sum
+from oracles.random_messages import random_message
+from ros import Master, Program, free_port, require_ros1, running_master
+
+pytestmark = pytest.mark.slow
+
+OPEN = """
+import sys, time
+from catenary.crtk.ros1 import Ros1Transport
+from catenary.crtk.message import message_class, header
+from catenary.errors import TransportError
+T = "crtk_msgs/StringStamped"
+transport = Ros1Transport(sys.argv[1])
+"""
+# publishes 1, 2, 3, ... until a line comes; then says how many it has sent, and what slow peers missed
+TALKER = (
+    OPEN
+    + """
+import threading
+publisher = transport.publisher("/count", T, queue=int(sys.argv[2]))
+while not transport.connections("/count").subscribers:
+    time.sleep(0.01)
+end = threading.Event()
+threading.Thread(target=lambda: (sys.stdin.readline(), end.set()), daemon=True).start()
+print("connected")
+rate, sent, longest = transport.rate(1000.0), 0, 0.0
+pad = "x" * int(sys.argv[3])
+while not end.is_set():
+    sent += 1
+    begin = time.monotonic()
+    publisher.publish(message_class(T)(header(transport.now()), f"{sent} {pad}"))
+    longest = max(longest, time.monotonic() - begin)
+    rate.sleep()
+print(sent, publisher.overflowed, longest)
+sys.stdin.readline()
+"""
+)
+# says what has come: whenever a line comes, the numbers since the last
+LISTENER = (
+    OPEN
+    + """
+subscription = transport.subscribe("/count", T, depth=100_000)
+print("listening")
+while sys.stdin.readline():
+    print(*(one.message.string.split()[0] for one in subscription.take()))
+"""
+)
+
+
+@pytest.fixture
+def master(tmp_path: Path) -> Iterator[Master]:
+    """One of the test's own, which it may kill."""
+    with running_master(tmp_path) as running:
+        yield running
+
+
+def numbers(listener: Program) -> list[int]:
+    listener.say("more")
+    return [int(word) for word in listener.line().split()]
+
+
+def wait_until(claim: "object", seconds: float = 10.0) -> None:
+    end = time.monotonic() + seconds
+    while not claim():  # type: ignore[operator]
+        assert time.monotonic() < end, "did not come true"
+        time.sleep(0.05)
+
+
+def test_a_second_at_a_thousand_hertz_arrives_whole_between_processes(master: Master) -> None:
+    with Program(master, LISTENER, "listener") as listener:
+        assert listener.line() == "listening"
+        with Program(master, TALKER, "talker", "100", "10") as talker:
+            assert talker.line() == "connected"
+            time.sleep(1.0)
+            talker.say("end")
+            sent, overflowed, _ = talker.line().split()
+            time.sleep(0.3)
+            assert numbers(listener) == list(range(1, int(sent) + 1))
+            assert overflowed == "0"
+            assert int(sent) > 500
+
+
+def test_a_master_that_dies_is_noticed_and_loses_no_message(master: Master) -> None:
+    with Program(master, LISTENER, "listener") as listener:
+        assert listener.line() == "listening"
+        with Program(master, TALKER, "talker", "100", "10") as talker:
+            assert talker.line() == "connected"
+            master.kill()
+            time.sleep(1.0)
+            master.start()
+            time.sleep(1.5)
+            talker.say("end")
+            sent = int(talker.line().split()[0])
+            time.sleep(0.3)
+            assert numbers(listener) == list(range(1, sent + 1))
+
+
+def test_a_returned_master_knows_topics_and_services_again(master: Master) -> None:
+    code = (
+        OPEN
+        + """
+from catenary.crtk.transport import Spinner
+response = message_class("std_srvs/TriggerResponse")
+transport.service("/button", "std_srvs/Trigger", lambda request: response(success=True))
+heard = transport.subscribe("/count", T)
+said = transport.publisher("/said", T, latch=True)
+said.publish(message_class(T)(string="before"))
+with Spinner(transport):
+    print("up")
+    while transport.is_up(): time.sleep(0.01)
+    print("down")
+    while not transport.is_up(): time.sleep(0.01)
+    print("up again")
+    got = []
+    while not got: got = heard.take(0.1)
+    print(got[0].message.string.split()[0])
+    sys.stdin.readline()
+"""
+    )
+    with Program(master, code, "robot") as robot:
+        assert robot.line() == "up"
+        master.kill()
+        assert robot.line() == "down"
+        master.start()
+        assert robot.line() == "up again"
+        # a program that comes only now finds the robot, and the robot finds it
+        with Program(master, TALKER, "talker", "100", "10") as talker:
+            assert talker.line() == "connected"
+            assert int(robot.line()) >= 1
+        client = (
+            OPEN
+            + """
+heard = transport.subscribe("/said", T)
+print(heard.take(5.0)[0].message.string, transport.call("/button", "std_srvs/Trigger").success)
+"""
+        )
+        with Program(master, client, "client") as late:
+            assert late.line() == "before True"
+
+
+def test_a_peer_that_stands_still_delays_nobody_and_gets_whole_messages_afterwards(master: Master) -> None:
+    with Program(master, LISTENER, "stalled") as stalled, Program(master, LISTENER, "listener") as listener:
+        assert stalled.line() == listener.line() == "listening"
+        # 10 kB a message: the system's sockets are soon full
+        with Program(master, TALKER, "talker", "50", "10000") as talker:
+            assert talker.line() == "connected"
+            time.sleep(0.3)
+            os.kill(stalled.process.pid, signal.SIGSTOP)
+            time.sleep(2.0)
+            os.kill(stalled.process.pid, signal.SIGCONT)
+            time.sleep(0.5)
+            talker.say("end")
+            sent, overflowed, longest = talker.line().split()
+            time.sleep(0.5)
+            whole, broken = numbers(listener), numbers(stalled)
+            assert whole == list(range(whole[0], int(sent) + 1))
+            assert broken == sorted(set(broken))
+            assert int(overflowed) > 0
+            assert broken[-1] == int(sent)
+            assert int(sent) - broken[0] + 1 - len(broken) == int(overflowed)
+            assert float(longest) < 1.0  # the peer stood still for two
+
+
+def test_a_name_that_runs_already_is_refused_and_goes_on(master: Master) -> None:
+    with Program(master, LISTENER, "robot") as first:
+        assert first.line() == "listening"
+        with Program(master, OPEN, "robot") as second:
+            errors = second.finish()[1]
+        assert "a node /robot runs already" in errors
+        assert numbers(first) == []
+
+
+def test_a_name_left_behind_by_a_crash_is_free(master: Master) -> None:
+    with Program(master, LISTENER, "robot") as first:
+        assert first.line() == "listening"
+        first.process.kill()
+        first.process.wait()
+    with Program(master, LISTENER, "robot") as second:
+        assert second.line() == "listening"
+
+
+def test_a_node_that_is_told_to_end_leaves_spin(master: Master) -> None:
+    code = OPEN + 'print("spinning")\ntransport.spin()\nprint("done", transport.is_up())\n'
+    with Program(master, code, "robot") as robot:
+        assert robot.line() == "spinning"
+        with xmlrpc.client.ServerProxy(master.uri) as server:
+            uri = server.lookupNode("/tests", "/robot")[2]  # type: ignore[index]
+        # it may end before it answers
+        with xmlrpc.client.ServerProxy(str(uri)) as node, contextlib.suppress(OSError):
+            node.shutdown("/tests", "rosnode kill")
+        assert "done False" in robot.finish()[0]
+
+
+def test_ctrl_c_is_the_programs_own(master: Master) -> None:
+    code = (
+        OPEN
+        + """
+try:
+    print("sleeping")
+    time.sleep(30.0)
+except KeyboardInterrupt:
+    print("interrupted", transport.is_up())
+"""
+    )
+    with Program(master, code, "robot") as robot:
+        assert robot.line() == "sleeping"
+        robot.interrupt()
+        assert robot.line() == "interrupted True"
+        robot.finish()
+        assert robot.process.returncode == 0
+
+
+def test_a_program_that_ends_is_unregistered_and_writes_no_log_file(master: Master, tmp_path: Path) -> None:
+    before = set(tmp_path.rglob("*"))
+    with Program(master, OPEN + 'transport.publisher("/x", T)\n', "robot") as robot:
+        assert robot.finish() == ("", "")
+    with xmlrpc.client.ServerProxy(master.uri) as server:
+        assert server.getSystemState("/tests")[2] == [[], [], []]  # type: ignore[index]
+    assert set(tmp_path.rglob("*")) == before
+
+
+def test_the_environments_namespace_and_the_programs_arguments_change_no_name(master: Master) -> None:
+    code = (
+        OPEN
+        + 'transport.publisher("ravenstate_100hz", T)\nprint(*transport.topics())\nsys.stdin.readline()\n'
+    )
+    master.environment["ROS_NAMESPACE"] = "ward"
+    with Program(master, code, "robot", "ravenstate_100hz:=/other", "__name:=other") as robot:
+        assert robot.line() == "/ravenstate_100hz"
+        with xmlrpc.client.ServerProxy(master.uri) as server:
+            assert server.lookupNode("/tests", "/ward/robot")[0] == 1  # type: ignore[index]
+
+
+def test_without_a_master_the_error_comes_within_three_seconds() -> None:
+    require_ros1()
+    code = f"""
+import time
+from catenary.crtk.ros1 import Ros1Transport
+from catenary.errors import TransportError
+begin = time.monotonic()
+try:
+    Ros1Transport("robot", "http://127.0.0.1:{free_port()}")
+except TransportError as error:
+    print(time.monotonic() - begin < 3.0, error)
+"""
+    with Program(Master(Path(os.devnull)), code) as robot:
+        assert robot.line().startswith("True no ROS master at http://127.0.0.1:")
+
+
+def test_one_process_has_one_node(master: Master) -> None:
+    code = (
+        OPEN
+        + """
+def attempt(name, uri=None):
+    try:
+        Ros1Transport(name, uri).close()
+        print("opened")
+    except TransportError as error:
+        print(error)
+
+attempt("robot")
+transport.close()
+attempt("other")
+attempt("robot", "http://127.0.0.1:1")
+attempt("robot")
+"""
+    )
+    with Program(master, code, "robot") as robot:
+        assert "close that one first" in robot.line()
+        assert "cannot be other" in robot.line()
+        assert "cannot be robot of http://127.0.0.1:1" in robot.line()
+        assert robot.line() == "opened"
+
+
+ROSPY = """
+from catenary.crtk.ros1 import make_rospy_importable
+make_rospy_importable()
+import rospy, sys
+from sensor_msgs.msg import JointState, Imu
+from geometry_msgs.msg import TransformStamped
+from std_srvs.srv import Trigger, TriggerResponse
+rospy.init_node(sys.argv[1])
+"""
+
+
+def test_rospys_own_classes_read_what_is_sent(master: Master) -> None:
+    code = (
+        ROSPY
+        + """
+def tell(m):
+    print(m.header.stamp.to_nsec(), m.header.frame_id, *m.name, *m.position, len(m.velocity), *m.effort)
+rospy.Subscriber("/js", JointState, tell)
+print("listening")
+rospy.spin()
+"""
+    )
+    sender = (
+        OPEN
+        + """
+publisher = transport.publisher("/js", "sensor_msgs/JointState", latch=True)
+publisher.publish(message_class("sensor_msgs/JointState")(
+    header(1_700_000_000_123_456_789, "base"), ("a", "b"), (0.25, -1.5), (), [3, 4]))
+sys.stdin.readline()
+"""
+    )
+    with Program(master, code, "rospy") as listener:
+        assert listener.line() == "listening"
+        with Program(master, sender, "robot"):
+            assert listener.line() == "1700000000123456789 base a b 0.25 -1.5 0 3.0 4.0"
+
+
+def test_what_rospys_own_classes_send_is_read(master: Master) -> None:
+    code = (
+        ROSPY
+        + """
+publisher = rospy.Publisher("/tf", TransformStamped, queue_size=10, latch=True)
+message = TransformStamped()
+message.header.stamp = rospy.Time(1_700_000_000, 123_456_789)
+message.child_frame_id = "tool"
+message.transform.translation.x = 0.5
+message.transform.rotation.w = 1.0
+publisher.publish(message)
+rospy.Service("/button", Trigger, lambda request: TriggerResponse(True, "pressed"))
+print("sent")
+rospy.spin()
+"""
+    )
+    reader = (
+        OPEN
+        + """
+subscription = transport.subscribe("/tf", "geometry_msgs/TransformStamped")
+((m, _),) = subscription.take(5.0)
+print(m.header.stamp, m.child_frame_id, m.transform.translation.x, m.transform.rotation.w)
+print(*transport.call("/button", "std_srvs/Trigger"))
+"""
+    )
+    with Program(master, code, "rospy") as talker:
+        assert talker.line() == "sent"
+        with Program(master, reader, "client") as client:
+            assert client.line() == "1700000000123456789 tool 0.5 1.0"
+            assert client.line() == "True pressed"
+
+
+def test_rospy_calls_a_service(master: Master) -> None:
+    server = (
+        OPEN
+        + """
+response = message_class("std_srvs/TriggerResponse")
+transport.service("/button", "std_srvs/Trigger", lambda request: response(success=True, message="ours"))
+print("serving")
+transport.spin()
+"""
+    )
+    code = ROSPY + 'print(rospy.ServiceProxy("/button", Trigger)().message)\n'
+    with Program(master, server, "robot") as robot:
+        assert robot.line() == "serving"
+        with Program(master, code, "rospy") as client:
+            assert client.line() == "ours"
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_genpy_reads_and_writes_the_same_bytes(name: str) -> None:
+    require_ros1()
+    import genpy.dynamic
+    import numpy as np
+
+    theirs = genpy.dynamic.generate_dynamic(name, full_definition(name))[name]
+    assert theirs._md5sum == md5_sum(name)
+    data = codec(name).encode(random_message(name, np.random.default_rng(5)), 6)
+    from io import BytesIO
+
+    buffer = BytesIO()
+    theirs().deserialize(data).serialize(buffer)
+    assert buffer.getvalue() == data
+    assert isinstance(codec(name).decode(buffer.getvalue()), message_class(name))

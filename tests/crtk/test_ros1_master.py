@@ -1,0 +1,49 @@
+import socket
+import time
+
+import pytest
+
+from catenary.crtk.ros1_master import Master, master_uri
+from catenary.errors import TransportError
+from ros import free_port
+
+
+def test_an_absent_master_is_told_within_three_seconds_with_what_to_do() -> None:
+    uri = f"http://127.0.0.1:{free_port()}"
+    begin = time.monotonic()
+    with pytest.raises(TransportError, match=rf"no ROS master at {uri}.*roscore.*ROS_MASTER_URI"):
+        Master(uri, "/tests").pid()
+    assert time.monotonic() - begin < 3.0
+
+
+def test_a_master_that_accepts_and_keeps_silent_is_told_within_three_seconds() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        begin = time.monotonic()
+        with pytest.raises(TransportError, match="no ROS master"):
+            Master(f"http://127.0.0.1:{server.getsockname()[1]}", "/tests").pid()
+        assert time.monotonic() - begin < 3.0
+
+
+def test_a_host_that_does_not_exist_is_told_within_three_seconds() -> None:
+    begin = time.monotonic()
+    with pytest.raises(TransportError, match=r"no ROS master at http://robot\.invalid:11311"):
+        Master("http://robot.invalid:11311", "/tests").pid()
+    assert time.monotonic() - begin < 3.0
+
+
+@pytest.mark.parametrize(
+    "uri", ["", "localhost:11311", "http://localhost", "http://:11311", "ftp://a:1", "http://a:b"]
+)
+def test_a_uri_that_is_none_is_refused(uri: str) -> None:
+    with pytest.raises(TransportError, match="expected http://HOST:PORT"):
+        Master(uri, "/tests")
+
+
+def test_uri_is_the_one_given_then_the_environments_then_this_machines(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("ROS_MASTER_URI", "http://robot:11311")
+    assert master_uri("http://other:1") == "http://other:1"
+    assert master_uri() == "http://robot:11311"
+    monkeypatch.delenv("ROS_MASTER_URI")
+    assert master_uri() == "http://localhost:11311"

@@ -1,0 +1,139 @@
+"""A ROS 1 master of the tests' own, and programs that talk over it; skips, saying so, where ROS 1 is not installed."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import xmlrpc.client
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from catenary.crtk.ros1 import make_rospy_importable
+from catenary.errors import MissingPackageError
+
+ROOT = Path(__file__).parents[1]
+MASTER = (
+    "import sys; from catenary.crtk.ros1 import make_rospy_importable; make_rospy_importable();"
+    "import rosmaster; rosmaster.rosmaster_main(['rosmaster', '--core', '-p', sys.argv[1]])"
+)
+
+
+def require_ros1() -> None:
+    """Skip where rospy or the master are missing."""
+    try:
+        make_rospy_importable()
+    except MissingPackageError as error:
+        pytest.skip(f"ROS 1 is not installed: {error}")
+    pytest.importorskip("rosmaster", reason="ROS 1's master is not installed: apt install python3-rosmaster")
+
+
+def free_port() -> int:
+    """A port that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+class Master:
+    """A master process, which can die and come back."""
+
+    def __init__(self, folder: Path) -> None:
+        self.port = free_port()
+        self.uri = f"http://127.0.0.1:{self.port}"
+        self.environment = {
+            **os.environ,
+            "ROS_MASTER_URI": self.uri,
+            "ROS_IP": "127.0.0.1",
+            "ROS_LOG_DIR": str(folder),
+            "ROS_HOME": str(folder),
+            "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT / "tests")]),
+        }
+        self._output = folder / "master.txt"
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        """Start it, and wait until it answers."""
+        with self._output.open("ab") as output:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", MASTER, str(self.port)],
+                env=self.environment,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+            )
+        end = time.monotonic() + 20.0
+        while True:
+            try:
+                with xmlrpc.client.ServerProxy(self.uri) as server:
+                    server.getPid("/tests")
+                return
+            except OSError:
+                assert time.monotonic() < end, f"the master did not start: {self._output.read_text()}"
+                time.sleep(0.05)
+
+    def kill(self) -> None:
+        """End it as a crash would."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            self._process = None
+
+
+@contextmanager
+def running_master(folder: Path) -> Iterator[Master]:
+    """A master on a free port, killed afterwards."""
+    require_ros1()
+    master = Master(folder)
+    master.start()
+    try:
+        yield master
+    finally:
+        master.kill()
+
+
+class Program:
+    """A Python program beside the tests; lines go in and come out."""
+
+    def __init__(self, master: Master, code: str, *arguments: str) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-u", "-c", code, *arguments],
+            env=master.environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def __enter__(self) -> "Program":
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.process.kill()
+        self.process.communicate()
+
+    def line(self) -> str:
+        """Next line that it prints."""
+        assert self.process.stdout is not None
+        line = self.process.stdout.readline()
+        if not line:
+            assert self.process.stderr is not None
+            raise AssertionError(f"the program ended: {self.process.stderr.read()}")
+        return line.strip()
+
+    def say(self, line: str) -> None:
+        """Give it a line."""
+        assert self.process.stdin is not None
+        self.process.stdin.write(f"{line}\n")
+        self.process.stdin.flush()
+
+    def interrupt(self) -> None:
+        """Press Ctrl-C."""
+        self.process.send_signal(signal.SIGINT)
+
+    def finish(self, seconds: float = 20.0) -> tuple[str, str]:
+        """Wait for its end; give what it has printed since, and its errors."""
+        return self.process.communicate(timeout=seconds)
