@@ -2,7 +2,7 @@ import threading
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from catenary.crtk.inbox import Inbox, Received, Request, Subscription
@@ -13,6 +13,7 @@ def subscription(inbox: Inbox, **options: Any) -> Subscription:
     return Subscription("/t", "std_msgs/String", inbox, lambda data: data, **options)
 
 
+@settings(deadline=None)
 @given(st.lists(st.integers(0, 2), max_size=60), st.integers(1, 5))
 def test_what_was_taken_and_what_overflowed_is_what_came(steps: list[int], depth: int) -> None:
     one = subscription(Inbox(), depth=depth)

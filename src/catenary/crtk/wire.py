@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.crtk.message import Message, has_header, message_class, message_fields
+from catenary.crtk.message import HEADER, Message, has_header, message_class, message_fields
 from catenary.errors import CatenaryError, FileFormatError, InputError
 from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fields
 
@@ -20,6 +20,7 @@ Write = Callable[[Any, list[bytes]], None]  # value, where its bytes go
 Read = Callable[[bytes, int], tuple[Any, int]]  # bytes, offset -> value, offset behind it
 SECOND = 1_000_000_000  # [ns]
 _COUNT = struct.Struct("<I")
+_HEADER = struct.Struct("<IIII")  # seq, seconds, nanoseconds, length of frame_id
 _CODES = {
     "u1": "B",
     "i1": "b",
@@ -68,7 +69,7 @@ def _codec(name: str) -> Codec:
         except _WRONG as error:
             raise InputError(f"{name}: {_culprit(name, message) or error}") from error
         if numbered:
-            out[0] = _COUNT.pack(seq % 2**32)
+            out[0] = _COUNT.pack(seq % 2**32) + out[0][4:]
         return b"".join(out)
 
     def decode(data: bytes) -> Message:
@@ -100,7 +101,16 @@ def _culprit(name: str, message: Message) -> str | None:
     return None
 
 
+def _write_header(value: Any, out: list[bytes]) -> None:
+    """Write a header, which begins nearly every message, in one piece."""
+    seq, stamp, frame = value
+    data = frame.encode()
+    out.append(_HEADER.pack(seq, *divmod(stamp, SECOND), len(data)) + data)
+
+
 def _message_writer(name: str) -> Write:
+    if name == HEADER:
+        return _write_header
     parts = fields(name)
     packer = _packer(parts)
     if packer is not None:

@@ -1,0 +1,234 @@
+"""Messages to what catenary computes with, and back: joint states by name, poses, operating states, stamps.
+
+The RAVEN-II's own `raven_state` has a file of its own, `raven_conversions`.
+"""
+
+from typing import cast, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array
+from catenary.crtk.clock import SECOND
+from catenary.crtk.message import Message, header, message_class, stamp_of
+from catenary.errors import InputError
+from catenary.plant import JointState, OperatingState, StateName
+from catenary.spatial import Pose, quaternion_from_rotation, rotation_from_quaternion
+
+_NUMBERS = ("position", "velocity", "effort")
+
+
+def joint_state_message(
+    names: tuple[str, ...],
+    stamp: int,
+    position: ArrayLike = (),
+    velocity: ArrayLike = (),
+    effort: ArrayLike = (),
+    *,
+    frame_id: str = "",
+) -> Message:
+    """Give a sensor_msgs/JointState, at `stamp` [ns]; what is empty is left out of it.
+
+    Raises:
+        InputError: Other than one number per joint, NaN or infinity.
+    """
+    values = []
+    for field, given in zip(_NUMBERS, (position, velocity, effort), strict=True):
+        array = as_array(field, given, (None,))
+        if len(array) not in (0, len(names)):
+            raise InputError(f"{field}: expected {len(names)} numbers, one per joint, got {len(array)}")
+        values.append(array)
+    return message_class("sensor_msgs/JointState")(header(stamp, frame_id), names, *values)
+
+
+def joint_values(
+    message: Message, names: tuple[str, ...], field: str = "position", *, missing: ArrayLike | None = None
+) -> Floats:
+    """Give the numbers of a sensor_msgs/JointState in the order of our joints, (n,).
+
+    With names, each number goes to the joint of its name, in whatever order they come. Without names the first n count,
+    in our order, as the RAVEN-II takes them.
+
+    Args:
+        message: What came.
+        names: Our joints.
+        field: "position", "velocity" or "effort".
+        missing: (n,) numbers for joints that the message does not name; None refuses such a message.
+
+    Raises:
+        InputError: A name is unknown, missing or given twice, numbers and names differ in count, or one is not finite.
+    """
+    values = as_array(f"JointState.{field}", getattr(message, field), (None,))
+    given = tuple(message.name)
+    if not given:
+        if len(values) < len(names):
+            raise InputError(
+                f"JointState.{field}: {len(values)} numbers without names, expected {len(names)}: {', '.join(names)}"
+            )
+        return values[: len(names)]
+    if len(values) != len(given):
+        raise InputError(
+            f"JointState.{field}: {len(values)} numbers for {len(given)} names {', '.join(given)}"
+        )
+    if given == names:
+        return values
+    by_name = dict(zip(given, values, strict=True))
+    unknown = [name for name in given if name not in names]
+    absent = [name for name in names if name not in by_name]
+    if unknown or len(by_name) < len(given) or (absent and missing is None):
+        faults = [("unknown", unknown), ("missing", absent if missing is None else [])]
+        faults.append(("given twice", sorted({name for name in given if given.count(name) > 1})))
+        text = "; ".join(f"{fault}: {', '.join(which)}" for fault, which in faults if which)
+        raise InputError(f"JointState.name: {text}; the joints are {', '.join(names)}")
+    ordered = np.zeros(len(names)) if missing is None else as_array("missing", missing, (len(names),)).copy()
+    for i, name in enumerate(names):
+        if name in by_name:
+            ordered[i] = by_name[name]
+    return ordered
+
+
+def joint_state(
+    message: Message, names: tuple[str, ...], *, gravity: ArrayLike, gravity_age: float = np.inf
+) -> JointState:
+    """Give a joint state from a sensor_msgs/JointState; NaN where it has no velocities or efforts.
+
+    Args:
+        message: What came.
+        names: Our joints.
+        gravity: (3,) in the base frame [m/s2], which the message does not hold.
+        gravity_age: [s] since it was measured; infinite when it is nominal.
+
+    Raises:
+        InputError: As `joint_values`.
+    """
+    q = joint_values(message, names)
+    qd, tau = (
+        joint_values(message, names, field) if len(getattr(message, field)) else np.full(len(names), np.nan)
+        for field in ("velocity", "effort")
+    )
+    return JointState(
+        seconds(message.header.stamp),
+        q,
+        qd,
+        tau,
+        np.zeros(0),
+        as_array("gravity", gravity, (3,)),
+        gravity_age,
+    )
+
+
+def pose_message(pose: Pose, stamp: int, frame_id: str, *, child: str | None = None) -> Message:
+    """Give a geometry_msgs/PoseStamped, or a TransformStamped, as older CRTK has it, when `child` is a frame."""
+    w, x, y, z = quaternion_from_rotation(pose.rotation).tolist()
+    quaternion = message_class("geometry_msgs/Quaternion")(x, y, z, w)
+    place = as_array("position", pose.position, (3,)).tolist()
+    if child is None:
+        inner = message_class("geometry_msgs/Pose")(message_class("geometry_msgs/Point")(*place), quaternion)
+        return message_class("geometry_msgs/PoseStamped")(header(stamp, frame_id), inner)
+    inner = message_class("geometry_msgs/Transform")(
+        message_class("geometry_msgs/Vector3")(*place), quaternion
+    )
+    return message_class("geometry_msgs/TransformStamped")(header(stamp, frame_id), child, inner)
+
+
+def pose_of(message: Message) -> Pose:
+    """Pose of a geometry_msgs/PoseStamped or TransformStamped.
+
+    Raises:
+        InputError: Another type, NaN, or a quaternion whose length is not 1 within 1 %: such a one is not a rounded
+            rotation but a mistake, most often one that was never set.
+    """
+    if isinstance(message, message_class("geometry_msgs/PoseStamped")):
+        place, turn = message.pose
+    elif isinstance(message, message_class("geometry_msgs/TransformStamped")):
+        place, turn = message.transform
+    else:
+        raise InputError(f"expected a PoseStamped or a TransformStamped, got {type(message).__name__}")
+    quaternion = as_array("quaternion", (turn.w, turn.x, turn.y, turn.z), (4,))
+    length = float(np.linalg.norm(quaternion))
+    if abs(length - 1.0) > 0.01:
+        raise InputError(
+            f"quaternion (w, x, y, z) {quaternion.tolist()}: expected length 1, got {length:.3g}"
+        )
+    return Pose(rotation_from_quaternion(quaternion), as_array("position", tuple(place), (3,)))
+
+
+def operating_state_message(state: OperatingState, stamp: int) -> Message:
+    """Give a crtk_msgs/OperatingState, which is also what the RAVEN-II calls operating_state."""
+    return message_class("crtk_msgs/OperatingState")(
+        header(stamp), state.state, bool(state.is_homed), bool(state.is_busy)
+    )
+
+
+def operating_state(message: Message) -> OperatingState:
+    """Operating state of a crtk_msgs/OperatingState.
+
+    Raises:
+        InputError: The state's name is none of CRTK's.
+    """
+    if message.state not in get_args(StateName):
+        raise InputError(f'operating state "{message.state}": expected {", ".join(get_args(StateName))}')
+    return OperatingState(cast(StateName, message.state), message.is_homed, message.is_busy)
+
+
+def command_message(command: str, stamp: int) -> Message:
+    """Give a crtk_msgs/StringStamped that asks for a transition of the operating state."""
+    return message_class("crtk_msgs/StringStamped")(header(stamp), command)
+
+
+def specific_force(message: Message) -> Floats:
+    """Acceleration (3,) that an accelerometer read [m/s2], in its own axes: minus gravity when at rest.
+
+    Takes sensor_msgs/Imu, geometry_msgs/AccelStamped and Vector3Stamped, all read alike.
+
+    Raises:
+        InputError: Another type, NaN, or an Imu that says (covariance -1) that it measures no acceleration.
+    """
+    if isinstance(message, message_class("sensor_msgs/Imu")):
+        if message.linear_acceleration_covariance[0] == -1.0:
+            raise InputError("Imu: linear_acceleration_covariance[0] is -1: it measures no acceleration")
+        values = message.linear_acceleration
+    elif isinstance(message, message_class("geometry_msgs/AccelStamped")):
+        values = message.accel.linear
+    elif isinstance(message, message_class("geometry_msgs/Vector3Stamped")):
+        values = message.vector
+    else:
+        raise InputError(
+            f"expected an Imu, an AccelStamped or a Vector3Stamped, got {type(message).__name__}"
+        )
+    return as_array(type(message).__name__, tuple(values), (3,))
+
+
+def seconds(stamp: int) -> float:
+    """Time [s] of a stamp [ns]; since 1970 that is exact to 0.24 us."""
+    return stamp / SECOND
+
+
+def nanoseconds(time: float) -> int:
+    """Stamp [ns] of a time [s].
+
+    Raises:
+        InputError: It is negative, infinite or NaN.
+    """
+    if not 0.0 <= time < np.inf:
+        raise InputError(f"time: expected seconds, zero or more, got {time}")
+    whole = int(time)
+    return whole * SECOND + round((time - whole) * SECOND)
+
+
+class Stamps:
+    """Stamps that strictly increase, as CRTK's clients demand, also when the clock is set back or stands still."""
+
+    def __init__(self) -> None:
+        self._last = 0
+
+    def next(self, now: int) -> int:
+        """Give `now` [ns], or one nanosecond more than the last where that is later."""
+        self._last = max(now, self._last + 1)
+        return self._last
+
+
+def age(message: Message, now: int) -> float | None:
+    """Seconds since a message's stamp, or None where it has no header, or a stamp that was never set."""
+    stamp = stamp_of(message)
+    return None if not stamp else (now - stamp) / SECOND

@@ -1,0 +1,189 @@
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import Rotation
+
+from catenary.crtk.conversions import (
+    Stamps,
+    age,
+    command_message,
+    joint_state,
+    joint_state_message,
+    joint_values,
+    nanoseconds,
+    operating_state,
+    operating_state_message,
+    pose_message,
+    pose_of,
+    seconds,
+    specific_force,
+)
+from catenary.crtk.message import header, message_class
+from catenary.crtk.wire import codec
+from catenary.errors import InputError
+from catenary.plant import OperatingState
+from catenary.spatial import Pose
+
+NAMES = ("shoulder", "elbow", "insertion")
+Q = np.array([0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
+def test_numbers_go_to_the_joints_of_their_names_in_any_order(order: tuple[int, ...]) -> None:
+    message = joint_state_message(tuple(NAMES[i] for i in order), 1, Q[list(order)])
+    assert_array_equal(joint_values(message, NAMES), Q)
+
+
+def test_numbers_without_names_are_taken_in_our_order_the_first_of_them() -> None:
+    message = message_class("sensor_msgs/JointState")(position=np.array([0.1, 0.2, 0.3, 9.0]))
+    assert_array_equal(joint_values(message, NAMES), Q)
+
+
+def test_joints_that_are_not_named_keep_what_is_given_for_them() -> None:
+    message = joint_state_message(("insertion",), 1, [0.5])
+    kept = np.array([7.0, 8.0, 9.0])
+    assert_array_equal(joint_values(message, NAMES, missing=kept), [7.0, 8.0, 0.5])
+    assert_array_equal(kept, [7.0, 8.0, 9.0])
+
+
+@pytest.mark.parametrize(
+    ("names", "values", "complaint"),
+    [
+        (("shoulder", "elbow"), [1, 2], "missing: insertion"),
+        (("shoulder", "elbow", "wrist"), [1, 2, 3], "unknown: wrist; missing: insertion"),
+        (("shoulder", "elbow", "insertion", "elbow"), [1, 2, 3, 4], "given twice: elbow"),
+        (("shoulder", "elbow", "insertion"), [1, 2], "2 numbers for 3 names"),
+        (("shoulder", "elbow", "insertion"), [1, 2, np.nan], r"position\[2\] is nan"),
+        ((), [1, 2], "without names, expected 3"),
+    ],
+)
+def test_what_fits_no_joint_is_refused(names: tuple[str, ...], values: list[float], complaint: str) -> None:
+    message = message_class("sensor_msgs/JointState")(name=names, position=np.array(values, dtype=float))
+    with pytest.raises(InputError, match=complaint):
+        joint_values(message, NAMES)
+
+
+def test_a_joint_state_survives_the_way_there_and_back() -> None:
+    sent = joint_state_message(NAMES, 1_700_000_000_500_000_000, Q, 2 * Q, 3 * Q)
+    one = codec("sensor_msgs/JointState")
+    got = joint_state(one.decode(one.encode(sent, 1)), NAMES, gravity=(0.0, 0.0, -9.81))
+    assert got.time == 1_700_000_000.5
+    assert_array_equal(np.stack([got.q, got.qd, got.tau]), np.stack([Q, 2 * Q, 3 * Q]))
+    assert_array_equal(got.gravity, [0.0, 0.0, -9.81])
+    assert got.gravity_age == np.inf
+
+
+def test_velocities_that_were_not_sent_are_nan_and_not_zero() -> None:
+    got = joint_state(joint_state_message(NAMES, 1, Q), NAMES, gravity=np.zeros(3))
+    assert np.isnan(got.qd).all()
+    assert np.isnan(got.tau).all()
+
+
+def test_a_joint_state_of_another_length_is_not_made() -> None:
+    with pytest.raises(InputError, match="velocity: expected 3 numbers"):
+        joint_state_message(NAMES, 1, Q, Q[:2])
+
+
+def random_pose(seed: int) -> Pose:
+    rng = np.random.default_rng(seed)
+    return Pose(Rotation.random(random_state=seed).as_matrix(), rng.normal(size=3))
+
+
+@given(st.integers(0, 2**31), st.sampled_from([None, "tool"]))
+@settings(deadline=None)
+def test_a_pose_survives_the_way_there_and_back(seed: int, child: str | None) -> None:
+    pose = random_pose(seed)
+    message = pose_message(pose, 5, "base", child=child)
+    kind = "geometry_msgs/PoseStamped" if child is None else "geometry_msgs/TransformStamped"
+    got = pose_of(codec(kind).decode(codec(kind).encode(message, 1)))
+    assert_allclose(got.rotation, pose.rotation, atol=1e-14)  # rounding of a quaternion
+    assert_array_equal(got.position, pose.position)
+
+
+def test_quaternions_are_sent_with_w_last() -> None:
+    quarter = Pose(Rotation.from_euler("z", 90, degrees=True).as_matrix(), np.zeros(3))
+    turn = pose_message(quarter, 5, "base").pose.orientation
+    assert turn._fields == ("x", "y", "z", "w")
+    assert_allclose(turn, [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)], atol=1e-15)  # axis sin, cos of 45 degrees
+
+
+@pytest.mark.parametrize("kind", ["geometry_msgs/PoseStamped", "geometry_msgs/TransformStamped"])
+def test_a_quaternion_that_was_never_set_is_refused(kind: str) -> None:
+    with pytest.raises(InputError, match="expected length 1, got 0"):
+        pose_of(message_class(kind)())
+
+
+def test_a_message_without_a_pose_is_refused() -> None:
+    with pytest.raises(InputError, match="got String"):
+        pose_of(message_class("std_msgs/String")())
+
+
+@pytest.mark.parametrize("state", ["DISABLED", "ENABLED", "PAUSED", "FAULT"])
+def test_operating_states_survive_the_way_there_and_back(state: Any) -> None:
+    sent = OperatingState(state, True, False)
+    one = codec("crtk_msgs/operating_state")
+    assert operating_state(one.decode(one.encode(operating_state_message(sent, 3), 1))) == sent
+
+
+def test_an_unknown_operating_state_is_refused_with_the_choices() -> None:
+    with pytest.raises(InputError, match='"asleep": expected DISABLED, ENABLED, PAUSED, FAULT'):
+        operating_state(message_class("crtk_msgs/OperatingState")(state="asleep"))
+
+
+def test_a_command_is_the_text_that_crtk_knows() -> None:
+    assert command_message("home", 3).string == "home"
+
+
+def accelerations() -> list[Any]:
+    vector = message_class("geometry_msgs/Vector3")(0.5, -0.25, 9.75)
+    return [
+        message_class("sensor_msgs/Imu")(linear_acceleration=vector),
+        message_class("geometry_msgs/AccelStamped")(
+            accel=message_class("geometry_msgs/Accel")(linear=vector)
+        ),
+        message_class("geometry_msgs/Vector3Stamped")(vector=vector),
+    ]
+
+
+@pytest.mark.parametrize("message", accelerations(), ids=lambda message: type(message).__name__)
+def test_accelerations_of_all_types_are_read_alike(message: Any) -> None:
+    assert_array_equal(specific_force(message), [0.5, -0.25, 9.75])
+
+
+def test_an_imu_without_an_accelerometer_is_refused() -> None:
+    with pytest.raises(InputError, match="measures no acceleration"):
+        specific_force(message_class("sensor_msgs/Imu")(linear_acceleration_covariance=-np.ones(9)))
+    with pytest.raises(InputError, match="got String"):
+        specific_force(message_class("std_msgs/String")())
+
+
+@given(st.integers(0, 2**32 * 10**9 - 1))
+def test_a_stamp_survives_as_seconds_to_a_quarter_of_a_microsecond(stamp: int) -> None:
+    # the spacing of doubles at 2^32 s is 2^-20 s, half of which is rounded away
+    assert abs(nanoseconds(seconds(stamp)) - stamp) <= 2**-21 * 1e9 + 1
+
+
+@pytest.mark.parametrize("time", [-1.0, np.nan, np.inf])
+def test_a_time_that_no_stamp_can_hold_is_refused(time: float) -> None:
+    with pytest.raises(InputError, match="zero or more"):
+        nanoseconds(time)
+
+
+@given(st.lists(st.integers(0, 100), min_size=2))
+def test_stamps_strictly_increase_whatever_the_clock_does(clock: list[int]) -> None:
+    stamps = Stamps()
+    given_out = [stamps.next(now) for now in clock]
+    assert all(a < b for a, b in itertools.pairwise(given_out))
+    assert all(stamp >= now for stamp, now in zip(given_out, clock, strict=True))
+
+
+def test_age_is_the_time_since_the_stamp_where_there_is_one() -> None:
+    message = message_class("crtk_msgs/StringStamped")(header(2_000_000_000))
+    assert age(message, 2_250_000_000) == 0.25
+    assert age(message_class("crtk_msgs/StringStamped")(), 5) is None
+    assert age(message_class("std_msgs/Empty")(), 5) is None

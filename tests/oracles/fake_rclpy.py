@@ -1,0 +1,424 @@
+"""A stand-in for rclpy, within one process: the interface of rclpy (Humble) as far as a transport uses it.
+
+It is as strict as the original where that matters: setters of messages check types as rosidl's generated Python does,
+qualities of service must be compatible, callbacks run only while an executor spins, histories keep the last `depth`
+messages, and coroutines are run by the executor.
+"""
+
+import array
+import copy
+import enum
+import inspect
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from catenary.recording.messages import MESSAGES, NUMBERS, SERVICES, Field, fields
+
+
+class DurabilityPolicy(enum.Enum):
+    TRANSIENT_LOCAL = 1
+    VOLATILE = 2
+
+
+class ReliabilityPolicy(enum.Enum):
+    RELIABLE = 1
+    BEST_EFFORT = 2
+
+
+class HistoryPolicy(enum.Enum):
+    KEEP_LAST = 1
+    KEEP_ALL = 2
+
+
+class SignalHandlerOptions(enum.Enum):
+    NO = 0
+    ALL = 3
+
+
+class QoSProfile:
+    def __init__(self, **options: Any) -> None:
+        assert set(options) <= {"history", "depth", "reliability", "durability"}, "Invalid arguments"
+        self.depth: int = options.get("depth", 0)
+        self.durability = options.get("durability", DurabilityPolicy.VOLATILE)
+        self.reliability = options.get("reliability", ReliabilityPolicy.RELIABLE)
+
+
+class Context:
+    def __init__(self) -> None:
+        self._running = False
+
+    def ok(self) -> bool:
+        return self._running
+
+
+class Future:
+    def __init__(self, *, executor: Any = None) -> None:
+        self._done = False
+        self._result: Any = None
+        self._callbacks: list[Callable[[Any], None]] = []
+        self._lock = threading.Lock()
+
+    def done(self) -> bool:
+        return self._done
+
+    def result(self) -> Any:
+        return self._result
+
+    def set_result(self, result: Any) -> None:
+        with self._lock:
+            self._result, self._done = result, True
+            callbacks, self._callbacks = self._callbacks, []
+        for callback in callbacks:
+            callback(self)
+
+    def add_done_callback(self, callback: Callable[[Any], None]) -> None:
+        with self._lock:
+            if not self._done:
+                self._callbacks.append(callback)
+                return
+        callback(self)
+
+    def __await__(self) -> Iterator[None]:
+        while not self._done:
+            yield
+        return self._result
+
+
+class SingleThreadedExecutor:
+    def __init__(self, *, context: Context) -> None:
+        self._jobs: deque[Callable[[], Any]] = deque()
+        self._tasks: list[Any] = []
+        self._nodes: list[Node] = []
+        self._changed = threading.Condition()
+
+    def add_node(self, node: "Node") -> bool:
+        self._nodes.append(node)
+        node.executor = self
+        return True
+
+    def put(self, job: Callable[[], Any]) -> None:
+        with self._changed:
+            self._jobs.append(job)
+            self._changed.notify_all()
+
+    def spin_once(self, timeout_sec: float | None = None) -> None:
+        with self._changed:
+            if not self._tasks:
+                self._changed.wait_for(lambda: self._jobs, timeout_sec)
+            job = self._jobs.popleft() if self._jobs else None
+        if job is not None:
+            result = job()
+            if inspect.iscoroutine(result):
+                self._tasks.append(result)
+        for task in tuple(self._tasks):
+            try:
+                task.send(None)
+            except StopIteration:
+                self._tasks.remove(task)
+        if self._tasks and job is None:
+            time.sleep(0.001)
+
+    def shutdown(self, timeout_sec: float | None = None) -> bool:
+        for task in self._tasks:
+            task.close()
+        return True
+
+
+class Publisher:
+    def __init__(self, node: "Node", kind: Any, topic: str, qos: QoSProfile) -> None:
+        self.node, self.kind, self.topic, self.qos = node, kind, topic, qos
+        self.history: deque[Any] = deque(maxlen=max(qos.depth, 1))
+
+    def publish(self, message: Any) -> None:
+        if not isinstance(message, self.kind):
+            raise TypeError(f"Expected {self.kind}, got {type(message)}")
+        with GRAPH.lock:
+            if self.qos.durability is DurabilityPolicy.TRANSIENT_LOCAL:
+                self.history.append(copy.deepcopy(message))
+            for subscription in GRAPH.subscriptions:
+                if subscription.matches(self):
+                    subscription.deliver(message)
+
+    def get_subscription_count(self) -> int:
+        return sum(one.matches(self) for one in GRAPH.subscriptions)
+
+
+class Subscription:
+    def __init__(self, node: "Node", kind: Any, topic: str, callback: Any, qos: QoSProfile) -> None:
+        self.node, self.kind, self.topic, self.callback, self.qos = node, kind, topic, callback, qos
+        self._history: deque[Any] = deque(maxlen=max(qos.depth, 1))
+
+    def matches(self, publisher: Publisher) -> bool:
+        asks_more = (
+            self.qos.durability is DurabilityPolicy.TRANSIENT_LOCAL
+            and publisher.qos.durability is DurabilityPolicy.VOLATILE
+        )
+        return self.topic == publisher.topic and self.kind is publisher.kind and not asks_more
+
+    def deliver(self, message: Any) -> None:
+        self._history.append(copy.deepcopy(message))
+        self.node.executor.put(self._take)
+
+    def _take(self) -> None:
+        with GRAPH.lock:
+            message = self._history.popleft() if self._history and self in GRAPH.subscriptions else None
+        if message is not None:
+            self.callback(message)
+
+
+class Service:
+    def __init__(self, node: "Node", kind: Any, name: str, callback: Any) -> None:
+        self.node, self.kind, self.name, self.callback = node, kind, name, callback
+
+
+class Client:
+    def __init__(self, node: "Node", kind: Any, name: str) -> None:
+        self.node, self.kind, self.name = node, kind, name
+
+    def service_is_ready(self) -> bool:
+        return any(one.name == self.name and one.kind is self.kind for one in GRAPH.services)
+
+    def wait_for_service(self, timeout_sec: float | None = None) -> bool:
+        end = time.monotonic() + (timeout_sec or 0.0)
+        while not self.service_is_ready() and time.monotonic() < end:
+            time.sleep(0.01)
+        return self.service_is_ready()
+
+    def call_async(self, request: Any) -> Future:
+        assert isinstance(request, self.kind.Request)
+        future = Future()
+        service = next(one for one in GRAPH.services if one.name == self.name)
+
+        async def answer() -> None:
+            result = service.callback(copy.deepcopy(request), self.kind.Response())
+            if inspect.iscoroutine(result):
+                result = await result
+            assert isinstance(result, self.kind.Response)
+            self.node.executor.put(lambda: future.set_result(result))
+
+        service.node.executor.put(answer)
+        return future
+
+
+class Node:
+    def __init__(self, name: str, *, context: Context, use_global_arguments: bool = True) -> None:
+        assert context.ok(), "rclpy.init() has not been called"
+        self.name, self.executor = name, SingleThreadedExecutor(context=context)
+
+    def create_publisher(self, msg_type: Any, topic: str, qos_profile: QoSProfile) -> Publisher:
+        made = Publisher(self, msg_type, topic, qos_profile)
+        with GRAPH.lock:
+            GRAPH.publishers.append(made)
+        return made
+
+    def create_subscription(
+        self, msg_type: Any, topic: str, callback: Any, qos_profile: QoSProfile
+    ) -> Subscription:
+        made = Subscription(self, msg_type, topic, callback, qos_profile)
+        with GRAPH.lock:
+            GRAPH.subscriptions.append(made)
+            for publisher in GRAPH.publishers:
+                if made.matches(publisher) and qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL:
+                    for message in publisher.history:
+                        made.deliver(message)
+        return made
+
+    def create_service(self, srv_type: Any, srv_name: str, callback: Any) -> Service:
+        GRAPH.services.append(Service(self, srv_type, srv_name, callback))
+        return GRAPH.services[-1]
+
+    def create_client(self, srv_type: Any, srv_name: str) -> Client:
+        return Client(self, srv_type, srv_name)
+
+    def destroy_publisher(self, publisher: Publisher) -> bool:
+        with GRAPH.lock:
+            GRAPH.publishers.remove(publisher)
+        return True
+
+    def destroy_subscription(self, subscription: Subscription) -> bool:
+        with GRAPH.lock:
+            GRAPH.subscriptions.remove(subscription)
+        return True
+
+    def destroy_client(self, client: Client) -> bool:
+        return True
+
+    def destroy_node(self) -> None:
+        with GRAPH.lock:
+            for kind in (GRAPH.publishers, GRAPH.subscriptions, GRAPH.services):
+                kind[:] = [one for one in kind if one.node is not self]  # type: ignore[attr-defined]
+
+    def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
+        ends: list[Any] = [*GRAPH.publishers, *GRAPH.subscriptions]
+        return [
+            (topic, sorted({one.kind.ros2_name for one in ends if one.topic == topic}))
+            for topic in {one.topic for one in ends}
+        ]
+
+    def get_service_names_and_types(self) -> list[tuple[str, list[str]]]:
+        return [(one.name, [one.kind.__name__]) for one in GRAPH.services]
+
+    def get_publishers_info_by_topic(self, topic: str) -> list[Any]:
+        return [_info(one) for one in GRAPH.publishers if one.topic == topic]
+
+    def get_subscriptions_info_by_topic(self, topic: str) -> list[Any]:
+        return [_info(one) for one in GRAPH.subscriptions if one.topic == topic]
+
+    def count_publishers(self, topic: str) -> int:
+        return len(self.get_publishers_info_by_topic(topic))
+
+
+class Graph:
+    def __init__(self) -> None:
+        self.lock = threading.RLock()
+        self.publishers: list[Publisher] = []
+        self.subscriptions: list[Subscription] = []
+        self.services: list[Service] = []
+
+
+GRAPH = Graph()
+
+
+def _info(end: Any) -> SimpleNamespace:
+    return SimpleNamespace(
+        node_name=end.node.name, node_namespace="/", topic_type=end.kind.ros2_name, qos_profile=end.qos
+    )
+
+
+def init(*, args: Any, context: Context, signal_handler_options: SignalHandlerOptions) -> None:
+    assert signal_handler_options is SignalHandlerOptions.NO
+    context._running = True
+
+
+def create_node(name: str, *, context: Context, use_global_arguments: bool = True) -> Node:
+    return Node(name, context=context, use_global_arguments=use_global_arguments)
+
+
+def shutdown(*, context: Context) -> None:
+    assert context.ok(), "rclpy.shutdown() was called already"
+    context._running = False
+
+
+def _checked(field: Field, value: Any, kinds: dict[str, Any]) -> Any:
+    """What a setter of rosidl's generated Python accepts."""
+    if field.length is not None and field.type in NUMBERS:
+        kind = np.dtype(NUMBERS[field.type])
+        if field.length:
+            assert isinstance(value, np.ndarray), "expected a numpy.ndarray"
+            assert value.dtype == kind
+            assert value.size == field.length
+            return value
+        if isinstance(value, array.array):
+            assert np.dtype(value.typecode) == kind, "array.array type code"
+            return value
+        assert isinstance(value, list | tuple), "expected a sequence"
+        return array.array(
+            np.dtype(kind).char, [_checked(field._replace(length=None), one, kinds) for one in value]
+        )
+    if field.length is not None:
+        assert isinstance(value, list | tuple), "expected a sequence"
+        assert not field.length or len(value) == field.length
+        return [_checked(field._replace(length=None), one, kinds) for one in value]
+    if field.type == "bool":
+        assert isinstance(value, bool)
+    elif field.type in NUMBERS and np.dtype(NUMBERS[field.type]).kind == "f":
+        assert isinstance(value, float), f"The '{field.name}' field must be of type 'float'"
+    elif field.type in NUMBERS:
+        limits = np.iinfo(NUMBERS[field.type])
+        assert isinstance(value, int)
+        assert limits.min <= value <= limits.max
+    elif field.type == "string":
+        assert isinstance(value, str), f"The '{field.name}' field must be of type 'str'"
+    else:
+        assert isinstance(value, kinds[field.type]), (
+            f"The '{field.name}' field must be of type '{field.type}'"
+        )
+    return value
+
+
+def _default(field: Field, kinds: dict[str, Any]) -> Any:
+    if field.length and field.type in NUMBERS:
+        return np.zeros(field.length, dtype=NUMBERS[field.type])
+    if field.length is not None:
+        return [_default(field._replace(length=None), kinds) for _ in range(field.length)]
+    if field.type in NUMBERS:
+        return False if field.type == "bool" else 0.0 if field.type.startswith("float") else 0
+    return "" if field.type == "string" else kinds[field.type]()
+
+
+def _message(name: str, parts: tuple[Field, ...], kinds: dict[str, Any]) -> Any:
+    def __init__(self: Any, **given: Any) -> None:
+        assert set(given) <= {field.name for field in parts}, (
+            f"Invalid arguments passed to constructor: {given}"
+        )
+        for field in parts:
+            setattr(self, field.name, given.get(field.name, _default(field, kinds)))
+
+    def __setattr__(self: Any, key: str, value: Any) -> None:
+        field = next((field for field in parts if field.name == key), None)
+        if field is None:
+            raise AttributeError(f"'{name}' object has no attribute '{key}'")
+        object.__setattr__(self, key, _checked(field, value, kinds))
+
+    package, _, short = name.partition("/")
+    return type(
+        short, (), {"__init__": __init__, "__setattr__": __setattr__, "ros2_name": f"{package}/msg/{short}"}
+    )
+
+
+@contextmanager
+def installed() -> Iterator[None]:
+    """Put it, and the messages that ROS 2 has, where `import` finds them."""
+    modules = {
+        "rclpy": {"init": init, "create_node": create_node, "shutdown": shutdown},
+        "rclpy.context": {"Context": Context},
+        "rclpy.executors": {"SingleThreadedExecutor": SingleThreadedExecutor},
+        "rclpy.signals": {"SignalHandlerOptions": SignalHandlerOptions},
+        "rclpy.task": {"Future": Future},
+        "rclpy.qos": {
+            "QoSProfile": QoSProfile,
+            "DurabilityPolicy": DurabilityPolicy,
+            "ReliabilityPolicy": ReliabilityPolicy,
+            "HistoryPolicy": HistoryPolicy,
+        },
+    }
+    kinds: dict[str, Any] = {}
+    for kind, sec in (("time", "int32"), ("duration", "int32")):
+        parts = (Field("sec", sec, None), Field("nanosec", "uint32", None))
+        kinds[kind] = _message(f"builtin_interfaces/{kind.capitalize()}", parts, kinds)
+    modules["builtin_interfaces.msg"] = {"Time": kinds["time"], "Duration": kinds["duration"]}
+    for name in MESSAGES:
+        package, _, short = name.partition("/")
+        if package == "raven_2":
+            continue
+        parts = tuple(f for f in fields(name) if (name, f.name) != ("std_msgs/Header", "seq"))
+        kinds[name] = _message(name, parts, kinds)
+        modules.setdefault(f"{package}.msg", {})[short] = kinds[name]
+    for name in SERVICES:
+        package, _, short = name.partition("/")
+        halves = {h: _message(f"{name}{h}", fields(f"{name}{h}"), kinds) for h in ("Request", "Response")}
+        modules.setdefault(f"{package}.srv", {})[short] = type(short, (), halves)
+    packages = {name.partition(".")[0] for name in modules} - set(modules)
+    before = {name: sys.modules.get(name) for name in (*modules, *packages)}
+    for name in packages:
+        sys.modules[name] = ModuleType(name)
+        sys.modules[name].__path__ = []  # type: ignore[attr-defined]
+    for name, content in modules.items():
+        sys.modules[name] = ModuleType(name)
+        sys.modules[name].__dict__.update(content)
+    try:
+        yield
+    finally:
+        for name, module in before.items():
+            if module is None:
+                del sys.modules[name]
+            else:
+                sys.modules[name] = module
