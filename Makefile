@@ -14,13 +14,14 @@ export OPENBLAS_NUM_THREADS ?= 1
 
 
 .PHONY: table1 refit plant-check
-.PHONY: demo test lint bench dvrk-table clean help
+.PHONY: demo test lint bench bench-ros1 dvrk-table clean help
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
 	@echo "make test        set up, run all tests"
 	@echo "make lint        format, lint, types, import order"
-	@echo "make bench       speed of deployed models, of the control loop beside other libraries, of ROS 1 (where installed)"
+	@echo "make bench       speed of deployed models and of the control loop, beside other libraries"
+	@echo "make bench-ros1  messages between two processes over ROS 1, where it is installed"
 	@echo "make dvrk-table  the table of docs/calibration.md, from recordings of a real arm (CATENARY_DATA)"
 	@echo "make table1      table I of the calibration paper on six simulated robots (15 minutes), into results/"
 	@echo "make refit       fit the simulated RAVEN-II to the paper's errors again (15 minutes); rewrites its data file"
@@ -42,6 +43,8 @@ lint: $(VENV)/.development
 bench: $(VENV)/.benchmarks
 	$(BIN)/python -m tests.benchmarks.inference --json build/benchmarks/inference.json
 	$(BIN)/python -m tests.benchmarks.control_tick --json build/benchmarks/control_tick.json
+
+bench-ros1: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.ros1_throughput --json build/benchmarks/ros1_throughput.json
 
 dvrk-table: $(VENV)/.package

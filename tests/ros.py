@@ -98,10 +98,10 @@ def running_master(folder: Path) -> Iterator[Master]:
 class Program:
     """A Python program beside the tests; lines go in and come out."""
 
-    def __init__(self, master: Master, code: str, *arguments: str) -> None:
+    def __init__(self, master: Master, code: str, *arguments: str, **environment: str) -> None:
         self.process = subprocess.Popen(
             [sys.executable, "-u", "-c", code, *arguments],
-            env=master.environment,
+            env={**master.environment, **environment},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

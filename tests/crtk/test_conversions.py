@@ -163,6 +163,7 @@ def test_an_imu_without_an_accelerometer_is_refused() -> None:
 
 
 @given(st.integers(0, 2**32 * 10**9 - 1))
+@settings(deadline=None)
 def test_a_stamp_survives_as_seconds_to_a_quarter_of_a_microsecond(stamp: int) -> None:
     # the spacing of doubles at 2^32 s is 2^-20 s, half of which is rounded away
     assert abs(nanoseconds(seconds(stamp)) - stamp) <= 2**-21 * 1e9 + 1
@@ -175,6 +176,7 @@ def test_a_time_that_no_stamp_can_hold_is_refused(time: float) -> None:
 
 
 @given(st.lists(st.integers(0, 100), min_size=2))
+@settings(deadline=None)
 def test_stamps_strictly_increase_whatever_the_clock_does(clock: list[int]) -> None:
     stamps = Stamps()
     given_out = [stamps.next(now) for now in clock]

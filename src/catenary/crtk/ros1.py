@@ -27,7 +27,8 @@ from catenary.errors import MissingPackageError, TransportError
 from catenary.recording.messages import current_name, service_md5_sum
 
 _LENGTH = struct.Struct("<I")
-_DEBIAN = Path("/usr/lib/python3/dist-packages")
+# where Debian and ROS noetic put it, for the system's Python
+_FOLDERS = (Path("/usr/lib/python3/dist-packages"), Path("/opt/ros/noetic/lib/python3/dist-packages"))
 _open: "Ros1Transport | None" = None  # rospy has one node a process
 
 
@@ -39,14 +40,12 @@ def make_rospy_importable() -> None:
     """
     if importlib.util.find_spec("rospy") is not None:
         return
-    folders = [Path("/opt/ros/noetic/lib/python3/dist-packages")]
-    if _debian_python() == sys.version_info[:2]:
-        folders.insert(0, _DEBIAN)
-    for folder in folders:
-        if (folder / "rospy" / "__init__.py").is_file():
-            sys.path.append(str(folder))
-            importlib.invalidate_caches()
-            return
+    if _system_python() == sys.version_info[:2]:
+        for folder in _FOLDERS:
+            if (folder / "rospy" / "__init__.py").is_file():
+                sys.path.append(str(folder))
+                importlib.invalidate_caches()
+                return
     version = ".".join(map(str, sys.version_info[:2]))
     raise MissingPackageError(
         f"rospy: not found for Python {version}. On Debian 12, with its Python 3.11: apt install python3-rospy "
@@ -54,8 +53,8 @@ def make_rospy_importable() -> None:
     )
 
 
-def _debian_python() -> tuple[int, int] | None:
-    """Version of Python that the system's packages are made for."""
+def _system_python() -> tuple[int, int] | None:
+    """Version of Python for which the system's packages are made."""
     try:
         name = Path("/usr/bin/python3").resolve(strict=True).name
         major, _, minor = name.removeprefix("python").partition(".")
@@ -196,7 +195,9 @@ class Ros1Transport(PollingTransport):
     def _refuse_other_type(self, topic: str, type_name: str) -> None:
         """Refuse what rospy would only mention in a log, while nothing arrives."""
         published = self._node.master.topics().get(topic)
-        if published is not None and current_name(published) != current_name(type_name):
+        if published is None or current_name(published) == current_name(type_name):
+            return
+        if self._node.master.publishers(topic):  # not only one that crashed
             raise other_type(topic, type_name, published)
 
     def service(self, name: str, type_name: str, handler: Handler) -> None:
@@ -204,7 +205,7 @@ class Ros1Transport(PollingTransport):
         self.require_open()
         name = absolute(name)
         service_md5_sum(type_name)
-        if name in self._services or self._node.master.service(name) is not None:
+        if name in self._services or self._node.master.service_answers(name):
             raise TransportError(f"service {name} is offered already")
         rospy, links = importlib.import_module("rospy"), _links()
         asked, answer = codec(f"{type_name}Request"), codec(f"{type_name}Response")

@@ -6,6 +6,7 @@ API: wiki.ros.org/ROS/Master_API.
 
 import http.client
 import os
+import socket
 import threading
 import xmlrpc.client
 from typing import Any
@@ -73,6 +74,23 @@ class Master:
         except (TransportError, Refused):
             return False
         return True
+
+    def service_answers(self, name: str) -> bool:
+        """Whether a service is offered by a program that is alive."""
+        parts = urlparse(self.service(name) or "")
+        if parts.hostname is None:
+            return False
+        try:
+            with socket.create_connection((parts.hostname, parts.port), PATIENCE):
+                return True
+        except OSError:
+            return False
+
+    def publishers(self, topic: str) -> list[str]:
+        """Names of nodes that publish a topic and are alive."""
+        published, _, _ = self._ask(self.uri, "getSystemState")
+        names = [str(name) for found, nodes in published if found == topic for name in nodes]
+        return [name for name in names if (uri := self.node(name)) is not None and self.node_answers(uri)]
 
     def topics(self) -> dict[str, str]:
         """Topics that somebody publishes, and their types as the publisher spells them."""

@@ -10,23 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from catenary.crtk.clock import SECOND
 from catenary.crtk.message import HEADER, Message, message_class, message_fields
+from catenary.crtk.wire import CODES
 from catenary.errors import InputError, MissingPackageError
 from catenary.recording.messages import MESSAGES, NUMBERS, TIMES, Field, current_name, fields, ros2_name
-
-SECOND = 1_000_000_000  # [ns]
-_CODES = {
-    "u1": "B",
-    "i1": "b",
-    "i2": "h",
-    "u2": "H",
-    "i4": "i",
-    "u4": "I",
-    "i8": "q",
-    "u8": "Q",
-    "f4": "f",
-    "f8": "d",
-}
 
 
 def ros2_class(name: str, kind: str = "msg") -> Any:
@@ -97,7 +85,7 @@ def _out(field: Field, value: Any) -> Any:
         if kind.kind in "iu" and not np.array_equal(numbers.astype(kind), numbers):
             raise OverflowError(f"out of the range of {kind}")
         numbers = numbers.astype(kind)
-        return numbers if field.length else array.array(_CODES[kind.str.lstrip("<|")], numbers.tobytes())
+        return numbers if field.length else array.array(CODES[kind.str.lstrip("<|")], numbers.tobytes())
     if field.length is not None:
         if isinstance(value, str):
             raise TypeError("a single text")

@@ -12,16 +12,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from catenary.crtk.clock import SECOND
 from catenary.crtk.message import HEADER, Message, has_header, message_class, message_fields
 from catenary.errors import CatenaryError, FileFormatError, InputError
 from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fields
 
 Write = Callable[[Any, list[bytes]], None]  # value, where its bytes go
 Read = Callable[[bytes, int], tuple[Any, int]]  # bytes, offset -> value, offset behind it
-SECOND = 1_000_000_000  # [ns]
 _COUNT = struct.Struct("<I")
 _HEADER = struct.Struct("<IIII")  # seq, seconds, nanoseconds, length of frame_id
-_CODES = {
+# NumPy's names of numbers -> those of `struct` and `array`
+CODES = {
     "u1": "B",
     "i1": "b",
     "i2": "h",
@@ -159,7 +160,7 @@ def _packer(parts: tuple[Field, ...]) -> struct.Struct | None:
 
 
 def _code(kind: str) -> str:
-    return _CODES[NUMBERS[kind].lstrip("<")]
+    return CODES[NUMBERS[kind].lstrip("<")]
 
 
 def _writer(field: Field) -> Write:

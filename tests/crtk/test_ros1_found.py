@@ -1,0 +1,46 @@
+"""Where rospy is looked for."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import pytest
+
+from catenary.crtk import ros1
+from catenary.crtk.ros1 import make_rospy_importable
+from catenary.errors import MissingPackageError
+
+
+@pytest.fixture
+def without_rospy(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """A system without rospy; the folder where Debian would have it."""
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(ros1, "_FOLDERS", (tmp_path,))
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    return tmp_path
+
+
+def test_a_system_without_rospy_is_told_how_to_get_it(without_rospy: Path) -> None:
+    with pytest.raises(MissingPackageError, match=r"apt install python3-rospy.*loopback"):
+        make_rospy_importable()
+
+
+def test_the_systems_packages_come_behind_all_others(
+    without_rospy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (without_rospy / "rospy").mkdir()
+    (without_rospy / "rospy" / "__init__.py").touch()
+    before = list(sys.path)
+    monkeypatch.setattr(ros1, "_system_python", lambda: sys.version_info[:2])
+    make_rospy_importable()
+    assert sys.path == [*before, str(without_rospy)]
+
+
+def test_packages_of_another_python_are_left_alone(
+    without_rospy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (without_rospy / "rospy").mkdir()
+    (without_rospy / "rospy" / "__init__.py").touch()
+    monkeypatch.setattr(ros1, "_system_python", lambda: (3, 8))
+    with pytest.raises(MissingPackageError, match="not found for Python"):
+        make_rospy_importable()
