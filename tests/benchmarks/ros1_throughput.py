@@ -1,6 +1,6 @@
 """ROS 1 between two processes of this machine: loss and latency of a JointState, and what a whole RAVEN-II costs.
 
-Run as `python -m tests.benchmarks.ros1_throughput`; needs rospy and its master (`apt install python3-rospy
+`make bench-ros1`, or `python -m tests.benchmarks.ros1_throughput`; needs rospy and its master (`apt install python3-rospy
 python3-rosmaster python3-std-msgs`), and starts a master of its own. Percentiles, since a maximum measures the machine.
 """
 
@@ -13,6 +13,9 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # `ros`, as pytest finds it
 
+from catenary.crtk.names import RAVEN
+from catenary.crtk.ros1 import make_rospy_importable
+from catenary.errors import MissingPackageError
 from ros import Program, running_master
 
 SECONDS = 10.0
@@ -34,7 +37,7 @@ share = (time.process_time() - begin[0]) / (time.monotonic() - begin[1])
 time.sleep(0.5)
 latency = [] if timed is None else [one.time - one.message.header.stamp for one in timed.take()]
 print(json.dumps({"received": len(latency) or sum(map(len, all.values())), "cpu": share,
-                  "us": [float(x) / 1e3 for x in np.quantile(latency or [0], (0.5, 0.99))]}))
+                  "us": [float(x) / 1e3 for x in np.quantile(latency, (0.5, 0.99))] if latency else []}))
 """
 SENDER = """
 import json, sys, time
@@ -72,8 +75,6 @@ sys.stdin.readline()
 
 def raven_topics() -> list[tuple[str, str]]:
     """What a RAVEN-II publishes every millisecond."""
-    from catenary.crtk.names import RAVEN
-
     return [(topic.name, topic.type) for topic in RAVEN if topic.direction == "out" and topic.rate == 1000.0]
 
 
@@ -87,6 +88,7 @@ def measure(topics: list[tuple[str, str]]) -> dict[str, Any]:
                 sent = json.loads(sender.line())
                 receiver.say("end")
                 received = json.loads(receiver.line())
+    latency = dict(zip(("p50_us", "p99_us"), received["us"], strict=False))
     return {
         "topics": len(topics),
         "hertz": sent["hertz"],
@@ -96,13 +98,16 @@ def measure(topics: list[tuple[str, str]]) -> dict[str, Any]:
         "sender_cores": sent["cpu"],
         "sender_us_a_tick": 1e6 * sent["cpu"] / sent["hertz"],
         "receiver_cores": received["cpu"],
-        "p50_us": received["us"][0],
-        "p99_us": received["us"][1],
+        **latency,
     }
 
 
 def main() -> None:
     """Measure, print, and write JSON where `--json FILE` says."""
+    try:
+        make_rospy_importable()
+    except MissingPackageError as error:
+        sys.exit(str(error))
     begin = time.monotonic()
     tables = {
         "one JointState": measure([("/latency", JOINT_STATE)]),
