@@ -8,7 +8,8 @@ from numpy.testing import assert_allclose
 from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
 from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.errors import MissingPackageError
-from catenary.robots.catalog import load_robot
+from catenary.gravity.torque import gravity_torque
+from catenary.robots.catalog import load_robot, robot_names
 from catenary.simulation.mujoco_dynamics import MujocoDynamics
 from catenary.simulation.payload import Payload, carrying
 from oracles.tree_poses import frame_pose
@@ -44,6 +45,17 @@ def test_torques_on_an_accelerating_base_are_the_recursions(random_robots):
         qdd = rng.normal(size=n)
         expected = inverse_dynamics(robot.model, q, qd, qdd, 9.81 * gravity, BaseMotion(*motion))
         assert_allclose(M @ qdd + h, expected, atol=1e-11 * max(1.0, np.abs(expected).max()))
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_gravity_torque_of_a_catalogue_robot_is_the_recursions(name):
+    model, rng = load_robot(name), np.random.default_rng(5)
+    for _ in range(5):
+        low, high = np.maximum(model.lower, -3.0), np.minimum(model.upper, 3.0)
+        q, gravity = rng.uniform(low, high), rng.normal(scale=6.0, size=3)
+        expected = gravity_torque(model, q, gravity)
+        # 1e-12 kg stand for massless links
+        assert_allclose(terms(model, q, 0 * q, gravity)[1], expected, atol=1e-10)
 
 
 def test_rods_and_massless_links_are_taken():

@@ -65,7 +65,8 @@ def test_gravity_torque_holds_a_catalogue_robot_still_on_a_tilted_base(name):
     plant = enabled(model, base=TILTED, hardware=hardware_for(name))
     start = plant.measured_js().q
     end = ticks(plant, 1000, gravity_torque(model, start, gravity_of(TILTED)))[-1]
-    assert_allclose(end, start, atol=1e-9)
+    # nothing corrects: rounding, 1e-16, grows by e^(t sqrt(g / l)), with l = 4 cm for the dual arm's wrists
+    assert_allclose(end, start, atol=1e-8)
 
 
 def test_gravity_torque_holds_random_trees_still(random_robots):
