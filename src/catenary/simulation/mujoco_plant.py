@@ -34,7 +34,8 @@ class MujocoPlant:
 
     Torques of `servo_jf` act as they are, up to the model's effort limits. `servo_jp` is obeyed by an ideal servo
     in place of firmware: computed torque that knows the arm, its payload, its base and its friction, critically
-    damped at BANDWIDTH. The setpoint moves at most at the model's velocity limits, and stays within its joint limits.
+    damped at BANDWIDTH. The setpoint moves at most at the model's velocity limits, and stays within its joint limits;
+    where a leap asks for more than the effort limits, the arm follows late and overshoots, as a real one does.
 
     Gravity in JointState is what an accelerometer on the base's origin takes for it: free-fall acceleration minus
     the origin's own acceleration, in base axes. With `base_rates` it is all that joints feel of a base's motion.
