@@ -20,7 +20,7 @@ help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
 	@echo "make test        set up, run all tests"
 	@echo "make lint        format, lint, types, import order"
-	@echo "make bench       speed of deployed models and of the control loop, beside other libraries"
+	@echo "make bench       speed of deployed models, of the control loop and of the simulator, beside other libraries"
 	@echo "make bench-ros1  messages between two processes over ROS 1, where it is installed"
 	@echo "make dvrk-table  the table of docs/calibration.md, from recordings of a real arm (CATENARY_DATA)"
 	@echo "make table1      table I of the calibration paper on six simulated robots (15 minutes), into results/"
@@ -43,6 +43,7 @@ lint: $(VENV)/.development
 bench: $(VENV)/.benchmarks
 	$(BIN)/python -m tests.benchmarks.inference --json build/benchmarks/inference.json
 	$(BIN)/python -m tests.benchmarks.control_tick --json build/benchmarks/control_tick.json
+	$(BIN)/python -m tests.benchmarks.mujoco_plant --json build/benchmarks/mujoco_plant.json
 
 bench-ros1: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.ros1_throughput --json build/benchmarks/ros1_throughput.json
@@ -74,7 +75,7 @@ $(VENV)/.development: $(BIN)/python pyproject.toml
 	@touch $@ $(VENV)/.package
 
 $(VENV)/.benchmarks: $(VENV)/.package
-	$(BIN)/python -m pip install --disable-pip-version-check -e ".[bench]"
+	$(BIN)/python -m pip install --disable-pip-version-check -e ".[bench,mujoco]"
 	@touch $@
 
 clean:

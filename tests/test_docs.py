@@ -25,6 +25,24 @@ def test_python_on_the_pages_runs(page: str, text: str) -> None:
     exec(compile(text, page, "exec"), {})
 
 
+def printed() -> list[tuple[str, str, str]]:
+    """Name of the page, code, and what it is said to print: a block of text right below a block of Python."""
+    form = r"^```python\n((?:(?!^```).)*?)^```\n\n```text\n(.*?)^```"
+    return [
+        (page.name, *found)
+        for page in PAGES
+        for found in re.findall(form, page.read_text(), re.MULTILINE | re.DOTALL)
+    ]
+
+
+@pytest.mark.parametrize(("page", "code", "text"), printed(), ids=lambda value: value[:20])
+def test_python_on_the_pages_prints_what_stands_below_it(
+    page: str, code: str, text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    exec(compile(code, page, "exec"), {})
+    assert capsys.readouterr().out == text
+
+
 @pytest.mark.parametrize(("page", "text"), blocks("toml"), ids=lambda value: value[:20])
 def test_robots_on_the_pages_load(page: str, text: str, tmp_path: Path) -> None:
     (tmp_path / "robot.toml").write_text(text)

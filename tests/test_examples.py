@@ -4,14 +4,22 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numpy.testing import assert_allclose
+
+from catenary.dynamics.kinematics import forward_kinematics
+from catenary.gravity.torque import gravity_torque
+from catenary.robots.assembly import LinkInertia
+from catenary.robots.catalog import load_robot
+from catenary.robots.dh import DHRobot, DHRow, from_dh
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
 
 def test_there_are_examples() -> None:
-    assert [path.name[:3] for path in EXAMPLES] == ["01_", "02_", "03_"]
+    assert [path.name[:3] for path in EXAMPLES] == ["01_", "02_", "03_", "04_"]
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
@@ -33,3 +41,38 @@ def test_an_example_is_short_and_says_what_one_sees(path: Path) -> None:
     text = path.read_text()
     assert text.count("\n") < 60
     assert ast.get_docstring(ast.parse(text))
+
+
+def test_the_ur5e_is_the_makers_dh_table() -> None:
+    alpha = np.deg2rad([90, 0, 0, 90, -90, 0])
+    a = [0, -0.425, -0.3922, 0, 0, 0]
+    d = [0.1625, 0, 0, 0.1333, 0.0997, 0.0996]
+    mass = [3.761, 8.058, 2.846, 1.37, 1.3, 0.365]
+    com = [
+        (0, -0.02561, 0.00193),
+        (0.2125, 0, 0.11336),
+        (0.15, 0, 0.0265),
+        (0, -0.0018, 0.01634),
+        (0, 0.0018, 0.01634),
+        (0, 0, -0.001159),
+    ]
+    point = np.zeros((3, 3))  # gravity does not ask for inertia
+    rows = [
+        DHRow(
+            f"joint{i}",
+            "revolute",
+            alpha[i],
+            a[i],
+            d[i],
+            0.0,
+            inertia=LinkInertia(mass[i], np.array(com[i]), point),
+        )
+        for i in range(6)
+    ]
+    table = from_dh(DHRobot("ur5e", "standard", rows))
+    arm = load_robot(ROOT / "examples" / "ur5e.urdf")
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        q, gravity = rng.uniform(-3.0, 3.0, 6), rng.normal(size=3)
+        assert_allclose(gravity_torque(arm, q, gravity), gravity_torque(table, q, gravity), atol=1e-6)
+        assert_allclose(forward_kinematics(arm, q).position, forward_kinematics(table, q).position, atol=1e-9)

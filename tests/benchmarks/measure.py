@@ -16,7 +16,7 @@ ROUNDS = 9
 CALLS = 5000
 
 
-def side_by_side(contenders: dict[str, Call]) -> dict[str, dict[str, float]]:
+def side_by_side(contenders: dict[str, Call], *, calls: int = CALLS) -> dict[str, dict[str, float]]:
     """CPU time [us] per call, and wall-clock quantiles of single calls; ratios are to the first contender."""
     gc.collect()
     gc.disable()
@@ -28,10 +28,10 @@ def side_by_side(contenders: dict[str, Call]) -> dict[str, dict[str, float]]:
     for _ in range(ROUNDS):
         for name, call in contenders.items():
             begin = time.thread_time_ns()
-            for _ in range(CALLS):
+            for _ in range(calls):
                 call()
-            cpu[name].append((time.thread_time_ns() - begin) / CALLS / 1000.0)
-            for _ in range(CALLS):
+            cpu[name].append((time.thread_time_ns() - begin) / calls / 1000.0)
+            for _ in range(calls):
                 before = time.perf_counter_ns()
                 call()
                 wall[name].append(time.perf_counter_ns() - before)

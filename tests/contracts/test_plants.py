@@ -6,12 +6,34 @@ from numpy.testing import assert_allclose
 
 from catenary.errors import CatenaryError, InputError, NotReadyError, UnsupportedCommandError
 from catenary.plant import JOINT_UNITS, Plant
+from catenary.robots.catalog import load_robot
+from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.mujoco_plant import MujocoPlant
 from oracles.cable_arms import homed_plant
+
+ROCKING = RockingBase(mean=0.2, amplitude=0.3, frequency=0.7, lever=(0.1, 0.2, 0.5))
+GENTLE = RockingBase(mean=0.2, amplitude=0.1, frequency=0.3, lever=(0.1, 0.2, 0.5))
+
+
+def homed_mujoco(robot: str, base: RockingBase | None = None) -> MujocoPlant:
+    plant = MujocoPlant(load_robot(robot), base=base)
+    plant.home()
+    return plant
+
+
+def unhomed_mujoco(robot: str) -> MujocoPlant:
+    plant = MujocoPlant(load_robot(robot))
+    plant.state_command("enable")
+    plant.state_command("unhome")
+    return plant
+
 
 PLANTS = {
     "cable left": (lambda: homed_plant("left"), lambda: CablePlant(side="left")),
     "cable right": (lambda: homed_plant("right"), lambda: CablePlant(side="right")),
+    "mujoco raven2": (lambda: homed_mujoco("raven2"), lambda: MujocoPlant(load_robot("raven2"))),
+    "mujoco planar": (lambda: homed_mujoco("planar_3r", GENTLE), lambda: unhomed_mujoco("planar_3r")),
 }
 SERVO = ("servo_jp", "servo_jr", "servo_jf")
 
@@ -61,6 +83,25 @@ def test_joint_states_are_the_receivers_own(ready):
     before.gravity[:] = 0.0
     assert (ready.measured_js().q != 99.0).all()
     assert np.linalg.norm(ready.measured_js().gravity) > 9.0
+
+
+@pytest.mark.parametrize(
+    "make", [lambda: CablePlant(base=ROCKING), lambda: homed_mujoco("two_link", ROCKING)]
+)
+def test_joint_state_holds_what_an_inertial_unit_on_a_moving_base_reads(make):
+    plant = make()
+    for _ in range(200):
+        plant.wait()
+    state, seen = plant.measured_js(), plant.telemetry()
+    assert_allclose(state.gravity, -seen["accelerometer"], atol=1e-12)
+    assert_allclose(state.base_rates[0], seen["gyroscope"], atol=1e-12)
+    # the gyroscope's slope over two ticks
+    before = plant.telemetry()["gyroscope"]
+    plant.wait()
+    middle = plant.measured_js().base_rates[1]
+    plant.wait()
+    slope = (plant.telemetry()["gyroscope"] - before) / (2.0 * plant.period)
+    assert_allclose(middle, slope, atol=1e-4)  # central difference of a sine of 4.4 rad/s, h = 1 ms
 
 
 def test_limits_are_the_receivers_own(ready):

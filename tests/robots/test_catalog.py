@@ -35,6 +35,7 @@ def test_every_robots_inertias_are_those_of_bodies_that_can_exist(name):
         *((name, 0.494 + 0.750 + 0.231) for name in robot_names() if name.startswith("raven2")),
         ("two_link", 2.0),
         ("planar_3r", 4.5),
+        ("dual_arm_19", 62.0),
     ],
 )
 def test_masses_add_up_to_the_sources(name, mass):
@@ -174,3 +175,71 @@ def test_a_missing_file_is_refused(tmp_path):
         load_file(tmp_path / "none.urdf")
     with pytest.raises(FileFormatError, match="neither a file nor in the catalogue"):
         load_robot(tmp_path)
+
+
+# the dual-arm robot: what the gravity-regressor paper says of it, and that its halves mirror each other
+
+DUAL = load_robot("dual_arm_19")
+ARM = (
+    "clavicle",
+    "shoulder_pitch",
+    "shoulder_roll",
+    "shoulder_yaw",
+    "elbow",
+    "wrist_yaw",
+    "wrist_pitch",
+    "wrist_roll",
+)
+# rotations about the forward and the vertical axis change sign in a mirror, those about the lateral one do not
+FLIP = {"pitch": 1.0, "elbow": 1.0, "clavicle": -1.0, "roll": -1.0, "yaw": -1.0}
+
+
+def dual_mirrored(q):
+    """The same posture seen in a mirror."""
+    at = {name: k for k, name in enumerate(DUAL.joint_names)}
+    out = np.empty(19)
+    for name, k in at.items():
+        other = name.replace("left", "RIGHT").replace("right", "left").replace("RIGHT", "right")
+        out[at[other]] = q[k] * FLIP[name.split("_")[-1]]
+    return out
+
+
+def test_dual_arm_has_three_joints_in_the_trunk_and_eight_in_each_arm():
+    trunk = ("trunk_yaw", "trunk_pitch", "trunk_roll")
+    assert DUAL.joint_names == (*trunk, *(f"{side}_{joint}" for side in ("left", "right") for joint in ARM))
+    assert set(DUAL.joint_units) == {"rad"}
+
+
+def test_dual_arm_stands_a_metre_high_with_hanging_arms():
+    zero = np.zeros(19)
+    assert_allclose(frame_pose(DUAL, "head", zero)[:3, 3], [0, 0, 1.0], atol=1e-12)
+    for side, y in (("left", 0.2), ("right", -0.2)):
+        assert_allclose(frame_pose(DUAL, f"{side}_hand", zero)[:3, 3], [0, y, 0.07], atol=1e-12)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_dual_arm_reaches_065_m_and_no_further(side):
+    rng = np.random.default_rng(0)
+    reach = []
+    for k in range(200):
+        q = rng.uniform(DUAL.lower, DUAL.upper) if k else np.zeros(19)
+        hand, shoulder = (frame_pose(DUAL, f"{side}_{name}", q)[:3, 3] for name in ("hand", "shoulder_roll"))
+        reach.append(np.linalg.norm(hand - shoulder))
+    assert_allclose(max(reach), 0.65, atol=1e-12)
+
+
+def test_dual_arms_mirror_each_other():
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        q = rng.uniform(DUAL.lower, DUAL.upper)
+        expected = MIRROR @ frame_pose(DUAL, "left_hand", q) @ MIRROR
+        assert_allclose(frame_pose(DUAL, "right_hand", dual_mirrored(q))[:3, 3], expected[:3, 3], atol=1e-14)
+        assert_allclose(
+            potential_energy(DUAL, dual_mirrored(q), [0, 0, -9.81]), potential_energy(DUAL, q, [0, 0, -9.81])
+        )
+
+
+def test_dual_arms_limits_mirror_each_other():
+    low, high = dual_mirrored(DUAL.lower), dual_mirrored(DUAL.upper)
+    assert_allclose(np.minimum(low, high), DUAL.lower)
+    assert_allclose(np.maximum(low, high), DUAL.upper)

@@ -84,7 +84,7 @@ def _compile(path: Path) -> _Compiled:
         import mujoco
     except ImportError as error:
         raise MissingPackageError(
-            f"{path}: MuJoCo reads MJCF files and is not installed: pip install catenary[mjcf]"
+            f"{path}: MuJoCo reads MJCF files and is not installed: pip install catenary[mujoco]"
         ) from error
     try:
         spec = _read(mujoco, path)

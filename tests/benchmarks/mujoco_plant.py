@@ -1,0 +1,61 @@
+"""Ticks of the MuJoCo plant through the protocol: measure, command torques, wait."""
+
+import numpy as np
+from tests.benchmarks.measure import Call, side_by_side, tell
+
+from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.gravity.torque import gravity_torque
+from catenary.robots.catalog import load_robot
+from catenary.simulation.base_motion import FixedBase, RockingBase
+from catenary.simulation.joint_hardware import JointHardware
+from catenary.simulation.mujoco_plant import MujocoPlant
+
+BASES = {"still base": FixedBase(), "rocking base": RockingBase(mean=0.1, amplitude=0.2, frequency=0.5)}
+DRIVES = {
+    "ideal": JointHardware(),
+    "friction": JointHardware(friction=0.5, damping=0.05),
+    "elastic": JointHardware(armature=0.3, stiffness=2e3, spring_damping=2.0),
+}
+
+
+def tick_of(robot: str, base: str, drives: str) -> Call:
+    """One tick of a robot that holds its pose by gravity compensation and PD."""
+    model = load_robot(robot)
+    plant = MujocoPlant(model, base=BASES[base], hardware=DRIVES[drives])
+    plant.home()
+    start = plant.measured_js()
+    wanted, hold = start.q, gravity_torque(model, start.q, start.gravity)
+    inertia = np.diag(mass_matrix(model, wanted))
+
+    def tick() -> None:
+        state = plant.measured_js()
+        plant.servo_jf(hold + inertia * (400.0 * (wanted - state.q) - 40.0 * state.qd))
+        plant.wait()
+        if plant.operating_state().state != "ENABLED":
+            raise RuntimeError("the robot left its motion")
+
+    return tick
+
+
+def main() -> None:
+    """Print microseconds of CPU time a tick of 1 ms, and ticks in a second."""
+    table = side_by_side(
+        {
+            f"{robot}, {base}, {drives}": tick_of(robot, base, drives)
+            for robot in ("two_link", "dual_arm_19")
+            for base, drives in (
+                ("still base", "ideal"),
+                ("rocking base", "ideal"),
+                ("still base", "friction"),
+                ("still base", "elastic"),
+            )
+        },
+        calls=1000,
+    )
+    for row in table.values():
+        row["ticks_per_second"] = float(np.round(1e6 / row["cpu_us"]))
+    tell({"MuJoCo plant, a tick of 1 ms through the protocol": table})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,102 @@
+import copy
+import sys
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
+from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.errors import MissingPackageError
+from catenary.gravity.torque import gravity_torque
+from catenary.robots.catalog import load_robot, robot_names
+from catenary.simulation.mujoco_dynamics import MujocoDynamics
+from catenary.simulation.payload import Payload, carrying
+from oracles.tree_poses import frame_pose
+
+
+def terms(model, q, qd, gravity=(0.0, 0.0, 0.0), motion=((0.0,) * 3,) * 3):
+    """Mass matrix (n, n) and velocity, gravity and base torques (n,) along the robot's coordinates."""
+    dynamics = MujocoDynamics(model)
+    dynamics.q[dynamics.at] = model.coupling @ q + model.offset
+    dynamics.qd[dynamics.dof] = model.coupling @ qd
+    dynamics.move_base(np.asarray(gravity), np.asarray(motion))
+    dynamics.update()
+    pick = dynamics.dof
+    A = model.coupling
+    return A.T @ dynamics.mass[np.ix_(pick, pick)] @ A, A.T @ dynamics.bias[pick]
+
+
+def test_mass_matrix_is_the_recursions(random_robots):
+    rng = np.random.default_rng(0)
+    for robot in random_robots[:20]:
+        q = rng.normal(size=robot.model.n)
+        M, _ = terms(robot.model, q, np.zeros(robot.model.n))
+        expected = mass_matrix(robot.model, q)
+        assert_allclose(M, expected, atol=1e-11 * np.abs(expected).max())
+
+
+def test_torques_on_an_accelerating_base_are_the_recursions(random_robots):
+    rng = np.random.default_rng(1)
+    for robot in random_robots[:20]:
+        n = robot.model.n
+        q, qd, gravity, motion = (rng.normal(size=s) for s in (n, n, 3, (3, 3)))
+        M, h = terms(robot.model, q, qd, 9.81 * gravity, motion)
+        qdd = rng.normal(size=n)
+        expected = inverse_dynamics(robot.model, q, qd, qdd, 9.81 * gravity, BaseMotion(*motion))
+        assert_allclose(M @ qdd + h, expected, atol=1e-11 * max(1.0, np.abs(expected).max()))
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_gravity_torque_of_a_catalogue_robot_is_the_recursions(name):
+    model, rng = load_robot(name), np.random.default_rng(5)
+    for _ in range(5):
+        low, high = np.maximum(model.lower, -3.0), np.minimum(model.upper, 3.0)
+        q, gravity = rng.uniform(low, high), rng.normal(scale=6.0, size=3)
+        expected = gravity_torque(model, q, gravity)
+        # 1e-12 kg stand for massless links
+        assert_allclose(terms(model, q, 0 * q, gravity)[1], expected, atol=1e-10)
+
+
+def test_rods_and_massless_links_are_taken():
+    model = load_robot("raven2_full")
+    q, qd = np.array([0.5, 1.5, 0.4, 0.3, 0.2, 0.1]), np.ones(6)
+    M, h = terms(model, q, qd, (0.0, 0.0, -9.81))
+    assert_allclose(M, mass_matrix(model, q), atol=1e-11)
+    # 1e-12 kg and 1e-14 kg m2 stand for nothing
+    assert_allclose(h, inverse_dynamics(model, q, qd, np.zeros(6), (0, 0, -9.81)), atol=1e-10)
+
+
+def test_a_copy_is_another_one():
+    dynamics = MujocoDynamics(load_robot("two_link"))
+    twin = copy.deepcopy(dynamics)
+    twin.q[twin.at] = 1.0
+    assert (dynamics.q[dynamics.at] == 0.0).all()
+    dynamics.update()
+    before = dynamics.mass.copy()
+    twin.update()
+    assert (dynamics.mass == before).all()
+
+
+def test_without_mujoco_one_is_told_how_to_get_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(MissingPackageError, match=r"pip install catenary\[mujoco\]"):
+        MujocoDynamics(load_robot("two_link"))
+
+
+def test_payload_pulls_like_a_link_of_a_point_mass():
+    model = load_robot("planar_3r")
+    q, place = np.array([0.3, -0.5, 0.8]), np.array([0.05, 0.0, 0.1])
+    loaded = carrying(model, Payload(2.0, "hand", place))
+    empty, gravity = mass_matrix(model, q), np.array([0.0, 0.0, -9.81])
+
+    # M grows by m J' J, with the Jacobian of the place by finite differences
+    def where(q):
+        pose = frame_pose(model, "hand", q)
+        return pose[:3, :3] @ place + pose[:3, 3]
+
+    h = 1e-6
+    J = np.stack([(where(q + h * e) - where(q - h * e)) / (2 * h) for e in np.eye(3)], axis=1)
+    assert_allclose(terms(loaded, q, np.zeros(3))[0], empty + 2.0 * J.T @ J, atol=1e-8)
+    bare, heavy = (terms(m, q, np.zeros(3), gravity)[1] for m in (model, loaded))
+    assert_allclose(heavy - bare, -2.0 * J.T @ gravity, atol=1e-8)

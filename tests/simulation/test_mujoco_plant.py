@@ -1,0 +1,374 @@
+import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.integrate import solve_ivp
+
+from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
+from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.errors import InputError, LimitError, NotReadyError
+from catenary.gravity.torque import gravity_torque, potential_energy
+from catenary.robots.assembly import Coordinate, Link, LinkInertia, assemble
+from catenary.robots.catalog import load_robot, robot_names
+from catenary.simulation.base_motion import FixedBase, RockingBase
+from catenary.simulation.joint_hardware import JointHardware
+from catenary.simulation.mujoco_plant import PERIOD, MujocoPlant
+from catenary.simulation.payload import Payload, carrying
+from catenary.spatial import identity_pose
+
+LEVEL = np.array([0.0, 0.0, -9.81])
+TILTED = FixedBase(roll=np.deg2rad(30.0))
+ROCKING = RockingBase(
+    mean=0.2, amplitude=0.3, frequency=0.7, axis=(0.6, 0.0, 0.8), lever=(0.1, 0.2, 0.5), start=TILTED
+)
+MASSLESS_WRIST = {"raven2_full", "raven2_full_right"}
+
+
+def enabled(model, **options) -> MujocoPlant:
+    plant = MujocoPlant(model, **options)
+    plant.home()
+    return plant
+
+
+def ticks(plant, count, torque=None):
+    """Wait, commanding a torque where one is given; returns joint positions after each tick (count, n)."""
+    seen = []
+    for _ in range(count):
+        if torque is not None:
+            plant.servo_jf(torque)
+        plant.wait()
+        seen.append(plant.measured_js().q)
+    return np.array(seen)
+
+
+def gravity_of(base, t=0.0):
+    return base.sample(np.array([t])).gravity[0]
+
+
+def small(robots, most=6):
+    """Random trees of a few joints, coupled, prismatic and branching ones among them, one in four."""
+    return [r.model for r in robots[:24:4] if r.model.n <= most]
+
+
+def hardware_for(name):
+    return JointHardware(armature=1e-4) if name in MASSLESS_WRIST else None
+
+
+# exactness
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_gravity_torque_holds_a_catalogue_robot_still_on_a_tilted_base(name):
+    model = load_robot(name)
+    plant = enabled(model, base=TILTED, hardware=hardware_for(name))
+    start = plant.measured_js().q
+    end = ticks(plant, 1000, gravity_torque(model, start, gravity_of(TILTED)))[-1]
+    # nothing corrects: rounding, 1e-16, grows by e^(t sqrt(g / l)), with l = 4 cm for the dual arm's wrists
+    assert_allclose(end, start, atol=1e-8)
+
+
+def test_gravity_torque_holds_random_trees_still(random_robots):
+    rng = np.random.default_rng(2)
+    for model in small(random_robots):
+        q = rng.normal(scale=0.5, size=model.n)
+        plant = enabled(model, start=q)
+        end = ticks(plant, 1000, gravity_torque(model, q, LEVEL))[-1]
+        # poses may be unstable: rounding, 1e-16, grows by e^(t sqrt(g / l)), l some 0.1 m
+        assert_allclose(end, q, atol=1e-9)
+
+
+def test_free_motion_keeps_energy(random_robots):
+    rng = np.random.default_rng(3)
+    for model in small(random_robots):
+        q = rng.normal(scale=0.5, size=model.n)
+        plant = enabled(model, start=q)
+        scale = np.abs(gravity_torque(model, q, LEVEL)).max()
+        energies = []
+        for _ in range(300):
+            plant.servo_jf(np.zeros(model.n))
+            plant.wait()
+            state = plant.measured_js()
+            kinetic = 0.5 * state.qd @ mass_matrix(model, state.q) @ state.qd
+            energies.append(kinetic + potential_energy(model, state.q, LEVEL))
+        # Runge-Kutta's error, (h w)^5 a step with w = 30 rad/s
+        assert np.ptp(energies) < 1e-5 * scale
+
+
+@pytest.mark.parametrize("base", [TILTED, ROCKING])
+def test_free_motion_is_that_of_the_recursions(random_robots, base):
+    rng = np.random.default_rng(4)
+    for model in small(random_robots):
+        n = model.n
+        q, tau = rng.normal(scale=0.5, size=n), rng.normal(size=n)
+
+        def motion(t, y, model=model, n=n, tau=tau):
+            gravity, moves = (rows[0] for rows in base.sample(np.array([t])))
+            h = inverse_dynamics(model, y[:n], y[n:], np.zeros(n), gravity, BaseMotion(*moves))
+            return np.concatenate([y[n:], np.linalg.solve(mass_matrix(model, y[:n]), tau - h)])
+
+        expected = solve_ivp(motion, (0.0, 0.2), [*q, *np.zeros(n)], method="DOP853", rtol=1e-11, atol=1e-12)
+        plant = enabled(model, start=q, base=base)
+        ticks(plant, 200, tau)
+        state = plant.measured_js()
+        size = 1.0 + np.abs(expected.y[:, -1]).max()
+        assert_allclose([*state.q, *state.qd], expected.y[:, -1], atol=1e-6 * size)
+
+
+def test_inverse_dynamics_holds_an_arm_on_a_rocking_base():
+    model = load_robot("raven2")
+    q = np.array([0.5, 1.5, 0.4])
+    plant = enabled(model, start=q, base=ROCKING)
+    for _ in range(1000):
+        # torques are held over a tick: their mean over it, by Simpson's rule
+        samples = ROCKING.sample(plant.time + PERIOD * np.array([0.0, 0.5, 1.0]))
+        torques = [
+            inverse_dynamics(model, q, 0 * q, 0 * q, gravity, BaseMotion(*motion))
+            for gravity, motion in zip(*samples, strict=True)
+        ]
+        plant.servo_jf(np.array([1.0, 4.0, 1.0]) @ torques / 6.0)
+        plant.wait()
+    # held torques lead at first and lag then: each tick moves the arm by h^3 (dtau/dt) / 12 M, in a second by
+    # h^2 (5 Nm) / 12 (0.02 kg m2) = 2e-5 rad, and the pose is unstable
+    assert_allclose(plant.measured_js().q, q, atol=1e-4)
+
+
+def test_joint_states_gravity_and_rates_are_enough_to_hold_an_arm_on_a_rocking_base():
+    model = load_robot("raven2")
+    q = np.array([0.5, 1.5, 0.4])
+    plant = enabled(model, start=q, base=ROCKING)
+    state = plant.measured_js()
+    rates = BaseMotion(*state.base_rates)
+    gravity, motion = (rows[0] for rows in ROCKING.sample(np.zeros(1)))
+    zero = np.zeros(3)
+    assert_allclose(
+        inverse_dynamics(model, q, zero, zero, state.gravity, rates),
+        inverse_dynamics(model, q, zero, zero, gravity, BaseMotion(*motion)),
+        atol=1e-12,
+    )
+
+
+@pytest.mark.parametrize("name", ["planar_3r", "raven2"])
+def test_torques_for_a_level_base_let_a_tilted_arm_fall(name):
+    model = load_robot(name)
+    base = FixedBase(roll=0.2, pitch=np.deg2rad(30.0))
+    q = np.array([0.4, 0.9, 0.4]) + 0.1
+    plant = enabled(model, start=q, base=base)
+    wrong = gravity_torque(model, q, LEVEL)
+    fallen = ticks(plant, 300, wrong)[-1] - q
+    loaded = np.abs(gravity_torque(model, q, gravity_of(base)) - wrong) > 0.1
+    assert loaded.any()
+    assert (np.abs(fallen[loaded]) > 1e-3).all()
+
+
+# drives
+
+
+def test_friction_holds_without_creep():
+    model = load_robot("planar_3r")
+    plant = enabled(model, start=[0.3, 0.4, 0.5], hardware=JointHardware(friction=[30.0, 12.0, 4.0]))
+    seen = ticks(plant, 2000, np.zeros(3))
+    assert_array_equal(seen, np.tile([0.3, 0.4, 0.5], (2000, 1)))
+
+
+def test_friction_lets_a_joint_go_beyond_its_coulomb_torque():
+    model = load_robot("two_link")
+    q = np.array([0.3, 0.4])
+    hold = gravity_torque(model, q, LEVEL)
+    plant = enabled(model, start=q, hardware=JointHardware(friction=1.0))
+    assert_array_equal(ticks(plant, 200, hold + np.array([0.999, -0.999]))[-1], q)
+    assert ticks(plant, 200, hold + np.array([1.5, 0.0]))[-1, 0] - q[0] > 1e-3
+
+
+def wheel(**hardware):
+    """One joint with a vertical axis, 2 kg m2: gravity does nothing."""
+    body = LinkInertia(3.0, np.array([0.4, 0.0, 0.0]), np.diag([0.8, 1.0, 2.0 - 3.0 * 0.4**2]))
+    model = assemble(
+        "wheel",
+        [Link("disc", "base", "revolute", identity_pose(), variable={"turn": 1.0}, inertia=body)],
+        [Coordinate("turn", "rad")],
+    )
+    return enabled(model, hardware=JointHardware(**hardware))
+
+
+def test_a_spinning_wheel_is_stopped_by_friction_when_coulombs_law_says_and_stays():
+    plant = wheel(friction=2.0)
+    ticks(plant, 100, [12.0])
+    state, speed = plant.measured_js(), (12.0 - 2.0) * 0.1 / 2.0
+    assert_allclose(state.qd, [speed], rtol=1e-9)
+    seen = ticks(plant, 800, np.zeros(1))[:, 0]
+    stop = speed / (2.0 / 2.0)  # [s]
+    assert_allclose(
+        seen[-1], state.q[0] + 0.5 * speed * stop, atol=1e-6
+    )  # it stops within a tick, at 1 mrad/s
+    assert (seen[round(stop / PERIOD) + 1 :] == seen[-1]).all()
+
+
+def test_damping_and_rotors_make_a_wheel_approach_its_speed_as_an_exponential():
+    plant = wheel(damping=3.0, armature=0.7)
+    ticks(plant, 200, [6.0])
+    assert_allclose(plant.measured_js().qd, [2.0 * (1.0 - np.exp(-3.0 * 0.2 / 2.7))], rtol=1e-9)
+
+
+def test_an_arm_falls_onto_its_limit_and_lies_there():
+    model = load_robot("raven2")
+    plant = enabled(model, start=[0.5, 1.5, 0.4])
+    seen = ticks(plant, 3000, np.zeros(3))
+    assert ((seen >= model.lower) & (seen <= model.upper)).all()
+    assert_array_equal(seen[-1], seen[-500])
+    on = np.isclose(seen[-1], model.lower) | np.isclose(seen[-1], model.upper)
+    assert on.any()
+
+
+def test_elastic_joints_move_as_two_masses_on_a_spring():
+    model = load_robot("planar_3r")
+    n, q = 3, np.array([0.3, -0.4, 0.5])
+    stiffness, rotor, damping = np.array([400.0, 200.0, 80.0]), np.array([0.5, 0.2, 0.1]), 0.3
+    tau = gravity_torque(model, q, LEVEL) + np.array([1.0, -0.5, 0.2])
+
+    def motion(_, y):
+        q, theta, qd, thetad = y.reshape(4, n)
+        pull = stiffness * (theta - q) + damping * (thetad - qd)
+        h = inverse_dynamics(model, q, qd, np.zeros(n), LEVEL)
+        return np.concatenate(
+            [qd, thetad, np.linalg.solve(mass_matrix(model, q), pull - h), (tau - pull) / rotor]
+        )
+
+    expected = solve_ivp(motion, (0.0, 0.3), [*q, *q, *np.zeros(6)], method="DOP853", rtol=1e-11, atol=1e-12)
+    hardware = JointHardware(armature=rotor, stiffness=stiffness, spring_damping=damping)
+    plant = enabled(model, start=q, hardware=hardware)
+    ticks(plant, 300, tau)
+    state, links, rotors = plant.measured_js(), expected.y[:3, -1], expected.y[3:6, -1]
+    assert_allclose(plant.telemetry()["q_true"], links, atol=1e-6)
+    assert_allclose(state.q, rotors, atol=1e-6)
+    assert_array_equal(state.q_motor, state.q)
+
+
+def test_torque_beyond_the_effort_limit_does_not_act():
+    model = replace(load_robot("two_link"), effort_limit=np.array([5.0, 5.0]))
+    plants = [enabled(model, base=FixedBase(roll=np.pi / 2)) for _ in range(2)]
+    one, other = (ticks(p, 100, [tau, 0.0])[-1] for p, tau in zip(plants, (5.0, 50.0), strict=True))
+    assert_array_equal(one, other)
+    assert plants[1].measured_js().tau[0] == 50.0
+    assert plants[1].telemetry()["effort"][0] == 5.0
+
+
+# payload
+
+
+def test_payload_taken_up_and_put_down_again_needs_its_own_torque():
+    model = load_robot("planar_3r")
+    q, payload = np.array([0.3, -0.5, 0.8]), Payload(1.5, None, (0.05, 0.0, 0.0))
+    plant = enabled(model, start=q)
+    assert_allclose(ticks(plant, 100, gravity_torque(model, q, LEVEL))[-1], q, atol=1e-12)
+    plant.attach(payload)
+    heavy = carrying(model, payload)
+    assert_allclose(ticks(plant, 100, gravity_torque(heavy, q, LEVEL))[-1], q, atol=1e-12)
+    plant.detach()
+    assert plant.payload is None
+    assert_allclose(ticks(plant, 100, gravity_torque(model, q, LEVEL))[-1], q, atol=1e-12)
+
+
+# the servo in place of firmware
+
+
+def test_servo_reaches_its_setpoint_on_any_tree_and_base(random_robots):
+    for model in small(random_robots):
+        plant = enabled(model, start=np.full(model.n, 0.1), base=ROCKING, payload=Payload(1.0))
+        for k in range(400):
+            plant.servo_jp(np.full(model.n, 0.1 + 0.1 * min(k / 200, 1.0)))
+            plant.wait()
+        # torques are held over a tick while the base rocks
+        assert_allclose(plant.measured_js().q, 0.2, atol=1e-4)
+
+
+@pytest.mark.parametrize("spring", [{}, {"armature": 0.2, "stiffness": [np.inf, 500.0, 500.0]}])
+def test_servo_overcomes_friction_to_a_tenth_of_a_milliradian(spring):
+    model = load_robot("planar_3r")
+    plant = enabled(model, start=[0.3, 0.2, 0.1], hardware=JointHardware(friction=[5.0, 2.0, 1.0], **spring))
+    for k in range(600):
+        plant.servo_jp(np.array([0.3, 0.2, 0.1]) + 0.1 * min(k / 200, 1.0))
+        plant.wait()
+    assert_allclose(plant.measured_js().q, [0.4, 0.3, 0.2], atol=2e-4)
+
+
+def test_servo_holds_where_torque_left_the_arm():
+    model = load_robot("planar_3r")
+    plant = enabled(model, start=[0.3, 0.2, 0.1])
+    left = ticks(plant, 200, np.zeros(3))[-1]
+    plant.servo_jp(left)
+    plant.wait()
+    assert_allclose(plant.setpoint_js().q, left, atol=1e-12)
+
+
+def test_setpoint_moves_no_faster_than_the_velocity_limits():
+    model = replace(load_robot("two_link"), velocity_limit=np.array([1.0, np.inf]))
+    plant = enabled(model)
+    plant.servo_jp(np.array([0.5, 0.5]))
+    plant.wait()
+    assert_allclose(plant.setpoint_js().q, [1e-3, 0.5])
+
+
+# life
+
+
+def test_brakes_hold_while_the_robot_is_not_enabled():
+    plant = MujocoPlant(load_robot("planar_3r"), base=ROCKING, start=[0.3, 0.2, 0.1])
+    assert_array_equal(ticks(plant, 300)[-1], [0.3, 0.2, 0.1])
+    plant.home()
+    ticks(plant, 100, np.zeros(3))
+    plant.state_command("pause")
+    where = plant.measured_js()
+    assert_array_equal(ticks(plant, 100)[-1], where.q)
+    assert (where.qd == 0.0).all()
+
+
+def test_equal_commands_give_equal_motions_bit_for_bit():
+    model = load_robot("raven2")
+    hardware = JointHardware(friction=0.2, damping=0.1)
+    a, b = (ticks(enabled(model, base=ROCKING, hardware=hardware), 300, np.ones(3)) for _ in range(2))
+    assert_array_equal(a, b)
+
+
+def test_a_copy_goes_on_alone_and_alike():
+    plant = enabled(load_robot("raven2"), base=ROCKING)
+    ticks(plant, 50, np.ones(3))
+    twin = copy.deepcopy(plant)
+    expected = ticks(twin, 50, np.ones(3))
+    assert_array_equal(ticks(plant, 50, np.ones(3)), expected)
+
+
+def test_a_motion_beyond_all_numbers_stops_the_robot_in_fault():
+    plant = enabled(load_robot("two_link"))
+    plant.servo_jf(np.array([1e300, -1e300]))
+    for _ in range(20):
+        plant.wait()
+    assert plant.operating_state().state == "FAULT"
+    assert np.isfinite(plant.measured_js().q).all()
+    with pytest.raises(NotReadyError):
+        plant.servo_jf(np.zeros(2))
+    plant.state_command("enable")
+    plant.servo_jf(np.zeros(2))
+
+
+def test_unhomed_robot_is_homed_by_its_command_once_enabled():
+    plant = enabled(load_robot("two_link"))
+    plant.state_command("unhome")
+    with pytest.raises(NotReadyError):
+        plant.servo_jf(np.zeros(2))
+    plant.state_command("home")
+    assert plant.operating_state().is_homed
+    plant.state_command("disable")
+    with pytest.raises(NotReadyError):
+        plant.state_command("home")
+
+
+def test_start_outside_the_limits_is_refused_by_joint():
+    with pytest.raises(LimitError, match="insertion"):
+        MujocoPlant(load_robot("raven2"), start=[0.5, 1.5, 0.1])
+
+
+def test_no_substep_is_refused():
+    with pytest.raises(InputError, match="substeps"):
+        MujocoPlant(load_robot("two_link"), substeps=0)
