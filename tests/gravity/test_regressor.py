@@ -192,7 +192,7 @@ def test_a_regressor_needs_no_inertia_but_parameters_do() -> None:
 
 def test_standard_parameters_are_named_by_link() -> None:
     s = standard_gravity_parameters(load_robot("raven2"))
-    assert s.labels[:5] == ("m shoulder", "mx shoulder", "my shoulder", "mz shoulder", "m elbow")
+    assert s.labels[:5] == ("m(shoulder)", "mx(shoulder)", "my(shoulder)", "mz(shoulder)", "m(elbow)")
     assert s.units[:2] == ("kg", "kg m")
 
 

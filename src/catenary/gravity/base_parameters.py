@@ -51,7 +51,7 @@ class BaseParameters:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Base parameters in the standard ones: mx elbow + 0.4 m hand."""
+        """Base parameters in the standard ones: mx(elbow) + 0.4 m(hand)."""
         names = standard_labels(self.model)
         return tuple(
             _combination_text(row, names, lead)

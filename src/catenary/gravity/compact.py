@@ -7,6 +7,7 @@ model's symbols (symbols.py), not by its numbers; a parameter without effect on 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,8 +49,7 @@ WIDE = 100  # characters of a line
 class CompactRegressor:
     """Regressor and parameters of one robot, g = Z(q, gravity) s. str() prints it, for a level base.
 
-    It holds for every robot of the same structure and geometry, whatever its masses and centres of mass. One robot's
-    kernel is not for two threads at once.
+    It holds for every robot of the same structure and geometry, whatever its masses and centres of mass.
     """
 
     model: RobotModel
@@ -82,9 +82,8 @@ class CompactRegressor:
         """
         rows, single = as_batch("q", q, self.model.n)
         gravities = gravity_rows(gravity, len(rows))
-        kernel = self.kernel()
         out = np.empty((len(rows), self.model.n, len(self.expressions)))
-        _compact_rows(kernel.ints, kernel.floats, kernel.work, rows, gravities, out)
+        _compact_rows(_packed(self.model, self.columns), rows, gravities, out)
         return out[0] if single else out
 
     def kernel(self) -> "CompactKernel":
@@ -237,34 +236,38 @@ def compact_regressor(model: RobotModel) -> CompactRegressor:
     )
 
 
-class CompactKernel:
-    """Z of one robot, for loops: no checks. Not for two threads at once, calls share work arrays.
+class PackedRobot(NamedTuple):
+    """What compiled code needs to write Z; arrays of one shape are one, as handing each over costs 50 ns."""
 
-    `ints`, `floats` and `work` go, in this order, to compiled functions that call `write_compact`.
-    """
+    ints: Indices  # sizes, parents, kinds of joints, columns, the coupling's entries
+    matrices: Floats  # (3, n_tree, 3, 3) R_parent_i at coordinate zero; then work
+    vectors: Floats  # (4, n_tree, 3) origins and axes; then work
+    numbers: Floats  # (4, n_tree) offsets; then work
+    coupling: Floats  # (n_tree, n)
+    weight: Floats  # of the coupling's entries
+
+
+class CompactKernel:
+    """Z of one robot, for loops: no checks. Not for two threads at once, calls share work arrays."""
 
     def __init__(self, regressor: CompactRegressor) -> None:
-        """Pack the robot; every array handed to compiled code costs a call some 50 ns."""
-        model = regressor.model
-        self.shape = (model.n, len(regressor.expressions))
-        self.ints, self.floats = _packed(model, regressor.columns, self.shape[1])
-        self.work = np.empty(27 * len(model.tree.parent))
+        self.shape = (regressor.model.n, len(regressor.expressions))
+        self.robot = _packed(regressor.model, regressor.columns)
 
     def __call__(self, q: Floats, gravity: Floats, out: Floats | None = None) -> Floats:
         """Z (n, p) at q (n,) [rad|m] under gravity (3,) [m/s2]; float64, NaN in gives NaN out."""
         Z = np.empty(self.shape) if out is None else out
-        _compact_row(self.ints, self.floats, self.work, q, gravity, Z)
+        _compact_row(*self.robot, q, gravity, Z)
         return Z
 
 
 def _effects(model: RobotModel, wanted: Sequence[tuple[int, int]]) -> list[bool]:
     """Say which columns are not zero everywhere: at random configurations and gravities none is by accident."""
     columns = np.array([(link, along, c) for c, (link, along) in enumerate(wanted)], dtype=np.int64)
-    ints, floats = _packed(model, Columns(*(np.ascontiguousarray(c) for c in columns.T)), len(wanted))
+    robot = _packed(model, Columns(*(np.ascontiguousarray(c) for c in columns.T)))
     rng = np.random.default_rng(0)
     out = np.empty((4, model.n, len(wanted)))
-    work = np.empty(27 * len(model.tree.parent))
-    _compact_rows(ints, floats, work, rng.normal(size=(4, model.n)), rng.normal(size=(4, 3)), out)
+    _compact_rows(robot, rng.normal(size=(4, model.n)), rng.normal(size=(4, 3)), out)
     largest = np.abs(out).max(axis=(0, 1), initial=0.0)  # a robot may have no coordinates
     return list(largest > NO_EFFECT * largest.max(initial=0.0))
 
@@ -282,63 +285,69 @@ def _require_same_structure(made_of: RobotModel, robot: RobotModel) -> None:
         )
 
 
-def _packed(model: RobotModel, columns: Columns, p: int) -> tuple[Indices, Floats]:
-    """Put a robot into two arrays; `_unpacked` is the other half."""
+def _packed(model: RobotModel, columns: Columns) -> PackedRobot:
+    """Put a robot into few arrays; `write_compact` takes them apart."""
     tree, spread = model.tree, spread_of(model.coupling)
-    sizes = [len(tree.parent), model.n, len(columns.link), len(spread.coordinate), p]
-    ints = np.concatenate(
-        [sizes, tree.parent, tree.prismatic, *columns, spread.start, spread.coordinate]
-    ).astype(np.int64)
-    floats = np.concatenate(
-        [
-            np.ravel(part)
-            for part in (tree.rotation, tree.origin, tree.axis, model.coupling, model.offset, spread.weight)
-        ]
+    n = len(tree.parent)
+    sizes = [len(columns.link), len(spread.coordinate)]
+    ints = [sizes, tree.parent, tree.prismatic, *columns, spread.start, spread.coordinate]
+    matrices, vectors, numbers = np.empty((3, n, 3, 3)), np.empty((4, n, 3)), np.empty((4, n))
+    matrices[0], vectors[0], vectors[1], numbers[0] = tree.rotation, tree.origin, tree.axis, model.offset
+    return PackedRobot(
+        np.concatenate([np.asarray(part, dtype=np.int64) for part in ints]),
+        matrices,
+        vectors,
+        numbers,
+        np.array(model.coupling),
+        spread.weight,
     )
-    return ints, floats
 
 
 @inlined
-def write_compact(
-    ints: Indices, floats: Floats, work: Floats, q: Floats, gravity: Floats, out: Floats
-) -> None:
-    """Write Z (n, p) of a `CompactKernel`."""
-    n, width, m, entries = ints[0], ints[1], ints[2], ints[3]
-    at = 5
+def write_compact(robot: PackedRobot, q: Floats, gravity: Floats, out: Floats) -> None:
+    """Write Z (n, p) of a packed robot."""
+    ints, matrices, vectors, numbers = robot.ints, robot.matrices, robot.vectors, robot.numbers
+    n, m, entries = numbers.shape[1], ints[0], ints[1]
+    at = 2
     parent, prismatic = ints[at : at + n], ints[at + n : at + 2 * n]
     at += 2 * n
     columns = Columns(ints[at : at + m], ints[at + m : at + 2 * m], ints[at + 2 * m : at + 3 * m])
     at += 3 * m
-    start, coordinate = ints[at : at + n + 1], ints[at + n + 1 : at + n + 1 + entries]
-    rotation, at = floats[: 9 * n].reshape(n, 3, 3), 9 * n
-    origin, axis = floats[at : at + 3 * n].reshape(n, 3), floats[at + 3 * n : at + 6 * n].reshape(n, 3)
-    at += 6 * n
-    coupling = floats[at : at + n * width].reshape(n, width)
-    at += n * width
-    offset, weight = floats[at : at + n], floats[at + n : at + n + entries]
+    spread = Spread(ints[at : at + n + 1], ints[at + n + 1 : at + n + 1 + entries], robot.weight)
     # masses are no part of Z: the tree's places for them hold what is at hand
-    tree = Tree(parent, prismatic, rotation, origin, axis, offset, origin, rotation)  # type: ignore[arg-type]
-    x = work[: 3 * n].reshape(3, n)
-    turned, placed = work[3 * n : 12 * n].reshape(n, 3, 3), work[12 * n : 15 * n].reshape(n, 3)
-    base_rotation, base_axis = work[15 * n : 24 * n].reshape(n, 3, 3), work[24 * n : 27 * n].reshape(n, 3)
-    place_tree(tree, coupling, offset, q, x, turned, placed)
-    turn_links(tree, turned, base_rotation, base_axis)
-    g = (gravity[0], gravity[1], gravity[2])
-    compact_recursion(
-        tree, x[0], base_rotation, base_axis, g, columns, Spread(start, coordinate, weight), out
+    tree = Tree(
+        parent,
+        prismatic,  # type: ignore[arg-type]
+        matrices[0],
+        vectors[0],
+        vectors[1],
+        numbers[0],
+        vectors[0],
+        matrices[0],
     )
+    place_tree(tree, robot.coupling, numbers[0], q, numbers[1:], matrices[1], vectors[2])
+    turn_links(tree, matrices[1], matrices[2], vectors[3])
+    g = (gravity[0], gravity[1], gravity[2])
+    compact_recursion(tree, numbers[1], matrices[2], vectors[3], g, columns, spread, out)
 
 
 @compiled
 def _compact_row(
-    ints: Indices, floats: Floats, work: Floats, q: Floats, gravity: Floats, out: Floats
+    ints: Indices,
+    matrices: Floats,
+    vectors: Floats,
+    numbers: Floats,
+    coupling: Floats,
+    weight: Floats,
+    q: Floats,
+    gravity: Floats,
+    out: Floats,
 ) -> None:
-    write_compact(ints, floats, work, q, gravity, out)
+    # a tuple of arrays would take a microsecond to hand over
+    write_compact(PackedRobot(ints, matrices, vectors, numbers, coupling, weight), q, gravity, out)
 
 
 @compiled
-def _compact_rows(
-    ints: Indices, floats: Floats, work: Floats, q: Floats, gravity: Floats, out: Floats
-) -> None:
+def _compact_rows(robot: PackedRobot, q: Floats, gravity: Floats, out: Floats) -> None:
     for k in range(len(q)):
-        write_compact(ints, floats, work, q[k], gravity[k if len(gravity) > 1 else 0], out[k])
+        write_compact(robot, q[k], gravity[k if len(gravity) > 1 else 0], out[k])

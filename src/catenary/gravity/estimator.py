@@ -14,7 +14,7 @@ from catenary.arrays import Floats, as_array
 from catenary.compiled import compiled
 from catenary.errors import InputError
 from catenary.gravity.cholesky import factorise, solve_lower, solve_upper
-from catenary.gravity.compact import CompactRegressor, compact_regressor, write_compact
+from catenary.gravity.compact import CompactRegressor, PackedRobot, compact_regressor, write_compact
 from catenary.gravity.regressor import require_parameters
 from catenary.gravity.regressor_recursion import Indices
 from catenary.plant import JointState
@@ -131,14 +131,11 @@ class GravityEstimator:
         self, q: Floats, qd: Floats, wanted: Floats, gravity: Floats, dt: float, *, sent: bool
     ) -> Floats:
         torque = np.empty(len(self.kp))
-        kernel = self._kernel
         sizes = len(q), len(qd), len(wanted)
         if sizes != (len(torque),) * 3:
             raise InputError(f"gravity estimator: is for {len(torque)} joints, the robot has {len(q)}")
         _law(
-            kernel.ints,
-            kernel.floats,
-            kernel.work,
+            *self._kernel.robot,
             self._work,
             self._rows,
             self.omega,
@@ -195,8 +192,11 @@ def _as_omega(omega: ArrayLike, n: int) -> Floats:
 @compiled
 def _law(
     ints: Indices,
-    floats: Floats,
-    tree_work: Floats,
+    matrices: Floats,
+    vectors: Floats,
+    numbers: Floats,
+    coupling: Floats,
+    weight: Floats,
     work: Floats,
     gains: Floats,
     omega: Floats,
@@ -213,7 +213,8 @@ def _law(
     n, p = len(q), len(s)
     Z, A = work[: n * p].reshape(n, p), work[n * p : n * p + n * n].reshape(n, n)
     effort, y = work[n * p + n * n : n * p + n * n + n], work[n * p + n * n + n :]
-    write_compact(ints, floats, tree_work, q, gravity, Z)
+    robot = PackedRobot(ints, matrices, vectors, numbers, coupling, weight)
+    write_compact(robot, q, gravity, Z)
     _times(Z, s, torque)
     resting = dt > 0.0
     for j in range(n):

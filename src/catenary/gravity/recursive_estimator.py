@@ -13,7 +13,7 @@ from catenary.arrays import Floats, as_array
 from catenary.compiled import compiled
 from catenary.errors import InputError
 from catenary.gravity.cholesky import factorise, solve_lower, solve_upper
-from catenary.gravity.compact import write_compact
+from catenary.gravity.compact import PackedRobot, write_compact
 from catenary.gravity.estimator import Observed, as_speeds, regressor_with_effect
 from catenary.gravity.regressor import require_parameters
 from catenary.gravity.regressor_recursion import Indices
@@ -118,11 +118,8 @@ class RecursiveGravityEstimator:
         n = self.regressor.model.n
         if not (len(q) == len(qd) == len(tau) == n):
             raise InputError(f"gravity estimator: is for {n} joints, the robot has {len(q)}")
-        kernel = self._kernel
         return _take(
-            kernel.ints,
-            kernel.floats,
-            kernel.work,
+            *self._kernel.robot,
             self._work,
             self._rows,
             self._prior,
@@ -167,8 +164,11 @@ def _positive(name: str, values: ArrayLike, n: int) -> Floats:
 @compiled
 def _take(
     ints: Indices,
-    floats: Floats,
-    tree_work: Floats,
+    matrices: Floats,
+    vectors: Floats,
+    numbers: Floats,
+    coupling: Floats,
+    weight: Floats,
     work: Floats,
     rows: Floats,
     prior: Floats,
@@ -198,7 +198,8 @@ def _take(
     Z, L = work[: n * p].reshape(n, p), work[n * p : n * p + p * p].reshape(p, p)
     column = work[n * p + p * p : n * p + p * p + p]
     missing = work[n * p + p * p + p : n * p + p * p + p + n]
-    write_compact(ints, floats, tree_work, q, gravity, Z)
+    robot = PackedRobot(ints, matrices, vectors, numbers, coupling, weight)
+    write_compact(robot, q, gravity, Z)
     tells = False
     for i in range(n):
         expected = 0.0

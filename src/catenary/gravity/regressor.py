@@ -123,8 +123,8 @@ def standard_gravity_parameters(model: RobotModel) -> GravityParameters:
 
 
 def standard_labels(model: RobotModel) -> tuple[str, ...]:
-    """Name the parameters of `standard_gravity_regressor`: "m elbow", "mx elbow", ..."""
-    return tuple(f"{kind} {link}" for link in model.link_names for kind in STANDARD)
+    """Name the parameters of `standard_gravity_regressor`: "m(elbow)", "mx(elbow)", ..."""
+    return tuple(f"{kind}({link})" for link in model.link_names for kind in STANDARD)
 
 
 def carried(tree: Tree) -> tuple[Floats, Floats]:
