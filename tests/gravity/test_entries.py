@@ -3,7 +3,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.gravity.compact import compact_regressor
-from catenary.gravity.entries import Terms, mass_entry, moment_entry, terms_text
+from catenary.gravity.entries import Terms, mass_entries, moment_entries, terms_text
 from catenary.gravity.regressor_recursion import CARRIED_MASS
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
@@ -24,11 +24,11 @@ def assert_entries_are_those_of_Z(model: RobotModel, rng: np.random.Generator) -
     Z = np.zeros((model.n, len(regressor.expressions)))
     written = 0
     for link, along, target in zip(*regressor.columns, strict=True):
-        for r in range(model.n):
-            if along == CARRIED_MASS:
-                terms = mass_entry(model, r, int(link), gravity)
-            else:
-                terms = moment_entry(model, r, int(link), np.eye(3)[along], gravity)
+        if along == CARRIED_MASS:
+            entries = mass_entries(model, int(link), gravity)
+        else:
+            entries = moment_entries(model, int(link), np.eye(3)[along], gravity)
+        for r, terms in enumerate(entries):
             if terms is None:
                 Z[r, target] = np.nan  # too long to write
             else:
@@ -54,8 +54,8 @@ def test_entries_of_the_catalogue_are_those_of_the_regressor(name: str) -> None:
 
 def test_angles_of_parallel_joints_add_up() -> None:
     arm = load_robot("planar_3r")
-    last = moment_entry(arm, 0, 2, np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0]))
-    assert last == {(("c", ((0, 1.0), (1, 1.0), (2, 1.0))),): pytest.approx(1.0)}
+    entries = moment_entries(arm, 2, np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0]))
+    assert entries == 3 * [{(("c", ((0, 1.0), (1, 1.0), (2, 1.0))),): pytest.approx(1.0)}]
 
 
 @pytest.mark.parametrize(

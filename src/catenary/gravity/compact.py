@@ -17,7 +17,7 @@ from catenary.compiled import compiled, inlined
 from catenary.dynamics.coordinates import place_tree
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.errors import InputError
-from catenary.gravity.entries import SHORT, mass_entry, moment_entry, terms_text
+from catenary.gravity.entries import SHORT, Terms, mass_entries, moment_entries, terms_text
 from catenary.gravity.regressor import carried_links, gravity_parameters, require_parameters
 from catenary.gravity.regressor_recursion import (
     CARRIED_MASS,
@@ -147,7 +147,7 @@ class CompactRegressor:
         names = " ".join(f"s{k + 1}" for k in range(len(self.expressions)))
         lines = [f"g = g_c [{','.join('[' + ' '.join(row) + ']' for row in table)}] [{names}]^T"]
         if len(lines[0]) > WIDE:
-            lines = ["g = g_c (" + " + ".join(f"Z{k + 1} s{k + 1}" for k in range(len(names.split()))) + ")"]
+            lines = [f"g = g_c (Z1 s1 + ... + Z{len(self.expressions)} s{len(self.expressions)})"]
             lines += [
                 f"Z{k + 1} = [{', '.join(row[k] for row in table)}]^T" for k in range(len(self.expressions))
             ]
@@ -159,22 +159,25 @@ class CompactRegressor:
         return "\n".join(lines)
 
     def _entries(self, *, latex: bool) -> list[list[str]]:
+        columns = []
+        for c in range(len(self.expressions)):
+            # merged masses have one expression but several columns: their sum would be long
+            own = np.flatnonzero(self.columns.target == c)
+            link, along = int(self.columns.link[own[0]]), int(self.columns.along[own[0]])
+            column: list[Terms | None] = [None] * self.model.n
+            if len(own) == 1 and along == CARRIED_MASS:
+                column = mass_entries(self.model, link, LEVEL)
+            elif len(own) == 1:
+                column = moment_entries(self.model, link, np.eye(3)[along], LEVEL)
+            columns.append(column)
+        name = "Z_{{{},{}}}" if latex else "Z{},{}"
         table = []
         for r in range(self.model.n):
             row = []
-            for c in range(len(self.expressions)):
-                # merged masses have one expression but several columns: their sum would be long
-                own = np.flatnonzero(self.columns.target == c)
-                link, along = int(self.columns.link[own[0]]), int(self.columns.along[own[0]])
-                if len(own) > 1:
-                    terms = None
-                elif along == CARRIED_MASS:
-                    terms = mass_entry(self.model, r, link, LEVEL)
-                else:
-                    terms = moment_entry(self.model, r, link, np.eye(3)[along], LEVEL)
+            for c, column in enumerate(columns):
+                terms = column[r]
                 short = terms is not None and len(terms) <= SHORT
-                name = f"Z_{{{r + 1},{c + 1}}}" if latex else f"Z{r + 1},{c + 1}"
-                row.append(terms_text(terms, latex=latex) if terms is not None and short else name)
+                row.append(terms_text(terms or {}, latex=latex) if short else name.format(r + 1, c + 1))
             table.append(row)
         return table
 

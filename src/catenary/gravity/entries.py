@@ -14,7 +14,7 @@ from catenary.arrays import Floats
 from catenary.robots.model import RobotModel
 
 SHORT = 3  # terms; longer entries are called by a name
-MOST = 400  # terms on the way; an entry that needs more is not written out
+MOST = 64  # terms on the way; an entry that needs more is not written out
 ROUNDING = 1e-12
 
 Atom = tuple[str, tuple[tuple[int, float], ...]]  # "c", "s" or "q" of a sum of factors times coordinates
@@ -39,51 +39,70 @@ class _Way(NamedTuple):
 
     turns: list[_Turn]
     end: Floats  # (3, 3) constant rotation after the last turn
-    joints: dict[
-        int, tuple[int, Floats]
-    ]  # of every joint on it: its turn (-1 before the first), its axis there
+    joints: dict[int, tuple[int, Floats]]  # joint -> its turn (-1 before the first), and its axis there
 
 
-def moment_entry(model: RobotModel, row: int, link: int, axis: Floats, gravity: Floats) -> Terms | None:
-    """Write what a first moment along an axis (3,) of a link asks of coordinate `row`; None if it is too long.
+def moment_entries(model: RobotModel, link: int, axis: Floats, gravity: Floats) -> list[Terms | None]:
+    """Write what a first moment along an axis (3,) of a link asks of each coordinate; None for what is too long.
 
     gravity (3,) is a constant, such as (0, 0, -1) for a level base, in units of the free fall.
     """
-    try:
-        way, total = _way(model, link), dict[tuple[Atom, ...], float]()
+    way = _way(model, link)
+    down, seen = _gravity_before(way, gravity), _seen_before(way, axis)
+    entries: list[Terms | None] = []
+    for row in range(model.n):
+        total: Terms | None = {}
         for joint, (turn, z) in way.joints.items():
             weight = float(model.coupling[joint, row])
             if weight == 0.0 or model.tree.prismatic[joint]:
                 continue
-            there = _gravity_before(way, turn, gravity)
-            v = _seen_before(way, turn, axis)
-            crossed = _cross(z, v)
-            total = _sum(total, _scaled(_dot(there, crossed), -weight))
-        return total
+            total = _plus(total, _held(z, down[turn], seen[turn], weight))
+        entries.append(total)
+    return entries
+
+
+def mass_entries(model: RobotModel, link: int, gravity: Floats) -> list[Terms | None]:
+    """Write what the mass that a prismatic joint carries asks of each coordinate; None for what is too long."""
+    axis = model.tree.axis[link]
+    x, sign = _angle_atom("q", model.coupling[link])
+    offset = float(model.offset[link])
+    way = _way(model, link)
+    if way.turns:
+        own = _product(_gravity_before(way, gravity)[0], _seen_before(way, axis)[0])
+    else:
+        own = _clean({(): float(gravity @ (way.end @ axis))})
+    entries: list[Terms | None] = []
+    for row, moment in enumerate(moment_entries(model, link, axis, gravity)):
+        total = (
+            None if moment is None else _sum(_scaled(_multiplied(moment, x), sign), _scaled(moment, offset))
+        )
+        factor = float(model.coupling[link, row])
+        if factor != 0.0:
+            total = _plus(total, None if own is None else _scaled(own, -factor))
+        entries.append(total)
+    return entries
+
+
+def _held(z: Floats, down: SymbolicVector | None, seen: SymbolicVector | None, weight: float) -> Terms | None:
+    """Give -weight gravity . (z x v)."""
+    product = _product(down, None if seen is None else _cross(z, seen))
+    return None if product is None else _scaled(product, -weight)
+
+
+def _product(a: SymbolicVector | None, b: SymbolicVector | None) -> Terms | None:
+    if a is None or b is None:
+        return None
+    try:
+        return _dot(a, b)
     except _TooLongError:
         return None
 
 
-def mass_entry(model: RobotModel, row: int, link: int, gravity: Floats) -> Terms | None:
-    """Write what the mass that a prismatic joint carries asks of coordinate `row`; None if it is too long."""
-    axis = model.tree.axis[link]
-    moment = moment_entry(model, row, link, axis, gravity)
-    if moment is None:
+def _plus(a: Terms | None, b: Terms | None) -> Terms | None:
+    if a is None or b is None:
         return None
     try:
-        x = _angle_atom("q", model.coupling[link])
-        total: Terms = {}
-        offset = float(model.offset[link])
-        for atoms, value in moment.items():
-            total = _sum(total, {tuple(sorted((*atoms, x[0]))): value * x[1]})
-            total = _sum(total, {atoms: value * offset})
-        own = float(model.coupling[link, row])
-        if own != 0.0:
-            way = _way(model, link)
-            along = _seen_before(way, 0, axis) if way.turns else _constant(way.end @ axis)
-            first = way.turns[0].before if way.turns else np.eye(3)
-            total = _sum(total, _scaled(_dot(_constant(first.T @ gravity), along), -own))
-        return total
+        return _sum(a, b)
     except _TooLongError:
         return None
 
@@ -151,22 +170,32 @@ def _way(model: RobotModel, link: int) -> _Way:
     return _Way(turns, constant, joints)
 
 
-def _gravity_before(way: _Way, turn: int, gravity: Floats) -> SymbolicVector:
-    """Give gravity in the frame that turn `turn` starts from."""
-    v = _constant(way.turns[0].before.T @ gravity)
-    for k in range(turn):
-        v = _times(way.turns[k + 1].before.T, _turned(way.turns[k], v, back=True))
-    return v
+def _gravity_before(way: _Way, gravity: Floats) -> list[SymbolicVector | None]:
+    """Give gravity in the frame that each turn starts from; None from where it is too long."""
+    out: list[SymbolicVector | None] = [None] * len(way.turns)
+    v = _constant(gravity)
+    try:
+        for k, turn in enumerate(way.turns):
+            here = _times(turn.before.T, v)
+            out[k] = here
+            v = _turned(turn, here, back=True)
+    except _TooLongError:
+        pass
+    return out
 
 
-def _seen_before(way: _Way, turn: int, axis: Floats) -> SymbolicVector:
-    """Give an axis of the way's end in the frame that turn `turn` starts from."""
+def _seen_before(way: _Way, axis: Floats) -> list[SymbolicVector | None]:
+    """Give an axis of the way's end in the frame that each turn starts from; None where it is too long."""
+    out: list[SymbolicVector | None] = [None] * len(way.turns)
     v = _constant(way.end @ axis)
-    for k in range(len(way.turns) - 1, turn - 1, -1):
-        v = _turned(way.turns[k], v, back=False)
-        if k > turn:
-            v = _times(way.turns[k].before, v)
-    return v
+    try:
+        for k in range(len(way.turns) - 1, -1, -1):
+            turned = _turned(way.turns[k], v, back=False)
+            out[k] = turned
+            v = _times(way.turns[k].before, turned)
+    except _TooLongError:
+        pass
+    return out
 
 
 def _turned(turn: _Turn, v: SymbolicVector, *, back: bool) -> SymbolicVector:
