@@ -238,6 +238,8 @@ def test_a_robot_of_another_geometry_or_without_inertia_has_no_parameters() -> N
         regressor.parameters(load_robot("raven2_right"))
     with pytest.raises(InputError, match='robot "two_link"'):
         regressor.parameters(load_robot("two_link"))
+    with pytest.raises(InputError, match="expected the joints, links and geometry"):
+        regressor.parameters(replace(load_robot("raven2"), offset=np.array([0.0, 0.1, 0.0])))
     with pytest.raises(MissingInertiaError, match='"elbow"'):
         regressor.parameters(replace(load_robot("raven2"), missing_inertia=("elbow",)))
 

@@ -43,6 +43,7 @@ from catenary.robots.model import RobotModel, Tree
 LEVEL = np.array([0.0, 0.0, -1.0])  # gravity on a level base, in units of g_c
 NO_EFFECT = 1e-11  # of the largest entry; random configurations show any other column
 WIDE = 100  # characters of a line
+GEOMETRY = ("parent", "prismatic", "rotation", "origin", "axis")
 
 
 @dataclass(frozen=True)
@@ -276,12 +277,13 @@ def _effects(model: RobotModel, wanted: Sequence[tuple[int, int]]) -> list[bool]
 
 
 def _require_same_structure(made_of: RobotModel, robot: RobotModel) -> None:
+    def moves_alike() -> bool:
+        pairs = [(getattr(made_of.tree, name), getattr(robot.tree, name)) for name in GEOMETRY]
+        pairs += [(made_of.coupling, robot.coupling), (made_of.offset, robot.offset)]
+        return all(np.allclose(ours, theirs, atol=1e-9) for ours, theirs in pairs)
+
     same = made_of.joint_names == robot.joint_names and made_of.link_names == robot.link_names
-    geometry = ("parent", "prismatic", "rotation", "origin", "axis")
-    if not same or any(
-        not np.allclose(getattr(made_of.tree, name), getattr(robot.tree, name), atol=1e-9)
-        for name in geometry
-    ):
+    if not (same and moves_alike()):
         raise InputError(
             f'robot "{robot.name}": expected the joints, links and geometry of "{made_of.name}", which the compact '
             "regressor was made of"
