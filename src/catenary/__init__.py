@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from catenary.dynamics.kinematics import forward_kinematics as forward_kinematics
     from catenary.dynamics.kinematics import jacobian as jacobian
     from catenary.dynamics.mass_matrix import mass_matrix as mass_matrix
+    from catenary.gravity.compact import compact_regressor as compact_regressor
+    from catenary.gravity.regressor import gravity_regressor as gravity_regressor
     from catenary.gravity.torque import gravity_torque as gravity_torque
     from catenary.robots.catalog import load_robot as load_robot
     from catenary.robots.model import RobotModel as RobotModel
@@ -23,8 +25,10 @@ if TYPE_CHECKING:
 _HOME = {
     "BaseMotion": "catenary.dynamics.inverse_dynamics",
     "RobotModel": "catenary.robots.model",
+    "compact_regressor": "catenary.gravity.compact",
     "coriolis_matrix": "catenary.dynamics.inverse_dynamics",
     "forward_kinematics": "catenary.dynamics.kinematics",
+    "gravity_regressor": "catenary.gravity.regressor",
     "gravity_torque": "catenary.gravity.torque",
     "inverse_dynamics": "catenary.dynamics.inverse_dynamics",
     "inverse_kinematics": "catenary.dynamics.inverse_kinematics",

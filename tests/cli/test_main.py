@@ -18,6 +18,7 @@ COMMANDS = (
     "check",
     "fk",
     "ik",
+    "regressor",
     "robots",
     "demo",
 )

@@ -5,13 +5,30 @@ import pytest
 
 from catenary.arrays import Floats
 from catenary.control.controller import Controller
+from catenary.control.estimated_gravity_pd import EstimatedGravityPD
 from catenary.control.pd import JointPD
 from catenary.errors import InputError
+from catenary.gravity.estimator import GravityEstimator
+from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
 from catenary.plant import JointState
+from catenary.robots.catalog import load_robot
 from catenary.trajectories.reference import Reference
 
 N = 3
-CONTROLLERS = {"pd": lambda: JointPD(np.array([90.0, 50.0, 400.0]), np.array([2.0, 1.0, 8.0]))}
+KP, KD = np.array([90.0, 50.0, 400.0]), np.array([2.0, 1.0, 8.0])
+
+
+def with_estimated_gravity(recursive: bool) -> Controller:
+    arm = load_robot("raven2")
+    learner = RecursiveGravityEstimator(arm, noise=0.1) if recursive else GravityEstimator(arm, KP, KD)
+    return EstimatedGravityPD(KP, KD, learner)
+
+
+CONTROLLERS = {
+    "pd": lambda: JointPD(KP, KD),
+    "pd with estimated gravity": lambda: with_estimated_gravity(False),
+    "pd with gravity from recursive least squares": lambda: with_estimated_gravity(True),
+}
 
 
 @pytest.fixture(params=CONTROLLERS)

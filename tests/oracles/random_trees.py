@@ -84,3 +84,27 @@ def random_robot(seed: int) -> RandomRobot:
     order = rng.permutation(len(links))
     model = assemble(f"random{seed}", [links[k] for k in order], coordinates)
     return RandomRobot(model, links)
+
+
+def random_bodies_on(model: RobotModel, rng: np.random.Generator) -> RandomRobot:
+    """A known robot's joints with random bodies on them, massless links included."""
+    tree = model.tree
+    links = [
+        Link(
+            name=name,
+            parent="base" if tree.parent[i] < 0 else model.link_names[tree.parent[i]],
+            joint="prismatic" if tree.prismatic[i] else "revolute",
+            pose=Pose(tree.rotation[i], tree.origin[i]),
+            axis=tree.axis[i],
+            variable={
+                joint: float(factor)
+                for joint, factor in zip(model.joint_names, model.coupling[i], strict=True)
+                if factor != 0.0
+            },
+            offset=float(model.offset[i]),
+            inertia=random_inertia(rng),
+        )
+        for i, name in enumerate(model.link_names)
+    ]
+    coordinates = [Coordinate(*pair) for pair in zip(model.joint_names, model.joint_units, strict=True)]
+    return RandomRobot(assemble(model.name, links, coordinates), links)

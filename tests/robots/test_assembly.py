@@ -254,3 +254,35 @@ def test_a_tensor_that_is_symmetric_but_for_rounding_is_accepted():
     tensor = random_tensor(np.random.default_rng(0))
     tensor[0, 1] *= 1.0 + 1e-9
     assemble("r", [link(inertia=LinkInertia(1.0, np.zeros(3), tensor))], Q)
+
+
+def on(*axes):
+    return tuple(axis in axes for axis in "xyz")
+
+
+def test_axes_of_the_centre_of_mass_are_seen_from_the_joints_frame():
+    # the link's frame lies 0.2 m along x of the joint's and is turned about x by a quarter: its y is the joint's z
+    frame = Pose(rotation_from_rpy([np.pi / 2, 0.0, 0.0]), np.array([0.2, 0.0, 0.0]))
+    model = assemble("r", [link(frame=frame, axes_of_com=on("y"))], Q)
+    assert_array_equal(model.axes_of_com, [[True, False, True]])
+    assert_array_equal(assemble("r", [link()], Q).axes_of_com, [[True, True, True]])
+
+
+def test_a_fixed_link_with_mass_widens_the_axes_of_the_link_that_carries_it():
+    body = LinkInertia(1.0, np.zeros(3), np.eye(3))
+    beside = Pose(np.eye(3), np.array([0.0, 0.1, 0.0]))
+    links = [
+        link(axes_of_com=on("x")),
+        link("b", "a", "fixed", pose=beside, axes_of_com=on("x"), inertia=body),
+    ]
+    assert_array_equal(assemble("r", links, Q).axes_of_com, [[True, True, False]])
+    without = [links[0], replace(links[1], inertia=None)]
+    assert_array_equal(assemble("r", without, Q).axes_of_com, [[True, False, False]])
+
+
+def test_a_centre_of_mass_off_its_declared_axes_is_refused():
+    body = LinkInertia(1.0, np.array([0.1, 0.0, 0.2]), np.eye(3))
+    with pytest.raises(
+        InputError, match=r'link "a": centre of mass has z = 0\.2 m, and its axes are declared to be x'
+    ):
+        assemble("r", [link(inertia=body, axes_of_com=on("x"))], Q)

@@ -68,6 +68,12 @@ def test_rows_without_mass_are_missing_inertia_unless_massless(load):
     assert model.massless == ("b", "c")
 
 
+def test_a_row_may_declare_on_which_axes_its_centre_of_mass_lies(load):
+    on_x = MASS.replace("[0.1, 0.2, 0.3]", "[0.1, 0, 0]") + 'axes_of_com = ["x"]\n'
+    model = load(HEAD + row("a", more=on_x) + row("b") + row("c", more="massless = true\naxes_of_com = []\n"))
+    assert_array_equal(model.axes_of_com, [[True, False, False], [True] * 3, [False] * 3])
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -94,6 +100,7 @@ def test_rows_without_mass_are_missing_inertia_unless_massless(load):
         (ONE.replace("mass_kg = 2\n", ""), 'link "a": com_m or inertia_kg_m2 without mass_kg'),
         (ONE.replace("com_m = [0.1, 0.2, 0.3]\n", ""), 'link "a": has mass_kg but no com_m'),
         (ONE + "massless = true", 'link "a": is massless and has mass_kg'),
+        (ONE + 'axes_of_com = ["w"]', 'link[0] "a": axes_of_com'),
         (ONE + '[[frame]]\nname = "f"\nlink = "a"\nposition_m = [0, 0, 0]\n' * 2, 'two frames are named "f"'),
         ("base_frame = 'f'\n" + ONE + '[[frame]]\nname = "f"\nlink = "a"\nposition_m = [0, 0, 0]\n', 'two frames are named "f"'),
     ],
@@ -111,6 +118,10 @@ def test_a_wrong_key_is_refused_by_file_row_and_key(load, text, said):
         (ONE + "variable = { x = 1 }", 'link "a": moves with unknown coordinate "x"'),
         (ONE + 'parent = "x"', 'link "a" hangs on unknown link "x"'),
         (ONE.replace("mass_kg = 2", "mass_kg = -2"), 'link "a": mass -2.0 kg'),
+        (
+            ONE + 'axes_of_com = ["x", "z"]',
+            'link "a": centre of mass has y = 0.2 m, and its axes are declared to be x, z',
+        ),
         (ONE.replace("[1, 0.1", "[-1, 0.1"), 'link "a": inertia has a negative principal moment'),
         (ONE + row("a"), 'two links are named "a"'),
         ("base_rotation = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]\n" + ONE, "expected a rotation matrix"),

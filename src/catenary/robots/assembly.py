@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError, UnsupportedModelError
@@ -12,6 +13,9 @@ from catenary.robots.model import BASE, Frame, RobotModel, Tree
 from catenary.spatial import Pose, as_rotation, identity_pose
 
 JointKind = Literal["revolute", "prismatic", "fixed"]
+OFF_AXIS = 1e-12  # [m] more than rounding leaves of a coordinate that is zero
+Flags = NDArray[np.bool_]
+ANYWHERE = (True, True, True)  # a centre of mass of which nothing is known
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,8 @@ class Link:
     The joint sits at `pose` in the parent's frame and turns about or moves along `axis` by
     sum(variable[name] * q[name]) + offset; `variable` names the robot's coordinates. The link's own frame,
     in which its inertia is given and on which its children hang, is `frame` in the moved joint's frame.
+    `axes_of_com` declares along which of its axes the centre of mass may lie: what is known of the link's make,
+    not what its numbers happen to be.
     """
 
     name: str
@@ -62,6 +68,7 @@ class Link:
     frame: Pose = field(default_factory=identity_pose)
     inertia: LinkInertia | None = None
     massless: bool = False
+    axes_of_com: tuple[bool, bool, bool] = ANYWHERE  # axes of the link's frame on which its CoM may lie
 
 
 @dataclass(frozen=True)
@@ -143,6 +150,7 @@ def assemble(
         tip=tip,
         missing_inertia=tuple(link.name for link in without if not link.massless),
         massless=tuple(link.name for link in without if link.massless),
+        axes_of_com=np.array(folded.axes_of_com),
         closed_form=closed_form,
         sources=tuple(sources),
         notes=tuple(notes),
@@ -158,6 +166,7 @@ class _Folded:
     parents: list[int] = field(default_factory=list)
     poses: list[Pose] = field(default_factory=list)
     inertia: list[LinkInertia | None] = field(default_factory=list)
+    axes_of_com: list[Flags] = field(default_factory=list)
 
 
 def _fold(ordered: Sequence[Link]) -> _Folded:
@@ -170,13 +179,22 @@ def _fold(ordered: Sequence[Link]) -> _Folded:
             folded.carrier[link.name] = Frame(index, here)
             if index >= 0 and link.inertia is not None:
                 folded.inertia[index] = _sum(folded.inertia[index], link.inertia.moved(here))
+                folded.axes_of_com[index] |= _axes_seen_from(here, link.axes_of_com)
             continue
         folded.carrier[link.name] = Frame(len(folded.moving), link.frame)
         folded.moving.append(link)
         folded.parents.append(index)
         folded.poses.append(here)
         folded.inertia.append(None if link.inertia is None else link.inertia.moved(link.frame))
+        folded.axes_of_com.append(_axes_seen_from(link.frame, link.axes_of_com))
     return folded
+
+
+def _axes_seen_from(pose: Pose, axes_of_com: Sequence[bool]) -> Flags:
+    """Say on which axes of the frame that `pose` is expressed in a CoM may lie that lies on some of its own."""
+    reached = np.abs(pose.rotation)[:, np.array(axes_of_com, dtype=bool)].sum(axis=1)
+    off_axis: Flags = np.abs(pose.position) + reached > OFF_AXIS
+    return off_axis
 
 
 def _tree(folded: _Folded, bodies: Sequence[LinkInertia]) -> Tree:
@@ -293,6 +311,12 @@ def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
             raise InputError(f'{what}: factor of "{coordinate}" is {factor}, expected a finite number')
     if link.inertia is not None:
         _check_inertia(what, link.inertia)
+        for axis, may, value in zip("xyz", link.axes_of_com, link.inertia.com, strict=True):
+            if not may and abs(value) > OFF_AXIS:
+                raise InputError(
+                    f"{what}: centre of mass has {axis} = {value:g} m, and its axes are declared to be "
+                    f"{', '.join(a for a, m in zip('xyz', link.axes_of_com, strict=True) if m) or 'none'}"
+                )
 
 
 def _check_inertia(what: str, body: LinkInertia) -> None:

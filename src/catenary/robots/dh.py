@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from catenary.errors import InputError
-from catenary.robots.assembly import Coordinate, JointKind, Link, LinkInertia, assemble
+from catenary.robots.assembly import ANYWHERE, Coordinate, JointKind, Link, LinkInertia, assemble
 from catenary.robots.model import BASE, RobotModel
 from catenary.spatial import Pose, identity_pose, rotation_about_x, rotation_about_z
 
@@ -37,6 +37,7 @@ class DHRow:
     upper: float = np.inf
     inertia: LinkInertia | None = None
     massless: bool = False
+    axes_of_com: tuple[bool, bool, bool] = ANYWHERE  # axes of the DH frame on which the CoM may lie
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,7 @@ def from_dh(robot: DHRobot) -> RobotModel:
                 variable=_variable(row),
                 inertia=row.inertia,
                 massless=row.massless,
+                axes_of_com=row.axes_of_com,
             )
         )
         above = row.name

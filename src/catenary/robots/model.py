@@ -1,7 +1,7 @@
 """RobotModel: one robot as constant arrays, however it was described."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -62,6 +62,8 @@ class RobotModel:
     tip: str  # the frame that forward and inverse kinematics mean when none is named
     missing_inertia: tuple[str, ...] = ()  # moving links without inertia
     massless: tuple[str, ...] = ()  # moving links declared to have none
+    axes_of_com: NDArray[np.bool_] = field(default_factory=lambda: np.ones((0, 3), dtype=bool))
+    # (n_tree, 3) axes of frame i on which link i's centre of mass may lie; all of them when none is declared
     closed_form: str | None = None  # which closed-form inverse kinematics holds, if any
     sources: tuple[str, ...] = ()  # where the numbers come from
     notes: tuple[str, ...] = ()  # what the description holds and the model leaves out
@@ -70,6 +72,8 @@ class RobotModel:
         for name in ("coupling", "offset", "lower", "upper", "velocity_limit", "effort_limit"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
         object.__setattr__(self, "tree", Tree(*(frozen(array) for array in self.tree)))
+        axes = self.axes_of_com if len(self.axes_of_com) else np.ones((len(self.tree.parent), 3), dtype=bool)
+        object.__setattr__(self, "axes_of_com", frozen(axes))
         frames = {
             name: Frame(link, Pose(frozen(pose.rotation), frozen(pose.position)))
             for name, (link, pose) in self.frames.items()

@@ -37,6 +37,11 @@ class LinkTable(Settings):
         None  # xx xy xz yy yz zz, about the CoM
     )
     massless: bool = False
+    axes_of_com: tuple[Literal["x", "y", "z"], ...] = (
+        "x",
+        "y",
+        "z",
+    )  # on which the CoM may lie, for the regressor
     source: str | None = None
 
 
@@ -130,6 +135,7 @@ def _row(path: Path, row: LinkTable) -> DHRow:
         upper=limits.upper,
         inertia=_inertia(path, row),
         massless=row.massless,
+        axes_of_com=("x" in row.axes_of_com, "y" in row.axes_of_com, "z" in row.axes_of_com),
     )
 
 

@@ -1,0 +1,105 @@
+"""catenary regressor."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from catenary.cli.robots import Robot
+from catenary.cli.terminal import print_fact, print_json, print_table
+from catenary.errors import InputError
+
+if TYPE_CHECKING:
+    from catenary.arrays import Floats
+    from catenary.jobs.regressor import RegressorReport
+
+
+def regressor(
+    robot: Robot,
+    compact: Annotated[
+        bool, typer.Option("--compact", help="Print the compact form, as formulas with values.")
+    ] = False,
+    latex: Annotated[bool, typer.Option("--latex", help="Print the compact form for LaTeX.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON: kg and kg m.")] = False,
+) -> None:
+    """Print what gravity torques tell of a robot's masses.
+
+    Example: catenary regressor planar_3r --compact
+    """
+    from catenary.jobs.regressor import describe_regressor
+    from catenary.robots.catalog import load_robot
+
+    if latex and as_json:
+        raise InputError("regressor: give one of --latex and --json")
+    report = describe_regressor(load_robot(robot))
+    if as_json:
+        print_json(report.as_data())
+    elif latex:
+        print(report.compact.latex())
+    elif compact:
+        _print_compact(report)
+    else:
+        _print_identifiability(report)
+
+
+def _print_compact(report: "RegressorReport") -> None:
+    form = report.compact
+    print(f"{report.model.name}: gravity on a level base, g_c = 9.81 m/s2\n\n{form}\n")
+    values = _texts(report.compact_values, len(form.labels))
+    rows = [
+        [f"s{k + 1}", label, value, unit]
+        for k, (label, value, unit) in enumerate(zip(form.labels, values, form.units, strict=True))
+    ]
+    print_table("Parameters", ["", "", "value", "unit"], rows, left=2)
+    symbols = [
+        [name, symbol.meaning, "" if symbol.value is None else f"{symbol.value:.6g}"]
+        for name, symbol in form.symbols.items()
+    ]
+    print_table("Symbols", ["", "", "value"], symbols, left=2)
+    if form.ineffective:
+        print_fact("without effect", ", ".join(form.ineffective), width=14)
+
+
+def _print_identifiability(report: "RegressorReport") -> None:
+    from catenary.gravity.regressor import standard_labels
+    from catenary.jobs.regressor import WORDS
+
+    names = standard_labels(report.model)
+    level, tilted = report.bases["level"], report.bases["tilted"]
+    rows = [
+        [name, WORDS[on_level], WORDS[on_tilted], value, "kg" if name.startswith("m(") else "kg m"]
+        for name, value, on_level, on_tilted in zip(
+            names,
+            _texts(report.standard_values, len(names)),
+            level.identifiable,
+            tilted.identifiable,
+            strict=True,
+        )
+    ]
+    print_table(
+        f"{report.model.name}: do gravity torques tell masses m, and moments m c in the links' frames?",
+        ["parameter", "level base", "tilted base", "value", "unit"],
+        rows,
+        left=3,
+    )
+    print_table(
+        "What torques tell",
+        ["base", "combinations", "of", "condition number"],
+        [
+            [name, str(base.rank), str(len(names)), f"{base.condition:.3g}"]
+            for name, base in report.bases.items()
+        ],
+    )
+    combinations = [
+        [f"b{k + 1}", label, value]
+        for k, (label, value) in enumerate(
+            zip(level.labels, _texts(report.base_values("level"), level.rank), strict=True)
+        )
+    ]
+    print_table("Combinations on a level base", ["", "", "value"], combinations, left=2)
+    for sentence in report.sentences():
+        name, _, text = sentence.partition(": ")
+        print_fact(f"{name}:", text, width=0) if text else print(f"  {sentence}")
+
+
+def _texts(values: "Floats | None", count: int) -> list[str]:
+    return ["-"] * count if values is None else [f"{value:.6g}" for value in values]

@@ -1,0 +1,259 @@
+"""On-line estimation of gravity parameters, as the gravity-regressor paper does: the pseudo-inverse law.
+
+s_hat(t) = s_0 + integral of Z^+(q) Omega (Kp (q_d - q) - Kd qd) dt [gravity-regressor paper, section II]: with
+tau = Kp (q_d - q) - Kd qd + Z s_hat, what the spring still has to hold is what s_hat lacks, and at rest s_hat moves
+until the spring is slack.
+"""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array
+from catenary.compiled import compiled
+from catenary.errors import InputError
+from catenary.gravity.cholesky import factorise, solve_lower, solve_upper
+from catenary.gravity.compact import CompactRegressor, PackedRobot, compact_regressor, write_compact
+from catenary.gravity.regressor import require_parameters
+from catenary.gravity.regressor_recursion import Indices
+from catenary.plant import JointState
+from catenary.robots.model import RobotModel
+
+LONGEST_STEP = 0.1  # [s] a longer time between two updates is a pause, in which nothing was seen
+
+
+class Observed(Protocol):
+    """What an estimator reads of a control loop's tick."""
+
+    @property
+    def time(self) -> float: ...  # noqa: D102  [s]
+    @property
+    def state(self) -> JointState: ...  # noqa: D102
+    @property
+    def tau(self) -> Floats | None: ...  # noqa: D102  (n,) [Nm|N] that was sent
+
+
+class GravityEstimator:
+    """The paper's law on the compact regressor.
+
+    In a controller, `update` each tick gives the torque to add to the PD's. As an observer of `run_loop` it takes
+    what the torque sent has beyond Z s_hat in place of the PD's torque: with the paper's controller that is the same
+    thing, and with any other one the estimate settles as well.
+
+    Z^+ is Z^T (Z Z^T + lambda 1)^-1 with lambda = `damping` times the mean square of Z's rows: the pseudo-inverse,
+    but for directions in which gravity hardly loads the joints, where that would take torques for huge parameters;
+    and one Cholesky factor of n x n, whose time is bounded. The law holds for arms at rest: while a joint is faster
+    than `max_speed`, or a number is missing, s_hat stays.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        kp: ArrayLike,
+        kd: ArrayLike,
+        *,
+        omega: ArrayLike = 2.0,
+        s0: ArrayLike | None = None,
+        max_speed: ArrayLike = 0.1,
+        damping: float = 1e-4,
+    ) -> None:
+        """Take a robot, of which only the geometry is used, and the gains.
+
+        Args:
+            model: The robot.
+            kp: (n,) stiffness of the controller [Nm/rad|N/m].
+            kd: (n,) its damping [Nms/rad|Ns/m].
+            omega: Omega of the law [1/s]: one rate, one per joint (n,), or a symmetric positive definite (n, n).
+            s0: (p,) parameters to start from, those of the compact regressor; zero when None.
+            max_speed: Of joints that count as resting [rad/s|m/s], one for all or (n,).
+            damping: Positive; see above.
+
+        Raises:
+            InputError: Another shape, not finite, a negative gain, an Omega that is not positive definite, or a robot
+                on which gravity has no effect.
+        """
+        self.regressor = regressor_with_effect(model)
+        n, labels = model.n, self.regressor.labels
+        self.kp, self.kd = as_array("kp", kp, (n,)), as_array("kd", kd, (n,))
+        for name, gains in (("kp", self.kp), ("kd", self.kd)):
+            if (gains < 0.0).any():
+                raise InputError(f"{name}: expected gains of zero or more, got {gains.tolist()}")
+        self.omega = _as_omega(omega, n)
+        if not 0.0 < damping < np.inf:
+            raise InputError(f"damping: expected a positive number, got {damping}")
+        self._s = np.zeros(len(labels)) if s0 is None else np.array(require_parameters("s0", s0, labels))
+        self._kernel = self.regressor.kernel()
+        self._limits = np.concatenate([as_speeds(max_speed, n), [damping]])
+        self._work = np.empty(n * len(labels) + n * n + 2 * n)
+        self._rows = np.stack([self.kp, self.kd])
+        self._time = np.nan
+
+    @property
+    def s_hat(self) -> Floats:
+        """Estimated parameters (p,) [kg m, kg]; `regressor.labels` names them."""
+        return self._s.copy()
+
+    def reset(self, s0: ArrayLike | None = None) -> None:
+        """Begin anew, from parameters (p,) or from zero."""
+        labels = self.regressor.labels
+        self._s[:] = 0.0 if s0 is None else require_parameters("s0", s0, labels)
+        self._time = np.nan
+
+    def update(self, q: Floats, qd: Floats, q_desired: Floats, gravity: Floats, dt: float) -> Floats:
+        """Let dt [s] pass at a measured state, and give the gravity torque (n,) [Nm|N] now estimated there.
+
+        Arrays are float64 and of the robot's size; NaN stops the law for the tick, and gives NaN.
+        """
+        return self._step(q, qd, q_desired, gravity, dt, sent=False)
+
+    def follow(self, state: JointState, q_desired: Floats) -> Floats:
+        """Do the same with time and gravity from a robot's state."""
+        return self.update(state.q, state.qd, q_desired, state.gravity, self._passed(state.time))
+
+    def torque(self, q: Floats, gravity: Floats) -> Floats:
+        """Estimated gravity torque Z s_hat (n,) [Nm|N]."""
+        torque: Floats = self._kernel(q, gravity) @ self._s
+        return torque
+
+    def __call__(self, tick: Observed) -> None:
+        """Observe a tick of the control loop."""
+        if tick.tau is not None:
+            state = tick.state
+            self._step(state.q, state.qd, tick.tau, state.gravity, self._passed(tick.time), sent=True)
+
+    def _passed(self, time: float) -> float:
+        last, self._time = self._time, time
+        step = time - last
+        return step if 0.0 < step <= LONGEST_STEP else 0.0  # zero, too, the first time
+
+    def _step(
+        self, q: Floats, qd: Floats, wanted: Floats, gravity: Floats, dt: float, *, sent: bool
+    ) -> Floats:
+        torque = np.empty(len(self.kp))
+        sizes = len(q), len(qd), len(wanted)
+        if sizes != (len(torque),) * 3:
+            raise InputError(f"gravity estimator: is for {len(torque)} joints, the robot has {len(q)}")
+        _law(
+            *self._kernel.robot,
+            self._work,
+            self._rows,
+            self.omega,
+            self._limits,
+            self._s,
+            q,
+            qd,
+            wanted,
+            gravity,
+            dt,
+            sent,
+            torque,
+        )
+        return torque
+
+
+def as_speeds(values: ArrayLike, n: int) -> Floats:
+    """Give speeds (n,) that count as rest.
+
+    Raises:
+        InputError: Another shape, not finite, or not positive.
+    """
+    speeds = as_array("max_speed", np.broadcast_to(values, (n,)) if np.ndim(values) == 0 else values, (n,))
+    if not (speeds > 0.0).all():
+        raise InputError(f"max_speed: expected more than 0 for every joint, got {speeds.tolist()}")
+    return speeds
+
+
+def regressor_with_effect(model: RobotModel) -> CompactRegressor:
+    """Give a robot's compact regressor.
+
+    Raises:
+        InputError: It has no parameters.
+    """
+    regressor = compact_regressor(model)
+    if not regressor.expressions:
+        raise InputError(f'robot "{model.name}": no parameter has an effect: expected one that gravity loads')
+    return regressor
+
+
+def _as_omega(omega: ArrayLike, n: int) -> Floats:
+    shape = np.shape(omega)
+    if shape == ():
+        matrix = float(as_array("omega", omega, ())) * np.eye(n)
+    elif len(shape) == 1:
+        matrix = np.diag(as_array("omega", omega, (n,)))
+    else:
+        matrix = as_array("omega", omega, (n, n))
+    if not np.allclose(matrix, matrix.T) or not (np.linalg.eigvalsh(matrix) > 0.0).all():
+        raise InputError(f"omega: expected a symmetric positive definite matrix, got {matrix.tolist()}")
+    return np.ascontiguousarray(matrix)
+
+
+@compiled
+def _law(
+    ints: Indices,
+    matrices: Floats,
+    vectors: Floats,
+    numbers: Floats,
+    coupling: Floats,
+    weight: Floats,
+    work: Floats,
+    gains: Floats,
+    omega: Floats,
+    limits: Floats,
+    s: Floats,
+    q: Floats,
+    qd: Floats,
+    wanted: Floats,
+    gravity: Floats,
+    dt: float,
+    sent: bool,
+    torque: Floats,
+) -> None:
+    n, p = len(q), len(s)
+    Z, A = work[: n * p].reshape(n, p), work[n * p : n * p + n * n].reshape(n, n)
+    effort, y = work[n * p + n * n : n * p + n * n + n], work[n * p + n * n + n :]
+    robot = PackedRobot(ints, matrices, vectors, numbers, coupling, weight)
+    write_compact(robot, q, gravity, Z)
+    _times(Z, s, torque)
+    resting = dt > 0.0
+    for j in range(n):
+        if sent:
+            effort[j] = wanted[j] - torque[j]
+        else:
+            effort[j] = gains[0, j] * (wanted[j] - q[j]) - gains[1, j] * qd[j]
+        # a comparison with NaN is false
+        resting &= abs(qd[j]) <= limits[j] and abs(effort[j]) < np.inf and abs(torque[j]) < np.inf
+    if not resting:
+        return
+    trace = 0.0
+    for i in range(n):
+        y[i] = 0.0
+        for j in range(n):
+            y[i] += omega[i, j] * effort[j]
+        for j in range(i + 1):
+            total = 0.0
+            for c in range(p):
+                total += Z[i, c] * Z[j, c]
+            A[i, j] = total
+        trace += A[i, i]
+    for i in range(n):
+        A[i, i] += limits[n] * trace / n
+    if not factorise(A):
+        return  # no gravity
+    solve_lower(A, y)
+    solve_upper(A, y)
+    for c in range(p):
+        rate = 0.0
+        for i in range(n):
+            rate += Z[i, c] * y[i]
+        s[c] += dt * rate
+    _times(Z, s, torque)
+
+
+@compiled
+def _times(Z: Floats, s: Floats, torque: Floats) -> None:
+    for i in range(len(torque)):
+        torque[i] = 0.0
+        for c in range(len(s)):
+            torque[i] += Z[i, c] * s[c]

@@ -1,0 +1,207 @@
+"""Gravity as regressor times parameters, g = Z(q, gravity) s: the paper's form, and that of masses and moments.
+
+The paper keeps, for every joint, what it carries as seen along every frame's axes; Z depends on the arm's
+geometry alone, s on masses and centres of mass. Neither Z needs a model with inertia.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array, as_batch
+from catenary.compiled import compiled
+from catenary.dynamics.coordinates import place_tree
+from catenary.dynamics.inverse_dynamics import gravity_rows
+from catenary.dynamics.recursion import place_links
+from catenary.errors import InputError
+from catenary.gravity.regressor_recursion import (
+    Spread,
+    full_recursion,
+    spread_of,
+    standard_recursion,
+    turn_links,
+)
+from catenary.robots.model import BASE, RobotModel, Tree
+
+STANDARD = ("m", "mx", "my", "mz")  # mass, and first moment about the frame's origin
+
+
+class GravityParameters(NamedTuple):
+    """A robot's parameter vector, and what its entries are."""
+
+    values: Floats  # (p,)
+    labels: tuple[str, ...]  # (p,)
+    units: tuple[str, ...]  # (p,) "kg" or "kg m"
+
+
+def gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
+    """Regressor Z(q, gravity) of the paper, with Z s = g for the s that `gravity_parameters` gives.
+
+    Block row k holds -gravity^T [z_k]x [1 R_1 ... R_n] in block column k, zeros elsewhere; the paper has
+    g_c e_z^T, the level base's. [gravity-regressor paper, section II] Beyond the paper: any gravity vector; trees,
+    whose joints are stacked in the tree's order (body, arm 1, arm 2, as the paper does); coordinates that move
+    several joints, by coupling^T; prismatic joints, each with one more column, for the mass it carries.
+
+    Args:
+        model: The robot; it needs no inertia.
+        q: (n,) or (N, n) coordinates [rad or m].
+        gravity: (3,) or (N, 3) free-fall acceleration in base axes, down: (0, 0, -9.81) upright [m/s2].
+
+    Returns:
+        (n, p) or (N, n, p), p = 3 n_tree (n_tree + 1) + number of prismatic joints.
+
+    Raises:
+        InputError: An argument has another shape or is not finite.
+    """
+    n = len(model.tree.parent)
+    width = 3 * n * (n + 1) + int(model.tree.prismatic.sum())
+    return _rows(model, q, gravity, width, full=True)
+
+
+def gravity_parameters(model: RobotModel) -> GravityParameters:
+    """Parameters s of `gravity_regressor`: per joint and frame, the first moment of what the joint carries.
+
+    Entry (k, j) is sum over the links i that joint k carries, of m_i times the part of link i's centre of mass, as
+    seen from frame k, that lies along frame j's axes: D_ik p + d_i p_c of the paper. On the way from k to i that is
+    the step from frame j to the next one, taken with prismatic joints at zero, or the centre of mass in frame i = j.
+    At the end the masses that prismatic joints carry.
+
+    Raises:
+        MissingInertiaError: Links without inertia.
+    """
+    model.require_inertia()
+    tree = model.tree
+    n = len(tree.parent)
+    moment, mass = carried(tree)
+    values: list[float] = []
+    labels: list[str] = []
+    names = (BASE, *model.link_names)
+    for k in range(n):
+        beyond = carried_links(tree, k)
+        for j in range(-1, n):
+            values += list(moment[j]) if j in beyond else [0.0] * 3
+            labels += [f"carried by {names[k + 1]}, along {axis} of {names[j + 1]}" for axis in "xyz"]
+    for link in np.flatnonzero(tree.prismatic):
+        values.append(float(mass[link]))
+        labels.append(f"mass carried by {model.link_names[link]}")
+    units = ("kg m",) * (3 * n * (n + 1)) + ("kg",) * int(tree.prismatic.sum())
+    return GravityParameters(np.array(values), tuple(labels), units)
+
+
+def standard_gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
+    """Regressor of every link's mass and first moment (m, m c), with Z s = g.
+
+    The torque of gravity alone; inertia does not enter. Its columns are dependent: see base_parameters.py.
+
+    Args:
+        model: The robot; it needs no inertia.
+        q: (n,) or (N, n) coordinates [rad or m].
+        gravity: (3,) or (N, 3) free-fall acceleration in base axes [m/s2].
+
+    Returns:
+        (n, 4 n_links) or (N, n, 4 n_links); link i has columns 4 i (mass) to 4 i + 3 (moments about x, y, z of
+        frame i's origin).
+
+    Raises:
+        InputError: An argument has another shape or is not finite.
+    """
+    return _rows(model, q, gravity, 4 * len(model.tree.parent), full=False)
+
+
+def standard_gravity_parameters(model: RobotModel) -> GravityParameters:
+    """Parameters of `standard_gravity_regressor`: m [kg], m c [kg m] of every link, in its frame.
+
+    Raises:
+        MissingInertiaError: Links without inertia.
+    """
+    model.require_inertia()
+    mass = model.tree.mass[:, None]
+    values = np.hstack([mass, mass * model.tree.com]).ravel()
+    return GravityParameters(values, standard_labels(model), ("kg", "kg m", "kg m", "kg m") * len(mass))
+
+
+def standard_labels(model: RobotModel) -> tuple[str, ...]:
+    """Name the parameters of `standard_gravity_regressor`: "m(elbow)", "mx(elbow)", ..."""
+    return tuple(f"{kind}({link})" for link in model.link_names for kind in STANDARD)
+
+
+def carried(tree: Tree) -> tuple[Floats, Floats]:
+    """First moment (n, 3) about frame j's origin, and mass (n,), of link j with all it carries lumped at its joints.
+
+    Each child's whole load counts where its frame's origin is with its joint at zero: what lies beyond is counted
+    along the child's own axes.
+    """
+    mass = np.array(tree.mass)
+    moment = tree.mass[:, None] * tree.com
+    for i in range(len(mass) - 1, -1, -1):
+        parent = tree.parent[i]
+        if parent >= 0:
+            mass[parent] += mass[i]
+            moment[parent] += mass[i] * tree.origin[i]
+    return moment, mass
+
+
+def carried_links(tree: Tree, joint: int) -> set[int]:
+    """Give the links that a joint carries, its own included."""
+    links = {joint}
+    for i in range(joint + 1, len(tree.parent)):
+        if int(tree.parent[i]) in links:
+            links.add(i)
+    return links
+
+
+def require_parameters(name: str, values: ArrayLike, labels: Sequence[str]) -> Floats:
+    """Give a parameter vector as an array.
+
+    Raises:
+        InputError: Another number of entries than labels, or not finite; the message names the entry.
+    """
+    array = as_array(name, values, (len(labels),), finite=False)
+    bad = np.flatnonzero(~np.isfinite(array))
+    if len(bad):
+        raise InputError(f"{name}[{bad[0]}] ({labels[bad[0]]}) is {array[bad[0]]}: expected a finite number")
+    return array
+
+
+def _rows(model: RobotModel, q: ArrayLike, gravity: ArrayLike, width: int, *, full: bool) -> Floats:
+    rows, single = as_batch("q", q, model.n)
+    gravities = gravity_rows(gravity, len(rows))
+    out = np.empty((len(rows), model.n, width))
+    spread = spread_of(model.coupling)
+    compute = _full_rows if full else _standard_rows
+    compute(model.tree, model.coupling, model.offset, spread, rows, gravities, out)
+    return out[0] if single else out
+
+
+@compiled
+def _full_rows(
+    tree: Tree, coupling: Floats, offset: Floats, spread: Spread, q: Floats, gravity: Floats, out: Floats
+) -> None:
+    n = len(tree.parent)
+    work = np.empty((3, n))
+    rotation, position, base_rotation = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3, 3))
+    axis = np.empty((n, 3))
+    for k in range(len(q)):
+        place_tree(tree, coupling, offset, q[k], work, rotation, position)
+        turn_links(tree, rotation, base_rotation, axis)
+        row = gravity[k if len(gravity) > 1 else 0]
+        full_recursion(tree, work[0], base_rotation, axis, (row[0], row[1], row[2]), spread, out[k])
+
+
+@compiled
+def _standard_rows(
+    tree: Tree, coupling: Floats, offset: Floats, spread: Spread, q: Floats, gravity: Floats, out: Floats
+) -> None:
+    n = len(tree.parent)
+    work = np.empty((3, n))
+    rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))
+    base_rotation, base_position = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3))
+    turned, axis = np.empty((n, 3, 3)), np.empty((n, 3))
+    for k in range(len(q)):
+        place_tree(tree, coupling, offset, q[k], work, rotation, position)
+        place_links(tree, rotation, position, base_rotation, base_position)
+        turn_links(tree, rotation, turned, axis)
+        row = gravity[k if len(gravity) > 1 else 0]
+        standard_recursion(tree, base_rotation, base_position, axis, (row[0], row[1], row[2]), spread, out[k])

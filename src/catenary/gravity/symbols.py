@@ -1,0 +1,155 @@
+"""Gravity parameters as expressions in a robot's symbols: unknown masses and centres of mass, known lengths.
+
+Links are numbered from 1 in the tree's order. m2 is link 2's mass; lg2 (lg2x, lg2y, lg2z where it may lie on several
+axes) its centre of mass in its frame; l2 the step from frame 2 to the next one along the only axis that it has, l2x its
+part along x where it has several, l2,5x that to link 5 where several links hang on link 2. Lengths are signed.
+Two expressions are the same parameter if they are the same sum of products; no number of the model is looked at, but
+that steps of zero length and the masses of links declared massless are zero.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from catenary.gravity.regressor import carried_links
+from catenary.robots.model import RobotModel
+
+NO_LENGTH = 1e-12  # [m]
+
+
+class Product(NamedTuple):
+    """A length times the sum of some links' masses; no length stands for the masses alone."""
+
+    length: str
+    masses: tuple[int, ...]  # indices of links
+
+
+Expression = tuple[Product, ...]
+
+
+class Symbol(NamedTuple):
+    """What a symbol stands for, and its value where the model has one."""
+
+    meaning: str
+    value: float | None
+
+
+def moment_expression(model: RobotModel, link: int, axis: int) -> Expression:
+    """Give the first moment, along an axis of its frame, of a link with all it carries lumped at its joints."""
+    products = []
+    for child in children(model, link):
+        masses = carried_masses(model, child)
+        if masses and abs(model.tree.origin[child, axis]) > NO_LENGTH:
+            products.append(Product(_step_name(model, child, axis), masses))
+    if _has_mass(model, link) and model.axes_of_com[link, axis]:
+        products.append(Product(_com_name(model, link, axis), (link,)))
+    return tuple(products)
+
+
+def mass_expression(model: RobotModel, link: int) -> Expression:
+    """Give the mass that a link's joint carries."""
+    masses = carried_masses(model, link)
+    return (Product("", masses),) if masses else ()
+
+
+def monomials(expression: Expression) -> frozenset[tuple[str, int]]:
+    """Give an expression multiplied out; all its terms differ, so equal sets are equal expressions."""
+    return frozenset((product.length, link) for product in expression for link in product.masses)
+
+
+def expression_text(expression: Expression) -> str:
+    """Write an expression as the paper does: l1 (m2+m3) + lg1 m1."""
+    return " + ".join(_product_text(product) for product in expression) or "0"
+
+
+def expression_latex(expression: Expression) -> str:
+    """Write an expression for LaTeX."""
+    parts = []
+    for length, masses in expression:
+        name, index = length.rstrip("0123456789,xyz"), length.lstrip("lg")
+        head = "" if not length else f"l_{{g{index}}} " if name == "lg" else f"l_{{{index}}} "
+        total = "+".join(f"m_{{{word}}}" if word != "..." else r"\dots" for word in _mass_words(masses))
+        parts.append(head + (f"({total})" if head and len(masses) > 1 else total))
+    return " + ".join(parts) or "0"
+
+
+def symbols_of(model: RobotModel, expressions: Sequence[Expression]) -> dict[str, Symbol]:
+    """Say what the symbols in some expressions stand for, in the order of links: masses, lengths, centres of mass."""
+    used = {name for expression in expressions for name, _ in expression}
+    massive = sorted(
+        {link for expression in expressions for product in expression for link in product.masses}
+    )
+    known = not model.missing_inertia
+    table = {
+        f"m{link + 1}": Symbol(
+            f"mass of {model.link_names[link]} [kg]", float(model.tree.mass[link]) if known else None
+        )
+        for link in massive
+    }
+    for child in range(len(model.link_names)):
+        for axis in range(3):
+            step = float(model.tree.origin[child, axis])
+            if model.tree.parent[child] < 0 or abs(step) <= NO_LENGTH:
+                continue
+            if (name := _step_name(model, child, axis)) in used:
+                parent = model.link_names[model.tree.parent[child]]
+                table[name] = Symbol(
+                    f"from {parent} to {model.link_names[child]}, along {'xyz'[axis]} of {parent} [m]",
+                    step,
+                )
+    for link in range(len(model.link_names)):
+        for axis in range(3):
+            if model.axes_of_com[link, axis] and (name := _com_name(model, link, axis)) in used:
+                table[name] = Symbol(
+                    f"centre of mass of {model.link_names[link]}, along {'xyz'[axis]} [m]",
+                    float(model.tree.com[link, axis]) if known else None,
+                )
+    return table
+
+
+def children(model: RobotModel, link: int) -> list[int]:
+    """Give the links that hang on a link."""
+    return [int(k) for k in np.flatnonzero(model.tree.parent == link)]
+
+
+def carried_masses(model: RobotModel, joint: int) -> tuple[int, ...]:
+    """Give the links with mass that a joint carries."""
+    return tuple(sorted(link for link in carried_links(model.tree, joint) if _has_mass(model, link)))
+
+
+def _has_mass(model: RobotModel, link: int) -> bool:
+    """Say whether a link's mass is unknown or known to be there; only a declared lack of it is none."""
+    return model.link_names[link] not in model.massless
+
+
+def _step_name(model: RobotModel, child: int, axis: int) -> str:
+    parent = int(model.tree.parent[child])
+    others = len(children(model, parent)) > 1
+    several = np.count_nonzero(np.abs(model.tree.origin[child]) > NO_LENGTH) > 1
+    return f"l{parent + 1}{f',{child + 1}' if others else ''}{'xyz'[axis] if several else ''}"
+
+
+def _com_name(model: RobotModel, link: int, axis: int) -> str:
+    return f"lg{link + 1}{'xyz'[axis] if model.axes_of_com[link].sum() > 1 else ''}"
+
+
+def _product_text(product: Product) -> str:
+    total = "+".join(word if word == "..." else f"m{word}" for word in _mass_words(product.masses))
+    if not product.length:
+        return total
+    return f"{product.length} ({total})" if len(product.masses) > 1 else f"{product.length} {total}"
+
+
+def _mass_words(masses: tuple[int, ...]) -> list[str]:
+    """Number the masses from 1; of more than four in a row, the first and the last."""
+    words: list[str] = []
+    k = 0
+    while k < len(masses):
+        end = k
+        while end + 1 < len(masses) and masses[end + 1] == masses[end] + 1:
+            end += 1
+        run = [str(link + 1) for link in masses[k : end + 1]]
+        words += [run[0], "...", run[-1]] if len(run) > 4 else run
+        k = end + 1
+    return words

@@ -1,0 +1,56 @@
+from pathlib import Path
+
+import pytest
+
+import simulated_arm
+from catenary.gravity.compact import compact_regressor
+from catenary.robots.catalog import load_robot, robot_names
+from command_line import catenary, refusal
+
+
+def test_regressor_prints_what_is_identifiable() -> None:
+    text = catenary("regressor", "raven2").out
+    assert "m(insertion)   by itself       by itself            0.231    kg" in text
+    assert "b1  mx(shoulder)" in text
+    assert "without effect on any torque:  m(shoulder), mz(shoulder), m(elbow)" in text
+
+
+def test_compact_form_of_the_planar_arm_is_the_papers() -> None:
+    text = catenary("regressor", "planar_3r", "--compact").out
+    assert (
+        "\ng = g_c [[c1 c12 c123],[0 c12 c123],[0 0 c123]] [s1 s2 s3]^T\n"
+        "s1 = l1 (m2+m3) + lg1 m1\ns2 = l2 m3 + lg2 m2\ns3 = lg3 m3\n"
+    ) in text
+    assert "lg3  centre of mass of link3, along x [m]         0.1" in text
+
+
+def test_latex_is_the_compact_forms() -> None:
+    arm = compact_regressor(load_robot("planar_3r"))
+    assert catenary("regressor", "planar_3r", "--latex").out == f"{arm.latex()}\n"
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_every_robot_of_the_catalogue_has_one(name: str) -> None:
+    content = catenary("regressor", name, "--json").json
+    assert content["robot"] == name
+    assert 0 < content["base"]["level"]["rank"] <= content["base"]["turning"]["rank"]
+    assert len(content["compact"]["columns"][0]) == len(content["compact"]["parameters"])
+    assert catenary("regressor", name).code == catenary("regressor", name, "--compact").code == 0
+
+
+def test_a_robot_without_inertia_has_no_values(tmp_path: Path) -> None:
+    (tmp_path / "bare.urdf").write_text(simulated_arm.URDF_WITHOUT_INERTIA)
+    outcome = catenary("regressor", tmp_path / "bare.urdf")
+    assert outcome.code == 0
+    assert "no inertia in the file, so no values:" in outcome.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["regressor", "planar_3"], 'did you mean "planar_3r"'),
+        (["regressor", "planar_3r", "--json", "--latex"], "give one of --latex and --json"),
+    ],
+)
+def test_bad_input_is_refused_with_a_reason(arguments: list[str], words: str) -> None:
+    assert words in refusal(*arguments)

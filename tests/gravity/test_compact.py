@@ -1,0 +1,262 @@
+from dataclasses import replace
+
+import numpy as np
+import pinocchio
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.errors import InputError, MissingInertiaError
+from catenary.gravity.compact import compact_regressor
+from catenary.gravity.regressor import gravity_parameters, gravity_regressor
+from catenary.robots.assembly import Coordinate, Link, assemble
+from catenary.robots.catalog import load_robot, robot_names
+from catenary.robots.model import RobotModel
+from catenary.spatial import Pose
+from oracles.pinocchio_trees import pinocchio_model, pinocchio_order, pinocchio_vector
+from oracles.random_trees import RandomRobot, random_bodies_on, random_inertia, random_robot
+
+UPRIGHT = np.array([0.0, 0.0, -9.81])
+X, Y, Z = np.eye(3)
+
+
+def at(*position: float) -> Pose:
+    return Pose(np.eye(3), np.array(position))
+
+
+def robot_of(*rows: tuple[str, str, str, np.ndarray, Pose], **options) -> RobotModel:
+    """Links (name, parent, joint, axis, pose), each with a coordinate and a body of its own."""
+    rng = np.random.default_rng(0)
+    massless = options.get("massless", ())
+    links = [
+        Link(
+            name,
+            parent,
+            joint,
+            pose,
+            axis,
+            {name: 1.0},
+            inertia=None if name in massless else random_inertia(rng),
+        )
+        for name, parent, joint, axis, pose in rows
+    ]
+    coordinates = [Coordinate(row[0], "m" if row[2] == "prismatic" else "rad") for row in rows]
+    return assemble("made", links, coordinates, **options)
+
+
+def test_planar_arm_is_printed_as_the_paper_prints_it() -> None:
+    assert str(compact_regressor(load_robot("planar_3r"))).split("\n") == [
+        "g = g_c [[c1 c12 c123],[0 c12 c123],[0 0 c123]] [s1 s2 s3]^T",
+        "s1 = l1 (m2+m3) + lg1 m1",
+        "s2 = l2 m3 + lg2 m2",
+        "s3 = lg3 m3",
+    ]
+
+
+def test_planar_arm_is_printed_for_latex() -> None:
+    first, *parameters = compact_regressor(load_robot("planar_3r")).latex().split("\n")
+    assert r"c_{1} & c_{12} & c_{123} \\ 0 & c_{12} & c_{123} \\ 0 & 0 & c_{123}" in first
+    assert parameters == [
+        "s_{1} = l_{1} (m_{2}+m_{3}) + l_{g1} m_{1}",
+        "s_{2} = l_{2} m_{3} + l_{g2} m_{2}",
+        "s_{3} = l_{g3} m_{3}",
+    ]
+
+
+def test_planar_arm_has_the_papers_values() -> None:
+    regressor = compact_regressor(load_robot("planar_3r"))
+    q = np.array([0.2, 0.5, -0.9])
+    c1, c12, c123 = np.cos(np.cumsum(q))
+    assert_allclose(
+        regressor.Z(q, UPRIGHT), 9.81 * np.array([[c1, c12, c123], [0, c12, c123], [0, 0, c123]]), atol=1e-14
+    )
+    assert_allclose(
+        regressor.parameters(), [0.4 * 2.5 + 0.2 * 2.0, 0.3 + 0.15 * 1.5, 0.1], rtol=1e-14
+    )  # from the lengths and masses of its file
+
+
+def test_compact_form_holds_what_the_full_form_holds(random_robots: list[RandomRobot]) -> None:
+    rng = np.random.default_rng(1)
+    models = [robot.model for robot in random_robots] + [load_robot(name) for name in robot_names()]
+    for m in models:
+        q, gravity = rng.normal(size=(4, m.n)), 5.0 * rng.normal(size=(4, 3))
+        regressor = compact_regressor(m)
+        full = gravity_regressor(m, q, gravity) @ gravity_parameters(m).values
+        assert_allclose(regressor.Z(q, gravity) @ regressor.parameters(), full, atol=1e-10, err_msg=m.name)
+        assert regressor.Z(q, gravity).shape[-1] == len(regressor.labels) == len(regressor.units)
+
+
+def test_compact_form_holds_what_pinocchio_holds() -> None:
+    rng = np.random.default_rng(2)
+    for name in robot_names():
+        robot = random_bodies_on(load_robot(name), rng)
+        m = robot.model
+        q, gravity = rng.normal(size=m.n), 5.0 * rng.normal(size=3)
+        pin = pinocchio_model(robot)
+        pin.gravity.linear = gravity
+        x = pinocchio_vector(robot, pin, m.coupling @ q + m.offset)
+        held = pinocchio.computeGeneralizedGravity(pin, pin.createData(), x)[pinocchio_order(robot, pin)]
+        regressor = compact_regressor(m)
+        assert_allclose(
+            regressor.Z(q, gravity) @ regressor.parameters(), m.coupling.T @ held, atol=1e-10, err_msg=name
+        )
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 200), st.integers(0, 2**32 - 1))
+def test_one_regressor_serves_every_robot_of_the_structure(tree: int, seed: int) -> None:
+    m = random_robot(tree).model
+    rng = np.random.default_rng(seed)
+    n = len(m.link_names)
+    other = replace(m, tree=m.tree._replace(mass=rng.uniform(0.1, 9.0, n), com=rng.normal(size=(n, 3))))
+    regressor = compact_regressor(m)
+    q, gravity = rng.normal(size=m.n), rng.normal(size=3)
+    full = gravity_regressor(other, q, gravity) @ gravity_parameters(other).values
+    assert_allclose(regressor.Z(q, gravity) @ regressor.parameters(other), full, atol=1e-9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 200), st.integers(0, 2**32 - 1))
+def test_compact_regressor_is_linear_in_gravity(tree: int, seed: int) -> None:
+    regressor = compact_regressor(random_robot(tree).model)
+    rng = np.random.default_rng(seed)
+    q, (a, b) = rng.normal(size=regressor.model.n), rng.normal(size=(2, 3))
+    assert_allclose(
+        regressor.Z(q, 2.0 * a - 3.0 * b), 2.0 * regressor.Z(q, a) - 3.0 * regressor.Z(q, b), atol=1e-11
+    )
+
+
+def test_two_arms_of_the_same_make_stay_apart() -> None:
+    rows = [("body", "base", "revolute", Y, at(0, 0, 0.5))]
+    rows += [(f"{side} {part}", parent, "revolute", Y, at(*place)) for side, sign in (("left", 1), ("right", -1))
+             for part, parent, place in (("upper", "body", (0, 0.2 * sign, 0.4)), ("lower", f"{side} upper", (0, 0, -0.3)))]  # fmt: skip
+    m = robot_of(*rows)
+    same = m.tree._replace(
+        mass=np.full(5, 2.0),
+        com=np.tile([0.0, 0.0, -0.1], (5, 1)),
+        inertia=np.tile(0.1 * np.eye(3), (5, 1, 1)),
+    )
+    arms = replace(m, tree=same)
+    regressor = compact_regressor(arms)
+    assert len(set(regressor.labels)) == len(regressor.labels)
+    # axes all along y: of every first moment only x and z can be felt
+    assert len(regressor.labels) == 10
+    assert "l1,2z (m2+m3) + l1,4z (m4+m5) + lg1z m1" in regressor.labels
+    assert "l2 m3 + lg2z m2" in regressor.labels
+    assert "l4 m5 + lg4z m4" in regressor.labels
+
+
+def test_a_centre_of_mass_that_happens_to_be_zero_stays() -> None:
+    assert "lg3x m3" in compact_regressor(load_robot("raven2")).labels
+
+
+def test_declared_axes_delete_what_cannot_be_there() -> None:
+    arm = load_robot("planar_3r")
+    anywhere = replace(arm, axes_of_com=np.ones((3, 3), dtype=bool))
+    assert compact_regressor(anywhere).labels == (
+        "l1 (m2+m3) + lg1x m1",
+        "lg1y m1",
+        "l2 m3 + lg2x m2",
+        "lg2y m2",
+        "lg3x m3",
+        "lg3y m3",
+    )
+    # no joint turns about anything but z
+    assert compact_regressor(anywhere).ineffective == ("lg1z m1", "lg2z m2", "lg3z m3")
+
+
+def test_masses_carried_by_a_slide_that_is_massless_are_merged() -> None:
+    rows = [
+        ("rail", "base", "prismatic", Z, at(0, 0, 0)),
+        ("cross", "rail", "prismatic", X, at(0, 0, 0.1)),
+        ("head", "cross", "prismatic", Z, at(0, 0.2, 0)),
+    ]
+    m = robot_of(*rows, massless=["rail", "cross"])
+    regressor = compact_regressor(m)
+    assert regressor.labels == ("m3",)
+    gravity = np.array([1.0, 2.0, -9.0])
+    mass = m.tree.mass[2]
+    assert_allclose(regressor.Z(np.zeros(3), gravity) @ [mass], [9.0 * mass, -mass, 9.0 * mass], atol=1e-14)
+    assert regressor.entries() == [["Z1,1"], ["Z2,1"], ["Z3,1"]]
+    assert len(compact_regressor(robot_of(*rows)).labels) == 3
+
+
+def test_a_slide_moves_the_mass_that_it_carries() -> None:
+    m = robot_of(("turn", "base", "revolute", Y, at(0, 0, 0)), ("slide", "turn", "prismatic", X, at(0, 0, 0)))
+    regressor = compact_regressor(m)
+    assert regressor.labels[-1] == "m2"
+    # about y, down is positive for what lies along x
+    assert [row[-1] for row in regressor.entries()] == ["-c1 q2", "-s1"]
+
+
+def test_a_robot_in_many_poses_gives_what_it_gives_in_each(random_robots: list[RandomRobot]) -> None:
+    rng = np.random.default_rng(3)
+    for robot in random_robots[:9]:
+        regressor = compact_regressor(robot.model)
+        kernel = regressor.kernel()
+        q, gravity = rng.normal(size=(3, robot.model.n)), rng.normal(size=(3, 3))
+        each, one = regressor.Z(q, gravity), regressor.Z(q, gravity[1])
+        out = np.empty_like(each[0])
+        for k in range(3):
+            assert_array_equal(each[k], regressor.Z(q[k], gravity[k]))
+            assert_array_equal(one[k], regressor.Z(q[k], gravity[1]))
+            assert kernel(q[k], gravity[k], out) is out
+            assert_array_equal(out, each[k])
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_every_robot_of_the_catalogue_is_printed(name: str) -> None:
+    regressor = compact_regressor(load_robot(name))
+    lines = str(regressor).split("\n")
+    assert max(map(len, lines)) <= 120 or name not in ("planar_3r", "raven2", "two_link")
+    for k, label in enumerate(regressor.labels):
+        assert f"s{k + 1} = {label}" in lines
+    assert set(regressor.symbols)
+    assert rf"s_{{{len(regressor.labels)}}} = " in regressor.latex()
+
+
+def test_parameters_that_no_robot_of_the_structure_has_are_refused() -> None:
+    arm = load_robot("planar_3r")
+    regressor = compact_regressor(arm)
+    s = gravity_parameters(arm).values
+    with pytest.raises(InputError, match=r"s: expected shape \(36,\), got \(35,\)"):
+        regressor.compress(s[1:])
+    with pytest.raises(InputError, match=r"s\[7\] \(entry 7 of 36\) is nan"):
+        regressor.compress(np.where(np.arange(36) == 7, np.nan, s))
+    with pytest.raises(InputError, match=r"s\[4\] is 1: expected 0"):
+        regressor.compress(np.where(np.arange(36) == 4, 1.0, s))
+    with pytest.raises(InputError, match=r"s\[6\] is 2 and s\[18\] 0.525: expected equal .* l2 m3 \+ lg2 m2"):
+        regressor.compress(np.where(np.arange(36) == 6, 2.0, s))
+
+
+def test_a_robot_of_another_geometry_or_without_inertia_has_no_parameters() -> None:
+    regressor = compact_regressor(load_robot("raven2"))
+    with pytest.raises(
+        InputError, match='robot "raven2_right": expected the joints, links and geometry of "raven2"'
+    ):
+        regressor.parameters(load_robot("raven2_right"))
+    with pytest.raises(InputError, match='robot "two_link"'):
+        regressor.parameters(load_robot("two_link"))
+    with pytest.raises(InputError, match="expected the joints, links and geometry"):
+        regressor.parameters(replace(load_robot("raven2"), offset=np.array([0.0, 0.1, 0.0])))
+    with pytest.raises(MissingInertiaError, match='"elbow"'):
+        regressor.parameters(replace(load_robot("raven2"), missing_inertia=("elbow",)))
+
+
+def test_wrong_arguments_are_refused_with_a_reason() -> None:
+    regressor = compact_regressor(load_robot("raven2"))
+    with pytest.raises(InputError, match=r"q: expected shape \(3,\)"):
+        regressor.Z(np.zeros(2), UPRIGHT)
+    with pytest.raises(InputError, match=r"gravity: expected shape \(3,\)"):
+        regressor.Z(np.zeros(3), np.zeros(2))
+
+
+def test_a_robot_that_cannot_move_has_no_parameters() -> None:
+    m = assemble(
+        "still",
+        [Link("a", "base", "revolute", at(0, 0, 0), inertia=random_inertia(np.random.default_rng(0)))],
+        [],
+    )
+    assert compact_regressor(m).labels == ()
+    assert str(compact_regressor(m))

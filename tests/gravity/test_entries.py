@@ -1,0 +1,81 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.gravity.compact import compact_regressor
+from catenary.gravity.entries import Terms, mass_entries, moment_entries, terms_text
+from catenary.gravity.regressor_recursion import CARRIED_MASS
+from catenary.robots.catalog import load_robot, robot_names
+from catenary.robots.model import RobotModel
+from oracles.random_trees import Floats, RandomRobot
+
+
+def value(terms: Terms, q: Floats) -> float:
+    functions = {"c": np.cos, "s": np.sin, "q": lambda x: x}
+    return sum(
+        factor * np.prod([functions[kind](sum(f * q[k] for k, f in angle)) for kind, angle in atoms])
+        for atoms, factor in terms.items()
+    )
+
+
+def assert_entries_are_those_of_Z(model: RobotModel, rng: np.random.Generator) -> int:
+    regressor = compact_regressor(model)
+    q, gravity = rng.normal(size=model.n), rng.normal(size=3)
+    Z = np.zeros((model.n, len(regressor.expressions)))
+    written = 0
+    for link, along, target in zip(*regressor.columns, strict=True):
+        if along == CARRIED_MASS:
+            entries = mass_entries(model, int(link), gravity)
+        else:
+            entries = moment_entries(model, int(link), np.eye(3)[along], gravity)
+        for r, terms in enumerate(entries):
+            if terms is None:
+                Z[r, target] = np.nan  # too long to write
+            else:
+                Z[r, target] += value(terms, q)
+                written += 1
+    expected = regressor.Z(q, gravity)
+    assert_allclose(np.where(np.isnan(Z), expected, Z), expected, atol=1e-9, err_msg=model.name)
+    return written
+
+
+def test_entries_written_out_are_those_of_the_regressor(random_robots: list[RandomRobot]) -> None:
+    rng = np.random.default_rng(0)
+    models = [robot.model for robot in random_robots[:36] if len(robot.model.link_names) < 6]
+    assert sum(assert_entries_are_those_of_Z(model, rng) for model in models) > 200
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_entries_of_the_catalogue_are_those_of_the_regressor(name: str) -> None:
+    model = load_robot(name)
+    if len(model.link_names) <= 6:
+        assert assert_entries_are_those_of_Z(model, np.random.default_rng(1)) > 0
+
+
+def test_angles_of_parallel_joints_add_up() -> None:
+    arm = load_robot("planar_3r")
+    entries = moment_entries(arm, 2, np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0]))
+    assert entries == 3 * [{(("c", ((0, 1.0), (1, 1.0), (2, 1.0))),): pytest.approx(1.0)}]
+
+
+@pytest.mark.parametrize(
+    ("terms", "text", "latex"),
+    [
+        ({}, "0", "0"),
+        ({(): -0.5}, "-0.5", "-0.5"),
+        ({(("c", ((0, 1.0), (1, 1.0))),): 1.0}, "c12", "c_{12}"),
+        ({(("c", ((0, 1.0),)), ("s", ((1, 1.0),))): -1.0}, "-c1 s2", "-c_{1} s_{2}"),
+        (
+            {(("c", ((0, 1.0),)),): 0.25, (("s", ((0, 1.0),)),): -1.0},
+            "0.25 c1 - s1",
+            "0.25 c_{1} - s_{1}",
+        ),
+        ({(("s", ((0, 1.0), (1, -1.0))),): 1.0}, "s(q1-q2)", r"\sin(q_{1}-q_{2})"),
+        ({(("c", ((0, 2.0),)),): 1.0}, "c(2 q1)", r"\cos(2 q_{1})"),
+        ({(("q", ((0, 1.0),)), ("s", ((1, 1.0),))): 2.0}, "2 q1 s2", "2 q_{1} s_{2}"),
+        ({(("c", ((0, 1.0), (9, 1.0))),): 1.0}, "c1,10", "c_{1,10}"),
+    ],
+)
+def test_sums_of_products_are_written_shortly(terms: Terms, text: str, latex: str) -> None:
+    assert terms_text(terms) == text
+    assert terms_text(terms, latex=True) == latex

@@ -1,0 +1,198 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.arrays import Floats
+from catenary.control.estimated_gravity_pd import EstimatedGravityPD
+from catenary.control.loop import run_loop
+from catenary.control.pd import JointPD
+from catenary.errors import InputError
+from catenary.gravity.compact import compact_regressor
+from catenary.gravity.estimator import GravityEstimator
+from catenary.gravity.torque import gravity_torque
+from catenary.plant import JointState
+from catenary.robots.catalog import load_robot
+from catenary.robots.model import RobotModel
+from oracles.hanging_plant import HangingPlant, Poses
+from oracles.random_trees import random_robot
+
+UPRIGHT = np.array([0.0, 0.0, -9.81])
+KP, KD = np.full(3, 100.0), np.full(3, 20.0)  # critically damped on unit inertia
+POSE = np.array([0.3, -0.5, 0.7])
+ARMS = {"planar_3r": POSE, "raven2": np.array([0.5, 1.2, 0.4])}
+
+
+def with_load(model: RobotModel, mass: float) -> RobotModel:
+    masses = model.tree.mass.copy()
+    masses[-1] += mass
+    return replace(model, tree=model.tree._replace(mass=masses))
+
+
+def test_estimate_changes_by_the_papers_law() -> None:
+    rng = np.random.default_rng(0)
+    for seed in range(20):
+        model = random_robot(seed).model
+        n = model.n
+        regressor = compact_regressor(model)
+        p = len(regressor.labels)
+        q, q_desired, gravity = rng.normal(size=n), rng.normal(size=n), rng.normal(size=3)
+        qd = 0.01 * rng.normal(size=n)
+        kp, kd = rng.uniform(1.0, 9.0, size=(2, n))
+        root = rng.normal(size=(n, n))
+        omega, s0 = root @ root.T + np.eye(n), rng.normal(size=p)
+        estimator = GravityEstimator(model, kp, kd, omega=omega, s0=s0, damping=1e-12, max_speed=1.0)
+        torque = estimator.update(q, qd, q_desired, gravity, 0.01)
+        Z = regressor.Z(q, gravity)
+        # the pseudo-inverse cuts off where the damping fades out
+        rate = np.linalg.pinv(Z, rcond=1e-7) @ omega @ (kp * (q_desired - q) - kd * qd)
+        assert_allclose(estimator.s_hat, s0 + 0.01 * rate, rtol=1e-4, atol=1e-6, err_msg=model.name)
+        assert_allclose(torque, Z @ estimator.s_hat, atol=1e-12)
+        assert_allclose(estimator.torque(q, gravity), torque, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("scale", [0.0, -2.0, 3.0])
+def test_controller_learns_to_hold_the_arm_from_any_start(name: str, scale: float) -> None:
+    model, q = load_robot(name), ARMS[name]
+    s = compact_regressor(model).parameters()
+    estimator = GravityEstimator(model, KP, KD, s0=scale * s)
+    plant = HangingPlant(model, q, UPRIGHT)
+    run_loop(plant, EstimatedGravityPD(KP, KD, estimator), Poses(q[None], 12.0))
+    held = gravity_torque(model, q, UPRIGHT)
+    # at Omega = 2 / s, e^-24 of at most 60 Nm would be left; an arm that first falls learns later
+    assert_allclose(estimator.torque(plant.q, UPRIGHT), held, atol=2e-3)
+    assert_allclose(plant.q, q, atol=1e-4)
+
+
+def test_planar_arm_in_one_pose_learns_its_three_parameters() -> None:
+    # Z is square there: the pose that holds the arm gives the parameters themselves
+    model = load_robot("planar_3r")
+    estimator = GravityEstimator(model, KP, KD)
+    run_loop(
+        HangingPlant(model, POSE, UPRIGHT), EstimatedGravityPD(KP, KD, estimator), Poses(POSE[None], 6.0)
+    )
+    assert_allclose(estimator.s_hat, compact_regressor(model).parameters(), atol=1e-3)
+
+
+def test_tilted_base_is_learnt_with_its_own_gravity() -> None:
+    model, gravity = load_robot("raven2"), np.array([3.0, -4.0, -8.3])
+    q = ARMS["raven2"]
+    estimator = GravityEstimator(model, KP, KD)
+    run_loop(HangingPlant(model, q, gravity), EstimatedGravityPD(KP, KD, estimator), Poses(q[None], 6.0))
+    assert_allclose(estimator.torque(q, gravity), gravity_torque(model, q, gravity), atol=2e-3)
+
+
+def test_a_payload_picked_up_on_the_way_is_learnt() -> None:
+    model = load_robot("planar_3r")
+    loaded = with_load(model, 0.8)
+    estimator = GravityEstimator(model, KP, KD, s0=compact_regressor(model).parameters())
+    plant = HangingPlant(model, POSE, UPRIGHT, loaded=loaded, pick_up=1.0)
+    run_loop(plant, EstimatedGravityPD(KP, KD, estimator), Poses(POSE[None], 8.0))
+    assert_allclose(estimator.torque(POSE, UPRIGHT), gravity_torque(loaded, POSE, UPRIGHT), atol=2e-3)
+
+
+def test_an_observer_learns_beside_a_controller_without_gravity() -> None:
+    model = load_robot("planar_3r")
+    estimator = GravityEstimator(model, KP, KD)
+    plant = HangingPlant(model, POSE, UPRIGHT)
+    run_loop(plant, JointPD(KP, KD), Poses(POSE[None], 6.0), observers=[estimator])
+    assert_allclose(estimator.torque(plant.q, UPRIGHT), gravity_torque(model, plant.q, UPRIGHT), atol=2e-3)
+
+
+def test_observer_and_controller_follow_the_same_law() -> None:
+    model = load_robot("planar_3r")
+    inside, beside = GravityEstimator(model, KP, KD), GravityEstimator(model, KP, KD)
+    plant = HangingPlant(model, POSE, UPRIGHT)
+    run_loop(plant, EstimatedGravityPD(KP, KD, inside), Poses(POSE[None], 4.0), observers=[beside])
+    # they differ in when a tick's torque counts, the controller's already containing it
+    assert_allclose(beside.s_hat, inside.s_hat, atol=5e-3)
+
+
+def test_a_moving_arm_or_a_missing_number_leaves_the_estimate_alone() -> None:
+    model = load_robot("planar_3r")
+    estimator = GravityEstimator(model, KP, KD, max_speed=[0.1, 0.1, 0.5])
+    rest, off = np.zeros(3), np.full(3, 0.1)
+
+    def learnt(q: Floats, qd: Floats, q_desired: Floats, gravity: Floats, dt: float) -> bool:
+        before = estimator.s_hat
+        estimator.update(q, qd, q_desired, gravity, dt)
+        return bool((estimator.s_hat != before).any())
+
+    assert learnt(rest, np.array([0.0, 0.0, 0.3]), off, UPRIGHT, 0.01)
+    assert not learnt(rest, np.array([0.0, 0.3, 0.0]), off, UPRIGHT, 0.01)
+    nan = np.array([0.0, np.nan, 0.0])
+    for values in (
+        (nan, rest, off, UPRIGHT),
+        (rest, nan, off, UPRIGHT),
+        (rest, rest, nan, UPRIGHT),
+        (rest, rest, off, nan),
+    ):
+        assert not learnt(*values, 0.01)
+    assert not learnt(rest, rest, off, UPRIGHT, 0.0)
+    assert not learnt(rest, rest, off, np.zeros(3), 0.01)  # weightless
+    assert np.isfinite(estimator.s_hat).all()
+
+
+def test_time_that_stands_leaps_or_turns_back_teaches_nothing() -> None:
+    estimator = GravityEstimator(load_robot("planar_3r"), KP, KD)
+    before = estimator.s_hat
+    for time in (5.0, 5.0, 9.0, 3.0):
+        estimator.follow(
+            JointState(time, np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(0), UPRIGHT, 0.0), np.ones(3)
+        )
+        assert_array_equal(estimator.s_hat, before)
+
+
+def test_near_a_singular_pose_parameters_stay_bounded() -> None:
+    # the last link upright bears no torque: the pseudo-inverse would divide by its cosine
+    model = load_robot("planar_3r")
+    estimator = GravityEstimator(model, KP, KD)
+    q = np.array([0.3, -0.5, 0.2 + np.pi / 2 + 1e-6])
+    for _ in range(1000):
+        estimator.update(q, np.zeros(3), q + 0.01, UPRIGHT, 0.001)
+    assert np.abs(estimator.s_hat).max() < 20.0
+
+
+def test_reset_begins_anew() -> None:
+    estimator = GravityEstimator(load_robot("planar_3r"), KP, KD, s0=[1.0, 2.0, 3.0])
+    estimator.reset()
+    assert_array_equal(estimator.s_hat, 0.0)
+    estimator.reset([1.0, 0.5, 0.1])
+    assert_array_equal(estimator.s_hat, [1.0, 0.5, 0.1])
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"kp": [1.0, 2.0]}, r"kp: expected shape \(3,\), got \(2,\)"),
+        ({"kp": [1.0, -2.0, 1.0]}, r"kp: expected gains of zero or more"),
+        ({"omega": [1.0, 2.0]}, r"omega: expected shape \(3,\), got \(2,\)"),
+        ({"omega": -1.0}, "omega: expected a symmetric positive definite matrix"),
+        ({"omega": [[1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]}, "omega: expected a symmetric"),
+        ({"s0": [1.0]}, r"s0: expected shape \(3,\), got \(1,\)"),
+        ({"s0": [1.0, np.nan, 1.0]}, r"s0\[1\] \(l2 m3 \+ lg2 m2\) is nan"),
+        ({"max_speed": 0.0}, "max_speed: expected more than 0"),
+        ({"damping": 0.0}, "damping: expected a positive number, got 0"),
+    ],
+)
+def test_wrong_options_are_refused_with_a_reason(options: dict[str, object], said: str) -> None:
+    arguments = {"kp": KP, "kd": KD, **options}
+    with pytest.raises(InputError, match=said):
+        GravityEstimator(load_robot("planar_3r"), **arguments)  # type: ignore[arg-type]
+
+
+def test_a_robot_of_another_size_is_refused() -> None:
+    estimator = GravityEstimator(load_robot("planar_3r"), KP, KD)
+    with pytest.raises(InputError, match="is for 3 joints, the robot has 2"):
+        estimator.update(np.zeros(2), np.zeros(2), np.zeros(2), UPRIGHT, 0.01)
+
+
+def test_a_robot_without_mass_is_refused() -> None:
+    arm = load_robot("two_link")
+    weightless = replace(
+        arm, massless=arm.link_names, tree=arm.tree._replace(mass=np.zeros(2), com=np.zeros((2, 3)))
+    )
+    with pytest.raises(InputError, match="no parameter has an effect"):
+        GravityEstimator(weightless, [1.0, 1.0], [1.0, 1.0])

@@ -1,0 +1,220 @@
+from dataclasses import replace
+
+import numpy as np
+import pinocchio
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.errors import InputError, MissingInertiaError
+from catenary.gravity.regressor import (
+    carried_links,
+    gravity_parameters,
+    gravity_regressor,
+    standard_gravity_parameters,
+    standard_gravity_regressor,
+)
+from catenary.gravity.torque import gravity_torque
+from catenary.robots.catalog import load_robot, robot_names
+from oracles.mujoco_trees import mujoco_data, mujoco_model, mujoco_order
+from oracles.pinocchio_trees import pinocchio_model, pinocchio_order, pinocchio_vector
+from oracles.random_trees import Floats, RandomRobot, random_bodies_on, random_robot
+
+UPRIGHT = np.array([0.0, 0.0, -9.81])
+
+
+@pytest.fixture(scope="module")
+def robots(random_robots: list[RandomRobot]) -> list[RandomRobot]:
+    """Fifty random trees, and every robot of the catalogue with random bodies."""
+    rng = np.random.default_rng(0)
+    return random_robots[:50] + [random_bodies_on(load_robot(name), rng) for name in robot_names()]
+
+
+def held_by_mujoco(robot: RandomRobot, q: Floats, gravity: Floats) -> Floats:
+    mj = mujoco_model(robot, gravity=gravity)
+    return robot.model.coupling.T @ mujoco_data(robot, mj, q).qfrc_bias[mujoco_order(robot, mj)]
+
+
+def test_regressor_times_parameters_is_what_mujoco_holds(robots: list[RandomRobot]) -> None:
+    rng = np.random.default_rng(1)
+    for robot in robots:
+        m = robot.model
+        q, gravity = rng.normal(size=m.n), 5.0 * rng.normal(size=3)
+        expected = held_by_mujoco(robot, q, gravity)
+        full = gravity_regressor(m, q, gravity) @ gravity_parameters(m).values
+        standard = standard_gravity_regressor(m, q, gravity) @ standard_gravity_parameters(m).values
+        assert_allclose(full, expected, atol=1e-10, err_msg=m.name)
+        assert_allclose(standard, expected, atol=1e-10, err_msg=m.name)
+
+
+def test_standard_regressor_is_pinocchios_without_the_columns_of_inertia(robots: list[RandomRobot]) -> None:
+    rng = np.random.default_rng(2)
+    for robot in robots:
+        m = robot.model
+        q, gravity = rng.normal(size=m.n), 5.0 * rng.normal(size=3)
+        pin = pinocchio_model(robot)
+        pin.gravity.linear = gravity
+        x, zero = pinocchio_vector(robot, pin, m.coupling @ q + m.offset), np.zeros(pin.nv)
+        Y = pinocchio.computeJointTorqueRegressor(pin, pin.createData(), x, zero, zero)
+        assert_allclose(Y.reshape(pin.nv, -1, 10)[:, :, 4:], 0.0, atol=1e-10)  # inertia has no weight
+        order = pinocchio_order(robot, pin)
+        links = [pin.getJointId(name) - 1 for name in m.link_names]
+        expected = Y.reshape(pin.nv, -1, 10)[np.ix_(order, links, range(4))].reshape(len(order), -1)
+        assert_allclose(
+            standard_gravity_regressor(m, q, gravity), m.coupling.T @ expected, atol=1e-10, err_msg=m.name
+        )
+
+
+def test_full_form_has_the_papers_size_and_a_column_per_prismatic_joint(robots: list[RandomRobot]) -> None:
+    for robot in robots:
+        m = robot.model
+        n, prismatic = len(m.link_names), int(m.tree.prismatic.sum())
+        s = gravity_parameters(m)
+        assert gravity_regressor(m, np.zeros(m.n), UPRIGHT).shape == (m.n, 3 * n * (n + 1) + prismatic)
+        assert len(s.values) == len(s.labels) == len(s.units) == 3 * n * (n + 1) + prismatic
+        assert len(set(s.labels)) == len(s.labels)
+        assert s.units.count("kg") == prismatic
+
+
+def test_planar_arm_gives_the_matrices_that_the_paper_prints() -> None:
+    arm = load_robot("planar_3r")
+    q = np.array([0.3, -0.7, 1.1])
+    c1, c12, c123 = np.cos(np.cumsum(q))
+    s1, s12, s123 = np.sin(np.cumsum(q))
+    # figure 2, with frame 0's own columns as the base's axes lie: z up, x to the right, y into the page
+    row = [1, 0, 0, c1, -s1, 0, c12, -s12, 0, c123, -s123, 0]
+    Z = gravity_regressor(arm, q, [0.0, 0.0, -1.0])
+    for k in range(3):
+        block = Z[:, 12 * k : 12 * (k + 1)]
+        assert_allclose(block[k], row, atol=1e-15)
+        assert_array_equal(np.delete(block, k, axis=0), 0.0)
+    l1, l2, lg1, lg2, lg3, m1, m2, m3 = 0.4, 0.3, 0.2, 0.15, 0.1, 2.0, 1.5, 1.0
+    third = [lg3 * m3, 0, 0]
+    second = [l2 * m3 + lg2 * m2, 0, 0, *third]
+    first = [0, 0, 0, l1 * (m2 + m3) + lg1 * m1, 0, 0, *second]
+    expected = [*first, *([0] * 6), *second, *([0] * 9), *third]
+    assert_allclose(gravity_parameters(arm).values, expected, atol=1e-15)
+
+
+def test_level_gravity_has_the_papers_form(robots: list[RandomRobot]) -> None:
+    # g_c e_z^T [z_k]x R, from Pinocchio's frames, for the revolute joints of uncoupled robots
+    rng = np.random.default_rng(3)
+    for robot in robots:
+        m = robot.model
+        n = len(m.link_names)
+        if m.n != n or not (m.coupling == np.eye(n)).all():
+            continue
+        q = rng.normal(size=n)
+        pin = pinocchio_model(robot)
+        data = pin.createData()
+        pinocchio.forwardKinematics(pin, data, pinocchio_vector(robot, pin, q + m.offset))
+        turned = [data.oMi[pin.getJointId(name)].rotation for name in m.link_names]
+        R = np.hstack([np.eye(3), *turned])
+        Z = gravity_regressor(m, q, UPRIGHT)
+        for k in range(n):
+            block = Z[:, 3 * (n + 1) * k : 3 * (n + 1) * (k + 1)]
+            x, y, z = turned[k] @ m.tree.axis[k]
+            skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+            expected = 0.0 * R[2] if m.tree.prismatic[k] else 9.81 * (skew @ R)[2]
+            assert_allclose(block[k], expected, atol=1e-12)
+            assert_array_equal(np.delete(block, k, axis=0), 0.0)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 200), st.integers(0, 2**32 - 1))
+def test_regressors_are_linear_in_gravity(tree: int, seed: int) -> None:
+    m = random_robot(tree).model
+    rng = np.random.default_rng(seed)
+    q, (a, b) = rng.normal(size=m.n), rng.normal(size=(2, 3))
+    for regressor in (gravity_regressor, standard_gravity_regressor):
+        assert_allclose(
+            regressor(m, q, 2.0 * a - 3.0 * b),
+            2.0 * regressor(m, q, a) - 3.0 * regressor(m, q, b),
+            atol=1e-11,
+        )
+        assert_array_equal(regressor(m, q, np.zeros(3)), 0.0)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 200), st.integers(0, 2**32 - 1))
+def test_regressors_do_not_depend_on_masses(tree: int, seed: int) -> None:
+    m = random_robot(tree).model
+    rng = np.random.default_rng(seed)
+    q, gravity = rng.normal(size=m.n), rng.normal(size=3)
+    n = len(m.link_names)
+    other = replace(m, tree=m.tree._replace(mass=rng.uniform(0.1, 9.0, n), com=rng.normal(size=(n, 3))))
+    for regressor, parameters in (
+        (gravity_regressor, gravity_parameters),
+        (standard_gravity_regressor, standard_gravity_parameters),
+    ):
+        assert_array_equal(regressor(m, q, gravity), regressor(other, q, gravity))
+        assert_allclose(
+            regressor(m, q, gravity) @ parameters(other).values, gravity_torque(other, q, gravity), atol=1e-10
+        )
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 200), st.integers(0, 2**32 - 1))
+def test_torques_of_any_parameters_come_from_a_potential(tree: int, seed: int) -> None:
+    # second derivatives of a potential are symmetric: dg_i / dq_j = dg_j / dq_i
+    m = random_robot(tree).model
+    rng = np.random.default_rng(seed)
+    q, gravity = rng.normal(size=m.n), rng.normal(size=3)
+    h = 1e-6
+    steps = h * np.eye(m.n)
+    slope = (
+        standard_gravity_regressor(m, q + steps, gravity) - standard_gravity_regressor(m, q - steps, gravity)
+    ) / (2.0 * h)
+    assert_allclose(slope, np.swapaxes(slope, 0, 1), atol=1e-7)  # central difference, h = 1e-6
+
+
+def test_batch_gives_what_single_configurations_give(robots: list[RandomRobot]) -> None:
+    rng = np.random.default_rng(4)
+    for robot in robots[:6]:
+        m = robot.model
+        q, gravity = rng.normal(size=(3, m.n)), rng.normal(size=(3, 3))
+        for regressor in (gravity_regressor, standard_gravity_regressor):
+            each, one = regressor(m, q, gravity), regressor(m, q, gravity[1])
+            for k in range(3):
+                assert_array_equal(each[k], regressor(m, q[k], gravity[k]))
+                assert_array_equal(one[k], regressor(m, q[k], gravity[1]))
+
+
+def test_a_regressor_needs_no_inertia_but_parameters_do() -> None:
+    m = replace(load_robot("raven2"), missing_inertia=("elbow",))
+    assert np.isfinite(gravity_regressor(m, np.ones(3), UPRIGHT)).all()
+    assert np.isfinite(standard_gravity_regressor(m, np.ones(3), UPRIGHT)).all()
+    for parameters in (gravity_parameters, standard_gravity_parameters):
+        with pytest.raises(MissingInertiaError, match='"elbow"'):
+            parameters(m)
+
+
+def test_standard_parameters_are_named_by_link() -> None:
+    s = standard_gravity_parameters(load_robot("raven2"))
+    assert s.labels[:5] == ("m(shoulder)", "mx(shoulder)", "my(shoulder)", "mz(shoulder)", "m(elbow)")
+    assert s.units[:2] == ("kg", "kg m")
+
+
+def test_what_a_joint_carries_ends_at_branches(robots: list[RandomRobot]) -> None:
+    for robot in robots:
+        tree = robot.model.tree
+        for k in range(len(tree.parent)):
+            for i in range(len(tree.parent)):
+                path = [i]
+                while tree.parent[path[-1]] >= 0:
+                    path.append(int(tree.parent[path[-1]]))
+                assert (i in carried_links(tree, k)) == (k in path)
+
+
+@pytest.mark.parametrize("regressor", [gravity_regressor, standard_gravity_regressor])
+def test_wrong_arguments_are_refused_with_a_reason(regressor) -> None:
+    m = load_robot("raven2")
+    with pytest.raises(InputError, match=r"q: expected shape \(3,\) or \(N, 3\), got \(2,\)"):
+        regressor(m, np.zeros(2), UPRIGHT)
+    with pytest.raises(InputError, match=r"gravity: expected shape \(3,\)"):
+        regressor(m, np.zeros(3), [0.0, -9.81])
+    with pytest.raises(InputError, match=r"q\[2\] is inf"):
+        regressor(m, [0.0, 1.0, np.inf], UPRIGHT)
+    with pytest.raises(InputError, match=r"gravity\[0\] is nan"):
+        regressor(m, np.zeros(3), [np.nan, 0.0, 0.0])
