@@ -65,3 +65,7 @@ class LimitError(CatenaryError, ValueError):
 
 class RecordingError(CatenaryError):
     """A recording had to stop; the message says why, and what is safe in the file."""
+
+
+class SensorError(CatenaryError):
+    """A sensor that a robot depends on cannot be trusted, and the robot was stopped or nothing could be measured."""
