@@ -18,6 +18,7 @@ COMMANDS = (
     "check",
     "fk",
     "ik",
+    "sense",
     "robots",
     "demo",
 )
