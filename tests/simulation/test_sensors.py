@@ -221,3 +221,8 @@ def test_sensors_that_cannot_be_are_refused(wrong):
 def test_faults_that_there_are_not_are_refused_with_the_choices():
     with pytest.raises(InputError, match='"broken": expected one of drop_out, not_finite'):
         InjectedFault("broken", 0.0)
+
+
+def test_a_sensor_that_is_switched_on_later_begins_then():
+    stamps = [s.stamp for s in samples(TILTED, ideal_sensor(100.0, has_gyroscope=False), 30.02, start=29.995)]
+    assert_allclose(stamps, [30.0, 30.01, 30.02])

@@ -109,8 +109,18 @@ class SimulatedSensor:
         *,
         faults: Sequence[InjectedFault] = (),
         seed: int = 0,
+        start: float = 0.0,
     ) -> None:
-        """Mount a sensor on a base; its first sample is taken at time 0."""
+        """Mount a sensor on a base.
+
+        Args:
+            base: What it is fixed to.
+            mailbox: Where its samples go.
+            model: What it is like; an MPU-6050 at the base's origin when None.
+            faults: What goes wrong, and when.
+            seed: Of its noise.
+            start: Its first sample is taken then, or just after [s]; the plant's time, where that has gone by.
+        """
         self.model = SensorModel() if model is None else model
         self.mailbox, self.faults = mailbox, tuple(faults)
         self._base = base
@@ -118,7 +128,7 @@ class SimulatedSensor:
             None if isinstance(base, TelemetryBase) else BaseTimeline(base, 1.0 / self.model.rate_hz)
         )
         self._rng = np.random.default_rng(seed)
-        self._next = 0
+        self._next = max(0, math.ceil(start * self.model.rate_hz - 1e-6))  # number of the next sample
         self._under_way: deque[tuple[float, float, Floats, Kind]] = deque()  # arrival, stamp, vector
         self._sent: dict[
             Kind, tuple[float, Floats]
