@@ -69,3 +69,7 @@ class RecordingError(CatenaryError):
 
 class TransportError(CatenaryError, ConnectionError):
     """Messages cannot pass: no master, a name or a topic taken otherwise, a transport that is closed."""
+
+
+class SensorError(CatenaryError):
+    """A sensor that a robot depends on cannot be trusted, and the robot was stopped or nothing could be measured."""

@@ -19,6 +19,7 @@ COMMANDS = (
     "fk",
     "ik",
     "regressor",
+    "sense",
     "robots",
     "demo",
 )
