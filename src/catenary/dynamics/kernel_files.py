@@ -72,9 +72,9 @@ def load_source(stem: str, source: str, given: dict[str, Any], folder: Path | No
 def keep(name: str, content: bytes, folder: Path | None = None) -> Path | None:
     """Make sure that a private file of the name holds the content, and give its path; None where none can."""
     try:
-        private = _private_folder(cache_folder() if folder is None else folder)
+        private = private_folder(folder)
         path = private / name
-        if not _is_own_file(path, content):
+        if not is_kept(path, content):
             forget(path)
             _write(path, content)
         machine_code = private / "__pycache__"
@@ -104,12 +104,14 @@ def forget(path: Path) -> None:
             _remove(old)
 
 
-def _private_folder(folder: Path) -> Path:
-    """Give the folder, made or repaired.
+def private_folder(folder: Path | None = None) -> Path:
+    """Give the folder, `cache_folder()` when None, made or repaired.
 
     Raises:
         OSError: It cannot be made, or others can write where it lies.
+        RuntimeError: There is no home.
     """
+    folder = cache_folder() if folder is None else folder
     folder.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     folder = folder.parent.resolve() / folder.name
     for above in folder.parents:
@@ -137,10 +139,11 @@ def _is_own(path: Path, is_kind: Callable[[int], bool], others: int) -> bool:
     )
 
 
-def _is_own_file(path: Path, content: bytes) -> bool:
+def is_kept(path: Path, content: bytes | None) -> bool:
+    """Whether a private file is there, and holds the content, any when None."""
     if not os.path.lexists(path) or not _is_own(path, stat.S_ISREG, OTHERS):
         return False
-    return path.read_bytes() == content
+    return content is None or path.read_bytes() == content
 
 
 def _machine_code(path: Path) -> list[Path]:

@@ -7,13 +7,16 @@ two the first time; afterwards the machine code is found in the user's cache (ke
 import re
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from itertools import pairwise
 from types import ModuleType
+from typing import Literal
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.dynamics.c_compiler import load_extension
 from catenary.dynamics.kernel_files import load_source, seal
 from catenary.dynamics.numba_source import numba_module
 from catenary.dynamics.traced import (
@@ -27,7 +30,8 @@ from catenary.errors import InputError
 from catenary.robots.model import RobotModel
 
 MANY = 50_000  # configurations from which compiling for one robot is worth its while
-_modules: WeakKeyDictionary[RobotModel, dict[str, ModuleType]] = WeakKeyDictionary()
+Backend = Literal["numba", "c"]
+_known: WeakKeyDictionary[RobotModel, dict[str, "_Traced"]] = WeakKeyDictionary()
 
 
 class _Kernel:
@@ -37,12 +41,19 @@ class _Kernel:
     Calling the kernel itself does the same, or gives a new array, and costs 0.1 us more.
     """
 
-    __slots__ = ("into", "shape")
+    __slots__ = ("backend", "into", "shape")
 
-    def __init__(self, module: ModuleType) -> None:
-        """Compile a kernel's module, or find it compiled."""
-        self.into: Callable[..., None] = module.into
-        self.shape: tuple[int, ...] = module.SHAPE
+    def __init__(self, traced: "_Traced", backend: Backend) -> None:
+        """Compile a kernel, or find it compiled; `self.backend` is "numba" where there is no C compiler."""
+        self.shape = traced.shape
+        self.backend: Backend = "numba"
+        extension = load_extension(traced.stem, traced.line, traced.shape) if backend == "c" else None
+        if extension is not None:
+            self.backend = "c"
+            self.into: Callable[..., None] = extension.into
+            return
+        module = traced.module()
+        self.into = module.into
         self.into(*(np.zeros(width) for width in module.WIDTHS), np.empty(self.shape))
         seal(module)
 
@@ -100,62 +111,57 @@ class ForwardKinematicsKernel(_Kernel):
         return pose
 
 
-def gravity_kernel(model: RobotModel) -> GravityKernel:
+def gravity_kernel(model: RobotModel, *, backend: Backend = "numba") -> GravityKernel:
     """What gives a robot's gravity torque in a loop; controllers hold it.
 
-    Raises:
-        MissingInertiaError: Links without inertia.
-    """
-    model.require_inertia()
-    return GravityKernel(_module(model, "gravity", lambda: gravity_line(model), (model.n,)))
-
-
-def mass_matrix_kernel(model: RobotModel) -> MassMatrixKernel:
-    """What gives a robot's mass matrix in a loop.
+    Args:
+        model: The robot.
+        backend: "c" is ten times quicker to call, and takes a C compiler with Python's headers when the kernel is
+            first made; without one numba makes it all the same, and `kernel.backend` says so.
 
     Raises:
         MissingInertiaError: Links without inertia.
     """
     model.require_inertia()
-    return MassMatrixKernel(
-        _module(model, "mass-matrix", lambda: mass_matrix_line(model), (model.n, model.n))
-    )
+    return GravityKernel(_gravity(model), backend)
 
 
-def inverse_dynamics_kernel(model: RobotModel) -> InverseDynamicsKernel:
-    """What gives the torques of a robot's motion in a loop.
-
-    Raises:
-        MissingInertiaError: Links without inertia.
-    """
+def mass_matrix_kernel(model: RobotModel, *, backend: Backend = "numba") -> MassMatrixKernel:
+    """What gives a robot's mass matrix in a loop; see `gravity_kernel`."""
     model.require_inertia()
-    return InverseDynamicsKernel(
-        _module(model, "inverse-dynamics", lambda: inverse_dynamics_line(model), (model.n,))
-    )
+    return MassMatrixKernel(_mass_matrix(model), backend)
 
 
-def forward_kinematics_kernel(model: RobotModel, frame: str | None = None) -> ForwardKinematicsKernel:
-    """What gives the pose of a robot's frame, its tip without a name, in a loop.
+def inverse_dynamics_kernel(model: RobotModel, *, backend: Backend = "numba") -> InverseDynamicsKernel:
+    """What gives the torques of a robot's motion in a loop; see `gravity_kernel`."""
+    model.require_inertia()
+    traced = _traced(model, "inverse-dynamics", inverse_dynamics_line, (model.n,))
+    return InverseDynamicsKernel(traced, backend)
+
+
+def forward_kinematics_kernel(
+    model: RobotModel, frame: str | None = None, *, backend: Backend = "numba"
+) -> ForwardKinematicsKernel:
+    """What gives the pose of a robot's frame, its tip without a name, in a loop; see `gravity_kernel`.
 
     Raises:
         InputError: No frame of that name.
     """
-    key = f"pose-{model.tip if frame is None else frame}"
-    return ForwardKinematicsKernel(_module(model, key, lambda: forward_kinematics_line(model, frame), (3, 4)))
+    name = model.tip if frame is None else frame
+    traced = _traced(model, f"pose-{name}", lambda m: forward_kinematics_line(m, name), (3, 4))
+    return ForwardKinematicsKernel(traced, backend)
 
 
 def write_gravity_torques(
     model: RobotModel, q: Floats, gravity: Floats, out: Floats, *, threads: int = 1
 ) -> None:
     """Write gravity torques (N, n) at q (N, n), under gravity (N, 3) or (1, 3); inputs are not checked."""
-    module = _module(model, "gravity", lambda: gravity_line(model), (model.n,))
-    _rows(module, (q, gravity), out, threads)
+    _rows(_gravity(model).module(), (q, gravity), out, threads)
 
 
 def write_mass_matrices(model: RobotModel, q: Floats, out: Floats, *, threads: int = 1) -> None:
     """Write mass matrices (N, n, n) at q (N, n); inputs are not checked."""
-    module = _module(model, "mass-matrix", lambda: mass_matrix_line(model), (model.n, model.n))
-    _rows(module, (q,), out.reshape(len(out), model.n * model.n), threads)
+    _rows(_mass_matrix(model).module(), (q,), out.reshape(len(out), model.n * model.n), threads)
 
 
 def _rows(module: ModuleType, inputs: tuple[Floats, ...], out: Floats, threads: int) -> None:
@@ -183,12 +189,35 @@ def _in_threads(rows: Callable[..., None], inputs: tuple[Floats, ...], out: Floa
             job.result()
 
 
-def _module(
-    model: RobotModel, quantity: str, trace: Callable[[], Line], shape: tuple[int, ...]
-) -> ModuleType:
-    modules = _modules.setdefault(model, {})
-    if quantity not in modules:
+@dataclass
+class _Traced:
+    """A quantity of a robot: what is compiled of it, and its module once it has been asked for."""
+
+    stem: str
+    line: Line
+    shape: tuple[int, ...]
+    loaded: ModuleType | None = None
+
+    def module(self) -> ModuleType:
+        if self.loaded is None:
+            written = numba_module(self.stem, self.line, self.shape)
+            self.loaded = load_source(self.stem, written.source, written.given)
+        return self.loaded
+
+
+def _gravity(model: RobotModel) -> _Traced:
+    return _traced(model, "gravity", gravity_line, (model.n,))
+
+
+def _mass_matrix(model: RobotModel) -> _Traced:
+    return _traced(model, "mass-matrix", mass_matrix_line, (model.n, model.n))
+
+
+def _traced(
+    model: RobotModel, quantity: str, trace: Callable[[RobotModel], Line], shape: tuple[int, ...]
+) -> _Traced:
+    known = _known.setdefault(model, {})
+    if quantity not in known:
         stem = re.sub(r"[^A-Za-z0-9]+", "-", f"{model.name} {quantity}")[:80]  # names come from files
-        written = numba_module(stem, trace(), shape)
-        modules[quantity] = load_source(stem, written.source, written.given)
-    return modules[quantity]
+        known[quantity] = _Traced(stem, trace(model), shape)
+    return known[quantity]

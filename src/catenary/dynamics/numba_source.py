@@ -167,7 +167,7 @@ class _Blocks:
         self.at_result = self.at_angle + 3 * count * size
         operations: list[Operation] = []
         before: dict[int, int] = {}
-        for number in _needed(line, self.angles, stop=()):
+        for number in needed(line, self.angles, stop=()):
             before[number] = self._append(operations, before, line.steps[number])
         self.angles_code = straight_line(
             operations,
@@ -177,7 +177,7 @@ class _Blocks:
         operations = []
         after: dict[int, int] = {}
         wanted = [given[1] for given in line.results if not isinstance(given, float)]
-        for number in _needed(line, wanted, stop=ANGLES):
+        for number in needed(line, wanted, stop=ANGLES):
             after[number] = self._append(operations, after, line.steps[number])
         stores: list[Store] = []
         for given, slot in self.slots.items():
@@ -199,7 +199,7 @@ class _Blocks:
         return len(operations) - 1
 
 
-def _needed(line: Line, numbers: Sequence[int], *, stop: Sequence[str]) -> list[int]:
+def needed(line: Line, numbers: Sequence[int], *, stop: Sequence[str]) -> list[int]:
     """Give the steps that the numbered ones need, and those, in order; not what is behind a kind in `stop`."""
     needed = set(numbers)
     for number in range(len(line.steps) - 1, -1, -1):

@@ -23,6 +23,7 @@ from catenary.dynamics.recursion import (
     place_links,
 )
 from catenary.dynamics.tracing import Line, Term, Trace
+from catenary.dynamics.vectors import add, cross, dot, row, scale, times, transpose_times
 from catenary.robots.model import RobotModel, Tree
 
 Terms = NDArray[np.object_]
@@ -136,10 +137,42 @@ def forward_kinematics_line(model: RobotModel, frame: str | None = None) -> Line
     R, origin = _rounded(turn.T @ target.pose.rotation), turn.T @ target.pose.position
     results: list[Term] = []
     for r in range(3):
-        row = rotations[link, r]
-        results += [_sum(row[j] * R[j, k] for j in range(3)) for k in range(3)]
-        results.append(_sum([*(row[j] * origin[j] for j in range(3)), positions[link, r]]))
+        turned = rotations[link, r]
+        results += [_sum(turned[j] * R[j, k] for j in range(3)) for k in range(3)]
+        results.append(_sum([*(turned[j] * origin[j] for j in range(3)), positions[link, r]]))
     return p.trace.line(results)
+
+
+def gravity_regressor_line(model: RobotModel) -> Line:
+    """Trace what masses and first moments add to the torques that hold the arm; inputs q (n,) and gravity (3,).
+
+    Rows are the robot's coordinates, columns per link its mass [kg] and first moment about the origin of its frame
+    [kg m]: m, mx, my, mz. A joint along z through o holds, of a point mass m at r that it carries, m (r - o) . (z x g)
+    if it turns and -m z . g if it slides.
+    """
+    p = placed(model)
+    m, n = len(p.tree.parent), len(model.tree.parent)
+    gravity = p.trace.inputs("gravity", 3)
+    g = (gravity[0], gravity[1], gravity[2])
+    rotations, positions = empty(m + 1, 3, 3), empty(m + 1, 3)
+    place_links(p.tree, p.rotation, p.position, rotations, positions)
+    columns = np.full((4 * n, m), 0.0, dtype=object)
+    for k in range(n):
+        i = 2 * k + 1
+        while i >= 0:
+            z = times(rotations, i, row(p.tree.axis, i))
+            if p.tree.prismatic[i]:
+                columns[4 * k, i] = -dot(z, g)
+            elif i % 2 == 1:
+                turning = cross(z, g)
+                away = add(row(positions, 2 * k + 1), scale(-1.0, row(positions, i)))
+                columns[4 * k, i] = dot(away, turning)
+                traced = transpose_times(rotations, 2 * k + 1, turning)
+                for r in range(3):
+                    columns[4 * k + 1 + r, i] = _sum(traced[j] * p.turn[k, r, j] for j in range(3))
+            i = p.tree.parent[i]
+    entries = np.array([_to_robot(p.coupling, column) for column in columns], dtype=object)
+    return p.trace.line(list(entries.T.ravel()))
 
 
 def empty(*shape: int) -> Terms:
@@ -197,8 +230,8 @@ def _sum(terms: Any) -> Term:
 
 def _to_tree(coupling: Floats, rates: Terms) -> Terms:
     x = empty(len(coupling))
-    for i, row in enumerate(coupling):
-        x[i] = _sum(rates[k] * row[k] for k in range(len(row)))
+    for i, shares in enumerate(coupling):
+        x[i] = _sum(rates[k] * shares[k] for k in range(len(shares)))
     return x
 
 
