@@ -152,6 +152,16 @@ def forward_kinematics_kernel(
     return ForwardKinematicsKernel(traced, backend)
 
 
+def gravity_module(model: RobotModel) -> ModuleType:
+    """The module whose `into` is a robot's gravity torque, for compiled functions to call.
+
+    Raises:
+        MissingInertiaError: Links without inertia.
+    """
+    model.require_inertia()
+    return _gravity(model).module()
+
+
 def write_gravity_torques(
     model: RobotModel, q: Floats, gravity: Floats, out: Floats, *, threads: int = 1
 ) -> None:
