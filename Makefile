@@ -20,7 +20,7 @@ help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
 	@echo "make test        set up, run all tests"
 	@echo "make lint        format, lint, types, import order"
-	@echo "make bench       speed of deployed models and of the control loop, beside other libraries"
+	@echo "make bench       speed of kernels, deployed models and the control loop, beside other libraries"
 	@echo "make dvrk-table  the table of docs/calibration.md, from recordings of a real arm (CATENARY_DATA)"
 	@echo "make table1      table I of the calibration paper on six simulated robots (15 minutes), into results/"
 	@echo "make refit       fit the simulated RAVEN-II to the paper's errors again (15 minutes); rewrites its data file"
@@ -42,6 +42,7 @@ lint: $(VENV)/.development
 bench: $(VENV)/.benchmarks
 	$(BIN)/python -m tests.benchmarks.inference --json build/benchmarks/inference.json
 	$(BIN)/python -m tests.benchmarks.control_tick --json build/benchmarks/control_tick.json
+	$(BIN)/python -m tests.benchmarks.kernels --json build/benchmarks/kernels.json
 
 dvrk-table: $(VENV)/.package
 	$(BIN)/python -m catenary.reproduce.dvrk_joint_errors $(CATENARY_DATA)
@@ -70,7 +71,7 @@ $(VENV)/.development: $(BIN)/python pyproject.toml
 	@touch $@ $(VENV)/.package
 
 $(VENV)/.benchmarks: $(VENV)/.package
-	$(BIN)/python -m pip install --disable-pip-version-check -e ".[bench]"
+	$(BIN)/python -m pip install --disable-pip-version-check -e ".[bench,test]"
 	@touch $@
 
 clean:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pinocchio
-from tests.oracles.random_trees import random_inertia
+from tests.oracles.random_trees import RandomRobot, random_inertia
 
 from catenary.robots.assembly import Coordinate, Link, assemble
 from catenary.robots.catalog import load_robot
@@ -22,17 +22,17 @@ PANDA = (
 TORSO = ((0, 0.4, 0), (0, 0, -90), (0.3, 0, 0), (0.3, 0, 90), (0, 0.2, -90))
 
 
-def robots() -> dict[str, RobotModel]:
-    """RAVEN-II with three joints, a Panda-like arm of seven, a torso of five that carries two of those."""
+def robots() -> dict[str, RandomRobot]:
+    """RAVEN-II with three joints, a Panda-like arm of seven, a torso of five with two of those; links for MuJoCo."""
     rng = np.random.default_rng(0)
     panda = _chain("joint", "base", PANDA, rng)
     torso = _chain("torso", "base", TORSO, rng)
     left = _chain("left", "torso5", PANDA, rng, shift=0.2)
     right = _chain("right", "torso5", PANDA, rng, shift=-0.2)
     return {
-        "raven2, 3 joints": load_robot("raven2"),
-        "Panda-like, 7 joints": _model("panda_like", panda),
-        "torso and two arms, 19 joints": _model("dual_arm_like", torso + left + right),
+        "raven2, 3 joints": RandomRobot(load_robot("raven2"), []),
+        "Panda-like, 7 joints": _robot("panda_like", panda),
+        "torso and two arms, 19 joints": _robot("dual_arm_like", torso + left + right),
     }
 
 
@@ -87,5 +87,5 @@ def _chain(
     return links
 
 
-def _model(name: str, links: list[Link]) -> RobotModel:
-    return assemble(name, links, [Coordinate(link.name, "rad") for link in links])
+def _robot(name: str, links: list[Link]) -> RandomRobot:
+    return RandomRobot(assemble(name, links, [Coordinate(link.name, "rad") for link in links]), links)
