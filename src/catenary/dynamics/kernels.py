@@ -38,7 +38,7 @@ class _Kernel:
     """Machine code for one quantity of one robot: `into(INPUT..., out)`, which returns nothing and takes no memory.
 
     It checks the arrays' sizes and nothing else; arrays are of float64, and any number of threads may call it.
-    Calling the kernel itself does the same, or gives a new array, and costs 0.1 us more.
+    Calling the kernel itself does the same, or gives a new array, and costs 0.1 to 0.2 us more.
     """
 
     __slots__ = ("backend", "into", "shape")
@@ -116,7 +116,7 @@ def gravity_kernel(model: RobotModel, *, backend: Backend = "numba") -> GravityK
 
     Args:
         model: The robot.
-        backend: "c" is ten times quicker to call, and takes a C compiler with Python's headers when the kernel is
+        backend: "c" is four to six times quicker, and takes a C compiler with Python's headers when the kernel is
             first made; without one numba makes it all the same, and `kernel.backend` says so.
 
     Raises:
