@@ -22,9 +22,9 @@ def export(
     ] = 1000.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
 ) -> None:
-    """Write a robot as a C header: gravity torque, its regressor, joint correction.
+    """Write a robot as one C header.
 
-    For control loops in C and C++: one file, no library, no memory.
+    Gravity torque, its regressor, joint correction, for control loops in C and C++: no library, no memory.
 
     Example: catenary export raven2 --c raven2.h
     """
