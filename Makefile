@@ -20,7 +20,7 @@ help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
 	@echo "make test        set up, run all tests"
 	@echo "make lint        format, lint, types, import order"
-	@echo "make bench       speed of deployed models, of the control loop and of the simulator, beside other libraries"
+	@echo "make bench       speed of kernels, deployed models, the control loop and the simulator, beside other libraries"
 	@echo "make bench-ros1  messages between two processes over ROS 1, where it is installed"
 	@echo "make dvrk-table  the table of docs/calibration.md, from recordings of a real arm (CATENARY_DATA)"
 	@echo "make table1      table I of the calibration paper on six simulated robots (15 minutes), into results/"
@@ -44,9 +44,9 @@ bench: $(VENV)/.benchmarks
 	$(BIN)/python -m tests.benchmarks.inference --json build/benchmarks/inference.json
 	$(BIN)/python -m tests.benchmarks.control_tick --json build/benchmarks/control_tick.json
 	$(BIN)/python -m tests.benchmarks.mujoco_plant --json build/benchmarks/mujoco_plant.json
-
 bench-ros1: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.ros1_throughput --json build/benchmarks/ros1_throughput.json
+	$(BIN)/python -m tests.benchmarks.kernels --json build/benchmarks/kernels.json
 
 dvrk-table: $(VENV)/.package
 	$(BIN)/python -m catenary.reproduce.dvrk_joint_errors $(CATENARY_DATA)
@@ -75,7 +75,8 @@ $(VENV)/.development: $(BIN)/python pyproject.toml
 	@touch $@ $(VENV)/.package
 
 $(VENV)/.benchmarks: $(VENV)/.package
-	$(BIN)/python -m pip install --disable-pip-version-check -e ".[bench,mujoco]"
+	$(BIN)/python -m pip install --disable-pip-version-check -e ".[bench,test]"
+	$(BIN)/python -m pip install --disable-pip-version-check -e ".[bench,test]"
 	@touch $@
 
 clean:

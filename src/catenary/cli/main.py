@@ -7,7 +7,7 @@ import sys
 import typer
 
 from catenary import __version__
-from catenary.cli import calibration, check, pipeline, regressor, robots, sense
+from catenary.cli import calibration, check, export, pipeline, regressor, robots, sense
 
 app = typer.Typer(
     name="catenary",
@@ -30,6 +30,7 @@ app.command("fk", no_args_is_help=True)(robots.fk)
 app.command("ik", no_args_is_help=True)(robots.ik)
 app.command("regressor", no_args_is_help=True)(regressor.regressor)
 app.command("sense", no_args_is_help=True)(sense.sense)
+app.command("export", no_args_is_help=True)(export.export)
 app.command("robots")(robots.robots)
 app.command("demo")(pipeline.demo)
 

@@ -40,13 +40,14 @@ class JointPD:
             InputError: The robot has another number of joints than the gains.
         """
         tau = np.empty(len(self.kp))
-        if not _pd(self.kp, self.kd, state.q, state.qd, reference.q, reference.qd, tau):
+        if not pd(self.kp, self.kd, state.q, state.qd, reference.q, reference.qd, tau):
             raise InputError(f"PD: gains are of {len(tau)} joints, the robot has {len(state.q)}")
         return tau
 
 
 @compiled
-def _pd(kp: Floats, kd: Floats, q: Floats, qd: Floats, q_ref: Floats, qd_ref: Floats, tau: Floats) -> bool:
+def pd(kp: Floats, kd: Floats, q: Floats, qd: Floats, q_ref: Floats, qd_ref: Floats, tau: Floats) -> bool:
+    """Write the torques of JointPD; false for wrong sizes."""
     n = len(tau)
     if len(q) != n or len(qd) != n or len(q_ref) != n or len(qd_ref) != n:
         return False
