@@ -44,9 +44,10 @@ bench: $(VENV)/.benchmarks
 	$(BIN)/python -m tests.benchmarks.inference --json build/benchmarks/inference.json
 	$(BIN)/python -m tests.benchmarks.control_tick --json build/benchmarks/control_tick.json
 	$(BIN)/python -m tests.benchmarks.mujoco_plant --json build/benchmarks/mujoco_plant.json
+	$(BIN)/python -m tests.benchmarks.kernels --json build/benchmarks/kernels.json
+
 bench-ros1: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.ros1_throughput --json build/benchmarks/ros1_throughput.json
-	$(BIN)/python -m tests.benchmarks.kernels --json build/benchmarks/kernels.json
 
 dvrk-table: $(VENV)/.package
 	$(BIN)/python -m catenary.reproduce.dvrk_joint_errors $(CATENARY_DATA)
@@ -75,7 +76,6 @@ $(VENV)/.development: $(BIN)/python pyproject.toml
 	@touch $@ $(VENV)/.package
 
 $(VENV)/.benchmarks: $(VENV)/.package
-	$(BIN)/python -m pip install --disable-pip-version-check -e ".[bench,test]"
 	$(BIN)/python -m pip install --disable-pip-version-check -e ".[bench,test]"
 	@touch $@
 

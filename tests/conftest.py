@@ -1,5 +1,5 @@
-from collections.abc import Iterator
 import os
+from collections.abc import Iterator
 from hashlib import sha256
 from pathlib import Path
 from shutil import copytree
