@@ -173,17 +173,18 @@ class CablePlant:
         return self._tick
 
     def measured_js(self) -> JointState:
-        """Joint state as the firmware believes it."""
+        """Joint state as the firmware believes it; gravity and rates of ideal sensors at the base's origin."""
         c = self.control
-        gravity = self._base.rows(self._tick, 1)[0].gravity[0].copy()
+        base = self._base.rows(self._tick, 1)[0]
         return JointState(
             self.time,
             c.joint.copy(),
             c.joint_velocity.copy(),
             joint_torques(self.firmware, self.control.torque),
             c.motor.copy(),
-            gravity,
+            base.gravity[0] - base.motion[0, 2],  # an accelerometer cannot tell one from the other
             0.0,
+            base.motion[0, :2].copy(),
         )
 
     def setpoint_js(self) -> JointState:
