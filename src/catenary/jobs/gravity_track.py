@@ -16,6 +16,7 @@ from catenary.control.controller import SplitController
 from catenary.control.loop import StateCorrector, Tick, run_loop
 from catenary.control.report import LoopReport
 from catenary.errors import InputError
+from catenary.jobs.gravity_torques import TORQUE_UNIT
 from catenary.jobs.motion import GENTLE_ACCELERATION, GENTLE_VELOCITY, check_motion
 from catenary.jobs.simulated_arm import SimulatedArm
 from catenary.trajectories.in_turn import InTurn, Rest
@@ -24,7 +25,6 @@ from catenary.trajectories.reference import Trajectory
 
 DISPLAY = {"rad": ("deg", float(np.rad2deg(1.0))), "m": ("mm", 1000.0)}
 SETTLE = 1.0  # [s] at the start of a motion, before it begins
-TORQUE_UNIT = {"rad": "Nm", "m": "N"}
 
 
 @dataclass(frozen=True)
