@@ -7,11 +7,13 @@ from numpy.testing import assert_allclose
 from catenary.errors import CatenaryError, InputError, NotReadyError, UnsupportedCommandError
 from catenary.plant import JOINT_UNITS, Plant
 from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.positioning import PositioningArm
 from oracles.cable_arms import homed_plant
 
 PLANTS = {
     "cable left": (lambda: homed_plant("left"), lambda: CablePlant(side="left")),
     "cable right": (lambda: homed_plant("right"), lambda: CablePlant(side="right")),
+    "positioning joints": (lambda: PositioningArm(homed_plant("left")), lambda: PositioningArm(CablePlant())),
 }
 SERVO = ("servo_jp", "servo_jr", "servo_jf")
 

@@ -5,6 +5,7 @@ ICRA 2014: RMS of desired minus sensed joint position, and RMS of the PD term ov
 when the model is right and beyond 100 % when the PD fights it.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -137,7 +138,7 @@ def track(
     rows: list[tuple[Floats, Floats, Floats]] = []
 
     def observe(tick: Tick) -> None:
-        if tick.time >= begin and tick.tau is not None:
+        if tick.time >= begin - 1e-9 and tick.tau is not None:
             times.append(tick.time - begin)
             rows.append((tick.reference.q - tick.state.q, controller.feedback.copy(), tick.tau))
 
@@ -172,5 +173,6 @@ def with_approach(arm: SimulatedArm, trajectory: Trajectory, settle: float) -> t
         max_velocity=[GENTLE_VELOCITY[unit] for unit in units],
         max_acceleration=[GENTLE_ACCELERATION[unit] for unit in units],
     )
-    whole = InTurn([way, Rest(goal, settle), trajectory])
-    return whole, whole.starts[2]
+    # the motion begins on a tick
+    begin = math.ceil((way.duration + settle) / plant.period - 1e-6) * plant.period
+    return InTurn([way, Rest(goal, max(0.0, begin - way.duration)), trajectory]), begin

@@ -38,7 +38,7 @@ from catenary.trajectories.in_turn import Rest
 Approach = Literal["placed", "driven"]
 APPROACHES: tuple[Approach, ...] = ("placed", "driven")
 ANGLES_DEG = (0, 5, 10, 15, 20, 25)  # about Z0; the paper's text says 0 to 20, its figure 7 shows 25
-POSES_DEG = (5, 21, 37, 53, 69, 85)  # of joint 1
+POSES_DEG = (5.0, 21.0, 37.0, 53.0, 69.0, 85.0)  # of joint 1
 HOME = (np.pi / 2, 0.40)  # joints 2 and 3 [rad, m]
 CONTROLLERS = ("pd", "sg", "dg")
 LABELS = {"pd": "PD", "sg": "PD+SG", "dg": "PD+DG"}
@@ -124,7 +124,7 @@ def _stand(
     seen: list[tuple[Floats, Floats, Floats]] = []
 
     def observe(tick: Tick) -> None:
-        if tick.time >= begin + SETTLE and tick.tau is not None:
+        if tick.time >= begin + SETTLE - 1e-9 and tick.tau is not None:
             seen.append((tick.reference.q - tick.state.q, controller.feedback.copy(), tick.tau))
 
     run_loop(arm.plant, controller, whole, limits=arm.limits(), observers=[observe])
@@ -179,7 +179,7 @@ def error_table(results: Results, approach: Approach) -> Table:
     return Table(header, rows)
 
 
-def figure_7(results: Results) -> Picture:
+def figure_7(results: Results, poses_deg: tuple[float, ...]) -> Picture:
     """Joint 1 of the nominal robot: gravity terms against the torque of PD alone, first and last base angle."""
     from matplotlib.figure import Figure
 
@@ -189,11 +189,10 @@ def figure_7(results: Results) -> Picture:
         np.atleast_1d(figure.subplots(1, 2, sharey=True)), (angles[0], angles[-1]), strict=True
     ):
         result = results[_seeds(results)[0], "driven", angle]
-        x = POSES_DEG[: len(result["pd"].torque)]
-        axes.plot(x, result["pd"].torque[:, 0], "o-", color="#1c2430", label="PD alone: its torque")
+        axes.plot(poses_deg, result["pd"].torque[:, 0], "o-", color="#1c2430", label="PD alone: its torque")
         for name, color in (("sg", "#4b6b94"), ("dg", "#d9622b")):
             term = result[name].torque[:, 0] - result[name].feedback[:, 0]
-            axes.plot(x, term, "o-", color=color, label=f"{LABELS[name]}: gravity term")
+            axes.plot(poses_deg, term, "o-", color=color, label=f"{LABELS[name]}: gravity term")
         axes.set_title(f"base at {angle} deg", fontsize=10)
         axes.set_xlabel("joint 1 [deg]")
         axes.spines[["top", "right"]].set_visible(False)
@@ -217,7 +216,7 @@ def figure_8(results: Results) -> Picture:
                 style = (
                     {"linewidth": 2.0, "label": LABELS[name]} if k == 0 else {"linewidth": 0.7, "alpha": 0.6}
                 )
-                axes.plot(angles, share, "o-", color=color, markersize=3, **style)  # type: ignore[arg-type]
+                axes.plot(angles, share, "o-", color=color, markersize=3, **style)
         axes.set_title(approach, fontsize=10)
         axes.set_xlabel("base about Z0 [deg]")
         axes.spines[["top", "right"]].set_visible(False)
@@ -244,7 +243,10 @@ def _spread(values: list[float]) -> str:
 
 
 def main(
-    folder: Path, robots: tuple[int | None, ...] = ROBOTS, angles: tuple[int, ...] = ANGLES_DEG
+    folder: Path,
+    robots: tuple[int | None, ...] = ROBOTS,
+    angles: tuple[int, ...] = ANGLES_DEG,
+    poses_deg: tuple[float, ...] = POSES_DEG,
 ) -> Results:
     """Run all robots at all angles, print the tables, write gravity_static.json and gravity_static.html."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -252,9 +254,9 @@ def main(
     for seed in robots:
         for approach in APPROACHES:
             for angle in angles:
-                results[seed, approach, angle] = static_poses(seed, angle, approach)
+                results[seed, approach, angle] = static_poses(seed, angle, approach, poses_deg=poses_deg)
             print(f"  robot {seed}, {approach}: done", file=sys.stderr, flush=True)
-    blocks: list[Block] = [figure_7(results), figure_8(results)]
+    blocks: list[Block] = [figure_7(results, poses_deg), figure_8(results)]
     for approach in APPROACHES:
         for joint in range(3):
             title = f"PD share of joint {joint + 1}, {approach}"
@@ -270,7 +272,7 @@ def main(
     content = {
         "simulated": True,
         "version": __version__,
-        "poses_deg": POSES_DEG,
+        "poses_deg": poses_deg,
         "results": [
             {
                 "seed": seed,
