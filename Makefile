@@ -44,6 +44,7 @@ lint: $(VENV)/.development
 bench: $(VENV)/.benchmarks
 	$(BIN)/python -m tests.benchmarks.inference --json build/benchmarks/inference.json
 	$(BIN)/python -m tests.benchmarks.control_tick --json build/benchmarks/control_tick.json
+	$(BIN)/python -m tests.benchmarks.controllers --json build/benchmarks/controllers.json
 
 dvrk-table: $(VENV)/.package
 	$(BIN)/python -m catenary.reproduce.dvrk_joint_errors $(CATENARY_DATA)

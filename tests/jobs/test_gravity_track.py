@@ -85,11 +85,22 @@ def test_motions_keep_to_the_joint_limits(name: str) -> None:
     assert (q <= model.upper + 1e-9).all()
 
 
-def test_a_robot_without_limits_needs_a_start() -> None:
+def test_a_robot_without_limits_is_told_to_state_a_start() -> None:
     model = load_robot("two_link")
-    with pytest.raises(InputError, match=r'joint "link0": has no limits'):
-        make_motion("random", model, model, np.random.default_rng(1))
-    motion = make_motion(
-        "cartesian", model, model, np.random.default_rng(1), q_start=[0.4, 0.9], amplitude=0.1
-    )  # fmt: skip
+    for name in ("cartesian", "random", "poses"):
+        with pytest.raises(InputError, match=r'joint "link0": has no limits'):
+            make_motion(name, model, model, np.random.default_rng(1))
+
+
+def test_sinusoids_begin_where_asked() -> None:
+    model = load_robot("raven2")
+    start = [0.7, 1.5, 0.35]
+    motion = make_motion("cartesian", model, model, np.random.default_rng(1), q_start=start, amplitude=0.02)
+    assert_allclose(motion.trajectory(0.0).q, start, atol=1e-9)
+
+
+def test_a_planar_arm_moves_along_its_two_axes() -> None:
+    model = load_robot("two_link")
+    rng = np.random.default_rng(1)
+    motion = make_motion("cartesian", model, model, rng, q_start=[0.4, 0.9], amplitude=0.1, axes=("x", "z"))
     assert motion.trajectory.duration > 0.0

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from catenary.cli.robots import Q, QDeg, Robot, beyond_limits, joint_values
-from catenary.cli.terminal import print_json, print_notes, print_table
+from catenary.cli.terminal import print_json, print_notes, print_table, words
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -130,6 +130,9 @@ def track(
     amplitude_mm: Annotated[
         float, typer.Option("--amplitude-mm", metavar="A", min=0.0, help="Of the sinusoids.")
     ] = 78.74,
+    axes: Annotated[
+        str, typer.Option("--axes", metavar="A,A,...", help="Along which the sinusoids are, of the base.")
+    ] = "x,y,z",
     seconds: Annotated[
         float, typer.Option("--seconds", metavar="S", min=2.0, help="Of the random motion.")
     ] = 20.0,
@@ -174,6 +177,7 @@ def track(
         np.random.default_rng(seed or 0),
         q_start=start,
         amplitude=amplitude_mm / 1000.0,
+        axes=words(axes),
         seconds=seconds,
     )
     result = run(

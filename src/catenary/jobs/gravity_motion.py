@@ -42,6 +42,7 @@ def make_motion(
     *,
     q_start: ArrayLike | None = None,
     amplitude: float = AMPLITUDE,
+    axes: Sequence[str] = ("x", "y", "z"),
     seconds: float = 20.0,
 ) -> Motion:
     """A motion of all joints.
@@ -55,6 +56,7 @@ def make_motion(
         q_start: (n,) where cartesian begins, and where the other joints of poses stand [rad|m]; RAVEN_START, or the
             middle of the range, when None.
         amplitude: Of the sinusoids [m].
+        axes: Of the base, along which they are; a planar arm has two.
         seconds: Of the random motion [s].
 
     Raises:
@@ -80,7 +82,7 @@ def make_motion(
         return Motion(trajectory, None)
     start = _start(model, limits) if q_start is None else as_array("q_start", q_start, (model.n,))
     if name == "cartesian":
-        return Motion(CartesianSinusoids(model, start, amplitude=amplitude), None)
+        return Motion(CartesianSinusoids(model, start, amplitude=amplitude, axes=axes), None)
     lower, upper = _range(limits)
     edge = 0.05 * (upper[0] - lower[0])
     return poses_along(limits, 0, np.linspace(lower[0] + edge, upper[0] - edge, POSES), start)
