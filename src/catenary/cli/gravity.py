@@ -63,7 +63,9 @@ def gravity(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Print what gravity asks of every joint: the torques that hold the arm still.
+    """Print what holds an arm still under gravity.
+
+    On a base that is tilted, or under any vector; beside it the torques on a level base.
 
     Example: catenary gravity raven2 --q 0,1.57,0.32 --tilt-deg 0 20
     """
@@ -154,7 +156,9 @@ def track(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Let a simulated arm follow a motion; tell the joint errors and the PD term's share of the torque.
+    """Let a simulated arm follow a motion.
+
+    Tells the joint errors and the PD term's share of the torque.
 
     Example: catenary track raven2 --controller sg --base-tilt-deg 0 20 --motion poses
     """
@@ -226,7 +230,9 @@ def hold(
     seed: Seed = None,
     as_json: AsJson = False,
 ) -> None:
-    """Let gravity compensation alone hold a simulated arm; tell how far each joint drifts.
+    """Let gravity compensation alone hold an arm.
+
+    A simulated one; tells how far each joint drifts.
 
     Example: catenary hold raven2 --base-tilt-deg 0 180 --seconds 2
     """

@@ -35,6 +35,7 @@ class Rest:
 
     def __call__(self, t: float) -> Reference:
         """Reference at `t` [s]: always the same."""
+        as_array("time", t, ())
         return Reference(self._q.copy(), np.zeros(len(self._q)), np.zeros(len(self._q)))
 
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
@@ -78,8 +79,9 @@ class InTurn:
 
     def __call__(self, t: float) -> Reference:
         """Reference at `t` [s]."""
-        k = max(0, bisect_right(self._starts, t) - 1)
-        return self._parts[k](t - self._starts[k])
+        at = float(as_array("time", t, ()))
+        k = max(0, bisect_right(self._starts, at) - 1)
+        return self._parts[k](self._local(k, at))
 
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """References at many times (N,) [s]: q, qd, qdd, each (N, n)."""
@@ -89,6 +91,11 @@ class InTurn:
         out = np.empty((3, len(at), n))
         for k in np.unique(which):
             rows = which == k
-            for whole, part in zip(out, self._parts[k].sample(at[rows] - self._starts[k]), strict=True):
+            local = [self._local(k, t) for t in at[rows]]
+            for whole, part in zip(out, self._parts[k].sample(local), strict=True):
                 whole[rows] = part
         return out[0], out[1], out[2]
+
+    def _local(self, k: int, t: float) -> float:
+        """Time since part k began; at the end of all, its very end, whatever the sums round to."""
+        return self._parts[k].duration if t >= self._duration else t - self._starts[k]
