@@ -13,8 +13,8 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 
-.PHONY: table1 refit plant-check
 .PHONY: demo test lint bench bench-ros1 dvrk-table clean help
+.PHONY: table1 refit plant-check gravity-static tutorial
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
@@ -26,6 +26,8 @@ help:
 	@echo "make table1      table I of the calibration paper on six simulated robots (15 minutes), into results/"
 	@echo "make refit       fit the simulated RAVEN-II to the paper's errors again (15 minutes); rewrites its data file"
 	@echo "make plant-check what the simulated RAVEN-II does where it was not fitted, into results/"
+	@echo "make gravity-static PD, PD+SG and PD+DG at static poses on tilted bases, six simulated robots (15 minutes), into results/"
+	@echo "make tutorial    picture and table of docs/tutorial-two-link.md"
 	@echo "make clean       remove .venv and everything made here"
 
 demo: $(VENV)/.package
@@ -45,6 +47,7 @@ bench: $(VENV)/.benchmarks
 	$(BIN)/python -m tests.benchmarks.control_tick --json build/benchmarks/control_tick.json
 	$(BIN)/python -m tests.benchmarks.mujoco_plant --json build/benchmarks/mujoco_plant.json
 	$(BIN)/python -m tests.benchmarks.kernels --json build/benchmarks/kernels.json
+	$(BIN)/python -m tests.benchmarks.controllers --json build/benchmarks/controllers.json
 
 bench-ros1: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.ros1_throughput --json build/benchmarks/ros1_throughput.json
@@ -60,6 +63,12 @@ refit: $(VENV)/.package
 
 plant-check: $(VENV)/.package
 	$(BIN)/python -m catenary.reproduce.plant_check results
+
+gravity-static: $(VENV)/.package
+	$(BIN)/python -m catenary.reproduce.gravity_static results
+
+tutorial: $(VENV)/.package
+	$(BIN)/python -m catenary.reproduce.tutorial_two_link docs/images
 
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed: apt install python3 python3-venv"; exit 1; }

@@ -7,7 +7,7 @@ import sys
 import typer
 
 from catenary import __version__
-from catenary.cli import calibration, check, export, pipeline, regressor, robots, sense
+from catenary.cli import calibration, check, export, gravity, pipeline, regressor, robots, sense
 
 app = typer.Typer(
     name="catenary",
@@ -25,6 +25,9 @@ app.command("extract", no_args_is_help=True)(pipeline.extract)
 app.command("fit", no_args_is_help=True)(calibration.fit)
 app.command("evaluate", no_args_is_help=True)(calibration.evaluate)
 app.command("deploy", no_args_is_help=True)(pipeline.deploy)
+app.command("gravity", no_args_is_help=True)(gravity.gravity)
+app.command("track", no_args_is_help=True)(gravity.track)
+app.command("hold", no_args_is_help=True)(gravity.hold)
 app.command("check", no_args_is_help=True)(check.check)
 app.command("fk", no_args_is_help=True)(robots.fk)
 app.command("ik", no_args_is_help=True)(robots.ik)

@@ -34,9 +34,9 @@ def tick(gains, rows, last, counts, layout, memory, q, qd, tau, gravity, q_ref, 
     n = gains.shape[1]
     if len(q) != n or len(qd) != n or len(tau) != n or len(gravity) != 3 or len(q_ref) != n or len(qd_ref) != n:
         return False
-    calibrated, torque, holding = work[0], work[1], work[2]
+    calibrated, torque, holding, feedback = work[0], work[1], work[2], work[3]
     {correct}
-    pd(gains[0], gains[1], calibrated, qd, q_ref, qd_ref, torque)
+    pd(gains, calibrated, qd, q_ref, qd_ref, feedback, torque)
     hold(calibrated, gravity, holding)
     for j in range(n):
         torque[j] += holding[j]
@@ -90,8 +90,8 @@ class ControlTick:
         if corrector is not None:
             corrector.prepare(model.joint_names, model.joint_units, rate_hz)
             arrays = corrector.robot_arrays
-        self._constant = np.stack([pd.kp, pd.kd]), *self.limits.arrays, *arrays
-        self._work, self.inside = np.empty((3, n)), np.ones(n, dtype=bool)
+        self._constant = pd.gains.rows, *self.limits.arrays, *arrays
+        self._work, self.inside = np.empty((4, n)), np.ones(n, dtype=bool)
         module = _module(model, with_correction=corrector is not None)
         self._tick: Any = module.tick
         zero = np.zeros(n)
