@@ -65,3 +65,17 @@ class LimitError(CatenaryError, ValueError):
 
 class RecordingError(CatenaryError):
     """A recording had to stop; the message says why, and what is safe in the file."""
+
+
+class ExcitationError(CatenaryError, ValueError):
+    """Recordings do not move the robot in a way that would show its parameters.
+
+    Attributes:
+        rank: How many independent combinations of parameters the recordings show.
+        n_base: How many the robot has.
+    """
+
+    def __init__(self, message: str, *, rank: int, n_base: int) -> None:
+        self.rank = rank
+        self.n_base = n_base
+        super().__init__(message)

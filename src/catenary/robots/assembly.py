@@ -8,6 +8,7 @@ import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError, UnsupportedModelError
+from catenary.robots.actuation import Actuation, check_actuation
 from catenary.robots.model import BASE, Frame, RobotModel, Tree
 from catenary.spatial import Pose, as_rotation, identity_pose
 
@@ -85,6 +86,7 @@ def assemble(
     tip: str | None = None,
     massless: Sequence[str] = (),
     closed_form: str | None = None,
+    actuation: Actuation | None = None,
     sources: Sequence[str] = (),
     notes: Sequence[str] = (),
 ) -> RobotModel:
@@ -98,6 +100,7 @@ def assemble(
         tip: Frame that kinematics mean by default; the last link of the longest chain otherwise.
         massless: Links to treat as massless though the description gives them no inertia.
         closed_form: Name of the closed-form inverse kinematics that holds.
+        actuation: Friction, motors, springs. Coordinates that move no link may stand there.
         sources: Where the numbers come from.
         notes: What the description holds and the model leaves out.
 
@@ -111,7 +114,9 @@ def assemble(
     _check_coordinates(where, coordinates)
     for link in ordered:
         _check_link(where, link, [c.name for c in coordinates])
-    _check_moved(where, ordered, coordinates)
+    if actuation is not None:
+        check_actuation(where, actuation, len(coordinates))
+    _check_moved(where, ordered, coordinates, actuation)
 
     folded = _fold(ordered)
     if not folded.moving:
@@ -144,6 +149,7 @@ def assemble(
         missing_inertia=tuple(link.name for link in without if not link.massless),
         massless=tuple(link.name for link in without if link.massless),
         closed_form=closed_form,
+        actuation=actuation,
         sources=tuple(sources),
         notes=tuple(notes),
     ).with_massless(massless)
@@ -262,9 +268,15 @@ def _check_coordinates(where: str, coordinates: Sequence[Coordinate]) -> None:
             )
 
 
-def _check_moved(where: str, links: Sequence[Link], coordinates: Sequence[Coordinate]) -> None:
+def _check_moved(
+    where: str, links: Sequence[Link], coordinates: Sequence[Coordinate], actuation: Actuation | None
+) -> None:
     moved = {name for link in links if link.joint != "fixed" for name in link.variable}
-    idle = [c.name for c in coordinates if c.name not in moved]
+    idle = [
+        c.name
+        for i, c in enumerate(coordinates)
+        if c.name not in moved and (actuation is None or not actuation.moves(i))
+    ]
     if idle and moved:  # a robot without any moving joint is refused as such
         raise InputError(f"{where}: coordinates {', '.join(idle)} move no joint")
 
