@@ -130,19 +130,18 @@ def _fit(
     left = y - Y @ phi
     rate = 1.0 / float(np.median(np.diff(loaded[0].time)))
     torque = Y @ phi
-    size, rest = float(np.linalg.norm(torque)), float(np.linalg.norm(left))
+    size, rest = float(np.linalg.norm(torque)), float(np.linalg.norm(left))  # weighted
     explained = 1.0 - rest**2 / float(np.sum(y**2))
     z = 0.0
     if size > 0.0:
-        along: Floats = torque[None] / size**2
-        z = 1.0 / float(np.sqrt(_spread(result, along, left, rate)[0, 0]))
+        z = 1.0 / float(np.sqrt(_spread(result, torque[None] / size**2, left, rate)[0, 0]))
     # one number for both conditions, so that the confidence is above 0.997 exactly where a payload is detected
     least = SHARE if place is not None else SHARE_ANYWHERE
     sure = min(z, SIGNIFICANT * size / max(rest, 1e-300) / least) if mass > 0.0 else 0.0
     X = Y @ tangent
     scale = np.linalg.norm(X, axis=(0, 1))
     scale[scale == 0.0] = 1.0
-    inverse = np.linalg.pinv(_flat(X / scale), rcond=1e-6)
+    inverse: Floats = np.linalg.pinv(_flat(X / scale), rcond=1e-6)
     deviation = np.sqrt(np.diag(_spread(result, inverse.reshape(-1, *y.shape), left, rate))) / scale
     told = place is not None or deviation[0] < TOLD * mass
     hidden = deviation > HIDDEN

@@ -6,16 +6,18 @@ from typing import Any
 
 import numpy as np
 
+from catenary.arrays import Floats
 from catenary.identification.identification import Identification
 from catenary.identification.least_squares import solve, triangles
 from catenary.identification.samples import Samples
 
 ROWS = 600  # that are looked at
-CLEARLY = 0.5  # of the residual as recorded that must be left when the two are swapped back
+CLEARLY = 0.25  # of the two axes' mean square residual: at most this is left when they are swapped back
+WORSE = 1.2  # times what the other axes had is the most they may have then
 
 
 def swapped_axes(result: Identification, samples: Samples, *, refit: bool = False) -> tuple[int, int] | None:
-    """Give the pair of axes whose swapping back halves the residual of a recording; None when there is none.
+    """Give the pair of axes whose swapping back halves their residual in a recording; None when there is none.
 
     Positions with velocities and torques are swapped, or torques alone.
 
@@ -28,24 +30,29 @@ def swapped_axes(result: Identification, samples: Samples, *, refit: bool = Fals
     chosen = np.zeros(len(samples), dtype=bool)
     chosen[some] = True
     rows = samples.rows(chosen, samples.name)
-    best, pair = CLEARLY * _misfit(result, rows, refit), None
+    before = _misfit(result, rows, refit)
+    best, pair = 0.0, None
     for i, j in combinations(range(rows.q.shape[1]), 2):
         if result.model.joint_units[i] != result.model.joint_units[j]:
             continue
+        others = np.setdiff1d(np.arange(rows.q.shape[1]), [i, j])
         for keys in (("q", "qd", "qdd", "tau"), ("tau",)):
             order = np.arange(rows.q.shape[1])
             order[[i, j]] = j, i
             swapped: dict[str, Any] = {key: getattr(rows, key)[:, order] for key in keys}
-            misfit = _misfit(result, replace(rows, **swapped), refit)
-            if misfit < best:
-                best, pair = misfit, (i, j)
+            after = _misfit(result, replace(rows, **swapped), refit)
+            gain = float(before[[i, j]].sum() - after[[i, j]].sum())
+            clear = after[[i, j]].sum() < CLEARLY * before[[i, j]].sum()
+            if clear and gain > best and after[others].sum() <= WORSE * before[others].sum():
+                best, pair = gain, (i, j)
     return pair
 
 
-def _misfit(result: Identification, rows: Samples, refit: bool) -> float:
-    """Sum over axes of the residual's mean square, in units of the training recordings' weights."""
+def _misfit(result: Identification, rows: Samples, refit: bool) -> Floats:
+    """Mean square of each axis's residual (n,) over that of its torque, at most four: more is no worse."""
     gravity = np.array(result.options.gravity)
     reduced = triangles(result.base, gravity, [rows])
     beta = solve(reduced.stacked(result.weights)) if refit else result.beta
     relative = reduced.residual_rms(beta) / np.maximum(np.sqrt(np.mean(rows.tau**2, axis=0)), 1e-9)
-    return float(np.mean(np.minimum(relative, 2.0) ** 2))
+    misfit: Floats = np.minimum(relative, 2.0) ** 2
+    return misfit

@@ -133,17 +133,17 @@ def part_of(log: MotionLog, rows: tuple[int, int]) -> MotionLog:
 def _doubts(result: Identification, training: Sequence[Samples], tests: Sequence[Samples]) -> list[str]:
     notes = []
     names = result.model.joint_names
-    for part, of in ((*training,), result.training), ((*tests,), result.tests):
+    for part, of in (training, result.training), (tests, result.tests):
         for samples, residual in zip(part, of, strict=True):
             with np.errstate(invalid="ignore"):
                 poor = np.flatnonzero(residual.relative_rms > POOR)
-            if len(poor) == 0:
-                continue
-            notes.append(
-                f"{samples.name}: little of the torque of {', '.join(names[i] for i in poor)} is explained "
-                f"({', '.join(f'{residual.relative_rms[i]:.2f}' for i in poor)} of it is left)"
-            )
-            pair = swapped_axes(result, samples, refit=part is not tests and samples in training)
-            if pair is not None:
-                notes.append(f"{samples.name}: axes {names[pair[0]]} and {names[pair[1]]} look swapped")
+            if len(poor):
+                notes.append(
+                    f"{samples.name}: little of the torque of {', '.join(names[i] for i in poor)} is explained "
+                    f"({', '.join(f'{residual.relative_rms[i]:.2f}' for i in poor)} of it is left)"
+                )
+            if len(poor) or residual.verdict not in (None, "holds"):
+                pair = swapped_axes(result, samples, refit=of is result.training)
+                if pair is not None:
+                    notes.append(f"{samples.name}: axes {names[pair[0]]} and {names[pair[1]]} look swapped")
     return notes
