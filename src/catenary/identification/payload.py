@@ -141,7 +141,7 @@ def _fit(
     X = Y @ tangent
     scale = np.linalg.norm(X, axis=(0, 1))
     scale[scale == 0.0] = 1.0
-    inverse: Floats = np.linalg.pinv(_flat(X / scale), rcond=1e-6)
+    inverse = np.asarray(np.linalg.pinv(_flat(X / scale), rcond=1e-6), dtype=np.float64)
     deviation = np.sqrt(np.diag(_spread(result, inverse.reshape(-1, *y.shape), left, rate))) / scale
     told = place is not None or deviation[0] < TOLD * mass
     hidden = deviation > HIDDEN

@@ -15,12 +15,6 @@ from catenary.json_text import json_text
 from catenary.page import Block, Facts, Heading, Listing, Picture, Remarks, Table, Text, picture, write_page
 
 SHOWN = 3000  # rows a picture draws; more are not seen
-VERDICTS = {
-    None: "fitted",
-    "holds": "holds",
-    "drifted": "drifted: more than twice the training residual on an axis",
-    "fails": "fails: an axis is hardly better than predicting no torque",
-}
 
 
 def write_identification_report(path: Path, result: IdentifyResult) -> None:
@@ -35,7 +29,8 @@ def write_identification_report(path: Path, result: IdentifyResult) -> None:
         residual_table(found),
         Text(
             "RMS of measured less predicted torque over RMS of the torque, per axis, known torques subtracted first. "
-            "A recording that was not fitted holds while no axis has more than twice the training residual."
+            "On a recording that was not fitted the model holds while no axis has more than twice the training "
+            "residual, has drifted beyond that, and fails where an axis is hardly better than predicting no torque."
         ),
         absolute_table(found),
         *([Remarks(result.notes)] if result.notes else []),
@@ -67,7 +62,7 @@ def residual_table(found: Identification) -> Table:
     return Table(
         ["recording", "rows", *found.model.joint_names, "verdict"],
         [
-            [r.log, str(r.rows), *(_share(v) for v in r.relative_rms), VERDICTS[r.verdict]]
+            [r.log, str(r.rows), *(_share(v) for v in r.relative_rms), r.verdict or "fitted"]
             for r in _all(found)
         ],
     )
