@@ -94,6 +94,10 @@ def test_one_row_is_predicted_as_many_are(found):
     assert_allclose(found.predict(q[1], q[0], q[0]), found.predict(q, q[[0, 0]], q[[0, 0]])[1], atol=1e-12)
 
 
+def test_no_rows_give_no_torques(found):
+    assert found.predict(np.zeros((0, 3))).shape == (0, 3)
+
+
 def test_gravity_may_be_another_than_the_recordings(found):
     q = np.array([0.3, 1.2, 0.3])
     less = [0.0, 0.0, -9.81 / 2]

@@ -16,6 +16,9 @@ def log(**changes):
     return recorded(ARM, 0, **changes)
 
 
+RUN = log()
+
+
 def test_filtered_signals_are_those_of_the_motion():
     run = log()
     samples = prepare(run, ARM, FULL)
@@ -75,6 +78,14 @@ def test_poses_at_rest_are_taken_as_they_are():
     assert not samples.qd.any()
 
 
+def test_noise_about_a_joint_at_rest_is_no_wrong_velocity():
+    rng = np.random.default_rng(3)
+    q, qd = RUN.q_nominal.copy(), RUN.qd.copy()
+    q[:, 1] = 1.2 + 1e-4 * rng.normal(size=len(q))
+    qd[:, 1] = 1e-3 * rng.normal(size=len(q))
+    assert len(prepare(log(q_nominal=q, qd=qd), ARM, FULL)) == 5800
+
+
 def test_blocks_alternate_and_lose_no_row():
     samples = prepare(log(), ARM, FULL)
     one, other = alternate_blocks(samples, 2.0)
@@ -91,9 +102,6 @@ def degrees(values):
 
 def swapped(values):
     return values[:, [1, 0, 2]]
-
-
-RUN = log()
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from catenary.errors import ExcitationError, InputError, MissingInertiaError
 from catenary.identification.base_parameters import BaseParameters, base_parameters
 from catenary.identification.columns import Parameters
 from catenary.identification.consistency import consistent_fit
-from catenary.identification.least_squares import covariance, excitation, solve, triangles, weigh
+from catenary.identification.least_squares import CHUNK, covariance, excitation, solve, triangles, weigh
 from catenary.identification.options import IdentifyOptions, actuation_of, filter_of
 from catenary.identification.residuals import LogResidual, judge, residual
 from catenary.identification.samples import Samples, alternate_blocks, prepare
@@ -81,8 +81,7 @@ class Identification:
 
     def predict_unknown(self, q: Floats, qd: Floats, qdd: Floats, gravity: Floats) -> Floats:
         """Torques (N, n) less those that are known beforehand."""
-        chunks = range(0, len(q), 4000)
-        parts = [slice(first, first + 4000) for first in chunks]
+        parts = [slice(first, first + CHUNK) for first in range(0, max(len(q), 1), CHUNK)]
         return np.concatenate([self.base.regressor(q[p], qd[p], qdd[p], gravity) @ self.beta for p in parts])
 
     def test(self, samples: Sequence[Samples]) -> "Identification":

@@ -7,9 +7,10 @@ from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.robots.model import RobotModel
 
-LARGEST = {"rad": 4.0 * np.pi, "m": 5.0}  # beyond these a coordinate without limits is no rad and no m
+LARGEST = {"rad": 6.0 * np.pi, "m": 5.0}  # beyond these a coordinate without limits is no rad and no m
 MARGIN = 0.25  # of its range by which a coordinate may leave its limits
 FAITHFUL = 0.5  # least correlation of a velocity with the derivative of its position
+MOVING = {"rad": 0.02, "m": 0.005}  # RMS [rad/s, m/s] below which a velocity may be noise alone
 SLOPES = (0.6, 1.6)  # of a velocity on that derivative; filtered velocities of real arms reach 0.8
 
 
@@ -63,7 +64,8 @@ def check_rates(where: str, model: RobotModel, derivative: Floats, qd: Floats) -
     own = derivative - derivative.mean(axis=0)
     given = qd - qd.mean(axis=0)
     size, given_size = np.linalg.norm(own, axis=0), np.linalg.norm(given, axis=0)
-    moving = (size > 1e-3 * np.sqrt(len(qd))) & (given_size > 0.0)  # 1 mm/s and 1 mrad/s at least
+    least = np.array([MOVING[unit] for unit in model.joint_units]) * np.sqrt(len(qd))
+    moving = (size > least) & (given_size > 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = own.T @ given / size[:, None] / given_size
     for i in np.flatnonzero(moving):
