@@ -117,4 +117,4 @@ def test_a_folder_is_no_file(tmp_path: Path, name: str) -> None:
 
 
 def test_a_name_that_is_nothing_is_refused_with_the_catalogue() -> None:
-    assert "no such file, and no robot of that name; robots: planar_3r, raven2" in refusal("check", "raven")
+    assert "no such file, and no robot of that name; robots: dvrk_mtm" in refusal("check", "raven")

@@ -94,7 +94,12 @@ def check_robot(model: RobotModel) -> Finding:
         ("massless links", ", ".join(model.massless) or "none"),
         ("sources", "; ".join(model.sources) or "none stated"),
     ]
-    if model.missing_inertia:
+    if model.actuation is not None and model.missing_inertia == model.link_names:
+        # a table that states friction and filters but no inertia at all is there to be identified
+        finding.remarks.append(
+            "kinematics only, to be identified (catenary identify): torques and masses are refused until then"
+        )
+    elif model.missing_inertia:
         finding.faults.append(
             f"no inertia for {', '.join(model.missing_inertia)}: kinematics work, torques and masses are refused"
         )
@@ -109,7 +114,7 @@ def check_robot(model: RobotModel) -> Finding:
         n for n, low, high in zip(model.joint_names, model.lower, model.upper, strict=True) if low >= high
     ]
     finding.faults += [f"limits of {name}: the lower one is not below the upper" for name in unbound]
-    finding.remarks = list(model.notes)
+    finding.remarks += list(model.notes)
     return finding
 
 
