@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from catenary.dynamics.mass_matrix import mass_matrix as mass_matrix
     from catenary.dynamics.regressor import torque_regressor as torque_regressor
     from catenary.gravity.torque import gravity_torque as gravity_torque
-    from catenary.identification.identification import identify as identify
     from catenary.robots.catalog import load_robot as load_robot
     from catenary.robots.model import RobotModel as RobotModel
 
@@ -28,7 +27,6 @@ _HOME = {
     "coriolis_matrix": "catenary.dynamics.inverse_dynamics",
     "forward_kinematics": "catenary.dynamics.kinematics",
     "gravity_torque": "catenary.gravity.torque",
-    "identify": "catenary.identification.identification",
     "inverse_dynamics": "catenary.dynamics.inverse_dynamics",
     "inverse_kinematics": "catenary.dynamics.inverse_kinematics",
     "jacobian": "catenary.dynamics.kinematics",
