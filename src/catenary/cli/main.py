@@ -7,7 +7,17 @@ import sys
 import typer
 
 from catenary import __version__
-from catenary.cli import calibration, check, export, gravity, pipeline, regressor, robots, sense
+from catenary.cli import (
+    calibration,
+    check,
+    export,
+    gravity,
+    identification,
+    pipeline,
+    regressor,
+    robots,
+    sense,
+)
 
 app = typer.Typer(
     name="catenary",
@@ -28,6 +38,9 @@ app.command("deploy", no_args_is_help=True)(pipeline.deploy)
 app.command("gravity", no_args_is_help=True)(gravity.gravity)
 app.command("track", no_args_is_help=True)(gravity.track)
 app.command("hold", no_args_is_help=True)(gravity.hold)
+app.command("identify", no_args_is_help=True)(identification.identify)
+app.command("excitation", no_args_is_help=True)(identification.excitation)
+app.command("payload", no_args_is_help=True)(identification.payload)
 app.command("check", no_args_is_help=True)(check.check)
 app.command("fk", no_args_is_help=True)(robots.fk)
 app.command("ik", no_args_is_help=True)(robots.ik)
