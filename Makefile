@@ -23,8 +23,8 @@ help:
 	@echo "make bench       speed of deployed models and of the control loop, beside other libraries"
 	@echo "make dvrk-table  the table of docs/calibration.md, from recordings of a real arm (CATENARY_DATA)"
 	@echo "make table1      table I of the calibration paper on six simulated robots (15 minutes), into results/"
-	@echo "make refit       fit the simulated RAVEN-II to the paper's errors again (15 minutes); rewrites its data file"
-	@echo "make plant-check what the simulated RAVEN-II does where it was not fitted, into results/"
+	@echo "make refit       fit the simulated RAVEN-II to both papers' results again (25 minutes); rewrites its data file"
+	@echo "make plant-check every target of the simulated RAVEN-II beside what it reaches (10 minutes), into results/"
 	@echo "make clean       remove .venv and everything made here"
 
 demo: $(VENV)/.package
