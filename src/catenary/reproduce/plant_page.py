@@ -57,8 +57,8 @@ WHY_HOURS = [
 ]
 WHY_DIRECTIONS = [
     "Every zig-zag covers the same box evenly, so the mean that a fixed offset takes away is the same, whatever the "
-    "robot: with one test motion the directions differ by a per cent. Phases and sizes of run-out, coupling, "
-    "hysteresis, stiffness and friction of tool and joints change how large the error is, not that.",
+    "robot: with one test motion the directions differ by a per cent. Run-out and its phases, coupling and the tool's "
+    "friction, tried out to their bounds, change how large the error is, not that.",
     "The paper's raw errors differ between directions too, which no model of one robot at rest can do: on joint 1 they "
     "rise in the order of the table, from 1.930 to 2.219, as on a robot that wears while one direction is recorded "
     "after another. Joint 3's fixed offset of .628 beside .486 takes a shift of .4 mm between training and test: "
