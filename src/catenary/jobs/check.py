@@ -58,7 +58,7 @@ def check_file(source: str, *, units: Sequence[str] | None = None) -> Finding:
     # a model may have any name; a recording's says what it is
     if path.is_file() and is_zipfile(path) and "structure" in (arrays := read_arrays(path)):
         return _check_identification(path) if "combination" in arrays else _check_model(path)
-    if path.suffix in (".npz", ".parquet"):
+    if path.suffix in (".npz", ".parquet", ".csv"):
         return check_recording(read_log(path, units=units))
     if not path.exists():
         raise FileFormatError(
@@ -66,7 +66,7 @@ def check_file(source: str, *, units: Sequence[str] | None = None) -> Finding:
         )
     raise FileFormatError(
         f'{source}: ending "{path.suffix}" is none that catenary reads: robots ({", ".join(ROBOT_ENDINGS)}), '
-        "models (.npz), recordings (.npz, .parquet)"
+        "models (.npz), recordings (.npz, .parquet, .csv)"
     )
 
 
