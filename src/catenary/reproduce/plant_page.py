@@ -51,7 +51,7 @@ LOSS_TRIED = 5.0  # times the rate at which cables lose stiffness
 WHY_HOURS = [
     "Hour 0 conflicts with table I: without load and at once, the paper's linear model has .247 and .132 on J2 and J3 "
     "here, .186 and .166 in table I. They are two recordings of one robot; the simulated robot is that of table I.",
-    "500 g: the paper's drift under load is twice that without, here it is the same. Beyond the remote centre a weight "
+    "500 g: the paper's drift under load is twice that without, here it is smaller. Beyond the remote centre a weight "
     "takes load off joint 1's cable, and set grows with load: another law of wear would be needed, or another lever.",
     "Joint 1's set has the sign with which the raw error grows, as the paper's does from direction to direction.",
 ]
