@@ -57,13 +57,13 @@ WHY_HOURS = [
 ]
 WHY_DIRECTIONS = [
     "Every zig-zag covers the same box evenly, so the mean that a fixed offset takes away is the same, whatever the "
-    "robot: with one test motion the directions differ by a per cent. Run-out and its phases, coupling and the tool's "
+    "robot: with one test motion the directions differ by 3 % at most. Run-out and its phases, coupling and the tool's "
     "friction, tried out to their bounds, change how large the error is, not that.",
     "The paper's raw errors differ between directions too, which no model of one robot at rest can do: on joint 1 they "
     "rise in the order of the table, from 1.930 to 2.219, as on a robot that wears while one direction is recorded "
     "after another. Joint 3's fixed offset of .628 beside .486 takes a shift of .4 mm between training and test: "
     "homing again, or another day. The last column is one robot, homed once, in the order of the table, with a test "
-    "motion for each.",
+    "motion for each: raw of joint 1 rises there too, and fixed offsets differ by up to a fifth.",
 ]
 WHY_HOMING = [
     "While joint 1 is still on its way to its stop, joint 2's motor, already at its own, follows the coupling: where "
