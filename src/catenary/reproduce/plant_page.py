@@ -51,19 +51,19 @@ LOSS_TRIED = 5.0  # times the rate at which cables lose stiffness
 WHY_HOURS = [
     "Hour 0 conflicts with table I: without load and at once, the paper's linear model has .247 and .132 on J2 and J3 "
     "here, .186 and .166 in table I. They are two recordings of one robot; the simulated robot is that of table I.",
-    "500 g: the paper's drift under load is twice that without, here it is the same. Beyond the remote centre a weight "
+    "500 g: the paper's drift under load is twice that without, here it is smaller. Beyond the remote centre a weight "
     "takes load off joint 1's cable, and set grows with load: another law of wear would be needed, or another lever.",
     "Joint 1's set has the sign with which the raw error grows, as the paper's does from direction to direction.",
 ]
 WHY_DIRECTIONS = [
     "Every zig-zag covers the same box evenly, so the mean that a fixed offset takes away is the same, whatever the "
-    "robot: with one test motion the directions differ by a per cent. Run-out and its phases, coupling and the tool's "
+    "robot: with one test motion the directions differ by 3 % at most. Run-out and its phases, coupling and the tool's "
     "friction, tried out to their bounds, change how large the error is, not that.",
     "The paper's raw errors differ between directions too, which no model of one robot at rest can do: on joint 1 they "
     "rise in the order of the table, from 1.930 to 2.219, as on a robot that wears while one direction is recorded "
     "after another. Joint 3's fixed offset of .628 beside .486 takes a shift of .4 mm between training and test: "
     "homing again, or another day. The last column is one robot, homed once, in the order of the table, with a test "
-    "motion for each.",
+    "motion for each: raw of joint 1 rises there too, and fixed offsets differ by up to a fifth.",
 ]
 WHY_HOMING = [
     "While joint 1 is still on its way to its stop, joint 2's motor, already at its own, follows the coupling: where "
