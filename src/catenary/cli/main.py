@@ -7,7 +7,7 @@ import sys
 import typer
 
 from catenary import __version__
-from catenary.cli import calibration, check, pipeline, robots
+from catenary.cli import calibration, check, pipeline, robots, serve
 
 app = typer.Typer(
     name="catenary",
@@ -28,6 +28,8 @@ app.command("deploy", no_args_is_help=True)(pipeline.deploy)
 app.command("check", no_args_is_help=True)(check.check)
 app.command("fk", no_args_is_help=True)(robots.fk)
 app.command("ik", no_args_is_help=True)(robots.ik)
+app.command("serve")(serve.serve)
+app.command("button")(serve.button)
 app.command("robots")(robots.robots)
 app.command("demo")(pipeline.demo)
 
