@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from served_robot import JointState, ServedRobot
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.conversions import pose_message, pose_of
@@ -15,8 +14,10 @@ from catenary.dynamics.kinematics import forward_kinematics
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_plant import CablePlant
 from catenary.spatial import Pose, rotation_from_rpy
+from served_robot import JointState, ServedRobot
 
 STEP = np.deg2rad(0.003)  # what a client sends in a millisecond
+UP = np.array([0.0, 0.0, 1.0])
 EXACT = 1e-12  # [rad|m] rounding of a hundred sums
 
 
@@ -299,7 +300,7 @@ def test_cartesian_increments_move_the_tool_along_base_axes(robot, verb, dt):
 @pytest.mark.parametrize(("distance", "moved"), [(0.005, 0.005), (0.030, 0.015), (0.080, 0.0)])
 def test_a_servo_cp_is_clipped_to_15_mm_and_refused_beyond_75(robot, distance, moved):
     start = pose_of(robot.last("setpoint_cp"))
-    goal = Pose(start.rotation, start.position + [0.0, 0.0, -distance])
+    goal = Pose(start.rotation, start.position - distance * UP)
     robot.say("servo_cp", pose_message(goal, 0, "", child=""))
     robot.tick(100)
     before_watchdog = pose_of(robot.last("setpoint_cp")).position - start.position
@@ -308,7 +309,7 @@ def test_a_servo_cp_is_clipped_to_15_mm_and_refused_beyond_75(robot, distance, m
     for _ in range(4):
         robot.say(
             "servo_cp",
-            pose_message(Pose(start.rotation, start.position + [0.0, 0.0, -moved]), 0, "", child=""),
+            pose_message(Pose(start.rotation, start.position - moved * UP), 0, "", child=""),
         )
         robot.tick(100)
     assert_allclose(

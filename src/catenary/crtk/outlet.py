@@ -29,7 +29,8 @@ class Outlet:
         """
         self._transport = transport
         self.topic = topic
-        self.publisher = transport.publisher(topic.name, topic.type)
+        latch = topic.verb == "operating_state"  # whoever comes later knows it at once
+        self.publisher = transport.publisher(topic.name, topic.type, latch=latch)
         self.publish: Callable[[Message], None] = self.publisher.publish
         self.heard = True
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.control.realtime import RealTime
+from catenary.crtk.crtk_dialect import CrtkDialect
 from catenary.crtk.names import Dialect
 from catenary.crtk.parked_arm import ParkedArm
 from catenary.crtk.raven_dialect import RavenDialect
@@ -105,7 +106,7 @@ def make_server(
     reports = Reports()
     plants = _plants(serving) if plants is None else plants
     arms = {name: _served(name, plant, serving, reports) for name, plant in plants.items()}
-    speaker: Speaker = RavenDialect(arms)
+    speaker: Speaker = RavenDialect(arms) if serving.dialect == "raven" else CrtkDialect(arms)
     period = max(arm.plant.period for arm in arms.values())
     every = round(1.0 / (rate_hz * period)) if rate_hz > 0.0 else 0
     if every < 1 or abs(every * rate_hz * period - 1.0) > 0.01:
