@@ -259,7 +259,7 @@ def test_moves_keep_their_bounds_and_differentiate(robot):
     for move in (joint_move(arm, arm.setpoint.q + shoulder(0.3)), straight_move(arm, goal)):
         h = 1e-5
         times = np.linspace(0.1, move.duration - 0.1, 50)
-        q, qd, qdd = move.sample(times)
+        _, qd, qdd = move.sample(times)
         before, after = move.sample(times - h), move.sample(times + h)
         assert_allclose(qd, (after[0] - before[0]) / (2 * h), atol=1e-6)  # central differences
         assert_allclose(qdd, (after[1] - before[1]) / (2 * h), atol=1e-3)

@@ -69,13 +69,9 @@ def serve(
         wishes = Wishes(["start"] if start else [])
         print_notes([_greeting(server, dialect, ros)])
         _listen(wishes)
-        try:
-            final = run(server, wishes=wishes, show=_show_json if as_json else _show, duration=duration)
-        except KeyboardInterrupt:
-            print_notes(["interrupted: the arms are paused"])
-            return
+        final = run(server, wishes=wishes, show=_show_json if as_json else _show, duration=duration)
     if as_json:
-        print_json({"final": _plain(final)})
+        _show_json(final, final=True)
     else:
         print(
             f"{final.seconds:.1f} s at {final.rate_hz:.0f} Hz, {100 * final.cpu:.0f} % of a core; ticks lost: "
@@ -138,11 +134,7 @@ def _show(status: "Status") -> None:
     print_notes(status.warnings)
 
 
-def _show_json(status: "Status") -> None:
+def _show_json(status: "Status", *, final: bool = False) -> None:
     import json
 
-    print(json.dumps(_plain(status)), flush=True)
-
-
-def _plain(status: "Status") -> dict[str, object]:
-    return status._asdict() | {"warnings": list(status.warnings)}
+    print(json.dumps(status._asdict() | {"final": final}), flush=True)

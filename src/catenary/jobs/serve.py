@@ -233,6 +233,8 @@ def serve(
                 given_up = int((now - deadline) / period)
                 lost += given_up
                 deadline += given_up * period
+    except KeyboardInterrupt:  # how a server is ended
+        pass
     finally:
         settled.end()
         server.hold()
