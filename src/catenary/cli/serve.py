@@ -1,5 +1,6 @@
 """catenary serve, button."""
 
+import contextlib
 import sys
 from typing import TYPE_CHECKING, Annotated
 
@@ -113,9 +114,12 @@ def _listen(wishes: "Wishes") -> None:
         return
 
     def read() -> None:
-        for line in sys.stdin:
-            if line.strip():
-                wishes.lines.append(line.strip())
+        with contextlib.suppress(
+            OSError, ValueError
+        ):  # a standard input that nobody can read, or that is closed
+            for line in sys.stdin:
+                if line.strip():
+                    wishes.lines.append(line.strip())
 
     threading.Thread(target=read, name="keyboard", daemon=True).start()
 

@@ -53,7 +53,7 @@ class CrtkDialect:
     def publish(self, outlets: dict[tuple[str, Arm | None], Outlet], now: int) -> None:
         """Publish the arms' states, stamped `now` [ns], where anybody listens."""
         head = header(now)
-        framed = head._replace(frame_id=_FRAME)
+        framed = header(now, _FRAME)
         for name, arm in self._arms.items():
             self._publish_state(name, arm, outlets["operating_state", name], head)
             self._publish_joints(name, arm, outlets, head)
@@ -121,7 +121,7 @@ def _publish_poses(
     assert arm.tool is not None
     where, aim, speed = (outlets[verb, name] for verb in ("measured_cp", "setpoint_cp", "measured_cv"))
     if where.heard or aim.heard:
-        rotations, positions = arm.tool.poses(np.array((arm.measured.q, arm.setpoint.q)))
+        rotations, positions = arm.tool_poses()
         if where.heard:
             where.publish(pose_stamped(head, rotations[0], positions[0]))
         if aim.heard:

@@ -97,8 +97,8 @@ class RavenDialect:
         where, aim = outlets["measured_cp", name], outlets["setpoint_cp", name]
         if arm.tool is None or not (where.heard or aim.heard or wants_tips):
             return
-        rotations, positions = arm.tool.poses(np.array((measured.q, setpoint.q)))
-        framed = head._replace(frame_id=_FRAME)
+        rotations, positions = arm.tool_poses()
+        framed = header(head.stamp, _FRAME)
         if where.heard:
             where.publish(transform_stamped(framed, rotations[0], positions[0], _CHILD))
         if aim.heard:

@@ -61,7 +61,8 @@ class ServedArm:
         self._until = 0  # tick at which velocity or torque lapse
         self._follow = max(1, round(FOLLOW / plant.period))
         self._move: tuple[Trajectory, int] | None = None
-        self._was_ready = False
+        self._was_ready = self._is_known = False
+        self._tool_poses: tuple[Floats, Floats] | None = None
         self._takes_positions = "servo_jp" in plant.supports
         self.refresh()
 
@@ -166,13 +167,24 @@ class ServedArm:
     reports_time = 0  # [ns] of the tick, for what is reported in it
 
     def refresh(self) -> None:
-        """Read the plant."""
+        """Read the plant; one that cannot change, such as a parked arm, but once."""
+        if self._is_known and not self.machine.can_change:
+            return
+        self._is_known = True
+        self._tool_poses = None
         self.measured: JointState = self.plant.measured_js()
         self.setpoint: JointState = self.plant.setpoint_js()
         state = self.plant.operating_state()
         self.state: OperatingState = (
             state._replace(is_busy=True) if self._move is not None and state.state == "ENABLED" else state
         )
+
+    def tool_poses(self) -> tuple[Floats, Floats]:
+        """Give the tool's rotations (2, 3, 3) and positions (2, 3) [m] in the base: as measured, and as set."""
+        if self._tool_poses is None:
+            assert self.tool is not None
+            self._tool_poses = self.tool.poses(np.array((self.measured.q, self.setpoint.q)))
+        return self._tool_poses
 
     def _act(self) -> None:
         increments = self.increments.next(self.tick)

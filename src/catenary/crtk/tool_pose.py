@@ -4,7 +4,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
-from catenary.dynamics.kinematics import frame_poses, jacobian
+from catenary.dynamics.kinematics import FrameKernel, frame_poses, jacobian
 from catenary.errors import InputError
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
@@ -34,12 +34,13 @@ class ToolPose:
         if self.has_jaws:
             self._to_model[-1] = 0.0
             self._to_model[-1, -2:] = -0.5, 0.5
+        self._kernel = FrameKernel(model, 2)
         frame_0 = model.frames.get("frame0")
         self._frame_0 = None if frame_0 is None else frame_0.pose
 
     def poses(self, q: Floats) -> tuple[Floats, Floats]:
-        """Give rotations (N, 3, 3) and positions (N, 3) [m] of the tool in the base frame, at joints (N, n)."""
-        return frame_poses(self.model, q @ self._to_model.T)
+        """Give rotations (2, 3, 3) and positions (2, 3) [m] of the tool in the base, at joints (2, n); unchecked."""
+        return self._kernel(q @ self._to_model.T)
 
     def pose(self, q: Floats) -> Pose:
         """Give the tool's pose in the base frame, at joints (n,)."""
