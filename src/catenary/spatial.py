@@ -83,6 +83,14 @@ def rotation_vector(rotation: ArrayLike) -> Floats:
     return vector
 
 
+def rotation_from_vector(vector: ArrayLike) -> Floats:
+    """Rotation matrix (3, 3) of an axis times angle (3,) [rad]; the inverse of `rotation_vector`."""
+    from scipy.spatial.transform import Rotation  # slow to import
+
+    matrix: Floats = Rotation.from_rotvec(as_array("vector", vector, (3,))).as_matrix()
+    return matrix
+
+
 def as_rotation(name: str, values: ArrayLike) -> Floats:
     """Give a proper rotation matrix (3, 3).
 

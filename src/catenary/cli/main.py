@@ -17,6 +17,7 @@ from catenary.cli import (
     regressor,
     robots,
     sense,
+    serve,
 )
 
 app = typer.Typer(
@@ -47,6 +48,8 @@ app.command("ik", no_args_is_help=True)(robots.ik)
 app.command("regressor", no_args_is_help=True)(regressor.regressor)
 app.command("sense", no_args_is_help=True)(sense.sense)
 app.command("export", no_args_is_help=True)(export.export)
+app.command("serve")(serve.serve)
+app.command("button")(serve.button)
 app.command("robots")(robots.robots)
 app.command("demo")(pipeline.demo)
 

@@ -113,6 +113,7 @@ _CRTK: dict[str, tuple[str, Direction, str]] = {
     "move_cr": (POSE, "in", "m, unit quaternion"),
     "hold": ("std_msgs/Empty", "in", ""),
     "free": ("std_msgs/Empty", "in", ""),
+    "use_gravity_compensation": ("std_msgs/Bool", "in", ""),
 }
 # verbs of a gripper, below `jaw/`
 _JAW = ("measured_js", "setpoint_js", "servo_jp", "servo_jr", "servo_jf", "move_jp", "move_jr")

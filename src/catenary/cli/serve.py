@@ -1,0 +1,144 @@
+"""catenary serve, button."""
+
+import contextlib
+import sys
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from catenary.cli.terminal import numbers, print_json, print_notes
+from catenary.errors import InputError
+
+if TYPE_CHECKING:
+    from catenary.crtk.server import Server
+    from catenary.jobs.serve import Status, Wishes
+
+Ros = Annotated[str, typer.Option("--ros", metavar="1|2|none", help="What carries the messages.")]
+
+
+def serve(
+    robot: Annotated[str, typer.Option("--robot", metavar="NAME", help="Which robot.")] = "raven2",
+    dialect: Annotated[
+        str,
+        typer.Option("--dialect", metavar="raven|crtk", help="Topics of the RAVEN-II, or the present CRTK."),
+    ] = "raven",
+    ros: Ros = "1",
+    rate: Annotated[
+        float, typer.Option("--rate", metavar="HZ", help="At which the robot's state is published.")
+    ] = 1000.0,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            "--seed", metavar="N", min=0, help="Another robot of the kind. [default: the nominal one]"
+        ),
+    ] = None,
+    base_tilt_deg: Annotated[
+        str, typer.Option("--base-tilt-deg", metavar="ROLL,PITCH", help="How the base stands.")
+    ] = "0,0",
+    payload: Annotated[float, typer.Option("--payload", metavar="KG", help="Load at the tool.")] = 0.0,
+    green: Annotated[
+        bool, typer.Option("--green", help="Let the green arm move too; otherwise it stands parked.")
+    ] = False,
+    homed: Annotated[
+        bool, typer.Option("--homed", help="Begin as after homing, which otherwise takes half a minute.")
+    ] = False,
+    start: Annotated[
+        bool, typer.Option("--start", help="Press the silver button at once; with crtk: enable and home.")
+    ] = False,
+    duration: Annotated[
+        float | None, typer.Option("--duration", metavar="S", min=0.0, help="Then end. [default: Ctrl-C]")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON line a second.")] = False,
+) -> None:
+    """Serve a simulated robot to other programs over ROS, in real time.
+
+    Type `button` and Enter, or run `catenary button`, to press the silver button; or type a state command.
+
+    Example: catenary serve --ros none --homed --duration 2
+    """
+    from catenary.jobs.serve import Serving, Wishes, make_server, make_transport
+    from catenary.jobs.serve import serve as run
+
+    if dialect not in ("raven", "crtk"):
+        raise InputError(f'--dialect "{dialect}": expected raven or crtk')
+    tilt = numbers("--base-tilt-deg", base_tilt_deg)
+    if len(tilt) != 2:
+        raise InputError(f"--base-tilt-deg: expected roll and pitch, got {base_tilt_deg!r}")
+    serving = Serving(robot, dialect, seed, (tilt[0], tilt[1]), payload, green, homed)  # type: ignore[arg-type]
+    with make_transport(ros) as transport:  # type: ignore[arg-type]
+        server = make_server(serving, transport, rate_hz=rate)
+        wishes = Wishes(["start"] if start else [])
+        print_notes([_greeting(server, dialect, ros)])
+        _listen(wishes)
+        final = run(server, wishes=wishes, show=_show_json if as_json else _show, duration=duration)
+    if as_json:
+        _show_json(final, final=True)
+    else:
+        print(
+            f"{final.seconds:.1f} s at {final.rate_hz:.0f} Hz, {100 * final.cpu:.0f} % of a core; ticks lost: "
+            f"{final.lost_ticks}; messages that clients missed: {final.overflowed}"
+        )
+
+
+def button(
+    ros: Ros = "1",
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Press the silver button of a served RAVEN-II: it homes and then waits for `resume`."""
+    from catenary.crtk.names import BUTTON, BUTTON_TYPE
+    from catenary.jobs.serve import make_transport
+
+    with make_transport(ros, "catenary_button") as transport:  # type: ignore[arg-type]
+        answer = transport.call(BUTTON, BUTTON_TYPE)
+    if as_json:
+        print_json({"success": answer.success, "message": answer.message})
+    else:
+        print(answer.message)
+    if not answer.success:
+        raise typer.Exit(1)
+
+
+def _greeting(server: "Server", dialect: str, ros: str) -> str:
+    where = {"1": "over ROS 1", "2": "over ROS 2", "none": "to nobody: without ROS no other program hears it"}
+    text = f"serving {len(server.outlets)} topics in dialect {dialect} {where[ros]}; Ctrl-C ends it"
+    if server.button is not None:
+        text += "; `button` and Enter, or `catenary button`, presses the silver button"
+    return text
+
+
+def _listen(wishes: "Wishes") -> None:
+    """Take lines from standard input, in a thread that ends with the program."""
+    import threading
+
+    if sys.stdin is None or sys.stdin.closed:
+        return
+
+    def read() -> None:
+        with contextlib.suppress(
+            OSError, ValueError
+        ):  # a standard input that nobody can read, or that is closed
+            for line in sys.stdin:
+                if line.strip():
+                    wishes.lines.append(line.strip())
+
+    threading.Thread(target=read, name="keyboard", daemon=True).start()
+
+
+def _show(status: "Status") -> None:
+    arms = ", ".join(f"{name} {text}" for name, text in status.states.items())
+    line = (
+        f"{status.seconds:7.0f} s  {status.rate_hz:5.0f} Hz  {100 * status.cpu:3.0f} % cpu  {arms}  "
+        f"{status.commands_hz:.0f} commands/s of {status.clients} programs"
+    )
+    if status.lost_ticks:
+        line += f"  {status.lost_ticks} ticks lost"
+    if not status.is_up:
+        line += "  NO MASTER"
+    print(line, flush=True)
+    print_notes(status.warnings)
+
+
+def _show_json(status: "Status", *, final: bool = False) -> None:
+    import json
+
+    print(json.dumps(status._asdict() | {"final": final}), flush=True)

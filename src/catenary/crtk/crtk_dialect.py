@@ -1,0 +1,200 @@
+"""What the present CRTK convention says and obeys, verb for verb below an arm's namespace; see docs/crtk.md.
+
+[collaborative-robotics.github.io; what its Python client relies on]
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from catenary.arrays import Floats, as_array
+from catenary.crtk import cartesian_commands
+from catenary.crtk.conversions import joint_values, pose_of
+from catenary.crtk.message import Message, header, message_class
+from catenary.crtk.moves import joint_move, straight_move
+from catenary.crtk.names import CrtkTopic, topics
+from catenary.crtk.outlet import Outlet, pose_stamped
+from catenary.crtk.served_arm import ServedArm
+from catenary.errors import InputError
+from catenary.plant import OperatingState
+from catenary.recording.topics import Arm
+from catenary.spatial import Pose, rotation_vector
+
+_JointState = message_class("sensor_msgs/JointState")
+_OperatingState = message_class("crtk_msgs/OperatingState")
+_Twist = message_class("geometry_msgs/Twist")
+_TwistStamped = message_class("geometry_msgs/TwistStamped")
+_Vector = message_class("geometry_msgs/Vector3")
+NOT_MEASURED = ("measured_cf",)  # nothing measures forces at the tool
+NOT_TAKEN = ("servo_cf",)
+BUSY_EVERY = 100  # ticks between two operating states of an arm that is busy
+_FRAME = "base"
+JAWS = 2
+
+
+class CrtkDialect:
+    """Speaks for any arms, each in its namespace.
+
+    The operating state is latched, and sent when it changes and ten times a second while it is busy; not otherwise:
+    CRTK's Python client takes whatever state comes after its move command for the answer to it, so that an idle one,
+    sent before the command arrived, would end its waiting.
+    """
+
+    def __init__(self, arms: dict[Arm, ServedArm]) -> None:
+        """Speak for arms."""
+        self._arms = arms
+        self.topics = tuple(
+            topic for topic in topics("crtk") if topic.arm in arms and _has(arms[topic.arm], topic.verb)
+        )
+        self._told: dict[Arm, tuple[OperatingState, int]] = {}
+
+    # what it says
+
+    def publish(self, outlets: dict[tuple[str, Arm | None], Outlet], now: int) -> None:
+        """Publish the arms' states, stamped `now` [ns], where anybody listens."""
+        head = header(now)
+        framed = header(now, _FRAME)
+        for name, arm in self._arms.items():
+            self._publish_state(name, arm, outlets["operating_state", name], head)
+            self._publish_joints(name, arm, outlets, head)
+            if arm.tool is not None:
+                _publish_poses(name, arm, outlets, framed)
+
+    def _publish_state(self, name: Arm, arm: ServedArm, outlet: Outlet, head: Message) -> None:
+        told, tick = self._told.get(name, (None, 0))
+        if arm.state != told or (arm.state.is_busy and arm.tick - tick >= BUSY_EVERY):
+            self._told[name] = arm.state, arm.tick
+            outlet.publish(_OperatingState(head, *arm.state))
+
+    def _publish_joints(
+        self, name: Arm, arm: ServedArm, outlets: dict[tuple[str, Arm | None], Outlet], head: Message
+    ) -> None:
+        for verb, state in (("measured_js", arm.measured), ("setpoint_js", arm.setpoint)):
+            outlet = outlets[verb, name]
+            if outlet.heard:
+                outlet.publish(_JointState(head, arm.names, state.q, state.qd, state.tau))
+            jaw = outlets.get((f"jaw/{verb}", name))
+            if jaw is not None and jaw.heard:
+                q, qd, tau = (values[-JAWS:].sum(keepdims=True) for values in state[1:4])
+                jaw.publish(_JointState(head, ("jaw",), q, qd, 0.5 * tau))
+
+    # what it obeys
+
+    def obey(self, topic: CrtkTopic, message: Message) -> None:
+        """Obey a command.
+
+        Raises:
+            InputError: It is none that can be obeyed; nothing moves.
+            UnreachablePoseError: The mechanism refuses it.
+        """
+        assert topic.arm is not None
+        arm = self._arms[topic.arm]
+        if topic.verb == "use_gravity_compensation":
+            if arm.gravity_torque is None:
+                raise InputError("the arm's masses are not known")
+            arm.compensates_gravity = bool(message.data)
+        elif not arm.machine.can_change:
+            raise InputError("the arm is parked")
+        elif arm.is_ready:
+            _OBEY[topic.verb](arm, message)
+        else:
+            state = arm.state
+            homed = "homed" if state.is_homed else "not homed"
+            busy = " and busy" if state.is_busy else ""
+            raise InputError(f"not obeyed while the arm is {state.state}, {homed}{busy}")
+
+
+def _has(arm: ServedArm, verb: str) -> bool:
+    """Whether an arm has what a verb needs."""
+    if verb in NOT_MEASURED or verb in NOT_TAKEN:
+        return False
+    if verb.startswith("jaw/"):
+        return arm.tool is not None and arm.tool.has_jaws and verb != "jaw/servo_jf"
+    if verb.endswith(("_cp", "_cr", "_cv")):
+        return arm.tool is not None
+    return True
+
+
+def _publish_poses(
+    name: Arm, arm: ServedArm, outlets: dict[tuple[str, Arm | None], Outlet], head: Message
+) -> None:
+    assert arm.tool is not None
+    where, aim, speed = (outlets[verb, name] for verb in ("measured_cp", "setpoint_cp", "measured_cv"))
+    if where.heard or aim.heard:
+        rotations, positions = arm.tool_poses()
+        if where.heard:
+            where.publish(pose_stamped(head, rotations[0], positions[0]))
+        if aim.heard:
+            aim.publish(pose_stamped(head, rotations[1], positions[1]))
+    if speed.heard:
+        twist = arm.tool.velocity(arm.measured.q, arm.measured.qd).tolist()
+        speed.publish(_TwistStamped(head, _Twist(_Vector(*twist[:3]), _Vector(*twist[3:]))))
+
+
+def _numbers(arm: ServedArm, message: Message, field: str = "position") -> Floats:
+    """A command's numbers (n,); names may leave joints out where nothing is asked of them."""
+    given = len(getattr(message, field))
+    if not message.name and given != len(arm.names):
+        raise InputError(f"{given} numbers in `{field}`, expected {len(arm.names)}: {', '.join(arm.names)}")
+    return joint_values(message, arm.names, field)
+
+
+def _jaws(arm: ServedArm, opening: float) -> Floats:
+    """Joints (n,) with the jaws opened to an angle [rad]."""
+    q = arm.setpoint.q.copy()
+    q[-JAWS:] += 0.5 * (opening - q[-JAWS:].sum())
+    return q
+
+
+def _angle(message: Message) -> float:
+    return float(as_array("JointState.position", message.position, (1,))[0])
+
+
+def _servo_jaws_by(arm: ServedArm, message: Message) -> None:
+    dq = np.zeros(len(arm.names))
+    dq[-JAWS:] = 0.5 * _angle(message)
+    arm.increment(dq)
+
+
+def _opening(arm: ServedArm) -> float:
+    return float(arm.setpoint.q[-JAWS:].sum())
+
+
+def _increment_goal(arm: ServedArm, message: Message) -> Pose:
+    """Goal of a move_cr: turned and moved from the setpoint, in base axes."""
+    assert arm.tool is not None
+    start, step = arm.tool.pose(arm.setpoint.q), pose_of(message)
+    return Pose(step.rotation @ start.rotation, start.position + step.position)
+
+
+def _servo_cr(arm: ServedArm, message: Message) -> None:
+    step = pose_of(message)
+    cartesian_commands.servo_pose_increment(arm, step.position, rotation_vector(step.rotation))
+
+
+def _servo_cv(arm: ServedArm, message: Message) -> None:
+    twist = np.array([*message.twist.linear, *message.twist.angular])
+    cartesian_commands.servo_twist(arm, twist)
+
+
+_OBEY: dict[str, Callable[[ServedArm, Message], None]] = {
+    "servo_jp": lambda arm, message: arm.go_towards(_numbers(arm, message)),
+    "servo_jr": lambda arm, message: arm.increment(_numbers(arm, message)),
+    "servo_jv": lambda arm, message: arm.run_at(_numbers(arm, message, "velocity")),
+    "servo_jf": lambda arm, message: arm.push_with(_numbers(arm, message, "effort")),
+    "servo_cp": lambda arm, message: cartesian_commands.servo_pose(arm, pose_of(message)),
+    "servo_cr": _servo_cr,
+    "servo_cv": _servo_cv,
+    "move_jp": lambda arm, message: arm.move(joint_move(arm, _numbers(arm, message))),
+    "move_jr": lambda arm, message: arm.move(joint_move(arm, arm.setpoint.q + _numbers(arm, message))),
+    "move_cp": lambda arm, message: arm.move(straight_move(arm, pose_of(message))),
+    "move_cr": lambda arm, message: arm.move(straight_move(arm, _increment_goal(arm, message))),
+    "hold": lambda arm, message: arm.hold(),
+    "free": lambda arm, message: arm.go_limp(),
+    "jaw/servo_jp": lambda arm, message: arm.go_towards(_jaws(arm, _angle(message))),
+    "jaw/servo_jr": _servo_jaws_by,
+    "jaw/move_jp": lambda arm, message: arm.move(joint_move(arm, _jaws(arm, _angle(message)))),
+    "jaw/move_jr": lambda arm, message: arm.move(
+        joint_move(arm, _jaws(arm, _opening(arm) + _angle(message)))
+    ),
+}

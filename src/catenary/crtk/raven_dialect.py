@@ -1,0 +1,228 @@
+"""What the public RAVEN-II software (branch crtk) says and obeys, topic for topic; see docs/crtk.md."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from catenary.arrays import Floats, as_array
+from catenary.crtk import cartesian_commands
+from catenary.crtk.clock import SECOND
+from catenary.crtk.conversions import joint_values, pose_of
+from catenary.crtk.message import Message, header, message_class
+from catenary.crtk.names import RAVEN, CrtkTopic
+from catenary.crtk.outlet import Outlet, transform_stamped
+from catenary.crtk.raven_state_maker import RavenStateMaker, Tips
+from catenary.crtk.served_arm import ServedArm
+from catenary.errors import InputError
+from catenary.recording.topics import Arm
+from catenary.spatial import Pose, rotation_from_quaternion, rotation_vector
+
+_JointState = message_class("sensor_msgs/JointState")
+_OperatingState = message_class("crtk_msgs/OperatingState")
+SLOW = round(SECOND / 33.0)  # [ns] between two messages on /joint_states: at most 33 Hz
+JAWS = 2
+_FRAME, _CHILD = "base", "tool"
+# rviz's model of the arms; each twice: as measured, and as set with a 2 behind
+_RVIZ = ("shoulder", "elbow", "insertion", "tool_roll", "wrist_joint", "grasper_joint_1", "grasper_joint_2")
+_RVIZ_NAMES = tuple(f"{name}_{side}{what}" for what in ("", "2") for side in "LR" for name in _RVIZ)
+# the model's zeros: insertion from the remote centre, roll turned, second jaw the other way [r2_kinematics.h: d4]
+_RVIZ_SIGN = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, -1.0])
+_RVIZ_SHIFT = np.array([0.0, 0.0, -0.47, -np.pi / 4.0, 0.0, 0.0, 0.0])
+
+
+class RavenDialect:
+    """Speaks for a robot of a gold and a green arm."""
+
+    def __init__(self, arms: dict[Arm, ServedArm]) -> None:
+        """Speak for arms of seven joints, both of them.
+
+        Raises:
+            InputError: An arm is missing or has other joints.
+        """
+        for name in ("gold", "green"):
+            found = 0 if name not in arms else len(arms[name].names)
+            if found != len(_RVIZ):
+                raise InputError(
+                    f"dialect raven: the {name} arm has {found} joints, expected {len(_RVIZ)}; other robots speak crtk"
+                )
+        self.topics = RAVEN
+        self._arms = arms
+        self._leader = next((arm for arm in arms.values() if arm.machine.can_change), arms["gold"])
+        self._state_of = RavenStateMaker(arms, self._leader.plant.period)
+        self._slow: int | None = None
+
+    # what it says
+
+    def publish(self, outlets: dict[tuple[str, Arm | None], Outlet], now: int) -> None:
+        """Publish the arms' states, stamped `now` [ns], where anybody listens."""
+        head = header(now)
+        state = outlets["ravenstate", None]
+        tips: dict[Arm, Tips] = {}
+        for name, arm in self._arms.items():
+            self._publish_arm(name, arm, outlets, head, state.heard, tips)
+        outlet = outlets["operating_state", None]
+        if outlet.heard:
+            outlet.publish(_OperatingState(head, *self._leader.state))
+        if state.heard:
+            state.publish(self._state_of.message(head, tips))
+        outlet = outlets["joint_states", None]
+        if self._slow is None or not 0 <= now - self._slow < SLOW:
+            self._slow = now
+            if outlet.heard:
+                outlet.publish(_JointState(head, _RVIZ_NAMES, self._rviz()))
+
+    def _publish_arm(
+        self,
+        name: Arm,
+        arm: ServedArm,
+        outlets: dict[tuple[str, Arm | None], Outlet],
+        head: Message,
+        wants_tips: bool,
+        tips: dict[Arm, Tips],
+    ) -> None:
+        measured, setpoint = arm.measured, arm.setpoint
+        outlet = outlets["operating_state", name]
+        if outlet.heard:
+            outlet.publish(_OperatingState(head, *arm.state))
+        outlet = outlets["measured_js", name]
+        if outlet.heard:
+            outlet.publish(_JointState(head, arm.names, measured.q, measured.qd, measured.tau))
+        outlet = outlets["setpoint_js", name]
+        if outlet.heard:
+            outlet.publish(_JointState(head, arm.names, setpoint.q, setpoint.qd, setpoint.tau))
+        outlet = outlets["grasp_measured_js", name]
+        if outlet.heard:
+            q, qd, tau = (values[-JAWS:].sum(keepdims=True) for values in measured[1:4])
+            outlet.publish(_JointState(head, ("grasp",), q, qd, 0.5 * tau))
+        where, aim = outlets["measured_cp", name], outlets["setpoint_cp", name]
+        if arm.tool is None or not (where.heard or aim.heard or wants_tips):
+            return
+        rotations, positions = arm.tool_poses()
+        framed = header(head.stamp, _FRAME)
+        if where.heard:
+            where.publish(transform_stamped(framed, rotations[0], positions[0], _CHILD))
+        if aim.heard:
+            aim.publish(transform_stamped(framed, rotations[1], positions[1], _CHILD))
+        if wants_tips:
+            tips[name] = arm.tool.in_frame_0(rotations, positions)
+
+    def _rviz(self) -> Floats:
+        gold, green = self._arms["gold"], self._arms["green"]
+        rows = (gold.measured.q, green.measured.q, gold.setpoint.q, green.setpoint.q)
+        return np.concatenate([_RVIZ_SIGN * q + _RVIZ_SHIFT for q in rows])
+
+    # what it obeys
+
+    def obey(self, topic: CrtkTopic, message: Message) -> None:
+        """Obey a command of one of the topics `in`.
+
+        Raises:
+            InputError: It is none that can be obeyed; nothing moves.
+            UnreachablePoseError: The mechanism refuses it.
+        """
+        if topic.verb == "raven_automove":
+            self._automove(message)
+            return
+        arm = None if topic.arm is None else self._arms[topic.arm]
+        if arm is None:
+            raise InputError("the robot has no such arm")
+        if arm.is_ready:
+            _OBEY[topic.verb](arm, message)
+        elif not arm.machine.can_change:
+            raise InputError("the arm is parked")
+
+    def _automove(self, message: Message) -> None:
+        for i, arm in enumerate((self._arms["gold"], self._arms["green"])):
+            step = np.asarray(message.del_pos[3 * i : 3 * i + 3], dtype=float)
+            turn = message.tf_incr[i]
+            step = 1e-6 * (step + as_array("raven_automove.tf_incr", tuple(turn.translation), (3,)))
+            quaternion = np.array([turn.rotation.w, turn.rotation.x, turn.rotation.y, turn.rotation.z])
+            if not np.isfinite(quaternion).all():
+                raise InputError("raven_automove.tf_incr: expected a finite rotation")
+            vector = (
+                rotation_vector(rotation_from_quaternion(quaternion)) if quaternion.any() else np.zeros(3)
+            )
+            if not (step.any() or vector.any()) or not arm.is_ready or arm.tool is None:
+                continue
+            cartesian_commands.servo_pose_increment(
+                arm, arm.tool.from_frame_0(step), arm.tool.from_frame_0(vector)
+            )
+
+
+def _numbers(arm: ServedArm, message: Message) -> tuple[Floats, bool]:
+    """A command's numbers (7,), or the single one (1,) that means the grasp, and whether it is that."""
+    if len(message.position) == 1 and len(message.name) <= 1:
+        return as_array("JointState.position", message.position, (1,)), True
+    return joint_values(message, arm.names), False
+
+
+def _grasp(arm: ServedArm, opening: float) -> Floats:
+    """Increments (7,) that open the jaws by an angle [rad], half with each."""
+    dq = np.zeros(len(arm.names))
+    dq[-JAWS:] = 0.5 * opening
+    return dq
+
+
+def _servo_jr(arm: ServedArm, message: Message) -> None:
+    values, single = _numbers(arm, message)
+    arm.increment(_grasp(arm, values[0]) if single else values)
+
+
+def _servo_jp(arm: ServedArm, message: Message) -> None:
+    values, single = _numbers(arm, message)
+    if single:
+        opening = values[0] - arm.setpoint.q[-JAWS:].sum()
+        values = arm.setpoint.q + _grasp(arm, opening)
+    elif len(message.position) != len(arm.names) and not message.name:
+        raise InputError(
+            f"servo_jp: {len(message.position)} numbers, expected {len(arm.names)}, or 1 for the grasp"
+        )
+    arm.step_towards(values)
+
+
+def _servo_jv(arm: ServedArm, message: Message) -> None:
+    field = "velocity" if len(message.velocity) else "position"  # the robot's own clients use the latter
+    arm.increment(arm.plant.period * joint_values(message, arm.names, field))
+
+
+def _grasp_jr(arm: ServedArm, message: Message) -> None:
+    arm.increment(_grasp(arm, float(as_array("JointState.position", message.position, (1,))[0])))
+
+
+def _grasp_jp(arm: ServedArm, message: Message) -> None:
+    opening = float(as_array("JointState.position", message.position, (1,))[0])
+    arm.step_towards(arm.setpoint.q + _grasp(arm, opening - arm.setpoint.q[-JAWS:].sum()))
+
+
+def _servo_cp(arm: ServedArm, message: Message) -> None:
+    cartesian_commands.servo_pose(arm, pose_of(message))
+
+
+def _servo_cr(arm: ServedArm, message: Message) -> None:
+    pose = _increment_of(message)
+    cartesian_commands.servo_pose_increment(arm, pose.position, rotation_vector(pose.rotation))
+
+
+def _servo_cv(arm: ServedArm, message: Message) -> None:
+    pose, dt = _increment_of(message), arm.plant.period
+    cartesian_commands.servo_pose_increment(arm, dt * pose.position, dt * rotation_vector(pose.rotation))
+
+
+def _increment_of(message: Message) -> Pose:
+    """Increment of a TransformStamped; a rotation that was never set, all zero, is none."""
+    turn = message.transform.rotation
+    if not any(turn):
+        return Pose(np.eye(3), as_array("translation", tuple(message.transform.translation), (3,)))
+    return pose_of(message)
+
+
+_OBEY: dict[str, Callable[[ServedArm, Message], None]] = {
+    "servo_jr": _servo_jr,
+    "servo_jp": _servo_jp,
+    "servo_jv": _servo_jv,
+    "servo_cp": _servo_cp,
+    "servo_cr": _servo_cr,
+    "servo_cv": _servo_cv,
+    "grasp_servo_jr": _grasp_jr,
+    "grasp_servo_jp": _grasp_jp,
+}

@@ -1,0 +1,104 @@
+"""Operating states and who may change them, in both dialects.
+
+`crtk`: enable DISABLED, FAULT -> ENABLED; disable any -> DISABLED; pause ENABLED -> PAUSED; resume PAUSED -> ENABLED;
+home and unhome touch is_homed only. [collaborative-robotics.github.io, robot operating state]
+
+`raven`: the robot's run levels in CRTK's words. Emergency stop is DISABLED; the silver button leaves it, and nothing
+else does: init is ENABLED and busy while the arm homes; then the pedal is up, PAUSED. `resume` stands for the pedal
+pressed, ENABLED; `pause` for the pedal released; `disable` for the emergency stop. `enable` is ignored.
+"""
+
+from typing import Literal, cast
+
+from catenary.crtk.names import Dialect
+from catenary.errors import NotReadyError
+from catenary.plant import STATE_COMMANDS, OperatingState, Plant, StateCommand, StateName
+
+# state command: states in which it acts
+_CRTK: dict[str, tuple[StateName, ...]] = {
+    "enable": ("DISABLED", "FAULT"),
+    "disable": ("ENABLED", "PAUSED", "FAULT"),
+    "pause": ("ENABLED",),
+    "resume": ("PAUSED",),
+    "home": ("ENABLED",),
+    "unhome": ("DISABLED", "ENABLED", "PAUSED", "FAULT"),
+}
+_RAVEN = _CRTK | {"enable": (), "home": ("ENABLED", "PAUSED")}
+RunLevel = Literal[0, 1, 2, 3]  # emergency stop, init, pedal up, pedal down
+
+
+class StateMachine:
+    """Decides about one arm's state commands."""
+
+    def __init__(self, plant: Plant, dialect: Dialect) -> None:
+        self._plant = plant
+        self._table = _RAVEN if dialect == "raven" else _CRTK
+        self._pauses = dialect == "raven"
+        self._homing = False
+        self.can_change = "state_command" in plant.supports
+
+    def command(self, text: str) -> str | None:
+        """Obey a state command; where it is ignored, say why."""
+        name = text.strip()
+        if name not in STATE_COMMANDS:
+            return f'"{name}": ignored, expected one of {", ".join(STATE_COMMANDS)}'
+        if not self.can_change:
+            return f"{name}: ignored, the arm is parked"
+        state = self._plant.operating_state()
+        if name == "disable" and state.state == "DISABLED":
+            return None
+        if state.state not in self._table[name]:
+            hint = (
+                "; the silver button starts the robot" if self._pauses and name in ("enable", "home") else ""
+            )
+            return f"{name}: ignored while {state.state}{hint}"
+        if name == "resume" and not state.is_homed:
+            return "resume: ignored, the arm is not homed"
+        if name == "home":
+            return None if state.is_homed or state.is_busy else self._home(state)
+        return self._ask(cast(StateCommand, name))
+
+    def press_button(self) -> str | None:
+        """Press the RAVEN-II's silver button: leave the emergency stop, home what is not homed; say why where not."""
+        state = self._plant.operating_state()
+        if not self.can_change:
+            return "the arm is parked"
+        if state.state not in ("DISABLED", "FAULT"):
+            return f"the arm is {state.state} already"
+        if not state.is_homed:
+            return self._home(state)
+        return self._ask("enable") or self._ask("pause")
+
+    def update(self) -> None:
+        """Look whether homing has ended; called once a tick."""
+        if not self._homing:
+            return
+        state = self._plant.operating_state()
+        if not state.is_busy:
+            self._homing = False
+            if self._pauses and state.state == "ENABLED":
+                self._ask("pause")
+
+    def run_level(self, state: OperatingState) -> RunLevel:
+        """Run level of a RAVEN-II in a state."""
+        if state.state in ("DISABLED", "FAULT"):
+            return 0
+        if state.state == "PAUSED":
+            return 2
+        return 1 if state.is_busy or not state.is_homed else 3
+
+    def _home(self, state: OperatingState) -> str | None:
+        if state.state in ("DISABLED", "FAULT"):
+            refused = self._ask("enable")
+        else:
+            refused = self._ask("resume") if state.state == "PAUSED" else None
+        refused = refused or self._ask("home")
+        self._homing = refused is None
+        return refused
+
+    def _ask(self, command: StateCommand) -> str | None:
+        try:
+            self._plant.state_command(command)
+        except NotReadyError as error:
+            return str(error)
+        return None

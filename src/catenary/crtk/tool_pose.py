@@ -1,0 +1,77 @@
+"""Where a served arm's tool is, and which joints bring it elsewhere."""
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.dynamics.inverse_kinematics import inverse_kinematics
+from catenary.dynamics.kinematics import FrameKernel, frame_poses, jacobian
+from catenary.errors import InputError
+from catenary.robots.model import RobotModel
+from catenary.spatial import Pose
+
+
+class ToolPose:
+    """Kinematics between a robot's joints and its model's tip.
+
+    A model has the robot's own joints, or, where the robot's last two are jaws, one joint in their place that turns the
+    tool: J6 = (jaw2 - jaw1) / 2. The opening of the jaws, jaw1 + jaw2, then is no matter of the pose.
+    """
+
+    def __init__(self, model: RobotModel, joint_names: tuple[str, ...]) -> None:
+        """Match model and robot.
+
+        Raises:
+            InputError: They do not belong together.
+        """
+        n = len(joint_names)
+        self.model = model
+        self.has_jaws = n == model.n + 1 and joint_names[-2:] == ("jaw1", "jaw2")
+        if not self.has_jaws and n != model.n:
+            raise InputError(
+                f'robot "{model.name}": has {model.n} joints, expected {n} as the robot, or one for both its jaws'
+            )
+        self._to_model = np.eye(model.n, n)
+        if self.has_jaws:
+            self._to_model[-1] = 0.0
+            self._to_model[-1, -2:] = -0.5, 0.5
+        self._kernel = FrameKernel(model, 2)
+        frame_0 = model.frames.get("frame0")
+        self._frame_0 = None if frame_0 is None else frame_0.pose
+
+    def poses(self, q: Floats) -> tuple[Floats, Floats]:
+        """Give rotations (2, 3, 3) and positions (2, 3) [m] of the tool in the base, at joints (2, n); unchecked."""
+        return self._kernel(q @ self._to_model.T)
+
+    def pose(self, q: Floats) -> Pose:
+        """Give the tool's pose in the base frame, at joints (n,)."""
+        return Pose(*frame_poses(self.model, self._to_model @ q))
+
+    def velocity(self, q: Floats, qd: Floats) -> Floats:
+        """Give the tool's velocity and angular velocity (6,) in base axes [m/s, rad/s]."""
+        moved: Floats = jacobian(self.model, self._to_model @ q) @ (self._to_model @ qd)
+        return moved
+
+    def joints(self, pose: Pose, near: Floats) -> Floats:
+        """Give joints (n,) that bring the tool to a pose, the nearest to some, with their opening of the jaws.
+
+        Raises:
+            UnreachablePoseError: The remote centre, a joint limit or the mechanism refuses the pose.
+        """
+        start = np.clip(self._to_model @ near, self.model.lower, self.model.upper)
+        found = inverse_kinematics(self.model, pose, start)
+        if not self.has_jaws:
+            return found
+        half = 0.5 * (near[-2] + near[-1])
+        return np.array([*found[:-1], half - found[-1], half + found[-1]])
+
+    def in_frame_0(self, rotations: Floats, positions: Floats) -> tuple[Floats, Floats]:
+        """Give poses in the mechanism's frame 0, in which a RAVEN-II's own raven_state has them."""
+        if self._frame_0 is None:
+            return rotations, positions
+        turn = self._frame_0.rotation
+        return turn.T @ rotations, (positions - self._frame_0.position) @ turn
+
+    def from_frame_0(self, vectors: Floats) -> Floats:
+        """Give directions (3,) or rotations' columns of frame 0 in base axes."""
+        turned: Floats = vectors if self._frame_0 is None else self._frame_0.rotation @ vectors
+        return turned

@@ -1,0 +1,253 @@
+"""Serve a simulated RAVEN-II to other programs, in real time, until somebody ends it."""
+
+import gc
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.control.realtime import RealTime
+from catenary.crtk.crtk_dialect import CrtkDialect
+from catenary.crtk.names import Dialect
+from catenary.crtk.parked_arm import ParkedArm
+from catenary.crtk.raven_dialect import RavenDialect
+from catenary.crtk.reports import Reports
+from catenary.crtk.served_arm import GravityTorque, ServedArm
+from catenary.crtk.server import Server, Speaker
+from catenary.crtk.tool_pose import ToolPose
+from catenary.crtk.transport import Transport
+from catenary.errors import InputError
+from catenary.gravity.torque import gravity_kernel
+from catenary.plant import Plant
+from catenary.recording.topics import Arm
+from catenary.robots.catalog import load_robot
+from catenary.simulation.base_motion import FixedBase
+from catenary.simulation.cable_plant import JOINTS, UNITS, CablePlant
+
+Ros = Literal["1", "2", "none"]
+NODE = "catenary_robot"
+LONGEST_CATCH_UP = 0.02  # [s] of lateness that is made up for by ticks without a pause; the rest is given up
+MODELS: dict[Arm, str] = {"gold": "raven2", "green": "raven2_right"}
+
+
+@dataclass(frozen=True)
+class Serving:
+    """What is served."""
+
+    robot: str = "raven2"
+    dialect: Dialect = "raven"
+    seed: int | None = None
+    base_tilt_deg: tuple[float, float] = (0.0, 0.0)  # roll, pitch
+    payload: float = 0.0  # [kg]
+    with_green: bool = False  # a green arm that moves, in place of a parked one
+    homed: bool = False  # begin as after homing
+
+    def __post_init__(self) -> None:
+        if self.robot != "raven2":
+            raise InputError(f'robot "{self.robot}": expected raven2, the one robot that can be served')
+
+
+class Status(NamedTuple):
+    """How serving goes: one second of it."""
+
+    seconds: float  # since the begin
+    rate_hz: float  # ticks
+    cpu: float  # cores
+    states: dict[str, str]  # by arm
+    commands_hz: float
+    clients: int  # programs that listen or command
+    lost_ticks: int  # given up since the begin, because the machine was late
+    overflowed: int  # messages that slow clients missed since the begin
+    is_up: bool  # whether the transport's network answers
+    warnings: tuple[str, ...]
+
+
+def make_transport(ros: Ros, name: str = NODE) -> Transport:
+    """Join a network of messages.
+
+    Raises:
+        InputError: There is no such network.
+        MissingPackageError: Its software is not installed.
+        TransportError: It does not answer, or the name is taken.
+    """
+    if ros == "1":
+        from catenary.crtk.ros1 import Ros1Transport
+
+        return Ros1Transport(name)
+    if ros == "2":
+        from catenary.crtk.ros2 import Ros2Transport
+
+        return Ros2Transport(name)
+    if ros == "none":
+        from catenary.crtk.loopback import Loopback
+
+        return Loopback(name)
+    raise InputError(f'ros "{ros}": expected 1, 2 or none')
+
+
+def make_server(
+    serving: Serving, transport: Transport, *, rate_hz: float = 1000.0, plants: dict[Arm, Plant] | None = None
+) -> Server:
+    """Put a robot behind a transport; nothing moves before its ticks.
+
+    Args:
+        serving: What is served.
+        transport: What carries the messages.
+        rate_hz: At which states are published; the robot's own rate divided by a whole number.
+        plants: The arms, in place of simulated ones that `serving` describes.
+
+    Raises:
+        InputError: A number is out of its range.
+        TransportError: A topic is taken otherwise.
+    """
+    reports = Reports()
+    plants = _plants(serving) if plants is None else plants
+    arms = {name: _served(name, plant, serving, reports) for name, plant in plants.items()}
+    speaker: Speaker = RavenDialect(arms) if serving.dialect == "raven" else CrtkDialect(arms)
+    period = max(arm.plant.period for arm in arms.values())
+    every = round(1.0 / (rate_hz * period)) if rate_hz > 0.0 else 0
+    if every < 1 or abs(every * rate_hz * period - 1.0) > 0.01:
+        raise InputError(
+            f"rate: expected the robot's {1.0 / period:g} Hz divided by a whole number, got {rate_hz:g}"
+        )
+    return Server(transport, arms, speaker, reports, button=serving.dialect == "raven", publish_every=every)
+
+
+def _plants(serving: Serving) -> dict[Arm, Plant]:
+    roll, pitch = np.deg2rad(serving.base_tilt_deg)
+
+    def made(side: str) -> CablePlant:
+        plant = CablePlant(
+            side=side,
+            seed=serving.seed,
+            payload=serving.payload,
+            base=FixedBase(float(roll), float(pitch)),
+        )
+        if serving.homed:
+            plant.home()
+            plant.state_command("pause" if serving.dialect == "raven" else "disable")
+        return plant
+
+    gold = made("left")
+    if serving.with_green:
+        return {"gold": gold, "green": made("right")}
+    return {"gold": gold, "green": ParkedArm(JOINTS, UNITS, gold.firmware.home_value, period=gold.period)}
+
+
+def _served(name: Arm, plant: Plant, serving: Serving, reports: Reports) -> ServedArm:
+    model = MODELS[name]
+    tool = ToolPose(load_robot(model.replace("raven2", "raven2_full", 1)), plant.joint_names)
+    gravity = _gravity_torque(model, len(plant.joint_names))
+    return ServedArm(plant, serving.dialect, reports, arm=name, tool=tool, gravity_torque=gravity)
+
+
+def _gravity_torque(name: str, n: int) -> GravityTorque:
+    """What holds the positioning joints still, as far as a robot knows: nobody tells it of a load at its tool."""
+    model = load_robot(name)
+    kernel = gravity_kernel(model)
+    k, torque = model.n, np.zeros(n)
+
+    def compute(q: Floats, gravity: Floats) -> Floats:
+        torque[:k] = kernel(q[:k], gravity)
+        return torque
+
+    return compute
+
+
+@dataclass
+class Wishes:
+    """What a person at the server asks for, from any thread: lines, obeyed between two ticks."""
+
+    lines: list[str] = field(default_factory=list)
+    end: bool = False
+
+
+def serve(
+    server: Server,
+    *,
+    wishes: Wishes,
+    show: Callable[[Status], None],
+    duration: float | None = None,
+) -> Status:
+    """Run a server at its robot's rate until `wishes.end`, Ctrl-C, or for `duration` [s]; the arms are paused then.
+
+    A tick that is late is made up for by the next ones, up to 20 ms; what is later is given up and counted, so that
+    after a stall nothing runs faster than it should for long.
+
+    Args:
+        server: What is served.
+        wishes: What a person asks for: "button", or a state command for all arms.
+        show: Called once a second.
+        duration: [s]; None for ever.
+
+    Returns:
+        How it went altogether.
+    """
+    period = max(arm.plant.period for arm in server.arms.values())
+    server.tick()  # whatever is compiled on first use is compiled here
+    settled = RealTime(period)
+    settled.begin()
+    clock = time.perf_counter
+    begin = deadline = last = clock()
+    cpu_begin = cpu_last = time.process_time()
+    ticks_begin, ticks_last, commands_last, lost = server.ticks, server.ticks, server.commands, 0
+    total_warnings = 0
+
+    def status(since: float, cpu: float, ticks: int, commands: int, now: float) -> Status:
+        nonlocal total_warnings
+        warnings = tuple(server.reports.take())
+        total_warnings += len(warnings)
+        took = max(now - since, 1e-9)
+        return Status(
+            seconds=now - begin,
+            rate_hz=(server.ticks - ticks) / took,
+            cpu=(time.process_time() - cpu) / took,
+            states={name: _state_text(arm) for name, arm in server.arms.items()},
+            commands_hz=(server.commands - commands) / took,
+            clients=len(server.clients()),
+            lost_ticks=lost,
+            overflowed=server.overflowed,
+            is_up=server.transport.is_up(),
+            warnings=warnings,
+        )
+
+    try:
+        while not wishes.end and (duration is None or clock() - begin < duration):
+            while wishes.lines:
+                server.person_says(wishes.lines.pop(0))
+            server.tick()
+            deadline += period
+            now = clock()
+            if now - last >= 1.0:
+                show(status(last, cpu_last, ticks_last, commands_last, now))
+                gc.collect(0)  # the loop runs without the collector; what rospy leaves behind is little
+                last, cpu_last = now, time.process_time()
+                ticks_last, commands_last = server.ticks, server.commands
+                now = clock()
+            if deadline > now:
+                time.sleep(deadline - now)
+            elif now - deadline > LONGEST_CATCH_UP:
+                given_up = int((now - deadline) / period)
+                lost += given_up
+                deadline += given_up * period
+    except KeyboardInterrupt:  # how a server is ended
+        pass
+    finally:
+        settled.end()
+        server.hold()
+        for arm in server.arms.values():
+            if arm.machine.can_change:
+                arm.machine.command("pause")
+                arm.advance()
+    return status(begin, cpu_begin, ticks_begin, 0, clock())
+
+
+def _state_text(arm: ServedArm) -> str:
+    state = arm.state
+    if not arm.machine.can_change:
+        return "parked"
+    words = [state.state, "homed" if state.is_homed else "not homed"]
+    return " ".join([*words, "busy"] if state.is_busy else words)

@@ -1,0 +1,315 @@
+"""Dialect `crtk`, verb by verb, on a loopback."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.crtk.conversions import pose_message, pose_of
+from catenary.crtk.message import message_class
+from catenary.crtk.moves import joint_move, straight_move
+from catenary.simulation.cable_plant import CablePlant
+from catenary.spatial import Pose, rotation_from_rpy
+from served_robot import JointState, ServedRobot
+
+EXACT = 1e-12
+Empty = message_class("std_msgs/Empty")
+
+
+@pytest.fixture
+def robot() -> ServedRobot:
+    """Homed and enabled."""
+    return ServedRobot("crtk")
+
+
+def shoulder(amount: float) -> np.ndarray:
+    values = np.zeros(7)
+    values[0] = amount
+    return values
+
+
+def pose(robot: ServedRobot) -> Pose:
+    """Setpoint of the tool."""
+    return pose_of(robot.last("setpoint_cp"))
+
+
+@pytest.mark.parametrize(
+    ("state", "command", "after"),
+    [
+        ("DISABLED", "enable", "ENABLED"),
+        ("DISABLED", "disable", "DISABLED"),
+        ("DISABLED", "pause", "DISABLED"),
+        ("DISABLED", "resume", "DISABLED"),
+        ("DISABLED", "home", "DISABLED"),
+        ("ENABLED", "enable", "ENABLED"),
+        ("ENABLED", "disable", "DISABLED"),
+        ("ENABLED", "pause", "PAUSED"),
+        ("ENABLED", "resume", "ENABLED"),
+        ("ENABLED", "home", "ENABLED"),
+        ("ENABLED", "dance", "ENABLED"),
+        ("PAUSED", "enable", "PAUSED"),
+        ("PAUSED", "disable", "DISABLED"),
+        ("PAUSED", "pause", "PAUSED"),
+        ("PAUSED", "resume", "ENABLED"),
+    ],
+)
+def test_transitions(state, command, after):
+    robot = ServedRobot("crtk", state=state)
+    robot.command(command)
+    robot.tick(2)
+    assert robot.state() == after
+
+
+@pytest.mark.parametrize("command", ["enable", "disable"])
+def test_a_fault_is_left_by_enable_or_disable(robot, command):
+    robot.plant._set_state("FAULT")
+    for ignored in ("pause", "resume"):
+        robot.command(ignored)
+        robot.tick()
+        assert robot.state() == "FAULT"
+    robot.command(command)
+    robot.tick()
+    assert robot.state() == {"enable": "ENABLED", "disable": "DISABLED"}[command]
+
+
+@pytest.mark.parametrize("state", ["DISABLED", "ENABLED", "PAUSED"])
+def test_unhome_touches_only_that(state):
+    robot = ServedRobot("crtk", state=state)
+    robot.command("unhome")
+    robot.tick(2)
+    assert robot.server.arms["gold"].state == (state, False, False)
+
+
+def test_homing_is_busy_and_leaves_the_arm_enabled():
+    robot = ServedRobot("crtk", plant=CablePlant())
+    heard = robot.hear("operating_state")
+    robot.tick()
+    robot.command("enable")
+    robot.tick()
+    robot.command("home")
+    for _ in range(60):
+        robot.tick(1000)
+        if robot.server.arms["gold"].state.is_homed:
+            break
+    states = [one.message for one in heard.take()]
+    seen = list(dict.fromkeys((one.state, one.is_homed, one.is_busy) for one in states))
+    assert seen == [
+        ("DISABLED", False, False),
+        ("ENABLED", False, False),
+        ("ENABLED", False, True),
+        ("ENABLED", True, False),
+    ]
+
+
+def test_a_homed_arm_is_not_homed_again(robot):
+    robot.command("home")
+    robot.tick(3)
+    assert robot.server.arms["gold"].state == ("ENABLED", True, False)
+
+
+def test_a_state_is_latched_and_not_repeated_while_nothing_happens(robot):
+    robot.tick(50)
+    heard = robot.hear("operating_state")
+    robot.tick(500)
+    assert [one.message.state for one in heard.take()] == ["ENABLED"]
+
+
+def test_servo_jp_follows_a_client_that_streams(robot):
+    start = robot.setpoint
+    for k in range(100):
+        robot.joints("servo_jp", start + shoulder(0.001 * (k + 1)))
+        robot.tick()
+    assert_allclose(robot.setpoint - start, shoulder(0.1), atol=EXACT)
+
+
+def test_a_single_servo_jp_far_away_ends_at_the_watchdog(robot):
+    start = robot.setpoint
+    robot.joints("servo_jp", start + shoulder(0.5))
+    robot.tick(400)
+    assert_allclose(robot.setpoint - start, shoulder(0.1 * 2.5), atol=EXACT)
+
+
+@pytest.mark.parametrize(
+    ("verb", "field"), [("servo_jp", "position"), ("servo_jv", "velocity"), ("servo_jf", "effort")]
+)
+@pytest.mark.parametrize("values", [np.full(7, np.nan), np.zeros(6), np.zeros(8), np.zeros(0)])
+def test_numbers_that_make_no_sense_move_nothing_and_are_reported(robot, verb, field, values):
+    before = robot.setpoint
+    robot.say(verb, JointState(**{field: values}))
+    robot.tick(5)
+    assert_array_equal(robot.setpoint, before)
+    assert robot.server.reports.count(f"/arm1/{verb}: refused") == 1
+
+
+def test_increments_of_a_named_joint_go_to_it(robot):
+    before = robot.setpoint
+    names = tuple(reversed(robot.plant.joint_names))
+    robot.joints("servo_jr", [0, 0, 0, 0, 0, 0, 1e-3], names=names)
+    robot.tick(3)
+    assert_allclose(robot.setpoint - before, shoulder(1e-3), atol=EXACT)
+
+
+def test_a_velocity_lapses_a_tenth_of_a_second_after_its_last_command(robot):
+    before = robot.setpoint
+    robot.say("servo_jv", JointState(velocity=shoulder(0.5)))
+    robot.tick(500)
+    assert_allclose(robot.setpoint - before, shoulder(0.05), atol=1e-3)  # a tick or two
+
+
+def test_torques_lapse_into_holding(robot):
+    robot.say("servo_jf", JointState(effort=np.zeros(7)))
+    robot.tick(150)
+    before = robot.setpoint
+    robot.tick(300)
+    assert_array_equal(robot.setpoint, before)
+
+
+def test_gravity_compensation_holds_an_arm_that_zero_torque_lets_fall():
+    fallen = []
+    for compensated in (False, True):
+        robot = ServedRobot("crtk")
+        robot.say("use_gravity_compensation", message_class("std_msgs/Bool")(data=compensated))
+        start = robot.plant.state.q.copy()
+        for _ in range(30):
+            robot.say("servo_jf", JointState(effort=np.zeros(7)))
+            robot.tick(20)
+        fallen.append(abs(robot.plant.state.q - start)[2])
+    # what is left: cables that the position control had stretched, and the tool, whose weight nobody knows
+    assert fallen[1] < 0.5 * fallen[0]
+
+
+def test_free_lets_go_until_hold(robot):
+    robot.say("free", Empty())
+    robot.tick(300)
+    assert robot.plant.measured_js().tau[:3] == pytest.approx(0.0)
+    robot.say("hold", Empty())
+    robot.tick(2)
+    before = robot.setpoint
+    robot.tick(200)
+    assert_array_equal(robot.setpoint, before)
+
+
+def test_a_move_is_busy_until_it_arrives(robot):
+    goal = robot.setpoint + np.array([0.3, -0.2, 0.02, 0.1, 0.0, 0.0, 0.0])
+    robot.joints("move_jp", goal)
+    robot.tick()
+    assert robot.server.arms["gold"].state.is_busy
+    ticks = 0
+    while robot.server.arms["gold"].state.is_busy:
+        robot.tick()
+        ticks += 1
+    assert 500 < ticks < 5000
+    assert_allclose(robot.setpoint, goal, atol=EXACT)
+
+
+def test_a_move_beyond_a_limit_is_refused_before_anything_moves(robot):
+    before = robot.setpoint
+    robot.joints("move_jp", before + shoulder(3.0))
+    robot.tick(3)
+    assert_array_equal(robot.setpoint, before)
+    assert robot.server.reports.count("/arm1/move_jp: refused") == 1
+
+
+def test_hold_ends_a_move(robot):
+    robot.joints("move_jp", robot.setpoint + shoulder(0.4))
+    robot.tick(500)
+    robot.say("hold", Empty())
+    robot.tick(2)
+    before = robot.setpoint
+    robot.tick(300)
+    assert_array_equal(robot.setpoint, before)
+    assert not robot.server.arms["gold"].state.is_busy
+
+
+def test_pausing_ends_a_move_for_good(robot):
+    robot.joints("move_jp", robot.setpoint + shoulder(0.4))
+    robot.tick(200)
+    robot.command("pause")
+    robot.tick()
+    robot.command("resume")
+    robot.tick(2)
+    before = robot.setpoint
+    robot.tick(300)
+    assert_array_equal(robot.setpoint, before)
+
+
+def test_move_cp_goes_straight_and_arrives(robot):
+    start = pose(robot)
+    goal = Pose(
+        rotation_from_rpy((0.1, 0.0, 0.0)) @ start.rotation, start.position + np.array([0.01, -0.01, -0.02])
+    )
+    robot.say("move_cp", pose_message(goal, 0, ""))
+    robot.tick()
+    arm = robot.server.arms["gold"]
+    along = (goal.position - start.position) / np.linalg.norm(goal.position - start.position)
+    while arm.state.is_busy:
+        offset = arm.tool.pose(arm.setpoint.q).position - start.position
+        assert np.linalg.norm(offset - along * (along @ offset)) < 1e-5
+        robot.tick(50)
+    end = pose(robot)
+    assert_allclose(end.position, goal.position, atol=1e-7)
+    assert_allclose(end.rotation, goal.rotation, atol=1e-6)
+
+
+def test_moves_keep_their_bounds_and_differentiate(robot):
+    arm = robot.server.arms["gold"]
+    start = arm.tool.pose(arm.setpoint.q)
+    goal = Pose(
+        rotation_from_rpy((0.2, 0.1, 0.0)) @ start.rotation, start.position + np.array([0.02, 0.0, -0.02])
+    )
+    for move in (joint_move(arm, arm.setpoint.q + shoulder(0.3)), straight_move(arm, goal)):
+        h = 1e-5
+        times = np.linspace(0.1, move.duration - 0.1, 50)
+        _, qd, qdd = move.sample(times)
+        before, after = move.sample(times - h), move.sample(times + h)
+        assert_allclose(qd, (after[0] - before[0]) / (2 * h), atol=1e-6)  # central differences
+        assert_allclose(qdd, (after[1] - before[1]) / (2 * h), atol=1e-3)
+        assert (np.abs(qd) <= np.array([0.8, 0.8, 0.016, 0.8, 0.8, 0.8, 0.8]) * 1.001).all()
+        assert_allclose(move(0.0).q, arm.setpoint.q, atol=1e-9)
+
+
+def test_a_pose_beside_the_remote_centre_is_refused_with_the_reason(robot):
+    centre = Pose(pose(robot).rotation, np.zeros(3))
+    before = robot.setpoint
+    robot.say("move_cp", pose_message(centre, 0, ""))
+    robot.tick(3)
+    assert_array_equal(robot.setpoint, before)
+    assert "remote centre" in robot.server.reports.kinds["/arm1/move_cp: refused"].text
+
+
+def test_servo_cp_follows_a_client_that_streams(robot):
+    start = pose(robot)
+    for k in range(200):
+        goal = start.position + np.array([0.0, 0.0, -5e-6 * (k + 1)])
+        robot.say("servo_cp", pose_message(Pose(start.rotation, goal), 0, ""))
+        robot.tick()
+    robot.tick(5)
+    assert_allclose(pose(robot).position, start.position + np.array([0.0, 0.0, -1e-3]), atol=1e-7)
+
+
+def test_servo_cv_moves_the_tool_at_its_velocity(robot):
+    twist, vector = message_class("geometry_msgs/Twist"), message_class("geometry_msgs/Vector3")
+    start = pose(robot).position
+    command = message_class("geometry_msgs/TwistStamped")(twist=twist(linear=vector(0.0, 0.0, -0.01)))
+    for _ in range(100):
+        robot.say("servo_cv", command)
+        robot.tick()
+    robot.say("hold", Empty())
+    robot.tick(2)
+    assert_allclose(pose(robot).position - start, [0.0, 0.0, -1e-3], atol=2e-5)  # two ticks
+
+
+def test_jaws_open_by_their_own_verbs(robot):
+    opening = robot.setpoint[5:].sum()
+    robot.joints("jaw/servo_jp", [opening - 0.01])
+    robot.tick(20)
+    assert_allclose(robot.last("jaw/setpoint_js").position, [opening - 0.01], atol=1e-9)
+    robot.joints("jaw/move_jp", [opening])
+    robot.tick(2000)
+    assert_allclose(robot.last("jaw/setpoint_js").position, [opening], atol=1e-9)
+
+
+def test_a_parked_arm_publishes_and_refuses(robot):
+    assert_allclose(robot.last("measured_js", "green").position, robot.server.arms["green"].measured.q)
+    robot.joints("servo_jr", shoulder(1e-3), arm="green")
+    robot.tick(2)
+    assert robot.server.reports.count("/arm2/servo_jr: refused") == 1

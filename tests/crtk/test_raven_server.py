@@ -1,0 +1,341 @@
+"""Dialect `raven`, trait by trait, on a loopback."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.crtk.clock import SECOND
+from catenary.crtk.conversions import pose_message, pose_of
+from catenary.crtk.loopback import Loopback
+from catenary.crtk.message import message_class
+from catenary.crtk.names import BUTTON, BUTTON_TYPE
+from catenary.crtk.raven_conversions import arm_channels, raven_state_columns
+from catenary.dynamics.kinematics import forward_kinematics
+from catenary.robots.catalog import load_robot
+from catenary.simulation.cable_plant import CablePlant
+from catenary.spatial import Pose, rotation_from_rpy
+from served_robot import JointState, ServedRobot
+
+STEP = np.deg2rad(0.003)  # what a client sends in a millisecond
+UP = np.array([0.0, 0.0, 1.0])
+EXACT = 1e-12  # [rad|m] rounding of a hundred sums
+
+
+@pytest.fixture
+def robot() -> ServedRobot:
+    """Homed, pedal down."""
+    return ServedRobot()
+
+
+def shoulder(amount: float, length: int = 7) -> np.ndarray:
+    values = np.zeros(length)
+    values[0] = amount
+    return values
+
+
+@pytest.mark.parametrize("at_once", [1, 2, 5, 33, 100])
+def test_a_hundred_increments_move_a_hundred_times_as_far_however_they_bunch_up(robot, at_once):
+    before = robot.setpoint
+    for first in range(0, 100, at_once):
+        for _ in range(first, min(100, first + at_once)):
+            robot.joints("servo_jr", shoulder(STEP))
+        robot.tick(at_once)
+    robot.tick(100)
+    assert_allclose(robot.setpoint - before, shoulder(np.deg2rad(0.3)), atol=EXACT)
+
+
+@pytest.mark.parametrize("length", [7, 15])
+def test_an_increment_has_seven_numbers_or_more_and_the_first_seven_count(robot, length):
+    before = robot.setpoint
+    values = np.full(length, 99.0)
+    values[:7] = shoulder(1e-3)
+    robot.joints("servo_jr", values)
+    robot.tick(3)
+    assert_allclose(robot.setpoint - before, shoulder(1e-3), atol=EXACT)
+
+
+@pytest.mark.parametrize("verb", ["servo_jr", "grasp_servo_jr"])
+def test_a_single_number_opens_the_grasp_half_with_each_jaw(robot, verb):
+    before = robot.setpoint
+    robot.joints(verb, [1e-3])
+    robot.tick(3)
+    assert_allclose(robot.setpoint - before, [0, 0, 0, 0, 0, 5e-4, 5e-4], atol=EXACT)
+
+
+def test_a_large_increment_is_clamped_to_what_a_millisecond_allows(robot):
+    before = robot.setpoint
+    robot.joints("servo_jr", [0.1, -0.1, 0.01, 0, 0, 0, 0])
+    robot.tick(10)
+    assert_allclose(robot.setpoint - before, [0.0025, -0.0025, 5e-5, 0, 0, 0, 0], atol=EXACT)
+
+
+def test_two_clients_increments_add_up(robot):
+    before = robot.setpoint
+    other = Loopback("other", robot.network).publisher("/arm1/servo_jr", "sensor_msgs/JointState")
+    for _ in range(50):
+        robot.joints("servo_jr", shoulder(STEP))
+        other.publish(JointState(position=shoulder(2 * STEP)))
+        robot.tick()
+    robot.tick(5)
+    assert_allclose(robot.setpoint - before, shoulder(150 * STEP), atol=EXACT)
+
+
+def test_a_servo_jp_moves_one_clamped_step_a_message(robot):
+    before = robot.setpoint
+    for _ in range(3):
+        robot.joints("servo_jp", before + shoulder(0.1))
+        robot.tick()
+    robot.tick(50)
+    assert_allclose(robot.setpoint - before, shoulder(3 * 0.0025), atol=EXACT)
+
+
+@pytest.mark.parametrize("length", [2, 6, 8, 15])
+def test_a_servo_jp_of_another_length_is_refused(robot, length):
+    before = robot.setpoint
+    robot.joints("servo_jp", np.full(length, 0.5))
+    robot.tick(5)
+    assert_array_equal(robot.setpoint, before)
+    assert robot.server.reports.count("/arm1/servo_jp: refused") == 1
+
+
+def test_a_velocity_moves_one_clamped_step_a_message(robot):
+    before = robot.setpoint
+    robot.joints("servo_jv", [1.0, 99.0, 0.02, 0, 0, 0, 0])
+    robot.tick(20)
+    assert_allclose(robot.setpoint - before, [1e-3, 2.5e-3, 2e-5, 0, 0, 0, 0], atol=EXACT)
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        JointState(position=np.full(7, np.nan)),
+        JointState(position=np.full(7, np.inf)),
+        JointState(position=np.zeros(0)),
+        JointState(position=np.full(3, 1e-3)),
+        JointState(name=tuple("abcdefg"), position=np.full(7, 1e-3)),
+    ],
+    ids=["NaN", "infinite", "empty", "short", "unknown joints"],
+)
+def test_an_increment_that_makes_no_sense_moves_nothing_and_is_reported(robot, message):
+    before = robot.setpoint
+    robot.say("servo_jr", message)
+    robot.tick(5)
+    assert_array_equal(robot.setpoint, before)
+    assert robot.server.reports.count("/arm1/servo_jr: refused") == 1
+
+
+@pytest.mark.parametrize("state", ["PAUSED", "DISABLED"])
+def test_nothing_moves_unless_enabled_and_nothing_is_kept_for_later(state):
+    robot = ServedRobot(state=state)
+    before = robot.setpoint
+    for _ in range(200):
+        robot.joints("servo_jr", shoulder(STEP))
+    robot.tick(5)
+    assert_array_equal(robot.setpoint, before)
+    robot.command("resume")
+    robot.tick()
+    before = robot.setpoint  # where the arm is, when control begins
+    robot.tick(50)
+    assert_array_equal(robot.setpoint, before)
+    assert robot.state() == ("ENABLED" if state == "PAUSED" else "DISABLED")
+
+
+def test_pausing_forgets_what_waits(robot):
+    for _ in range(100):
+        robot.joints("servo_jr", shoulder(0.002))
+    robot.tick(2)
+    robot.command("pause")
+    robot.tick()
+    robot.command("resume")
+    robot.tick()
+    before = robot.setpoint
+    robot.tick(100)
+    assert_array_equal(robot.setpoint, before)
+
+
+def test_setpoints_are_published_while_disabled():
+    robot = ServedRobot(state="DISABLED")
+    heard = robot.hear("setpoint_js")
+    robot.tick(300)
+    assert len(heard.take()) >= 299
+
+
+def test_stamps_strictly_increase_also_when_the_clock_is_set_back(robot):
+    heard = robot.hear("measured_js")
+    robot.tick(50)
+    robot.clock._now -= 3600 * SECOND  # type: ignore[union-attr]
+    robot.tick(50)
+    stamps = [one.message.header.stamp for one in heard.take()]
+    assert len(stamps) >= 100
+    assert (np.diff(stamps) > 0).all()
+
+
+def test_measured_arms_are_swapped_and_setpoints_are_not(robot):
+    parked = robot.server.arms["green"].measured.q
+    for _ in range(40):
+        robot.joints("servo_jr", shoulder(2.5e-3))
+    robot.tick(300)
+    moved = parked[0] + 0.1
+    for topic, expected in (
+        ("/arm1/measured_js", parked[0]),
+        ("/arm2/measured_js", moved),
+        ("/arm1/setpoint_js", moved),
+        ("/arm2/setpoint_js", parked[0]),
+    ):
+        heard = robot.client.subscribe(topic, "sensor_msgs/JointState")
+        robot.tick(110)
+        # the arm follows its setpoint to a few mrad
+        assert_allclose(heard.take()[-1].message.position[0], expected, atol=0.01)
+
+
+def test_the_tools_pose_is_the_forward_kinematics_of_the_joints(robot):
+    q = robot.setpoint
+    model = load_robot("raven2_full")
+    pose = forward_kinematics(model, [*q[:5], 0.5 * (q[6] - q[5])])
+    published = pose_of(robot.last("setpoint_cp"))
+    assert_allclose(published.position, pose.position, atol=1e-9)
+    assert_allclose(published.rotation, pose.rotation, atol=1e-9)
+
+
+def test_ravenstate_holds_the_arms_in_its_own_units(robot):
+    robot.tick(20)
+    message = robot.last("ravenstate", None)
+    gold = robot.server.arms["gold"]
+    assert message.runlevel == 3
+    columns = raven_state_columns(message)
+    # float32, times 180/pi, and what the arm moves meanwhile
+    assert_allclose(arm_channels(columns["jpos_d"], "gold"), gold.setpoint.q, rtol=1e-6)
+    assert_allclose(message.jpos_d[2], np.rad2deg(gold.setpoint.q[2]), rtol=1e-6)
+    assert_allclose(arm_channels(columns["mpos"], "gold"), robot.plant.telemetry()["mpos"], rtol=1e-3)
+    model = load_robot("raven2_full")
+    frame_0, q = model.frames["frame0"].pose, gold.setpoint.q
+    tip = frame_0.inverse() @ forward_kinematics(model, [*q[:5], 0.5 * (q[6] - q[5])])
+    assert_allclose(columns["pos_d"][:3], tip.position, atol=1e-6)  # whole um
+    assert_allclose(columns["ori_d"][:9].reshape(3, 3), tip.rotation, atol=1e-6)
+
+
+def test_joint_states_come_at_33_hz_at_most_with_28_names(robot):
+    heard = robot.hear("joint_states", None)
+    robot.tick(1000)
+    received = heard.take()
+    assert 30 <= len(received) <= 33
+    assert len(set(received[0].message.name)) == len(received[0].message.position) == 28
+
+
+def test_grasp_topics_carry_the_opening_of_the_jaws(robot):
+    assert_allclose(
+        robot.last("grasp_measured_js").position, [robot.plant.measured_js().q[5:].sum()], atol=1e-3
+    )
+
+
+@pytest.mark.parametrize(
+    ("state", "command", "after"),
+    [
+        ("PAUSED", "resume", "ENABLED"),
+        ("PAUSED", "pause", "PAUSED"),
+        ("PAUSED", "disable", "DISABLED"),
+        ("PAUSED", "enable", "PAUSED"),
+        ("ENABLED", "pause", "PAUSED"),
+        ("ENABLED", "resume", "ENABLED"),
+        ("ENABLED", "disable", "DISABLED"),
+        ("ENABLED", "NULL", "ENABLED"),
+        ("ENABLED", "dance", "ENABLED"),
+        ("DISABLED", "resume", "DISABLED"),
+        ("DISABLED", "pause", "DISABLED"),
+        ("DISABLED", "enable", "DISABLED"),
+        ("DISABLED", "home", "DISABLED"),
+    ],
+)
+@pytest.mark.parametrize("topic", ["gold", None])
+def test_state_commands(state, command, after, topic):
+    robot = ServedRobot(state=state)
+    robot.command(command, topic)
+    robot.tick(2)
+    assert robot.state() == after
+
+
+def test_arms_that_the_robot_has_not_are_listened_to_and_ignored(robot):
+    publisher = robot.client.publisher("/arm3/state_command", "crtk_msgs/StringStamped")
+    publisher.publish(message_class("crtk_msgs/StringStamped")(string="disable"))
+    robot.tick(2)
+    assert robot.state() == "ENABLED"
+
+
+def test_the_silver_button_homes_busily_and_then_the_pedal_is_up():
+    robot = ServedRobot(plant=CablePlant())
+    assert robot.state() == "DISABLED"
+    state = robot.hear("operating_state")
+    answer = robot.client.call(BUTTON, BUTTON_TYPE)
+    assert answer.success
+    for _ in range(60):
+        robot.tick(1000)
+        if robot.state() == "PAUSED":
+            break
+    seen = [(one.message.state, one.message.is_homed, one.message.is_busy) for one in state.take()]
+    assert list(dict.fromkeys(seen)) == [
+        ("ENABLED", False, True),
+        ("PAUSED", True, False),
+    ]
+
+
+def test_the_silver_button_does_nothing_to_a_running_robot(robot):
+    assert not robot.client.call(BUTTON, BUTTON_TYPE).success
+
+
+@pytest.mark.parametrize(("verb", "dt"), [("servo_cr", 1.0), ("servo_cv", 1e-3)])
+def test_cartesian_increments_move_the_tool_along_base_axes(robot, verb, dt):
+    start = pose_of(robot.last("setpoint_cp"))
+    step, turn = np.array([2e-5, -1e-5, 1.5e-5]), rotation_from_rpy((3e-4, 0.0, 0.0))
+    if verb == "servo_cv":
+        step, turn = step / dt, rotation_from_rpy((0.3, 0.0, 0.0))
+    for _ in range(100):
+        robot.say(verb, pose_message(Pose(turn, step), 0, "", child=""))
+        robot.tick()
+    robot.tick(10)
+    end = pose_of(robot.last("setpoint_cp"))
+    assert_allclose(end.position - start.position, [2e-3, -1e-3, 1.5e-3], atol=1e-8)
+    assert_allclose(end.rotation, rotation_from_rpy((0.03, 0.0, 0.0)) @ start.rotation, atol=1e-6)
+
+
+@pytest.mark.parametrize(("distance", "moved"), [(0.005, 0.005), (0.030, 0.015), (0.080, 0.0)])
+def test_a_servo_cp_is_clipped_to_15_mm_and_refused_beyond_75(robot, distance, moved):
+    start = pose_of(robot.last("setpoint_cp"))
+    goal = Pose(start.rotation, start.position - distance * UP)
+    robot.say("servo_cp", pose_message(goal, 0, "", child=""))
+    robot.tick(100)
+    before_watchdog = pose_of(robot.last("setpoint_cp")).position - start.position
+    # a single one is followed for 0.1 s, at most 5 mm of insertion
+    assert np.linalg.norm(before_watchdog) <= moved + 1e-6
+    for _ in range(4):
+        robot.say(
+            "servo_cp",
+            pose_message(Pose(start.rotation, start.position - moved * UP), 0, "", child=""),
+        )
+        robot.tick(100)
+    assert_allclose(
+        pose_of(robot.last("setpoint_cp")).position - start.position, [0.0, 0.0, -moved], atol=1e-6
+    )
+    assert robot.server.reports.count("/arm1/servo_cp: refused") == (distance > 0.075)
+
+
+def test_automove_moves_the_tool_in_micrometres_of_frame_0(robot):
+    robot.tick(200)
+    state = robot.hear("ravenstate", None)
+    robot.tick(110)
+    before = state.take()[-1].message.pos_d[:3]
+    message = message_class("raven_2/raven_automove")(
+        del_pos=np.array([20, -10, 15, 0, 0, 0], dtype=np.int32)
+    )
+    for _ in range(100):
+        robot.say("raven_automove", message, None)
+        robot.tick()
+    robot.tick(5)
+    # both are truncated to whole um
+    assert_allclose(state.take()[-1].message.pos_d[:3] - before, [2000, -1000, 1500], atol=1)
+
+
+def test_setpoints_stop_at_the_joint_limits(robot):
+    for _ in range(2000):
+        robot.joints("servo_jr", shoulder(-0.0025))
+        robot.tick()
+    assert_allclose(robot.setpoint[0], robot.plant.lower[0], atol=EXACT)

@@ -1,0 +1,192 @@
+"""What a server does about old commands, faults of the network and of the robot, in either dialect."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.crtk.clock import SECOND, ManualClock
+from catenary.crtk.conversions import command_message
+from catenary.crtk.loopback import Loopback, LoopbackNetwork
+from catenary.crtk.message import header, message_class
+from catenary.errors import InputError, NotReadyError, TransportError
+from catenary.jobs.serve import Serving, make_server
+from catenary.simulation.cable_plant import CablePlant
+from oracles.cable_arms import homed_plant
+from served_robot import BEGIN, JointState, ServedRobot
+
+
+def shoulder(amount: float) -> np.ndarray:
+    values = np.zeros(7)
+    values[0] = amount
+    return values
+
+
+def living_client(state: str, *commands: str, dialect: str = "raven", stamp: int = 0) -> ServedRobot:
+    """A robot that starts on a network where a client has latched a command of its own."""
+    network = LoopbackNetwork(clock=ManualClock(BEGIN))
+    client = Loopback("client", network)
+    publisher = client.publisher("/arm1/state_command", "crtk_msgs/StringStamped", latch=True)
+    for command in commands:
+        publisher.publish(command_message(command, stamp))
+    plant = homed_plant("left")
+    plant.state_command({"PAUSED": "pause", "DISABLED": "disable"}[state])
+    robot = ServedRobot(dialect, network=network, plant=plant)
+    robot._publishers["/arm1/state_command"] = publisher
+    return robot
+
+
+@pytest.mark.parametrize("stamp", [0, BEGIN - SECOND // 10, BEGIN - 100 * SECOND])
+def test_a_latched_resume_of_a_living_client_does_not_enable_a_restarted_robot(stamp):
+    robot = living_client("PAUSED", "resume", stamp=stamp)
+    robot.tick(3000)
+    assert robot.state() == "PAUSED"
+    assert sum(report.count for report in robot.server.reports.kinds.values()) == 1
+
+
+def test_a_latched_enable_does_not_either():
+    robot = living_client("DISABLED", "enable", dialect="crtk")
+    robot.tick(3000)
+    assert robot.state() == "DISABLED"
+
+
+def test_the_same_client_is_obeyed_a_second_later():
+    robot = living_client("PAUSED", "resume")
+    robot.tick(1200)
+    robot.command("resume")
+    robot.tick()
+    assert robot.state() == "ENABLED"
+
+
+def test_a_command_that_is_stamped_after_the_start_is_obeyed_at_once():
+    robot = living_client("PAUSED", "resume")
+    robot.tick(10)
+    robot.command("resume", stamp=robot.clock.now())
+    robot.tick()
+    assert robot.state() == "ENABLED"
+
+
+def test_disable_is_obeyed_however_old():
+    robot = living_client("PAUSED", "disable", stamp=BEGIN - 100 * SECOND)
+    robot.tick(2)
+    assert robot.state() == "DISABLED"
+
+
+def test_a_new_clients_latched_resume_is_obeyed():
+    robot = ServedRobot(state="PAUSED")
+    robot.tick(10)
+    publisher = robot.client.publisher("/arm1/state_command", "crtk_msgs/StringStamped", latch=True)
+    publisher.publish(command_message("resume", 0))
+    robot.tick()
+    assert robot.state() == "ENABLED"
+
+
+@pytest.mark.parametrize(("age", "moved"), [(0.0, 1e-3), (0.4, 1e-3), (0.6, 0.0), (3600.0, 0.0)])
+def test_stamped_commands_older_than_half_a_second_are_not_obeyed(age, moved):
+    robot = ServedRobot()
+    before = robot.setpoint
+    robot.tick(10)
+    stamp = robot.clock.now() - round(age * SECOND)
+    robot.say("servo_jr", JointState(header=header(stamp), position=shoulder(1e-3)))
+    robot.tick(3)
+    assert_allclose(robot.setpoint - before, shoulder(moved), atol=1e-12)
+
+
+def test_a_network_that_stalls_for_a_second_delays_a_motion_and_nothing_leaps():
+    robot = ServedRobot()
+    before = robot.setpoint
+    for _ in range(100):
+        robot.joints("servo_jr", shoulder(1e-4))
+        robot.tick()
+    robot.tick(5)
+    stalled = robot.setpoint
+    assert_allclose(stalled - before, shoulder(0.01), atol=1e-12)
+    robot.tick(1000)
+    assert_array_equal(robot.setpoint, stalled)
+    for _ in range(500):  # what the client had sent meanwhile comes at once
+        robot.joints("servo_jr", shoulder(1e-4))
+    fastest = 0.0
+    for _ in range(300):
+        last = robot.setpoint
+        robot.tick()
+        fastest = max(fastest, np.abs(robot.setpoint - last).max())
+    assert_allclose(robot.setpoint - before, shoulder(0.06), atol=1e-12)
+    assert fastest <= 4.001e-4  # four messages a millisecond
+
+
+def test_trouble_of_one_kind_is_logged_once_in_five_seconds_and_counted(caplog):
+    robot = ServedRobot()
+    for _ in range(400):
+        robot.joints("servo_jr", np.full(7, np.nan))
+        robot.tick()
+    assert robot.server.reports.count("/arm1/servo_jr: refused") == 400
+    assert len([one for one in caplog.records if "servo_jr" in one.message]) == 1
+
+
+def test_homing_that_fails_leaves_a_fault_and_a_living_server():
+    class Stuck(CablePlant):
+        def wait(self) -> None:
+            if self.operating_state().is_busy:
+                self._set_state("FAULT")
+                raise NotReadyError("homing: shoulder met no stop in 60 s")
+            super().wait()
+
+    robot = ServedRobot(plant=Stuck())
+    robot.server.press_button()
+    robot.tick(10)
+    assert robot.state() == "FAULT"
+    assert "met no stop" in robot.server.reports.kinds["gold: fault"].text
+
+
+def test_a_person_at_the_server_presses_the_button_and_commands():
+    robot = ServedRobot(state="DISABLED")
+    robot.server.person_says("button")
+    robot.tick()
+    assert robot.state() == "PAUSED"  # homed already
+    robot.server.person_says("resume")
+    robot.tick()
+    assert robot.state() == "ENABLED"
+    robot.server.person_says("sing")
+    assert robot.server.reports.count("keyboard") == 1
+
+
+def test_a_published_rate_is_a_part_of_the_robots():
+    network = LoopbackNetwork(clock=ManualClock(BEGIN))
+    server = make_server(Serving(), Loopback("robot", network), rate_hz=200.0)
+    heard = Loopback("client", network).subscribe("/arm1/setpoint_js", "sensor_msgs/JointState")
+    for _ in range(100):
+        server.tick()
+    assert len(heard.take()) == 20
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, 700.0, 2000.0, np.nan])
+def test_other_rates_are_refused(rate):
+    with pytest.raises(InputError, match="rate"):
+        make_server(Serving(), Loopback("robot"), rate_hz=rate)
+
+
+def test_a_topic_that_carries_another_type_is_refused():
+    network = LoopbackNetwork()
+    Loopback("client", network).publisher("/arm1/servo_jr", "std_msgs/Empty")
+    with pytest.raises(TransportError, match="servo_jr"):
+        make_server(Serving(), Loopback("robot", network))
+
+
+def test_an_unknown_robot_is_refused():
+    with pytest.raises(InputError, match="raven2"):
+        Serving(robot="toaster")
+
+
+def test_clients_are_known_by_name():
+    robot = ServedRobot()
+    robot.joints("servo_jr", np.zeros(7))
+    assert robot.server.clients() == {"client"}
+
+
+def test_nobody_hears_nothing_is_made():
+    robot = ServedRobot()
+    robot.tick(200)
+    assert not any(outlet.heard for outlet in robot.server.outlets.values())
+    heard = robot.client.subscribe("/ravenstate", "raven_2/raven_state")
+    robot.tick(200)
+    assert 90 <= len(heard.take()) <= 200
+    assert message_class("raven_2/raven_state")().runlevel == 0

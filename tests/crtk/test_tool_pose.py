@@ -1,0 +1,40 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.crtk.tool_pose import ToolPose
+from catenary.dynamics.kinematics import forward_kinematics
+from catenary.errors import InputError
+from catenary.robots.catalog import load_robot
+from catenary.simulation.cable_plant import JOINTS
+
+Q = np.array([0.6, 1.5, 0.38, 0.2, -0.3, 0.5, 0.9])
+
+
+@pytest.mark.parametrize("name", ["raven2_full", "raven2_full_right"])
+def test_joints_bring_the_tool_back_with_the_jaws_as_they_were(name):
+    tool = ToolPose(load_robot(name), JOINTS)
+    assert_allclose(tool.joints(tool.pose(Q), Q + 0.01 * np.array([1, 1, 0, 1, 1, -1, 1])), Q, atol=1e-9)
+
+
+def test_both_jaws_turn_the_tool_by_half_their_difference():
+    model = load_robot("raven2_full")
+    pose = ToolPose(model, JOINTS).pose(Q)
+    assert_allclose(pose.rotation, forward_kinematics(model, [*Q[:5], 0.2]).rotation, atol=1e-12)
+
+
+def test_a_velocity_is_the_derivative_of_the_pose():
+    tool, qd, h = ToolPose(load_robot("raven2_full"), JOINTS), np.linspace(-0.3, 0.3, 7), 1e-6
+    moved = tool.pose(Q + h * qd).position - tool.pose(Q - h * qd).position
+    assert_allclose(tool.velocity(Q, qd)[:3], moved / (2 * h), atol=1e-8)  # central difference
+
+
+def test_a_model_of_the_robots_own_joints_needs_no_jaws():
+    model = load_robot("raven2")
+    q = Q[:3]
+    assert_allclose(ToolPose(model, JOINTS[:3]).pose(q).position, forward_kinematics(model, q).position)
+
+
+def test_a_model_of_another_robot_is_refused():
+    with pytest.raises(InputError, match="expected 7"):
+        ToolPose(load_robot("two_link"), JOINTS)
