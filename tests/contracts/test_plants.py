@@ -4,14 +4,32 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.crtk.client import CrtkClient
+from catenary.crtk.names import Dialect
 from catenary.errors import CatenaryError, InputError, NotReadyError, UnsupportedCommandError
 from catenary.plant import JOINT_UNITS, Plant
 from catenary.simulation.cable_plant import CablePlant
 from oracles.cable_arms import homed_plant
+from oracles.crtk_robot import RobotOnLoopback
+
+
+def behind_topics(plant: Plant, dialect: Dialect, arm: str) -> CrtkClient:
+    """A plant over messages."""
+    setup = RobotOnLoopback(plant, dialect=dialect, arm=arm)
+    return CrtkClient(setup.transport, dialect=dialect, arm=arm)
+
 
 PLANTS = {
     "cable left": (lambda: homed_plant("left"), lambda: CablePlant(side="left")),
     "cable right": (lambda: homed_plant("right"), lambda: CablePlant(side="right")),
+    "client, raven": (
+        lambda: behind_topics(homed_plant("left"), "raven", "gold"),
+        lambda: behind_topics(CablePlant(side="left"), "raven", "gold"),
+    ),
+    "client, crtk": (
+        lambda: behind_topics(homed_plant("right"), "crtk", "green"),
+        lambda: behind_topics(CablePlant(side="right"), "crtk", "green"),
+    ),
 }
 SERVO = ("servo_jp", "servo_jr", "servo_jf")
 
