@@ -124,7 +124,7 @@ def extract(
 
     Writes a motion log NAME.parquet for each, and a report beside it.
     """
-    from catenary.jobs.simulated_robot import extract_recording, motion_log_path
+    from catenary.jobs.project_recordings import extract_recording, motion_log_path
     from catenary.recording.bag import write_group_bags
     from catenary.recording.raven_csv import write_raven_csv
     from catenary.recording.source import open_recording

@@ -159,6 +159,11 @@ class CrtkClient:
         """Telemetry: raven_state's fields and external encoders where they were published when this began."""
         return () if self._state is None else self._state.columns
 
+    @property
+    def measured_topic(self) -> str:
+        """Topic of the arm's measured_js."""
+        return self._latest["measured_js"].topic
+
     # what it says
 
     def measured_js(self) -> JointState:
@@ -169,7 +174,10 @@ class CrtkClient:
         Raises:
             TransportError: It is older than `stale_after`.
         """
-        message = self._fresh()
+        return self.state_of(self._fresh())
+
+    def state_of(self, message: Message) -> JointState:
+        """Joint state of a message of measured_js, with the latest torques and gravity."""
         n = len(self.joint_names)
         q = self._position(message)
         qd, tau = (
@@ -213,6 +221,10 @@ class CrtkClient:
     def telemetry(self) -> Mapping[str, Floats]:
         """Latest sample of every declared column; NaN of an encoder that fell silent."""
         return {} if self._state is None else self._state.sample()
+
+    def external_encoders(self) -> Floats:
+        """Where the joints really are, as external encoders say, (3,) [rad, rad, m]; NaN where none do."""
+        return np.full(3, np.nan) if self._state is None else self._state.encoder("ext_jpos")
 
     @property
     def age(self) -> float:

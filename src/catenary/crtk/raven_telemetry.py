@@ -52,15 +52,14 @@ class RavenTelemetry:
     def sample(self) -> Mapping[str, Floats]:
         """Latest sample of every column, the receiver's own."""
         found = {name: values.copy() for name, values in self._state().items()}
-        for column in self.columns[len(found) :]:
-            encoder = self._encoders[column.name]
-            silent = encoder.age() > self._stale_after
-            found[column.name] = (
-                np.full(column.width, np.nan)
-                if silent
-                else np.array(encoder.message().position[: column.width], dtype=float)
-            )
-        return found
+        return found | {name: self.encoder(name) for name in self._encoders}
+
+    def encoder(self, name: str) -> Floats:
+        """Latest reading of an encoder column, (3,); NaN where there is none or it is silent."""
+        encoder = self._encoders.get(name)
+        if encoder is None or encoder.age() > self._stale_after:
+            return np.full(3, np.nan)
+        return np.array(encoder.message().position[:3], dtype=float)
 
     def close(self) -> None:
         """Receive no more."""
