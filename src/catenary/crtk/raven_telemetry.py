@@ -27,21 +27,18 @@ class RavenTelemetry:
     """Latest raven_state and encoder readings as named columns in SI, both arms' channels."""
 
     def __init__(self, transport: Transport, arm: Arm, stale_after: float) -> None:
-        """Begin to receive; encoders that nobody publishes now are left out."""
+        """Begin to receive; encoders that nobody publishes now are left out of the columns."""
         self.latest = Latest(transport, RAVENSTATE.name, RAVENSTATE.type)
         self._arm: Arm = arm
         self._stale_after = stale_after
-        there = transport.topics()
         self._encoders = {
             topic.columns[0].name: Latest(transport, topic.name, topic.type)
             for topic in (EXT_JPOS, JOINT_ENC)
-            if topic.name in there
         }
-        widths = {topic.columns[0].name: topic.columns[0] for topic in (EXT_JPOS, JOINT_ENC)}
-        self.columns = (
-            *(Column(c.name, _unit(c), c.width) for c in RAVENSTATE.columns),
-            *(Column(name, _unit(widths[name]), widths[name].width) for name in self._encoders),
-        )
+        there = transport.topics()
+        encoders = [topic.columns[0] for topic in (EXT_JPOS, JOINT_ENC) if topic.name in there]
+        self._declared = tuple(column.name for column in encoders)
+        self.columns = tuple(Column(c.name, _unit(c), c.width) for c in (*RAVENSTATE.columns, *encoders))
         self._decoded_at: int | None = None
         self._columns: dict[str, Floats] = {}
 
@@ -52,12 +49,12 @@ class RavenTelemetry:
     def sample(self) -> Mapping[str, Floats]:
         """Latest sample of every column, the receiver's own."""
         found = {name: values.copy() for name, values in self._state().items()}
-        return found | {name: self.encoder(name) for name in self._encoders}
+        return found | {name: self.encoder(name) for name in self._declared}
 
     def encoder(self, name: str) -> Floats:
-        """Latest reading of an encoder column, (3,); NaN where there is none or it is silent."""
-        encoder = self._encoders.get(name)
-        if encoder is None or encoder.age() > self._stale_after:
+        """Latest reading of an encoder column, (3,); NaN where it is silent."""
+        encoder = self._encoders[name]
+        if encoder.age() > self._stale_after:
             return np.full(3, np.nan)
         return np.array(encoder.message().position[:3], dtype=float)
 

@@ -73,6 +73,7 @@ def deploy_on_simulated(
         LimitError: The trajectory leaves the limits; nothing has moved.
         InputError: The robot lacks a joint or an input of the model.
     """
+
     def encoders() -> Floats:
         return plant.rig_positions(plant.rig_counts(plant.state.q))
 

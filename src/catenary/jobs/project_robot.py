@@ -44,7 +44,13 @@ class ProjectRobot(Protocol):
         ...
 
     def deploy(
-        self, project: Project, model: CalibrationModel, trajectory: Trajectory, *, after: str, real_time: bool = True
+        self,
+        project: Project,
+        model: CalibrationModel,
+        trajectory: Trajectory,
+        *,
+        after: str,
+        real_time: bool = True,
     ) -> Mapping[str, Any]:
         """Run a model in its 1 kHz loop along a trajectory; give `Deployment.as_data`."""
         ...

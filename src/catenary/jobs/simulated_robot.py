@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.calibration.progress import Progress, silent
 from catenary.calibration.model import CalibrationModel
+from catenary.calibration.progress import Progress, silent
 from catenary.errors import ConfigError
 from catenary.jobs.deploy import deploy_on_simulated
 from catenary.jobs.motion import check_motion
@@ -47,7 +47,13 @@ class SimulatedRobot:
         return record_robot(project, name, trajectory, motion, after=after, progress=progress)
 
     def deploy(
-        self, project: Project, model: CalibrationModel, trajectory: Trajectory, *, after: str, real_time: bool = True
+        self,
+        project: Project,
+        model: CalibrationModel,
+        trajectory: Trajectory,
+        *,
+        after: str,
+        real_time: bool = True,
     ) -> Mapping[str, Any]:
         """Run a model in its loop, from where `after` left it."""
         plant = make_plant(project.settings)
