@@ -105,9 +105,9 @@ class CalibratedTopics:
         right = "" if client.arm == "gold" else "_right"
         self._robot = load_robot(f"raven2_full{right}")
         self._gravity = gravity_kernel(load_robot(f"raven2{right}")) if gravity_torque else None
+        forward_kinematics(self._robot, np.zeros(self._robot.n))  # compiles now, not while messages wait
         transport, place = client.transport, f"{NAMESPACES[client.arm]}/calibrated"
         self._pose_type = TRANSFORM if client.dialect == "raven" else POSE
-        self._messages = transport.subscribe(client.measured_topic, JOINT_STATE, depth=DEPTH)
         self._publishers = {
             "measured_js": transport.publisher(f"{place}/measured_js", JOINT_STATE),
             "measured_cp": transport.publisher(f"{place}/measured_cp", self._pose_type),
@@ -118,6 +118,7 @@ class CalibratedTopics:
         n = len(names)
         self._out, self._inside = np.empty(n), np.empty(n, dtype=bool)
         self._latency = Durations()
+        self._messages = transport.subscribe(client.measured_topic, JOINT_STATE, depth=DEPTH)
         self._begin = self._last = transport.now()
         self._is_silent = False
         self._came = self._published = self._not_homed = self._silences = 0
