@@ -65,8 +65,8 @@ def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
         arrays |= {f"{i}.predictor.{key}": values for key, values in _to_arrays(group.predictor).items()}
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)
-    _write_whole(path, buffer.getvalue())
-    _write_whole(card_path(path), text.encode())
+    write_whole(path, buffer.getvalue())
+    write_whole(card_path(path), text.encode())
 
 
 def load_model(path: Path) -> tuple[CalibrationModel, Card]:
@@ -214,7 +214,12 @@ def _layer(arrays: Arrays, name: str, k: int) -> Floats:
     return arrays[f"{name}{k}"]
 
 
-def _write_whole(path: Path, content: bytes) -> None:
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file that appears whole or not at all.
+
+    Raises:
+        FileFormatError: It cannot be written.
+    """
     partial = path.with_name(f".{path.name}.partial")
     try:
         partial.write_bytes(content)

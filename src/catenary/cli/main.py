@@ -7,7 +7,7 @@ import sys
 import typer
 
 from catenary import __version__
-from catenary.cli import calibration, check, pipeline, robots
+from catenary.cli import calibration, check, onnx_export, pipeline, robots
 
 app = typer.Typer(
     name="catenary",
@@ -25,6 +25,7 @@ app.command("extract", no_args_is_help=True)(pipeline.extract)
 app.command("fit", no_args_is_help=True)(calibration.fit)
 app.command("evaluate", no_args_is_help=True)(calibration.evaluate)
 app.command("deploy", no_args_is_help=True)(pipeline.deploy)
+app.command("export", no_args_is_help=True)(onnx_export.export)
 app.command("check", no_args_is_help=True)(check.check)
 app.command("fk", no_args_is_help=True)(robots.fk)
 app.command("ik", no_args_is_help=True)(robots.ik)
