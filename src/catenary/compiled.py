@@ -35,7 +35,7 @@ def fma(a: float, b: float, c: float) -> float:
     return float(Fraction(a) * Fraction(b) + Fraction(c))
 
 
-@intrinsic
+@intrinsic  # type: ignore[untyped-decorator]  # numba has no types
 def _fma(_: Any, a: Any, b: Any, c: Any) -> Any:
     def instruction(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         return builder.fma(*arguments)
@@ -44,6 +44,6 @@ def _fma(_: Any, a: Any, b: Any, c: Any) -> Any:
     return (real(real, real, real), instruction) if (a, b, c) == (real, real, real) else None
 
 
-@overload(fma, strict=False)  # annotated on one side only
+@overload(fma, strict=False)  # type: ignore[untyped-decorator]  # annotated on one side only
 def _compiled_fma(a: Any, b: Any, c: Any) -> Any:
     return lambda a, b, c: _fma(a, b, c)
