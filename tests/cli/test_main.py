@@ -15,6 +15,7 @@ COMMANDS = (
     "fit",
     "evaluate",
     "deploy",
+    "export",
     "check",
     "fk",
     "ik",

@@ -21,7 +21,9 @@ def export(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
 ) -> None:
-    """Write a calibration model as an ONNX graph, in float64, with its memory as inputs and outputs.
+    """Write a calibration model as an ONNX graph.
+
+    It computes in float64; what the model remembers goes in and out as tensors.
 
     Example: catenary export arm.npz --onnx arm.onnx
     """
