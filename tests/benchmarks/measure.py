@@ -16,16 +16,18 @@ ROUNDS = 9
 CALLS = 5000
 
 
-def side_by_side(contenders: dict[str, Call], *, calls: int = CALLS) -> dict[str, dict[str, float]]:
+def side_by_side(
+    contenders: dict[str, Call], *, calls: int = CALLS, rounds: int = ROUNDS
+) -> dict[str, dict[str, float]]:
     """CPU time [us] per call, and wall-clock quantiles of single calls; ratios are to the first contender."""
     gc.collect()
     gc.disable()
     cpu: dict[str, list[float]] = {name: [] for name in contenders}
     wall: dict[str, list[int]] = {name: [] for name in contenders}
     for call in contenders.values():
-        for _ in range(200):
+        for _ in range(min(200, calls)):
             call()
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         for name, call in contenders.items():
             begin = time.thread_time_ns()
             for _ in range(calls):
@@ -60,7 +62,7 @@ def tell(tables: dict[str, dict[str, dict[str, float]]]) -> None:
         for name, row in table.items():
             print(f"  {name:34}" + "".join(f"{row[column]:>16.3f}" for column in columns))
     if path is not None:
-        content: dict[str, Any] = {"machine": machine(), "rounds": ROUNDS, "calls": CALLS, "tables": tables}
+        content: dict[str, Any] = {"machine": machine(), "tables": tables}
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 

@@ -18,6 +18,7 @@ COMMANDS = (
     "gravity",
     "track",
     "hold",
+    "export",
     "check",
     "fk",
     "ik",

@@ -2,7 +2,8 @@
 
 Batches and the control loop run the same functions, so a deployed model gives the bits that it was evaluated with.
 Sums run along the rows of the weights, a whole row of outputs at a time: that vectorises without reordering
-any sum, so fast mathematics stay off and the bits do not depend on the machine either. Only +, -, *, / occur.
+any sum, so fast mathematics stay off and the bits do not depend on the machine either. Only +, -, *, / and, in
+networks, `fma` occur, each rounded as IEEE 754 says.
 """
 
 from collections.abc import Sequence
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
-from catenary.compiled import compiled, inlined
+from catenary.compiled import compiled, fma, inlined
 
 CONSTANT, LINEAR, QUADRATIC, NETWORK = range(4)
 TANH, LOGISTIC = range(2)
@@ -171,6 +172,39 @@ def add_product(x: Floats, weights: Floats, out: Floats) -> None:
 
 
 @inlined
+def _layer(x: Floats, weights: Floats, bias: Floats, out: Floats) -> None:
+    """Write bias + x @ weights, every product fused with its sum; shapes as in `dense`."""
+    inputs, outputs = weights.shape
+    for k in range(outputs):
+        out[k] = bias[k]
+    # eight rows at a time: a third less time for a network than four rows of separate products and sums
+    whole = inputs - inputs % 8
+    for i in range(0, whole, 8):
+        x0, x1, x2, x3, x4, x5, x6, x7 = (
+            x[i],
+            x[i + 1],
+            x[i + 2],
+            x[i + 3],
+            x[i + 4],
+            x[i + 5],
+            x[i + 6],
+            x[i + 7],
+        )
+        for k in range(outputs):
+            y = fma(x0, weights[i, k], out[k])
+            y = fma(x1, weights[i + 1, k], y)
+            y = fma(x2, weights[i + 2, k], y)
+            y = fma(x3, weights[i + 3, k], y)
+            y = fma(x4, weights[i + 4, k], y)
+            y = fma(x5, weights[i + 5, k], y)
+            y = fma(x6, weights[i + 6, k], y)
+            out[k] = fma(x7, weights[i + 7, k], y)
+    for i in range(whole, inputs):
+        for k in range(outputs):
+            out[k] = fma(x[i], weights[i, k], out[k])
+
+
+@inlined
 def _standardise(x: Floats, numbers: Floats, inputs: int, out: Floats) -> None:
     """Write (x - mean) / scale, the first numbers."""
     scale = lines(inputs)
@@ -208,7 +242,7 @@ def _network(layout: Integers, numbers: Floats, x: Floats, work: Floats, out: Fl
         wider = layout[5 + k]
         weights = numbers[at : at + width * wider].reshape((width, wider))
         at += lines(width * wider)
-        dense(below, weights, numbers[at : at + wider], above)
+        _layer(below, weights, numbers[at : at + wider], above)
         at += lines(wider)
         width = wider
         if k < layers - 1:
@@ -231,22 +265,26 @@ def _network(layout: Integers, numbers: Floats, x: Floats, work: Floats, out: Fl
 
 @inlined
 def expm1(v: float) -> float:
-    """Give exp(v) - 1 for |v| <= 40, to a few units in the last place, from +, * alone.
+    """Give exp(v) - 1 for |v| <= 40, to a few units in the last place, from +, * and `fma`.
 
     Taylor's series of v / 64 to the ninth power, then exp(2 t) - 1 = e (2 + e), e = exp(t) - 1, six times; the
     doubling loses no relative accuracy near zero. The C library's function cannot be vectorised.
     """
     t = v * 0.015625
-    e = 1.0 / 40320.0 + t * (1.0 / 362880.0)
-    e = 1.0 / 720.0 + t * (1.0 / 5040.0 + t * e)
-    e = 1.0 / 24.0 + t * (1.0 / 120.0 + t * e)
-    e = t * (1.0 + t * (0.5 + t * (1.0 / 6.0 + t * e)))
-    e = e * (2.0 + e)
-    e = e * (2.0 + e)
-    e = e * (2.0 + e)
-    e = e * (2.0 + e)
-    e = e * (2.0 + e)
-    return e * (2.0 + e)
+    e = fma(t, 1.0 / 362880.0, 1.0 / 40320.0)
+    e = fma(t, e, 1.0 / 5040.0)
+    e = fma(t, e, 1.0 / 720.0)
+    e = fma(t, e, 1.0 / 120.0)
+    e = fma(t, e, 1.0 / 24.0)
+    e = fma(t, e, 1.0 / 6.0)
+    e = fma(t, e, 0.5)
+    e = t * fma(t, e, 1.0)
+    e = fma(e, e, e + e)
+    e = fma(e, e, e + e)
+    e = fma(e, e, e + e)
+    e = fma(e, e, e + e)
+    e = fma(e, e, e + e)
+    return fma(e, e, e + e)
 
 
 # a function of its own: inlined into a larger one, the loop is not always vectorised

@@ -5,39 +5,83 @@ from typing import Annotated
 
 import typer
 
-from catenary.cli.robots import Robot
 from catenary.cli.terminal import print_fact, print_json, print_notes
 
 
 def export(
-    robot: Robot,
-    c: Annotated[Path, typer.Option("--c", metavar="OUT", help="C header to write, e.g. arm.h.")],
+    what: Annotated[
+        str,
+        typer.Argument(
+            metavar="WHAT", help="With --c a robot, as fk takes it; with --onnx a calibration model."
+        ),
+    ],
+    c: Annotated[
+        Path | None, typer.Option("--c", metavar="OUT", help="C header of a robot to write, e.g. arm.h.")
+    ] = None,
+    onnx: Annotated[
+        Path | None, typer.Option("--onnx", metavar="OUT", help="ONNX graph to write, e.g. arm.onnx.")
+    ] = None,
     model: Annotated[
         Path | None,
-        typer.Option("--model", metavar="CALIBRATION", help="Calibration model to export with it."),
+        typer.Option("--model", metavar="CALIBRATION", help="Calibration model for the C header."),
     ] = None,
     rate_hz: Annotated[
-        float,
-        typer.Option("--rate-hz", metavar="HZ", help="Of the loop that the calibration model will run in."),
-    ] = 1000.0,
+        float | None,
+        typer.Option(
+            "--rate-hz",
+            metavar="HZ",
+            help="Of the loop that the model will run in. [default: 1000 in C, the training rows' in ONNX]",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
 ) -> None:
-    """Write a robot as one C header.
+    """Write a robot as a C header, or a model as an ONNX graph.
 
-    Gravity torque, its regressor, joint correction, for control loops in C and C++: no library, no memory.
+    The header holds gravity torque, its regressor and joint correction, for loops in C and C++: no library, no
+    memory. The graph computes in float64; what the model remembers goes in and out as tensors.
 
     Example: catenary export raven2 --c raven2.h
     """
+    from catenary.errors import InputError
+
+    if (c is None) == (onnx is None):
+        raise InputError(
+            "export: expected --c OUT for a robot or --onnx OUT for a calibration model, one of them"
+        )
+    if c is not None:
+        _c(what, c, model, 1000.0 if rate_hz is None else rate_hz, as_json)
+    elif onnx is not None:
+        if model is not None:
+            raise InputError(f"export: --onnx writes WHAT, {what}, which is the model; leave --model out")
+        _onnx(Path(what), onnx, rate_hz, as_json)
+
+
+def _c(robot: str, out: Path, model: Path | None, rate_hz: float, as_json: bool) -> None:
     from catenary.calibration.files import load_model
     from catenary.jobs.export import c_header, write_header
     from catenary.robots.catalog import load_robot
 
     calibration = None if model is None else load_model(model)[0]
     header = c_header(load_robot(robot), calibration, rate_hz=rate_hz)
-    write_header(header, c)
+    write_header(header, out)
     print_notes(header.notes)
     if as_json:
-        print_json({"file": str(c), "functions": header.functions})
+        print_json({"file": str(out), "functions": header.functions})
         return
-    print_fact("written", str(c), width=9)
+    print_fact("written", str(out), width=9)
     print_fact("functions", ", ".join(header.functions), width=9)
+
+
+def _onnx(model: Path, out: Path, rate_hz: float | None, as_json: bool) -> None:
+    from catenary.jobs.export_onnx import export_onnx
+
+    summary = export_onnx(model, out, rate_hz=rate_hz)
+    if as_json:
+        print_json(summary)
+        return
+    print_notes(summary["notes"])
+    for name in ("file", "kind", "inputs", "outputs", "signals", "joints"):
+        value = summary[name]
+        if isinstance(value, dict):
+            value = [f"{tensor} ({', '.join(map(str, shape))})" for tensor, shape in value.items()]
+        print_fact(name, value if isinstance(value, str) else ", ".join(value), width=7)

@@ -1,0 +1,258 @@
+"""A calibration model as an ONNX graph, for programs that run no Python: one step of it, its memory in and out.
+
+The graph computes in float64, like the model: its valid range has narrow bands along directions that hardly moved,
+which float32 cannot resolve. Corrections equal the model's to rounding; rows on the very edge of the range may fall on
+its other side.
+"""
+
+from importlib import import_module
+from math import inf
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary import __version__
+from catenary.calibration.card import Card
+from catenary.calibration.features import FeatureSet
+from catenary.calibration.linear import Linear
+from catenary.calibration.model import CalibrationModel, JointGroup, Predictor
+from catenary.calibration.neural import Network
+from catenary.calibration.offset import Constant
+from catenary.calibration.polynomial import Quadratic
+from catenary.errors import InputError, MissingPackageError
+from catenary.json_text import json_text
+from catenary.whole_file import write_whole
+
+FORMAT = "catenary.onnx.1"
+OPSET = 17  # all operators that occur have float64 kernels in runtimes since 2022
+IR_VERSION = 8  # the file format that came with this opset
+
+
+def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
+    """Give a model as an onnx.ModelProto: one row, or many independent ones, of what a robot reports.
+
+    Inputs, all float64; `rows` is free:
+        signals (rows, S): current values of `model.features.signals`, in that order.
+        q_nominal (rows, n): reported positions [rad|m]; only where the model gives positions end to end.
+        previous (rows, H * decimation, P): positions of earlier steps, the latest first; only with history.
+        play (rows, K): play states; only where the model has some.
+    Outputs:
+        correction (rows, n): what to add to q_nominal [rad|m]; outside the valid range the fixed offset.
+        inside (rows, n): bool, whether each joint is in its valid range.
+        previous_next, play_next: what to give as `previous` and `play` at the next step.
+
+    Before the first step `previous` and `play` are NaN: rows are outside the valid range until the history is full, and
+    play states begin centred. So the graph, stepped, gives what `Corrector` gives. The metadata `catenary` names
+    signals, units and joints as JSON; `card` is the model card.
+
+    Args:
+        model: Of any kind.
+        card: Its card.
+        decimation: Steps between previous positions; 1 where the graph is stepped at the training rows' rate.
+
+    Raises:
+        MissingPackageError: onnx, an extra, is not installed.
+        InputError: Parts of the model do not fit together.
+    """
+    if decimation < 1:
+        raise InputError(f"decimation: expected one or more steps, got {decimation}")
+    onnx = _import_onnx()
+    n, features = len(model.joint_names), model.features
+    if sorted(j for group in model.groups for j in group.joints) != list(range(n)):
+        raise InputError(f"model: expected each of its {n} joints in one group")
+    graph = _Graph(onnx)
+    graph.input("signals", len(features.signals), text=", ".join(features.signals))
+    if model.target == "position":
+        graph.input("q_nominal", n, text=f"positions of {', '.join(model.joint_names)}")
+    x = _features(graph, features, decimation)
+    corrections, insides = [], []
+    for group in model.groups:
+        group.predictor.pack(), group.valid_range.pack()  # refuse arrays that do not fit together
+        correction, inside = _group(graph, group, x, model)
+        corrections.append(correction)
+        insides.append(inside)
+    order = np.argsort([j for group in model.groups for j in group.joints])
+    for name, parts in (("correction", corrections), ("inside", insides)):
+        together = graph.add("Concat", *parts, axis=1)
+        graph.add("Gather", together, graph.constant(order), axis=1, name=name)
+    graph.output("correction", n, text="to be added to q_nominal, in rad and m")
+    graph.output("inside", n, boolean=True, text="whether each joint is in the model's valid range")
+    about = {
+        "format": FORMAT,
+        "kind": model.kind,
+        "joint_names": model.joint_names,
+        "joint_units": model.joint_units,
+        "signals": features.signals,
+        "signal_units": features.units,
+        "target": model.target,
+        "previous": {"positions": features.positions, "steps": features.history * decimation}
+        if features.history
+        else None,
+        "play": [{"position": name, "half_width": width} for name, width in features.play],
+        "rate_hz": None if model.rate_hz is None else model.rate_hz * decimation,
+    }
+    return graph.model({"catenary": json_text(about), "card": json_text(card)})
+
+
+def save_onnx(model: CalibrationModel, card: Card, path: Path, *, decimation: int = 1) -> Any:
+    """Write `to_onnx` to a file, checked, whole or not at all; give the onnx.ModelProto.
+
+    Raises:
+        MissingPackageError: onnx, an extra, is not installed.
+        InputError: Parts of the model do not fit together.
+        FileFormatError: The file cannot be written.
+    """
+    made = to_onnx(model, card, decimation=decimation)
+    _import_onnx().checker.check_model(made, full_check=True)
+    write_whole(path, made.SerializeToString(deterministic=True))
+    return made
+
+
+def _import_onnx() -> ModuleType:
+    try:
+        return import_module("onnx")
+    except ImportError as error:
+        raise MissingPackageError(
+            "ONNX files are written by the package onnx, which is not installed: pip install catenary[onnx]"
+        ) from error
+
+
+class _Graph:
+    """A graph that grows node by node; every method gives the name of a tensor."""
+
+    def __init__(self, onnx: ModuleType) -> None:
+        self.onnx = onnx
+        self.nodes: list[Any] = []
+        self.constants: list[Any] = []
+        self.inputs: list[Any] = []
+        self.outputs: list[Any] = []
+
+    def add(self, operator: str, *inputs: str, name: str | None = None, **attributes: Any) -> str:
+        output = name or f"{operator.lower()}_{len(self.nodes)}"
+        node = self.onnx.helper.make_node(operator, list(inputs), [output], name=output, **attributes)
+        self.nodes.append(node)
+        return output
+
+    def constant(self, values: Any) -> str:
+        name = f"constant_{len(self.constants)}"
+        self.constants.append(self.onnx.numpy_helper.from_array(np.ascontiguousarray(values), name))
+        return name
+
+    def input(self, name: str, *shape: int, text: str) -> str:
+        self.inputs.append(self._tensor(name, self.onnx.TensorProto.DOUBLE, shape, text))
+        return name
+
+    def output(self, name: str, *shape: int, text: str, boolean: bool = False) -> None:
+        kind = self.onnx.TensorProto.BOOL if boolean else self.onnx.TensorProto.DOUBLE
+        self.outputs.append(self._tensor(name, kind, shape, text))
+
+    def _tensor(self, name: str, kind: int, shape: tuple[int, ...], text: str) -> Any:
+        return self.onnx.helper.make_tensor_value_info(name, kind, ["rows", *shape], doc_string=text)
+
+    def take(self, x: str, columns: Any, axis: int = 1) -> str:
+        return self.add("Gather", x, self.constant(np.asarray(columns, dtype=np.int64)), axis=axis)
+
+    def finite(self, x: str) -> str:
+        return self.add("Less", self.add("Abs", x), self.constant(np.array(inf)))  # never true for NaN
+
+    def between(self, x: str, lower: NDArray[Any], upper: NDArray[Any]) -> str:
+        above = self.add("GreaterOrEqual", x, self.constant(lower))
+        return self.add("And", above, self.add("LessOrEqual", x, self.constant(upper)))
+
+    def dense(self, x: str, weights: NDArray[Any], bias: NDArray[Any]) -> str:
+        return self.add("Gemm", x, self.constant(weights), self.constant(bias))
+
+    def model(self, metadata: dict[str, str]) -> Any:
+        helper = self.onnx.helper
+        graph = helper.make_graph(self.nodes, "calibration", self.inputs, self.outputs, self.constants)
+        model = helper.make_model(
+            graph,
+            opset_imports=[helper.make_opsetid("", OPSET)],
+            ir_version=IR_VERSION,
+            producer_name="catenary",
+            producer_version=__version__,
+        )
+        helper.set_model_props(model, metadata)
+        return model
+
+
+def _features(graph: _Graph, features: FeatureSet, decimation: int) -> str:
+    """Give all features (rows, F) in the order of FeatureSet, and carry the memory on."""
+    parts = ["signals"]
+    places = [features.signals.index(name) for name in features.positions]
+    if features.history:
+        steps, count = features.history * decimation, len(places)
+        text = f"{', '.join(features.positions)} of the last {steps} steps, the latest first; NaN before the first"
+        graph.input("previous", steps, count, text=text)
+        lags = graph.take("previous", decimation * np.arange(1, features.history + 1) - 1)
+        parts.append(graph.add("Reshape", lags, graph.constant(np.array([-1, features.history * count]))))
+        now = graph.add("Unsqueeze", graph.take("signals", places), graph.constant(np.array([1])))
+        kept = [graph.take("previous", np.arange(steps - 1))] if steps > 1 else []
+        graph.add("Concat", now, *kept, axis=1, name="previous_next")
+        graph.output("previous_next", steps, count, text="to be given as `previous` at the next step")
+    if features.play:
+        names, width = zip(*features.play, strict=True)
+        half = graph.constant(np.array(width))
+        graph.input("play", len(width), text=f"play states of {', '.join(names)}; NaN before the first step")
+        x = graph.take("signals", [features.signals.index(name) for name in names])
+        begun = graph.add("Where", graph.finite("play"), "play", x)
+        low, high = graph.add("Sub", x, half), graph.add("Add", x, half)
+        moved = graph.add("Min", graph.add("Max", begun, low), high)
+        graph.add("Where", graph.finite(x), moved, "play", name="play_next")
+        graph.output("play_next", len(width), text="to be given as `play` at the next step")
+        parts.append(graph.add("Sub", "play_next", x))
+    return graph.add("Concat", *parts, axis=1)
+
+
+def _group(graph: _Graph, group: JointGroup, x: str, model: CalibrationModel) -> tuple[str, str]:
+    """Give corrections and flags of a group's joints, (rows, m) each."""
+    taken, near, valid = graph.take(x, group.columns), graph.take(x, group.watched), group.valid_range
+    centred = graph.add("Sub", near, graph.constant(valid.mean))
+    projection = graph.add("MatMul", centred, graph.constant(valid.axes))
+    claims = [
+        graph.finite(taken),
+        graph.between(near, valid.lower, valid.upper),
+        graph.between(projection, valid.axis_lower, valid.axis_upper),
+    ]
+    wrong = graph.add(
+        "Cast", graph.add("Not", graph.add("Concat", *claims, axis=1)), to=graph.onnx.TensorProto.INT32
+    )
+    count = graph.add("ReduceSum", wrong, graph.constant(np.array([1])), keepdims=1)
+    inside = graph.add("Equal", count, graph.constant(np.array(0, dtype=np.int32)))
+    known = graph.add("And", inside, graph.constant(np.ones((1, len(group.joints)), dtype=bool)))
+    prediction = _prediction(graph, group.predictor, taken)
+    if model.target == "position":
+        q = graph.take("q_nominal", group.joints)
+        known = graph.add("And", known, graph.finite(q))
+        prediction = graph.add("Sub", prediction, q)
+    offset = graph.constant(model.offset[list(group.joints)])
+    return graph.add("Where", known, prediction, offset), known
+
+
+def _prediction(graph: _Graph, predictor: Predictor, x: str) -> str:
+    """Give a predictor's outputs (rows, m), or (m,) for a constant one."""
+    if isinstance(predictor, Constant):
+        return graph.constant(predictor.value)
+    if isinstance(predictor, Linear):
+        return graph.dense(x, predictor.weights, predictor.bias)
+    if not isinstance(predictor, Quadratic | Network):
+        raise InputError(f"model: no ONNX graph for a predictor of type {type(predictor).__name__}")
+    centred = graph.add("Sub", x, graph.constant(predictor.mean))
+    z = graph.add("Div", centred, graph.constant(predictor.scale))
+    if isinstance(predictor, Quadratic):
+        i, j = np.triu_indices(len(predictor.mean))
+        monomials = graph.add("Concat", z, graph.add("Mul", graph.take(z, i), graph.take(z, j)), axis=1)
+        return graph.dense(monomials, np.vstack([predictor.linear, predictor.quadratic]), predictor.bias)
+    last = len(predictor.weights) - 1
+    for k, (weights, bias) in enumerate(zip(predictor.weights, predictor.biases, strict=True)):
+        z = graph.dense(z, weights, bias)
+        if k < last:
+            z = graph.add("Tanh" if predictor.activation == "tanh" else "Sigmoid", z)
+    scaled = graph.add("Mul", z, graph.constant(predictor.out_scale))
+    out = graph.add("Add", scaled, graph.constant(predictor.out_mean))
+    if predictor.skip is None:
+        return out
+    return graph.add("Add", out, graph.dense(x, predictor.skip.weights, predictor.skip.bias))

@@ -1,0 +1,172 @@
+"""Linear models, polynomials and networks of catenary in other libraries, as calls on given rows."""
+
+import importlib.util
+import warnings
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import onnx
+import onnxruntime
+from onnx import TensorProto, helper, numpy_helper
+from sklearn.linear_model import LinearRegression
+from sklearn.neural_network import MLPRegressor
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import PolynomialFeatures, StandardScaler
+
+from catenary.arrays import Floats
+from catenary.calibration.linear import Linear
+from catenary.calibration.neural import Network
+from catenary.calibration.polynomial import Quadratic
+
+Fitted = Linear | Quadratic | Network
+Predict = Callable[[], Floats]  # outputs (N, m) for rows that were given
+
+
+def peers(predictor: Fitted, X: Floats) -> dict[str, Predict]:
+    """Give the same predictor in each library that is installed, on one thread, for rows X (N, F)."""
+    calls = {
+        "onnxruntime, float32": onnx_call(predictor, X, np.float32),
+        "onnxruntime, float64": onnx_call(predictor, X, np.float64),
+        "scikit-learn": sklearn_call(predictor, X),
+    }
+    if importlib.util.find_spec("torch") is not None:
+        calls["torch, float32"] = torch_call(predictor, X)
+    return calls
+
+
+def session_call(session: onnxruntime.InferenceSession, name: str, feed: dict[str, Floats]) -> Predict:
+    """Run a graph for one of its outputs."""
+    return lambda: session.run([name], feed)[0]
+
+
+def session_of(model: onnx.ModelProto) -> onnxruntime.InferenceSession:
+    """Load a graph to run on one thread."""
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    return onnxruntime.InferenceSession(model.SerializeToString(), options, ["CPUExecutionProvider"])
+
+
+def onnx_call(predictor: Fitted, X: Floats, dtype: type) -> Predict:
+    """Run the bare predictor, without valid range, as the plainest graph; catenary's own export holds more."""
+    nodes: list[onnx.NodeProto] = []
+    arrays: list[onnx.TensorProto] = []
+
+    def constant(values: Floats) -> str:
+        name = f"a{len(arrays)}"
+        kept = values if values.dtype == np.int64 else values.astype(dtype)
+        arrays.append(numpy_helper.from_array(np.ascontiguousarray(kept), name))
+        return name
+
+    def add(operator: str, *inputs: str, **attributes: int) -> str:
+        nodes.append(helper.make_node(operator, list(inputs), [f"t{len(nodes)}"], **attributes))
+        return str(nodes[-1].output[0])
+
+    def gemm(x: str, weights: Floats, bias: Floats) -> str:
+        return add("Gemm", x, constant(weights), constant(bias))
+
+    if isinstance(predictor, Linear):
+        gemm("x", predictor.weights, predictor.bias)
+    else:
+        z = add("Div", add("Sub", "x", constant(predictor.mean)), constant(predictor.scale))
+        if isinstance(predictor, Quadratic):
+            i, j = (constant(part) for part in np.triu_indices(X.shape[1]))
+            products = add("Mul", add("Gather", z, i, axis=1), add("Gather", z, j, axis=1))
+            weights = np.vstack([predictor.linear, predictor.quadratic])
+            gemm(add("Concat", z, products, axis=1), weights, predictor.bias)
+        else:
+            for W, b in zip(predictor.weights[:-1], predictor.biases[:-1], strict=True):
+                z = add("Tanh", gemm(z, W, b))
+            z = gemm(z, predictor.weights[-1], predictor.biases[-1])
+            add("Add", add("Mul", z, constant(predictor.out_scale)), constant(predictor.out_mean))
+    kind = TensorProto.FLOAT if dtype is np.float32 else TensorProto.DOUBLE
+    name = nodes[-1].output[0]
+    graph = helper.make_graph(
+        nodes,
+        "predictor",
+        [helper.make_tensor_value_info("x", kind, ["rows", X.shape[1]])],
+        [helper.make_tensor_value_info(name, kind, ["rows", None])],
+        arrays,
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    return session_call(session_of(model), name, {"x": X.astype(dtype)})
+
+
+def sklearn_call(predictor: Fitted, X: Floats) -> Predict:
+    """Predict with the estimator that a user would have; a network's outputs stay unscaled."""
+    rng = np.random.default_rng(0)
+    rows = rng.normal(size=(50, X.shape[1]))
+    if isinstance(predictor, Network):
+        hidden = tuple(len(bias) for bias in predictor.biases[:-1])
+        regressor = MLPRegressor(hidden_layer_sizes=hidden, activation="tanh", max_iter=1)
+        outputs = len(predictor.biases[-1])
+    else:
+        regressor = LinearRegression()
+        outputs = len(predictor.bias)
+    steps = {
+        Linear: [regressor],
+        Quadratic: [StandardScaler(), PolynomialFeatures(2, include_bias=False), regressor],
+        Network: [StandardScaler(), regressor],
+    }[type(predictor)]
+    estimator = make_pipeline(*steps) if len(steps) > 1 else regressor
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # one iteration does not converge: the weights are replaced
+        estimator.fit(rows, rng.normal(size=(50, outputs)))
+    if not isinstance(predictor, Linear):
+        steps[0].mean_, steps[0].scale_ = predictor.mean, predictor.scale
+    if isinstance(predictor, Network):
+        regressor.coefs_, regressor.intercepts_ = list(predictor.weights), list(predictor.biases)
+        return lambda: estimator.predict(X) * predictor.out_scale + predictor.out_mean
+    weights = (
+        predictor.weights
+        if isinstance(predictor, Linear)
+        else np.vstack([predictor.linear, predictor.quadratic])
+    )
+    regressor.coef_, regressor.intercept_ = weights.T, predictor.bias
+    return partial(estimator.predict, X)
+
+
+def torch_call(predictor: Fitted, X: Floats) -> Predict:
+    """Run PyTorch eagerly, as a user of it would, in inference mode."""
+    import torch
+
+    torch.set_num_threads(1)
+    rows = torch.from_numpy(X.astype(np.float32))
+
+    def tensor(values: Floats) -> "torch.Tensor":
+        return torch.from_numpy(np.ascontiguousarray(values, dtype=np.float32))
+
+    def linear(weights: Floats, bias: Floats) -> "torch.nn.Linear":
+        layer = torch.nn.Linear(*weights.shape)
+        layer.weight.data, layer.bias.data = tensor(weights.T), tensor(bias)
+        return layer
+
+    if isinstance(predictor, Linear):
+        layer = linear(predictor.weights, predictor.bias)
+
+        def forward() -> "torch.Tensor":
+            return layer(rows)
+    else:
+        mean, scale = tensor(predictor.mean), tensor(predictor.scale)
+        if isinstance(predictor, Quadratic):
+            i, j = (torch.from_numpy(part) for part in np.triu_indices(X.shape[1]))
+            layer = linear(np.vstack([predictor.linear, predictor.quadratic]), predictor.bias)
+
+            def forward() -> "torch.Tensor":
+                z = (rows - mean) / scale
+                return layer(torch.cat([z, z[:, i] * z[:, j]], dim=1))
+        else:
+            out_mean, out_scale = tensor(predictor.out_mean), tensor(predictor.out_scale)
+            parts: list[torch.nn.Module] = []
+            for W, b in zip(predictor.weights, predictor.biases, strict=True):
+                parts += [linear(W, b), torch.nn.Tanh()]
+            layers = torch.nn.Sequential(*parts[:-1])
+
+            def forward() -> "torch.Tensor":
+                return layers((rows - mean) / scale) * out_scale + out_mean
+
+    def call() -> Floats:
+        with torch.inference_mode():
+            return np.asarray(forward().numpy())
+
+    return call

@@ -1,0 +1,221 @@
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from catenary.arrays import Floats
+from catenary.calibration.corrector import Corrector
+from catenary.calibration.model import CalibrationModel
+from catenary.calibration.onnx import OPSET, save_onnx, to_onnx
+from catenary.calibration.valid_range import fit_valid_range
+from catenary.errors import FileFormatError, InputError, MissingPackageError
+from oracles.calibration_models import PREDICTORS, random_model
+from recordings import fitted, recording
+
+CARD = {"robot": "räven"}
+CLOSE = {"rtol": 1e-9, "atol": 1e-9}  # sums of some hundred terms of order one to ten, in another order
+
+
+def session_of(model: CalibrationModel, **options: Any) -> onnxruntime.InferenceSession:
+    made = to_onnx(model, CARD, **options)
+    onnx.checker.check_model(made, full_check=True)
+    return onnxruntime.InferenceSession(made.SerializeToString(), providers=["CPUExecutionProvider"])
+
+
+def run(session: onnxruntime.InferenceSession, **inputs: Floats) -> dict[str, np.ndarray]:
+    names = [output.name for output in session.get_outputs()]
+    return dict(zip(names, session.run(names, inputs), strict=True))
+
+
+def step_through(
+    session: onnxruntime.InferenceSession, signals: Floats, q: Floats
+) -> tuple[Floats, np.ndarray]:
+    """Corrections and flags of a motion, the graph's memory carried from step to step."""
+    memory = {
+        name: np.full((1, *tensor.shape[1:]), np.nan)
+        for tensor in session.get_inputs()
+        if (name := tensor.name) in ("previous", "play")
+    }
+    wants_q = any(tensor.name == "q_nominal" for tensor in session.get_inputs())
+    corrections, flags = [], []
+    for k in range(len(signals)):
+        given = {"q_nominal": q[k : k + 1]} if wants_q else {}
+        out = run(session, signals=signals[k : k + 1], **given, **memory)
+        memory = {name: out[f"{name}_next"] for name in memory}
+        corrections.append(out["correction"][0])
+        flags.append(out["inside"][0])
+    return np.array(corrections), np.array(flags)
+
+
+def rows_within_and_outside(rng: np.random.Generator, signals: Floats, count: int = 400) -> Floats:
+    middle, reach = signals.mean(axis=0), np.ptp(signals, axis=0) / 2.0
+    return middle + rng.uniform(-1.4, 1.4, size=(count, signals.shape[1])) * reach
+
+
+@pytest.mark.parametrize("target", ["error", "position"])
+@pytest.mark.parametrize("per_joint", [False, True])
+@pytest.mark.parametrize("kind", PREDICTORS)
+def test_graph_gives_the_correction_of_every_kind_of_model(kind: str, per_joint: bool, target: Any) -> None:
+    rng = np.random.default_rng([len(kind), per_joint, len(target)])
+    signals = rng.normal(size=(200, 5))
+    model = random_model(kind, signals, rng, joints=3, torques=2, target=target, per_joint=per_joint)
+    X, q = rows_within_and_outside(rng, signals), rng.normal(size=(400, 3))
+    session = session_of(model)
+    given = run(session, signals=X, **({"q_nominal": q} if target == "position" else {}))
+    inside = model.inside(X)
+    assert 0.0 < inside.mean() < 1.0
+    assert (given["inside"] == inside).all()
+    assert_allclose(given["correction"], model.correction(X, q), **CLOSE)
+
+
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [
+        ("offset", {}),
+        ("linear", {"history": 2}),
+        ("polynomial", {}),
+        ("neural", {}),
+        ("neural", {"preset": "best"}),
+        ("linear", {"inputs": {"J1": ("q:J1", "q:J2"), "J3": ("q:J3",)}}),
+        ("linear", {"target": "position"}),
+    ],
+)
+def test_graph_of_a_fitted_model_gives_what_calibrate_gives(kind: str, options: dict[str, Any]) -> None:
+    log = recording(np.random.default_rng(1), rows=120)
+    model = fitted(log, kind=kind, **options)
+    signals = np.column_stack(
+        [log.q_nominal[:, log.joint_names.index(s.removeprefix("q:"))] for s in model.features.signals]
+    )
+    correction, inside = step_through(session_of(model), signals, log.q_nominal)
+    assert inside.any()
+    assert_allclose(log.q_nominal + correction, model.calibrate(log), rtol=0.0, atol=1e-11)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    kind=st.sampled_from(PREDICTORS),
+    history=st.integers(0, 3),
+    plays=st.integers(0, 2),
+    decimation=st.integers(1, 3),
+    target=st.sampled_from(["error", "position"]),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_a_graph_stepped_through_a_motion_is_the_corrector(
+    kind: str, history: int, plays: int, decimation: int, target: Any, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    motion = np.cumsum(0.2 * rng.normal(size=(60, 3)), axis=0)
+    model = random_model(
+        kind, motion, rng, joints=2, torques=1, history=history, plays=plays, target=target, rate_hz=100.0
+    )
+    # history at another spacing than in training: a box alone, so that rows inside remain
+    model = replace(model, groups=tuple(replace(g, valid_range=_box(g.valid_range)) for g in model.groups))
+    motion[rng.random(motion.shape) < 0.02] = np.nan  # a signal that is missing for a moment
+    q = motion[:, :2].copy()
+    expected, flags = Corrector(model, rate_hz=100.0 * decimation).run(q, motion)
+    correction, inside = step_through(session_of(model, decimation=decimation), motion, q)
+    known = np.isfinite(q)  # where the position itself is missing there is nothing to correct
+    assert (inside & known == flags).all()
+    assert_allclose((q + correction)[known], expected[known], **CLOSE)
+
+
+def _box(valid: Any) -> Any:
+    wide = np.full(len(valid.axis_lower), 1e6)
+    return replace(valid, axis_lower=-wide, axis_upper=wide)
+
+
+def test_rows_of_a_batch_keep_their_own_memory() -> None:
+    rng = np.random.default_rng(3)
+    motions = np.cumsum(0.2 * rng.normal(size=(2, 40, 3)), axis=1)
+    model = random_model("tanh", motions[0], rng, joints=3, history=1, plays=2, rate_hz=100.0)
+    session = session_of(model)
+    together = {"previous": np.full((2, 1, 3), np.nan), "play": np.full((2, 6), np.nan)}
+    corrections = []
+    for k in range(40):
+        out = run(session, signals=motions[:, k], **together)
+        together = {name: out[f"{name}_next"] for name in together}
+        corrections.append(out["correction"])
+    for i in range(2):
+        alone, _ = step_through(session, motions[i], motions[i])
+        assert_allclose(np.array(corrections)[:, i], alone, **CLOSE)
+
+
+def test_missing_and_infinite_signals_are_outside_the_valid_range() -> None:
+    rng = np.random.default_rng(4)
+    model = random_model("linear", rng.normal(size=(100, 3)), rng, joints=3)
+    bad = np.array([[np.nan, 0.0, 0.0], [0.0, np.inf, 0.0], [0.0, 0.0, -np.inf]])
+    given = run(session_of(model), signals=bad)
+    assert not given["inside"].any()
+    assert_allclose(given["correction"], np.tile(model.offset, (3, 1)), rtol=0.0)
+
+
+def test_metadata_say_what_goes_in_and_hold_the_card() -> None:
+    rng = np.random.default_rng(5)
+    model = random_model(
+        "linear", rng.normal(size=(50, 4)), rng, joints=3, torques=1, history=2, rate_hz=30.0
+    )
+    made = to_onnx(model, CARD, decimation=33)
+    props = {prop.key: prop.value for prop in made.metadata_props}
+    assert json.loads(props["card"]) == CARD
+    about = json.loads(props["catenary"])
+    assert about["signals"] == ["q:j0", "q:j1", "q:j2", "tau:j0"]
+    assert about["joint_units"] == ["rad", "rad", "m"]
+    assert about["previous"] == {"positions": ["q:j0", "q:j1", "q:j2"], "steps": 66}
+    assert about["rate_hz"] == pytest.approx(990.0)
+    assert [(entry.domain, entry.version) for entry in made.opset_import] == [("", OPSET)]
+
+
+def test_file_has_the_same_bytes_each_time(tmp_path: Path) -> None:
+    rng = np.random.default_rng(6)
+    model = random_model("tanh", rng.normal(size=(50, 3)), rng, joints=3)
+    save_onnx(model, CARD, tmp_path / "a.onnx")
+    save_onnx(model, CARD, tmp_path / "b.onnx")
+    assert (tmp_path / "a.onnx").read_bytes() == (tmp_path / "b.onnx").read_bytes()
+
+
+def _spoilt(model: CalibrationModel) -> CalibrationModel:
+    wide = fit_valid_range(np.random.default_rng(0).normal(size=(50, 3)), 0.1)
+    group = replace(model.groups[0], valid_range=replace(wide, lower=np.zeros(2)))
+    return replace(model, groups=(group,))
+
+
+@pytest.mark.parametrize(
+    ("change", "options", "message"),
+    [
+        (lambda model: model, {"decimation": 0}, "decimation: expected one or more steps, got 0"),
+        (lambda model: replace(model, groups=()), {}, "each of its 3 joints in one group"),
+        (_spoilt, {}, r"lower: expected shape \(3,\), got \(2,\)"),
+    ],
+)
+def test_what_makes_no_graph_is_refused(
+    change: Callable[[CalibrationModel], CalibrationModel], options: dict[str, Any], message: str
+) -> None:
+    rng = np.random.default_rng(7)
+    model = random_model("linear", rng.normal(size=(50, 3)), rng, joints=3)
+    with pytest.raises(InputError, match=message):
+        to_onnx(change(model), CARD, **options)
+
+
+def test_without_the_package_the_error_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(8)
+    model = random_model("linear", rng.normal(size=(50, 3)), rng, joints=3)
+    monkeypatch.setitem(sys.modules, "onnx", None)  # what Python itself puts there to forbid an import
+    with pytest.raises(MissingPackageError, match=r"pip install catenary\[onnx\]"):
+        to_onnx(model, CARD)
+
+
+def test_a_folder_that_does_not_exist_is_said(tmp_path: Path) -> None:
+    rng = np.random.default_rng(9)
+    model = random_model("linear", rng.normal(size=(50, 3)), rng, joints=3)
+    with pytest.raises(FileFormatError, match="cannot be written: No such file or directory"):
+        save_onnx(model, CARD, tmp_path / "nowhere" / "a.onnx")
