@@ -35,7 +35,7 @@ def export(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
 ) -> None:
-    """Write a robot as a C header, or a model as an ONNX graph.
+    """Write a robot as C, or a model as an ONNX graph.
 
     The header holds gravity torque, its regressor and joint correction, for loops in C and C++: no library, no
     memory. The graph computes in float64; what the model remembers goes in and out as tensors.

@@ -210,7 +210,7 @@ def deploy(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Run a model inside the robot's 1 kHz loop, or with --ros beside a robot.
+    """Run a model in a robot's loop, or beside one on ROS.
 
     Tells latency, valid range, and error while it runs.
     """

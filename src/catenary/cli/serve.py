@@ -50,7 +50,7 @@ def serve(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print a JSON line a second.")] = False,
 ) -> None:
-    """Serve a simulated robot to other programs over ROS, in real time.
+    """Serve a simulated robot over ROS, in real time.
 
     Type `button` and Enter, or run `catenary button`, to press the silver button; or type a state command.
 
@@ -84,7 +84,7 @@ def button(
     ros: Ros = "1",
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Press the silver button of a served RAVEN-II: it homes and then waits for `resume`."""
+    """Press the silver button of a served RAVEN-II: it homes."""
     from catenary.crtk.names import BUTTON, BUTTON_TYPE
     from catenary.jobs.serve import make_transport
 
