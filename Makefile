@@ -13,7 +13,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 
-.PHONY: table1 refit plant-check
+.PHONY: table1 refit plant-check dual-arm
 .PHONY: demo test lint bench bench-ros1 dvrk-table clean help
 
 help:
@@ -26,6 +26,7 @@ help:
 	@echo "make table1      table I of the calibration paper on six simulated robots (15 minutes), into results/"
 	@echo "make refit       fit the simulated RAVEN-II to the paper's errors again (15 minutes); rewrites its data file"
 	@echo "make plant-check what the simulated RAVEN-II does where it was not fitted, into results/"
+	@echo "make dual-arm    19 joints learn their gravity, the figures of the gravity-regressor paper (3 minutes), into results/"
 	@echo "make clean       remove .venv and everything made here"
 
 demo: $(VENV)/.package
@@ -59,6 +60,9 @@ refit: $(VENV)/.package
 
 plant-check: $(VENV)/.package
 	$(BIN)/python -m catenary.reproduce.plant_check results
+
+dual-arm: $(VENV)/.benchmarks
+	$(BIN)/python -m catenary.reproduce.dual_arm results
 
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed: apt install python3 python3-venv"; exit 1; }
