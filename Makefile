@@ -13,19 +13,21 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 
-.PHONY: table1 refit plant-check dual-arm
 .PHONY: demo test lint bench bench-ros1 dvrk-table clean help
+.PHONY: table1 refit plant-check gravity-static tutorial dual-arm raven-identification
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
 	@echo "make test        set up, run all tests"
 	@echo "make lint        format, lint, types, import order"
-	@echo "make bench       speed of deployed models, of the control loop and of the simulator, beside other libraries"
+	@echo "make bench       speed of kernels, deployed models, the control loop and the simulator, beside other libraries"
 	@echo "make bench-ros1  messages between two processes over ROS 1, where it is installed"
 	@echo "make dvrk-table  the table of docs/calibration.md, from recordings of a real arm (CATENARY_DATA)"
 	@echo "make table1      table I of the calibration paper on six simulated robots (15 minutes), into results/"
-	@echo "make refit       fit the simulated RAVEN-II to the paper's errors again (15 minutes); rewrites its data file"
-	@echo "make plant-check what the simulated RAVEN-II does where it was not fitted, into results/"
+	@echo "make refit       fit the simulated RAVEN-II to both papers' results again (25 minutes); rewrites its data file"
+	@echo "make plant-check every target of the simulated RAVEN-II beside what it reaches (10 minutes), into results/"
+	@echo "make gravity-static PD, PD+SG and PD+DG at static poses on tilted bases, six simulated robots (15 minutes), into results/"
+	@echo "make tutorial    picture and table of docs/tutorial-two-link.md"
 	@echo "make dual-arm    19 joints learn their gravity, the figures of the gravity-regressor paper (3 minutes), into results/"
 	@echo "make clean       remove .venv and everything made here"
 
@@ -45,6 +47,8 @@ bench: $(VENV)/.benchmarks
 	$(BIN)/python -m tests.benchmarks.inference --json build/benchmarks/inference.json
 	$(BIN)/python -m tests.benchmarks.control_tick --json build/benchmarks/control_tick.json
 	$(BIN)/python -m tests.benchmarks.mujoco_plant --json build/benchmarks/mujoco_plant.json
+	$(BIN)/python -m tests.benchmarks.kernels --json build/benchmarks/kernels.json
+	$(BIN)/python -m tests.benchmarks.controllers --json build/benchmarks/controllers.json
 
 bench-ros1: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.ros1_throughput --json build/benchmarks/ros1_throughput.json
@@ -64,6 +68,12 @@ plant-check: $(VENV)/.package
 dual-arm: $(VENV)/.benchmarks
 	$(BIN)/python -m catenary.reproduce.dual_arm results
 
+gravity-static: $(VENV)/.package
+	$(BIN)/python -m catenary.reproduce.gravity_static results
+
+tutorial: $(VENV)/.package
+	$(BIN)/python -m catenary.reproduce.tutorial_two_link docs/images
+
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed: apt install python3 python3-venv"; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
@@ -79,7 +89,7 @@ $(VENV)/.development: $(BIN)/python pyproject.toml
 	@touch $@ $(VENV)/.package
 
 $(VENV)/.benchmarks: $(VENV)/.package
-	$(BIN)/python -m pip install --disable-pip-version-check -e ".[bench,mujoco]"
+	$(BIN)/python -m pip install --disable-pip-version-check -e ".[bench,test]"
 	@touch $@
 
 clean:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from catenary.dynamics.kinematics import forward_kinematics as forward_kinematics
     from catenary.dynamics.kinematics import jacobian as jacobian
     from catenary.dynamics.mass_matrix import mass_matrix as mass_matrix
+    from catenary.dynamics.regressor import torque_regressor as torque_regressor
     from catenary.gravity.compact import compact_regressor as compact_regressor
     from catenary.gravity.regressor import gravity_regressor as gravity_regressor
     from catenary.gravity.torque import gravity_torque as gravity_torque
@@ -35,6 +36,7 @@ _HOME = {
     "jacobian": "catenary.dynamics.kinematics",
     "load_robot": "catenary.robots.catalog",
     "mass_matrix": "catenary.dynamics.mass_matrix",
+    "torque_regressor": "catenary.dynamics.regressor",
 }
 
 __all__ = [*_HOME, "__version__"]  # noqa: PLE0604

@@ -69,3 +69,21 @@ class RecordingError(CatenaryError):
 
 class TransportError(CatenaryError, ConnectionError):
     """Messages cannot pass: no master, a name or a topic taken otherwise, a transport that is closed."""
+
+
+class SensorError(CatenaryError):
+    """A sensor that a robot depends on cannot be trusted, and the robot was stopped or nothing could be measured."""
+
+
+class ExcitationError(CatenaryError, ValueError):
+    """Recordings do not move the robot in a way that would show its parameters.
+
+    Attributes:
+        rank: How many independent combinations of parameters the recordings show.
+        n_base: How many the robot has.
+    """
+
+    def __init__(self, message: str, *, rank: int, n_base: int) -> None:
+        self.rank = rank
+        self.n_base = n_base
+        super().__init__(message)

@@ -33,7 +33,7 @@ class JointState(NamedTuple):
     qd: Floats  # (n,) [rad/s|m/s]
     tau: Floats  # (n,) [Nm|N] joint torque that was commanded
     q_motor: Floats  # (m,) [rad] motor shafts, empty where a robot has none
-    gravity: Floats  # (3,) [m/s2] in the base frame: free fall minus the base's own acceleration
+    gravity: Floats  # (3,) [m/s2] in the base frame: free fall less the acceleration of the base's origin
     gravity_age: float  # [s] since it was measured; inf when it is nominal
     base_rates: Floats = (
         AT_REST  # (2, 3) angular velocity and acceleration of the base, in its axes [rad/s, rad/s2]

@@ -1,10 +1,12 @@
-"""Rotations and poses. `R_a_b` takes vectors in b to a; quaternions are (w, x, y, z)."""
+"""Rotations and poses. `R_a_b` takes vectors in b to a; quaternions are (w, x, y, z).
+
+scipy is imported where it is used: it takes as long as numba to import, and most robots load without it.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
@@ -44,6 +46,8 @@ def rotation_about_z(angle: float) -> Floats:
 
 def rotation_from_rpy(rpy: ArrayLike) -> Floats:
     """Rotation Rz(yaw) Ry(pitch) Rx(roll) of fixed-axis angles (roll, pitch, yaw) [rad], as URDF has it."""
+    from scipy.spatial.transform import Rotation
+
     matrix: Floats = Rotation.from_euler("xyz", as_array("rpy", rpy, (3,))).as_matrix()
     return matrix
 
@@ -57,18 +61,24 @@ def rotation_from_quaternion(quaternion: ArrayLike) -> Floats:
     q = as_array("quaternion", quaternion, (4,))
     if not np.linalg.norm(q) > 0.0:
         raise InputError(f"quaternion: expected (w, x, y, z) of non-zero length, got {q}")
+    from scipy.spatial.transform import Rotation
+
     matrix: Floats = Rotation.from_quat(np.roll(q, -1)).as_matrix()
     return matrix
 
 
 def quaternion_from_rotation(rotation: ArrayLike) -> Floats:
     """Unit quaternion (w, x, y, z) with w >= 0 of a rotation matrix (3, 3)."""
+    from scipy.spatial.transform import Rotation
+
     x, y, z, w = Rotation.from_matrix(as_rotation("rotation", rotation)).as_quat(canonical=True)
     return np.array([w, x, y, z])
 
 
 def rotation_vector(rotation: ArrayLike) -> Floats:
     """Axis times angle [rad] of a rotation matrix, (3,); the inverse of the exponential map."""
+    from scipy.spatial.transform import Rotation
+
     vector: Floats = Rotation.from_matrix(as_array("rotation", rotation, (3, 3))).as_rotvec()
     return vector
 

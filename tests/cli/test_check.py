@@ -117,6 +117,6 @@ def test_a_folder_is_no_file(tmp_path: Path, name: str) -> None:
 
 
 def test_a_name_that_is_nothing_is_refused_with_the_catalogue() -> None:
-    assert "no such file, and no robot of that name; robots: dual_arm_19, planar_3r, raven2" in refusal(
+    assert "no such file, and no robot of that name; robots: dual_arm_19, dvrk_mtm" in refusal(
         "check", "raven"
     )

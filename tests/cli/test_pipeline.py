@@ -75,6 +75,18 @@ def test_extract_writes_the_published_table(project_folder: Path) -> None:
     assert len(first.split(",")) == 252
 
 
+def test_a_model_is_fitted_to_and_evaluated_on_the_published_table(
+    project_folder: Path, tmp_path: Path
+) -> None:
+    content = catenary("extract", project_folder, "--csv", "--json").json
+    train, test = content["train"]["csv"], content["test"]["csv"]
+    fitted = catenary("fit", train, "--model", "linear", "--out", tmp_path / "a.npz", "--json")
+    assert fitted.code == 0, fitted
+    outcome = catenary("evaluate", tmp_path / "a.npz", test, "--json")
+    assert outcome.code == 0, outcome
+    assert catenary("check", test, "--json").json["kind"] == "recording"
+
+
 def test_state_can_be_recorded_at_100_hz(tmp_path: Path) -> None:
     project = tmp_path / "fast"
     outcome = catenary("excite", project, "--direction", "J1", "--sparsity", "1", "--state-rate", "100")

@@ -4,54 +4,72 @@ import numpy as np
 import pytest
 
 from catenary.arrays import Floats
-from catenary.control.controller import Controller
+from catenary.control.controller import SplitController
+from catenary.control.elastic import ElasticPD
 from catenary.control.estimated_gravity_pd import EstimatedGravityPD
+from catenary.control.gravity_pd import GravityHold, GravityPD
+from catenary.control.inertia_pd import InertiaPD
 from catenary.control.pd import JointPD
 from catenary.errors import InputError
 from catenary.gravity.estimator import GravityEstimator
 from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
-from catenary.plant import JointState
+from catenary.plant import AT_REST, JointState
 from catenary.robots.catalog import load_robot
 from catenary.trajectories.reference import Reference
 
 N = 3
 KP, KD = np.array([90.0, 50.0, 400.0]), np.array([2.0, 1.0, 8.0])
+ARM = load_robot("raven2")
+LEVEL = (0.0, 0.0, -9.81)
+SPRINGS = np.array([260.0, 500.0, 7e4])
 
 
-def with_estimated_gravity(recursive: bool) -> Controller:
-    arm = load_robot("raven2")
-    learner = RecursiveGravityEstimator(arm, noise=0.1) if recursive else GravityEstimator(arm, KP, KD)
+def with_estimated_gravity(recursive: bool) -> SplitController:
+    learner = RecursiveGravityEstimator(ARM, noise=0.1) if recursive else GravityEstimator(ARM, KP, KD)
     return EstimatedGravityPD(KP, KD, learner)
 
 
 CONTROLLERS = {
     "pd": lambda: JointPD(KP, KD),
+    "pd, absolute damping": lambda: JointPD(KP, KD, damping="absolute"),
+    "pd and static gravity": lambda: GravityPD(ARM, KP, KD, gravity=LEVEL),
+    "pd and dynamic gravity": lambda: GravityPD(ARM, KP, KD),
+    "pd and gravity at the reference": lambda: GravityPD(ARM, KP, KD, at="desired"),
     "pd with estimated gravity": lambda: with_estimated_gravity(False),
     "pd with gravity from recursive least squares": lambda: with_estimated_gravity(True),
+    "passive hold": lambda: GravityHold(ARM),
+    "passive hold, static": lambda: GravityHold(ARM, gravity=LEVEL),
+    "inertia": lambda: InertiaPD(ARM, 900.0, 42.0),
+    "inertia with Coriolis": lambda: InertiaPD(ARM, 900.0, 42.0, motor_inertia=np.eye(3), coriolis=True),
+    "elastic, constant": lambda: ElasticPD(ARM, KP, KD, SPRINGS, compensation="constant"),
+    "elastic, online": lambda: ElasticPD(ARM, KP, KD, SPRINGS, compensation="online"),
+    "elastic, biased": lambda: ElasticPD(ARM, KP, KD, SPRINGS),
 }
+TURNING = np.array([[0.1, -0.2, 0.3], [1.0, 2.0, -0.5]])  # of the base [rad/s, rad/s2]
 
 
 @pytest.fixture(params=CONTROLLERS)
-def controller(request: pytest.FixtureRequest) -> Controller:
+def controller(request: pytest.FixtureRequest) -> SplitController:
     return CONTROLLERS[request.param]()
 
 
 def state(values: Floats) -> JointState:
-    return JointState(0.0, values, 0.1 * values, 0.0 * values, np.zeros(0), np.array([0.0, 0.0, -9.81]), 0.0)
+    gravity = np.array([0.0, 1.0, -9.7])
+    return JointState(0.0, values, 0.1 * values, 0.0 * values, np.zeros(0), gravity, 0.0, TURNING.copy())
 
 
 def reference(values: Floats) -> Reference:
     return Reference(values, 0.2 * values, 0.3 * values)
 
 
-def test_torque_is_finite_and_one_per_joint(controller: Controller) -> None:
+def test_torque_is_finite_and_one_per_joint(controller: SplitController) -> None:
     tau = controller.torque(state(np.array([0.1, 0.2, 0.3])), reference(np.array([0.2, 0.1, 0.3])))
     assert tau.shape == (N,)
     assert tau.dtype == np.float64
     assert np.isfinite(tau).all()
 
 
-def test_arguments_are_left_as_they_are(controller: Controller) -> None:
+def test_arguments_are_left_as_they_are(controller: SplitController) -> None:
     measured, wanted = state(np.array([0.1, 0.2, 0.3])), reference(np.array([0.2, 0.1, 0.3]))
     before = [np.array(values) for values in (*measured, *wanted)]
     controller.torque(measured, wanted)
@@ -59,7 +77,7 @@ def test_arguments_are_left_as_they_are(controller: Controller) -> None:
         np.testing.assert_array_equal(old, new)
 
 
-def test_every_torque_is_an_array_of_its_own(controller: Controller) -> None:
+def test_every_torque_is_an_array_of_its_own(controller: SplitController) -> None:
     measured, wanted = state(np.array([0.1, 0.2, 0.3])), reference(np.array([0.2, 0.1, 0.3]))
     first = controller.torque(measured, wanted)
     kept = first.copy()
@@ -68,12 +86,12 @@ def test_every_torque_is_an_array_of_its_own(controller: Controller) -> None:
     np.testing.assert_array_equal(first, kept)
 
 
-def test_unmeasured_joint_gives_nan_for_itself_and_no_exception(controller: Controller) -> None:
+def test_unmeasured_joint_gives_nan_for_itself_and_no_exception(controller: SplitController) -> None:
     tau = controller.torque(state(np.array([0.1, np.nan, 0.3])), reference(np.array([0.2, 0.1, 0.3])))
     assert np.isnan(tau[1])
 
 
-def test_read_only_arrays_are_taken(controller: Controller) -> None:
+def test_read_only_arrays_are_taken(controller: SplitController) -> None:
     measured, wanted = state(np.array([0.1, 0.2, 0.3])), reference(np.array([0.2, 0.1, 0.3]))
     expected = controller.torque(measured, wanted)
     for values in (*measured, *wanted):
@@ -82,6 +100,28 @@ def test_read_only_arrays_are_taken(controller: Controller) -> None:
     np.testing.assert_array_equal(controller.torque(measured, wanted), expected)
 
 
-def test_robot_of_another_size_is_refused(controller: Controller) -> None:
+def test_robot_of_another_size_is_refused(controller: SplitController) -> None:
     with pytest.raises(InputError, match="joints"):
         controller.torque(state(np.zeros(N + 1)), reference(np.zeros(N + 1)))
+
+
+def test_torque_is_the_sum_of_its_parts(controller: SplitController) -> None:
+    tau = controller.torque(state(np.array([0.1, 0.2, 0.3])), reference(np.array([0.2, 0.1, 0.3])))
+    np.testing.assert_allclose(tau, controller.feedback + controller.feedforward, rtol=1e-15)
+
+
+def test_no_error_asks_for_no_feedback(controller: SplitController) -> None:
+    q = np.array([0.3, 1.4, 0.4])
+    measured = state(q)._replace(qd=np.zeros(N))
+    # elastic joints: the motors stand beyond the links by what gravity winds up
+    wind_up = np.zeros(N)
+    if isinstance(controller, ElasticPD):
+        hold = GravityHold(ARM).torque(measured, Reference(q, np.zeros(N), np.zeros(N)))
+        wind_up = hold / SPRINGS
+    controller.torque(measured._replace(q=q + wind_up), Reference(q, np.zeros(N), np.zeros(N)))
+    np.testing.assert_allclose(controller.feedback, 0.0, atol=1e-11)  # 7e4 N/m times rounding
+
+
+def test_a_base_at_rest_given_as_the_shared_constant_is_taken(controller: SplitController) -> None:
+    measured = state(np.array([0.1, 0.2, 0.3]))._replace(base_rates=AT_REST)
+    assert np.isfinite(controller.torque(measured, reference(np.array([0.2, 0.1, 0.3])))).all()

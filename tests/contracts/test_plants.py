@@ -10,6 +10,7 @@ from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.mujoco_plant import MujocoPlant
+from catenary.simulation.positioning import PositioningArm
 from oracles.cable_arms import homed_plant
 
 ROCKING = RockingBase(mean=0.2, amplitude=0.3, frequency=0.7, lever=(0.1, 0.2, 0.5))
@@ -34,6 +35,7 @@ PLANTS = {
     "cable right": (lambda: homed_plant("right"), lambda: CablePlant(side="right")),
     "mujoco raven2": (lambda: homed_mujoco("raven2"), lambda: MujocoPlant(load_robot("raven2"))),
     "mujoco planar": (lambda: homed_mujoco("planar_3r", GENTLE), lambda: unhomed_mujoco("planar_3r")),
+    "positioning joints": (lambda: PositioningArm(homed_plant("left")), lambda: PositioningArm(CablePlant())),
 }
 SERVO = ("servo_jp", "servo_jr", "servo_jf")
 

@@ -12,6 +12,7 @@ from catenary.robots.catalog import load_robot
 from catenary.trajectories.calibration_box import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.trajectories.cartesian import CartesianSinusoids
 from catenary.trajectories.embedded import Embedded
+from catenary.trajectories.in_turn import InTurn, Rest
 from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
@@ -54,6 +55,12 @@ TRAJECTORIES: dict[str, tuple[Callable[[], Trajectory], Floats, Floats]] = {
     ),
     "go to, together": (lambda: go_to(LOW, HIGH, **BOUNDS), LOW, HIGH),
     "go to, each by itself": (lambda: go_to(LOW, HIGH, **BOUNDS, together=False), LOW, HIGH),
+    "there, a rest, and back": (
+        lambda: InTurn([go_to(LOW, HIGH, **BOUNDS), Rest(HIGH, 0.7), go_to(HIGH, LOW, **BOUNDS)]),
+        LOW,
+        HIGH,
+    ),
+    "a rest": (lambda: Rest(LOW, 2.0), LOW, HIGH),
     "go to, of some of the joints": (
         lambda: Embedded(go_to(LOW, HIGH, **BOUNDS), [3, 0, 2], [9.0, 0.5, 9.0, 9.0]),
         np.array([LOW[1], 0.5, LOW[2], LOW[0]]),
@@ -123,7 +130,7 @@ def test_motion_is_at_rest_before_its_start_and_after_its_end(trajectory: Trajec
 
 def test_duration_is_when_the_motion_comes_to_rest(trajectory: Trajectory) -> None:
     assert np.isfinite(trajectory.duration)
-    if trajectory.duration > 0.0:
+    if trajectory.duration > 0.0 and not isinstance(trajectory, Rest):
         assert np.abs(trajectory(trajectory.duration - 0.01).qd).max() > 0.0
 
 

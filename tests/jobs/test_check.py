@@ -91,3 +91,9 @@ def test_a_finding_is_plain_data() -> None:
         "faults": ["fault"],
         "remarks": ["remark"],
     }
+
+
+def test_a_robot_that_is_there_to_be_identified_has_no_fault():
+    finding = check_file("dvrk_psm")
+    assert not finding.faults
+    assert any("kinematics only, to be identified" in remark for remark in finding.remarks)

@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 
 from catenary.arrays import Floats
 from catenary.errors import ConfigError, FileFormatError, LimitError
+from catenary.jobs import simulated_robot
 from catenary.jobs.calibrate import TEST, TRAIN, excitation, random_motion
 from catenary.jobs.project import Project
 from catenary.jobs.simulated_robot import extract_recording, home_robot, motion_log_path, record_robot
@@ -35,6 +36,22 @@ def test_homing_is_done_once(project: Project) -> None:
 )
 def test_another_robot_is_homed_again(project: Project, change: dict[str, Any]) -> None:
     assert home_robot(Project(project.folder, replace(SHORT, **change)))
+
+
+def test_the_robot_of_another_version_is_homed_again_and_stands_nowhere_else(
+    project: Project, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left = project.folder / "robot" / f"after_{TRAIN}.npz"
+    assert left.is_file()
+    monkeypatch.setattr(simulated_robot, "STATE_FORMAT", "another")
+    assert home_robot(project)
+    assert not left.is_file()
+
+
+def test_a_state_that_cannot_be_read_is_made_again(project: Project) -> None:
+    (project.folder / "robot" / "homed.npz").write_bytes(b"nonsense")
+    assert home_robot(project)
+    assert not home_robot(project)
 
 
 def test_other_motions_need_no_homing(project: Project) -> None:

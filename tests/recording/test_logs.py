@@ -234,11 +234,11 @@ def test_missing_file_is_named(tmp_path: Path, name: str) -> None:
 
 
 def test_unknown_ending_is_refused_with_those_known(tmp_path: Path) -> None:
-    (tmp_path / "run.csv").write_text("a,b")
+    (tmp_path / "run.txt").write_text("a,b")
     with pytest.raises(
-        FileFormatError, match=r'run.csv: ending ".csv": expected a recording, .npz or .parquet'
+        FileFormatError, match=r'run.txt: ending ".txt": expected a recording, .npz, .parquet or .csv'
     ):
-        read_log(tmp_path / "run.csv")
+        read_log(tmp_path / "run.txt")
 
 
 def test_command_log_is_read_with_given_names_and_units(tmp_path: Path) -> None:

@@ -1,4 +1,5 @@
 import csv
+import hashlib
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.recording.bag import write_bag
 from catenary.recording.extract import extract
 from catenary.recording.journal_reader import JournalReader
+from catenary.recording.logs import read_log
 from catenary.recording.raven_csv import read_raven_csv, write_raven_csv
 from catenary.recording.synchronise import synchronise
 from oracles.raven_recording import START_NS, record
@@ -99,6 +101,23 @@ def test_the_csv_reads_back_as_the_log_of_the_recording(extraction: Path, tmp_pa
     # samples of 100 Hz at 30 Hz: chords of up to 45 ms, 0.4 rad at 0.31 rad/s
     assert_allclose(log.q_encoder[both], expected.q_encoder[both], atol=0.045**2 / 8 * 0.4 * 0.31**2)  # type: ignore[index]
     assert (log.robot, log.simulated) == ("raven2", True)
+
+
+def test_the_csv_opens_as_a_recording_that_knows_its_file(extraction: Path, tmp_path: Path) -> None:
+    write_raven_csv(extraction, tmp_path / "a.csv")
+    log, expected = read_log(tmp_path / "a.csv"), read_raven_csv(tmp_path / "a.csv").log
+    assert log.joint_names == ("shoulder", "elbow", "insertion")
+    assert_array_equal(log.q_encoder, expected.q_encoder)
+    assert log.sha256 == hashlib.sha256((tmp_path / "a.csv").read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize("given", [{"units": ["rad", "rad", "rad"]}, {"joint_names": ["a", "b", "c"]}])
+def test_names_and_units_that_contradict_the_csv_are_refused(
+    extraction: Path, tmp_path: Path, given: dict[str, list[str]]
+) -> None:
+    write_raven_csv(extraction, tmp_path / "a.csv")
+    with pytest.raises(InputError, match=r"a\.csv: states the .* were given"):
+        read_log(tmp_path / "a.csv", **given)  # type: ignore[arg-type]
 
 
 def test_force_makes_256_columns_and_comes_back_as_signals(extraction: Path, tmp_path: Path) -> None:

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.errors import FileFormatError
+from catenary.errors import FileFormatError, MissingInertiaError
+from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_file, load_robot, robot_names
 from oracles.tree_poses import frame_pose, potential_energy, relative_pose
 
@@ -27,6 +28,39 @@ def test_every_robots_inertias_are_those_of_bodies_that_can_exist(name):
         assert moments[0] >= -1e-12
         assert moments[2] <= moments[0] + moments[1] + 1e-9  # triangle inequality
         assert (mass > 0.0) == (moments[2] > 0.0)
+
+
+@pytest.mark.parametrize("name", ["dvrk_psm", "dvrk_mtm", "dvrk_mtm_joint", "panda", "tiago"])
+def test_robots_without_published_inertia_are_kinematics_only(name):
+    model = load_robot(name)
+    assert model.missing_inertia == model.link_names
+    with pytest.raises(MissingInertiaError, match=f'"{model.link_names[0]}"'):
+        gravity_torque(model, np.zeros(model.n), [0.0, 0.0, -9.81])
+
+
+def test_both_masters_are_the_same_arm_in_other_coordinates():
+    motor, joint = load_robot("dvrk_mtm"), load_robot("dvrk_mtm_joint")
+    rng = np.random.default_rng(3)
+    for q in rng.normal(size=(10, 7)):
+        own = [q[0], q[1], q[2] - q[1], 0.6697 * (q[1] - q[2]) + q[3], *q[4:]]
+        for name in motor.link_names:
+            assert_allclose(frame_pose(motor, name, q), frame_pose(joint, name, own), atol=1e-12)
+
+
+def test_the_psms_shaft_always_passes_one_point_on_the_first_axis():
+    model = load_robot("dvrk_psm")
+    rng = np.random.default_rng(4)
+    first = frame_pose(model, "yaw", np.zeros(7))
+    remote_centre = first[:3, 3] - 0.516 * first[:3, 2]  # the length of the parallelogram's top bar
+    for q in rng.uniform(-0.7, 0.7, size=(10, 7)):
+        shaft = frame_pose(model, "insertion", q)
+        assert_allclose(np.cross(shaft[:3, 3] - remote_centre, shaft[:3, 2]), 0.0, atol=1e-12)
+
+
+def test_pandas_flange_at_zero_is_where_its_lengths_put_it():
+    hand = frame_pose(load_robot("panda"), None, np.zeros(7))
+    assert_allclose(hand[:3, 3], [0.088, 0.0, 0.333 + 0.316 + 0.384 - 0.107], atol=1e-12)
+    assert_allclose(hand[:3, 2], [0, 0, -1], atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -327,5 +327,5 @@ def test_without_mujoco_the_error_says_what_to_install(load, monkeypatch):
         return import_module(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", refuse)
-    with pytest.raises(MissingPackageError, match=r"pip install catenary\[mjcf\]"):
+    with pytest.raises(MissingPackageError, match=r"pip install catenary\[mujoco\]"):
         load(arm())

@@ -2,11 +2,15 @@ import pickle
 
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.errors import InputError, MissingInertiaError
+from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.errors import CatenaryError, InputError, MissingInertiaError
+from catenary.gravity.torque import potential_energy
 from catenary.robots.assembly import Coordinate, Link, LinkInertia, assemble
+from catenary.robots.catalog import load_robot
 from catenary.spatial import identity_pose
+from oracles.tree_poses import frame_pose
 
 BODY = LinkInertia(1.5, np.zeros(3), np.eye(3))
 
@@ -80,3 +84,58 @@ def test_a_model_travels_to_another_process(model):
     copy = pickle.loads(pickle.dumps(model))
     assert copy.joint_names == model.joint_names
     assert_array_equal(copy.tree.inertia, model.tree.inertia)
+
+
+PLACE = np.array([0.1, -0.2, 0.3])
+
+
+def test_a_payload_of_nothing_changes_nothing():
+    model = load_robot("raven2")
+    assert model.with_payload("wrist", 0.0, PLACE) is model
+
+
+def test_a_payload_taken_off_leaves_the_robot_as_it_was():
+    model = load_robot("raven2")
+    assert model.with_payload("wrist", 0.3, PLACE).without_payload is model
+
+
+def test_a_payload_adds_its_own_potential_and_kinetic_energy():
+    model = load_robot("raven2")
+    heavy = model.with_payload("elbow", 0.4, PLACE)
+    rng = np.random.default_rng(0)
+    q, qd = rng.uniform(model.lower, model.upper), rng.normal(size=3)
+
+    def place(at):
+        pose = frame_pose(model, "elbow", at)
+        return pose[:3, :3] @ PLACE + pose[:3, 3]
+
+    velocity = (place(q + 1e-6 * qd) - place(q - 1e-6 * qd)) / 2e-6
+    gravity = np.array([0.0, 0.0, -9.81])
+    more = potential_energy(heavy, q, gravity) - potential_energy(model, q, gravity)
+    assert_allclose(more, -0.4 * gravity @ place(q), atol=1e-12)
+    moving = 0.5 * qd @ (mass_matrix(heavy, q) - mass_matrix(model, q)) @ qd
+    assert_allclose(moving, 0.2 * velocity @ velocity, rtol=1e-7)  # central difference, h = 1e-6
+
+
+def test_a_payload_on_a_massless_link_gives_it_a_mass():
+    model = load_robot("raven2_full")
+    heavy = model.with_payload("tool", 0.2, [0.0, 0.0, 0.0])
+    assert heavy.tree.mass.sum() == pytest.approx(model.tree.mass.sum() + 0.2)
+    assert len(heavy.massless) == len(model.massless) - 1
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "said"),
+    [
+        ("raven2", ("nose", 1.0, PLACE), 'no frame "nose"'),
+        ("raven2", ("base", 1.0, PLACE), "does not move"),
+        ("raven2", ("wrist", -1.0, PLACE), "mass -1 kg, expected zero or more"),
+        ("raven2", ("wrist", np.nan, PLACE), "mass is nan"),
+        ("raven2", ("wrist", 1.0, [0.0, 0.0]), "position: expected shape (3,)"),
+        ("dvrk_psm", ("pitch", 1.0, PLACE), "no inertia for link"),
+    ],
+)
+def test_a_payload_that_cannot_be_is_refused(name, arguments, said):
+    with pytest.raises(CatenaryError) as caught:
+        load_robot(name).with_payload(*arguments)
+    assert said in str(caught.value)

@@ -343,3 +343,20 @@ def test_inertial_sensors_read_the_bases_motion():
     assert_allclose(seen["accelerometer"], motion[0, 2] - gravity[0], atol=1e-12)
     assert_allclose(seen["gyroscope"], motion[0, 0], atol=1e-12)
     assert_allclose(CablePlant().telemetry()["accelerometer"], [0.0, 0.0, 9.81])  # +g upwards at rest
+
+
+def test_joint_state_tells_what_ideal_sensors_at_the_base_would():
+    base = RockingBase(0.1, 0.2, 0.5, lever=(0.1, 0.2, 0.4))
+    plant = CablePlant(base=base)
+    for _ in range(137):
+        plant.wait()
+    state, seen = plant.measured_js(), plant.telemetry()
+    assert_allclose(state.gravity, -seen["accelerometer"], atol=1e-15)
+    assert_allclose(state.base_rates[0], seen["gyroscope"], atol=1e-15)
+    h = 1e-4
+    before, after = (base.sample(np.array([plant.time + s])).motion[0, 0] for s in (-h, h))
+    assert_allclose(state.base_rates[1], (after - before) / (2 * h), atol=1e-5)  # h^2 of the third derivative
+
+
+def test_a_base_at_rest_has_no_rates():
+    assert (CablePlant(base=FixedBase(0.3, 0.2)).measured_js().base_rates == 0.0).all()

@@ -1,3 +1,4 @@
+import json
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +81,17 @@ def test_the_state_of_another_arm_is_refused_and_changes_nothing(
 def test_a_missing_state_is_named(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match=r"none\.npz: no such file"):
         restore_plant(CablePlant(), tmp_path / "none.npz")
+
+
+def test_a_state_that_lacks_what_this_version_writes_says_to_home_again(saved: Path, tmp_path: Path) -> None:
+    with np.load(saved) as file:
+        arrays = dict(file)
+    about = json.loads(str(arrays["about"]))
+    del about["base"]
+    older = tmp_path / "older.npz"
+    np.savez(older, **arrays | {"about": np.array(json.dumps(about))})
+    with pytest.raises(FileFormatError, match=r"'base'.*another version.*catenary home PROJECT"):
+        restore_plant(CablePlant(seed=2), older)
 
 
 @pytest.mark.parametrize("damage", ["empty", "text", "half", "array", "other archive"])

@@ -59,6 +59,11 @@ class Corrector:
         self.correct(np.zeros(n), np.zeros(size), np.empty(n), np.empty(n, dtype=bool))  # compiles
         self.reset()
 
+    @property
+    def robot_arrays(self) -> tuple[NDArray[np.int64], Floats]:
+        """Layout and memory that `tick_state` takes, once `prepare` has been told of a robot; not copies."""
+        return self._robot_layout, self._memory
+
     def reset(self) -> None:
         """Forget all previous ticks: another motion begins."""
         clear(self._layout, self._memory)

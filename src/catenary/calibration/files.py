@@ -1,9 +1,7 @@
 """Calibration models on disk: a NumPy archive that executes nothing, with its card inside and beside it."""
 
-import contextlib
 import io
 import json
-import os
 from pathlib import Path
 from typing import Any, get_args
 
@@ -21,6 +19,7 @@ from catenary.calibration.polynomial import Quadratic
 from catenary.calibration.valid_range import ValidRange
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.importers import read_arrays
+from catenary.whole_file import write_whole
 
 FORMAT = "catenary.calibration.1"
 Arrays = dict[str, NDArray[Any]]
@@ -65,8 +64,8 @@ def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
         arrays |= {f"{i}.predictor.{key}": values for key, values in _to_arrays(group.predictor).items()}
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)
-    _write_whole(path, buffer.getvalue())
-    _write_whole(card_path(path), text.encode())
+    write_whole(path, buffer.getvalue())
+    write_whole(card_path(path), text.encode())
 
 
 def load_model(path: Path) -> tuple[CalibrationModel, Card]:
@@ -212,14 +211,3 @@ def _from_arrays(kind: str, arrays: Arrays) -> Predictor:
 
 def _layer(arrays: Arrays, name: str, k: int) -> Floats:
     return arrays[f"{name}{k}"]
-
-
-def _write_whole(path: Path, content: bytes) -> None:
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        partial.write_bytes(content)
-        os.replace(partial, path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            partial.unlink()
-        raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from error

@@ -100,12 +100,22 @@ def predict_row(layout: Integers, numbers: Floats, x: Floats, work: Floats, out:
         for k in range(outputs):
             out[k] = numbers[k]
     elif kind == LINEAR:
-        weights = numbers[: inputs * outputs].reshape((inputs, outputs))
-        dense(x, weights, numbers[lines(inputs * outputs) :], out)
+        linear_at(x, 0, numbers, 0, inputs, outputs, out, 0)
     elif kind == QUADRATIC:
         _quadratic(inputs, outputs, numbers, x, work, out)
     else:
         _network(layout, numbers, x, work, out)
+
+
+@inlined
+def linear_at(
+    x: Floats, x_at: int, numbers: Floats, at: int, inputs: int, outputs: int, out: Floats, out_at: int
+) -> None:
+    """Write bias + x @ weights of a linear predictor, each array from a place on: slices cost more than the sums."""
+    bias = at + lines(inputs * outputs)
+    for k in range(outputs):
+        out[out_at + k] = numbers[bias + k]
+    add_product_at(x, x_at, numbers, at, inputs, outputs, out, out_at)
 
 
 @inlined
@@ -114,6 +124,29 @@ def dense(x: Floats, weights: Floats, bias: Floats, out: Floats) -> None:
     for k in range(weights.shape[1]):
         out[k] = bias[k]
     add_product(x, weights, out)
+
+
+@inlined
+def add_product_at(
+    x: Floats, x_at: int, weights: Floats, at: int, inputs: int, outputs: int, out: Floats, out_at: int
+) -> None:
+    """Add x (F,) @ weights (F, m) to out (m,), each from a place in a flat array on; the sums of `add_product`."""
+    whole = inputs - inputs % 4
+    for i in range(0, whole, 4):
+        x0, x1, x2, x3 = x[x_at + i], x[x_at + i + 1], x[x_at + i + 2], x[x_at + i + 3]
+        w0 = at + i * outputs
+        w1, w2, w3 = w0 + outputs, w0 + 2 * outputs, w0 + 3 * outputs
+        for k in range(outputs):
+            out[out_at + k] = (
+                out[out_at + k]
+                + x0 * weights[w0 + k]
+                + x1 * weights[w1 + k]
+                + x2 * weights[w2 + k]
+                + x3 * weights[w3 + k]
+            )
+    for i in range(whole, inputs):
+        for k in range(outputs):
+            out[out_at + k] += x[x_at + i] * weights[at + i * outputs + k]
 
 
 @inlined
@@ -234,32 +267,42 @@ def bend_logistic(values: Floats, count: int) -> None:
 
 
 @inlined
-def inside_row(x: Floats, count: int, axes: int, numbers: Floats, work: Floats) -> bool:
+def inside_row(
+    x: Floats, x_at: int, count: int, axes: int, numbers: Floats, at: int, work: Floats, work_at: int
+) -> bool:
     """Whether one row of features (F,) lies within both boxes of a valid range; never true for NaN.
 
     Args:
-        x: Features.
+        x: Features, from `x_at` on.
+        x_at: Where they begin.
         count: Number of features F.
         axes: Number of axes A.
-        numbers: lower (F,), upper (F,), mean (F,), directions (F, A), axis_lower (A,), axis_upper (A,), one after
-            the other, each beginning with a line.
-        work: (F + A,) or longer.
+        numbers: From `at` on lower (F,), upper (F,), mean (F,), directions (F, A), axis_lower (A,), axis_upper (A,),
+            one after the other, each beginning with a line.
+        at: Where they begin.
+        work: (F + A,) or longer from `work_at` on.
+        work_at: Where it begins.
     """
     step = lines(count)
+    upper, mean = at + step, at + 2 * step
     for i in range(count):
-        if not (x[i] >= numbers[i] and x[i] <= numbers[step + i]):
+        value = x[x_at + i]
+        if not (value >= numbers[at + i] and value <= numbers[upper + i]):
             return False
-    offset, projection = work[:count], work[count : count + axes]
+    projection, directions = work_at + count, at + 3 * step
     for i in range(count):
-        offset[i] = x[i] - numbers[2 * step + i]
+        work[work_at + i] = x[x_at + i] - numbers[mean + i]
     for a in range(axes):
-        projection[a] = 0.0
-    add_product(offset, numbers[3 * step : 3 * step + count * axes].reshape((count, axes)), projection)
-    lower = 3 * step + lines(count * axes)
-    upper = lower + lines(axes)
+        work[projection + a] = 0.0
+    add_product_at(work, work_at, numbers, directions, count, axes, work, projection)
+    axis_lower = directions + lines(count * axes)
+    axis_upper = axis_lower + lines(axes)
     inside = True
     for a in range(axes):
-        inside &= projection[a] >= numbers[lower + a] and projection[a] <= numbers[upper + a]
+        inside &= (
+            work[projection + a] >= numbers[axis_lower + a]
+            and work[projection + a] <= numbers[axis_upper + a]
+        )
     return inside
 
 
@@ -267,4 +310,4 @@ def inside_row(x: Floats, count: int, axes: int, numbers: Floats, work: Floats) 
 def inside_rows(X: Floats, axes: int, numbers: Floats, work: Floats, out: NDArray[np.bool_]) -> None:
     """Write `inside_row` of every row of X (N, F) into out (N,)."""
     for k in range(len(X)):
-        out[k] = inside_row(X[k], X.shape[1], axes, numbers, work)
+        out[k] = inside_row(X[k], 0, X.shape[1], axes, numbers, 0, work, 0)

@@ -6,7 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.calibration.kernels import Integers, in_lines, inside_row, lines, predict_row, work_size
+from catenary.calibration.kernels import (
+    LINEAR,
+    Integers,
+    in_lines,
+    inside_row,
+    linear_at,
+    lines,
+    predict_row,
+    work_size,
+)
 from catenary.calibration.model import CalibrationModel, JointGroup
 from catenary.compiled import compiled, inlined
 from catenary.errors import InputError
@@ -181,9 +190,12 @@ def _tick(layout: Integers, memory: Floats, q: Floats, out: Floats, inside: NDAr
     offset, x_at = layout[NUMBERS_AT], layout[FEATURES_AT]
     widths = offset + lines(layout[JOINTS])
     _add_memory(layout, widths, memory)
-    taken = memory[layout[TAKEN_AT] : layout[WATCHED_AT]]
-    near, work = memory[layout[WATCHED_AT] : layout[WORK_AT]], memory[layout[WORK_AT] : layout[PREDICTION_AT]]
-    prediction = memory[layout[PREDICTION_AT] : offset]
+    taken, near, work, prediction = (
+        layout[TAKEN_AT],
+        layout[WATCHED_AT],
+        layout[WORK_AT],
+        layout[PREDICTION_AT],
+    )
     at, number = layout[GROUPS_AT], widths + lines(layout[PLAYS])
     for _ in range(layout[GROUPS]):
         joints, count, watched, axes = layout[at], layout[at + 1], layout[at + 2], layout[at + 3]
@@ -192,16 +204,25 @@ def _tick(layout: Integers, memory: Floats, q: Floats, out: Floats, inside: NDAr
         at = joint_at + joints
         ok = True
         for i in range(count):
-            taken[i] = memory[x_at + layout[at + i]]
-            ok &= np.isfinite(taken[i])
+            value = memory[x_at + layout[at + i]]
+            memory[taken + i] = value
+            ok &= np.isfinite(value)
         at += count
         for i in range(watched):
-            near[i] = memory[x_at + layout[at + i]]
+            memory[near + i] = memory[x_at + layout[at + i]]
         at += watched
         if ok:
-            ok = inside_row(near, watched, axes, memory[number:predictor], work)
-        if ok:
-            predict_row(layout[at : at + integers], memory[predictor:following], taken, work, prediction)
+            ok = inside_row(memory, near, watched, axes, memory, number, memory, work)
+        if ok and layout[at] == LINEAR:
+            linear_at(memory, taken, memory, predictor, count, joints, memory, prediction)
+        elif ok:
+            predict_row(
+                layout[at : at + integers],
+                memory[predictor:following],
+                memory[taken:near],
+                memory[work:prediction],
+                memory[prediction:offset],
+            )
         at, number = at + integers, following
         for j in range(joints):
             joint = layout[joint_at + j]
@@ -210,7 +231,8 @@ def _tick(layout: Integers, memory: Floats, q: Floats, out: Floats, inside: NDAr
             known = ok and np.isfinite(here)
             correction = memory[offset + joint]  # the fixed offset
             if known:
-                correction = prediction[j] - here if layout[GIVES_POSITION] else prediction[j]
+                predicted = memory[prediction + j]
+                correction = predicted - here if layout[GIVES_POSITION] else predicted
             out[place] = here + correction
             inside[place] = known
 

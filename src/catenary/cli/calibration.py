@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 Recordings = Annotated[
     list[Path],
     typer.Argument(
-        metavar="DATA", help="Recordings: .npz with q_des, q_act, ok in rad and m, or .parquet logs."
+        metavar="DATA",
+        help="Recordings: .npz with q_des, q_act, ok in rad and m, .parquet logs, or RAVEN-II's published .csv.",
     ),
 ]
 LARGEST = sys.float_info.max

@@ -20,7 +20,7 @@ def check(
     """Say what a file is and what is wrong with it.
 
     The exit code is 1 when something is wrong. Robots are catalogue names, .toml, .urdf, .xml and .mjcf files;
-    models are .npz; recordings .npz or .parquet.
+    models are .npz; recordings .npz, .parquet or RAVEN-II's published .csv.
     """
     from catenary.jobs.check import check_file
 

@@ -7,7 +7,17 @@ import sys
 import typer
 
 from catenary import __version__
-from catenary.cli import calibration, check, pipeline, regressor, robots
+from catenary.cli import (
+    calibration,
+    check,
+    export,
+    gravity,
+    identification,
+    pipeline,
+    regressor,
+    robots,
+    sense,
+)
 
 app = typer.Typer(
     name="catenary",
@@ -25,10 +35,18 @@ app.command("extract", no_args_is_help=True)(pipeline.extract)
 app.command("fit", no_args_is_help=True)(calibration.fit)
 app.command("evaluate", no_args_is_help=True)(calibration.evaluate)
 app.command("deploy", no_args_is_help=True)(pipeline.deploy)
+app.command("gravity", no_args_is_help=True)(gravity.gravity)
+app.command("track", no_args_is_help=True)(gravity.track)
+app.command("hold", no_args_is_help=True)(gravity.hold)
+app.command("identify", no_args_is_help=True)(identification.identify)
+app.command("excitation", no_args_is_help=True)(identification.excitation)
+app.command("payload", no_args_is_help=True)(identification.payload)
 app.command("check", no_args_is_help=True)(check.check)
 app.command("fk", no_args_is_help=True)(robots.fk)
 app.command("ik", no_args_is_help=True)(robots.ik)
 app.command("regressor", no_args_is_help=True)(regressor.regressor)
+app.command("sense", no_args_is_help=True)(sense.sense)
+app.command("export", no_args_is_help=True)(export.export)
 app.command("robots")(robots.robots)
 app.command("demo")(pipeline.demo)
 

@@ -63,7 +63,7 @@ def fk(
 
     model = load_robot(robot)
     values = joint_values(model, q, q_deg)
-    print_notes(_beyond_limits(model, values))
+    print_notes(beyond_limits(model, values))
     name = model.tip if frame is None else frame
     poses = {
         f: relative_pose(model, values, name, f) for f in (in_frame, *_other_base_frames(model, in_frame))
@@ -185,7 +185,8 @@ def _names_and_units(model: "RobotModel") -> str:
     return ", ".join(f"{n} [{u}]" for n, u in zip(model.joint_names, model.joint_units, strict=True))
 
 
-def _beyond_limits(model: "RobotModel", values: "Floats") -> list[str]:
+def beyond_limits(model: "RobotModel", values: "Floats") -> list[str]:
+    """Say which joints are beyond their limits."""
     return [
         f"{name}: {value:g} {unit} is outside its limits, {low:g} to {high:g} {unit}"
         for name, unit, value, low, high in zip(

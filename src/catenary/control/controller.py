@@ -17,3 +17,20 @@ class Controller(Protocol):
     def torque(self, state: JointState, reference: Reference) -> Floats:
         """Torques (n,) [Nm|N] for the next tick; q of the state is calibrated where a corrector is there."""
         ...
+
+
+class SplitController(Controller, Protocol):
+    """A controller that also says what its last torque was made of: torque = feedback + feedforward.
+
+    Both arrays are the controller's own and are overwritten by the next call of `torque`: copy what is to be kept.
+    """
+
+    @property
+    def feedback(self) -> Floats:
+        """What the errors asked for, (n,) [Nm|N]: the PD term."""
+        ...
+
+    @property
+    def feedforward(self) -> Floats:
+        """What the model asked for, (n,) [Nm|N]: gravity and inertia."""
+        ...

@@ -2,6 +2,7 @@
 
 from typing import Protocol
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
@@ -33,6 +34,7 @@ class EstimatedGravityPD:
         """
         self.pd = JointPD(kp, kd)
         self.estimator = estimator
+        self.feedforward = np.zeros(len(self.pd.kp))  # gravity of the last torque [Nm|N]
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
         """Torques (n,) [Nm|N]; NaN where a position or velocity is, and where gravity cannot be told without it.
@@ -41,5 +43,11 @@ class EstimatedGravityPD:
             InputError: The robot has another number of joints than the gains.
         """
         tau = self.pd.torque(state, reference)
-        tau += self.estimator.follow(state, reference.q)
+        self.feedforward[:] = self.estimator.follow(state, reference.q)
+        tau += self.feedforward
         return tau
+
+    @property
+    def feedback(self) -> Floats:
+        """The PD term of the last torque (n,) [Nm|N]; overwritten by the next."""
+        return self.pd.feedback

@@ -76,6 +76,11 @@ class TorqueLimits:
         """Ticks in which any torque or position was NaN or infinite."""
         return int(self._counts[1])
 
+    @property
+    def arrays(self) -> tuple[Floats, Floats, NDArray[np.int64]]:
+        """What `limit` takes, not copies: torque, slew, lower, upper, taper (5, n); last torque (n,); counts (2,)."""
+        return self._rows, self._last, self._counts
+
     def reset(self, tau: Floats) -> None:
         """Begin from a torque (n,) [Nm|N] that is being applied; NaN counts as none.
 
@@ -89,14 +94,15 @@ class TorqueLimits:
     def apply(self, tau: Floats, q: Floats, dt: float) -> Floats:
         """What may be sent of tau (n,) [Nm|N], at positions q (n,) [rad|m], dt [s] after the last."""
         sent = np.empty(len(self._last))
-        _limit(self._rows, self._last, self._counts, tau, q, dt, sent)
+        limit(self._rows, self._last, self._counts, tau, q, dt, sent)
         return sent
 
 
 @compiled
-def _limit(
+def limit(
     rows: Floats, last: Floats, counts: NDArray[np.int64], tau: Floats, q: Floats, dt: float, sent: Floats
 ) -> None:
+    """Write what may be sent of tau; see TorqueLimits."""
     limited, not_finite = False, False
     for j in range(len(sent)):
         # a torque that is missing is as good as NaN

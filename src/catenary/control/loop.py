@@ -15,8 +15,9 @@ from catenary.arrays import Floats, as_array
 from catenary.control.controller import Controller
 from catenary.control.limits import TorqueLimits
 from catenary.control.realtime import Durations, RealTime
-from catenary.control.report import LoopReport, Tally
-from catenary.errors import InputError, LimitError
+from catenary.control.report import GravityTally, LoopReport, Tally
+from catenary.errors import InputError, LimitError, SensorError
+from catenary.gravity.vector import GravityReading, Status
 from catenary.plant import JointState, Plant, require_ready
 from catenary.trajectories.reference import Reference, Trajectory
 
@@ -35,6 +36,14 @@ class StateCorrector(Protocol):
 
     def correct_state(self, state: JointState, out: Floats, inside: Flags) -> None:
         """Write calibrated positions (n,) [rad|m], and whether each joint is inside the valid range (n,)."""
+        ...
+
+
+class GravitySource(Protocol):
+    """What tells the loop gravity in the base frame, and how the base turns, such as a sensor on the base."""
+
+    def read(self, time: float) -> GravityReading:
+        """What it says at the time of a joint state [s]; raises nothing, and waits for nothing."""
         ...
 
 
@@ -61,16 +70,17 @@ def run_loop(
     limits: TorqueLimits | None = None,
     rate_hz: float = 1000.0,
     corrector: StateCorrector | None = None,
+    gravity: GravitySource | None = None,
     observers: Sequence[Observer] = (),
     duration: float | None = None,
     real_time: bool = False,
 ) -> LoopReport:
     """Run a controller on a robot along a trajectory.
 
-    A tick: measure, correct, control, limit, send, observe, wait. Without a controller the reference's positions are
-    sent, and the robot's own firmware controls. The trajectory's time advances by a period each tick: a late tick
-    delays the motion, it never makes it leap. The clock starts when the first command has gone out, so that whatever
-    is compiled on first use holds up nothing but the start.
+    A tick: measure, correct, sense gravity, control, limit, send, observe, wait. Without a controller the reference's
+    positions are sent, and the robot's own firmware controls. The trajectory's time advances by a period each tick: a
+    late tick delays the motion, it never makes it leap. The clock starts when the first command has gone out, so that
+    whatever is compiled on first use holds up nothing but the start.
 
     At the end the robot holds its position, by its firmware where it has servo_jp, otherwise at zero torque and
     paused. Whatever else ends the loop, an error or Ctrl-C, it holds its last measured position or gets zero torque,
@@ -84,6 +94,8 @@ def run_loop(
         rate_hz: Of ticks; the plant's own rate divided by a whole number.
         corrector: Turns reported positions into calibrated ones before the controller sees them. Limits look at
             reported ones, in which the robot's joint limits are.
+        gravity: Takes the place of the gravity vector, its age and the base's rates in every state; the robot's own
+            report when None.
         observers: Called with every tick, after its command was sent.
         duration: [s]; the trajectory's when None; infinity runs until Ctrl-C.
         real_time: Keep time also with a simulated plant, which otherwise runs as fast as it can.
@@ -96,6 +108,7 @@ def run_loop(
         UnsupportedCommandError: It takes no torques, or without controller no positions.
         LimitError: Without controller, and the trajectory begins elsewhere than the robot's setpoint is.
         InputError: Rate, duration, trajectory or limits do not fit the plant.
+        SensorError: The source of gravity asks for a stop; the robot holds, and is paused.
     """
     waits = _require_ready(plant, controller, rate_hz)
     n, dt = len(plant.joint_names), 1.0 / rate_hz
@@ -115,6 +128,7 @@ def run_loop(
         corrector.prepare(plant.joint_names, plant.joint_units, rate_hz)
     clock = RealTime(dt) if real_time or not plant.simulated else None
     compute, tally, inside = Durations(), Tally(n), np.ones(n, dtype=bool)
+    sensed = None if gravity is None else GravityTally()
     ticks, held = 0, state.q
     finished = False
 
@@ -134,6 +148,7 @@ def run_loop(
             tracking_calibrated=None if corrector is None else tally.tracking_calibrated(),
             limited_ticks=limits.limited,
             not_finite_ticks=limits.not_finite,
+            gravity=None if sensed is None else sensed.report(),
         )
 
     try:
@@ -147,6 +162,14 @@ def run_loop(
                 calibrated, inside = np.empty(n), np.empty(n, dtype=bool)
                 corrector.correct_state(state, calibrated, inside)
                 state = JointState(state.time, calibrated, *state[2:])
+            if gravity is not None and sensed is not None:
+                reading = gravity.read(state.time)
+                sensed.add(reading)
+                if reading.status is Status.STOP:
+                    raise SensorError(
+                        f"gravity is not known: {reading.faults.message or 'the sensor is lost'}"
+                    )
+                state = JointState(*state[:5], reading.gravity, reading.age, reading.base_rates)
             reference = trajectory(number * dt)
             tau = None
             if controller is None:

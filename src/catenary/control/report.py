@@ -1,6 +1,8 @@
 """What a run of the control loop says about itself."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,8 +10,28 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.compiled import compiled
 from catenary.control.realtime import Timing
+from catenary.gravity.faults import Fault
+from catenary.gravity.vector import GravityReading, Status
 
 Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class GravityReport:
+    """How gravity was known during a run."""
+
+    ticks: Mapping[str, int]  # of each status that occurred: nominal, live, stale, fallback, stop
+    faults: Mapping[str, int]  # name of each fault that showed, and ticks in which it did
+    messages: tuple[str, ...]  # what each of them means, in the same order
+    largest_age: float  # [s] of a measured vector; NaN when none was measured
+
+    def __str__(self) -> str:
+        lines = ["gravity: " + ", ".join(f"{name} {count} ticks" for name, count in self.ticks.items())]
+        lines += [
+            f"gravity: {name} in {count} ticks: {message}"
+            for (name, count), message in zip(self.faults.items(), self.messages, strict=True)
+        ]
+        return "\n".join(lines)
 
 
 @dataclass(frozen=True)
@@ -32,6 +54,7 @@ class LoopReport:
     )  # RMS of reference - q_calibrated [rad|m]; None without corrector
     limited_ticks: int  # in which the limits changed a torque
     not_finite_ticks: int  # in which a torque or position was NaN or infinite, and no torque sent for it
+    gravity: GravityReport | None = None  # None without a source of gravity
 
     def __str__(self) -> str:
         lines = [f"{self.ticks} ticks at {self.rate_hz:g} Hz" + ("" if self.finished else ", not finished")]
@@ -49,6 +72,8 @@ class LoopReport:
                 line += f", calibrated {self.tracking_calibrated[j]:.4g} {unit}"
                 line += f"; outside the valid range {100.0 * self.outside_valid_range[j]:.3g} % of ticks"
             lines.append(line)
+        if self.gravity is not None:
+            lines.append(str(self.gravity))
         return "\n".join(lines)
 
 
@@ -73,6 +98,36 @@ class Tally:
     def outside(self, ticks: int) -> tuple[float, ...]:
         """Share of ticks outside the valid range (n,)."""
         return tuple(float(v) / max(1, ticks) for v in self._sums[4])
+
+
+class GravityTally:
+    """Counts what a source of gravity says over the ticks of a run."""
+
+    def __init__(self) -> None:
+        self._counts: dict[tuple[Status, Fault], int] = {}
+        self._largest_age = float("nan")
+
+    def add(self, reading: GravityReading) -> None:
+        """Count a tick."""
+        key = reading.status, reading.faults
+        self._counts[key] = self._counts.get(key, 0) + 1
+        if isfinite(reading.age) and not reading.age <= self._largest_age:
+            self._largest_age = reading.age
+
+    def report(self) -> GravityReport:
+        """What was counted."""
+        ticks: dict[str, int] = {}
+        faults: dict[Fault, int] = {}
+        for (status, shown), count in self._counts.items():
+            ticks[status.value] = ticks.get(status.value, 0) + count
+            for fault in shown:
+                faults[fault] = faults.get(fault, 0) + count
+        return GravityReport(
+            ticks=ticks,
+            faults={fault.names[0]: count for fault, count in faults.items()},
+            messages=tuple(fault.message for fault in faults),
+            largest_age=self._largest_age,
+        )
 
 
 def _rms(squares: Floats, counts: Floats) -> tuple[float, ...]:

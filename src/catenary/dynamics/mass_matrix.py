@@ -6,11 +6,12 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_batch
 from catenary.compiled import compiled
 from catenary.dynamics.coordinates import place_tree, to_robot_matrix
+from catenary.dynamics.kernels import MANY, write_mass_matrices
 from catenary.dynamics.recursion import composite_body_recursion
 from catenary.robots.model import RobotModel, Tree
 
 
-def mass_matrix(model: RobotModel, q: ArrayLike) -> Floats:
+def mass_matrix(model: RobotModel, q: ArrayLike, *, threads: int = 1) -> Floats:
     """Mass matrix: the kinetic energy is qd^T M qd / 2.
 
     Composite rigid bodies (Walker, Orin 1982). Motors' inertia is not in it.
@@ -18,6 +19,7 @@ def mass_matrix(model: RobotModel, q: ArrayLike) -> Floats:
     Args:
         model: The robot.
         q: (n,) or (N, n) coordinates [rad or m].
+        threads: How many to share the rows among; as in `gravity_torque`.
 
     Returns:
         Symmetric (n, n) or (N, n, n) [kg m2, kg m or kg], by the units of its row and column.
@@ -29,7 +31,10 @@ def mass_matrix(model: RobotModel, q: ArrayLike) -> Floats:
     model.require_inertia()
     rows, single = as_batch("q", q, model.n)
     out = np.empty((len(rows), model.n, model.n))
-    _mass_matrix_rows(model.tree, model.coupling, model.offset, rows, out)
+    if len(rows) >= MANY or threads > 1:
+        write_mass_matrices(model, rows, out, threads=threads)
+    else:
+        _mass_matrix_rows(model.tree, model.coupling, model.offset, rows, out)
     return out[0] if single else out
 
 

@@ -290,9 +290,12 @@ def composite_body_recursion(
             times(rotation, i, column(inertia, i, 1)),
             times(rotation, i, column(inertia, i, 2)),
         )
-        for k in range(3):  # columns of R I R^T, which is symmetric
+        for k in range(3):  # columns of R I R^T down to the diagonal, as it is symmetric
             turned = times(rotation, i, (half[0][k], half[1][k], half[2][k]))
-            put_column(inertia, parent, k, add(column(inertia, parent, k), turned))
+            for l in range(k + 1):
+                entry = inertia[parent, l, k] + turned[l]
+                inertia[parent, l, k] = entry
+                inertia[parent, k, l] = entry
         _add_shifted(inertia, parent, mass[i], times(rotation, i, row(moment, i)), row(position, i))
 
     for i in range(n):
@@ -329,9 +332,10 @@ def _add_shifted(inertia: Numbers, i: int, mass: float, moment: Vector, r: Vecto
     """
     diagonal = 2.0 * dot(r, moment) + mass * dot(r, r)
     for k in range(3):
-        for l in range(3):
+        for l in range(k + 1):
             outer = r[k] * moment[l] + moment[k] * r[l] + mass * r[k] * r[l]
+            entry = inertia[i, l, k] - outer
             if k == l:
-                inertia[i, k, l] = inertia[i, k, l] + (diagonal - outer)
-            else:
-                inertia[i, k, l] = inertia[i, k, l] - outer
+                entry = entry + diagonal
+            inertia[i, l, k] = entry
+            inertia[i, k, l] = entry

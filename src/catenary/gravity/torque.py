@@ -1,4 +1,7 @@
-"""The torque that holds an arm against gravity, and the energy it is the gradient of."""
+"""The torque that holds an arm against gravity, and the energy it is the gradient of.
+
+Loops hold `gravity_kernel(model)`, machine code of the robot's own.
+"""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -7,11 +10,14 @@ from catenary.arrays import Floats, as_batch
 from catenary.compiled import compiled
 from catenary.dynamics.coordinates import place_tree, to_robot
 from catenary.dynamics.inverse_dynamics import gravity_rows
+from catenary.dynamics.kernels import MANY, GravityKernel, gravity_kernel, write_gravity_torques
 from catenary.dynamics.recursion import first_moments, gravity_recursion
 from catenary.robots.model import RobotModel, Tree
 
+__all__ = ["GravityKernel", "gravity_kernel", "gravity_torque", "potential_energy"]
 
-def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
+
+def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike, *, threads: int = 1) -> Floats:
     """Torques that hold the arm still: g of M(q) qdd + C(q, qd) qd + g(q) = tau.
 
     In frame i let z be the axis of joint i, i_g gravity, and i_r_k the centre of mass of link k, one of the
@@ -23,6 +29,8 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Float
         model: The robot.
         q: (n,) or (N, n) coordinates [rad or m].
         gravity: (3,) or (N, 3) free-fall acceleration in base axes, down: (0, 0, -9.81) upright [m/s2].
+        threads: How many to share the rows among. From 50 000 rows on, or with threads, the robot's own kernel runs,
+            which takes a second to compile when it is first used; it differs from the recursion in rounding only.
 
     Returns:
         (n,) or (N, n) [Nm or N]: what the actuators must supply; never negate it. One q with many gravities
@@ -36,55 +44,11 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Float
     rows, single = as_batch("q", q, model.n)
     gravities = gravity_rows(gravity, len(rows))
     out = np.empty((len(rows), model.n))
-    _gravity_torque_rows(model.tree, model.coupling, model.offset, rows, gravities, out)
+    if len(rows) >= MANY or threads > 1:
+        write_gravity_torques(model, rows, gravities, out, threads=threads)
+    else:
+        _gravity_torque_rows(model.tree, model.coupling, model.offset, rows, gravities, out)
     return out[0] if single else out
-
-
-class GravityKernel:
-    """Gravity torque of one robot, for loops: no checks, no memory taken but for the result.
-
-    Not for two threads at once: calls share work arrays.
-    """
-
-    def __init__(self, model: RobotModel) -> None:
-        """Take a robot with inertia, and compile.
-
-        Raises:
-            MissingInertiaError: Links without inertia.
-        """
-        model.require_inertia()
-        self.model = model
-        n = len(model.tree.parent)
-        self._work = (
-            np.empty((3, n)),
-            np.empty((n, 3, 3)),
-            np.empty((n, 3)),
-            np.empty(n + 1),
-            np.empty((n + 1, 3)),
-            np.empty((n + 1, 3)),
-            np.empty(n),
-        )
-        self(np.zeros(model.n), np.zeros(3))
-
-    def __call__(self, q: Floats, gravity: Floats, out: Floats | None = None) -> Floats:
-        """Torques (n,) [Nm|N] that hold the arm still at q (n,) [rad|m] under gravity (3,) [m/s2]; see gravity_torque.
-
-        Both are arrays of float64; NaN in gives NaN out.
-        """
-        tau = np.empty(self.model.n) if out is None else out
-        _gravity_torque_row(
-            self.model.tree, self.model.coupling, self.model.offset, q, gravity, *self._work, tau
-        )
-        return tau
-
-
-def gravity_kernel(model: RobotModel) -> GravityKernel:
-    """What gives a robot's gravity torque in a loop; controllers hold it.
-
-    Raises:
-        MissingInertiaError: Links without inertia.
-    """
-    return GravityKernel(model)
 
 
 def potential_energy(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
@@ -121,44 +85,11 @@ def _gravity_torque_rows(
     mass, moment, link_gravity = np.empty(n + 1), np.empty((n + 1, 3)), np.empty((n + 1, 3))
     torque = np.empty(n)
     for k in range(len(q)):
-        g = gravity[k if len(gravity) > 1 else 0]
-        _gravity_torque_row(
-            tree,
-            coupling,
-            offset,
-            q[k],
-            g,
-            work,
-            rotation,
-            position,
-            mass,
-            moment,
-            link_gravity,
-            torque,
-            out[k],
-        )
-
-
-@compiled
-def _gravity_torque_row(
-    tree: Tree,
-    coupling: Floats,
-    offset: Floats,
-    q: Floats,
-    gravity: Floats,
-    work: Floats,
-    rotation: Floats,
-    position: Floats,
-    mass: Floats,
-    moment: Floats,
-    link_gravity: Floats,
-    torque: Floats,
-    out: Floats,
-) -> None:
-    place_tree(tree, coupling, offset, q, work, rotation, position)
-    g = (gravity[0], gravity[1], gravity[2])
-    gravity_recursion(tree, rotation, position, g, mass, moment, link_gravity, torque)
-    to_robot(coupling, torque, out)
+        place_tree(tree, coupling, offset, q[k], work, rotation, position)
+        row = gravity[k if len(gravity) > 1 else 0]
+        g = (row[0], row[1], row[2])
+        gravity_recursion(tree, rotation, position, g, mass, moment, link_gravity, torque)
+        to_robot(coupling, torque, out[k])
 
 
 @compiled

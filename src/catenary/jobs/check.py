@@ -11,6 +11,7 @@ import numpy as np
 from catenary.calibration.evaluate import DISPLAY
 from catenary.calibration.files import load_model
 from catenary.errors import FileFormatError
+from catenary.identification.files import load_identification
 from catenary.jobs.calibration_report import shortened
 from catenary.plant import MotionLog
 from catenary.recording.importers import read_arrays
@@ -26,7 +27,7 @@ LONG_GAP = 10.0  # times the median step between stamps
 class Finding:
     """What a file is, its facts, and its faults."""
 
-    kind: str  # "robot", "calibration model" or "recording"
+    kind: str  # "robot", "calibration model", "identified dynamics" or "recording"
     facts: list[tuple[str, str]] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)  # make it unfit for its use, or its numbers doubtful
     remarks: list[str] = field(default_factory=list)  # worth knowing
@@ -55,9 +56,9 @@ def check_file(source: str, *, units: Sequence[str] | None = None) -> Finding:
     if path.suffix.lower() in ROBOT_ENDINGS:
         return check_robot(load_robot(source))
     # a model may have any name; a recording's says what it is
-    if path.is_file() and is_zipfile(path) and "structure" in read_arrays(path):
-        return _check_model(path)
-    if path.suffix in (".npz", ".parquet"):
+    if path.is_file() and is_zipfile(path) and "structure" in (arrays := read_arrays(path)):
+        return _check_identification(path) if "combination" in arrays else _check_model(path)
+    if path.suffix in (".npz", ".parquet", ".csv"):
         return check_recording(read_log(path, units=units))
     if not path.exists():
         raise FileFormatError(
@@ -65,7 +66,7 @@ def check_file(source: str, *, units: Sequence[str] | None = None) -> Finding:
         )
     raise FileFormatError(
         f'{source}: ending "{path.suffix}" is none that catenary reads: robots ({", ".join(ROBOT_ENDINGS)}), '
-        "models (.npz), recordings (.npz, .parquet)"
+        "models (.npz), recordings (.npz, .parquet, .csv)"
     )
 
 
@@ -93,7 +94,12 @@ def check_robot(model: RobotModel) -> Finding:
         ("massless links", ", ".join(model.massless) or "none"),
         ("sources", "; ".join(model.sources) or "none stated"),
     ]
-    if model.missing_inertia:
+    if model.actuation is not None and model.missing_inertia == model.link_names:
+        # a table that states friction and filters but no inertia at all is there to be identified
+        finding.remarks.append(
+            "kinematics only, to be identified (catenary identify): torques and masses are refused until then"
+        )
+    elif model.missing_inertia:
         finding.faults.append(
             f"no inertia for {', '.join(model.missing_inertia)}: kinematics work, torques and masses are refused"
         )
@@ -108,7 +114,7 @@ def check_robot(model: RobotModel) -> Finding:
         n for n, low, high in zip(model.joint_names, model.lower, model.upper, strict=True) if low >= high
     ]
     finding.faults += [f"limits of {name}: the lower one is not below the upper" for name in unbound]
-    finding.remarks = list(model.notes)
+    finding.remarks += list(model.notes)
     return finding
 
 
@@ -175,6 +181,25 @@ def _check_time(finding: Finding, log: MotionLog) -> None:
         finding.faults.append(
             f"time goes back {back} times: stamps are shuffled, or many recordings were joined"
         )
+
+
+def _check_identification(path: Path) -> Finding:
+    result, card = load_identification(path)
+    finding = Finding("identified dynamics")
+    finding.facts = [
+        ("robot", result.model.name),
+        ("terms", result.options.terms),
+        ("base parameters", f"{result.base.count}, condition {result.condition:.4g}"),
+        ("physically consistent", "no" if result.phi is None else "yes"),
+        *(
+            (f"{r.log}, {r.verdict or 'fitted'}", ", ".join(f"{v:.3f}" for v in r.relative_rms))
+            for r in (*result.training, *result.tests)
+        ),
+        ("version", ", ".join(f"{k} {v}" for k, v in card["version"].items())),
+    ]
+    finding.faults = [f"fails on {r.log}" for r in result.tests if r.verdict == "fails"]
+    finding.remarks = list(card["notes"])
+    return finding
 
 
 def _check_model(path: Path) -> Finding:

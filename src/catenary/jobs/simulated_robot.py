@@ -8,12 +8,14 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.progress import Progress, silent
-from catenary.errors import ConfigError
+from catenary.errors import ConfigError, FileFormatError
 from catenary.jobs.motion import check_motion
 from catenary.jobs.project import Project, ProjectSettings, write
 from catenary.simulation.base_motion import FixedBase
+from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.cable_plant import JOINTS, CablePlant
 from catenary.simulation.firmware import PERIOD, TickLog
+from catenary.simulation.plant_state import FORMAT as STATE_FORMAT
 from catenary.simulation.plant_state import restore_plant, save_plant
 from catenary.simulation.raven_telemetry import COLUMNS, telemetry_of
 from catenary.trajectories.point_to_point import go_to
@@ -35,14 +37,25 @@ def make_plant(settings: ProjectSettings) -> CablePlant:
 
 
 def home_robot(project: Project) -> bool:
-    """Home the project's robot; whether it had to be done."""
+    """Home the project's robot; whether it had to be done.
+
+    It is done again when another version's robot has other numbers, or cannot read the state that was left.
+    """
     folder = project.folder / "robot"
+    homed = folder / "homed.npz"
+    if homed.is_file():
+        try:
+            restore_plant(make_plant(project.settings), homed)
+        except FileFormatError:
+            homed.unlink()  # the step is not done without it
 
     def work() -> None:
         folder.mkdir(exist_ok=True)
+        for left in folder.glob("after_*.npz"):
+            left.unlink()  # of the robot before it was homed again
         plant = make_plant(project.settings)
         plant.home()
-        save_plant(plant, folder / "homed.npz")
+        save_plant(plant, homed)
         telemetry = plant.telemetry()
         write(
             folder / "home.json",
@@ -56,9 +69,7 @@ def home_robot(project: Project) -> bool:
             },
         )
 
-    return project.run(
-        "home", _robot_settings(project.settings), [folder / "homed.npz", folder / "home.json"], work
-    )
+    return project.run("home", _robot_settings(project.settings), [homed, folder / "home.json"], work)
 
 
 def record_robot(
@@ -180,7 +191,14 @@ def motion_log_path(project: Project, name: str) -> Path:
 
 
 def _robot_settings(settings: ProjectSettings) -> Any:
-    return [settings.robot, settings.side, settings.seed, settings.base_tilt_deg, settings.payload_kg]
+    """Everything that makes the robot another one; a new version may bring other numbers, or states of another form."""
+    tables = load_cable_arm().file
+    numbers = [
+        {name: entry.value for name, entry in table.items()}
+        for table in (tables.cable, tables.firmware, tables.rig)
+    ]
+    who = [settings.robot, settings.side, settings.seed, settings.base_tilt_deg, settings.payload_kg]
+    return [*who, STATE_FORMAT, numbers]
 
 
 def _empty(folder: Path) -> None:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ PER_JOINT = ("q_nominal", "q_encoder", "qd", "tau")  # prefixes of columns
 def read_log(
     path: Path, *, units: Sequence[str] | None = None, joint_names: Sequence[str] | None = None
 ) -> MotionLog:
-    """Read a recording: a `.parquet` log or a `.npz` command log.
+    """Read a recording: a `.parquet` log, a `.npz` command log, or RAVEN-II's published `.csv` (its gold arm).
 
     Args:
         path: The file.
@@ -37,7 +38,13 @@ def read_log(
         return read_parquet(path, units=units, joint_names=joint_names)
     if path.suffix == ".npz":
         return read_command_log(path, units=units, joint_names=joint_names)
-    raise FileFormatError(f'{path}: ending "{path.suffix}": expected a recording, .npz or .parquet')
+    if path.suffix == ".csv":
+        from catenary.recording.raven_csv import read_raven_csv
+
+        log = read_raven_csv(path).log
+        _require_same(path, log.joint_names, log.joint_units, units, joint_names)
+        return replace(log, sha256=sha256_of(path))
+    raise FileFormatError(f'{path}: ending "{path.suffix}": expected a recording, .npz, .parquet or .csv')
 
 
 def write_parquet(log: MotionLog, path: Path) -> None:
@@ -118,14 +125,7 @@ def read_parquet(
         raise FileFormatError(
             f"{path}: is Parquet but no catenary motion log: its schema lacks the joint names and units"
         ) from error
-    if units is not None and tuple(units) != joint_units:
-        raise InputError(
-            f"{path}: states the units {','.join(joint_units)}, but {','.join(units)} were given"
-        )
-    if joint_names is not None and tuple(joint_names) != names:
-        raise InputError(
-            f"{path}: states the joints {', '.join(names)}, but {', '.join(joint_names)} were given"
-        )
+    _require_same(path, names, joint_units, units, joint_names)
     if len(set(names)) != len(names):
         raise InputError(f"{path}: joint names must differ, got {', '.join(names)}")
     columns: dict[str, NDArray[Any]] = {}
@@ -167,6 +167,24 @@ def read_parquet(
         units_assumed=bool(about.get("units_assumed", False)),
         notes=tuple(str(note) for note in about.get("notes", ())),
     )
+
+
+def _require_same(
+    path: Path,
+    names: Sequence[str],
+    joint_units: Sequence[str],
+    given_units: Sequence[str] | None,
+    given_names: Sequence[str] | None,
+) -> None:
+    """Refuse units or names that contradict the file's."""
+    if given_units is not None and tuple(given_units) != tuple(joint_units):
+        raise InputError(
+            f"{path}: states the units {','.join(joint_units)}, but {','.join(given_units)} were given"
+        )
+    if given_names is not None and tuple(given_names) != tuple(names):
+        raise InputError(
+            f"{path}: states the joints {', '.join(names)}, but {', '.join(given_names)} were given"
+        )
 
 
 def _is_number(kind: Any) -> bool:

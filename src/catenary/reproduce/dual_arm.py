@@ -5,9 +5,9 @@ The paper's timeline at 1 kHz: approach 0.2-7 s, estimation 7-12 s, homing 12-17
 trunk, left arm and right arm. Beyond the paper: from wrong parameters, and with 2 kg that the right hand takes up in
 the pose of approach one, unknown to all controllers; and recursive least squares beside the paper's law.
 
-Choices where the paper is silent: the poses (below); gains that let PD alone sag by some tenths of a degree, as
-the paper says of its own ("quite huge"), with rotors in the drives, without which a wrist of 1 g m2 takes no such gains at 1 kHz;
-estimators run all the time and hold still by themselves while the arm moves.
+Choices where the paper is silent: the poses (below); gains that let PD alone sag by some tenths of a degree ("quite
+huge", the paper says of its own), with rotors in the drives, without which a wrist of 1 g m2 bears no such gains at
+1 kHz; estimators run all the time and hold still by themselves while the arm moves.
 
 Run it with `make dual-arm`; it writes dual_arm.json and dual_arm.html and prints the tables.
 """

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError, UnsupportedModelError
+from catenary.robots.actuation import Actuation, check_actuation
 from catenary.robots.model import BASE, Frame, RobotModel, Tree
 from catenary.spatial import Pose, as_rotation, identity_pose
 
@@ -92,6 +93,7 @@ def assemble(
     tip: str | None = None,
     massless: Sequence[str] = (),
     closed_form: str | None = None,
+    actuation: Actuation | None = None,
     sources: Sequence[str] = (),
     notes: Sequence[str] = (),
 ) -> RobotModel:
@@ -105,6 +107,7 @@ def assemble(
         tip: Frame that kinematics mean by default; the last link of the longest chain otherwise.
         massless: Links to treat as massless though the description gives them no inertia.
         closed_form: Name of the closed-form inverse kinematics that holds.
+        actuation: Friction, motors, springs. Coordinates that move no link may stand there.
         sources: Where the numbers come from.
         notes: What the description holds and the model leaves out.
 
@@ -118,7 +121,9 @@ def assemble(
     _check_coordinates(where, coordinates)
     for link in ordered:
         _check_link(where, link, [c.name for c in coordinates])
-    _check_moved(where, ordered, coordinates)
+    if actuation is not None:
+        check_actuation(where, actuation, len(coordinates))
+    _check_moved(where, ordered, coordinates, actuation)
 
     folded = _fold(ordered)
     if not folded.moving:
@@ -152,6 +157,7 @@ def assemble(
         massless=tuple(link.name for link in without if link.massless),
         axes_of_com=np.array(folded.axes_of_com),
         closed_form=closed_form,
+        actuation=actuation,
         sources=tuple(sources),
         notes=tuple(notes),
     ).with_massless(massless)
@@ -280,9 +286,15 @@ def _check_coordinates(where: str, coordinates: Sequence[Coordinate]) -> None:
             )
 
 
-def _check_moved(where: str, links: Sequence[Link], coordinates: Sequence[Coordinate]) -> None:
+def _check_moved(
+    where: str, links: Sequence[Link], coordinates: Sequence[Coordinate], actuation: Actuation | None
+) -> None:
     moved = {name for link in links if link.joint != "fixed" for name in link.variable}
-    idle = [c.name for c in coordinates if c.name not in moved]
+    idle = [
+        c.name
+        for i, c in enumerate(coordinates)
+        if c.name not in moved and (actuation is None or not actuation.moves(i))
+    ]
     if idle and moved:  # a robot without any moving joint is refused as such
         raise InputError(f"{where}: coordinates {', '.join(idle)} move no joint")
 

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from catenary.errors import InputError
+from catenary.robots.actuation import Actuation
 from catenary.robots.assembly import ANYWHERE, Coordinate, JointKind, Link, LinkInertia, assemble
 from catenary.robots.model import BASE, RobotModel
 from catenary.spatial import Pose, identity_pose, rotation_about_x, rotation_about_z
@@ -35,6 +36,7 @@ class DHRow:
     variable: Mapping[str, float] | None = None
     lower: float = -np.inf
     upper: float = np.inf
+    velocity: float = np.inf
     inertia: LinkInertia | None = None
     massless: bool = False
     axes_of_com: tuple[bool, bool, bool] = ANYWHERE  # axes of the DH frame on which the CoM may lie
@@ -54,6 +56,7 @@ class DHRobot:
     tip: str | None = None
     massless: Sequence[str] = ()  # rows without inertia that are meant to have none
     closed_form: str | None = None
+    actuation: Actuation | None = None
     sources: Sequence[str] = ()
 
 
@@ -95,11 +98,12 @@ def from_dh(robot: DHRobot) -> RobotModel:
     return assemble(
         robot.name,
         links,
-        robot.coordinates if robot.coordinates is not None else _own_coordinates(robot.rows),
+        robot.coordinates if robot.coordinates is not None else own_coordinates(robot.rows),
         frames=frames,
         tip=robot.tip if robot.tip is not None else above,
         massless=robot.massless,
         closed_form=robot.closed_form,
+        actuation=robot.actuation,
         sources=robot.sources,
     )
 
@@ -123,9 +127,10 @@ def _has_own_coordinate(row: DHRow) -> bool:
     return row.joint != "fixed" and (row.variable is None or row.name in row.variable)
 
 
-def _own_coordinates(rows: Sequence[DHRow]) -> list[Coordinate]:
+def own_coordinates(rows: Sequence[DHRow]) -> list[Coordinate]:
+    """Give the coordinates of rows that move with their own names."""
     return [
-        Coordinate(row.name, "m" if row.joint == "prismatic" else "rad", row.lower, row.upper)
+        Coordinate(row.name, "m" if row.joint == "prismatic" else "rad", row.lower, row.upper, row.velocity)
         for row in rows
         if _has_own_coordinate(row)
     ]

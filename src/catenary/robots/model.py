@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats, frozen
+from catenary.arrays import Floats, as_array, frozen
 from catenary.errors import InputError, MissingInertiaError
+from catenary.robots.actuation import Actuation
 from catenary.spatial import Pose
 
 BASE = "base"  # the name of the frame that everything hangs on
@@ -65,6 +66,8 @@ class RobotModel:
     axes_of_com: NDArray[np.bool_] = field(default_factory=lambda: np.ones((0, 3), dtype=bool))
     # (n_tree, 3) axes of frame i on which link i's centre of mass may lie; all of them when none is declared
     closed_form: str | None = None  # which closed-form inverse kinematics holds, if any
+    actuation: Actuation | None = None  # friction, springs, motors, if stated
+    without_payload: "RobotModel | None" = None  # the same robot before a payload was added
     sources: tuple[str, ...] = ()  # where the numbers come from
     notes: tuple[str, ...] = ()  # what the description holds and the model leaves out
 
@@ -127,6 +130,45 @@ class RobotModel:
             self,
             missing_inertia=tuple(link for link in self.missing_inertia if link not in declared),
             massless=tuple(link for link in self.link_names if link in declared),
+        )
+
+    def with_payload(self, frame: str, mass: float, position: Sequence[float] | Floats) -> "RobotModel":
+        """Give the robot carrying a point mass; `without_payload` of the result is this robot again.
+
+        With a mass of zero it is this robot itself, to the last bit.
+
+        Args:
+            frame: What it is fixed to.
+            mass: [kg], zero or more.
+            position: (3,) [m] in that frame.
+
+        Raises:
+            InputError: Unknown frame, one that does not move, negative mass, or NaN.
+            MissingInertiaError: Links without inertia: what the payload is added to is not known.
+        """
+        self.require_inertia()
+        where = f'robot "{self.name}": payload on "{frame}"'
+        link, pose = self.frame(frame)
+        place = pose.rotation @ as_array(f"{where}: position", position, (3,)) + pose.position
+        load = float(as_array(f"{where}: mass", mass, ()))
+        if load < 0.0:
+            raise InputError(f"{where}: mass {load:g} kg, expected zero or more")
+        if link < 0:
+            raise InputError(f"{where}: does not move; what hangs there loads no joint")
+        if load == 0.0:
+            return self
+        own = self.tree.mass[link]
+        apart = place - self.tree.com[link]
+        masses, coms, tensors = self.tree.mass.copy(), self.tree.com.copy(), self.tree.inertia.copy()
+        masses[link] = own + load
+        coms[link] += load / (own + load) * apart
+        # parallel axes: two bodies about their common centre, reduced mass times the distance between theirs
+        tensors[link] += own * load / (own + load) * (apart @ apart * np.eye(3) - np.outer(apart, apart))
+        return replace(
+            self,
+            tree=self.tree._replace(mass=masses, com=coms, inertia=tensors),
+            massless=tuple(name for name in self.massless if name != self.link_names[link]),
+            without_payload=self,
         )
 
     def renamed(self, name: str) -> "RobotModel":

@@ -9,8 +9,9 @@ from pydantic import Field
 
 from catenary.config import Settings, load_toml
 from catenary.errors import ConfigError, InputError, UnsupportedModelError
+from catenary.robots.actuation_table import ActuationTable, read_actuation
 from catenary.robots.assembly import Coordinate, LinkInertia
-from catenary.robots.dh import DHRobot, DHRow, from_dh
+from catenary.robots.dh import DHRobot, DHRow, from_dh, own_coordinates
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
 
@@ -31,6 +32,8 @@ class LinkTable(Settings):
     variable: dict[str, float] | None = None
     limits_deg: tuple[float, float] | None = None
     limits_m: tuple[float, float] | None = None
+    velocity_deg_s: Annotated[float, Field(gt=0.0)] | None = None
+    velocity_m_s: Annotated[float, Field(gt=0.0)] | None = None
     mass_kg: float | None = None
     com_m: Vector | None = None
     inertia_kg_m2: tuple[float, float, float, float, float, float] | None = (
@@ -52,6 +55,8 @@ class CoordinateTable(Settings):
     unit: Literal["rad", "m"]
     limits_deg: tuple[float, float] | None = None
     limits_m: tuple[float, float] | None = None
+    velocity_deg_s: Annotated[float, Field(gt=0.0)] | None = None
+    velocity_m_s: Annotated[float, Field(gt=0.0)] | None = None
 
 
 class FrameTable(Settings):
@@ -77,6 +82,7 @@ class RobotTable(Settings):
     link: Annotated[list[LinkTable], Field(min_length=1)]
     coordinate: list[CoordinateTable] | None = None
     frame: tuple[FrameTable, ...] = ()
+    actuation: ActuationTable | None = None
 
 
 def load_table(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
@@ -102,10 +108,15 @@ def _robot(path: Path, table: RobotTable, massless: Sequence[str]) -> DHRobot:
     for name in names:
         if names.count(name) > 1:
             raise ConfigError(f'{path}: two frames are named "{name}"')
+    rows = [_row(path, row) for row in table.link]
+    actuation = None
+    if table.actuation is not None:
+        named = coordinates if coordinates is not None else own_coordinates(rows)
+        actuation = read_actuation(path, table.actuation, [c.name for c in named])
     return DHRobot(
         name=table.name,
         convention=table.convention,
-        rows=[_row(path, row) for row in table.link],
+        rows=rows,
         base=Pose(np.array(table.base_rotation, dtype=float), np.array(table.base_position_m)),
         base_frame=table.base_frame,
         coordinates=coordinates,
@@ -116,6 +127,7 @@ def _robot(path: Path, table: RobotTable, massless: Sequence[str]) -> DHRobot:
         tip=table.tip,
         massless=massless,
         closed_form=table.closed_form,
+        actuation=actuation,
         sources=[*table.sources, *(f"{row.name}: {row.source}" for row in table.link if row.source)],
     )
 
@@ -133,6 +145,7 @@ def _row(path: Path, row: LinkTable) -> DHRow:
         variable=row.variable,
         lower=limits.lower,
         upper=limits.upper,
+        velocity=limits.velocity,
         inertia=_inertia(path, row),
         massless=row.massless,
         axes_of_com=("x" in row.axes_of_com, "y" in row.axes_of_com, "z" in row.axes_of_com),
@@ -157,15 +170,18 @@ def _inertia(path: Path, row: LinkTable) -> LinkInertia | None:
 
 
 def _coordinate(path: Path, name: str, unit: str, limits: LinkTable | CoordinateTable) -> Coordinate:
-    given, other = (
-        (limits.limits_deg, limits.limits_m) if unit == "rad" else (limits.limits_m, limits.limits_deg)
-    )
-    if other is not None:
-        wanted = "limits_deg" if unit == "rad" else "limits_m"
-        raise ConfigError(f'{path}: "{name}" is in {unit}: expected {wanted} for its limits')
+    suffix = "deg" if unit == "rad" else "m"
+    for key in ("limits_deg", "limits_m", "velocity_deg_s", "velocity_m_s"):
+        if getattr(limits, key) is not None and f"_{suffix}" not in key:
+            wanted = key.replace("_deg", "_m") if suffix == "m" else key.replace("_m", "_deg", 1)
+            raise ConfigError(f'{path}: "{name}" is in {unit}: expected {wanted} for its limits')
+    to_si = np.pi / 180.0 if unit == "rad" else 1.0
+    given: tuple[float, float] | None = getattr(limits, f"limits_{suffix}")
+    velocity: float | None = getattr(limits, f"velocity_{suffix}_s")
+    fastest = np.inf if velocity is None else velocity * to_si
     if given is None:
-        return Coordinate(name, unit)
-    lower, upper = (float(np.deg2rad(v)) if unit == "rad" else v for v in given)
+        return Coordinate(name, unit, velocity=fastest)
+    lower, upper = (v * to_si for v in given)
     if not lower < upper:
         raise ConfigError(f'{path}: "{name}": limits {given}: expected the lower one first')
-    return Coordinate(name, unit, lower, upper)
+    return Coordinate(name, unit, lower, upper, fastest)

@@ -173,7 +173,7 @@ class CablePlant:
         return self._tick
 
     def measured_js(self) -> JointState:
-        """Joint state as the firmware believes it; gravity is free fall minus the base origin's own acceleration."""
+        """Joint state as the firmware believes it; gravity and rates of ideal sensors at the base's origin."""
         c = self.control
         base = self._base.rows(self._tick, 1)[0]
         return JointState(
@@ -182,7 +182,7 @@ class CablePlant:
             c.joint_velocity.copy(),
             joint_torques(self.firmware, self.control.torque),
             c.motor.copy(),
-            base.gravity[0] - base.motion[0, 2],
+            base.gravity[0] - base.motion[0, 2],  # an accelerometer cannot tell one from the other
             0.0,
             base.motion[0, :2].copy(),
         )

@@ -47,7 +47,10 @@ def restore_plant(plant: CablePlant, path: Path) -> None:
     except FileNotFoundError as error:
         raise FileFormatError(f"{path}: no such file; the robot was not put away there") from error
     except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
-        raise FileFormatError(f"{path}: is no state of a simulated robot: {error}") from error
+        raise FileFormatError(
+            f"{path}: is no state of a simulated robot that this version reads ({error!r}); where another version "
+            "left it, home again: `catenary home PROJECT`"
+        ) from error
 
 
 def _robot(plant: CablePlant) -> dict[str, object]:

@@ -1,0 +1,282 @@
+"""catenary gravity, track and hold."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from catenary.cli.robots import Q, QDeg, Robot, beyond_limits, joint_values
+from catenary.cli.terminal import print_json, print_notes, print_table, words
+from catenary.errors import InputError
+
+if TYPE_CHECKING:
+    from catenary.simulation.base_motion import MovingBase
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+Simulated = Annotated[str, typer.Argument(metavar="ROBOT", help="raven2 or raven2_right, simulated.")]
+BaseTilt = Annotated[
+    tuple[float, float] | None,
+    typer.Option(
+        "--base-tilt-deg",
+        metavar="R P",
+        help="Turn the base by R about x, then by P about its own y (of raven2 the axis of joint 1, reversed).",
+    ),
+]
+RockDeg = Annotated[
+    tuple[float, float] | None,
+    typer.Option(
+        "--rock-deg",
+        metavar="FROM TO",
+        help="Rock the base about its y axis between these angles, after the tilt.",
+    ),
+]
+RockHz = Annotated[float, typer.Option("--rock-hz", metavar="F", min=0.0, help="How often a second.")]
+Payload = Annotated[
+    float,
+    typer.Option(
+        "--payload", metavar="KG", min=0.0, help="Mass at the tool's wrist; the model knows nothing of it."
+    ),
+]
+Seed = Annotated[
+    int | None,
+    typer.Option(
+        "--seed", metavar="N", min=0, help="Draw another robot of the kind. [default: the nominal one]"
+    ),
+]
+
+
+def gravity(
+    robot: Robot,
+    q: Q = None,
+    q_deg: QDeg = None,
+    tilt_deg: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            "--tilt-deg", metavar="R P", help="The base turned by R about x, then by P about its own y."
+        ),
+    ] = None,
+    vector: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(
+            "--gravity", metavar="X Y Z", help="Free-fall acceleration in base axes, z up, in m/s2."
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Print what holds an arm still under gravity.
+
+    On a base that is tilted, or under any vector; beside it the torques on a level base.
+
+    Example: catenary gravity raven2 --q 0,1.57,0.32 --tilt-deg 0 20
+    """
+    import numpy as np
+
+    from catenary.jobs.gravity_torques import LEVEL, gravity_of_tilt, gravity_torques
+    from catenary.robots.catalog import load_robot
+
+    if tilt_deg is not None and vector is not None:
+        raise InputError("gravity: give one of --tilt-deg and --gravity")
+    model = load_robot(robot)
+    model.require_inertia()
+    values = joint_values(model, q, q_deg)
+    down = LEVEL if vector is None else vector
+    if tilt_deg is not None:
+        if not np.isfinite(tilt_deg).all():
+            raise InputError(f"--tilt-deg: expected finite numbers, got {list(tilt_deg)}")
+        roll, pitch = np.deg2rad(tilt_deg)
+        down = tuple(gravity_of_tilt(float(roll), float(pitch)))
+    result = gravity_torques(model, values, down)
+    print_notes(beyond_limits(model, values))
+    if as_json:
+        print_json(result.as_data())
+        return
+    rows = [
+        [name, f"{tau:.4f}", f"{level:.4f}", f"{tau - level:+.4f}", unit]
+        for name, tau, level, unit in zip(
+            model.joint_names, result.tau, result.level, result.units, strict=True
+        )
+    ]
+    shown = ", ".join(f"{v:.4g}" for v in result.gravity)
+    print_table(
+        f"{model.name}: what holds it still under gravity ({shown}) m/s2 in base axes",
+        ["joint", "torque", "level base", "difference", "unit"],
+        rows,
+    )
+
+
+def track(
+    robot: Simulated,
+    controller: Annotated[
+        str,
+        typer.Option(
+            "--controller",
+            metavar="NAME",
+            help="pd, sg (PD and gravity of a level base), dg (PD and sensed gravity), inertia, computed-torque, "
+            "elastic-constant, elastic-online or elastic-biased.",
+        ),
+    ] = "dg",
+    motion: Annotated[
+        str,
+        typer.Option(
+            "--motion",
+            metavar="NAME",
+            help="cartesian (sinusoids of the tip along x, y, z), random, or poses (at rest along joint 1's range).",
+        ),
+    ] = "cartesian",
+    q: Annotated[
+        str | None, typer.Option("--q", metavar="Q,Q,...", help="Where cartesian begins, in rad and m.")
+    ] = None,
+    q_deg: Annotated[
+        str | None, typer.Option("--q-deg", metavar="Q,Q,...", help="The same in deg and mm.")
+    ] = None,
+    amplitude_mm: Annotated[
+        float, typer.Option("--amplitude-mm", metavar="A", min=0.0, help="Of the sinusoids.")
+    ] = 78.74,
+    axes: Annotated[
+        str, typer.Option("--axes", metavar="A,A,...", help="Along which the sinusoids are, of the base.")
+    ] = "x,y,z",
+    seconds: Annotated[
+        float, typer.Option("--seconds", metavar="S", min=2.0, help="Of the random motion.")
+    ] = 20.0,
+    damping: Annotated[
+        str,
+        typer.Option(
+            "--damping",
+            metavar="KIND",
+            help="relative, to the motion's velocity, or absolute, as RAVEN-II's own control: it then lags.",
+        ),
+    ] = "relative",
+    base_tilt_deg: BaseTilt = None,
+    rock_deg: RockDeg = None,
+    rock_hz: RockHz = 1.0,
+    payload: Payload = 0.0,
+    seed: Seed = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", metavar="HTML", help="Also write a self-contained page.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Let a simulated arm follow a motion.
+
+    Tells the joint errors and the PD term's share of the torque.
+
+    Example: catenary track raven2 --controller sg --base-tilt-deg 0 20 --motion poses
+    """
+    import numpy as np
+
+    from catenary.jobs.controllers import make_controller
+    from catenary.jobs.gravity_motion import make_motion
+    from catenary.jobs.gravity_report import tracking_table, write_tracking_report
+    from catenary.jobs.gravity_track import track as run
+    from catenary.jobs.simulated_arm import simulated_arm
+
+    if report is not None and (report.is_dir() or not report.parent.is_dir()):
+        raise InputError(f"--report {report}: expected a file in a folder that exists")
+    arm = simulated_arm(robot, base=_base(base_tilt_deg, rock_deg, rock_hz), payload=payload, seed=seed)
+    start = None if q is None and q_deg is None else joint_values(arm.model, q, q_deg)
+    chosen = make_motion(
+        motion,
+        arm.model,
+        arm.plant,
+        np.random.default_rng(seed or 0),
+        q_start=start,
+        amplitude=amplitude_mm / 1000.0,
+        axes=words(axes),
+        seconds=seconds,
+    )
+    result = run(
+        arm,
+        make_controller(controller, arm, damping=damping),  # type: ignore[arg-type]  # refuses what it does not know
+        chosen.trajectory,
+        windows=chosen.windows,
+    )
+    settings = {
+        "robot": robot,
+        "controller": controller,
+        "motion": motion,
+        "damping": damping,
+        "base_tilt_deg": base_tilt_deg or (0.0, 0.0),
+        "rock_deg": rock_deg,
+        "rock_hz": None if rock_deg is None else rock_hz,
+        "payload": payload,
+        "seed": seed,
+    }
+    if report is not None:
+        write_tracking_report(report, result, settings)
+    if as_json:
+        print_json({**settings, **result.as_data()})
+        return
+    table = tracking_table(result)
+    print_table(f"{robot} (simulated), controller {controller}, {motion}", table.header, table.rows)
+    if report is not None:
+        print(f"page: {report}")
+
+
+def hold(
+    robot: Simulated,
+    q: Q = None,
+    q_deg: QDeg = None,
+    controller: Annotated[
+        str,
+        typer.Option(
+            "--controller", metavar="NAME", help="sg (gravity of a level base) or dg (sensed gravity)."
+        ),
+    ] = "dg",
+    seconds: Annotated[float, typer.Option("--seconds", metavar="S", help="How long to watch.")] = 10.0,
+    base_tilt_deg: BaseTilt = None,
+    rock_deg: RockDeg = None,
+    rock_hz: RockHz = 1.0,
+    payload: Payload = 0.0,
+    seed: Seed = None,
+    as_json: AsJson = False,
+) -> None:
+    """Let gravity compensation alone hold an arm.
+
+    A simulated one; tells how far each joint drifts.
+
+    Example: catenary hold raven2 --base-tilt-deg 0 180 --seconds 2
+    """
+    from catenary.jobs.controllers import make_hold
+    from catenary.jobs.gravity_hold import hold as run
+    from catenary.jobs.gravity_motion import HOLD_START
+    from catenary.jobs.gravity_report import holding_table
+    from catenary.jobs.simulated_arm import simulated_arm
+
+    arm = simulated_arm(robot, base=_base(base_tilt_deg, rock_deg, rock_hz), payload=payload, seed=seed)
+    pose = HOLD_START if q is None and q_deg is None else joint_values(arm.model, q, q_deg)
+    result = run(arm, make_hold(controller, arm), pose, seconds)
+    if as_json:
+        settings = {
+            "robot": robot,
+            "controller": controller,
+            "base_tilt_deg": base_tilt_deg or (0.0, 0.0),
+            "rock_deg": rock_deg,
+            "rock_hz": None if rock_deg is None else rock_hz,
+            "payload": payload,
+            "seed": seed,
+        }
+        print_json({**settings, **result.as_data()})
+        return
+    table = holding_table(result)
+    print_table(f"{robot} (simulated), held by {controller} for {seconds:g} s", table.header, table.rows)
+
+
+def _base(
+    tilt_deg: tuple[float, float] | None, rock_deg: tuple[float, float] | None, rock_hz: float
+) -> "MovingBase":
+    """What the arm stands on."""
+    import numpy as np
+
+    from catenary.simulation.base_motion import FixedBase, RockingBase
+
+    for name, values in (("--base-tilt-deg", tilt_deg), ("--rock-deg", rock_deg), ("--rock-hz", rock_hz)):
+        if values is not None and not np.isfinite(values).all():
+            raise InputError(f"{name}: expected finite numbers, got {values}")
+    roll, pitch = np.deg2rad(tilt_deg or (0.0, 0.0))
+    start = FixedBase(float(roll), float(pitch))
+    if rock_deg is None:
+        return start
+    first, last = np.deg2rad(rock_deg)
+    return RockingBase(
+        float(first + last) / 2.0, float(last - first) / 2.0, rock_hz, axis=(0.0, 1.0, 0.0), start=start
+    )

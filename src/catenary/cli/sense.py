@@ -1,0 +1,278 @@
+"""catenary sense."""
+
+import math
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from catenary.cli.terminal import print_fact, print_json, print_notes
+from catenary.errors import InputError
+
+if TYPE_CHECKING:
+    from catenary.gravity.mounting import Mounting
+    from catenary.gravity.vector import GravityReading
+    from catenary.jobs.sense import Feed, SenseSummary, StillReading
+    from catenary.jobs.tumble import Step, TumbleOutcome
+
+_SHOWN_EVERY = 0.1  # [s] on a terminal
+_LINE_EVERY = 1.0  # [s] in a file or pipe
+
+
+def sense(
+    port: Annotated[
+        str | None, typer.Option("--port", metavar="PORT", help="Serial port of a board, as /dev/ttyACM0.")
+    ] = None,
+    simulated: Annotated[bool, typer.Option("--simulated", help="A simulated sensor in its place.")] = False,
+    tilt_deg: Annotated[
+        tuple[float, float] | None,
+        typer.Option("--tilt-deg", metavar="R P", help="Roll, then pitch, of the simulated base."),
+    ] = None,
+    rate: Annotated[
+        float | None, typer.Option("--rate", metavar="HZ", help="Of the simulated sensor. [default: 200]")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the simulated sensor's noise.")] = 0,
+    duration: Annotated[
+        float | None, typer.Option("--duration", metavar="S", help="[default: 5; until Ctrl-C on a terminal]")
+    ] = None,
+    mounting: Annotated[
+        Path | None, typer.Option("--mounting", metavar="FILE", help="Mounting file of the sensor.")
+    ] = None,
+    hanging: Annotated[bool, typer.Option("--hanging", help="The base may hang upside down.")] = False,
+    baud: Annotated[int, typer.Option("--baud", min=300, help="Speed of the serial line.")] = 115200,
+    tumble: Annotated[
+        bool, typer.Option("--tumble", help="Go through attitudes, and write a mounting file.")
+    ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="Of --tumble. [default: mounting.toml]"),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON summary at the end.")] = False,
+) -> None:
+    """Show gravity as a sensor on the base has it.
+
+    With --tumble the sensor is calibrated.
+
+    The exit code is 1 when nothing that can be believed was measured, or a tumble found a fault.
+
+    Example: catenary sense --simulated --tilt-deg 10 5 --duration 2
+    """
+    from catenary.gravity.mounting import Mounting, load_mounting
+
+    if (port is None) is not simulated:
+        raise InputError("sense: give one of --port and --simulated")
+    if not simulated and (tilt_deg is not None or rate is not None):
+        raise InputError("sense: --tilt-deg and --rate are of a simulated sensor; with --port leave them out")
+    if out is not None and not tumble:
+        raise InputError("sense: --out is where --tumble writes; add --tumble")
+    told = Mounting() if mounting is None else load_mounting(mounting)
+    with _opened(port, told, tilt_deg or (0.0, 0.0), 200.0 if rate is None else rate, seed, baud, tumble) as (
+        feed,
+        known,
+    ):
+        if tumble or feed is None:
+            _tumble(feed, known, 200.0 if rate is None else rate, seed, out or Path("mounting.toml"), as_json)
+        else:
+            _watch(feed, known, duration, hanging, as_json)
+
+
+@contextmanager
+def _opened(
+    port: str | None,
+    told: "Mounting",
+    tilt_deg: tuple[float, float],
+    rate: float,
+    seed: int,
+    baud: int,
+    tumble: bool,
+) -> "Iterator[tuple[Feed | None, Mounting]]":
+    """The sensor, and its mounting with its ranges; no feed for a simulated tumble, which is many sensors."""
+    from dataclasses import replace
+
+    from catenary.gravity.samples import Mailbox
+    from catenary.jobs.sense import SerialFeed, SimulatedFeed
+    from catenary.simulation.base_motion import FixedBase
+    from catenary.simulation.sensors import SensorModel, SimulatedSensor
+
+    if port is not None:
+        from catenary.devices.accelerometer import SerialAccelerometer
+
+        with SerialAccelerometer(port, Mailbox(), baud=baud) as device:
+            hello = device.wait_ready()
+            print_notes([f"{port}: {hello.sensor}, {hello.rate_hz:g} Hz"])
+            yield SerialFeed(device), device.with_ranges(told)
+        return
+    model = SensorModel(rate)
+    told = replace(
+        told,
+        acceleration_range=min(told.acceleration_range, model.mounting.acceleration_range),
+        rate_range=min(told.rate_range, model.mounting.rate_range),
+    )
+    if tumble:
+        yield None, told
+        return
+    base = FixedBase(math.radians(tilt_deg[0]), math.radians(tilt_deg[1]))
+    # what is told of the mounting is true of the simulated sensor
+    sensor = SimulatedSensor(base, Mailbox(), replace(model, mounting=told), seed=seed)
+    yield SimulatedFeed(sensor, paced=sys.stdout.isatty()), told
+
+
+def _watch(feed: "Feed", mounting: "Mounting", duration: float | None, hanging: bool, as_json: bool) -> None:
+    from catenary.gravity.imu import SensedGravity
+    from catenary.gravity.sensor_checks import SensorRules
+    from catenary.jobs.sense import watch
+
+    rules = SensorRules(max_tilt=math.pi) if hanging else SensorRules()
+    source = SensedGravity(feed.mailbox, mounting, angular=feed.has_gyroscope, rules=rules)
+    length = (math.inf if sys.stdout.isatty() and not as_json else 5.0) if duration is None else duration
+    with _display(as_json) as show:
+        summary = watch(feed, source, length, show=show)
+    if as_json:
+        print_json(summary.as_data())
+    else:
+        _print_summary(summary)
+    if not summary.was_live:
+        raise typer.Exit(1)
+
+
+@contextmanager
+def _display(as_json: bool) -> "Iterator[Callable[[GravityReading, float], None]]":
+    """What shows readings as they come: a panel that stays in place on a terminal, else a line a second."""
+    if as_json:
+        yield lambda reading, time: None
+        return
+    last = [-math.inf]
+    if not sys.stdout.isatty():
+
+        def line(reading: "GravityReading", time: float) -> None:
+            if time - last[0] >= _LINE_EVERY:
+                last[0] = time
+                print(f"{time:8.1f} s  {'  '.join(_lines(reading)[:1])}  {' '.join(reading.faults.names)}")
+
+        yield line
+        return
+    from rich.console import Console
+    from rich.live import Live
+    from rich.text import Text
+
+    with Live(console=Console(), refresh_per_second=10, transient=True) as live:
+
+        def panel(reading: "GravityReading", time: float) -> None:
+            if time - last[0] >= _SHOWN_EVERY:
+                last[0] = time
+                warnings = [f"WARNING {f.names[0]}: {f.message}" for f in reading.faults]
+                live.update(Text("\n".join([*_lines(reading), *warnings, "Ctrl-C ends"])))
+
+        yield panel
+
+
+def _lines(reading: "GravityReading") -> list[str]:
+    import numpy as np
+
+    from catenary.gravity.vector import tilt_angle, tilt_of
+
+    x, y, z = reading.gravity
+    roll, pitch = np.degrees(tilt_of(reading.gravity))
+    age = "never measured" if math.isinf(reading.age) else f"{1000.0 * reading.age:.0f} ms old"
+    rates = np.degrees(reading.base_rates[0])
+    return [
+        f"gravity {x:+7.3f} {y:+7.3f} {z:+7.3f} m/s2, length {np.linalg.norm(reading.gravity):.3f}, "
+        f"tilt {np.degrees(tilt_angle(reading.gravity)):.2f} deg, {age}, {reading.status.value}",
+        f"roll {roll:+.2f} deg, pitch {pitch:+.2f} deg",
+        "turning " + " ".join(f"{v:+.2f}" for v in rates) + " deg/s",
+    ]
+
+
+def _print_summary(summary: "SenseSummary") -> None:
+    import numpy as np
+
+    for text in _lines(summary.reading):
+        print(text)
+    if summary.was_live:
+        spread = ", ".join(f"{v:.4f}" for v in summary.spread)
+        mean = ", ".join(f"{v:.4f}" for v in summary.mean)
+        print(f"mean of {summary.duration:.1f} s: {mean} m/s2, standard deviation {spread} m/s2")
+    for (name, count), message in zip(summary.gravity.faults.items(), summary.gravity.messages, strict=True):
+        share = 100.0 * count / max(1, sum(summary.gravity.ticks.values()))
+        print_fact("WARNING:", f"{name} for {share:.1f} % of the time: {message}", width=8)
+    if summary.link:
+        print("line: " + ", ".join(f"{k} {v}" for k, v in summary.link.items()))
+    if not np.isfinite(summary.mean).all():
+        print("nothing that can be believed was measured")
+
+
+def _tumble(feed: "Feed | None", start: "Mounting", rate: float, seed: int, out: Path, as_json: bool) -> None:
+    from catenary.gravity.mounting import save_mounting
+    from catenary.jobs.tumble import STEPS, run_tumble, simulated_reader
+    from catenary.simulation.sensors import SensorModel
+
+    if feed is None:
+        outcome = run_tumble(simulated_reader(SensorModel(rate, mounting=start), seed=seed), start=start)
+    else:
+        print_notes([f"{len(STEPS)} attitudes; put the sensor there, let go of it, then press Enter"])
+        outcome = run_tumble(_by_hand(feed), start=start)
+    if not outcome.faults:
+        save_mounting(out, outcome.mounting, outcome.section)
+    _print_tumble(outcome, out, as_json)
+    if outcome.faults:
+        raise typer.Exit(1)
+
+
+def _by_hand(feed: "Feed") -> "Callable[[Step], StillReading]":
+    from catenary.jobs.sense import read_still
+    from catenary.jobs.tumble import STEPS
+
+    def read(step: "Step") -> "StillReading":
+        print(
+            f"{STEPS.index(step) + 1}/{len(STEPS)} {step.instruction}; Enter ",
+            end="",
+            file=sys.stderr,
+            flush=True,
+        )
+        if not _enter_pressed():
+            raise InputError("sense: --tumble needs somebody at the keyboard, and standard input has ended")
+        reading = read_still(feed)
+        print("   " + " ".join(f"{v:+.3f}" for v in reading.force) + " m/s2", file=sys.stderr)
+        return reading
+
+    return read
+
+
+def _enter_pressed() -> bool:
+    """Wait for Enter; false where nobody can press it."""
+    return bool(sys.stdin.readline())
+
+
+def _print_tumble(outcome: "TumbleOutcome", out: Path, as_json: bool) -> None:
+    m, section = outcome.mounting, outcome.section
+    if as_json:
+        print_json(
+            {
+                "mounting": None if outcome.faults else str(out),
+                "bias": m.bias,
+                "scale": m.scale,
+                "rate_bias": m.rate_bias,
+                "rotation": m.rotation,
+                "residual": section.residual_m_s2,
+                "rotation_residual_deg": section.rotation_residual_deg,
+                "readings": section.readings,
+                "faults": list(outcome.faults),
+            }
+        )
+        return
+    for name, values, unit in (
+        ("bias", m.bias, "m/s2"),
+        ("scale", m.scale, ""),
+        ("rate bias", m.rate_bias, "rad/s"),
+    ):
+        print_fact(name, " ".join(f"{v:+.4f}" for v in values) + f" {unit}", width=10)
+    for k, row in enumerate(m.rotation):
+        print_fact("R_base_imu" if k == 0 else "", " ".join(f"{v:+.4f}" for v in row), width=10)
+    if section.residual_m_s2 is not None:
+        print_fact("residual", f"{section.residual_m_s2:.4f} m/s2", width=10)
+    for fault in outcome.faults:
+        print_fact("WRONG:", fault, width=10)
+    print("nothing written" if outcome.faults else f"written to {out}")

@@ -1,0 +1,274 @@
+"""PD on motor positions with gravity compensation, for arms whose joints hang on springs.
+
+A. De Luca, B. Siciliano, L. Zollo, "PD control with on-line gravity compensation for robots with elastic joints: theory
+and experiments", Automatica 41 (2005); P. Tomei, "A simple PD controller for robots with elastic joints", IEEE Trans.
+Automatic Control 36 (1991).
+"""
+
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import minimize
+from scipy.stats import qmc
+
+from catenary.arrays import Floats, as_array
+from catenary.compiled import compiled
+from catenary.control.gravity_pd import nominal_gravity
+from catenary.control.pd import Damping, Gains, fits, pd_term
+from catenary.dynamics.loop_kernels import new_workspace
+from catenary.errors import InputError
+from catenary.gravity.holding import copy_gravity, holding_torque
+from catenary.gravity.torque import gravity_torque
+from catenary.plant import AT_REST, JointState
+from catenary.robots.model import RobotModel, Tree
+from catenary.trajectories.reference import Reference
+
+Compensation = Literal["constant", "online", "biased"]
+STANDARD_GRAVITY = 9.81  # [m/s2]
+_SAMPLES = 512  # of the joint range and the directions of gravity, before the best are climbed
+_CLIMBS = 4
+_STEP = 1e-5  # [rad|m] of central differences
+
+
+class ElasticPD:
+    """tau = kp (theta_ref - theta) - kd theta' + gravity, theta_ref = q_ref + K^-1 g(q_ref).
+
+    theta are the motors' positions as seen at the joints, through ratios and coupling: what `state.q` holds on robots
+    that measure at their motors (RAVEN-II's q_nominal; a corrector would make link positions of it and must be left
+    out). q is where the links are, K the joints' stiffness. The gravity term is
+
+    - "constant": g(q_ref) [Tomei],
+    - "online": g(theta), which ends where kp (theta_ref - theta) = g(q) - g(theta): not at q_ref,
+    - "biased": g(theta - K^-1 g(q_ref)) [De Luca, Siciliano, Zollo], which ends at q_ref, and lets the motors move more
+      smoothly and with smaller gains than "constant".
+
+    The proofs need springs and gains that are stiffer than gravity's own: see `stiffness_margin`, which is asked here.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        kp: ArrayLike,
+        kd: ArrayLike,
+        stiffness: ArrayLike,
+        *,
+        compensation: Compensation = "biased",
+        gravity: ArrayLike | None = None,
+        damping: Damping = "relative",
+    ) -> None:
+        """Take the robot, gains and springs, refuse those that gravity overcomes, and compile.
+
+        Args:
+            model: With inertia.
+            kp: (n,) [Nm/rad|N/m], positive.
+            kd: (n,) [Nms/rad|Ns/m].
+            stiffness: (n,) K of the joints' springs [Nm/rad|N/m], positive.
+            compensation: The gravity term.
+            gravity: (3,) nominal vector in base axes [m/s2]; None takes the sensed one.
+            damping: "relative" adds kd qd_ref; the paper regulates to a constant reference.
+
+        Raises:
+            MissingInertiaError: Links without inertia.
+            InputError: Something of another shape or range, or gravity changes faster than springs and gains can
+                follow; the message says by how much.
+        """
+        model.require_inertia()
+        self.model = model
+        self._gains = Gains(kp, kd, damping, model.n)
+        self.kp, self.kd = self._gains.kp, self._gains.kd
+        self.stiffness = as_array("stiffness", stiffness, (model.n,))
+        if compensation not in get_args(Compensation):
+            raise InputError(
+                f'compensation "{compensation}": expected one of {", ".join(get_args(Compensation))}'
+            )
+        self.compensation = compensation
+        self.gravity = nominal_gravity(gravity)
+        self.margin = stiffness_margin(model, self.kp, self.stiffness, gravity=self.gravity)
+        self.margin.require(model.name)
+        self.feedback, self.feedforward = np.zeros(model.n), np.zeros(model.n)
+        self._arrays = (
+            model.tree,
+            model.coupling,
+            model.offset,
+            self._gains.rows,
+            self.stiffness,
+            new_workspace(model),
+            np.zeros((4, model.n)),
+            np.empty(3),
+            np.empty((2, 3)),
+            self.feedback,
+            self.feedforward,
+        )
+
+    def torque(self, state: JointState, reference: Reference) -> Floats:
+        """Torques (n,) [Nm|N] at the motors, as seen at the joints; NaN where something that they depend on is.
+
+        Raises:
+            InputError: The robot has another number of joints than the model.
+        """
+        tau = np.empty(self.model.n)
+        fixed = self.gravity
+        if not _elastic_pd(
+            *self._arrays,
+            get_args(Compensation).index(self.compensation),
+            state.q,
+            state.qd,
+            reference.q,
+            reference.qd,
+            state.gravity if fixed is None else fixed,
+            state.base_rates if fixed is None else AT_REST,
+            tau,
+        ):
+            raise InputError(f"elastic PD: the model has {len(tau)} joints, the robot {len(state.q)}")
+        return tau
+
+
+class StiffnessMargin(NamedTuple):
+    """How fast gravity changes, against how stiff the joints are."""
+
+    slope: float  # largest share of the joints' stiffness that dg/dq takes; the proofs need less than 1
+    stiffness: Floats  # (n,) of spring and gain in series [Nm/rad|N/m]
+    gravity_slope: Floats  # (n,) own slopes dg_j/dq_j at the steepest place [Nm/rad|N/m]
+    q: Floats  # (n,) that place [rad|m]
+
+    @property
+    def holds(self) -> bool:
+        """Whether the arm has one equilibrium, and the proofs hold."""
+        return self.slope < 1.0
+
+    def require(self, robot: str) -> None:
+        """Refuse what the proofs do not cover.
+
+        Raises:
+            InputError: With the numbers.
+        """
+        if not self.holds:
+            raise InputError(
+                f'robot "{robot}": gravity changes by {self.slope:.3g} times the joints\' stiffness, expected less '
+                f"than 1: springs and kp in series are {_short(self.stiffness)} Nm/rad or N/m, gravity's own slopes "
+                f"{_short(self.gravity_slope)} at q = {_short(self.q)}"
+            )
+
+
+def stiffness_margin(
+    model: RobotModel, kp: ArrayLike, stiffness: ArrayLike, *, gravity: ArrayLike | None = None
+) -> StiffnessMargin:
+    """Compare springs and gains with how fast gravity changes over the joint range.
+
+    The paper asks that the smallest eigenvalue of [[K, -K], [-K, K + kp]] exceeds the bound of |dg/dq|, so that the
+    potential energy has one minimum. Of joints in rad and m a norm has no meaning, and a stiff joint says nothing of a
+    soft one; so the same is asked free of units: S - dg/dq positive definite, with S = K kp / (K + kp) the stiffness
+    that is left once the motors have moved to where they like best. That is the largest |S^-1/2 dg/dq S^-1/2| below
+    one; the paper's condition implies it.
+
+    The largest is searched for: quasi-random points, the best of them climbed. A revolute joint without limits is taken
+    over a whole turn.
+
+    Args:
+        model: With inertia.
+        kp: (n,) [Nm/rad|N/m].
+        stiffness: (n,) K [Nm/rad|N/m].
+        gravity: (3,) in base axes [m/s2]; any direction of 9.81 m/s2 when None.
+
+    Raises:
+        MissingInertiaError: Links without inertia.
+        InputError: Something of another shape, not positive, or a prismatic joint without limits.
+    """
+    gains = as_array("kp", kp, (model.n,))
+    springs = as_array("stiffness", stiffness, (model.n,))
+    for name, values in (("kp", gains), ("stiffness", springs)):
+        if not (values > 0.0).all():
+            raise InputError(f"{name}: expected more than zero, got {values.tolist()}")
+    series = springs * gains / (springs + gains)
+    lower, upper = _range(model)
+    fixed, n = nominal_gravity(gravity), model.n
+    scale = np.sqrt(np.outer(series, series))
+
+    def slope_at(x: Floats) -> Floats:
+        q = lower + (upper - lower) * np.clip(x[:n], 0.0, 1.0)
+        g = fixed if fixed is not None else STANDARD_GRAVITY * _direction(x[n], x[n + 1])
+        steps = _STEP * np.eye(n)
+        torques = gravity_torque(model, np.concatenate([q + steps, q - steps]), g)
+        slope: Floats = (torques[:n] - torques[n:]) / (2.0 * _STEP)
+        return slope
+
+    def less(x: Floats) -> float:
+        return -float(np.linalg.norm(slope_at(x) / scale, 2))
+
+    points = qmc.Halton(n if fixed is not None else n + 2, scramble=False).random(_SAMPLES)
+    values = np.array([less(x) for x in points])
+    best, where = float(values.min()), points[int(values.argmin())]
+    for k in np.argsort(values)[:_CLIMBS]:
+        bounds = [(0.0, 1.0)] * len(points[k])
+        climbed = minimize(less, np.array(points[k], dtype=np.float64), bounds=bounds, method="L-BFGS-B")
+        if climbed.fun < best:
+            best, where = float(climbed.fun), climbed.x
+    own = np.diag(slope_at(where)).copy()
+    return StiffnessMargin(-best, series, own, lower + (upper - lower) * where[:n])
+
+
+def _range(model: RobotModel) -> tuple[Floats, Floats]:
+    """Joint range to look at."""
+    turn = np.array([unit == "rad" for unit in model.joint_units])
+    lower = np.where(np.isfinite(model.lower) | ~turn, model.lower, -np.pi)
+    upper = np.where(np.isfinite(model.upper) | ~turn, model.upper, np.pi)
+    for j in np.flatnonzero(~(np.isfinite(lower) & np.isfinite(upper))):
+        raise InputError(
+            f'robot "{model.name}": joint "{model.joint_names[j]}" has no limits, expected some: gravity\'s '
+            "slope may grow with it"
+        )
+    return lower, upper
+
+
+def _short(values: Floats) -> str:
+    return "[" + ", ".join(f"{value:.4g}" for value in values) + "]"
+
+
+def _direction(u: float, v: float) -> Floats:
+    """Unit vector from two numbers in [0, 1], evenly over the sphere."""
+    z, angle = 2.0 * u - 1.0, 2.0 * np.pi * v
+    r = np.sqrt(max(0.0, 1.0 - z * z))
+    return np.array([r * np.cos(angle), r * np.sin(angle), z])
+
+
+@compiled
+def _elastic_pd(
+    tree: Tree,
+    coupling: Floats,
+    offset: Floats,
+    gains: Floats,
+    stiffness: Floats,
+    flat: Floats,
+    rows: Floats,
+    gravity_here: Floats,
+    rates_here: Floats,
+    feedback: Floats,
+    feedforward: Floats,
+    compensation: int,
+    theta: Floats,
+    theta_d: Floats,
+    q_ref: Floats,
+    qd_ref: Floats,
+    gravity: Floats,
+    base_rates: Floats,
+    tau: Floats,
+) -> bool:
+    n = len(tau)
+    if not fits(n, theta, theta_d, q_ref, qd_ref):
+        return False
+    q_here, wanted, at, zero = rows[0], rows[1], rows[2], rows[3]
+    for j in range(n):
+        q_here[j] = q_ref[j]
+    copy_gravity(gravity, base_rates, gravity_here, rates_here)
+    holding_torque(tree, coupling, offset, q_here, gravity_here, rates_here, zero, flat, wanted)
+    for j in range(n):
+        wind_up = wanted[j] / stiffness[j]
+        feedback[j] = pd_term(gains, j, theta[j], theta_d[j], q_ref[j] + wind_up, qd_ref[j])
+        at[j] = theta[j] - wind_up if compensation == 2 else theta[j]
+        feedforward[j] = wanted[j]
+    if compensation != 0:
+        holding_torque(tree, coupling, offset, at, gravity_here, rates_here, zero, flat, feedforward)
+    for j in range(n):
+        tau[j] = feedback[j] + feedforward[j]
+    return True

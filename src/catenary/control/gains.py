@@ -1,0 +1,150 @@
+"""Gains, limits and inertia at the joints: from a robot's own numbers at its motors, or from a rule.
+
+A motor behind a gearbox and a capstan turns `ratio` times per joint. A torque asked for at the gearbox's output, as
+RAVEN-II's firmware counts it, is ratio / gearbox times as large at the joint; so
+    kp at the joint = kp ratio^2 / gearbox        kd likewise        inertia at the joint = inertia ratio^2
+Coupling between the cables is left out of the gains. Seen from the joints the firmware's stiffness is C^T diag(kp) C;
+with RAVEN-II's coupling its other entries are at most a seventh of the geometric mean of the diagonal ones beside them.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import qmc
+
+from catenary.arrays import Floats, as_array
+from catenary.control.limits import TorqueLimits
+from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.errors import InputError
+from catenary.robots.model import RobotModel
+from catenary.transmission.coupling import winding_of
+
+FREQUENCY_HZ = 5.0  # of the rule: a natural frequency that a 1 kHz loop and a stiff arm follow with ease
+DAMPING_RATIO = 0.7
+# ours: no torque rises from none to the largest faster than this, so that a wrong number is felt before it hurts
+RISE_TIME = 0.02  # [s]
+TAPER = {"rad": 0.035, "m": 0.002}  # [rad], [m] from a joint limit: 2 deg, 2 mm
+_SAMPLES = 256  # of the joint range
+
+
+class JointGains(NamedTuple):
+    """Stiffness and damping of every joint."""
+
+    kp: Floats  # (n,) [Nm/rad|N/m]
+    kd: Floats  # (n,) [Nms/rad|Ns/m]
+
+
+def gains_at_joints(kp: ArrayLike, kd: ArrayLike, ratio: ArrayLike, gearbox: ArrayLike) -> JointGains:
+    """Gains at the joints of a robot that controls its motors.
+
+    Args:
+        kp: (n,) torque at the gearbox's output per turning of the motor [Nm/rad].
+        kd: (n,) [Nms/rad].
+        ratio: (n,) motor turning per joint motion [rad/rad|rad/m].
+        gearbox: (n,) motor turning per turning of the gearbox's output.
+
+    Raises:
+        InputError: Arguments of different lengths, or not finite.
+    """
+    turns = as_array("ratio", ratio, (None,))
+    lever = turns**2 / as_array("gearbox", gearbox, turns.shape)
+    return JointGains(as_array("kp", kp, turns.shape) * lever, as_array("kd", kd, turns.shape) * lever)
+
+
+def torque_at_joints(
+    dac_limit: ArrayLike, dac_per_ampere: ArrayLike, torque_constant: ArrayLike, ratio: ArrayLike
+) -> Floats:
+    """Largest torques (n,) [Nm|N] at the joints that a motor board gives.
+
+    Args:
+        dac_limit: (n,) of the board's output; 0 for none.
+        dac_per_ampere: (n,) [1/A].
+        torque_constant: (n,) of the motors [Nm/A].
+        ratio: (n,) motor turning per joint motion [rad/rad|rad/m].
+
+    Raises:
+        InputError: Arguments of different lengths, or not finite.
+    """
+    turns = as_array("ratio", ratio, (None,))
+    most = as_array("dac_limit", dac_limit, turns.shape)
+    current = np.where(most > 0.0, most, np.inf) / as_array("dac_per_ampere", dac_per_ampere, turns.shape)
+    torque: Floats = current * as_array("torque_constant", torque_constant, turns.shape) * np.abs(turns)
+    return torque
+
+
+def reflected_inertia(rotor_inertia: ArrayLike, ratio: ArrayLike, coupling: ArrayLike) -> Floats:
+    """What the motors of three coupled joints add to the mass matrix: C^T diag(J ratio^2) C, (3, 3).
+
+    Args:
+        rotor_inertia: (3,) at the shafts [kg m2].
+        ratio: (3,) motor turning per joint motion [rad/rad|rad/m].
+        coupling: (3,) c01, c02, c12 of transmission/coupling.py.
+
+    Raises:
+        InputError: An argument has another shape or is not finite.
+    """
+    c = as_array("coupling", coupling, (3,))
+    C = np.array([winding_of(c, unit) for unit in np.eye(3)]).T
+    at_cables = as_array("rotor_inertia", rotor_inertia, (3,)) * as_array("ratio", ratio, (3,)) ** 2
+    inertia: Floats = C.T @ np.diag(at_cables) @ C
+    return inertia
+
+
+def gains_from_mass(
+    model: RobotModel,
+    *,
+    frequency_hz: float = FREQUENCY_HZ,
+    damping_ratio: float = DAMPING_RATIO,
+    motor_inertia: ArrayLike | None = None,
+) -> JointGains:
+    """Gains by rule: kp = w^2 M_jj, kd = 2 damping_ratio w M_jj, with M_jj the largest over the joint range.
+
+    Each joint alone, the others held, then oscillates at `frequency_hz` where its inertia is largest, and faster and
+    less damped elsewhere. A joint without limits is taken over a whole turn, or a metre.
+
+    Args:
+        model: With inertia.
+        frequency_hz: Natural frequency w / 2 pi [Hz].
+        damping_ratio: 1 is critical.
+        motor_inertia: (n, n) what motors add to the mass matrix; none when None.
+
+    Raises:
+        MissingInertiaError: Links without inertia.
+        InputError: Not positive, or a joint that has nothing to move: its gains would be zero.
+    """
+    for name, value in (("frequency_hz", frequency_hz), ("damping_ratio", damping_ratio)):
+        if not 0.0 < value < np.inf:
+            raise InputError(f"{name}: expected more than 0, got {value}")
+    half = np.where(np.array(model.joint_units) == "rad", np.pi, 0.5)
+    lower = np.where(np.isfinite(model.lower), model.lower, -half)
+    upper = np.where(np.isfinite(model.upper), model.upper, half)
+    points = lower + (upper - lower) * qmc.Halton(model.n, scramble=False).random(_SAMPLES)
+    largest = np.einsum("kjj->kj", mass_matrix(model, points)).max(axis=0)
+    if motor_inertia is not None:
+        largest = largest + np.diag(as_array("motor_inertia", motor_inertia, (model.n, model.n)))
+    for j in np.flatnonzero(largest <= 0.0):
+        raise InputError(
+            f'robot "{model.name}": joint "{model.joint_names[j]}" moves no mass, expected some: give its motor\'s '
+            "inertia, or gains"
+        )
+    w = 2.0 * np.pi * frequency_hz
+    return JointGains(w * w * largest, 2.0 * damping_ratio * w * largest)
+
+
+def default_limits(torque: ArrayLike, units: tuple[str, ...], lower: Floats, upper: Floats) -> TorqueLimits:
+    """Limits of torque from the largest ones: RISE_TIME from none to all of it, fading over TAPER to joint limits.
+
+    Args:
+        torque: (n,) largest [Nm|N]; infinity for none, which has no largest rate either.
+        units: (n,) "rad" or "m".
+        lower: (n,) joint limits [rad|m]; infinite for none.
+        upper: (n,).
+
+    Raises:
+        InputError: Shapes that do not fit together.
+    """
+    most = as_array("torque", torque, (len(units),), finite=False)
+    return TorqueLimits(
+        most, slew=most / RISE_TIME, lower=lower, upper=upper, taper=[TAPER[unit] for unit in units]
+    )

@@ -1,0 +1,1 @@
+"""Drivers of boards on a serial line."""

@@ -1,0 +1,233 @@
+"""Kernels: a robot's quantities as machine code of its own, for control loops and for many configurations.
+
+A kernel is the recursion traced once for the robot (traced.py), written out and compiled. Compiling takes a second or
+two the first time; afterwards the machine code is found in the user's cache (kernel_files.py).
+"""
+
+import re
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import pairwise
+from types import ModuleType
+from typing import Literal
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.dynamics.c_compiler import load_extension
+from catenary.dynamics.kernel_files import load_source, seal
+from catenary.dynamics.numba_source import numba_module
+from catenary.dynamics.traced import (
+    forward_kinematics_line,
+    gravity_line,
+    inverse_dynamics_line,
+    mass_matrix_line,
+)
+from catenary.dynamics.tracing import Line
+from catenary.errors import InputError
+from catenary.robots.model import RobotModel
+
+MANY = 50_000  # configurations from which compiling for one robot is worth its while
+Backend = Literal["numba", "c"]
+_known: WeakKeyDictionary[RobotModel, dict[str, "_Traced"]] = WeakKeyDictionary()
+
+
+class _Kernel:
+    """Machine code for one quantity of one robot: `into(INPUT..., out)`, which returns nothing and takes no memory.
+
+    It checks the arrays' sizes and nothing else; arrays are of float64, and any number of threads may call it.
+    Calling the kernel itself does the same, or gives a new array, and costs 0.1 to 0.2 us more.
+    """
+
+    __slots__ = ("backend", "into", "shape")
+
+    def __init__(self, traced: "_Traced", backend: Backend) -> None:
+        """Compile a kernel, or find it compiled; `self.backend` is "numba" where there is no C compiler."""
+        self.shape = traced.shape
+        self.backend: Backend = "numba"
+        extension = load_extension(traced.stem, traced.line, traced.shape) if backend == "c" else None
+        if extension is not None:
+            self.backend = "c"
+            self.into: Callable[..., None] = extension.into
+            return
+        module = traced.module()
+        self.into = module.into
+        self.into(*(np.zeros(width) for width in module.WIDTHS), np.empty(self.shape))
+        seal(module)
+
+
+class GravityKernel(_Kernel):
+    """Gravity torque of one robot, for loops."""
+
+    __slots__ = ()
+
+    def __call__(self, q: Floats, gravity: Floats, out: Floats | None = None) -> Floats:
+        """Torques (n,) [Nm|N] that hold the arm still at q (n,) [rad|m] under gravity (3,) [m/s2].
+
+        NaN in gives NaN in every torque that depends on it.
+        """
+        tau = np.empty(self.shape) if out is None else out
+        self.into(q, gravity, tau)
+        return tau
+
+
+class MassMatrixKernel(_Kernel):
+    """Mass matrix of one robot, for loops."""
+
+    __slots__ = ()
+
+    def __call__(self, q: Floats, out: Floats | None = None) -> Floats:
+        """Mass matrix (n, n) at q (n,) [rad|m]."""
+        M = np.empty(self.shape) if out is None else out
+        self.into(q, M)
+        return M
+
+
+class InverseDynamicsKernel(_Kernel):
+    """Torques of a motion of one robot on a base at rest, for loops."""
+
+    __slots__ = ()
+
+    def __call__(
+        self, q: Floats, qd: Floats, qdd: Floats, gravity: Floats, out: Floats | None = None
+    ) -> Floats:
+        """Torques (n,) [Nm|N]: M(q) qdd + C(q, qd) qd + g(q)."""
+        tau = np.empty(self.shape) if out is None else out
+        self.into(q, qd, qdd, gravity, tau)
+        return tau
+
+
+class ForwardKinematicsKernel(_Kernel):
+    """Pose of one frame of one robot, for loops."""
+
+    __slots__ = ()
+
+    def __call__(self, q: Floats, out: Floats | None = None) -> Floats:
+        """Rows of (R_base_frame, origin [m]), (3, 4), at q (n,) [rad|m]."""
+        pose = np.empty(self.shape) if out is None else out
+        self.into(q, pose)
+        return pose
+
+
+def gravity_kernel(model: RobotModel, *, backend: Backend = "numba") -> GravityKernel:
+    """What gives a robot's gravity torque in a loop; controllers hold it.
+
+    Args:
+        model: The robot.
+        backend: "c" is four to six times quicker, and takes a C compiler with Python's headers when the kernel is
+            first made; without one numba makes it all the same, and `kernel.backend` says so.
+
+    Raises:
+        MissingInertiaError: Links without inertia.
+    """
+    model.require_inertia()
+    return GravityKernel(_gravity(model), backend)
+
+
+def mass_matrix_kernel(model: RobotModel, *, backend: Backend = "numba") -> MassMatrixKernel:
+    """What gives a robot's mass matrix in a loop; see `gravity_kernel`."""
+    model.require_inertia()
+    return MassMatrixKernel(_mass_matrix(model), backend)
+
+
+def inverse_dynamics_kernel(model: RobotModel, *, backend: Backend = "numba") -> InverseDynamicsKernel:
+    """What gives the torques of a robot's motion in a loop; see `gravity_kernel`."""
+    model.require_inertia()
+    traced = _traced(model, "inverse-dynamics", inverse_dynamics_line, (model.n,))
+    return InverseDynamicsKernel(traced, backend)
+
+
+def forward_kinematics_kernel(
+    model: RobotModel, frame: str | None = None, *, backend: Backend = "numba"
+) -> ForwardKinematicsKernel:
+    """What gives the pose of a robot's frame, its tip without a name, in a loop; see `gravity_kernel`.
+
+    Raises:
+        InputError: No frame of that name.
+    """
+    name = model.tip if frame is None else frame
+    traced = _traced(model, f"pose-{name}", lambda m: forward_kinematics_line(m, name), (3, 4))
+    return ForwardKinematicsKernel(traced, backend)
+
+
+def gravity_module(model: RobotModel) -> ModuleType:
+    """The module whose `into` is a robot's gravity torque, for compiled functions to call.
+
+    Raises:
+        MissingInertiaError: Links without inertia.
+    """
+    model.require_inertia()
+    return _gravity(model).module()
+
+
+def write_gravity_torques(
+    model: RobotModel, q: Floats, gravity: Floats, out: Floats, *, threads: int = 1
+) -> None:
+    """Write gravity torques (N, n) at q (N, n), under gravity (N, 3) or (1, 3); inputs are not checked."""
+    _rows(_gravity(model).module(), (q, gravity), out, threads)
+
+
+def write_mass_matrices(model: RobotModel, q: Floats, out: Floats, *, threads: int = 1) -> None:
+    """Write mass matrices (N, n, n) at q (N, n); inputs are not checked."""
+    _rows(_mass_matrix(model).module(), (q,), out.reshape(len(out), model.n * model.n), threads)
+
+
+def _rows(module: ModuleType, inputs: tuple[Floats, ...], out: Floats, threads: int) -> None:
+    """Run a kernel on many rows, in as many threads as wanted: machine code does not hold Python's lock."""
+    if threads < 1:
+        raise InputError(f"threads: expected one or more, got {threads}")
+    if threads == 1 or len(out) < 2 * threads:
+        module.rows(*inputs, out)
+    else:
+        _in_threads(module.rows, inputs, out, threads)
+    if not hasattr(module, "sealed"):
+        seal(module)
+        module.sealed = True  # type: ignore[attr-defined]
+
+
+def _in_threads(rows: Callable[..., None], inputs: tuple[Floats, ...], out: Floats, threads: int) -> None:
+    edges = np.linspace(0, len(out), threads + 1).astype(int)
+    rows(*(a[:1] for a in inputs), out[:1])  # compiles, once
+    with ThreadPoolExecutor(threads) as pool:
+        jobs = [
+            pool.submit(rows, *(a[first:last] if len(a) > 1 else a for a in inputs), out[first:last])
+            for first, last in pairwise(edges)
+        ]
+        for job in jobs:
+            job.result()
+
+
+@dataclass
+class _Traced:
+    """A quantity of a robot: what is compiled of it, and its module once it has been asked for."""
+
+    stem: str
+    line: Line
+    shape: tuple[int, ...]
+    loaded: ModuleType | None = None
+
+    def module(self) -> ModuleType:
+        if self.loaded is None:
+            written = numba_module(self.stem, self.line, self.shape)
+            self.loaded = load_source(self.stem, written.source, written.given)
+        return self.loaded
+
+
+def _gravity(model: RobotModel) -> _Traced:
+    return _traced(model, "gravity", gravity_line, (model.n,))
+
+
+def _mass_matrix(model: RobotModel) -> _Traced:
+    return _traced(model, "mass-matrix", mass_matrix_line, (model.n, model.n))
+
+
+def _traced(
+    model: RobotModel, quantity: str, trace: Callable[[RobotModel], Line], shape: tuple[int, ...]
+) -> _Traced:
+    known = _known.setdefault(model, {})
+    if quantity not in known:
+        stem = re.sub(r"[^A-Za-z0-9]+", "-", f"{model.name} {quantity}")[:80]  # names come from files
+        known[quantity] = _Traced(stem, trace(model), shape)
+    return known[quantity]

@@ -1,0 +1,237 @@
+"""Runs plain arithmetic on symbols and keeps what it did: a straight line of operations, without the zeros.
+
+A `Symbol` is a number whose value is not known yet. The recursions, run on symbols for the coordinates and on
+numbers for the robot's constants, leave a graph of sums, products, sines and cosines in which
+
+- constants are folded, and gathered: k (l x) is (k l) x, (x + k) + l is x + (k + l), k (x + l) is k x + k l;
+- equal operations are one operation (value numbering; a + b is b + a, a - b is -(b - a));
+- signs cost nothing: they ride on the symbols until a sum or a result takes them in;
+- x 0, x 1, x + 0, -(-x), x - x and sines of multiples of pi/2 cost nothing either;
+- what no result needs is left out.
+
+All of them are identities of real numbers, so results differ from the plain recursion's in rounding only. In
+floating point x 0 is NaN for an x that is NaN: here it is 0. So a NaN reaches every result that depends on it, and
+none that does not; the plain recursion spreads it to all.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple, Union
+
+import numpy as np
+from numpy.typing import NDArray
+
+Term = Union["Symbol", float]  # constants stay plain floats
+Key = tuple[str, float | int, float | int]
+
+
+class Step(NamedTuple):
+    """One operation; `a` and `b` are numbers of earlier steps, but for what is said here.
+
+    "in": input number a (see Line.inputs). "+", "-", "*": of two steps. "+k", "*k": of step a and the constant b.
+    "sin", "cos": of step a.
+    """
+
+    kind: str
+    a: int
+    b: float | int
+
+
+class Line(NamedTuple):
+    """A straight line of operations: what a back end writes out."""
+
+    inputs: tuple[tuple[str, int], ...]  # array and index of each input
+    steps: tuple[Step, ...]  # an operation uses earlier ones only
+    results: tuple[tuple[int, int] | float, ...]  # sign and step of each result, or a constant
+
+    @property
+    def operations(self) -> int:
+        """How many sums and products it takes."""
+        return sum(step.kind not in ("in", "sin", "cos") for step in self.steps)
+
+    @property
+    def angles(self) -> int:
+        """How many angles it takes the sine or cosine of."""
+        return len({step.a for step in self.steps if step.kind in ("sin", "cos")})
+
+
+class Symbol:
+    """A number to be known later; it adds, subtracts, multiplies and negates."""
+
+    __slots__ = ("sign", "step", "trace")
+    __array_ufunc__ = None  # a NumPy number times a symbol is the symbol's business
+
+    def __init__(self, trace: "Trace", step: int, sign: int = 1) -> None:
+        """Point at a step of a trace, with a sign."""
+        self.trace, self.step, self.sign = trace, step, sign
+
+    def __neg__(self) -> "Symbol":
+        return Symbol(self.trace, self.step, -self.sign)
+
+    def __add__(self, other: Term) -> Term:
+        return self.trace.add(self, other)
+
+    def __sub__(self, other: Term) -> Term:
+        return self.trace.add(self, -other)
+
+    def __rsub__(self, other: Term) -> Term:
+        return self.trace.add(-self, other)
+
+    def __mul__(self, other: Term) -> Term:
+        return self.trace.multiply(self, other)
+
+    __radd__ = __add__
+    __rmul__ = __mul__
+
+
+class Trace:
+    """What has been done with the symbols of one computation."""
+
+    def __init__(self) -> None:
+        self._inputs: list[tuple[str, int]] = []
+        self._steps: list[Step] = []
+        self._numbers: dict[Key, int] = {}
+
+    def inputs(self, name: str, count: int) -> NDArray[np.object_]:
+        """Give the elements of an input array as symbols, (count,)."""
+        symbols = np.empty(count, dtype=object)
+        for i in range(count):
+            self._inputs.append((name, i))
+            symbols[i] = self._symbol("in", len(self._inputs) - 1, 0)
+        return symbols
+
+    def add(self, x: Symbol, y: Term) -> Term:
+        """Give x + y."""
+        if not isinstance(y, Symbol):
+            return self._add_constant(x, float(y))
+        x, k = self._without_constant(x)
+        y, l = self._without_constant(y)
+        return self._plus(self._add_symbols(x, y), k + l)
+
+    def multiply(self, x: Symbol, y: Term) -> Term:
+        """Give x * y."""
+        if not isinstance(y, Symbol):
+            return self._scale(x, float(y))
+        # factors that are constant go before the product
+        x, k = self._without_factor(x)
+        y, l = self._without_factor(y)
+        a, b = sorted((x.step, y.step))
+        return self._scale(self._symbol("*", a, b, x.sign * y.sign), k * l)
+
+    def sine_cosine(self, x: Term) -> tuple[Term, Term]:
+        """Give the sine and cosine of an angle; quarter turns that are added to it are taken exactly."""
+        if not isinstance(x, Symbol):
+            return _of_constant(float(x))
+        x, k = self._without_constant(x)
+        quarters = round(k / (0.5 * math.pi))
+        if abs(k - quarters * 0.5 * math.pi) < 1e-15 * max(1.0, abs(k)):
+            k = 0.0
+        else:
+            quarters = 0
+        angle = self._plus(x, k)
+        assert isinstance(angle, Symbol)
+        sine: Term = self._symbol("sin", angle.step, 0, angle.sign)
+        cosine: Term = self._symbol("cos", angle.step, 0)
+        for _ in range(quarters % 4):
+            sine, cosine = cosine, -sine
+        return sine, cosine
+
+    def line(self, results: Sequence[Term]) -> Line:
+        """Give the operations that the results need, renumbered."""
+        needed = {r.step for r in results if isinstance(r, Symbol)}
+        for number in range(len(self._steps) - 1, -1, -1):
+            if number in needed:
+                needed.update(_operands(self._steps[number]))
+        numbers = {old: new for new, old in enumerate(sorted(needed))}
+        steps = []
+        for old in sorted(needed):
+            step = self._steps[old]
+            b = numbers[int(step.b)] if step.kind in ("+", "-", "*") else step.b
+            steps.append(Step(step.kind, step.a if step.kind == "in" else numbers[step.a], b))
+        return Line(
+            tuple(self._inputs),
+            tuple(steps),
+            tuple((r.sign, numbers[r.step]) if isinstance(r, Symbol) else float(r) for r in results),
+        )
+
+    def _symbol(self, kind: str, a: int, b: float | int, sign: int = 1) -> Symbol:
+        key = (kind, a, b)
+        number = self._numbers.get(key)
+        if number is None:
+            number = self._numbers[key] = len(self._steps)
+            self._steps.append(Step(kind, a, b))
+        return Symbol(self, number, sign)
+
+    def _add_symbols(self, x: Symbol, y: Symbol) -> Term:
+        if x.step == y.step:
+            return self._scale(x, 2.0) if x.sign == y.sign else 0.0
+        if x.step > y.step:
+            x, y = y, x
+        return self._symbol("+" if x.sign == y.sign else "-", x.step, y.step, x.sign)
+
+    def _add_constant(self, x: Symbol, k: float) -> Term:
+        x, l = self._without_constant(x)
+        return self._plus(x, k + l)
+
+    def _plus(self, x: Term, k: float) -> Term:
+        if not isinstance(x, Symbol):
+            return x + k
+        return x if k == 0.0 else self._symbol("+k", x.step, x.sign * k, x.sign)
+
+    def _scale(self, x: Term, k: float) -> Term:
+        if not isinstance(x, Symbol):
+            return x * k
+        if k == 0.0:
+            return 0.0
+        x, l = self._without_constant(x)
+        x, m = self._without_factor(x)
+        factor = k * m
+        sign = x.sign if factor > 0.0 else -x.sign
+        product = Symbol(self, x.step, sign)
+        if abs(factor) != 1.0:
+            product = self._symbol("*k", x.step, abs(factor), sign)
+        return self._plus(product, k * l)
+
+    def _without_constant(self, x: Symbol) -> tuple[Symbol, float]:
+        """Split x = y + k."""
+        step = self._steps[x.step]
+        if step.kind != "+k":
+            return x, 0.0
+        return Symbol(self, step.a, x.sign), x.sign * step.b
+
+    def _without_factor(self, x: Symbol) -> tuple[Symbol, float]:
+        """Split x = k y."""
+        step = self._steps[x.step]
+        if step.kind != "*k":
+            return x, 1.0
+        return Symbol(self, step.a, x.sign), step.b
+
+
+def _operands(step: Step) -> tuple[int, ...]:
+    if step.kind == "in":
+        return ()
+    return (step.a, int(step.b)) if step.kind in ("+", "-", "*") else (step.a,)
+
+
+def _of_constant(angle: float) -> tuple[float, float]:
+    quarters = round(angle / (0.5 * math.pi))
+    if abs(angle - quarters * 0.5 * math.pi) < 1e-15 * max(1.0, abs(angle)):
+        return ((0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0))[quarters % 4]
+    return math.sin(angle), math.cos(angle)
+
+
+def evaluate(line: Line, **arrays: Sequence[float]) -> list[float]:
+    """Run a line in Python, operation by operation: what every back end must agree with."""
+    values: list[float] = []
+    for kind, a, b in line.steps:
+        if kind == "in":
+            name, index = line.inputs[a]
+            values.append(float(arrays[name][index]))
+        elif kind in ("sin", "cos"):
+            values.append(math.sin(values[a]) if kind == "sin" else math.cos(values[a]))
+        else:
+            other = b if kind.endswith("k") else values[int(b)]
+            values.append(
+                values[a] * other if "*" in kind else values[a] - other if kind == "-" else values[a] + other
+            )
+    return [r if isinstance(r, float) else r[0] * values[r[1]] for r in line.results]

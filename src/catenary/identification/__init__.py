@@ -1,0 +1,1 @@
+"""Dynamics of an arm from recordings of it: base parameters, physical consistency, excitation, payload."""

@@ -1,0 +1,187 @@
+"""Identified parameters on disk: a NumPy archive that executes nothing, with its card inside and beside it."""
+
+import io
+import json
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+
+from catenary import __version__
+from catenary.arrays import Floats
+from catenary.errors import FileFormatError, InputError
+from catenary.identification.base_parameters import BaseParameters
+from catenary.identification.columns import Parameters
+from catenary.identification.identification import Identification
+from catenary.identification.options import IdentifyOptions
+from catenary.identification.residuals import LogResidual, Verdict
+from catenary.recording.importers import read_arrays
+from catenary.robots.model_record import robot_from_record, robot_record
+from catenary.whole_file import write_whole
+
+FORMAT = "catenary.identification.1"
+Card = dict[str, Any]
+
+
+def card_path(path: Path) -> Path:
+    """Where the readable copy of a parameter file's card stands: beside it."""
+    return path.with_name(f"{path.stem}.card.json")
+
+
+def identification_card(
+    result: Identification, data: list[dict[str, Any]], notes: tuple[str, ...] = ()
+) -> Card:
+    """Describe an identification: everything a stranger must know before using its parameters.
+
+    Args:
+        result: What was identified.
+        data: The recordings that were fitted and tested, as plain data.
+        notes: What was decided on the way.
+    """
+    base = result.base
+    return {
+        "robot": result.model.name,
+        "joints": [
+            {"name": n, "unit": u}
+            for n, u in zip(result.model.joint_names, result.model.joint_units, strict=True)
+        ],
+        "options": asdict(result.options),
+        "n_base": base.count,
+        "rank": result.rank,
+        "condition": result.condition,
+        "physically_consistent": result.phi is not None,
+        "parameters": [
+            {
+                "name": base.names[i],
+                "value": float(result.beta[i]),
+                "std": float(result.std[i]),
+                "unit": base.units[i],
+                "is": base.describe(i),
+            }
+            for i in range(base.count)
+        ],
+        "training": [residual_record(r) for r in result.training],
+        "tests": [residual_record(r) for r in result.tests],
+        "data": data,
+        "notes": list(notes),
+        "version": {"catenary": __version__, "numpy": np.__version__},
+    }
+
+
+def residual_record(result: LogResidual) -> dict[str, Any]:
+    """Give a residual as plain data; NaN, on an axis without torque, is null."""
+
+    def plain(values: Floats | None) -> list[float | None] | None:
+        return None if values is None else [float(v) if np.isfinite(v) else None for v in values]
+
+    return {
+        "log": result.log,
+        "rows": result.rows,
+        "relative_rms": plain(result.relative_rms),
+        "relative_rms_period": plain(result.relative_rms_period),
+        "rms": plain(result.rms),
+        "verdict": result.verdict,
+    }
+
+
+def save_identification(result: Identification, card: Card, path: Path) -> None:
+    """Write an identification to `path` and a readable copy of its card beside it.
+
+    Each of the two appears whole or not at all.
+
+    Raises:
+        FileFormatError: The file cannot be written.
+    """
+    structure = {
+        "format": FORMAT,
+        "robot": robot_record(result.model),
+        "options": asdict(result.options),
+        "rank": result.rank,
+        "condition": result.condition,
+        "training": [residual_record(r) for r in result.training],
+        "tests": [residual_record(r) for r in result.tests],
+    }
+    text = json.dumps(card, indent=2, ensure_ascii=False) + "\n"
+    arrays: dict[str, Any] = {
+        "structure": np.array(json.dumps(structure)),
+        "card": np.array(text),
+        "columns": result.base.columns,
+        "combination": result.base.combination,
+        "beta": result.beta,
+        "covariance": result.covariance,
+        "weights": result.weights,
+    }
+    if result.phi is not None:
+        arrays["phi"] = result.phi
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **arrays)
+    write_whole(path, buffer.getvalue())
+    write_whole(card_path(path), text.encode())
+
+
+def load_identification(path: Path) -> tuple[Identification, Card]:
+    """Read an identification and its card.
+
+    Raises:
+        FileFormatError: No such file, not an identification, of another version, or damaged.
+    """
+    arrays = read_arrays(path)
+    if not {"structure", "card", "beta", "combination"} <= set(arrays):
+        raise FileFormatError(
+            f"{path}: holds no identified parameters (it holds {', '.join(arrays) or 'nothing'}); "
+            "they are written by catenary identify"
+        )
+    try:
+        structure = json.loads(str(arrays["structure"]))
+        if structure["format"] != FORMAT:
+            raise FileFormatError(f"{path}: format {structure['format']!r}, expected {FORMAT!r}")
+        options = dict(structure["options"])
+        options["gravity"] = tuple(options["gravity"])
+        if set(options) != {entry.name for entry in fields(IdentifyOptions)}:
+            raise ValueError(f"options {', '.join(options)}")
+        chosen = IdentifyOptions(**options)
+        parameters = Parameters(robot_from_record(structure["robot"]), chosen.terms)
+        b, k, n = len(arrays["beta"]), len(parameters.names), parameters.model.n
+        shapes = {"combination": (b, k), "columns": (b,), "beta": (b,), "covariance": (b, b), "weights": (n,)}
+        if "phi" in arrays:
+            shapes["phi"] = (k,)
+        for key, shape in shapes.items():
+            if arrays[key].shape != shape or not np.isfinite(arrays[key]).all():
+                raise ValueError(f"{key} has shape {arrays[key].shape}, expected {shape} of finite numbers")
+        columns = arrays["columns"].astype(np.int64)
+        if b == 0 or columns.min() < 0 or columns.max() >= k:
+            raise ValueError(f"columns outside 0 to {k - 1}")
+        result = Identification(
+            base=BaseParameters(parameters, columns, arrays["combination"]),
+            beta=arrays["beta"],
+            covariance=arrays["covariance"],
+            options=chosen,
+            weights=arrays["weights"],
+            rank=int(structure["rank"]),
+            condition=float(structure["condition"]),
+            training=tuple(_residual(entry) for entry in structure["training"]),
+            tests=tuple(_residual(entry) for entry in structure["tests"]),
+            phi=arrays.get("phi"),
+        )
+        card = json.loads(str(arrays["card"]))
+        if not isinstance(card, dict):
+            raise ValueError("the card is no table")
+        return result, card
+    except FileFormatError as error:
+        raise FileFormatError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
+    except (KeyError, TypeError, ValueError, IndexError, InputError) as error:
+        raise FileFormatError(f"{path}: holds damaged parameters: {error!r}") from error
+
+
+def _residual(entry: dict[str, Any]) -> LogResidual:
+    def numbers(values: list[float | None] | None) -> Floats | None:
+        return None if values is None else np.array([np.nan if v is None else v for v in values], dtype=float)
+
+    size, share = numbers(entry["rms"]), numbers(entry["relative_rms"])
+    verdict: Verdict | None = entry["verdict"]
+    if size is None or share is None or verdict not in (None, *get_args(Verdict)):
+        raise ValueError(f"residual of {entry['log']!r}")
+    return LogResidual(
+        str(entry["log"]), int(entry["rows"]), size, share, numbers(entry["relative_rms_period"]), verdict
+    )

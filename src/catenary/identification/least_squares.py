@@ -1,0 +1,127 @@
+"""Weighted least squares over all axes, from one triangle per axis."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.errors import InputError
+from catenary.identification.base_parameters import BaseParameters
+from catenary.identification.samples import Samples
+from catenary.robots.actuation import Weighting
+
+CHUNK = 4000  # rows whose regressor is held in memory at a time
+SINGULAR = 1e-5  # smallest singular value, columns scaled to one, of a motion that shows its parameters
+
+
+@dataclass(frozen=True)
+class Triangles:
+    """What least squares needs of any number of rows: per axis R of the QR of [Y_b | tau]."""
+
+    R: Floats  # (n, b + 1, b + 1)
+    rows: int
+    independent: float  # rows that count, less what filters tie together
+
+    def stacked(self, weights: Floats) -> Floats:
+        """R (b + 1, b + 1) of all axes together, each times its weight."""
+        b = self.R.shape[1]
+        return _triangle((self.R * weights[:, None, None]).reshape(-1, b))
+
+    def residual_rms(self, beta: Floats) -> Floats:
+        """RMS (n,) of tau - Y_b beta."""
+        rms: Floats = np.linalg.norm(self.R @ np.append(-beta, 1.0), axis=1) / np.sqrt(self.rows)
+        return rms
+
+
+def triangles(base: BaseParameters, gravity: Floats, samples: Sequence[Samples]) -> Triangles:
+    """Reduce recordings, a chunk at a time."""
+    n, b = samples[0].q.shape[1], base.count
+    R = np.zeros((n, 0, b + 1))
+    for part in samples:
+        for first in range(0, len(part), CHUNK):
+            chunk = slice(first, first + CHUNK)
+            Y = base.regressor(part.q[chunk], part.qd[chunk], part.qdd[chunk], gravity)
+            rows = np.concatenate([Y, part.tau[chunk, :, None]], axis=2).transpose(1, 0, 2)
+            stacked = np.concatenate([R, rows], axis=1)
+            if stacked.shape[1] < b + 1:  # fewer rows than columns: QR would give a trapezium
+                stacked = np.concatenate([stacked, np.zeros((n, b + 1 - stacked.shape[1], b + 1))], axis=1)
+            R = np.stack([_triangle(axis) for axis in stacked])
+    count = sum(len(part) for part in samples)
+    return Triangles(R, count, sum(part.independent * len(part) for part in samples))
+
+
+def weigh(weighting: Weighting, samples: Sequence[Samples], reduced: Triangles) -> Floats:
+    """Weight of each axis (n,) [1/Nm or 1/N]; an axis without any torque weighs as the weakest other.
+
+    range: one over the range of its torque; spread: over its standard deviation; residual: over the RMS of its
+    residual, found by fitting twice more.
+
+    Raises:
+        InputError: No axis has any torque.
+    """
+    tau = np.concatenate([part.tau for part in samples])
+    n = tau.shape[1]
+    if weighting == "none":
+        return np.ones(n)
+    weights = one_over(np.ptp(tau, axis=0) if weighting == "range" else tau.std(axis=0))
+    if weighting == "residual":
+        for _ in range(2):
+            weights = one_over(reduced.residual_rms(solve(reduced.stacked(weights))))
+    return weights
+
+
+def one_over(size: Floats) -> Floats:
+    """Weights of axes by the size of their torque."""
+    floor = 1e-9 * float(size.max())
+    if not floor > 0.0:
+        raise InputError("the recordings' torques do not vary on any axis: there is nothing to identify from")
+    largest = 1.0 / size[size > floor].min()
+    return np.where(size > floor, 1.0 / np.maximum(size, floor), largest)
+
+
+def solve(R: Floats) -> Floats:
+    """Least squares from the triangle of [Y | tau]; dependent columns share."""
+    b = R.shape[1] - 1
+    scale = np.linalg.norm(R[:b, :b], axis=0)
+    scale[scale == 0.0] = 1.0
+    beta, *_ = np.linalg.lstsq(R[:b, :b] / scale, R[:b, b], rcond=1e-13)
+    solution: Floats = beta / scale
+    return solution
+
+
+def excitation(R: Floats) -> tuple[int, float, Floats]:
+    """Rank, condition number and weakest direction of a triangle whose columns are scaled to length one.
+
+    Returns:
+        rank; condition, inf where a singular value is zero; the right singular vector (b,) of the smallest one.
+    """
+    b = R.shape[1] - 1
+    scale = np.linalg.norm(R[:b, :b], axis=0)
+    values, Vt = np.linalg.svd(R[:b, :b] / np.where(scale > 0.0, scale, 1.0))[1:]
+    condition = float(values[0] / values[-1]) if values[-1] > 0.0 else np.inf
+    return int((values > SINGULAR * values[0]).sum()), condition, Vt[-1]
+
+
+def covariance(reduced: Triangles, weights: Floats, beta: Floats) -> Floats:
+    """Covariance (b, b) of beta, each axis with noise of its own.
+
+    H^-1 (sum_a w_a^4 s_a^2 Y_a' Y_a) H^-1 with H = sum_a w_a^2 Y_a' Y_a. Zero-phase filtering ties neighbouring rows
+    together, so the rows that count are fewer: 2 cut-off / rate of them.
+    """
+    b = len(beta)
+    R = reduced.stacked(weights)[:b, :b]
+    scale = np.linalg.norm(R, axis=0)
+    scale[scale == 0.0] = 1.0
+    inverse = np.linalg.pinv(R / scale, rcond=1e-12) / scale[:, None]
+    noise = reduced.residual_rms(beta)
+    columns = (reduced.R[:, :, :b] * (weights**2 * noise)[:, None, None]).reshape(-1, b) @ inverse @ inverse.T
+    freedom = max(reduced.rows * len(weights) - b, 1) / (reduced.rows * len(weights))
+    result: Floats = columns.T @ columns * (reduced.rows / reduced.independent) / freedom
+    return result
+
+
+def _triangle(matrix: Floats) -> Floats:
+    """R of its QR."""
+    R: Floats = np.asarray(np.linalg.qr(matrix, mode="r"))
+    return R

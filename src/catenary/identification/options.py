@@ -1,0 +1,60 @@
+"""What can be chosen when a robot is identified, and what its file chooses otherwise."""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from catenary.errors import InputError
+from catenary.robots.actuation import Actuation, SignalFilter, Weighting, default_actuation
+from catenary.robots.model import RobotModel
+
+Terms = Literal["full", "static"]
+LEVEL = (0.0, 0.0, -9.81)
+
+
+@dataclass(frozen=True)
+class IdentifyOptions:
+    """Options; None stands for what the robot's file says."""
+
+    terms: Terms = "full"  # full dynamics, or poses at rest: gravity, constants and springs
+    gravity: tuple[float, float, float] = LEVEL  # [m/s2] in base axes
+    cutoff_hz: float | None = None
+    order: int | None = None
+    cut_samples: int | None = None
+    period_samples: int | None = None  # of the excitation: residuals are told over the first period, too
+    weighting: Weighting | None = None
+    consistent: bool = False  # only parameters that bodies and friction can have
+    blocks: float | None = None  # [s, or rows at rest] hold out every second block of this length
+    seed: int = 0  # of the random motion that the base parameters are found with
+
+    def __post_init__(self) -> None:
+        if self.terms not in get_args(Terms):
+            raise InputError(f'terms "{self.terms}": expected {" or ".join(get_args(Terms))}')
+        if self.weighting is not None and self.weighting not in get_args(Weighting):
+            raise InputError(f'weighting "{self.weighting}": expected {", ".join(get_args(Weighting))}')
+        for name, least in (("cutoff_hz", 0.0), ("blocks", 0.0)):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > least):
+                raise InputError(f"{name}: expected a number above zero, got {value}")
+        for name, low in (("order", 1), ("cut_samples", 0), ("period_samples", 1)):
+            value = getattr(self, name)
+            if value is not None and value < low:
+                raise InputError(f"{name}: expected {low} or more, got {value}")
+
+
+def actuation_of(model: RobotModel) -> Actuation:
+    """Give the robot's actuation; friction on every coordinate where its file says nothing."""
+    return default_actuation(model.joint_names) if model.actuation is None else model.actuation
+
+
+def filter_of(model: RobotModel, options: IdentifyOptions) -> SignalFilter:
+    """Give the filter: what the options say, the robot's file otherwise."""
+    own = actuation_of(model).filter
+    return SignalFilter(
+        order=own.order if options.order is None else options.order,
+        cutoff_hz=own.cutoff_hz if options.cutoff_hz is None else options.cutoff_hz,
+        cut_samples=own.cut_samples if options.cut_samples is None else options.cut_samples,
+        period_samples=own.period_samples if options.period_samples is None else options.period_samples,
+        rate_hz=own.rate_hz,
+    )

@@ -1,0 +1,249 @@
+"""What an arm carries beyond what it was identified with: how much, where, on which link."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import erf, sqrt
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array
+from catenary.dynamics.regressor import PER_LINK, torque_regressor
+from catenary.errors import InputError
+from catenary.identification.identification import Identification
+from catenary.identification.least_squares import one_over
+from catenary.identification.options import filter_of
+from catenary.identification.samples import Samples
+from catenary.robots.model import RobotModel
+
+SIGNIFICANT = 3.0  # standard deviations of the estimate
+SHARE = 0.2  # torque of the payload over what stays unexplained: less is seen in unloaded recordings of other days
+SHARE_ANYWHERE = 0.4  # the same where mass, place and link are free to follow a drift of the arm
+CORRELATED = 1.0  # [s] over which residuals hang together: friction and cables remember
+TOLD = 0.3  # of a mass: a larger standard deviation, and the recordings do not tell it
+HIDDEN = 100.0  # [kg, kg m] standard deviation of what recordings do not show at all
+VISIBLE = 0.02  # smallest singular value, columns scaled to one, of a direction that recordings show
+
+
+@dataclass(frozen=True)
+class Payload:
+    """A point mass on a link; `mass` or `moment` is None where the recordings cannot tell it."""
+
+    link: str
+    mass: float | None  # [kg]
+    mass_std: float | None
+    moment: Floats | None  # (3,) mass times position [kg m], in the link's frame; NaN where it does not show
+    moment_std: Floats | None
+    detected: bool
+    confidence: float  # that the torques are not those of the unloaded arm, 0 to 1
+    explained: float  # share of the mean square residual that the payload takes away
+
+
+def estimate_payload(
+    result: Identification,
+    loaded: Sequence[Samples],
+    *,
+    at: tuple[str, ArrayLike] | None = None,
+    unloaded: Sequence[Samples] = (),
+) -> Payload:
+    """Find a payload in recordings of a robot whose dynamics were identified without it.
+
+    What torques are left, weighted by the training residual of each axis, is fitted by the torques of a point mass.
+    At a known place its mass alone is fitted. Otherwise mass and place are fitted on every link, and the link that
+    explains most is taken.
+
+    Residuals of a real arm repeat with its motion, so the standard deviation counts rows as independent only beyond a
+    second, and periods of the excitation once. "No payload" is said of an estimate below three standard deviations,
+    or whose torque is less than a fifth of what stays unexplained (two fifths where its place was not given).
+
+    Args:
+        result: The identified dynamics.
+        loaded: Recordings with the payload, prepared as those that were fitted.
+        at: Frame, and the payload's place in it [m], if known.
+        unloaded: Recordings without it, of the same day: what they show in its place is subtracted.
+
+    Raises:
+        InputError: No recording, an unknown frame or one at rest, or a model of poses at rest and a moving recording.
+    """
+    if not loaded:
+        raise InputError("payload: expected at least one recording")
+    if at is not None:
+        link, place = _place(result, at)
+        return _fit(result, loaded, unloaded, link, place)
+    return payload_candidates(result, loaded, unloaded=unloaded)[0]
+
+
+def payload_candidates(
+    result: Identification, loaded: Sequence[Samples], *, unloaded: Sequence[Samples] = ()
+) -> tuple[Payload, ...]:
+    """What every link would have to carry, in the order of how much of the residual it explains."""
+    found = [_fit(result, loaded, unloaded, link, None) for link in result.base.parameters.links]
+    return tuple(sorted(found, key=lambda payload: -payload.explained))
+
+
+def _reach(model: RobotModel) -> float:
+    """Farthest that anything it carries can be from a link's origin [m]: the arm stretched, and half a metre."""
+    slides = model.tree.prismatic @ np.abs(model.coupling)
+    travel = np.maximum(np.abs(model.lower), np.abs(model.upper))
+    stretched = np.linalg.norm(model.tree.origin, axis=1).sum()
+    return float(stretched + np.sum(slides * np.where(np.isfinite(travel), travel, 0.0)) + 0.5)
+
+
+def point_mass(position: Floats) -> Floats:
+    """Ten parameters (m, m c, I about the origin) of 1 kg at a place (3,) [m]."""
+    tensor = position @ position * np.eye(3) - np.outer(position, position)
+    return np.concatenate([[1.0], position, tensor[np.triu_indices(3)]])
+
+
+def _place(result: Identification, at: tuple[str, ArrayLike]) -> tuple[int, Floats]:
+    frame = result.model.frame(at[0])
+    position = as_array("payload position", at[1], (3,))
+    if frame.link < 0:
+        raise InputError(f'payload: frame "{at[0]}" does not move: what hangs there loads no joint')
+    return frame.link, frame.pose.rotation @ position + frame.pose.position
+
+
+def _fit(
+    result: Identification,
+    loaded: Sequence[Samples],
+    unloaded: Sequence[Samples],
+    link: int,
+    place: Floats | None,
+) -> Payload:
+    name = result.model.link_names[link]
+    Y, y = _rows(result, loaded, link)
+    if unloaded:
+        before, y_before = _rows(result, unloaded, link)
+        directions = np.eye(PER_LINK) if place is None else point_mass(place)[:, None]
+        baseline = _least_squares(_flat(before @ directions), y_before.reshape(-1))
+        y = y - Y @ directions @ baseline
+    if not np.abs(Y).max() > 0.0:
+        return Payload(name, None, None, None, None, False, 0.0, 0.0)
+    if place is not None:
+        column = point_mass(place)
+        mass = float(_least_squares(_flat(Y @ column[:, None]), y.reshape(-1))[0])
+        phi, tangent = mass * column, column[:, None]
+        moment = mass * place
+    else:
+        mass, moment = _mass_and_moment(Y, y, _reach(result.model))
+        phi, tangent = _body(mass, moment), _tangent(mass, moment)
+    left = y - Y @ phi
+    rate = 1.0 / float(np.median(np.diff(loaded[0].time)))
+    torque = Y @ phi
+    size, rest = float(np.linalg.norm(torque)), float(np.linalg.norm(left))  # weighted
+    explained = 1.0 - rest**2 / float(np.sum(y**2))
+    z = 0.0
+    if size > 0.0:
+        z = 1.0 / float(np.sqrt(_spread(result, torque[None] / size**2, left, rate)[0, 0]))
+    # one number for both conditions, so that the confidence is above 0.997 exactly where a payload is detected
+    least = SHARE if place is not None else SHARE_ANYWHERE
+    sure = min(z, SIGNIFICANT * size / max(rest, 1e-300) / least) if mass > 0.0 else 0.0
+    X = Y @ tangent
+    scale = np.linalg.norm(X, axis=(0, 1))
+    scale[scale == 0.0] = 1.0
+    inverse = np.asarray(np.linalg.pinv(_flat(X / scale), rcond=1e-6), dtype=np.float64)
+    deviation = np.sqrt(np.diag(_spread(result, inverse.reshape(-1, *y.shape), left, rate))) / scale
+    told = place is not None or deviation[0] < TOLD * mass
+    hidden = deviation > HIDDEN
+    deviation[hidden] = np.nan
+    if place is None:
+        moment = np.where(hidden[1:], np.nan, moment)
+    return Payload(
+        name,
+        mass if told else None,
+        float(deviation[0]) if told else None,
+        moment,
+        deviation[1:] if place is None else float(deviation[0]) * np.abs(place),
+        sure >= SIGNIFICANT,
+        erf(sure / sqrt(2.0)),
+        explained,
+    )
+
+
+def _mass_and_moment(Y: Floats, y: Floats, reach: float) -> tuple[float, Floats]:
+    """Point mass [kg] and mass times place (3,) [kg m] whose torques Y phi are nearest to y, within reach.
+
+    A place shows by first moments, a mass far from every axis by its inertia too; so the equation is quadratic, and
+    is solved from several masses.
+    """
+    R = np.asarray(np.linalg.qr(np.hstack([_flat(Y), y.reshape(-1, 1)]), mode="r"))
+    from scipy.optimize import least_squares
+
+    def misfit(unknown: Floats) -> Floats:
+        error: Floats = R[:, :PER_LINK] @ (unknown[0] * point_mass(unknown[1:])) - R[:, PER_LINK]
+        return error
+
+    solutions = []
+    bounds = ([1e-4] + [-reach] * 3, [1e3] + [reach] * 3)
+    linear = _least_squares(R[:, :4], R[:, PER_LINK])
+    for start in (0.05, 0.2, 1.0, 5.0):
+        at = np.clip(linear[1:] / start, -0.9 * reach, 0.9 * reach)
+        solutions.append(least_squares(misfit, [start, *at], bounds=bounds, x_scale="jac"))
+    lowest = min(solution.cost for solution in solutions)
+    # masses that explain the same differ in what does not show: the smallest is taken
+    best = min((s for s in solutions if s.cost <= 1.005 * lowest), key=lambda s: float(s.x[0]))
+    return float(best.x[0]), float(best.x[0]) * np.asarray(best.x[1:])
+
+
+def _body(mass: float, moment: Floats) -> Floats:
+    """Ten parameters of a point mass by its mass and its moment."""
+    return mass * point_mass(moment / mass)
+
+
+def _tangent(mass: float, moment: Floats) -> Floats:
+    """Derivative (10, 4) of a point mass's parameters by mass and moment, by central differences."""
+    columns = []
+    for k in range(4):
+        step = np.zeros(4)
+        step[k] = 1e-6 * (mass if k == 0 else max(float(np.abs(moment).max()), 1e-3 * mass))
+        ahead, behind = (_body(mass + s * step[0], moment + s * step[1:]) for s in (1.0, -1.0))
+        columns.append((ahead - behind) / (2.0 * step[k]))
+    return np.column_stack(columns)
+
+
+def _least_squares(X: Floats, y: Floats) -> Floats:
+    """Least squares with columns scaled to one; directions that hardly show stay zero."""
+    scale = np.linalg.norm(X, axis=0)
+    scale[scale <= 1e-9 * max(float(scale.max()), 1e-300)] = np.inf
+    solution: Floats = np.linalg.lstsq(X / scale, y, rcond=VISIBLE)[0] / scale
+    return solution
+
+
+def _flat(X: Floats) -> Floats:
+    return X.reshape(-1, X.shape[2])
+
+
+def _rows(result: Identification, samples: Sequence[Samples], link: int) -> tuple[Floats, Floats]:
+    """Weighted torques (N, n, 10) per parameter of something on a link, and weighted residuals (N, n)."""
+    gravity = np.array(result.options.gravity)
+    weights = one_over(np.mean([r.rms for r in result.training], axis=0))
+    X, y = [], []
+    own = slice(PER_LINK * link, PER_LINK * (link + 1))
+    for part in samples:
+        predicted = result.predict_unknown(part.q, part.qd, part.qdd, gravity)
+        whole = torque_regressor(result.model, part.q, part.qd, part.qdd, gravity)[:, :, own]
+        X.append(whole * weights[:, None])
+        y.append((part.tau - predicted) * weights)
+    return np.concatenate(X), np.concatenate(y)
+
+
+def _spread(result: Identification, inverse: Floats, left: Floats, rate: float) -> Floats:
+    """Covariance (k, k) of the estimate sum_t inverse[:, t] left[t], its terms correlated in time (Newey, West 1987).
+
+    Args:
+        result: Gives the period of the excitation.
+        inverse: (k, N, n) what the estimate takes of every residual.
+        left: (N, n) residuals.
+        rate: Rows per second.
+    """
+    terms = np.einsum("kta,ta->tk", inverse, left)
+    rows = len(terms)
+    lags = 1 if result.options.terms == "static" else max(1, min(int(CORRELATED * rate), rows // 4))
+    total = terms.T @ terms
+    for lag in range(1, lags):
+        shifted = terms[lag:].T @ terms[:-lag]
+        total = total + (1.0 - lag / lags) * (shifted + shifted.T)
+    period = filter_of(result.model, result.options).period_samples
+    repeats = 1.0 if period is None or result.options.terms == "static" else max(1.0, rows / period)
+    spread: Floats = total * repeats + 1e-30 * np.eye(len(total))
+    return spread

@@ -1,0 +1,69 @@
+"""How far torques are from what a model says, per axis, and what that says about the model."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.identification.samples import Samples
+
+Verdict = Literal["holds", "drifted", "fails"]
+HOLDS = 2.0  # times the training residual
+FAILS = 0.9  # of the torque itself: hardly better than predicting nothing
+SMALL = 0.1  # relative residuals below this are never called drift
+
+
+@dataclass(frozen=True)
+class LogResidual:
+    """Residual of one recording: RMS(measured - predicted), and relative to RMS(measured)."""
+
+    log: str
+    rows: int
+    rms: Floats  # (n,) [Nm or N]
+    relative_rms: Floats  # (n,) NaN on an axis without torque
+    relative_rms_period: Floats | None  # (n,) over the first period after the cut
+    verdict: Verdict | None = None  # none is given on the recordings that were fitted
+
+
+def residual(samples: Samples, predicted: Floats, period: int | None) -> LogResidual:
+    """Compare a recording with predictions (N, n) of its torque, less what is known beforehand."""
+    error = samples.tau - predicted
+    return LogResidual(
+        samples.name,
+        len(samples),
+        rms(error),
+        relative(error, samples.tau),
+        None if period is None else relative(error[:period], samples.tau[:period]),
+    )
+
+
+def judge(test: LogResidual, training: Floats) -> Verdict:
+    """Say whether a model holds on a recording it did not see.
+
+    fails: an axis is hardly better than predicting no torque, and much worse than in training. drifted: an axis has
+    more than twice the training residual (and more than a tenth of its torque), as when the arm, its load or the units
+    changed. holds: otherwise.
+
+    Args:
+        test: Residual on the recording.
+        training: (n,) relative RMS on the recordings that were fitted.
+    """
+    with np.errstate(invalid="ignore"):
+        worse = test.relative_rms > np.maximum(HOLDS * training, SMALL)
+        if (worse & (test.relative_rms > FAILS)).any():
+            return "fails"
+        return "drifted" if worse.any() else "holds"
+
+
+def rms(values: Floats) -> Floats:
+    """RMS of each column."""
+    result: Floats = np.sqrt(np.mean(values**2, axis=0))
+    return result
+
+
+def relative(error: Floats, of: Floats) -> Floats:
+    """RMS of each column over that of another; NaN where that is zero."""
+    size = rms(of)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(size > 0.0, rms(error) / size, np.nan)

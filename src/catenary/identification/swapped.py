@@ -1,0 +1,58 @@
+"""Whether two axes of a recording stand in each other's columns."""
+
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.identification.identification import Identification
+from catenary.identification.least_squares import solve, triangles
+from catenary.identification.samples import Samples
+
+ROWS = 600  # that are looked at
+CLEARLY = 0.25  # of the two axes' mean square residual: at most this is left when they are swapped back
+WORSE = 1.2  # times what the other axes had is the most they may have then
+
+
+def swapped_axes(result: Identification, samples: Samples, *, refit: bool = False) -> tuple[int, int] | None:
+    """Give the pair of axes whose swapping back halves their residual in a recording; None when there is none.
+
+    Positions with velocities and torques are swapped, or torques alone.
+
+    Args:
+        result: What was identified.
+        samples: The recording.
+        refit: It is one that was fitted: parameters are fitted anew for every pair.
+    """
+    some = np.unique(np.linspace(0, len(samples) - 1, min(len(samples), ROWS)).astype(np.int64))
+    chosen = np.zeros(len(samples), dtype=bool)
+    chosen[some] = True
+    rows = samples.rows(chosen, samples.name)
+    before = _misfit(result, rows, refit)
+    best, pair = 0.0, None
+    for i, j in combinations(range(rows.q.shape[1]), 2):
+        if result.model.joint_units[i] != result.model.joint_units[j]:
+            continue
+        others = np.setdiff1d(np.arange(rows.q.shape[1]), [i, j])
+        for keys in (("q", "qd", "qdd", "tau"), ("tau",)):
+            order = np.arange(rows.q.shape[1])
+            order[[i, j]] = j, i
+            swapped: dict[str, Any] = {key: getattr(rows, key)[:, order] for key in keys}
+            after = _misfit(result, replace(rows, **swapped), refit)
+            gain = float(before[[i, j]].sum() - after[[i, j]].sum())
+            clear = after[[i, j]].sum() < CLEARLY * before[[i, j]].sum()
+            if clear and gain > best and after[others].sum() <= WORSE * before[others].sum():
+                best, pair = gain, (i, j)
+    return pair
+
+
+def _misfit(result: Identification, rows: Samples, refit: bool) -> Floats:
+    """Mean square of each axis's residual (n,) over that of its torque, at most four: more is no worse."""
+    gravity = np.array(result.options.gravity)
+    reduced = triangles(result.base, gravity, [rows])
+    beta = solve(reduced.stacked(result.weights)) if refit else result.beta
+    relative = reduced.residual_rms(beta) / np.maximum(np.sqrt(np.mean(rows.tau**2, axis=0)), 1e-9)
+    misfit: Floats = np.minimum(relative, 2.0) ** 2
+    return misfit

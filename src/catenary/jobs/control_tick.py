@@ -1,0 +1,156 @@
+"""What `run_loop` does between measuring and sending, as one compiled call: correct, hold, servo, limit."""
+
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catenary.arrays import Floats
+from catenary.calibration import kernels as predictors
+from catenary.calibration import tick as calibration_tick
+from catenary.calibration.corrector import Corrector
+from catenary.control import limits as torque_limits
+from catenary.control import pd as joint_pd
+from catenary.control.limits import TorqueLimits
+from catenary.control.pd import JointPD
+from catenary.dynamics.kernel_files import load_source, seal
+from catenary.dynamics.kernels import gravity_module
+from catenary.errors import InputError
+from catenary.plant import JointState
+from catenary.robots.model import RobotModel
+from catenary.trajectories.reference import Reference
+
+CALLED = (calibration_tick, predictors, torque_limits, joint_pd)
+SOURCE = '''\
+"""A control tick in one call."""
+# of {digest}
+import numpy as np
+
+
+@compiled
+def tick(gains, rows, last, counts, layout, memory, q, qd, tau, gravity, q_ref, qd_ref, dt, work, inside, sent):
+    n = gains.shape[1]
+    if len(q) != n or len(qd) != n or len(tau) != n or len(gravity) != 3 or len(q_ref) != n or len(qd_ref) != n:
+        return False
+    calibrated, torque, holding, feedback = work[0], work[1], work[2], work[3]
+    {correct}
+    pd(gains, calibrated, qd, q_ref, qd_ref, feedback, torque)
+    hold(calibrated, gravity, holding)
+    for j in range(n):
+        torque[j] += holding[j]
+    limit(rows, last, counts, torque, q, dt, sent)
+    return True
+'''
+CORRECT = "tick_state(layout, memory, q, qd, tau, calibrated, inside)"
+COPY = "calibrated[:] = q"
+
+
+class ControlTick:
+    """Gravity torque plus joint PD at the calibrated positions, within limits: a state in, what to send out.
+
+    It gives, bit for bit, what the parts give one after the other: `Corrector.correct_state`, `JointPD.torque` and
+    the gravity kernel at the corrected positions, `TorqueLimits.apply` at the reported ones. For loops of one's own;
+    `run_loop` calls the parts. The gravity vector is the state's.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        pd: JointPD,
+        limits: TorqueLimits | None = None,
+        corrector: Corrector | None = None,
+        *,
+        rate_hz: float = 1000.0,
+    ) -> None:
+        """Compile the tick.
+
+        Args:
+            model: The robot.
+            pd: Gains.
+            limits: On torque; None stops only NaN and infinity, which become zero torque.
+            corrector: Of the joint positions; reported ones are taken for true without.
+            rate_hz: Of the loop [Hz].
+
+        Raises:
+            MissingInertiaError: Links without inertia.
+            InputError: Gains, limits or corrector are of other joints, or the rate is not the corrector's.
+        """
+        n = model.n
+        self.limits = TorqueLimits(np.full(n, np.inf)) if limits is None else limits
+        if len(pd.kp) != n or len(self.limits.torque) != n:
+            raise InputError(
+                f'robot "{model.name}" has {n} joints; gains are of {len(pd.kp)}, limits of {len(self.limits.torque)}'
+            )
+        if not 0.0 < rate_hz < np.inf:
+            raise InputError(f"rate_hz: expected a positive rate, got {rate_hz}")
+        self._corrector, self._dt = corrector, 1.0 / rate_hz
+        arrays: tuple[NDArray[np.int64], Floats] = np.zeros(1, dtype=np.int64), np.zeros(1)
+        if corrector is not None:
+            corrector.prepare(model.joint_names, model.joint_units, rate_hz)
+            arrays = corrector.robot_arrays
+        self._constant = pd.gains.rows, *self.limits.arrays, *arrays
+        self._work, self.inside = np.empty((4, n)), np.ones(n, dtype=bool)
+        module = _module(model, with_correction=corrector is not None)
+        self._tick: Any = module.tick
+        zero = np.zeros(n)
+        reference = Reference(zero, zero, zero)
+        self.torque(
+            JointState(0.0, zero, zero, zero, np.zeros(0), np.zeros(3), np.inf), reference
+        )  # compiles
+        seal(module)
+        self.reset(zero)
+
+    @property
+    def q_calibrated(self) -> Floats:
+        """Positions (n,) [rad|m] that the last tick took for true; overwritten by the next."""
+        calibrated: Floats = self._work[0]
+        return calibrated
+
+    def reset(self, tau: ArrayLike) -> None:
+        """Begin another motion, from a torque (n,) [Nm|N] that is being applied."""
+        self.limits.reset(np.asarray(tau, dtype=float))
+        if self._corrector is not None:
+            self._corrector.reset()
+
+    def torque(self, state: JointState, reference: Reference) -> Floats:
+        """Torques (n,) [Nm|N] to send; `inside` then says which joints are inside the corrector's valid range.
+
+        Raises:
+            InputError: The state or reference is of another number of joints.
+        """
+        sent = np.empty(len(self.inside))
+        if not self._tick(
+            *self._constant,
+            state.q,
+            state.qd,
+            state.tau,
+            state.gravity,
+            reference.q,
+            reference.qd,
+            self._dt,
+            self._work,
+            self.inside,
+            sent,
+        ):
+            raise InputError(
+                f"control tick: expected q, qd, tau and references of {len(sent)} joints, got {state.q.shape}, "
+                f"{state.qd.shape}, {state.tau.shape}, {reference.q.shape}, {reference.qd.shape}"
+            )
+        return sent
+
+
+def _module(model: RobotModel, *, with_correction: bool) -> Any:
+    gravity = gravity_module(model)
+    # numba does not see edits of what it calls: the digest makes another module of them
+    texts = [Path(str(module.__file__)).read_bytes() for module in CALLED]
+    digest = sha256(gravity.__name__.encode() + b"".join(texts)).hexdigest()[:32]
+    given = {
+        "hold": gravity.into,
+        "pd": joint_pd.pd,
+        "limit": torque_limits.limit,
+        "tick_state": calibration_tick.tick_state,
+    }
+    source = SOURCE.format(digest=digest, correct=CORRECT if with_correction else COPY)
+    return load_source("control-tick", source, given)

@@ -1,0 +1,149 @@
+"""Identify a robot from files, and judge what comes out."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catenary.errors import InputError
+from catenary.identification.files import Card, identification_card, residual_record
+from catenary.identification.identification import Identification, identify_samples
+from catenary.identification.options import IdentifyOptions, filter_of
+from catenary.identification.samples import Samples, alternate_blocks, prepare
+from catenary.identification.swapped import swapped_axes
+from catenary.plant import MotionLog
+from catenary.recording.torque_logs import read_torque_log
+from catenary.robots.catalog import load_robot
+from catenary.robots.model import RobotModel
+
+POOR = 0.6  # relative residual from which on it is asked whether two axes are swapped
+
+
+@dataclass(frozen=True)
+class IdentifyResult:
+    """What was identified, its card, what a reader must know, and the rows behind it."""
+
+    identification: Identification
+    card: Card
+    notes: tuple[str, ...]
+    training: tuple[Samples, ...]
+    tests: tuple[Samples, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """Give it as plain data."""
+        result = self.identification
+        return {
+            "n_base": result.base.count,
+            "condition": result.condition,
+            "rank": result.rank,
+            "robot": result.model.name,
+            "joints": list(result.model.joint_names),
+            "terms": result.options.terms,
+            "physically_consistent": result.phi is not None,
+            "training": [residual_record(r) for r in result.training],
+            "tests": [residual_record(r) for r in result.tests],
+            "notes": list(self.notes),
+        }
+
+
+def identify_files(
+    logs: Sequence[Path],
+    robot: str,
+    options: IdentifyOptions,
+    *,
+    tests: Sequence[Path] = (),
+    rows: tuple[int, int] | None = None,
+) -> IdentifyResult:
+    """Identify a robot from recordings, and judge it on others.
+
+    Args:
+        logs: Recordings to fit, `.npz` or `.parquet`.
+        robot: Catalogue name or file of the robot.
+        options: What to choose otherwise than the robot's file.
+        tests: Recordings to judge by.
+        rows: First row, and the one after the last, of the recordings to fit; all when None.
+
+    Raises:
+        FileFormatError: A file is missing, damaged or of another kind.
+        InputError: A recording is not of this robot, in other units, or too short.
+        ExcitationError: The recordings do not show all base parameters.
+    """
+    model = load_robot(robot)
+    read = [read_torque_log(path, model) for path in logs]
+    if rows is not None:
+        read = [part_of(log, rows) for log in read]
+    read_tests = [read_torque_log(path, model) for path in tests]
+    training = [prepare(log, model, options) for log in read]
+    held_out = [prepare(log, model, options) for log in read_tests]
+    if options.blocks is not None:
+        parted = [alternate_blocks(part, options.blocks) for part in training]
+        training = [part[0] for part in parted]
+        held_out = [*(part[1] for part in parted), *held_out]
+    result = identify_samples(training, model, options).test(held_out)
+    notes = [f"{log.name}: {note}" for log in (*read, *read_tests) for note in log.notes]
+    seen = {log.sha256 for log in read}
+    notes += [
+        f"{log.name}: is one of the recordings that were fitted: no test"
+        for log in read_tests
+        if log.sha256 in seen
+    ]
+    notes += filter_notes(model, options)
+    notes += _doubts(result, training, held_out)
+    data = [
+        {"log": log.name, "sha256": log.sha256, "rows": len(log), "use": use}
+        for use, group in (("fitted", read), ("tested", read_tests))
+        for log in group
+    ]
+    card = identification_card(result, data, tuple(notes))
+    return IdentifyResult(result, card, tuple(notes), tuple(training), tuple(held_out))
+
+
+def filter_notes(model: RobotModel, options: IdentifyOptions) -> list[str]:
+    """Say which filter was assumed where neither the robot's file nor the options choose one."""
+    if model.actuation is not None or options.terms == "static":
+        return []
+    used = filter_of(model, options)
+    return [
+        f"{model.name}: its file states no actuation: assumed friction on every joint, a filter of order {used.order} "
+        f"at {used.cutoff_hz:g} Hz, {used.cut_samples} samples cut at each end"
+    ]
+
+
+def part_of(log: MotionLog, rows: tuple[int, int]) -> MotionLog:
+    """Give some rows of a recording.
+
+    Raises:
+        InputError: It has not so many.
+    """
+    first, last = rows
+    if not 0 <= first < last <= len(log):
+        raise InputError(f'recording "{log.name}": has rows 0 to {len(log)}, got {first}:{last}')
+    chosen: dict[str, Any] = {
+        key: None if getattr(log, key) is None else getattr(log, key)[first:last]
+        for key in ("q_nominal", "ok", "q_encoder", "time", "qd", "tau")
+    }
+    signals = {key: values[first:last] for key, values in log.signals.items()}
+    return replace(
+        log, **chosen, signals=signals, notes=(*log.notes, f"rows {first} to {last} of {len(log)}")
+    )
+
+
+def _doubts(result: Identification, training: Sequence[Samples], tests: Sequence[Samples]) -> list[str]:
+    notes = []
+    names = result.model.joint_names
+    for part, of in (training, result.training), (tests, result.tests):
+        for samples, residual in zip(part, of, strict=True):
+            with np.errstate(invalid="ignore"):
+                poor = np.flatnonzero(residual.relative_rms > POOR)
+            if len(poor):
+                notes.append(
+                    f"{samples.name}: little of the torque of {', '.join(names[i] for i in poor)} is explained "
+                    f"({', '.join(f'{residual.relative_rms[i]:.2f}' for i in poor)} of it is left)"
+                )
+            if len(poor) or residual.verdict not in (None, "holds"):
+                pair = swapped_axes(result, samples, refit=of is result.training)
+                if pair is not None:
+                    notes.append(f"{samples.name}: axes {names[pair[0]]} and {names[pair[1]]} look swapped")
+    return notes

@@ -1,0 +1,90 @@
+"""Payload from files."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catenary.identification.files import load_identification
+from catenary.identification.payload import Payload, estimate_payload, payload_candidates
+from catenary.identification.samples import prepare
+from catenary.recording.torque_logs import read_torque_log
+
+
+@dataclass(frozen=True)
+class PayloadResult:
+    """The payload, and what other links would have to carry where its place was not given."""
+
+    payload: Payload
+    candidates: tuple[Payload, ...]
+    notes: tuple[str, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """Give it as plain data."""
+        return {
+            **_record(self.payload),
+            "candidates": [_record(other) for other in self.candidates],
+            "notes": list(self.notes),
+        }
+
+
+def payload_of_files(
+    logs: Sequence[Path],
+    model: Path,
+    *,
+    at: tuple[str, Sequence[float]] | None = None,
+    unloaded: Sequence[Path] = (),
+    cutoff_hz: float | None = None,
+) -> PayloadResult:
+    """Find what an arm carries in recordings, by the parameters identified without it.
+
+    Args:
+        logs: Recordings with the payload.
+        model: Parameters that identification wrote.
+        at: Frame and place in it (3,) [m], if known.
+        unloaded: Recordings without it, of the same day.
+        cutoff_hz: Of the filter, when it shall not be that of the identification.
+
+    Raises:
+        FileFormatError: A file is missing, damaged or of another kind.
+        InputError: A recording is not of this robot, in other units, or too short; or an unknown frame.
+    """
+    result, _ = load_identification(model)
+    options = result.options if cutoff_hz is None else replace(result.options, cutoff_hz=cutoff_hz)
+    loaded, empty = (
+        [prepare(read_torque_log(path, result.model), result.model, options) for path in group]
+        for group in (logs, unloaded)
+    )
+    candidates: tuple[Payload, ...] = ()
+    if at is not None:
+        best = estimate_payload(result, loaded, at=at, unloaded=empty)
+    else:
+        best, *others = payload_candidates(result, loaded, unloaded=empty)
+        candidates = tuple(others)
+    notes = []
+    if best.mass is None:
+        notes.append(
+            "the motion does not show the mass by itself, only mass times place; give its place with --at"
+        )
+    close = [c.link for c in candidates if best.detected and c.explained > best.explained - 0.05]
+    if close:
+        notes.append(f"{', '.join(close)} would explain the torques nearly as well as {best.link}")
+    return PayloadResult(best, candidates, tuple(notes))
+
+
+def _record(payload: Payload) -> dict[str, Any]:
+    def plain(values: Any) -> Any:
+        return None if values is None else [float(v) if np.isfinite(v) else None for v in values]
+
+    return {
+        "mass": payload.mass,
+        "mass_std": payload.mass_std,
+        "moment": plain(payload.moment),
+        "moment_std": plain(payload.moment_std),
+        "link": payload.link,
+        "detected": payload.detected,
+        "confidence": payload.confidence,
+        "explained": payload.explained,
+    }

@@ -1,0 +1,112 @@
+"""Static gravity test of the simulated RAVEN-II: how much of the holding torque PD has to give on a tilted base.
+
+Lewis, Hannaford 2014, "Dynamically evaluated gravity compensation for the RAVEN surgical robot", section V-A, figure 8:
+poses along joint 1's range are held by PD and gravity compensation, on bases turned about joint 1's axis (z of the
+mechanism's frame 0); the PD share is the RMS of the PD term over the RMS of all torque. DG takes the sensed gravity,
+SG the level one.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.control.loop import StateCorrector, Tick, run_loop
+from catenary.control.pd import JointPD
+from catenary.gravity.torque import gravity_kernel
+from catenary.plant import JointState
+from catenary.robots.catalog import load_robot
+from catenary.simulation.base_motion import STANDARD_GRAVITY, FixedBase
+from catenary.simulation.cable_parameters import POSITIONING, CableArm, Firmware
+from catenary.simulation.cable_plant import CablePlant
+from catenary.trajectories.reference import Reference
+from catenary.trajectories.smoothed_path import BrokenLine, SmoothedPath
+
+BASE_ANGLES_DEG = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0)
+POSES_DEG = (*range(5, 90, 10), *range(75, 0, -10))  # of joint 1: along its range and back
+MOVE, HOLD, LOOKED_AT = 1.0, 2.0, 1.0  # [s] between poses, at a pose, of it at its end
+BLEND = 0.25  # [s] of setting off and stopping
+LEVEL = np.array([0.0, 0.0, -STANDARD_GRAVITY])
+
+
+class PDShare(NamedTuple):
+    """What held the arm, per positioning joint."""
+
+    share: Floats  # (3,) RMS of the PD term over RMS of the torque [%]
+    torque: Floats  # (3,) RMS [Nm, Nm, N]
+    pd: Floats  # (3,) RMS of the PD term
+
+
+class PDGravity:
+    """The firmware's own PD gains, in joints, and the torque that holds the links."""
+
+    def __init__(self, firmware: Firmware, *, sensed: bool) -> None:
+        """Take gravity as sensed (DG), or as on a level base (SG)."""
+        self._pd = JointPD(*joint_gains(firmware))
+        self._gravity = gravity_kernel(load_robot("raven2"))
+        self._sensed = sensed
+        self.pd = np.zeros(len(firmware.kp))  # the PD term of the last tick
+
+    def torque(self, state: JointState, reference: Reference) -> Floats:
+        """PD on all joints, gravity on the positioning ones; the tool's links are without mass."""
+        self.pd = self._pd.torque(state, reference)
+        tau = self.pd.copy()
+        gravity = state.gravity if self._sensed and state.gravity is not None else LEVEL
+        tau[:POSITIONING] += self._gravity(state.q[:POSITIONING], gravity)
+        return tau
+
+
+def joint_gains(firmware: Firmware) -> tuple[Floats, Floats]:
+    """Give the firmware's gains [Nm at the gearbox's output per motor rad] in joints [Nm/rad|N/m], without coupling."""
+    per_joint = firmware.ratio**2 / firmware.gearbox
+    return firmware.kp * per_joint, firmware.kd * per_joint
+
+
+def poses_of_joint_1(start: Floats) -> SmoothedPath:
+    """Move from pose to pose of joint 1 and hold each; the other joints stay."""
+    points, times = [float(start[0])], [0.0]
+    for pose in np.deg2rad(POSES_DEG):
+        times += [times[-1] + MOVE, times[-1] + MOVE + HOLD]
+        points += [pose, pose]
+    lines = [BrokenLine(times, points, BLEND)]
+    return SmoothedPath(lines + [BrokenLine([0.0], [position], BLEND) for position in start[1:]])
+
+
+def pd_share(
+    arm: CableArm, base_deg: float, *, sensed: bool, corrector: StateCorrector | None = None
+) -> PDShare:
+    """Hold all poses on a tilted base.
+
+    Args:
+        arm: Its numbers.
+        base_deg: Of the base about z of the mechanism's frame 0, joint 1's axis.
+        sensed: DG; otherwise SG.
+        corrector: Joint positions that the controller takes are calibrated ones; the reported ones when None.
+    """
+    plant = CablePlant(
+        arm, substeps=1, base=FixedBase(pitch=-np.deg2rad(base_deg))
+    )  # z of frame 0 is -y of the base
+    plant.home()
+    controller = PDGravity(plant.firmware, sensed=sensed)
+    path = poses_of_joint_1(_believed_position(plant, corrector))
+    seen: list[tuple[Floats, Floats]] = []
+
+    def observe(tick: Tick) -> None:
+        into = tick.time % (MOVE + HOLD)
+        if into > MOVE + HOLD - LOOKED_AT and tick.time < path.duration and tick.tau is not None:
+            seen.append((controller.pd[:POSITIONING], tick.tau[:POSITIONING]))
+
+    run_loop(plant, controller, path, corrector=corrector, observers=[observe])
+    pd, tau = (np.sqrt(np.mean(np.square(np.array(rows)), axis=0)) for rows in zip(*seen, strict=True))
+    return PDShare(100.0 * pd / tau, tau, pd)
+
+
+def _believed_position(plant: CablePlant, corrector: StateCorrector | None) -> Floats:
+    """Where the controller will find the joints: the motion begins there."""
+    state = plant.measured_js()
+    if corrector is None:
+        return state.q
+    q, inside = np.empty(len(state.q)), np.empty(len(state.q), dtype=bool)
+    corrector.prepare(plant.joint_names, plant.joint_units, 1.0 / plant.period)
+    corrector.correct_state(state, q, inside)
+    return q

@@ -1,0 +1,146 @@
+"""What else than its links loads a robot's joints: friction, motor inertia, springs, known torques; pure data.
+
+Every effect acts along a combination c of the robot's coordinates: on s = c . q it makes the scalar load f, and the
+actuators must supply tau = c f more. So friction between two coupled joints, or of a motor behind a gear, is a term
+like any other.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from catenary.arrays import Floats, frozen
+from catenary.errors import InputError
+
+Weighting = Literal["none", "range", "spread", "residual"]
+
+
+@dataclass(frozen=True, eq=False)
+class Friction:
+    """Coulomb friction, viscous friction and a constant on c . qd, each identified if set."""
+
+    name: str
+    combination: Floats  # (n,)
+    coulomb: bool = True
+    viscous: bool = True
+    offset: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class MotorInertia:
+    """Inertia of a rotor that turns with c . qdd [kg m2 or kg]."""
+
+    name: str
+    combination: Floats  # (n,)
+
+
+@dataclass(frozen=True)
+class LeverSpring:
+    """A straight spring from a fixed anchor to the end of a lever that turns by t = angle + c . q.
+
+    Its length is l = sqrt(r^2 + h^2 - 2 r h cos t), its torque on t is stiffness r h sin(t) / l (l - rest).
+    """
+
+    arm: float  # [m] r, length of the lever
+    anchor: float  # [m] h, from the lever's axis to the anchor
+    rest: float  # [m] length without force
+    angle: float  # [rad] t where c . q is zero
+
+
+@dataclass(frozen=True, eq=False)
+class Spring:
+    """A spring on c . q: linear, the torque stiffness * (c . q), or on a lever."""
+
+    name: str
+    combination: Floats  # (n,)
+    lever: LeverSpring | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class KnownTorque:
+    """A load that is known beforehand, such as a cable's: the polynomial of c . q along `along`.
+
+    tau = along * polynomial(c . q), subtracted from measured torques before anything is fitted.
+    """
+
+    name: str
+    combination: Floats  # (n,)
+    along: Floats  # (n,)
+    polynomial: Floats  # (k,) high power first [Nm or N]
+
+
+@dataclass(frozen=True)
+class SignalFilter:
+    """How recordings of this robot are filtered: zero-phase Butterworth, samples cut, resampling."""
+
+    order: int = 4  # of one pass; the filter goes forth and back
+    cutoff_hz: float = 10.0
+    cut_samples: int = 100  # left out at either end, where the filter has not settled
+    period_samples: int | None = None  # of the excitation, whose first period is reported too
+    rate_hz: float | None = (
+        None  # recordings with time stamps are brought to this rate; their median one if None
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Actuation:
+    """All of it, with the defaults for identifying this robot."""
+
+    friction: tuple[Friction, ...] = ()
+    motor_inertia: tuple[MotorInertia, ...] = ()
+    springs: tuple[Spring, ...] = ()
+    known_torques: tuple[KnownTorque, ...] = ()
+    filter: SignalFilter = field(default_factory=SignalFilter)
+    weighting: Weighting = "range"
+    coulomb_velocity: float = 0.0  # [rad/s or m/s] v0 of tanh(v / v0); a sign function at 0
+    effort_scale: Floats | None = None  # (n,) [Nm or N per unit] of recordings that hold raw efforts
+
+    def __post_init__(self) -> None:
+        for term in self.terms:
+            for key, value in vars(term).items():
+                if isinstance(value, np.ndarray):
+                    object.__setattr__(term, key, frozen(value))
+        if self.effort_scale is not None:
+            object.__setattr__(self, "effort_scale", frozen(self.effort_scale))
+
+    @property
+    def terms(self) -> tuple[Friction | MotorInertia | Spring | KnownTorque, ...]:
+        """Every effect."""
+        return (*self.friction, *self.motor_inertia, *self.springs, *self.known_torques)
+
+    def moves(self, coordinate: int) -> bool:
+        """Whether any effect acts on a coordinate."""
+        return any(term.combination[coordinate] != 0.0 for term in self.terms)
+
+
+def default_actuation(joint_names: Sequence[str]) -> Actuation:
+    """Friction and a constant on every coordinate: what is assumed of a robot whose file says nothing."""
+    rows = np.eye(len(joint_names))
+    return Actuation(friction=tuple(Friction(name, row) for name, row in zip(joint_names, rows, strict=True)))
+
+
+def check_actuation(where: str, actuation: Actuation, n: int) -> None:
+    """Refuse effects that do not fit the robot.
+
+    Raises:
+        InputError: A combination of another length or of zeros, two terms of one kind and name, or a lever spring
+            whose length can become zero; the message names the term.
+    """
+    for kind in ("friction", "motor_inertia", "springs", "known_torques"):
+        terms = getattr(actuation, kind)
+        names = [term.name for term in terms]
+        for term in terms:
+            what = f'{where}: {kind.replace("_", " ")} "{term.name}"'
+            if names.count(term.name) > 1:
+                raise InputError(f"{what}: stands there twice")
+            if term.combination.shape != (n,) or not np.isfinite(term.combination).all():
+                raise InputError(f"{what}: expected {n} finite factors, got {term.combination}")
+            if not term.combination.any():
+                raise InputError(f"{what}: acts on no coordinate")
+            lever = getattr(term, "lever", None)
+            if lever is not None and not (0.0 < lever.arm < lever.anchor):
+                raise InputError(f"{what}: expected an arm above 0 and shorter than the anchor's distance")
+    if actuation.effort_scale is not None and actuation.effort_scale.shape != (n,):
+        raise InputError(f"{where}: effort scale: expected {n} factors, got {len(actuation.effort_scale)}")

@@ -1,0 +1,169 @@
+"""A RobotModel as plain data and back, so that a file made from a robot needs no other file to be used."""
+
+from dataclasses import asdict, fields
+from typing import Any, get_args
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.errors import FileFormatError
+from catenary.robots.actuation import (
+    Actuation,
+    Friction,
+    KnownTorque,
+    LeverSpring,
+    MotorInertia,
+    SignalFilter,
+    Spring,
+    Weighting,
+    check_actuation,
+)
+from catenary.robots.model import Frame, RobotModel, Tree
+from catenary.spatial import Pose
+
+NAMES = ("joint_names", "joint_units", "link_names", "missing_inertia", "massless", "sources", "notes")
+ARRAYS = ("coupling", "offset", "lower", "upper", "velocity_limit", "effort_limit")
+TREE_SHAPES: dict[str, tuple[int, ...]] = {
+    "parent": (),
+    "prismatic": (),
+    "rotation": (3, 3),
+    "origin": (3,),
+    "axis": (3,),
+    "mass": (),
+    "com": (3,),
+    "inertia": (3, 3),
+}
+
+
+def robot_record(model: RobotModel) -> dict[str, Any]:
+    """Give a robot as what JSON can hold; limits that are not there are null."""
+    return {
+        "name": model.name,
+        "tip": model.tip,
+        "closed_form": model.closed_form,
+        **{key: list(getattr(model, key)) for key in NAMES},
+        **{key: _listed(getattr(model, key)) for key in ARRAYS},
+        "tree": {key: array.tolist() for key, array in model.tree._asdict().items()},
+        "frames": {
+            name: [f.link, f.pose.rotation.tolist(), f.pose.position.tolist()]
+            for name, f in model.frames.items()
+        },
+        "actuation": None if model.actuation is None else _actuation_record(model.actuation),
+    }
+
+
+def robot_from_record(record: dict[str, Any]) -> RobotModel:
+    """Give the robot back.
+
+    Raises:
+        FileFormatError: Something is missing, or arrays do not fit together.
+    """
+    try:
+        links, n = len(record["link_names"]), len(record["joint_names"])
+        tree: dict[str, Any] = {
+            key: _array(record["tree"][key], (links, *shape), key).astype(
+                {"parent": np.int64, "prismatic": np.bool_}.get(key, np.float64)
+            )
+            for key, shape in TREE_SHAPES.items()
+        }
+        if not all(-1 <= parent < i for i, parent in enumerate(tree["parent"])):
+            raise ValueError("the tree's parents do not come first")
+        coupling = _array(record["coupling"], (links, n), "coupling")
+        offset = _array(record["offset"], (links,), "offset")
+        limits: dict[str, Any] = {
+            key: _array(
+                [(-np.inf if key == "lower" else np.inf) if v is None else v for v in record[key]],
+                (n,),
+                key,
+                True,
+            )
+            for key in ARRAYS[2:]
+        }
+        frames = {
+            name: Frame(_link(link, links), Pose(_array(R, (3, 3), name), _array(p, (3,), name)))
+            for name, (link, R, p) in record["frames"].items()
+        }
+        if record["tip"] not in frames:
+            raise ValueError(f"tip {record['tip']!r} is no frame")
+        actuation = None if record["actuation"] is None else _actuation(record["actuation"])
+        if actuation is not None:
+            check_actuation(record["name"], actuation, n)
+        texts: dict[str, Any] = {key: tuple(str(text) for text in record[key]) for key in NAMES}
+        return RobotModel(
+            name=str(record["name"]),
+            tip=record["tip"],
+            closed_form=record["closed_form"],
+            **texts,
+            tree=Tree(**tree),
+            coupling=coupling,
+            offset=offset,
+            **limits,
+            frames=frames,
+            actuation=actuation,
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise FileFormatError(f"the robot in it is damaged: {error!r}") from error
+
+
+def _listed(values: Floats) -> list[Any]:
+    """Give an array as lists, null where it is infinite."""
+    if values.ndim > 1:
+        return [_listed(row) for row in values]
+    return [float(v) if np.isfinite(v) else None for v in values]
+
+
+def _array(values: Any, shape: tuple[int, ...], key: str, infinite: bool = False) -> Floats:
+    array = np.array(values, dtype=np.float64)
+    if array.shape != shape or not (infinite or np.isfinite(array).all()):
+        raise ValueError(f"{key} has shape {array.shape}, expected {shape} of finite numbers")
+    return array
+
+
+def _link(value: Any, count: int) -> int:
+    if not -1 <= int(value) < count:
+        raise ValueError(f"a frame stands on link {value} of {count}")
+    return int(value)
+
+
+def _actuation_record(actuation: Actuation) -> dict[str, Any]:
+    content = asdict(actuation)
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            return value.tolist()
+        if isinstance(value, dict):
+            return {key: plain(v) for key, v in value.items()}
+        return [plain(v) for v in value] if isinstance(value, (list, tuple)) else value
+
+    plained: dict[str, Any] = plain(content)
+    return plained
+
+
+def _actuation(content: dict[str, Any]) -> Actuation:
+    unknown = set(content) - {entry.name for entry in fields(Actuation)}
+    if unknown or content["weighting"] not in get_args(Weighting):
+        raise ValueError(f"actuation with {', '.join(unknown) or content['weighting']}")
+    row = _finite
+    scale = content["effort_scale"]
+    return Actuation(
+        friction=tuple(Friction(**{**t, "combination": row(t["combination"])}) for t in content["friction"]),
+        motor_inertia=tuple(MotorInertia(t["name"], row(t["combination"])) for t in content["motor_inertia"]),
+        springs=tuple(
+            Spring(
+                t["name"], row(t["combination"]), None if t["lever"] is None else LeverSpring(**t["lever"])
+            )
+            for t in content["springs"]
+        ),
+        known_torques=tuple(
+            KnownTorque(t["name"], row(t["combination"]), row(t["along"]), row(t["polynomial"]))
+            for t in content["known_torques"]
+        ),
+        filter=SignalFilter(**content["filter"]),
+        weighting=content["weighting"],
+        coulomb_velocity=float(content["coulomb_velocity"]),
+        effort_scale=None if scale is None else row(scale),
+    )
+
+
+def _finite(values: Any) -> Floats:
+    return _array(values, (len(values),), "actuation")

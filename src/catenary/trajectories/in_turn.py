@@ -1,0 +1,101 @@
+"""Motions one after the other, and the motion of standing still."""
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from itertools import accumulate
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array
+from catenary.errors import InputError
+from catenary.trajectories.reference import Reference, Trajectory
+
+_NEAR = 1e-9  # [rad|m] rounding, between the end of one motion and the start of the next
+
+
+class Rest:
+    """Standing still for a while."""
+
+    def __init__(self, q: ArrayLike, duration: float) -> None:
+        """Stand at q (n,) [rad or m] for `duration` [s].
+
+        Raises:
+            InputError: Not finite, or a negative duration.
+        """
+        self._q = as_array("q", q, (None,)).copy()
+        self._duration = float(as_array("duration", duration, ()))
+        if self._duration < 0.0:
+            raise InputError(f"duration: expected zero or more seconds, got {duration}")
+
+    @property
+    def duration(self) -> float:
+        """How long [s]."""
+        return self._duration
+
+    def __call__(self, t: float) -> Reference:
+        """Reference at `t` [s]: always the same."""
+        as_array("time", t, ())
+        return Reference(self._q.copy(), np.zeros(len(self._q)), np.zeros(len(self._q)))
+
+    def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """References at many times (N,) [s]: q, qd, qdd, each (N, n)."""
+        rows = len(as_array("times", times, (None,)))
+        shape = rows, len(self._q)
+        return np.tile(self._q, (rows, 1)), np.zeros(shape), np.zeros(shape)
+
+
+class InTurn:
+    """Trajectories one after the other, each beginning where the last one ended."""
+
+    def __init__(self, parts: Sequence[Trajectory]) -> None:
+        """Join motions.
+
+        Raises:
+            InputError: None, or one that begins elsewhere than the last one ended.
+        """
+        if not parts:
+            raise InputError("parts: expected at least one trajectory")
+        for k in range(1, len(parts)):
+            end, start = parts[k - 1](parts[k - 1].duration).q, parts[k](0.0).q
+            if len(end) != len(start) or not (np.abs(end - start) <= _NEAR).all():
+                raise InputError(
+                    f"parts: number {k + 1} begins at {start.tolist()}, the one before it ends at {end.tolist()}"
+                )
+        self._parts = list(parts)
+        ends = list(accumulate(part.duration for part in parts))
+        self._starts = [0.0, *ends[:-1]]
+        self._duration = ends[-1]
+
+    @property
+    def duration(self) -> float:
+        """Of all of them [s]."""
+        return self._duration
+
+    @property
+    def starts(self) -> tuple[float, ...]:
+        """When each begins [s]."""
+        return tuple(self._starts)
+
+    def __call__(self, t: float) -> Reference:
+        """Reference at `t` [s]."""
+        at = float(as_array("time", t, ()))
+        k = max(0, bisect_right(self._starts, at) - 1)
+        return self._parts[k](self._local(k, at))
+
+    def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """References at many times (N,) [s]: q, qd, qdd, each (N, n)."""
+        at = as_array("times", times, (None,))
+        which = np.maximum(np.searchsorted(self._starts, at, side="right") - 1, 0)
+        n = len(self._parts[0](0.0).q)
+        out = np.empty((3, len(at), n))
+        for k in np.unique(which):
+            rows = which == k
+            local = [self._local(k, t) for t in at[rows]]
+            for whole, part in zip(out, self._parts[k].sample(local), strict=True):
+                whole[rows] = part
+        return out[0], out[1], out[2]
+
+    def _local(self, k: int, t: float) -> float:
+        """Time since part k began; at the end of all, its very end, whatever the sums round to."""
+        return self._parts[k].duration if t >= self._duration else t - self._starts[k]

@@ -1,0 +1,99 @@
+from functools import partial
+from pathlib import Path
+from unittest.mock import patch
+
+import pytest
+
+from catenary.gravity.mounting import load_mounting
+from catenary.jobs.sense import read_still
+from command_line import catenary, refusal
+from oracles.simulated_board import SimulatedBoard
+
+
+def test_a_simulated_sensor_is_shown_with_its_tilt():
+    outcome = catenary("sense", "--simulated", "--tilt-deg", "10", "-5", "--duration", "2")
+    assert outcome.code == 0
+    lines = outcome.out.split("\n")
+    assert "0.0 s  gravity" in lines[0]
+    assert "live" in lines[0]
+    assert any(line.startswith("roll +") and "pitch -" in line for line in lines)
+    assert "mean of 2.0 s" in outcome.out
+
+
+def test_json_is_one_summary():
+    data = catenary("sense", "--simulated", "--tilt-deg", "20", "0", "--duration", "2", "--json").json
+    assert data["status"] == "live"
+    assert data["tilt_deg"]["roll"] == pytest.approx(20.0, abs=1.0)
+    assert data["magnitude"] == pytest.approx(9.81, abs=0.15)
+    assert data["faults"] == {}
+    assert len(data["mean"]) == 3
+
+
+def test_a_base_that_hangs_must_be_told_of():
+    hanging = ("sense", "--simulated", "--tilt-deg", "0", "180", "--duration", "1")
+    outcome = catenary(*hanging)
+    assert outcome.code == 1
+    assert "upside_down" in outcome.out
+    assert "nothing that can be believed" in outcome.out
+    assert catenary(*hanging, "--hanging").code == 0
+
+
+def test_a_simulated_tumble_writes_a_mounting_file_that_sense_takes(tmp_path: Path):
+    path = tmp_path / "m.toml"
+    data = catenary("sense", "--simulated", "--tumble", "--out", path, "--json").json
+    assert data["mounting"] == str(path)
+    assert data["faults"] == []
+    assert data["readings"] == 12
+    assert load_mounting(path).scale == pytest.approx(1.0, abs=0.01)
+    assert catenary("sense", "--simulated", "--mounting", path, "--duration", "1").code == 0
+
+
+def test_a_board_is_read_over_its_port(tmp_path: Path):
+    board = SimulatedBoard(tmp_path / "board", gyroscope=False)
+    board.speak(lambda t: (0.0, 0.0, 9.81 + 0.001 * (round(100 * t) % 7)))
+    data = catenary("sense", "--port", board.link, "--duration", "0.5", "--json").json
+    board.close()
+    assert data["gravity"] == pytest.approx([0.0, 0.0, -9.81], abs=0.02)
+    assert data["faults"] == {}
+    assert data["link"]["samples"] > 30
+    assert data["link"]["damaged"] == 0
+
+
+def test_a_tumble_of_a_board_asks_for_each_attitude_and_refuses_one_that_never_moved(tmp_path: Path):
+    board = SimulatedBoard(tmp_path / "board", gyroscope=False)
+    board.speak(lambda t: (0.0, 0.0, 9.81 + 0.001 * (round(100 * t) % 7)))
+    quick = partial(read_still, seconds=0.15)
+    with (
+        patch("catenary.cli.sense._enter_pressed", return_value=True),
+        patch("catenary.jobs.sense.read_still", quick),
+    ):
+        outcome = catenary("sense", "--port", board.link, "--tumble", "--out", tmp_path / "m.toml")
+    board.close()
+    assert outcome.code == 2
+    assert "12/12" in outcome.err
+    assert "all directions are parallel" in outcome.err
+    assert not (tmp_path / "m.toml").exists()
+
+
+def test_a_tumble_without_a_keyboard_is_refused(tmp_path: Path):
+    board = SimulatedBoard(tmp_path / "board")
+    board.speak()
+    assert "standard input has ended" in refusal("sense", "--port", board.link, "--tumble")
+    board.close()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--duration", "1"), "one of --port and --simulated"),
+        (("--port", "/dev/none", "--simulated"), "one of --port and --simulated"),
+        (("--port", "/dev/none"), "/dev/none: cannot be opened"),
+        (("--port", "/dev/none", "--rate", "100"), "--tilt-deg and --rate are of a simulated sensor"),
+        (("--simulated", "--rate", "0"), "rate_hz"),
+        (("--simulated", "--duration", "-1"), "duration"),
+        (("--simulated", "--out", "m.toml"), "add --tumble"),
+        (("--simulated", "--mounting", "/none.toml"), "no such file"),
+    ],
+)
+def test_wrong_options_are_refused(arguments, said):
+    assert said in refusal("sense", *arguments)

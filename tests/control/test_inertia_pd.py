@@ -1,0 +1,88 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.arrays import Floats
+from catenary.control.inertia_pd import InertiaPD
+from catenary.dynamics.inverse_dynamics import BaseMotion, coriolis_matrix, inverse_dynamics
+from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.errors import InputError
+from catenary.gravity.torque import gravity_torque
+from catenary.plant import AT_REST, JointState
+from catenary.robots.catalog import load_robot
+from catenary.trajectories.reference import Reference
+from oracles.random_trees import RandomRobot
+
+GRAVITY = np.array([3.0, -1.0, -9.2])
+
+
+def state(q: Floats, qd: Floats, rates: Floats = AT_REST) -> JointState:
+    return JointState(0.0, q, qd, np.zeros(len(q)), np.zeros(0), GRAVITY, 0.0, rates)
+
+
+def test_torque_is_that_of_the_matrices(random_robots: list[RandomRobot]) -> None:
+    rng = np.random.default_rng(1)
+    for robot in random_robots[:20]:
+        m = robot.model
+        q, qd, q_ref, qd_ref, qdd_ref = rng.normal(size=(5, m.n))
+        kp, kv = rng.uniform(0.0, 50.0, (2, m.n))
+        M, C = mass_matrix(m, q), coriolis_matrix(m, q, qd)
+        g = gravity_torque(m, q, GRAVITY)
+        feedback = M @ (kp * (q_ref - q) + kv * (qd_ref - qd))
+        reference = Reference(q_ref, qd_ref, qdd_ref)
+        plain, full = InertiaPD(m, kp, kv), InertiaPD(m, kp, kv, coriolis=True)
+        assert_allclose(plain.torque(state(q, qd), reference), feedback + M @ qdd_ref + g, atol=1e-8)
+        assert_allclose(full.torque(state(q, qd), reference), feedback + M @ qdd_ref + C @ qd + g, atol=1e-8)
+        assert_allclose(plain.feedback, feedback, atol=1e-8)
+
+
+def test_motors_add_their_inertia_to_both_terms() -> None:
+    arm = load_robot("raven2")
+    q, qd = np.array([0.5, 1.4, 0.4]), np.zeros(3)
+    reference = Reference(q + np.array([0.1, 0.0, 0.01]), qd, np.array([1.0, 2.0, 0.1]))
+    motors = np.array([[0.27, 0.03, 0.5], [0.03, 0.21, 0.5], [0.5, 0.5, 65.0]])
+    with_motors = InertiaPD(arm, 900.0, 40.0, motor_inertia=motors)
+    without = InertiaPD(arm, 900.0, 40.0)
+    added = with_motors.torque(state(q, qd), reference) - without.torque(state(q, qd), reference)
+    assert_allclose(added, motors @ (900.0 * (reference.q - q) + reference.qdd), rtol=1e-10)
+
+
+def test_a_turning_base_is_compensated_once() -> None:
+    arm = load_robot("raven2")
+    q, rest = np.array([0.5, 1.4, 0.4]), np.zeros(3)
+    rates = np.array([[0.1, -0.2, 0.3], [1.0, 2.0, -0.5]])
+    tau = InertiaPD(arm, 900.0, 40.0).torque(state(q, rest, rates), Reference(q, rest, rest))
+    expected = inverse_dynamics(arm, q, rest, rest, GRAVITY, BaseMotion(rates[0], rates[1]))
+    assert_allclose(tau, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("coriolis", [False, True])
+def test_error_obeys_its_linear_equation_exactly_only_with_the_velocity_terms(coriolis: bool) -> None:
+    arm = load_robot("two_link")
+    w, dt = 10.0, 1e-4
+    controller = InertiaPD(arm, w * w, 2.0 * w, coriolis=coriolis)
+    q, qd = np.array([0.6, 1.2]), np.array([3.0, -2.0])
+    start, rate = q.copy(), qd.copy()
+    zero = Reference(np.zeros(2), np.zeros(2), np.zeros(2))
+    for _ in range(3000):
+        tau = controller.torque(state(q, qd), zero)
+        bias = inverse_dynamics(arm, q, qd, np.zeros(2), GRAVITY)
+        qd = qd + dt * np.linalg.solve(mass_matrix(arm, q), tau - bias)
+        q = q + dt * qd
+    t = 3000 * dt
+    closed_form = (start + (rate + w * start) * t) * np.exp(-w * t)  # critically damped
+    # semi-implicit Euler: w dt = 1e-3 of where it began
+    assert np.allclose(q, closed_form, atol=3e-3) == coriolis
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"kp": -1.0}, "zero or more"),
+        ({"kv": [1.0, 2.0]}, "expected shape"),
+        ({"motor_inertia": np.eye(2)}, "motor_inertia: expected shape"),
+    ],
+)
+def test_impossible_settings_are_refused(options: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        InertiaPD(load_robot("raven2"), **{"kp": 1.0, "kv": 1.0, **options})  # type: ignore[arg-type]

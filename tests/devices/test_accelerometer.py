@@ -1,0 +1,180 @@
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.devices.accelerometer import SerialAccelerometer
+from catenary.errors import SensorError
+from catenary.gravity.faults import Fault
+from catenary.gravity.imu import SensedGravity
+from catenary.gravity.mounting import Mounting
+from catenary.gravity.samples import Kind, Mailbox
+from catenary.gravity.sensor_checks import SensorRules
+from catenary.gravity.vector import Status
+from oracles.simulated_board import SimulatedBoard, framed
+
+
+@pytest.fixture
+def board(tmp_path: Path) -> Iterator[SimulatedBoard]:
+    board = SimulatedBoard(tmp_path / "board")
+    yield board
+    board.close()
+
+
+def until(condition, seconds=5.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.002)
+
+
+def opened(board, mailbox=None, **options):
+    return SerialAccelerometer(str(board.link), Mailbox() if mailbox is None else mailbox, **options)
+
+
+def taken(mailbox):
+    return [mailbox.take() for _ in range(len(mailbox))]
+
+
+def test_samples_arrive_in_si_units_with_rates_and_stamps(board):
+    with opened(board) as device:
+        board.hello()
+        begin = time.monotonic()
+        for k in range(5):
+            board.write(board.line((0.1 * k, 0.0, 9.8), (0.0, 0.2, 0.0)))
+        until(lambda: device.counts.samples == 5)
+        samples = taken(device.mailbox)
+    force = [s for s in samples if s.kind is Kind.SPECIFIC_FORCE]
+    rates = [s for s in samples if s.kind is Kind.ANGULAR_RATE]
+    assert_allclose([s.vector for s in force], [[0.1 * k, 0.0, 9.8] for k in range(5)], atol=1e-5)
+    assert_allclose([s.vector for s in rates], np.tile([0.0, 0.2, 0.0], (5, 1)), atol=1e-5)
+    # sent within no time: each was taken no later than it arrived
+    assert begin - 0.1 < force[0].stamp < time.monotonic()
+
+
+def test_the_unit_that_the_board_states_is_converted(tmp_path):
+    board = SimulatedBoard(tmp_path / "board", unit="g", gyroscope=False)
+    with opened(board) as device:
+        board.hello()
+        board.write(board.line((0.0, 0.0, 1.0)))
+        until(lambda: device.counts.samples == 1)
+        assert_allclose(taken(device.mailbox)[0].vector, [0.0, 0.0, 9.80665])
+        assert device.with_ranges(Mounting()).acceleration_range == pytest.approx(2.0 * 9.80665)
+    board.close()
+
+
+def test_the_board_is_asked_for_its_hello(board):
+    with opened(board) as device:
+        until(lambda: b"?" in board.asked())
+        board.hello()
+        assert device.wait_ready(2.0).sensor == "simulated"
+
+
+def test_samples_of_an_unknown_unit_are_left_out(board):
+    with opened(board) as device:
+        board.write(board.line())
+        until(lambda: device.counts.before_hello == 1)
+        assert len(device.mailbox) == 0
+
+
+def test_a_board_that_says_no_hello_is_told_with_what_came_instead(board):
+    with opened(board) as device:
+        board.write(board.line() + b"noise\n")
+        until(lambda: device.counts.damaged == 1)
+        with pytest.raises(
+            SensorError, match=r"no hello within 0.05 s: 1 samples, 1 damaged lines; .*115200 baud"
+        ):
+            device.wait_ready(0.05)
+
+
+def test_damage_on_the_line_costs_the_damaged_lines_only(board):
+    with opened(board) as device:
+        board.hello()
+        good = [board.line() for _ in range(6)]
+        board.write(good[0])
+        board.write(b"\x00\xff\xfegarbage\n")
+        board.write(good[1][:-9] + b"\n")  # truncated: no checksum
+        board.write(good[2].replace(b"9.81", b"9.91"))  # wrong checksum
+        board.write(good[3][:20] + good[4])  # its end was lost, and the next one's start
+        board.write(framed("CATAC,1,2,3"))  # whole, but no sample
+        board.write(good[5])
+        until(lambda: device.counts.samples == 2)
+        assert device.counts.damaged == 4
+        assert device.counts.malformed == 1
+        assert "CATAC with 3 fields" in device.complaint
+        assert device.counts.missing == 4
+
+
+def test_samples_that_are_missing_or_repeated_are_counted(board):
+    board.count = 65534  # the counter wraps meanwhile
+    with opened(board) as device:
+        board.hello()
+        lines = [board.line() for _ in range(8)]
+        for k in (0, 1, 1, 2, 5, 6, 6, 7):
+            board.write(lines[k])
+        until(lambda: device.counts.samples == 6)
+        assert (device.counts.missing, device.counts.repeated) == (2, 2)
+
+
+def test_a_board_whose_clock_wraps_goes_on(tmp_path):
+    board = SimulatedBoard(tmp_path / "board", start_us=2**32 - 50_000)
+    with opened(board) as device:
+        board.hello()
+        for _ in range(20):
+            board.write(board.line())
+            time.sleep(0.01)
+        until(lambda: device.counts.samples == 20)
+        stamps = [s.stamp for s in taken(device.mailbox) if s.kind is Kind.SPECIFIC_FORCE]
+    assert device.counts.restarts == 0
+    assert np.diff(stamps[5:]).max() < 0.05
+    board.close()
+
+
+def test_a_board_that_is_unplugged_is_waited_for(board):
+    with opened(board) as device:
+        board.hello()
+        board.write(board.line())
+        until(lambda: device.counts.samples == 1)
+        board.unplug()
+        until(lambda: not device.is_connected)
+        board.plug()
+        until(lambda: device.is_connected)
+        board.hello()
+        board.write(board.line())
+        until(lambda: device.counts.samples == 2)
+        assert device.counts.unplugged == 1
+
+
+def test_a_port_that_is_not_there_is_told_with_those_that_are(tmp_path):
+    with pytest.raises(SensorError, match=r"none: cannot be opened: .*; serial ports here: "):
+        SerialAccelerometer(str(tmp_path / "none"), Mailbox())
+
+
+def test_closing_ends_the_thread(board):
+    device = opened(board)
+    device.close()
+    assert not device.is_connected
+    assert not device._thread.is_alive()
+
+
+def test_gravity_lives_through_unplugging_and_plugging_in_again(board):
+    mailbox = Mailbox()
+    source = SensedGravity(mailbox, rules=SensorRules(stuck_samples=0), angular=False)
+    rng = np.random.default_rng(0)
+    board.speak(lambda t: (0.5, 0.0, 9.8) + 0.01 * rng.normal(size=3))
+
+    def said():
+        return source.read(time.monotonic())
+
+    with opened(board, mailbox) as device:
+        until(lambda: said().status is Status.LIVE)
+        board.unplug()
+        until(lambda: said().status is Status.FALLBACK)
+        assert Fault.INTERRUPTED in said().faults
+        board.plug()
+        until(lambda: said().status is Status.LIVE)
+        assert_allclose(said().gravity, [-0.5, 0.0, -9.8], atol=0.1)
+        assert device.counts.unplugged == 1

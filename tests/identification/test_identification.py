@@ -1,0 +1,226 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.dynamics.inverse_dynamics import inverse_dynamics
+from catenary.dynamics.regressor import link_parameters
+from catenary.errors import ExcitationError, InputError, MissingInertiaError
+from catenary.identification.consistency import pseudo_inertia
+from catenary.identification.identification import identify
+from catenary.identification.options import IdentifyOptions
+from catenary.identification.samples import prepare
+from catenary.identification.swapped import swapped_axes
+from catenary.robots.actuation import Actuation, KnownTorque, default_actuation
+from catenary.robots.catalog import load_robot
+from moving_arm import LEVEL, recorded, sinusoids
+
+ARM = load_robot("raven2")
+# a filtered torque has rounded steps where Coulomb friction changes sign, the regressor has sharp ones
+FILTERED = 0.1
+
+
+@pytest.fixture(scope="module")
+def found():
+    return identify([recorded(ARM, 0)], ARM, tests=[recorded(ARM, 1)])
+
+
+@pytest.fixture(scope="module")
+def consistent():
+    return identify(
+        [recorded(ARM, 0, noise=0.3)], ARM, IdentifyOptions(consistent=True), tests=[recorded(ARM, 1)]
+    )
+
+
+def test_true_dynamics_are_predicted_on_motion_that_was_not_fitted(found):
+    assert (found.tests[0].relative_rms < FILTERED).all()
+    assert found.tests[0].verdict == "holds"
+
+
+def test_smooth_torques_are_identified_exactly():
+    smooth = replace(ARM, actuation=replace(default_actuation(ARM.joint_names), coulomb_velocity=2.0))
+    result = identify([recorded(smooth, 0, rate=1000.0)], smooth, IdentifyOptions(cutoff_hz=100.0))
+    true = np.concatenate([link_parameters(ARM.tree), np.full(9, 0.3)])
+    # differences at 1 kHz of 7 rad/s: (w h)^2 / 6 = 1e-5 of an acceleration
+    q, qd, qdd = sinusoids(np.random.default_rng(3), smooth, np.linspace(0.0, 5.0, 100))
+    expected = result.base.parameters.regressor(q, qd, qdd, LEVEL) @ true
+    assert_allclose(result.predict(q, qd, qdd), expected, atol=1e-3 * np.abs(expected).max())
+
+
+def test_standard_deviations_cover_the_true_parameters():
+    result = identify([recorded(ARM, 2, noise=1.0)], ARM)
+    true = result.base.combination @ np.concatenate([link_parameters(ARM.tree), np.full(9, 0.3)])
+    beyond = np.abs(result.beta - true) / result.std
+    assert np.median(beyond) < 2.0
+    assert np.median(beyond) > 0.1
+
+
+def test_noise_free_recordings_of_two_days_are_better_than_one_noisy():
+    noisy = [recorded(ARM, seed, noise=1.0) for seed in (3, 4)]
+    one, two = identify(noisy[:1], ARM), identify(noisy, ARM)
+    assert (two.std < one.std).mean() > 0.9
+    assert len(two.training) == 2
+
+
+def test_known_torques_are_subtracted_and_added_again():
+    known = KnownTorque("k", np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), np.array([4.0, 0.0, 7.0]))
+    aided = replace(ARM, actuation=replace(default_actuation(ARM.joint_names), known_torques=(known,)))
+    log = recorded(ARM, 0)
+    load = np.zeros(log.tau.shape)
+    load[:, 1] = 4.0 * log.q_nominal[:, 0] ** 2 + 7.0
+    result = identify([replace(log, tau=log.tau + load)], aided)
+    plain = identify([log], ARM)
+    q = log.q_nominal[:50]
+    assert_allclose(result.predict(q) - plain.predict(q), load[:50], atol=0.05)
+
+
+def test_poses_at_rest_show_the_gravity_torque():
+    rng = np.random.default_rng(5)
+    q = rng.uniform(ARM.lower, ARM.upper, size=(200, 3))
+    constant = np.array([0.1, -0.2, 0.3])
+    tau = inverse_dynamics(ARM, q, 0 * q, 0 * q, LEVEL) + constant
+    log = recorded(ARM, 0, q_nominal=q, qd=None, time=None, tau=tau, ok=np.ones(200, dtype=bool))
+    result = identify([log], ARM, IdentifyOptions(terms="static"))
+    other = rng.uniform(ARM.lower, ARM.upper, size=(20, 3))
+    expected = inverse_dynamics(ARM, other, 0 * other, 0 * other, LEVEL) + constant
+    assert_allclose(result.predict(other), expected, atol=1e-9)
+    with pytest.raises(InputError, match="identified from poses at rest: it predicts no motion"):
+        result.predict(other, other)
+
+
+def test_one_row_is_predicted_as_many_are(found):
+    q = np.array([[0.3, 1.2, 0.3], [0.7, 1.5, 0.4]])
+    assert_allclose(found.predict(q[1], q[0], q[0]), found.predict(q, q[[0, 0]], q[[0, 0]])[1], atol=1e-12)
+
+
+def test_no_rows_give_no_torques(found):
+    assert found.predict(np.zeros((0, 3))).shape == (0, 3)
+
+
+def test_gravity_may_be_another_than_the_recordings(found):
+    q = np.array([0.3, 1.2, 0.3])
+    less = [0.0, 0.0, -9.81 / 2]
+    at_none = found.predict(q, gravity=[0.0, 0.0, 0.0])
+    assert_allclose(found.predict(q, gravity=less) - at_none, 0.5 * (found.predict(q) - at_none), atol=1e-9)
+
+
+@pytest.mark.parametrize("weighting", ["none", "range", "spread", "residual"])
+def test_every_weighting_finds_the_dynamics(weighting):
+    result = identify([recorded(ARM, 0)], ARM, IdentifyOptions(weighting=weighting), tests=[recorded(ARM, 1)])
+    assert (result.tests[0].relative_rms < FILTERED).all()
+
+
+def test_weights_even_out_axes_of_different_size():
+    loud = recorded(ARM, 0)
+    result = identify([loud], ARM, IdentifyOptions(weighting="spread"))
+    filtered = prepare(loud, ARM, IdentifyOptions()).tau
+    assert_allclose(result.weights * filtered.std(axis=0), 1.0, rtol=1e-9)
+
+
+def test_recordings_that_do_not_move_show_too_little():
+    still = recorded(ARM, 0)
+    frozen = np.repeat(still.q_nominal[:1], len(still), axis=0)
+    with pytest.raises(
+        ExcitationError, match=r"the recordings show \d+ of \d+ base parameters.*excitation"
+    ) as caught:
+        identify([replace(still, q_nominal=frozen, qd=0 * frozen)], ARM)
+    assert caught.value.rank < caught.value.n_base
+
+
+def test_no_recording_is_refused():
+    with pytest.raises(InputError, match="at least one recording"):
+        identify([], ARM)
+
+
+def test_an_arm_that_changed_has_drifted(found):
+    heavier = ARM.with_payload("wrist", 0.3, [0.0, 0.0, 0.1])
+    result = found.test([prepare(recorded(heavier, 1), ARM, IdentifyOptions())])
+    assert result.tests[-1].verdict in ("drifted", "fails")
+
+
+def test_torques_without_sense_fail(found):
+    log = recorded(ARM, 1)
+    shuffled = np.roll(log.tau, 700, axis=0)
+    result = found.test([prepare(replace(log, tau=shuffled), ARM, IdentifyOptions())])
+    assert result.tests[-1].verdict == "fails"
+
+
+def test_swapped_axes_are_found(found):
+    log = recorded(ARM, 1)
+    order = [1, 0, 2]
+    for keys in (("tau",), ("q_nominal", "qd", "tau")):
+        samples = prepare(log, ARM, IdentifyOptions())
+        names = {"q_nominal": "q"}
+        mixed = replace(
+            samples, **{names.get(k, k): getattr(samples, names.get(k, k))[:, order] for k in keys}
+        )
+        if keys != ("tau",):
+            mixed = replace(mixed, qdd=mixed.qdd[:, order])
+        assert swapped_axes(found, mixed) == (0, 1)
+    assert swapped_axes(found, samples) is None
+
+
+def test_consistent_parameters_are_those_of_bodies(consistent):
+    for place in range(3):
+        J = pseudo_inertia(consistent.phi[consistent.base.parameters.link_columns(place)])
+        assert np.linalg.eigvalsh(J)[0] > 0.0
+    assert (consistent.phi[list(consistent.base.parameters.never_negative)] >= -1e-9).all()
+
+
+def test_pseudo_inertia_is_the_second_moment_of_the_mass():
+    rng = np.random.default_rng(8)
+    points = np.column_stack([rng.normal(size=(20, 3)), np.ones(20)])
+    tensor = sum(p[:3] @ p[:3] * np.eye(3) - np.outer(p[:3], p[:3]) for p in points)
+    phi = np.concatenate([[20.0], points[:, :3].sum(axis=0), tensor[np.triu_indices(3)]])
+    assert_allclose(pseudo_inertia(phi), points.T @ points, atol=1e-12)
+
+
+def test_a_consistent_fit_costs_little_where_the_truth_is_a_body(consistent):
+    free = identify([recorded(ARM, 0, noise=0.3)], ARM)
+    assert (consistent.training[0].rms <= 1.02 * free.training[0].rms).all()
+
+
+def test_a_consistent_fit_is_a_robot_that_moves_as_the_regressor_says(consistent):
+    robot = consistent.robot()
+    rng = np.random.default_rng(9)
+    q, qd, qdd = sinusoids(rng, ARM, np.linspace(0.0, 3.0, 40))
+    columns = consistent.base.parameters.regressor(q, qd, qdd, LEVEL)[:, :, 30:]
+    beside = columns @ consistent.phi[30:]
+    assert_allclose(
+        inverse_dynamics(robot, q, qd, qdd, LEVEL) + beside, consistent.predict(q, qd, qdd), atol=1e-8
+    )
+
+
+def test_base_parameters_alone_make_no_robot(found):
+    with pytest.raises(MissingInertiaError, match='"shoulder"'):
+        found.robot()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"terms": "half"}, 'terms "half": expected full or static'),
+        ({"weighting": "best"}, 'weighting "best": expected none, range'),
+        ({"cutoff_hz": -1.0}, "cutoff_hz: expected a number above zero"),
+        ({"blocks": float("nan")}, "blocks: expected a number above zero"),
+        ({"order": 0}, "order: expected 1 or more"),
+    ],
+)
+def test_options_that_cannot_be_meant_are_refused(options, said):
+    with pytest.raises(InputError) as caught:
+        IdentifyOptions(**options)
+    assert said in str(caught.value)
+
+
+def test_a_consistent_fit_of_poses_is_refused():
+    q = np.random.default_rng(5).uniform(ARM.lower, ARM.upper, size=(200, 3))
+    tau = inverse_dynamics(ARM, q, 0 * q, 0 * q, LEVEL)
+    log = recorded(ARM, 0, q_nominal=q, qd=None, time=None, tau=tau, ok=np.ones(200, dtype=bool))
+    with pytest.raises(InputError, match="poses at rest show no inertia"):
+        identify([log], ARM, IdentifyOptions(terms="static", consistent=True))
+
+
+def test_a_file_without_actuation_has_friction_on_every_joint():
+    assert [f.name for f in default_actuation(ARM.joint_names).friction] == ["shoulder", "elbow", "insertion"]
+    assert Actuation().friction == ()

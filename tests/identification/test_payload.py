@@ -1,0 +1,106 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.dynamics.inverse_dynamics import inverse_dynamics
+from catenary.dynamics.regressor import torque_regressor
+from catenary.errors import InputError
+from catenary.identification.identification import identify
+from catenary.identification.options import IdentifyOptions
+from catenary.identification.payload import estimate_payload, payload_candidates, point_mass
+from catenary.identification.samples import prepare
+from catenary.robots.catalog import load_robot
+from moving_arm import LEVEL, recorded, sinusoids
+
+ARM = load_robot("raven2")
+PLACE = np.array([0.02, -0.1, 0.05])
+
+
+@pytest.fixture(scope="module")
+def found():
+    return identify([recorded(ARM, 0, noise=0.2)], ARM)
+
+
+def loaded(mass, frame="wrist", seed=1):
+    heavy = ARM.with_payload(frame, mass, PLACE)
+    return [prepare(recorded(heavy, seed, noise=0.2), ARM, IdentifyOptions())]
+
+
+def test_a_point_mass_has_the_torques_of_the_robot_that_carries_it():
+    q, qd, qdd = sinusoids(np.random.default_rng(0), ARM, np.linspace(0, 2, 9))
+    link = ARM.link_names.index("elbow")
+    Y = torque_regressor(ARM, q, qd, qdd, LEVEL)[:, :, 10 * link : 10 * link + 10]
+    heavy = ARM.with_payload("elbow", 0.4, PLACE)
+    more = inverse_dynamics(heavy, q, qd, qdd, LEVEL) - inverse_dynamics(ARM, q, qd, qdd, LEVEL)
+    assert_allclose(Y @ (0.4 * point_mass(PLACE)), more, atol=1e-12)
+
+
+@pytest.mark.parametrize("frame", ["shoulder", "elbow", "wrist"])
+def test_a_mass_at_a_known_place_is_weighed(found, frame):
+    payload = estimate_payload(found, loaded(0.2, frame), at=(frame, PLACE))
+    assert payload.mass == pytest.approx(0.2, abs=0.02)
+    assert payload.detected
+    assert payload.confidence > 0.99
+    assert payload.link == ARM.link_names[ARM.frame(frame).link]
+
+
+def test_an_unloaded_arm_carries_no_payload(found):
+    payload = estimate_payload(found, loaded(0.0), at=("wrist", PLACE))
+    assert not payload.detected
+    assert payload.confidence < 0.997
+
+
+def test_an_unloaded_arm_carries_no_payload_anywhere(found):
+    assert not estimate_payload(found, loaded(0.0)).detected
+
+
+def test_less_mass_than_identified_is_no_payload(found):
+    samples = [prepare(recorded(ARM, 1), ARM, IdentifyOptions())]
+    heavy = identify([recorded(ARM.with_payload("wrist", 0.5, PLACE), 0)], ARM)
+    payload = estimate_payload(heavy, samples, at=("wrist", PLACE))
+    assert payload.mass == pytest.approx(-0.5, abs=0.05)
+    assert not payload.detected
+
+
+def test_mass_and_place_are_found_on_the_link_that_carries_them(found):
+    payload = estimate_payload(found, loaded(0.3))
+    assert payload.link == "insertion"  # which the wrist is a frame of
+    assert payload.mass == pytest.approx(0.3, abs=0.05)
+    pose = ARM.frame("wrist").pose
+    assert_allclose(payload.moment / payload.mass, pose.rotation @ PLACE + pose.position, atol=0.02)
+
+
+def test_every_link_is_a_candidate_once(found):
+    names = [candidate.link for candidate in payload_candidates(found, loaded(0.3))]
+    assert sorted(names) == sorted(ARM.link_names)
+
+
+def test_what_an_unloaded_recording_of_the_day_shows_is_subtracted(found):
+    aged = 0.08  # an arm that grew heavier between days, before the payload came
+    today = ARM.with_payload("wrist", aged, PLACE)
+    both = ARM.with_payload("wrist", aged + 0.2, PLACE)
+    unloaded = [prepare(recorded(today, 1, noise=0.2), ARM, IdentifyOptions())]
+    with_it = [prepare(recorded(both, 2, noise=0.2), ARM, IdentifyOptions())]
+    biased = estimate_payload(found, with_it, at=("wrist", PLACE))
+    fair = estimate_payload(found, with_it, at=("wrist", PLACE), unloaded=unloaded)
+    assert biased.mass == pytest.approx(aged + 0.2, abs=0.02)
+    assert fair.mass == pytest.approx(0.2, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("at", "said"),
+    [
+        (("nose", PLACE), 'no frame "nose"'),
+        (("frame0", PLACE), "does not move"),
+        (("wrist", [0.0, 1.0]), "payload position: expected shape (3,)"),
+    ],
+)
+def test_places_that_are_none_are_refused(found, at, said):
+    with pytest.raises(InputError) as caught:
+        estimate_payload(found, loaded(0.1), at=at)
+    assert said in str(caught.value)
+
+
+def test_no_recording_is_refused(found):
+    with pytest.raises(InputError, match="at least one recording"):
+        estimate_payload(found, [])

@@ -1,0 +1,71 @@
+"""Recordings of arms that move as designed, with torques of known dynamics, for tests of identification."""
+
+from typing import Any
+
+import numpy as np
+
+from catenary.dynamics.actuation import actuation_columns, actuation_terms
+from catenary.dynamics.inverse_dynamics import inverse_dynamics
+from catenary.identification.options import actuation_of
+from catenary.plant import MotionLog
+from catenary.robots.model import RobotModel
+
+LEVEL = np.array([0.0, 0.0, -9.81])
+
+
+def sinusoids(
+    rng: np.random.Generator, model: RobotModel, time: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, velocities, accelerations (N, n): three sines a joint, around the middle of its range."""
+    bounded = np.isfinite(model.upper - model.lower)
+    low, high = np.where(bounded, model.lower, -2.2), np.where(bounded, model.upper, 2.2)
+    middle, reach = 0.5 * (low + high), 0.45 * (high - low)
+    w = rng.uniform(1.0, 7.0, size=(3, 1, model.n))
+    phase = rng.uniform(0.0, 6.28, size=(3, 1, model.n))
+    angle = w * time[:, None] + phase
+    q = middle + reach / 3.0 * np.sin(angle).sum(axis=0)
+    return q, reach / 3.0 * (w * np.cos(angle)).sum(axis=0), -reach / 3.0 * (w**2 * np.sin(angle)).sum(axis=0)
+
+
+def torques(
+    model: RobotModel, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, beside: np.ndarray
+) -> np.ndarray:
+    """Inverse dynamics, and friction, rotors and springs of these sizes."""
+    actuation = actuation_of(model)
+    columns = actuation_columns(actuation_terms(actuation), q, qd, qdd, actuation.coulomb_velocity)
+    return inverse_dynamics(model, q, qd, qdd, LEVEL) + columns @ beside
+
+
+def recorded(
+    model: RobotModel,
+    seed: int,
+    *,
+    seconds: float = 30.0,
+    rate: float = 200.0,
+    noise: float = 0.0,
+    beside: np.ndarray | None = None,
+    **changes: Any,
+) -> MotionLog:
+    """A recording of an arm with known inertia; friction is 0.3 of each kind unless `beside` says otherwise."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(int(seconds * rate)) / rate
+    q, qd, qdd = sinusoids(rng, model, time)
+    count = len(actuation_terms(actuation_of(model)))
+    tau = torques(model, q, qd, qdd, np.full(count, 0.3) if beside is None else beside)
+    fields: dict[str, Any] = {
+        "name": f"run{seed}",
+        "joint_names": model.joint_names,
+        "joint_units": model.joint_units,
+        "q_nominal": q,
+        "ok": np.ones(len(q), dtype=bool),
+        "time": time,
+        "qd": qd,
+        "tau": tau + noise * rng.normal(size=tau.shape),
+    }
+    return MotionLog(**(fields | changes))
+
+
+def write_npz(log: MotionLog, path: Any, **changes: Any) -> None:
+    """Write a recording as catenary identify reads it."""
+    arrays = {"q": log.q_nominal, "dq": log.qd, "tau": log.tau, "t": log.time} | changes
+    np.savez(path, **{key: values for key, values in arrays.items() if values is not None})

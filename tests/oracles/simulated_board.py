@@ -1,0 +1,110 @@
+"""A board that speaks the line protocol over a pseudo-terminal, as docs/devices.md has it; it is written from that
+page, and shares no code with the driver.
+
+    python -m tests.oracles.simulated_board /tmp/board
+
+makes a link to a terminal and speaks until Ctrl-C.
+"""
+
+import contextlib
+import os
+import sys
+import threading
+import time
+import tty
+from collections.abc import Callable
+from pathlib import Path
+
+UP = (0.0, 0.0, 9.81)
+
+
+def framed(body: str) -> bytes:
+    value = 0
+    for byte in body.encode():
+        value = value ^ byte
+    return f"${body}*{value:02X}\r\n".encode()
+
+
+class SimulatedBoard:
+    """`link` leads to its terminal. A test writes lines itself, or lets it speak at a rate by a thread."""
+
+    def __init__(self, link: Path, *, unit: str = "m/s2", gyroscope: bool = True, start_us: int = 0) -> None:
+        self.link, self.unit, self.gyroscope = link, unit, gyroscope
+        self.count, self.micros = 0, start_us
+        self._ending = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._ends: tuple[int, int] | None = None
+        self.plug()
+
+    def plug(self) -> None:
+        ours, theirs = os.openpty()
+        tty.setraw(theirs)
+        os.set_blocking(ours, False)
+        self._ends = ours, theirs
+        self.link.unlink(missing_ok=True)
+        self.link.symlink_to(os.ttyname(theirs))
+
+    def unplug(self) -> None:
+        self.link.unlink(missing_ok=True)
+        for end in self._ends or ():
+            os.close(end)
+        self._ends = None
+
+    def write(self, data: bytes) -> None:
+        if self._ends is not None:
+            with contextlib.suppress(BlockingIOError):  # nobody reads: a board's bytes are lost, too
+                os.write(self._ends[0], data)
+
+    def asked(self) -> bytes:
+        """What the host has sent."""
+        try:
+            return os.read(self._ends[0], 1000) if self._ends else b""
+        except BlockingIOError:
+            return b""
+
+    def hello(self) -> None:
+        rates = "rad/s,4.36" if self.gyroscope else "none,0"
+        end = {"m/s2": 19.6133, "g": 2.0}[self.unit]
+        self.write(framed(f"CATHI,1,simulated,{self.unit},{end},{rates},100"))
+
+    def line(
+        self, force: tuple[float, float, float] = UP, rate: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ) -> bytes:
+        """The next sample's line; the board's clock and count go on."""
+        numbers = [*force, *(rate if self.gyroscope else ())]
+        body = f"CATAC,{self.count % 65536},{self.micros % 4294967296}," + ",".join(
+            f"{v:.5f}" for v in numbers
+        )
+        self.count += 1
+        self.micros += 10000
+        return framed(body)
+
+    def speak(self, force: Callable[[float], tuple[float, float, float]] = lambda t: UP) -> None:
+        """Send samples at 100 Hz, and a hello every second and when asked, until `close`."""
+
+        def run() -> None:
+            begin, k = time.monotonic(), 0
+            while not self._ending.is_set():
+                if self._ends is not None:
+                    if k % 100 == 0 or b"?" in self.asked():
+                        self.hello()
+                    self.write(self.line(force(k / 100.0)))
+                k += 1
+                self._ending.wait(max(0.0, begin + k / 100.0 - time.monotonic()))
+
+        self._thread = threading.Thread(target=run, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._ending.set()
+        if self._thread is not None:
+            self._thread.join()
+        self.unplug()
+
+
+if __name__ == "__main__":
+    board = SimulatedBoard(Path(sys.argv[1]))
+    board.speak()
+    with contextlib.suppress(KeyboardInterrupt):
+        threading.Event().wait()
+    board.close()

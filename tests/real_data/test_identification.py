@@ -1,0 +1,171 @@
+"""Identification on recordings of real arms, against errors published or measured with other tools (their README)."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from catenary.dynamics.kinematics import forward_kinematics
+from catenary.errors import ExcitationError, InputError
+from catenary.identification.identification import Identification, identify
+from catenary.identification.options import IdentifyOptions
+from catenary.identification.payload import estimate_payload
+from catenary.identification.samples import prepare
+from catenary.jobs.identification import identify_files, part_of
+from catenary.plant import MotionLog
+from catenary.recording.torque_logs import read_torque_log
+from catenary.robots.catalog import load_robot
+
+WEIGHT = ("20", [0.024, 0.535, 0.0])  # where the weight of 105 g was, in the public model's frame 20
+
+
+def log_of(folder: Path, name: str, robot: str) -> MotionLog:
+    path = folder / name
+    if not path.is_file():
+        pytest.skip(f"no recording {path}")
+    return read_torque_log(path, load_robot(robot))
+
+
+@pytest.fixture(scope="module")
+def dvrk(recordings: Path) -> Path:
+    return recordings / "dvrk_wpi_dynamics"
+
+
+@pytest.fixture(scope="module")
+def psm(dvrk: Path) -> Identification:
+    names = ("psm_one.npz", "psm_one_no_weight.npz")
+    fitted, other_day = (log_of(dvrk, name, "dvrk_psm") for name in names)
+    return identify([fitted], load_robot("dvrk_psm"), tests=[other_day])
+
+
+def test_psm_has_the_published_number_of_base_parameters(psm: Identification) -> None:
+    assert psm.base.count == psm.rank == 49
+
+
+def test_psm_is_fitted_as_well_as_published(psm: Identification) -> None:
+    known = np.array([0.066, 0.143, 0.179, 0.110, 0.206, 0.196, 0.237])
+    assert (psm.training[0].relative_rms <= 1.05 * known).all()
+
+
+def test_psm_of_another_day_is_predicted_as_well_as_with_other_tools(psm: Identification) -> None:
+    known = np.array([0.065, 0.170, 0.164, 0.234, 0.335, 0.383, 0.378])
+    assert (psm.tests[0].relative_rms <= 1.1 * known).all()
+    assert psm.tests[0].verdict == "drifted"  # the arm changed between days
+
+
+def test_mtm_is_fitted_with_the_published_number_of_parameters(dvrk: Path) -> None:
+    log, model = log_of(dvrk, "mtm_one.npz", "dvrk_mtm"), load_robot("dvrk_mtm")
+    free = identify([log], model)
+    assert free.base.count == 73
+    assert (free.training[0].relative_rms <= [0.09, 0.18, 0.19, 0.21, 0.26, 0.23, 0.34]).all()
+    bodies = identify([log], model, IdentifyOptions(consistent=True))
+    assert (bodies.training[0].rms <= 1.1 * free.training[0].rms).all()
+    assert bodies.robot().tree.mass.min() > 0.0
+
+
+def test_panda_is_predicted_on_the_seconds_it_was_not_fitted_to(recordings: Path) -> None:
+    log = log_of(recordings / "panda_dynamics", "panda_first60.npz", "panda")
+    found = identify([log], load_robot("panda"), IdentifyOptions(blocks=1.0))
+    assert found.base.count == 64
+    assert (found.tests[0].relative_rms <= [0.10, 0.012, 0.018, 0.015, 0.15, 0.065, 0.19]).all()
+
+
+def test_masters_static_torques_are_predicted_from_both_sides(recordings: Path) -> None:
+    folder = recordings / "dvrk_mtm_static_gravity"
+    logs = [log_of(folder, f"grid4_{side}.npz", "dvrk_mtm_joint") for side in ("pos", "neg")]
+    options = IdentifyOptions(terms="static", blocks=128)
+    found = identify(logs, load_robot("dvrk_mtm_joint"), options)
+    for test in found.tests:
+        assert (test.rms[1:3] <= 0.075).all()  # [Nm] J2, J3
+
+
+def test_tiagos_lift_and_arm_are_explained(recordings: Path) -> None:
+    log = log_of(recordings / "tiago_dynamics", "tiago_dynamic.npz", "tiago")
+    # the rows that the figaroh examples use
+    found = identify([part_of(log, (921, 6791))], load_robot("tiago"))
+    assert (found.training[0].relative_rms[:5] < 0.35).all()
+    assert found.rank == found.base.count
+
+
+def test_tiagos_table_is_the_robots_own_chain(recordings: Path) -> None:
+    path = recordings / "tiago_dynamics" / "tiago_chain.json"
+    if not path.is_file():
+        pytest.skip(f"no {path}")
+    model = load_robot("tiago")
+    for q in np.random.default_rng(0).uniform(-2.0, 2.0, size=(10, 8)):
+        T = np.eye(4)
+        for joint, x in zip(json.loads(path.read_text()), q, strict=True):
+            fixed, moved = np.eye(4), np.eye(4)
+            fixed[:3, :3], fixed[:3, 3] = joint["R0"], joint["p0"]
+            if joint["type"] == "P":
+                moved[2, 3] = x
+            else:
+                moved[:2, :2] = [[np.cos(x), -np.sin(x)], [np.sin(x), np.cos(x)]]
+            T = T @ fixed @ moved
+        pose = forward_kinematics(model, q)
+        np.testing.assert_allclose(pose.position, T[:3, 3], atol=1e-9)
+        np.testing.assert_allclose(pose.rotation, T[:3, :3], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "cutoff_hz", "most"),
+    [("psm_one_105g_insertion.npz", None, 0.010), ("psm_half_105g_insertion.npz", 8.48, 0.035)],
+)
+def test_a_known_weight_is_weighed(
+    psm: Identification, dvrk: Path, name: str, cutoff_hz: float | None, most: float
+) -> None:
+    log = log_of(dvrk, name, "dvrk_psm")
+    samples = prepare(log, psm.model, IdentifyOptions(cutoff_hz=cutoff_hz))
+    payload = estimate_payload(psm, [samples], at=WEIGHT)
+    assert payload.detected
+    assert payload.mass == pytest.approx(0.105, abs=most)
+
+
+def test_an_unloaded_arm_of_another_day_carries_no_payload(psm: Identification, dvrk: Path) -> None:
+    samples = [prepare(log_of(dvrk, "psm_one_no_weight.npz", "dvrk_psm"), psm.model, IdentifyOptions())]
+    payload = estimate_payload(psm, samples, at=WEIGHT)
+    assert not payload.detected
+    assert payload.mass is not None
+    assert abs(payload.mass) <= 0.020
+    assert not estimate_payload(psm, samples).detected
+
+
+def test_a_weight_anywhere_is_found_on_a_link_that_turns_with_the_second_axis(
+    psm: Identification, dvrk: Path
+) -> None:
+    samples = [prepare(log_of(dvrk, "psm_one_105g_insertion.npz", "dvrk_psm"), psm.model, IdentifyOptions())]
+    payload = estimate_payload(psm, samples)
+    assert payload.detected
+    assert payload.link in ("pitch", "top_bar", "middle_bar")
+    assert payload.mass == pytest.approx(0.105, abs=0.03)
+
+
+def test_swapped_axes_of_a_recording_are_noticed(dvrk: Path, tmp_path: Path) -> None:
+    log = log_of(dvrk, "psm_one_no_weight.npz", "dvrk_psm")
+    order = [1, 0, *range(2, 7)]
+    mixed = tmp_path / "mixed.npz"
+    assert log.qd is not None
+    assert log.tau is not None
+    np.savez(mixed, q=log.q_nominal[:, order], dq=log.qd[:, order], tau=log.tau[:, order], fs=200.0)
+    result = identify_files([dvrk / "psm_one.npz"], "dvrk_psm", IdentifyOptions(), tests=[mixed])
+    assert result.identification.tests[0].verdict != "holds"
+    assert "mixed: axes q1 and q2 look swapped" in result.notes
+
+
+def test_a_wrong_sampling_rate_is_noticed(dvrk: Path, tmp_path: Path) -> None:
+    log = log_of(dvrk, "psm_half_105g_insertion.npz", "dvrk_psm")
+    path = tmp_path / "half.npz"
+    np.savez(path, q=log.q_nominal, dq=log.qd, tau=log.tau, fs=200.0)  # its velocities fit 100 Hz
+    with pytest.raises(InputError, match="another sampling rate than stated"):
+        prepare(read_torque_log(path, load_robot("dvrk_psm")), load_robot("dvrk_psm"), IdentifyOptions())
+
+
+def test_one_moving_axis_shows_too_little(dvrk: Path) -> None:
+    log, model = log_of(dvrk, "psm_one.npz", "dvrk_psm"), load_robot("dvrk_psm")
+    from dataclasses import replace
+
+    q, qd = log.q_nominal.copy(), np.array(log.qd)
+    q[:, 1:], qd[:, 1:] = q[0, 1:], 0.0
+    with pytest.raises(ExcitationError, match=r"show \d+ of 49 base parameters"):
+        identify([replace(log, q_nominal=q, qd=qd)], model)

@@ -1,0 +1,228 @@
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import Rotation
+
+from catenary.errors import InputError
+from catenary.gravity.faults import Fault
+from catenary.gravity.imu import FOLLOW, RECOVER, SensedGravity
+from catenary.gravity.mounting import Mounting
+from catenary.gravity.samples import Kind, Mailbox
+from catenary.gravity.vector import Status
+from catenary.simulation.base_motion import FixedBase, RockingBase, imu_reading
+from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.sensors import (
+    FAULT_KINDS,
+    InjectedFault,
+    SensorModel,
+    SimulatedSensor,
+    TelemetryBase,
+    ideal_sensor,
+)
+from oracles.ideal_plant import IdealPlant
+
+TILTED = FixedBase(0.3, -0.2)
+ROCKING = RockingBase(math.radians(15.0), math.radians(5.0), 1.0, (0.0, -1.0, 0.0), lever=(0.0, 0.1, 0.3))
+TURNED = Rotation.from_euler("xyz", [1.0, -0.5, 2.0]).as_matrix()
+
+
+def samples(base, model, seconds, **options):
+    """Everything that a sensor sends, as (stamp, vector, kind)."""
+    mailbox = Mailbox(100_000)
+    SimulatedSensor(base, mailbox, model, **options).advance(seconds)
+    return [mailbox.take() for _ in range(len(mailbox))]
+
+
+def vectors(taken, kind):
+    return np.array([s.vector for s in taken if s.kind is kind])
+
+
+def test_an_ideal_sensor_at_the_origin_reads_what_the_base_says():
+    taken = samples(ROCKING, ideal_sensor(100.0), 1.0)
+    stamps = np.array([s.stamp for s in taken if s.kind is Kind.ANGULAR_RATE])
+    assert_allclose(stamps, np.arange(101) / 100.0)
+    force, rate = imu_reading(ROCKING.sample(stamps))
+    assert_allclose(vectors(taken, Kind.SPECIFIC_FORCE), force, atol=1e-12)
+    assert_allclose(vectors(taken, Kind.ANGULAR_RATE), rate, atol=1e-12)
+
+
+def test_a_sensor_away_from_the_origin_reads_the_acceleration_of_its_own_path():
+    position, h = np.array([0.2, -0.1, 0.4]), 1e-4
+    mounting = Mounting(rotation=TURNED, position=position)
+    force = vectors(samples(ROCKING, ideal_sensor(100.0, mounting), 0.4), Kind.SPECIFIC_FORCE)[-1]
+
+    def place(t):
+        """R_world_base and the sensor's place, from the definition of rocking."""
+        angle = ROCKING.mean + ROCKING.amplitude * np.sin(2.0 * np.pi * ROCKING.frequency * t)
+        R = Rotation.from_rotvec(angle * np.array(ROCKING.axis)).as_matrix()
+        return R, R @ (np.array(ROCKING.lever) + position)
+
+    R, here = place(0.4)
+    acceleration = (place(0.4 - h)[1] - 2.0 * here + place(0.4 + h)[1]) / h**2
+    expected = TURNED.T @ R.T @ (acceleration - [0.0, 0.0, -9.81])
+    assert_allclose(force, expected, atol=1e-5)  # roundings of 1e-16 / h^2 and h^2 of the fourth derivative
+
+
+def test_noise_has_the_density_that_was_asked_for():
+    model = SensorModel(200.0, resolution=0.0, rate_resolution=0.0)
+    taken = samples(TILTED, model, 50.0, seed=3)
+    spread = vectors(taken, Kind.SPECIFIC_FORCE).std(axis=0)
+    assert_allclose(spread, model.noise * 10.0, rtol=0.05)  # sqrt(200 Hz / 2); 10,000 samples tell it to 1 %
+    assert_allclose(vectors(taken, Kind.ANGULAR_RATE).std(axis=0), model.rate_noise * 10.0, rtol=0.05)
+
+
+def test_the_same_seed_gives_the_same_samples():
+    first, second = (samples(TILTED, SensorModel(), 0.5, seed=7) for _ in range(2))
+    assert first == second
+    assert first != samples(TILTED, SensorModel(), 0.5, seed=8)
+
+
+def test_samples_arrive_late_by_the_latency():
+    mailbox = Mailbox()
+    sensor = SimulatedSensor(TILTED, mailbox, SensorModel(100.0, latency=0.015))
+    sensor.advance(0.0149)
+    assert len(mailbox) == 0
+    sensor.advance(0.015)
+    assert mailbox.take().stamp == 0.0
+
+
+def test_readings_are_whole_counts_within_the_range():
+    mounting = Mounting(bias=np.array([0.0, 15.0, 0.0]), acceleration_range=19.6)
+    taken = samples(TILTED, SensorModel(200.0, resolution=0.5, mounting=mounting), 0.2)
+    force = vectors(taken, Kind.SPECIFIC_FORCE)
+    assert_allclose(force[:, [0, 2]] / 0.5, np.round(force[:, [0, 2]] / 0.5))
+    assert np.abs(force).max() <= 19.6 + 0.25
+
+
+def test_the_estimator_undoes_what_a_mounting_does():
+    mounting = Mounting(
+        rotation=TURNED,
+        position=np.array([0.1, 0.2, -0.3]),
+        bias=np.array([0.2, -0.1, 0.3]),
+        scale=np.array([1.02, 0.97, 1.01]),
+        rate_bias=np.array([0.01, 0.02, -0.03]),
+    )
+    mailbox = Mailbox()
+    sensor = SimulatedSensor(ROCKING, mailbox, SensorModel(200.0, 0.0, 0.0, mounting=mounting))
+    source = SensedGravity(mailbox, mounting, feed=sensor.advance)
+    times = np.arange(0.0, 2.0, 0.001)
+    readings = [source.read(t) for t in times]
+    base = ROCKING.sample(times)
+    for k in range(1000, 2000, 37):
+        assert_allclose(readings[k].gravity, base.gravity[k] - base.motion[k, 2], atol=0.06)
+        assert_allclose(readings[k].base_rates[0], base.motion[k, 0], atol=0.005)
+        assert_allclose(readings[k].base_rates[1], base.motion[k, 1], atol=0.2)  # 3 % of 3.4, and counts
+
+
+NAMED = {
+    "drop_out": Fault.INTERRUPTED,
+    "not_finite": Fault.NOT_FINITE,
+    "stuck": Fault.STUCK,
+    "wrong_sign": Fault.WRONG_SIGN,
+    "axes_swapped": Fault.AXES_SWAPPED,
+    "saturated": Fault.SATURATED,
+    "spikes": Fault.SPIKE,
+    "jump": Fault.JUMP,
+    "unit_g": Fault.UNIT_G,
+    "unit_cm": Fault.UNIT_CM,
+    "gravity_stripped": Fault.GRAVITY_STRIPPED,
+    "wrong_scale": Fault.MAGNITUDE,
+    "stamp_backwards": Fault.STAMP_BACKWARDS,
+    "stamp_repeated": Fault.STAMP_REPEATED,
+    "stamp_future": Fault.STAMP_FUTURE,
+    "rates_drop_out": Fault.RATES_INTERRUPTED,
+    "rates_not_finite": Fault.RATE_NOT_FINITE,
+    "rates_stuck": Fault.RATE_STUCK,
+    "rates_in_deg": Fault.RATE_TOO_FAST,
+}
+LIMIT = (FOLLOW[0] + RECOVER[0]) * 0.001 + 1e-9  # [m/s2] in a tick
+
+
+def test_every_kind_of_fault_has_a_name_of_the_estimators():
+    assert set(NAMED) == set(FAULT_KINDS)
+
+
+@pytest.mark.parametrize("base", [ROCKING, TILTED], ids=["rocking", "still"])
+@pytest.mark.parametrize("kind", FAULT_KINDS)
+def test_a_fault_is_named_and_bounded_and_passes(base, kind):
+    if base is TILTED and kind == "rates_in_deg":
+        return  # a base at rest turns by nothing in any unit
+    mailbox, fault = Mailbox(), InjectedFault(kind, 1.0, 1.0)
+    model = SensorModel()
+    told = Mounting(
+        acceleration_range=model.mounting.acceleration_range, rate_range=model.mounting.rate_range
+    )
+    sensor = SimulatedSensor(base, mailbox, model, faults=[fault], seed=1)
+    source = SensedGravity(mailbox, told, feed=sensor.advance)
+    times = np.arange(0.0, 3.5, 0.001)
+    readings = [source.read(t) for t in times]
+    truth = base.sample(times)
+    gravity = np.array([r.gravity for r in readings])
+    off = np.linalg.norm(gravity - (truth.gravity - truth.motion[:, 2]), axis=1)
+    assert not any(r.faults for r in readings[100:1000])
+    assert any(NAMED[kind] in r.faults for r in readings[1000:2000])
+    assert np.linalg.norm(np.diff(gravity, axis=0), axis=1).max() <= LIMIT
+    # rocking swings gravity by 0.85 m/s2 to either side, and its accelerations by 1.1; a parabola
+    # through a sensor that got stuck overshoots
+    assert off[1000:].max() < (2.7 if base is ROCKING else 0.5)
+    assert readings[-1].status is Status.LIVE
+    assert not readings[-1].faults
+    assert off[-200:].max() < 0.2  # noise of 0.04 m/s2
+
+
+def test_a_plants_own_telemetry_can_feed_a_sensor():
+    plant = CablePlant(base=ROCKING)
+    mailbox = Mailbox()
+    sensor = SimulatedSensor(TelemetryBase(plant), mailbox, ideal_sensor(100.0))
+    for _ in range(50):
+        sensor.advance(plant.time)
+        plant.wait()
+    taken = [mailbox.take() for _ in range(len(mailbox))]
+    expected = imu_reading(ROCKING.sample(np.arange(5) / 100.0))
+    assert_allclose(vectors(taken, Kind.SPECIFIC_FORCE), expected[0], atol=1e-9)
+    assert_allclose(vectors(taken, Kind.ANGULAR_RATE), expected[1], atol=1e-9)
+
+
+def test_a_sensor_away_from_the_origin_is_fed_by_telemetry_too():
+    plant, position = CablePlant(base=ROCKING), np.array([0.3, 0.0, 0.2])
+    mailboxes = Mailbox(), Mailbox()
+    model = ideal_sensor(1000.0, Mounting(position=position))
+    by_telemetry = SimulatedSensor(TelemetryBase(plant), mailboxes[0], model)
+    by_base = SimulatedSensor(ROCKING, mailboxes[1], model)
+    for _ in range(100):
+        by_telemetry.advance(plant.time)
+        by_base.advance(plant.time)
+        plant.wait()
+    pairs = zip(*([m.take() for _ in range(len(m))] for m in mailboxes), strict=True)
+    for k, (a, b) in enumerate(pairs):
+        if k > 3:  # the first has no rate before it
+            assert_allclose(a.vector, b.vector, atol=0.01)  # half a millisecond of the angular acceleration
+
+
+def test_a_plant_without_these_columns_is_refused():
+    with pytest.raises(InputError, match="no accelerometer and no gyroscope"):
+        TelemetryBase(IdealPlant([0.0]))
+
+
+def test_an_accelerometer_alone_sends_no_rates():
+    taken = samples(TILTED, ideal_sensor(100.0, has_gyroscope=False), 0.1)
+    assert {s.kind for s in taken} == {Kind.SPECIFIC_FORCE}
+    assert_array_equal([s.stamp for s in taken], np.arange(11) / 100.0)
+
+
+@pytest.mark.parametrize("wrong", [{"rate_hz": 0.0}, {"noise": -1.0}, {"latency": math.nan}])
+def test_sensors_that_cannot_be_are_refused(wrong):
+    with pytest.raises(InputError, match=next(iter(wrong))):
+        SensorModel(**wrong)
+
+
+def test_faults_that_there_are_not_are_refused_with_the_choices():
+    with pytest.raises(InputError, match='"broken": expected one of drop_out, not_finite'):
+        InjectedFault("broken", 0.0)
+
+
+def test_a_sensor_that_is_switched_on_later_begins_then():
+    stamps = [s.stamp for s in samples(TILTED, ideal_sensor(100.0, has_gyroscope=False), 30.02, start=29.995)]
+    assert_allclose(stamps, [30.0, 30.01, 30.02])
