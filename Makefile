@@ -14,7 +14,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 
 
 .PHONY: demo test lint bench bench-ros1 bench-serving dvrk-table clean help
-.PHONY: table1 refit plant-check gravity-static tutorial
+.PHONY: table1 refit plant-check gravity-static tutorial dual-arm raven-identification
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
@@ -29,6 +29,8 @@ help:
 	@echo "make plant-check every target of the simulated RAVEN-II beside what it reaches (10 minutes), into results/"
 	@echo "make gravity-static PD, PD+SG and PD+DG at static poses on tilted bases, six simulated robots (15 minutes), into results/"
 	@echo "make tutorial    picture and table of docs/tutorial-two-link.md"
+	@echo "make dual-arm    19 joints learn their gravity, the figures of the gravity-regressor paper (3 minutes), into results/"
+	@echo "make raven-identification  gravity parameters of a simulated RAVEN-II, and what they are worth (4 minutes), into results/"
 	@echo "make clean       remove .venv and everything made here"
 
 demo: $(VENV)/.package
@@ -67,6 +69,12 @@ refit: $(VENV)/.package
 
 plant-check: $(VENV)/.package
 	$(BIN)/python -m catenary.reproduce.plant_check results
+
+raven-identification: $(VENV)/.package
+	$(BIN)/python -m catenary.reproduce.raven_identification results
+
+dual-arm: $(VENV)/.benchmarks
+	$(BIN)/python -m catenary.reproduce.dual_arm results
 
 gravity-static: $(VENV)/.package
 	$(BIN)/python -m catenary.reproduce.gravity_static results

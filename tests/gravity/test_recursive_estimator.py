@@ -13,6 +13,7 @@ from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import JointState
 from catenary.robots.catalog import load_robot
+from catenary.simulation.payload import Payload, carrying
 from oracles.hanging_plant import HangingPlant, Poses
 from oracles.random_trees import random_robot
 
@@ -76,6 +77,42 @@ def test_controller_with_it_holds_the_arm_after_a_payload() -> None:
     run_loop(plant, EstimatedGravityPD(KP, KD, estimator), Poses(POSES[:6], 2.5))
     assert_allclose(plant.q, POSES[5], atol=1e-3)  # a PD alone sags by up to 0.06 rad
     assert np.abs(gravity_torque(LOADED, POSES[5], UPRIGHT) / KP).max() > 0.02
+
+
+def test_a_load_on_a_known_carrier_is_told_in_its_first_pose() -> None:
+    model = load_robot("dual_arm_19")
+    rng = np.random.default_rng(3)
+    middle, half = 0.5 * (model.lower + model.upper), 0.3 * (model.upper - model.lower)
+    rest = np.zeros(model.n)
+    loaded = carrying(model, Payload(2.0, "right_hand", (0.03, 0.0, -0.02)))
+    off = {}
+    for carriers in ((), ("left_hand", "right_hand")):
+        estimator = RecursiveGravityEstimator(
+            model, noise=0.05, settle=0.0, interval=0.0, novelty=0.0, carriers=carriers
+        )
+        for k, q in enumerate(middle + half * rng.uniform(-1.0, 1.0, size=(40, model.n))):
+            estimator.update(q, rest, gravity_torque(model, q, UPRIGHT), UPRIGHT, float(k))
+        estimator.update(middle, rest, gravity_torque(loaded, middle, UPRIGHT), UPRIGHT, 50.0)
+        others = middle + half * rng.uniform(-1.0, 1.0, size=(40, model.n))
+        held = gravity_torque(loaded, others, np.tile(UPRIGHT, (40, 1)))
+        off[carriers] = max(
+            np.abs(estimator.torque(q, UPRIGHT) - tau).max() for q, tau in zip(others, held, strict=True)
+        )
+    # one torque tells the 4 numbers of the load, by joints that 0.05 Nm of noise is assumed of
+    assert off["left_hand", "right_hand"] < 0.3
+    assert off[()] > 5.0  # of some 17 Nm
+
+
+def test_an_arm_that_is_not_yet_known_is_not_taken_for_a_load() -> None:
+    model = load_robot("dual_arm_19")
+    q = 0.5 * (model.lower + model.upper)
+    held = gravity_torque(model, q, UPRIGHT)
+    estimates = []
+    for carriers in ((), ("left_hand", "right_hand")):
+        estimator = RecursiveGravityEstimator(model, noise=0.05, settle=0.0, carriers=carriers)
+        assert estimator.update(q, np.zeros(model.n), held, UPRIGHT, 0.0)
+        estimates.append(estimator.s_hat)
+    assert_array_equal(*estimates)
 
 
 def test_noise_averages_out() -> None:
@@ -154,6 +191,8 @@ def test_state_gives_time_torque_and_gravity() -> None:
         ({"noise": [1.0, 2.0]}, r"noise: expected shape \(3,\)"),
         ({"spread": -1.0}, "spread: expected more than 0"),
         ({"s0": [1.0]}, r"s0: expected shape \(3,\)"),
+        ({"load": (0.0, 0.3)}, "load: expected more than 0"),
+        ({"carriers": ("claw",)}, 'frame "claw"|claw'),
         ({"forgetting": 0.0}, "forgetting: expected more than 0 and at most 1, got 0"),
         ({"forgetting": 1.1}, "forgetting: expected more than 0 and at most 1, got 1.1"),
         ({"settle": -1.0}, "settle: expected zero or more"),

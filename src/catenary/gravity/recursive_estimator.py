@@ -4,7 +4,14 @@ tau = Z(q, gravity) s + noise, whenever the arm rests. In information form, each
 A <- f A + Z^T W Z, s <- s + (A + A_0)^-1 Z^T W (tau - Z s) [Ljung, Soederstroem 1983, Theory and practice of recursive
 identification; A is the inverse of their P]. A_0 holds what is known beforehand, a standard deviation per parameter;
 it is not forgotten, so that what the data do not tell stays where it is, and A + A_0 can always be factorised.
+
+Where it is known which frames take things up, a torque three standard deviations off what noise and P = (A + A_0)^-1
+let expect widens P by what a load there would change, P + V Q V^T, as a Kalman filter does whose state may jump. So
+the payload is told in the first pose, from all the joints that feel it, and what was learnt of the arm itself stays.
 """
+
+import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +22,7 @@ from catenary.errors import InputError
 from catenary.gravity.cholesky import factorise, solve_lower, solve_upper
 from catenary.gravity.compact import PackedRobot, write_compact
 from catenary.gravity.estimator import Observed, as_speeds, regressor_with_effect
+from catenary.gravity.load_directions import PER_LOAD, load_directions
 from catenary.gravity.regressor import require_parameters
 from catenary.gravity.regressor_recursion import Indices
 from catenary.plant import JointState
@@ -35,7 +43,8 @@ class RecursiveGravityEstimator:
       it is a surprise (three of them off what was expected): a payload was taken up. An arm that rests for hours
       forgets nothing.
 
-    Older torques count less by `forgetting` with each one taken. Works beside any controller, as an observer of
+    Older torques count less by `forgetting` with each one taken. With `carriers`, a surprise is first looked for in
+    what they carry. Works beside any controller, as an observer of
     `run_loop`; friction that holds a resting arm is noise to it.
     """
 
@@ -52,6 +61,8 @@ class RecursiveGravityEstimator:
         margin: ArrayLike = 0.01,
         interval: float = 0.01,
         novelty: float = 0.3,
+        carriers: Sequence[str] = (),
+        load: tuple[float, float] = (2.0, 0.3),
     ) -> None:
         """Take a robot, of which geometry and limits are used.
 
@@ -66,9 +77,12 @@ class RecursiveGravityEstimator:
             margin: To the model's joint limits, one for all or (n,) [rad|m].
             interval: [s].
             novelty: In standard deviations of the noise.
+            carriers: Frames that may take up or put down a load on the way, such as hands.
+            load: Standard deviations of its mass [kg], and of its moment about the frame's origin [kg m].
 
         Raises:
-            InputError: Another shape or range, or a robot on which gravity has no effect.
+            InputError: Another shape or range, a carrier that is no moving frame, or a robot on which gravity has no
+                effect.
         """
         self.regressor = regressor_with_effect(model)
         n, labels = model.n, self.regressor.labels
@@ -89,6 +103,10 @@ class RecursiveGravityEstimator:
         if not 0.0 < forgetting <= 1.0:
             raise InputError(f"forgetting: expected more than 0 and at most 1, got {forgetting}")
         self._options = np.array([forgetting, settle, interval, novelty])
+        sizes = np.repeat(_positive("load", load, 2), (1, PER_LOAD - 1))
+        loads = [load_directions(self.regressor, frame) * sizes for frame in carriers]
+        self._loads = np.ascontiguousarray(np.hstack([np.empty((p, 0)), *loads]))
+        self._load_work = np.empty((2, self._loads.shape[1], max(p, self._loads.shape[1])))
         self._information = np.zeros((p, p))
         self._kernel = self.regressor.kernel()
         self._work = np.empty(2 * n * p + p * p + p + n)
@@ -123,6 +141,8 @@ class RecursiveGravityEstimator:
             self._work,
             self._rows,
             self._prior,
+            self._loads,
+            self._load_work,
             self._options,
             self._clock,
             self._information,
@@ -172,6 +192,8 @@ def _take(
     work: Floats,
     rows: Floats,
     prior: Floats,
+    loads: Floats,
+    load_work: Floats,
     options: Floats,
     clock: Floats,
     information: Floats,
@@ -210,10 +232,11 @@ def _take(
         if not abs(missing[i]) < np.inf:
             return False
         tells |= abs(missing[i]) > SURPRISE
-    if not tells:
+    if not tells or loads.shape[1] > 0:
         _copy(information, prior, L)
         if not factorise(L):
             return False
+        unexpected = False
         for i in range(n):
             variance = 0.0
             for c in range(p):
@@ -222,6 +245,9 @@ def _take(
             for c in range(p):
                 variance += column[c] * column[c]
             tells |= variance > novelty * novelty
+            unexpected |= abs(missing[i]) > SURPRISE * math.sqrt(1.0 + variance)
+        if unexpected:
+            _doubt(information, prior, loads, load_work)
     if not tells:
         return False
 
@@ -246,6 +272,33 @@ def _take(
     clock[1] = time
     clock[2] += 1.0
     return True
+
+
+@compiled
+def _doubt(information: Floats, prior: Floats, loads: Floats, work: Floats) -> None:
+    """Widen the covariance by loads loads^T: I - I V (1 + V^T I V)^-1 V^T I of the information I [Woodbury]."""
+    p, m = loads.shape
+    W, S = work[0, :, :p], work[1, :, :m]  # V^T I (m, p); 1 + V^T I V
+    for a in range(m):
+        for c in range(p):
+            total = prior[c] * loads[c, a]
+            for d in range(p):
+                total += information[c, d] * loads[d, a]
+            W[a, c] = total
+    for a in range(m):
+        for b in range(a + 1):
+            total = 1.0 if a == b else 0.0
+            for c in range(p):
+                total += W[a, c] * loads[c, b]
+            S[a, b] = total
+    if not factorise(S):
+        return
+    for c in range(p):
+        solve_lower(S, W[:, c])
+    for c in range(p):
+        for d in range(p):
+            for a in range(m):
+                information[c, d] -= W[a, c] * W[a, d]
 
 
 @compiled

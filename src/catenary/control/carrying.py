@@ -1,0 +1,33 @@
+"""Any controller, with the torque of a load that is taken up and put down while it runs."""
+
+from catenary.arrays import Floats
+from catenary.control.controller import Controller
+from catenary.errors import InputError
+from catenary.gravity.carried_load import CarriedLoad
+from catenary.plant import JointState
+from catenary.trajectories.reference import Reference
+
+
+class Carrying:
+    """The torque of a controller, and what holds the load against gravity.
+
+    Gravity is that of the state, so a controller that believes in another one carries the load rightly all the same.
+    While nothing is carried the torques are the controller's own, to the bit. A load that comes or goes is a step of
+    torque; `TorqueLimits` bounds its slope.
+    """
+
+    def __init__(self, controller: Controller, load: CarriedLoad) -> None:
+        """Take the controller, and the load, which others may attach and detach between ticks."""
+        self.controller, self.load = controller, load
+
+    def torque(self, state: JointState, reference: Reference) -> Floats:
+        """Torques (n,) [Nm|N]; NaN where the controller's are, or a position or gravity that a load needs.
+
+        Raises:
+            InputError: The robot has another number of joints.
+        """
+        tau = self.controller.torque(state, reference)
+        if len(tau) != self.load.model.n:
+            raise InputError(f"load: is for {self.load.model.n} joints, the robot has {len(tau)}")
+        self.load.add(state.q, state.gravity, state.base_rates, tau)
+        return tau
