@@ -11,7 +11,6 @@ from catenary.reproduce.static_gravity import (
     MOVE,
     POSES_DEG,
     PDGravity,
-    joint_gains,
     pd_share,
     poses_of_joint_1,
 )
@@ -45,13 +44,6 @@ def test_the_base_turns_about_joint_1s_axis() -> None:
     model, turned = load_robot("raven2"), HOME[:3] + np.array([np.deg2rad(25.0), 0.0, 0.0])
     torque = [gravity_torque(model, q, g)[0] for q, g in ((HOME[:3], TILTED), (turned, LEVEL))]
     assert_allclose(*torque)
-
-
-def test_gains_in_joints_pull_as_the_firmwares_do_at_the_motors() -> None:
-    f = ARM.firmware
-    kp, _ = joint_gains(f)
-    error = 0.01  # [rad] of joint 1: the motor is wrong by ratio times it, the gearbox's output turns ratio/gearbox times
-    assert_allclose(kp[0] * error, f.kp[0] * (f.ratio[0] * error) * f.ratio[0] / f.gearbox[0])
 
 
 def test_the_arm_rests_while_it_is_looked_at() -> None:

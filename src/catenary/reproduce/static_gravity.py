@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.control.gains import gains_at_joints
 from catenary.control.loop import StateCorrector, Tick, run_loop
 from catenary.control.pd import JointPD
 from catenary.gravity.torque import gravity_kernel
@@ -42,7 +43,7 @@ class PDGravity:
 
     def __init__(self, firmware: Firmware, *, sensed: bool) -> None:
         """Take gravity as sensed (DG), or as on a level base (SG)."""
-        self._pd = JointPD(*joint_gains(firmware))
+        self._pd = JointPD(*gains_at_joints(firmware.kp, firmware.kd, firmware.ratio, firmware.gearbox))
         self._gravity = gravity_kernel(load_robot("raven2"))
         self._sensed = sensed
         self.pd = np.zeros(len(firmware.kp))  # the PD term of the last tick
@@ -54,12 +55,6 @@ class PDGravity:
         gravity = state.gravity if self._sensed and state.gravity is not None else LEVEL
         tau[:POSITIONING] += self._gravity(state.q[:POSITIONING], gravity)
         return tau
-
-
-def joint_gains(firmware: Firmware) -> tuple[Floats, Floats]:
-    """Give the firmware's gains [Nm at the gearbox's output per motor rad] in joints [Nm/rad|N/m], without coupling."""
-    per_joint = firmware.ratio**2 / firmware.gearbox
-    return firmware.kp * per_joint, firmware.kd * per_joint
 
 
 def poses_of_joint_1(start: Floats) -> SmoothedPath:
