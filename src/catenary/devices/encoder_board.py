@@ -114,6 +114,10 @@ class EncoderBoard:
         """Stop reading and close the port."""
         self._line.close()
 
+    def now(self) -> float:
+        """Time [s] on the clock that samples are stamped with."""
+        return self._clock()
+
     def tell(self, *, is_busy: bool, is_homed: bool) -> None:
         """Hear of the robot's operating state: it homes while it is busy and not homed."""
         with self._lock:
