@@ -134,17 +134,3 @@ def test_an_unplugged_board_has_lost_its_counts():
     tracker.update((5, 5, 5), 0.0)
     tracker.restart("unplugged")
     assert tracker.update((5, 5, 5), 0.1) == (Verdict.LOST, pytest.approx([5, 5, 5]), "unplugged")
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ({"bits": 20}, "expected one of"),
-        ({"side": np.array([0.0, 1.0, 1.0])}, "expected 1 or -1"),
-        ({"window": np.array([0.0, 1.0, 1.0])}, "expected more than 0"),
-        ({"counts": np.ones(2)}, "shape"),
-    ],
-)
-def test_a_rig_that_cannot_be_is_refused(options, said):
-    with pytest.raises(InputError, match=said):
-        EncoderRig(**options)

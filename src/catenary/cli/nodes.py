@@ -42,9 +42,10 @@ def encoders(
     duration: Duration = None,
     as_json: Json = False,
 ) -> None:
-    """Publish the encoders at the joints: joint_enc (counts) and, once registered, ext_jpos (rad, rad, m).
+    """Publish what the joints' own encoders count.
 
-    Home the robot while this runs: its stops register the encoders.
+    Topics: joint_enc (counts) and, once registered, ext_jpos (rad, rad, m). Home the robot while this runs: its
+    stops register the encoders.
 
     The exit code is 1 when positions were not valid at the end.
 
@@ -111,7 +112,7 @@ def gravity_node(
     duration: Duration = None,
     as_json: Json = False,
 ) -> None:
-    """Publish gravity in the base frame, as a sensor on the base measures it.
+    """Publish gravity as a sensor on the base has it.
 
     The exit code is 1 when nothing that can be believed was measured.
 
