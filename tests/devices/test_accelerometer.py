@@ -157,7 +157,7 @@ def test_closing_ends_the_thread(board):
     device = opened(board)
     device.close()
     assert not device.is_connected
-    assert not device._thread.is_alive()
+    assert not device._line.is_reading
 
 
 def test_gravity_lives_through_unplugging_and_plugging_in_again(board):

@@ -1,19 +1,19 @@
 """A board that speaks the line protocol over a pseudo-terminal, as docs/devices.md has it; it is written from that
 page, and shares no code with the driver.
 
-    python -m tests.oracles.simulated_board /tmp/board
+    PYTHONPATH=tests python -m oracles.simulated_board /tmp/board
 
 makes a link to a terminal and speaks until Ctrl-C.
 """
 
 import contextlib
-import os
 import sys
 import threading
 import time
-import tty
 from collections.abc import Callable
 from pathlib import Path
+
+from oracles.simulated_port import SimulatedPort
 
 UP = (0.0, 0.0, 9.81)
 
@@ -25,42 +25,15 @@ def framed(body: str) -> bytes:
     return f"${body}*{value:02X}\r\n".encode()
 
 
-class SimulatedBoard:
+class SimulatedBoard(SimulatedPort):
     """`link` leads to its terminal. A test writes lines itself, or lets it speak at a rate by a thread."""
 
     def __init__(self, link: Path, *, unit: str = "m/s2", gyroscope: bool = True, start_us: int = 0) -> None:
-        self.link, self.unit, self.gyroscope = link, unit, gyroscope
+        super().__init__(link)
+        self.unit, self.gyroscope = unit, gyroscope
         self.count, self.micros = 0, start_us
         self._ending = threading.Event()
         self._thread: threading.Thread | None = None
-        self._ends: tuple[int, int] | None = None
-        self.plug()
-
-    def plug(self) -> None:
-        ours, theirs = os.openpty()
-        tty.setraw(theirs)
-        os.set_blocking(ours, False)
-        self._ends = ours, theirs
-        self.link.unlink(missing_ok=True)
-        self.link.symlink_to(os.ttyname(theirs))
-
-    def unplug(self) -> None:
-        self.link.unlink(missing_ok=True)
-        for end in self._ends or ():
-            os.close(end)
-        self._ends = None
-
-    def write(self, data: bytes) -> None:
-        if self._ends is not None:
-            with contextlib.suppress(BlockingIOError):  # nobody reads: a board's bytes are lost, too
-                os.write(self._ends[0], data)
-
-    def asked(self) -> bytes:
-        """What the host has sent."""
-        try:
-            return os.read(self._ends[0], 1000) if self._ends else b""
-        except BlockingIOError:
-            return b""
 
     def hello(self) -> None:
         rates = "rad/s,4.36" if self.gyroscope else "none,0"
@@ -99,7 +72,7 @@ class SimulatedBoard:
         self._ending.set()
         if self._thread is not None:
             self._thread.join()
-        self.unplug()
+        super().close()
 
 
 if __name__ == "__main__":

@@ -50,18 +50,12 @@ class TerminalGuide:
 @contextmanager
 def ros_transport(version: int, name: str = "catenary") -> "Iterator[Transport]":
     """A transport on ROS 1 or 2."""
-    if version == 1:
-        from catenary.crtk.ros1 import Ros1Transport
+    from catenary.crtk.network import make_transport
 
-        with Ros1Transport(name) as one:
-            yield one
-    elif version == 2:
-        from catenary.crtk.ros2 import Ros2Transport
-
-        with Ros2Transport(name) as two:
-            yield two
-    else:
+    if version not in (1, 2):
         raise InputError(f"--ros {version}: expected 1 or 2")
+    with make_transport(str(version), name) as transport:
+        yield transport
 
 
 @contextmanager

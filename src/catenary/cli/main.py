@@ -13,6 +13,7 @@ from catenary.cli import (
     export,
     gravity,
     identification,
+    nodes,
     pipeline,
     regressor,
     robots,
@@ -47,6 +48,8 @@ app.command("fk", no_args_is_help=True)(robots.fk)
 app.command("ik", no_args_is_help=True)(robots.ik)
 app.command("regressor", no_args_is_help=True)(regressor.regressor)
 app.command("sense", no_args_is_help=True)(sense.sense)
+app.command("encoders", no_args_is_help=True)(nodes.encoders)
+app.command("gravity-node", no_args_is_help=True)(nodes.gravity_node)
 app.command("export", no_args_is_help=True)(export.export)
 app.command("serve")(serve.serve)
 app.command("button")(serve.button)

@@ -56,7 +56,8 @@ def serve(
 
     Example: catenary serve --ros none --homed --duration 2
     """
-    from catenary.jobs.serve import Serving, Wishes, make_server, make_transport
+    from catenary.crtk.network import make_transport
+    from catenary.jobs.serve import NODE, Serving, Wishes, make_server
     from catenary.jobs.serve import serve as run
 
     if dialect not in ("raven", "crtk"):
@@ -65,7 +66,7 @@ def serve(
     if len(tilt) != 2:
         raise InputError(f"--base-tilt-deg: expected roll and pitch, got {base_tilt_deg!r}")
     serving = Serving(robot, dialect, seed, (tilt[0], tilt[1]), payload, green, homed)  # type: ignore[arg-type]
-    with make_transport(ros) as transport:  # type: ignore[arg-type]
+    with make_transport(ros, NODE) as transport:
         server = make_server(serving, transport, rate_hz=rate)
         wishes = Wishes(["start"] if start else [])
         print_notes([_greeting(server, dialect, ros)])
@@ -86,9 +87,9 @@ def button(
 ) -> None:
     """Press the silver button of a served RAVEN-II: it homes."""
     from catenary.crtk.names import BUTTON, BUTTON_TYPE
-    from catenary.jobs.serve import make_transport
+    from catenary.crtk.network import make_transport
 
-    with make_transport(ros, "catenary_button") as transport:  # type: ignore[arg-type]
+    with make_transport(ros, "catenary_button") as transport:
         answer = transport.call(BUTTON, BUTTON_TYPE)
     if as_json:
         print_json({"success": answer.success, "message": answer.message})

@@ -1,6 +1,5 @@
 """An accelerometer board on a serial line, read by a thread of its own into a mailbox."""
 
-import logging
 import math
 import threading
 import time
@@ -9,8 +8,6 @@ from dataclasses import dataclass, replace
 from types import TracebackType
 
 import numpy as np
-import serial
-import serial.tools.list_ports
 
 from catenary.devices.board_clock import BoardClock
 from catenary.devices.line_protocol import (
@@ -19,17 +16,14 @@ from catenary.devices.line_protocol import (
     BoardSample,
     ChecksumError,
     Hello,
-    LineSplitter,
     parse_line,
 )
+from catenary.devices.serial_line import BAUD, SerialLine
 from catenary.errors import InputError, SensorError
 from catenary.gravity.mounting import Mounting
 from catenary.gravity.samples import Kind, Mailbox
 
-BAUD = 115200
-RETRY = 0.25  # [s] between attempts to find a board that was unplugged
 ASK = b"?\n"  # the board answers with a hello
-_log = logging.getLogger(__name__)
 
 
 @dataclass
@@ -69,18 +63,20 @@ class SerialAccelerometer:
         self.port, self.mailbox, self.counts = port, mailbox, LinkCounts()
         self.hello: Hello | None = None
         self.complaint = ""  # the last line that was malformed, in words
-        self._baud, self._clock = baud, clock
+        self._baud = baud
         self._board_clock = BoardClock()
         self._last_number: int | None = None
-        self._ending = threading.Event()
         self._greeted = threading.Event()
-        try:
-            self._line: serial.Serial | None = self._open()
-        except (serial.SerialException, OSError, ValueError) as error:
-            ports = ", ".join(sorted(p.device for p in serial.tools.list_ports.comports())) or "none"
-            raise SensorError(f"{port}: cannot be opened: {error}; serial ports here: {ports}") from error
-        self._thread = threading.Thread(target=self._run, name=f"catenary {port}", daemon=True)
-        self._thread.start()
+        self._line = SerialLine(
+            port,
+            self._take_lines,
+            baud=baud,
+            clock=clock,
+            ask=ASK,
+            on_gone=self._count_loss,
+            on_back=self._begin_anew,
+        )
+        self._line.start()
 
     def __enter__(self) -> "SerialAccelerometer":
         return self
@@ -93,7 +89,7 @@ class SerialAccelerometer:
     @property
     def is_connected(self) -> bool:
         """The port is open; samples may come."""
-        return self._line is not None
+        return self._line.is_connected
 
     def wait_ready(self, timeout: float = 5.0) -> Hello:
         """Wait until the board has said what it is; an Arduino restarts when its port is opened, and takes 2 s.
@@ -127,50 +123,18 @@ class SerialAccelerometer:
 
     def close(self) -> None:
         """Stop reading and close the port."""
-        self._ending.set()
-        self._thread.join(timeout=2.0)
-        self._drop()
+        self._line.close()
 
-    def _open(self) -> serial.Serial:
-        line = serial.Serial(self.port, self._baud, timeout=0.05, write_timeout=0.2)
-        line.write(ASK)
-        return line
+    def _count_loss(self) -> None:
+        self.counts.unplugged += 1
 
-    def _drop(self) -> None:
-        line, self._line = self._line, None
-        if line is not None:
-            try:
-                line.close()
-            except OSError as error:
-                _log.debug("%s: closing: %s", self.port, error)
+    def _begin_anew(self) -> None:
+        self._last_number = None
+        self._board_clock = BoardClock()
 
-    def _run(self) -> None:
-        splitter = LineSplitter()
-        while not self._ending.is_set():
-            if self._line is None:
-                self._ending.wait(RETRY)
-                try:
-                    self._line = self._open()
-                except (serial.SerialException, OSError, ValueError):
-                    continue  # not there yet
-                splitter, self._last_number = LineSplitter(), None
-                self._board_clock = BoardClock()
-                continue
-            try:
-                data = self._line.read(max(1, self._line.in_waiting))
-            except (
-                serial.SerialException,
-                OSError,
-                TypeError,
-            ):  # unplugged; pyserial may trip over its own close
-                self.counts.unplugged += 1
-                _log.warning("%s: the board is gone; waiting for it", self.port)
-                self._drop()
-                continue
-            if data:
-                arrival = self._clock()
-                for text in splitter.feed(data):
-                    self._take(text, arrival)
+    def _take_lines(self, lines: list[str], arrival: float) -> None:
+        for text in lines:
+            self._take(text, arrival)
 
     def _take(self, text: str, arrival: float) -> None:
         try:

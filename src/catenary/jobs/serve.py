@@ -4,7 +4,7 @@ import gc
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,7 +27,6 @@ from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_plant import JOINTS, UNITS, CablePlant
 
-Ros = Literal["1", "2", "none"]
 NODE = "catenary_robot"
 LONGEST_CATCH_UP = 0.02  # [s] of lateness that is made up for by ticks without a pause; the rest is given up
 MODELS: dict[Arm, str] = {"gold": "raven2", "green": "raven2_right"}
@@ -63,29 +62,6 @@ class Status(NamedTuple):
     overflowed: int  # messages that slow clients missed since the begin
     is_up: bool  # whether the transport's network answers
     warnings: tuple[str, ...]
-
-
-def make_transport(ros: Ros, name: str = NODE) -> Transport:
-    """Join a network of messages.
-
-    Raises:
-        InputError: There is no such network.
-        MissingPackageError: Its software is not installed.
-        TransportError: It does not answer, or the name is taken.
-    """
-    if ros == "1":
-        from catenary.crtk.ros1 import Ros1Transport
-
-        return Ros1Transport(name)
-    if ros == "2":
-        from catenary.crtk.ros2 import Ros2Transport
-
-        return Ros2Transport(name)
-    if ros == "none":
-        from catenary.crtk.loopback import Loopback
-
-        return Loopback(name)
-    raise InputError(f'ros "{ros}": expected 1, 2 or none')
 
 
 def make_server(

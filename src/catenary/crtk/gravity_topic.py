@@ -1,0 +1,91 @@
+"""Samples of a sensor of gravity out of a topic: Imu, AccelStamped and Vector3Stamped into a mailbox."""
+
+from dataclasses import dataclass
+
+from catenary.crtk.clock import SECOND
+from catenary.crtk.conversions import seconds
+from catenary.crtk.message import Message, message_class
+from catenary.crtk.transport import Transport
+from catenary.errors import InputError
+from catenary.gravity.samples import Kind, Mailbox
+
+IMU, ACCEL, VECTOR = "sensor_msgs/Imu", "geometry_msgs/AccelStamped", "geometry_msgs/Vector3Stamped"
+TYPES = (IMU, ACCEL, VECTOR)
+
+
+@dataclass
+class TopicTally:
+    """What came over the topic."""
+
+    messages: int = 0
+    unstamped: int = 0  # whose stamp was never set: taken for the time at which they came
+    without_acceleration: int = 0  # Imus that say (covariance -1) that they measure none
+    without_rates: int = 0  # the same of angular rates
+    overflowed: int = 0  # came faster than they were taken
+    damaged: int = 0
+
+
+class GravityTopic:
+    """Subscribes to a sensor, and puts its samples into a mailbox whenever `feed` is called.
+
+    Nothing is judged here: NaN, other units, stamps that go back are for the estimator to name. Stamps are those of
+    the headers, in seconds on the transport's clock.
+    """
+
+    def __init__(
+        self, transport: Transport, topic: str, type_name: str, mailbox: Mailbox, *, points_down: bool = False
+    ) -> None:
+        """Subscribe.
+
+        Args:
+            transport: What carries the messages.
+            topic: Of the sensor.
+            type_name: One of TYPES.
+            mailbox: Where samples go.
+            points_down: The vectors are free-fall acceleration, gravity itself; else specific force, which points up
+                at rest, as accelerometers and sensor_msgs/Imu have it.
+
+        Raises:
+            InputError: Another type.
+            TransportError: The topic carries another type.
+        """
+        if type_name not in TYPES:
+            raise InputError(f'topic {topic}: type "{type_name}": expected one of {", ".join(TYPES)}')
+        self.topic, self.type_name, self.mailbox = topic, type_name, mailbox
+        self.frame_id = ""  # of the last message
+        self.tally = TopicTally()
+        self._kind = Kind.FREE_FALL if points_down else Kind.SPECIFIC_FORCE
+        self._subscription = transport.subscribe(topic, type_name)
+
+    def feed(self, time: float) -> None:  # samples bring their own
+        """Put what has come into the mailbox; SensedGravity calls it on each read."""
+        for message, arrived in self._subscription.take():
+            self._put(message, arrived)
+        self.tally.overflowed = self._subscription.overflowed
+        self.tally.damaged = self._subscription.damaged
+
+    def _put(self, message: Message, arrived: int) -> None:
+        tally, header = self.tally, message.header
+        tally.messages += 1
+        self.frame_id = header.frame_id
+        if header.stamp == 0:
+            tally.unstamped += 1
+        stamp = seconds(header.stamp or arrived)
+        if isinstance(message, message_class(IMU)):
+            # rates first: when gravity is looked at, how the base turned meanwhile is known
+            if message.angular_velocity_covariance[0] == -1.0:
+                tally.without_rates += 1
+            else:
+                self.mailbox.put(stamp, tuple(message.angular_velocity), Kind.ANGULAR_RATE)
+            if message.linear_acceleration_covariance[0] == -1.0:
+                tally.without_acceleration += 1
+            else:
+                self.mailbox.put(stamp, tuple(message.linear_acceleration), self._kind)
+        else:
+            vector = message.accel.linear if isinstance(message, message_class(ACCEL)) else message.vector
+            self.mailbox.put(stamp, tuple(vector), self._kind)
+
+
+def now_of(transport: Transport) -> float:
+    """Time [s] on the clock that stamps are on."""
+    return transport.now() / SECOND

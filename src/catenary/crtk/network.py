@@ -1,0 +1,32 @@
+"""Joining a network of messages by its name."""
+
+from typing import Literal, get_args
+
+from catenary.crtk.transport import Transport
+from catenary.errors import InputError
+
+Ros = Literal["1", "2", "none"]
+NETWORKS: tuple[str, ...] = get_args(Ros)
+
+
+def make_transport(ros: str, name: str) -> Transport:
+    """Join ROS 1, ROS 2, or with "none" nothing beyond this program, as `name`.
+
+    Raises:
+        InputError: There is no such network.
+        MissingPackageError: Its software is not installed.
+        TransportError: It does not answer, or the name is taken.
+    """
+    if ros == "1":
+        from catenary.crtk.ros1 import Ros1Transport
+
+        return Ros1Transport(name)
+    if ros == "2":
+        from catenary.crtk.ros2 import Ros2Transport
+
+        return Ros2Transport(name)
+    if ros == "none":
+        from catenary.crtk.loopback import Loopback
+
+        return Loopback(name)
+    raise InputError(f'ros "{ros}": expected one of {", ".join(NETWORKS)}')

@@ -1,0 +1,217 @@
+import math
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.devices.encoder_board import STALE, EncoderBoard
+from catenary.devices.encoder_counts import CONFIRM
+from catenary.devices.encoder_rig import EncoderRig
+from catenary.errors import SensorError
+from homing_counts import homing_counts
+from oracles.simulated_encoders import SimulatedEncoders
+
+RIG = EncoderRig()
+AWAY, STOPS = np.array([3000.0, 26_000.0, 100_000.0]), np.array([0.0, 30_000.0, 112_000.0])
+
+
+def until(condition, seconds=5.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.0005)
+
+
+class Bench:
+    """A board, its driver, and a time that goes on by a period with each line."""
+
+    def __init__(self, link: Path, *, period: float = 0.01, **options) -> None:
+        self.board = SimulatedEncoders(link, **options)
+        self.now, self.period = 10.0, period
+        self.driver = EncoderBoard(
+            str(link), EncoderRig(bits=options.get("bits", 32)), clock=lambda: self.now
+        )
+        self.board.write(b"7_8\r\n")  # the port is opened in the middle of a line
+        until(lambda: self.heard == 1)
+
+    @property
+    def heard(self) -> int:
+        t = self.driver.tally
+        return t.rows + t.malformed + t.cut + t.rejected
+
+    def write(self, data: bytes) -> None:
+        self.now += self.period
+        before = self.heard
+        self.board.write(data)
+        until(lambda: self.heard > before)
+
+    def send(self, *rows) -> None:
+        for row in rows:
+            self.write(self.board.line(row))
+
+    def home(self) -> None:
+        """Into the stops, and back."""
+        self.driver.tell(is_busy=True, is_homed=False)
+        for share in (*np.linspace(0.0, 1.0, 60), *[1.0] * 5, *np.linspace(1.0, 0.0, 60)):
+            self.send(np.round(AWAY + share * (STOPS - AWAY)))
+        self.driver.tell(is_busy=False, is_homed=True)
+
+    def close(self) -> None:
+        self.driver.close()
+        self.board.close()
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    bench = Bench(tmp_path / "encoders")
+    yield bench
+    bench.close()
+
+
+def test_before_homing_there_are_counts_and_no_positions(bench):
+    bench.send([1, -2, 3])
+    reading = bench.driver.reading()
+    assert_array_equal(reading.counts, [1, -2, 3])
+    assert not reading.is_valid
+    assert np.isnan(reading.q_encoder).all()
+    assert reading.reason == "not registered: home the robot"
+    (sample,) = bench.driver.take()
+    assert not sample.is_valid
+    assert np.isnan(sample.q_encoder).all()
+
+
+def test_after_homing_positions_are_those_of_the_counts_from_the_stops(bench):
+    bench.home()
+    reading = bench.driver.reading()
+    assert reading.is_valid
+    # 80,000 counts a turn, 5 um a count, 0, 130 deg and 0.572467 m at the stops; means within 50, 20, 20 counts
+    q = [3000 / 80_000 * 2 * math.pi, math.radians(130.0 - 4000 / 80_000 * 360.0), 0.572467 - 12_000 * 5e-6]
+    assert_allclose(reading.q_encoder, q, atol=2e-3)
+    assert np.abs((reading.q_encoder - q) * RIG.counts).max() < 25.0
+    bench.driver.take()
+    bench.send(AWAY)
+    (sample,) = bench.driver.take()
+    assert sample.is_valid
+    assert_array_equal(sample.q_encoder, reading.q_encoder)
+
+
+def test_noise_and_cut_lines_are_counted_and_change_nothing(bench):
+    bench.home()
+    bench.driver.take()
+    for noise in (b"\xff\xfe\x00\n", b"3000_26000\r\n", b"3000_26000_100000_1\r\n", b"garbage\n"):
+        bench.write(noise)
+    bench.write(b"3000_26000_10\r\n")  # the last digits are missing: a line like any other
+    assert bench.driver.take() == []
+    bench.send(AWAY)
+    reading = bench.driver.reading()
+    assert (reading.tally["malformed"], reading.tally["rejected"]) == (4, 1)
+    assert "insertion" in reading.complaint
+    assert reading.is_valid
+    assert_array_equal(reading.counts, AWAY)
+
+
+def test_a_line_may_come_in_pieces(bench):
+    line = bench.board.line([1, 2, 3])
+    bench.board.write(line[:4])
+    time.sleep(0.02)
+    bench.write(line[4:])
+    assert_array_equal(bench.driver.reading().counts, [1, 2, 3])
+
+
+@pytest.mark.parametrize("bits", [16, 24])
+def test_positions_go_on_over_the_ends_of_the_counters(tmp_path, bits):
+    offset = (0, 2 ** (bits - 1) - 28_000, 2 ** (bits - 1) - 101_000)
+    bench = Bench(tmp_path / "encoders", bits=bits, offset=offset)
+    bench.home()
+    reading = bench.driver.reading()
+    assert reading.is_valid
+    assert reading.tally["rejected"] == 0
+    assert_allclose(reading.q_encoder[2], 0.572467 - 0.06, atol=1e-4)
+    bench.close()
+
+
+def test_missed_counts_void_the_registration(bench):
+    bench.home()
+    lost = AWAY + np.array([40_000.0, 0.0, 0.0])
+    bench.send(*[lost] * (CONFIRM - 1))
+    assert bench.driver.reading().is_registered
+    bench.send(lost)
+    reading = bench.driver.reading()
+    assert not reading.is_valid
+    assert "shoulder by +40000 counts" in reading.reason
+    assert reading.reason.endswith("home the robot again")
+    assert reading.tally["losses"] == 1
+
+
+def test_a_board_that_was_unplugged_must_be_homed_again(bench):
+    bench.home()
+    bench.board.unplug()
+    until(lambda: not bench.driver.reading().is_connected)
+    reading = bench.driver.reading()
+    assert not reading.is_valid
+    assert "unplugged" in reading.reason
+    bench.board.plug()
+    until(lambda: bench.driver.reading().is_connected)
+    bench.write(b"1_2\r\n")
+    bench.send(AWAY)
+    reading = bench.driver.reading()
+    assert not reading.is_valid
+    assert reading.reason == "the board was unplugged; not registered: home the robot again"
+    bench.home()
+    assert bench.driver.reading().is_valid
+    assert bench.driver.reading().tally["unplugged"] == 1
+
+
+def test_positions_are_not_valid_when_nothing_comes(bench):
+    bench.home()
+    bench.now += STALE + 0.1
+    reading = bench.driver.reading()
+    assert not reading.is_valid
+    assert reading.is_registered
+    assert reading.reason == "no counts for 0.3 s"
+    bench.send(AWAY)
+    assert bench.driver.reading().is_valid
+
+
+def test_samples_are_a_period_apart_also_when_they_come_in_one_piece(bench):
+    bench.send(*[[0, 0, 0]] * 50)
+    bench.driver.take()
+    bench.now += 5 * bench.period
+    bench.board.write(bench.board.line([0, 0, 0]) * 5)
+    until(lambda: bench.driver.tally.rows == 55)
+    times = [sample.time for sample in bench.driver.take()]
+    assert_allclose(np.diff(times), bench.period, rtol=1e-6)
+    assert bench.driver.reading().rate_hz == pytest.approx(100.0, rel=0.01)
+
+
+def test_a_silent_board_is_told(bench):
+    bench.write(b"hello\n")
+    with pytest.raises(SensorError, match=r"no row of counts within 0.05 s: 1 other lines .*hello.*a_b_c"):
+        bench.driver.wait_ready(0.05)
+
+
+def test_a_port_that_is_not_there_is_told(tmp_path):
+    with pytest.raises(SensorError, match=r"none: cannot be opened: .*; serial ports here: "):
+        EncoderBoard(str(tmp_path / "none"))
+
+
+@pytest.mark.slow
+def test_a_simulated_arm_that_homes_is_registered_over_the_line_as_by_its_own_rig(tmp_path):
+    h = homing_counts()
+    bench = Bench(tmp_path / "encoders", period=0.004)
+    begin = bench.now
+    for k, counts in enumerate(h.counts):
+        bench.driver.tell(is_busy=bool(h.busy[k]), is_homed=bool(h.homed[k]))
+        bench.send(counts)
+        bench.now = begin + h.time[k]
+    samples = bench.driver.take()
+    reading = bench.driver.reading()
+    bench.close()
+    assert reading.tally["rejected"] == reading.tally["losses"] == reading.tally["malformed"] == 0
+    late = samples[-200:]  # while it moves to and fro
+    assert all(sample.is_valid for sample in late)
+    ours = np.array([sample.q_encoder for sample in late])
+    assert np.abs((ours - h.ext_jpos[-200:]) * RIG.counts).max() < 1.0

@@ -1,0 +1,125 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.devices.encoder_rig import EncoderRig
+from catenary.devices.registration import LONGEST, Registration
+from homing_counts import homing_counts
+
+RIG = EncoderRig()
+PERIOD = 0.01
+STOPS = np.array([100.0, 30_000.0, 112_000.0])
+AWAY = STOPS - RIG.side * np.array([6000.0, 8000.0, 30_000.0])
+
+
+def leg(start, end, seconds):
+    share = np.linspace(0.0, 1.0, round(seconds / PERIOD))[:, None]
+    return np.round(start + (end - start) * share)
+
+
+def homing(rest=1.0):
+    """Straight into the stops, a rest, and home again; counts."""
+    return np.vstack([leg(AWAY, STOPS, 5.0), leg(STOPS, STOPS, rest), leg(STOPS, AWAY, 2.0)])
+
+
+def fed(registration, rows, begin=0.0):
+    for k, row in enumerate(rows):
+        registration.update(begin + PERIOD * k, row)
+    return registration
+
+
+def test_stops_are_found_without_being_told():
+    registration = fed(Registration(RIG), homing())
+    # what was seen within the window on the way in counts too, as on the rig
+    assert_allclose(registration.zero, STOPS, atol=3.0)
+    assert registration.reason == ""
+
+
+def test_nothing_is_registered_before_the_joints_leave_their_stops():
+    rows = homing()
+    assert fed(Registration(RIG), rows[:600]).zero is None
+
+
+def test_turning_points_without_a_rest_are_no_stops():
+    registration = fed(Registration(RIG), np.vstack([homing(rest=0.05)] * 3))
+    assert registration.zero is None
+
+
+def test_a_joint_that_did_not_come_to_its_stop_is_named():
+    rows = homing()
+    rows[:, 1] = rows[0, 1]
+    rest = np.tile(rows[-1], (round(LONGEST / PERIOD), 1))
+    registration = fed(Registration(RIG), np.vstack([rows, rest]))
+    assert registration.zero is None
+    assert "elbow did not come to a stop within 60 s" in registration.reason
+
+
+def test_the_robots_word_ends_the_registration():
+    registration = Registration(RIG)
+    registration.tell(homing=True, homed=False)
+    fed(registration, homing()[:600])
+    registration.tell(homing=False, homed=True)
+    assert_allclose(registration.zero, STOPS, atol=3.0)
+
+
+def test_a_robot_that_does_not_home_registers_nothing():
+    registration = Registration(RIG)
+    registration.tell(homing=False, homed=True)
+    assert not registration.is_watching
+    assert fed(registration, homing()).zero is None
+
+
+def test_a_homing_that_fails_registers_nothing():
+    registration = Registration(RIG)
+    registration.tell(homing=True, homed=False)
+    fed(registration, homing())
+    registration.tell(homing=False, homed=False)
+    assert registration.zero is None
+    assert "without the robot being homed" in registration.reason
+
+
+def test_a_robot_that_calls_itself_homed_without_moving_registers_nothing():
+    registration = Registration(RIG)
+    registration.tell(homing=True, homed=False)
+    fed(registration, np.tile(AWAY, (100, 1)))
+    registration.tell(homing=False, homed=True)
+    assert registration.zero is None
+    assert "without the joints having moved" in registration.reason
+
+
+def test_homing_again_registers_anew():
+    registration = fed(Registration(RIG), homing())
+    registration.tell(homing=True, homed=False)
+    assert registration.zero is None
+    fed(registration, homing() + 500.0)
+    registration.tell(homing=False, homed=True)
+    assert_allclose(registration.zero, STOPS + 500.0, atol=3.0)
+
+
+def test_a_joint_that_goes_past_its_stop_shows_that_it_was_none():
+    registration = fed(Registration(RIG), homing())
+    registration.update(100.0, STOPS + np.array([0.0, 0.0, 1000.0]))
+    assert registration.zero is None
+    assert "insertion went past what was taken for the stop" in registration.reason
+
+
+def test_a_loss_voids_it():
+    registration = fed(Registration(RIG), homing())
+    registration.lose("the board was unplugged")
+    assert registration.zero is None
+    assert registration.reason == "the board was unplugged; not registered: home the robot again"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("told", [True, False])
+def test_a_simulated_arm_is_registered_as_its_own_rig_is(told):
+    h = homing_counts()
+    registration = Registration(RIG)
+    for k, counts in enumerate(h.counts):
+        if told:
+            registration.tell(bool(h.busy[k] and not h.homed[k]), bool(h.homed[k]))
+        registration.update(h.time[k], counts)
+    assert registration.zero is not None
+    ours = RIG.positions(h.counts[-1], registration.zero)
+    # the rig's own sees every ms from when the joints seek, this one every second
+    assert np.abs((ours - h.ext_jpos[-1]) * RIG.counts).max() < 1.0
