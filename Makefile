@@ -14,7 +14,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 
 
 .PHONY: demo test lint bench bench-ros1 dvrk-table clean help
-.PHONY: table1 refit plant-check gravity-static tutorial
+.PHONY: table1 refit plant-check gravity-static gravity-figures tutorial
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
@@ -27,6 +27,7 @@ help:
 	@echo "make refit       fit the simulated RAVEN-II to the paper's errors again (15 minutes); rewrites its data file"
 	@echo "make plant-check what the simulated RAVEN-II does where it was not fitted, into results/"
 	@echo "make gravity-static PD, PD+SG and PD+DG at static poses on tilted bases, six simulated robots (15 minutes), into results/"
+	@echo "make gravity-figures every experiment of docs/gravity-paper.md on simulated robots (an hour), into results/"
 	@echo "make tutorial    picture and table of docs/tutorial-two-link.md"
 	@echo "make clean       remove .venv and everything made here"
 
@@ -66,6 +67,13 @@ plant-check: $(VENV)/.package
 
 gravity-static: $(VENV)/.package
 	$(BIN)/python -m catenary.reproduce.gravity_static results
+
+gravity-figures: gravity-static
+	$(BIN)/python -m catenary.reproduce.gravity_tracking results
+	$(BIN)/python -m catenary.reproduce.gravity_passive results
+	$(BIN)/python -m catenary.reproduce.gravity_coupling results
+	$(BIN)/python -m catenary.reproduce.gravity_sensing results
+	$(BIN)/python -m catenary.reproduce.gravity_faults results
 
 tutorial: $(VENV)/.package
 	$(BIN)/python -m catenary.reproduce.tutorial_two_link docs/images

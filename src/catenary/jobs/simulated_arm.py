@@ -90,6 +90,7 @@ def rigid_arm(
     *,
     base: MovingBase | None = None,
     payload: float = 0.0,
+    start: ArrayLike | None = None,
     gains: JointGains | None = None,
     motor_inertia: ArrayLike | None = None,
 ) -> SimulatedArm:
@@ -99,6 +100,7 @@ def rigid_arm(
         model: With inertia.
         base: What it stands on; a level base when None.
         payload: Mass at the tip [kg], of which the model knows nothing.
+        start: (n,) where it stands at first [rad|m]; zero, or the middle of its limits, when None.
         gains: Of its joints; gains_from_mass when None.
         motor_inertia: (n,) rotors as seen at the joints [kg m2|kg]; none when None.
 
@@ -106,6 +108,7 @@ def rigid_arm(
         MissingInertiaError: Links without inertia.
         MissingPackageError: MuJoCo is not installed.
         InputError: A negative payload, or inertia of another shape.
+        LimitError: `start` is outside the joint limits.
     """
     model.require_inertia()
     n = model.n
@@ -114,6 +117,7 @@ def rigid_arm(
     plant = MujocoPlant(
         model,
         base=base,
+        start=start,
         hardware=JointHardware(armature=rotors),
         payload=Payload(payload) if payload != 0.0 else None,
     )

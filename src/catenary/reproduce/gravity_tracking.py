@@ -31,7 +31,7 @@ from catenary.jobs.controllers import make_controller
 from catenary.jobs.gravity_motion import RAVEN_START
 from catenary.jobs.gravity_track import DISPLAY, track
 from catenary.jobs.simulated_arm import SimulatedArm, raven_arm
-from catenary.page import Block, Picture, Table, Text, picture
+from catenary.page import Block, Heading, Picture, Table, Text, picture
 from catenary.plant import AT_REST, JointState
 from catenary.reproduce.results import shown, spread, write_results
 from catenary.simulation.base_motion import FixedBase, MovingBase, RockingBase
@@ -225,8 +225,55 @@ def _of(runs: Sequence[Run], base: str, name: str, joint: int) -> dict[int | Non
 
 def _percent(changes: Sequence[float]) -> str:
     if len(changes) < 2:
-        return f"{changes[0]:+.1f} %"
+        return f"{changes[0]:+.1f} %" if changes else "-"
     return f"{np.mean(changes):+.1f} ± {np.std(changes, ddof=1):.1f} %"
+
+
+def _tables(runs: Sequence[Run], more: Sequence[Run], angles: Sequence[int]) -> list[tuple[str, Table]]:
+    tables = [(f"RMS error of joint {joint + 1}", error_table(runs, joint)) for joint in range(3)]
+    tables.append(("PD share, mean over robots", share_table(runs)))
+    if more:
+        tables.append((f"Every controller, nominal robot, base at {angles[-1]} deg", others_table(more)))
+    return tables
+
+
+def _write(
+    folder: Path,
+    runs: Sequence[Run],
+    more: Sequence[Run],
+    angles: Sequence[int],
+    cycles: int,
+    axes: Sequence[str],
+) -> None:
+    blocks: list[Block] = [figure(runs)]
+    for title, table in _tables(runs, more, angles):
+        blocks += [Heading(title), table]
+    blocks.append(
+        Text(
+            "The paper states, of its robot: joint 1 about 12 % below PD with DG at 20 deg and on the rocking base; SG "
+            "has no gain left at 20 deg; joint 3 has higher errors with compensation. Damping is the firmware's, "
+            "absolute, unless said otherwise; ± is one standard deviation over robots."
+        )
+    )
+    write_results(
+        folder,
+        "gravity_tracking",
+        "Cartesian sinusoids on a tilted and a rocking base, simulated",
+        "PD, PD+SG and PD+DG; figures 9 and 10 of Lewis and Hannaford 2014.",
+        blocks,
+        configuration={
+            "robots": list(dict.fromkeys("nominal" if run.seed is None else run.seed for run in runs)),
+            "base_angles_deg": list(angles),
+            "rocking": "10 to 20 deg about Z0 at 1 Hz",
+            "amplitude_m": AMPLITUDE,
+            "period_s": PERIOD,
+            "cycles": cycles,
+            "axes": list(axes),
+            "start": list(RAVEN_START),
+            "commands_hz": 1000,
+        },
+        results=[run._asdict() for run in (*runs, *more)],
+    )
 
 
 def main(
@@ -254,38 +301,11 @@ def main(
         rocked: list[tuple[str, Damping]] = [*usual, ("dg-imu", "absolute")]
         runs += run_controllers(seed, ROCKING_BASE, ROCKING, rocked, cycles=cycles, axes=axes)
         print(f"  robot {'nominal' if seed is None else seed}: done", file=sys.stderr, flush=True)
-    blocks: list[Block] = [figure(runs)]
-    for joint in range(3):
-        blocks += shown(f"RMS error of joint {joint + 1}", error_table(runs, joint))
-    blocks += shown("PD share, mean over robots", share_table(runs))
-    if more:
-        blocks += shown(f"Every controller, nominal robot, base at {angles[-1]} deg", others_table(more))
-    blocks.append(
-        Text(
-            "The paper states, of its robot: joint 1 about 12 % below PD with DG at 20 deg and on the rocking base; SG "
-            "has no gain left at 20 deg; joint 3 has higher errors with compensation. Damping is the firmware's, "
-            "absolute, unless said otherwise; ± is one standard deviation over robots."
-        )
-    )
-    write_results(
-        folder,
-        "gravity_tracking",
-        "Cartesian sinusoids on a tilted and a rocking base, simulated",
-        "PD, PD+SG and PD+DG; figures 9 and 10 of Lewis and Hannaford 2014.",
-        blocks,
-        configuration={
-            "robots": ["nominal" if seed is None else seed for seed in robots],
-            "base_angles_deg": list(angles),
-            "rocking": "10 to 20 deg about Z0 at 1 Hz",
-            "amplitude_m": AMPLITUDE,
-            "period_s": PERIOD,
-            "cycles": cycles,
-            "axes": list(axes),
-            "start": list(RAVEN_START),
-            "commands_hz": 1000,
-        },
-        results=[run._asdict() for run in (*runs, *more)],
-    )
+        _write(
+            folder, runs, more, angles, cycles, axes
+        )  # hours of motion are not lost when the next is interrupted
+    for title, table in _tables(runs, more, angles):
+        shown(title, table)
     return runs
 
 
