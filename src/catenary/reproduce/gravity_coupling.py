@@ -27,7 +27,7 @@ Run it with `make gravity-figures`; it writes gravity_coupling.json and .html an
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,7 +49,7 @@ from catenary.simulation.base_motion import FixedBase, RockingBase
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.sensors import SensorModel, SimulatedSensor
 
-Complexes = NDArray[np.complex128]
+Complexes = NDArray[np.complexfloating[Any, Any]]
 AXIS = np.array([0.0, -1.0, 0.0])  # Z0 in base axes
 BASE_DEG = 15.0
 FREQUENCIES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)  # [Hz]
