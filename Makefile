@@ -14,7 +14,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 
 
 .PHONY: demo test lint bench bench-ros1 bench-serving dvrk-table clean help
-.PHONY: table1 refit plant-check gravity-static tutorial dual-arm raven-identification
+.PHONY: dual-arm gravity-figures gravity-static plant-check raven-identification refit table1 tutorial
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
@@ -28,6 +28,7 @@ help:
 	@echo "make refit       fit the simulated RAVEN-II to both papers' results again (25 minutes); rewrites its data file"
 	@echo "make plant-check every target of the simulated RAVEN-II beside what it reaches (10 minutes), into results/"
 	@echo "make gravity-static PD, PD+SG and PD+DG at static poses on tilted bases, six simulated robots (15 minutes), into results/"
+	@echo "make gravity-figures every experiment of docs/gravity-paper.md on simulated robots (an hour), into results/"
 	@echo "make tutorial    picture and table of docs/tutorial-two-link.md"
 	@echo "make dual-arm    19 joints learn their gravity, the figures of the gravity-regressor paper (3 minutes), into results/"
 	@echo "make raven-identification  gravity parameters of a simulated RAVEN-II, and what they are worth (4 minutes), into results/"
@@ -78,6 +79,13 @@ dual-arm: $(VENV)/.benchmarks
 
 gravity-static: $(VENV)/.package
 	$(BIN)/python -m catenary.reproduce.gravity_static results
+
+gravity-figures: gravity-static
+	$(BIN)/python -m catenary.reproduce.gravity_tracking results
+	$(BIN)/python -m catenary.reproduce.gravity_passive results
+	$(BIN)/python -m catenary.reproduce.gravity_coupling results
+	$(BIN)/python -m catenary.reproduce.gravity_sensing results
+	$(BIN)/python -m catenary.reproduce.gravity_faults results
 
 tutorial: $(VENV)/.package
 	$(BIN)/python -m catenary.reproduce.tutorial_two_link docs/images

@@ -109,10 +109,17 @@ def test_hold_tells_the_drift_of_every_joint() -> None:
     assert "shoulder" in table
 
 
+def test_any_other_robot_is_held_and_moved_as_rigid_bodies() -> None:
+    held = catenary("hold", "panda", "--seconds", "0.2", "--base-tilt-deg", "0", "90", "--json").json
+    assert max(joint["drift"] for joint in held["joints"]) < 1e-3
+    moved = catenary("track", "panda", "--motion", "random", "--seconds", "2", "--json").json
+    assert len(moved["joints"]) == 7
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("track", "two_link"), "no simulated robot, expected one of raven2, raven2_right"),
+        (("track", "two_link", "--seed", "1"), "a seed draws the cables of raven2 or raven2_right"),
         (("track", "raven2", "--controller", "best"), "expected one of pd, sg, dg"),
         (("track", "raven2", "--motion", "dance"), "expected one of cartesian, random, poses"),
         (("track", "raven2", "--damping", "none"), "expected one of relative, absolute"),

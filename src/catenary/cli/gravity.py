@@ -13,7 +13,13 @@ if TYPE_CHECKING:
     from catenary.simulation.base_motion import MovingBase
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
-Simulated = Annotated[str, typer.Argument(metavar="ROBOT", help="raven2 or raven2_right, simulated.")]
+Simulated = Annotated[
+    str,
+    typer.Argument(
+        metavar="ROBOT",
+        help="raven2 or raven2_right, behind their cables; of any other robot its rigid bodies.",
+    ),
+]
 BaseTilt = Annotated[
     tuple[float, float] | None,
     typer.Option(
@@ -238,12 +244,14 @@ def hold(
     """
     from catenary.jobs.controllers import make_hold
     from catenary.jobs.gravity_hold import hold as run
-    from catenary.jobs.gravity_motion import HOLD_START
+    from catenary.jobs.gravity_motion import hold_start
     from catenary.jobs.gravity_report import holding_table
     from catenary.jobs.simulated_arm import simulated_arm
 
     arm = simulated_arm(robot, base=_base(base_tilt_deg, rock_deg, rock_hz), payload=payload, seed=seed)
-    pose = HOLD_START if q is None and q_deg is None else joint_values(arm.model, q, q_deg)
+    pose = (
+        hold_start(arm.model, arm.plant) if q is None and q_deg is None else joint_values(arm.model, q, q_deg)
+    )
     result = run(arm, make_hold(controller, arm), pose, seconds)
     if as_json:
         settings = {

@@ -130,9 +130,18 @@ def poses_along(
     return Motion(InTurn(parts), windows)
 
 
-def _start(model: RobotModel, limits: Bounded) -> Floats:
-    if model.closed_form == "raven2" and model.n == len(RAVEN_START):
-        return np.array(RAVEN_START)
+def hold_start(model: RobotModel, limits: Bounded) -> Floats:
+    """Where an arm is put to be held passively, (n,) [rad|m]: HOLD_START, or the middle of its range.
+
+    Raises:
+        InputError: Joints without limits.
+    """
+    return _start(model, limits, HOLD_START)
+
+
+def _start(model: RobotModel, limits: Bounded, raven: tuple[float, float, float] = RAVEN_START) -> Floats:
+    if model.closed_form == "raven2" and model.n == len(raven):
+        return np.array(raven)
     lower, upper = _range(limits)
     return 0.5 * (lower + upper)
 

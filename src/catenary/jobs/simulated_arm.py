@@ -4,12 +4,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, as_array
 from catenary.control.gains import (
     JointGains,
     default_limits,
     gains_at_joints,
+    gains_from_mass,
     reflected_inertia,
     torque_at_joints,
 )
@@ -21,6 +23,9 @@ from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import MovingBase
 from catenary.simulation.cable_parameters import POSITIONING, CableArm, Firmware, load_cable_arm, right_arm
 from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.joint_hardware import JointHardware
+from catenary.simulation.mujoco_plant import MujocoPlant
+from catenary.simulation.payload import Payload
 from catenary.simulation.positioning import PositioningArm
 
 SIDES = {"raven2": "left", "raven2_right": "right"}
@@ -53,26 +58,78 @@ def simulated_arm(
     """Put an arm on a base, switch it on and home it.
 
     RAVEN-II's positioning joints, behind their cables, with the gains of the robot's own control: what it believes of
-    itself, also where the simulated robot is another (`seed`).
+    itself, also where the simulated robot is another (`seed`). Of any other robot the rigid bodies of its model with
+    ideal drives, and gains by rule.
 
     Args:
-        robot: raven2 or raven2_right.
+        robot: raven2 or raven2_right, or any other robot with inertia: a name or a file.
         base: What it stands on from the start; a level base when None.
-        payload: Mass at the tool's wrist [kg], of which the model knows nothing.
-        seed: Draws another robot of the same kind; the nominal one when None.
+        payload: Mass at the tool's wrist, or at the tip [kg], of which the model knows nothing.
+        seed: Draws another robot of the same kind, which cables have; the nominal one when None.
 
     Raises:
-        UnsupportedModelError: There is no simulated robot of this model.
+        UnsupportedModelError: A seed for a robot that has no cables.
+        MissingInertiaError: Links without inertia.
+        MissingPackageError: MuJoCo, which moves robots without cables, is not installed.
         InputError: A negative payload.
         NotReadyError: An axis that homes met no stop.
     """
     if robot not in SIDES:
-        raise UnsupportedModelError(
-            f'robot "{robot}": no simulated robot, expected one of {", ".join(sorted(SIDES))}'
-        )
+        if seed is not None:
+            raise UnsupportedModelError(
+                f'robot "{robot}": a seed draws the cables of {" or ".join(sorted(SIDES))}; this one has none'
+            )
+        return rigid_arm(load_robot(robot), base=base, payload=payload)
     plant = CablePlant(side=SIDES[robot], seed=seed, payload=payload, base=base)
     plant.home()
     return raven_arm(plant)
+
+
+def rigid_arm(
+    model: RobotModel,
+    *,
+    base: MovingBase | None = None,
+    payload: float = 0.0,
+    start: ArrayLike | None = None,
+    gains: JointGains | None = None,
+    motor_inertia: ArrayLike | None = None,
+) -> SimulatedArm:
+    """Any robot as rigid bodies without friction, enabled; gains by rule where none are given.
+
+    Args:
+        model: With inertia.
+        base: What it stands on; a level base when None.
+        payload: Mass at the tip [kg], of which the model knows nothing.
+        start: (n,) where it stands at first [rad|m]; zero, or the middle of its limits, when None.
+        gains: Of its joints; gains_from_mass when None.
+        motor_inertia: (n,) rotors as seen at the joints [kg m2|kg]; none when None.
+
+    Raises:
+        MissingInertiaError: Links without inertia.
+        MissingPackageError: MuJoCo is not installed.
+        InputError: A negative payload, or inertia of another shape.
+        LimitError: `start` is outside the joint limits.
+    """
+    model.require_inertia()
+    n = model.n
+    rotors = as_array("motor_inertia", np.zeros(n) if motor_inertia is None else motor_inertia, (n,))
+    added = np.diag(rotors) if rotors.any() else None
+    plant = MujocoPlant(
+        model,
+        base=base,
+        start=start,
+        hardware=JointHardware(armature=rotors),
+        payload=Payload(payload) if payload != 0.0 else None,
+    )
+    plant.home()
+    return SimulatedArm(
+        plant=plant,
+        model=model,
+        gains=gains_from_mass(model, motor_inertia=added) if gains is None else gains,
+        largest_torque=np.array(model.effort_limit),
+        q_true=lambda: plant.telemetry()["q_true"],
+        motor_inertia=added,
+    )
 
 
 def raven_arm(plant: CablePlant) -> SimulatedArm:

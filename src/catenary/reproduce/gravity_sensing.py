@@ -8,10 +8,13 @@ what a source's vectors give minus the truth, over the RMS of the truth, each jo
 """
 
 import math
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats
@@ -21,6 +24,8 @@ from catenary.gravity.mounting import Mounting
 from catenary.gravity.samples import Mailbox
 from catenary.gravity.sensor_checks import SensorRules
 from catenary.gravity.vector import LEVEL
+from catenary.page import Table
+from catenary.reproduce.results import write_results
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import RockingBase
@@ -32,6 +37,12 @@ ROCKING = RockingBase(math.radians(15.0), math.radians(5.0), 1.0, AXIS, lever=(0
 POSITION = np.array([0.15, -0.05, 0.1])  # [m] of the sensor, from the base's origin
 TURNED = Rotation.from_euler("xyz", [90.0, 0.0, 30.0], degrees=True).as_matrix()  # R_base_imu
 POSES = ((0.52, 1.57, 0.40), (0.9, 1.2, 0.36), (1.2, 1.9, 0.45))  # [rad, rad, m]
+ASKEW_DEG = (0.5, 1.0, 2.0)
+# RMS errors of joint positions on a real robot [rad, rad, m]; joint-calibration paper, table I, J2-J3
+JOINTS_OFF = {
+    "as reported": (math.radians(2.103), math.radians(7.963), 0.011715),
+    "calibrated (linear)": (math.radians(0.174), math.radians(0.186), 0.000166),
+}
 SETTLE, DURATION, TICK = 0.5, 2.5, 0.001  # [s] two cycles, after half of one
 EVERY = 7  # ticks of which one is looked at: no multiple of a sensor's period
 
@@ -45,7 +56,7 @@ class Residual(NamedTuple):
 
 
 def residuals(base: RockingBase = ROCKING, *, seed: int = 0) -> list[Residual]:
-    """Every row of the table."""
+    """Every row of the table; errors of joints with the signs that do most harm."""
     model = load_robot("raven2")
     times = np.arange(SETTLE, DURATION, TICK)[::EVERY]
     truth_base = base.sample(times)
@@ -58,33 +69,57 @@ def residuals(base: RockingBase = ROCKING, *, seed: int = 0) -> list[Residual]:
         joints = np.sqrt(np.mean(off**2, axis=(0, 1)) / np.mean(truth**2, axis=(0, 1)))
         return Residual(name, tuple(float(v) for v in joints), float(np.sqrt(np.mean(joints**2))))
 
+    def mispositioned(name: str, off: Sequence[float], gravity: Floats, rates: Floats) -> Residual:
+        signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
+        of = []
+        for sign in signs:
+            lacking = holding_torque(model, gravity, rates, sign * np.array(off)) - truth
+            joints = np.sqrt(np.mean(lacking**2, axis=(0, 1)) / np.mean(truth**2, axis=(0, 1)))
+            of.append(Residual(name, tuple(float(v) for v in joints), float(np.sqrt(np.mean(joints**2)))))
+        return max(of, key=lambda residual: residual.whole)
+
     rows = [
         row("level base", np.tile(LEVEL, (len(times), 1))),
         row("true attitude, no accelerations", truth_base.gravity),
     ]
-    off_by_one = Rotation.from_rotvec(np.radians(1.0) * np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0)).as_matrix()
     believed = Mounting(rotation=TURNED, position=POSITION)
-    askew = Mounting(rotation=off_by_one @ TURNED, position=POSITION)
     real = SensorModel().mounting
     noisy = Mounting(TURNED, POSITION, acceleration_range=real.acceleration_range, rate_range=real.rate_range)
     sensors: list[tuple[str, SensorModel, Mounting, bool]] = [
         ("accelerometer at the origin, 100 Hz", ideal_sensor(100.0), Mounting(), False),
         ("accelerometer 0.19 m away, 100 Hz", ideal_sensor(100.0, believed), believed, False),
     ]
-    for rate in (200.0, 100.0):
+    for rate, angles in ((200.0, ASKEW_DEG), (100.0, (1.0,))):
         sensors += [
             (f"IMU, {rate:g} Hz", ideal_sensor(rate, believed), believed, True),
             (f"IMU, {rate:g} Hz, noise", SensorModel(rate, mounting=noisy), believed, True),
-            (f"IMU, {rate:g} Hz, mounted 1 deg askew", ideal_sensor(rate, askew), believed, True),
+        ]
+        sensors += [
+            (f"IMU, {rate:g} Hz, mounted {deg:g} deg askew", ideal_sensor(rate, _askew(deg)), believed, True)
+            for deg in angles
         ]
     for name, sensor, mounting, angular in sensors:
-        rows.append(row(name, *_sensed(base, sensor, mounting, angular=angular, seed=seed)))
+        sensed = _sensed(base, sensor, mounting, angular=angular, seed=seed)
+        rows.append(row(name, *sensed))
+        if name == "IMU, 200 Hz":
+            rows += [
+                mispositioned(f"{name}, joints {kind}", off, *sensed) for kind, off in JOINTS_OFF.items()
+            ]
     return rows
 
 
-def holding_torque(model: RobotModel, gravity: Floats, rates: Floats) -> Floats:
-    """Torques (T, poses, n) of standing still in each pose, under gravity (T, 3) on a base that turns (T, 2, 3)."""
-    q = np.array(POSES)
+def _askew(deg: float) -> Mounting:
+    """The sensor, turned by an angle about a horizontal axis between x and y."""
+    off = Rotation.from_rotvec(np.radians(deg) * np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0)).as_matrix()
+    return Mounting(rotation=off @ TURNED, position=POSITION)
+
+
+def holding_torque(model: RobotModel, gravity: Floats, rates: Floats, off: ArrayLike = 0.0) -> Floats:
+    """Torques (T, poses, n) of standing still in each pose, under gravity (T, 3) on a base that turns (T, 2, 3).
+
+    Positions are taken for `off` (n,) more than they are [rad|m].
+    """
+    q = np.array(POSES) + np.asarray(off)
     zero = np.zeros_like(q)
     torques = [
         inverse_dynamics(model, q, zero, zero, np.tile(g, (len(q), 1)), BaseMotion(omega, alpha))
@@ -108,14 +143,31 @@ def _sensed(
     return np.array([r.gravity for r in readings]), np.array([r.base_rates for r in readings])
 
 
-def main() -> None:
-    """Print the table."""
+def main(folder: Path | None = None) -> None:
+    """Print the table; write gravity_sensing.json and .html into a folder."""
     rows = residuals()
     width = max(len(r.source) for r in rows)
     print(f"{'residual of the holding torque [%]':<{width}}  {'all':>7}  {'J1':>7}  {'J2':>7}  {'J3':>7}")
     for r in rows:
         print(f"{r.source:<{width}}  " + "  ".join(f"{100.0 * v:7.3f}" for v in (r.whole, *r.joints)))
+    if folder is None:
+        return
+    cells = [[r.source, *(f"{100.0 * v:.3f}" for v in (r.whole, *r.joints))] for r in rows]
+    write_results(
+        folder,
+        "gravity_sensing",
+        "What the holding torque on a rocking base still lacks, simulated",
+        "Residual for each way to know gravity and joint positions, in per cent of the holding torque, RMS over RMS.",
+        [Table(["source", "all [%]", "J1", "J2", "J3"], cells)],
+        configuration={
+            "robot": "raven2",
+            "base": "10 to 20 deg about Z0 at 1 Hz, 0.32 m from the axis",
+            "poses": list(POSES),
+            "noise_seed": 0,
+        },
+        results=[r._asdict() for r in rows],
+    )
 
 
 if __name__ == "__main__":
-    main()
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else None)

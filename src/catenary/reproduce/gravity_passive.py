@@ -1,0 +1,174 @@
+"""Passive hold: gravity compensation alone, with the sensed and with the nominal vector, on bases at every angle.
+
+Lewis and Hannaford 2014, section V-A: "Operating with only a DG term and no PD, the robot passively held any new
+position ... at all tested base orientations for the DG term (even upside-down), but only at or near horizontal with
+the SG term". The simulated RAVEN-II has friction and cables; the same arm as rigid bodies without any friction shows
+what gravity compensation does by itself: there is nothing else that holds.
+
+The base is turned about Z0, the axis of joint 1. Ideal sensors. Run it with `make gravity-figures`; it writes
+gravity_passive.json and .html and prints the tables.
+"""
+
+import sys
+from collections.abc import Sequence
+from copy import deepcopy
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats
+from catenary.gravity.torque import gravity_torque
+from catenary.gravity.vector import LEVEL
+from catenary.jobs.controllers import make_hold
+from catenary.jobs.gravity_hold import hold
+from catenary.jobs.gravity_motion import HOLD_START
+from catenary.jobs.gravity_track import DISPLAY
+from catenary.jobs.simulated_arm import SimulatedArm, raven_arm, rigid_arm
+from catenary.page import Block, Picture, Table, Text, picture
+from catenary.reproduce.results import shown, write_results
+from catenary.robots.catalog import load_robot
+from catenary.simulation.base_motion import FixedBase
+from catenary.simulation.cable_plant import CablePlant
+
+ANGLES_DEG = (0, 5, 10, 15, 25, 45, 90, 135, 180)
+CONTROLLERS = ("dg", "sg")
+SECONDS = 10.0
+RIGID_SECONDS = 3.0  # without friction an arm falls at once; this is longer than it needs to reach a stop
+UNITS = ("rad", "rad", "m")
+LOADED = 0.02  # [Nm|N] of torque missing, from which a joint counts as loaded by what SG does not know
+
+
+class Held(NamedTuple):
+    """How far each joint was from where it began, at most, and what the compensation lacked there."""
+
+    plant: str  # "cables" or "rigid"
+    angle_deg: int
+    controller: str
+    drift: tuple[float, ...]  # (n,) [deg, deg, mm]
+    missing: tuple[
+        float, ...
+    ]  # (n,) [Nm, Nm, N] gravity torque that the compensation does not give, at the start
+
+
+def on_cables(angle_deg: int, *, seed: int | None = None, seconds: float = SECONDS) -> list[Held]:
+    """The simulated RAVEN-II, homed on a tilted base."""
+    base = tilted(angle_deg)
+    plant = CablePlant(seed=seed, base=base)
+    plant.home()
+    return [
+        _held("cables", raven_arm(deepcopy(plant)), angle_deg, name, HOLD_START, seconds)
+        for name in CONTROLLERS
+    ]
+
+
+def as_rigid_bodies(angle_deg: int, *, seconds: float = RIGID_SECONDS) -> list[Held]:
+    """The same arm's links without friction, springs and cables."""
+    model = load_robot("raven2")
+    return [
+        _held("rigid", rigid_arm(model, base=tilted(angle_deg)), angle_deg, name, HOLD_START, seconds)
+        for name in CONTROLLERS
+    ]
+
+
+def tilted(angle_deg: float) -> FixedBase:
+    """A base turned about Z0, the axis of joint 1 on the left arm."""
+    return FixedBase(0.0, float(-np.deg2rad(angle_deg)))
+
+
+def _held(kind: str, arm: SimulatedArm, angle_deg: int, name: str, q: ArrayLike, seconds: float) -> Held:
+    held = hold(arm, make_hold(name, arm), q, seconds)
+    missing: Floats = np.zeros(arm.model.n)
+    if name == "sg":
+        gravity = tilted(angle_deg).sample(np.zeros(1)).gravity[0]
+        missing = gravity_torque(arm.model, q, gravity) - gravity_torque(arm.model, q, LEVEL)
+    drift = [d * DISPLAY[unit][1] for d, unit in zip(held.drift.tolist(), UNITS, strict=True)]
+    return Held(kind, angle_deg, name, tuple(drift), tuple(missing.tolist()))
+
+
+def drift_table(rows: Sequence[Held], kind: str) -> Table:
+    """Largest drift of every joint for each base angle, DG and SG, and the torque that SG lacks."""
+    table = []
+    for angle in dict.fromkeys(row.angle_deg for row in rows if row.plant == kind):
+        dg, sg = (
+            next(r for r in rows if (r.plant, r.angle_deg, r.controller) == (kind, angle, name))
+            for name in CONTROLLERS
+        )
+        table.append(
+            [f"{angle}"]
+            + [" ".join(f"{d:.3f}" for d in row.drift) for row in (dg, sg)]
+            + [" ".join(f"{t:+.2f}" for t in sg.missing)]
+        )
+    return Table(
+        ["base [deg]", "DG: J1 J2 J3 [deg deg mm]", "SG: J1 J2 J3 [deg deg mm]", "SG lacks [Nm Nm N]"], table
+    )
+
+
+def figure(rows: Sequence[Held]) -> Picture:
+    """Drift of joint 1 over the base's angle."""
+    from matplotlib.figure import Figure
+
+    drawn = Figure(figsize=(10, 3.2), layout="constrained")
+    kinds = list(dict.fromkeys(row.plant for row in rows))
+    for axes, kind in zip(np.atleast_1d(drawn.subplots(1, len(kinds))), kinds, strict=True):
+        for name, color in (("dg", "#d9622b"), ("sg", "#4b6b94")):
+            of = [row for row in rows if (row.plant, row.controller) == (kind, name)]
+            # a drift of nothing at all has no place on a logarithm's axis
+            axes.semilogy(
+                [row.angle_deg for row in of],
+                [max(row.drift[0], 1e-6) for row in of],
+                "o-",
+                color=color,
+                label=f"{name.upper()} alone",
+            )
+        axes.set_title({"cables": "simulated RAVEN-II", "rigid": "its links, no friction"}[kind], fontsize=10)
+        axes.set_xlabel("base about Z0 [deg]")
+        axes.spines[["top", "right"]].set_visible(False)
+    drawn.axes[0].set_ylabel("largest drift of joint 1 [deg]")
+    drawn.axes[0].legend(frameon=False, fontsize=8)
+    return picture(drawn, "Gravity compensation alone; drift below 0.000001 deg is drawn there.")
+
+
+def main(
+    folder: Path,
+    angles: tuple[int, ...] = ANGLES_DEG,
+    *,
+    seconds: float = SECONDS,
+    rigid_seconds: float = RIGID_SECONDS,
+) -> list[Held]:
+    """Hold at all angles, print the tables, write gravity_passive.json and .html."""
+    rows: list[Held] = []
+    for angle in angles:
+        rows += on_cables(angle, seconds=seconds)
+        rows += as_rigid_bodies(angle, seconds=rigid_seconds)
+        print(f"  base at {angle} deg: done", file=sys.stderr, flush=True)
+    blocks: list[Block] = [figure(rows)]
+    blocks += shown(f"Simulated RAVEN-II, {seconds:g} s", drift_table(rows, "cables"))
+    blocks += shown(f"Its links without friction, {rigid_seconds:g} s", drift_table(rows, "rigid"))
+    blocks.append(
+        Text(
+            "Joints are put to the pose by PD and sensed gravity, then left to gravity compensation alone. Numbers are "
+            "the largest distance from where it began; a joint that fell lies at a stop or swings there."
+        )
+    )
+    write_results(
+        folder,
+        "gravity_passive",
+        "Passive hold on a tilted base, simulated",
+        "Gravity compensation without any PD; section V-A of Lewis and Hannaford 2014.",
+        blocks,
+        configuration={
+            "robot": "nominal",
+            "base_angles_deg": list(angles),
+            "pose": list(HOLD_START),
+            "seconds": seconds,
+            "rigid_seconds": rigid_seconds,
+        },
+        results=[row._asdict() for row in rows],
+    )
+    return rows
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
