@@ -37,7 +37,7 @@ _known: WeakKeyDictionary[RobotModel, dict[str, "_Traced"]] = WeakKeyDictionary(
 class _Kernel:
     """Machine code for one quantity of one robot: `into(INPUT..., out)`, which returns nothing and takes no memory.
 
-    It checks the arrays' sizes and nothing else; arrays are of float64, and any number of threads may call it.
+    It takes contiguous arrays of float64, refuses any other, and looks at no value; any number of threads may call it.
     Calling the kernel itself does the same, or gives a new array, and costs 0.1 to 0.2 us more.
     """
 
@@ -53,7 +53,7 @@ class _Kernel:
             self.into: Callable[..., None] = extension.into
             return
         module = traced.module()
-        self.into = module.into
+        self.into = module.into if module.call is None else module.call
         self.into(*(np.zeros(width) for width in module.WIDTHS), np.empty(self.shape))
         seal(module)
 
