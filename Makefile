@@ -47,6 +47,7 @@ bench: $(VENV)/.benchmarks
 	$(BIN)/python -m tests.benchmarks.control_tick --json build/benchmarks/control_tick.json
 	$(BIN)/python -m tests.benchmarks.mujoco_plant --json build/benchmarks/mujoco_plant.json
 	$(BIN)/python -m tests.benchmarks.kernels --json build/benchmarks/kernels.json
+	$(BIN)/python -m tests.benchmarks.regressor --json build/benchmarks/regressor.json
 	$(BIN)/python -m tests.benchmarks.controllers --json build/benchmarks/controllers.json
 
 bench-ros1: $(VENV)/.development

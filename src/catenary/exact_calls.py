@@ -1,7 +1,7 @@
 """Compiled functions of one signature, called without numba's search for it.
 
-At every call numba finds out which machine code is for arrays like those given; that takes 0.15 us, and 0.04 us
-more for each array whose memory it begins to count: more than the arithmetic of most arms. A function made by `exact` takes
+At every call numba finds out which machine code is for arrays like those given; that takes 0.15 us, and 0.04 us more
+for each array whose memory it begins to count: more than the arithmetic of most arms. A function made by `exact` takes
 arrays of one type and shape. The call's own code looks at them, a dozen comparisons, and memory is not counted.
 
 What it compares are the first fields of NumPy's array object. They are part of its binary interface: extension modules

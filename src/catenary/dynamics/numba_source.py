@@ -29,9 +29,10 @@ class NumbaModule:
 def numba_module(title: str, line: Line, shape: tuple[int, ...]) -> NumbaModule:
     """Write the module.
 
-    It has `call(INPUT..., out)`, arrays of one configuration each, for callers in Python; `into`, the same for compiled
-    callers; and `rows(INPUT..., out)` for out (N, size) and inputs of N rows or one row each. None returns the result:
-    handing an array back costs a third of a microsecond. `straight` does what `into` does, operation by operation in Python, to be read.
+    It has `call(INPUT..., out)`, arrays of one configuration each, for callers in Python; `into`, the same for
+    compiled callers; and `rows(INPUT..., out)` for out (N, size) and inputs of N rows or one row each. None returns the
+    result: handing an array back costs a third of a microsecond. `straight` does what they do, operation by operation
+    in Python, to be read.
 
     Args:
         title: What it is, in letters and digits; goes into the first line.
