@@ -1,4 +1,3 @@
-import numba
 import numpy as np
 import pytest
 
@@ -71,7 +70,7 @@ def test_calls_neither_keep_nor_free_what_they_are_given() -> None:
 def test_arrays_of_other_types_and_of_two_axes_are_seen_as_they_are() -> None:
     kinds = (Exact("int64", (2, 3), writable=False), Exact("bool", (2,), writable=False))
 
-    @exact(*kinds, numba.types.float64, result=numba.types.float64, in_memory=True)
+    @exact(*kinds, float, result=float, in_memory=True)
     def weigh(rows, chosen, factor):
         if others((rows, chosen)):
             return -1.0
@@ -90,3 +89,27 @@ def test_arrays_of_other_types_and_of_two_axes_are_seen_as_they_are() -> None:
 
 def test_arrays_lie_where_numpy_says_that_they_do() -> None:
     assert known_layout()
+
+
+def test_where_arrays_lie_otherwise_they_are_looked_at_in_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    from catenary import exact_calls
+
+    monkeypatch.setattr(exact_calls, "known_layout", lambda: False)
+    read, written = Exact("float64", (3,), writable=False), Exact("float64", (3,), writable=True)
+
+    @exact(read, written, in_memory=True)
+    def triple(x, out):
+        if others((x, out)):
+            raise ValueError("another array")
+        x, out = as_arrays((x, out))
+        for k in range(len(x)):
+            out[k] = 3.0 * x[k]
+
+    out = np.empty(3)
+    triple(np.array([1.0, 2.0, 3.0]), out)
+    assert (out == [3.0, 6.0, 9.0]).all()
+    fixed = np.zeros(3)
+    fixed.setflags(write=False)
+    for x, y in ((np.zeros(6)[::2], out), ([0.0] * 3, out), (out.astype(int), out), (out, fixed)):
+        with pytest.raises(ValueError, match="another array"):
+            triple(x, y)

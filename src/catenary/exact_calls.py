@@ -5,14 +5,14 @@ for each array whose memory it begins to count: more than the arithmetic of most
 arrays of one type and shape. The call's own code looks at them, a dozen comparisons, and memory is not counted.
 
 What it compares are the first fields of NumPy's array object. They are part of its binary interface: extension modules
-have them compiled in. All the same they are tried on an array before any code relies on them; on an interpreter where
-they lie elsewhere `known_layout` says so, and callers use a `compiled` function instead.
+have them compiled in. All the same they are tried on an array before any code relies on them (`known_layout`); where
+they lie elsewhere, arrays are looked at in Python, which takes its time.
 """
 
 import ctypes
 import sys
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import Any, TypeVar, cast
 
 import numba
@@ -31,6 +31,12 @@ ARRAY_TYPE = "catenary_numpy_array_type"  # for the linker of machine code, whic
 binding.add_symbol(ARRAY_TYPE, id(np.ndarray))
 READABLE = 0x0001 | 0x0100  # C contiguous, aligned
 WRITABLE = READABLE | 0x0400
+NUMBERS: dict[type | None, Any] = {
+    None: numba.types.void,
+    float: numba.types.float64,
+    int: numba.types.int64,
+    bool: numba.types.boolean,
+}
 
 
 class Exact(numba.types.Type):  # type: ignore[misc]
@@ -39,7 +45,16 @@ class Exact(numba.types.Type):  # type: ignore[misc]
     def __init__(self, dtype: str, shape: tuple[int, ...], *, writable: bool) -> None:
         """Take a NumPy type's name, a shape and whether it is written to."""
         self.dtype, self.shape, self.writable = dtype, shape, writable
-        super().__init__(name=f"Exact({dtype}, {shape}, {'written' if writable else 'read'})")
+        way = "" if known_layout() else ", by address"  # other machine code
+        super().__init__(name=f"Exact({dtype}, {shape}, {'written' if writable else 'read'}{way})")
+
+    def address(self, given: object) -> int:
+        """Where an array lies; 0 if it is another."""
+        if type(given) is not np.ndarray or given.dtype != self.dtype or given.shape != self.shape:
+            return 0
+        flags = given.flags
+        fits = flags.c_contiguous and flags.aligned and (flags.writeable or not self.writable)
+        return int(given.ctypes.data) if fits else 0
 
     @property
     def array(self) -> Any:
@@ -58,6 +73,8 @@ class _ExactModel(models.PrimitiveModel):  # type: ignore[misc]
 def _unbox_exact(kind: Exact, given: Any, c: Any) -> Any:
     builder, dtype = c.builder, np.dtype(kind.dtype)
     pointer = c.context.get_value_type(kind)
+    if not known_layout():
+        return NativeValue(builder.inttoptr(c.pyapi.long_as_ulonglong(given), pointer))
     word, address = ir.IntType(64), cgutils.voidptr_t
 
     def field(of: Any, offset: int, what: Any) -> Any:
@@ -138,24 +155,33 @@ def _array(context: Any, builder: Any, kind: Exact, data: Any) -> Any:
     return array._getvalue()
 
 
-def exact(*arguments: Any, result: Any = None, in_memory: bool = False) -> Callable[[Function], Function]:
+def exact(
+    *arguments: Any, result: type | None = None, in_memory: bool = False
+) -> Callable[[Function], Function]:
     """Compile a function of one signature, at once, and give what calls it.
 
     The function gets pointers: `others` says whether an array was another than expected, `as_arrays` gives arrays, and
-    code of `straight_line` takes them as they are. It must take no memory.
+    code of `straight_line` takes them as they are.
 
     Args:
-        arguments: `Exact`, or numba's types of numbers.
-        result: numba's type of a number; nothing when None.
+        arguments: `Exact`, float, int or bool.
+        result: float, int or bool; nothing when None.
         in_memory: Do not cache the machine code.
     """
-    signature = (numba.types.void if result is None else result)(*arguments)
+    kinds = [NUMBERS.get(kind, kind) for kind in arguments]
+    signature = NUMBERS[result](*kinds)
 
     def decorate(function: Function) -> Function:
-        made = numba.njit([signature], cache=not in_memory, error_model="numpy", _nrt=False)(function)
-        return cast(Function, made.overloads[signature.args].entry_point)
+        made = numba.njit([signature], cache=not in_memory, error_model="numpy")(function)
+        call = made.overloads[signature.args].entry_point
+        return cast(Function, call if known_layout() else partial(_by_address, call, kinds))
 
     return decorate
+
+
+def _by_address(call: Callable[..., Any], kinds: list[Any], *given: Any) -> Any:
+    pairs = zip(kinds, given, strict=True)
+    return call(*(kind.address(value) if isinstance(kind, Exact) else value for kind, value in pairs))
 
 
 @cache

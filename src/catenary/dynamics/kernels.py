@@ -53,7 +53,7 @@ class Kernel:
             self.into: Callable[..., None] = extension.into
             return
         module = quantity.module()
-        self.into = module.into if module.call is None else module.call
+        self.into = module.call
         self.into(*(np.zeros(width) for width in module.WIDTHS), np.empty(self.shape))
         seal(module)
 
