@@ -5,7 +5,9 @@ compiled ones. `compiled` functions are machine code, built on first use and cac
 operations one by one, where there are hundreds: numba's compiler thinks for 2 ms about each sum in a function's text.
 """
 
+import sys
 from collections.abc import Callable, Sequence
+from importlib.util import find_spec
 from typing import Any, NamedTuple, TypeVar, cast
 
 import numba
@@ -13,6 +15,25 @@ from llvmlite import ir
 from numba.core import cgutils
 from numba.extending import intrinsic, register_jitable
 
+
+def _learn_of_blas() -> None:
+    """Let numba ask whether there is a BLAS without importing all of scipy.linalg, which takes 0.3 s.
+
+    It asks once, before it loads or compiles anything, and looks for the BLAS itself when a matrix product is compiled.
+    """
+    if "numba.np.arraymath" in sys.modules or find_spec("scipy") is None:
+        return
+    from numba.np import linalg
+
+    ask, linalg.ensure_blas = linalg.ensure_blas, lambda: None
+    try:
+        from numba.np import arraymath
+    finally:
+        linalg.ensure_blas = ask
+    arraymath.ensure_blas = ask
+
+
+_learn_of_blas()
 Function = TypeVar("Function", bound=Callable[..., object])
 Operation = tuple[str, int, float | int]
 

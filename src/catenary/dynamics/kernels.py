@@ -151,8 +151,7 @@ def mass_matrix_kernel(model: RobotModel, *, backend: Backend = "numba") -> Mass
 def inverse_dynamics_kernel(model: RobotModel, *, backend: Backend = "numba") -> InverseDynamicsKernel:
     """What gives the torques of a robot's motion in a loop; see `gravity_kernel`."""
     model.require_inertia()
-    quantity = quantity_of(model, "inverse-dynamics", inverse_dynamics_line, (model.n,))
-    return InverseDynamicsKernel(quantity, backend)
+    return InverseDynamicsKernel(_inverse_dynamics(model), backend)
 
 
 def forward_kinematics_kernel(
@@ -176,6 +175,12 @@ def gravity_module(model: RobotModel) -> ModuleType:
     """
     model.require_inertia()
     return _gravity(model).module()
+
+
+def inverse_dynamics_module(model: RobotModel) -> ModuleType:
+    """The module whose `into` is the torque of a robot's motion on a base at rest; see `gravity_module`."""
+    model.require_inertia()
+    return _inverse_dynamics(model).module()
 
 
 def write_gravity_torques(
@@ -237,6 +242,10 @@ class Quantity:
 
 def _gravity(model: RobotModel) -> Quantity:
     return quantity_of(model, "gravity", gravity_line, (model.n,))
+
+
+def _inverse_dynamics(model: RobotModel) -> Quantity:
+    return quantity_of(model, "inverse-dynamics", inverse_dynamics_line, (model.n,))
 
 
 def _mass_matrix(model: RobotModel) -> Quantity:
