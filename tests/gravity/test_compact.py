@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
+from catenary.dynamics.tracing import evaluate
 from catenary.errors import InputError, MissingInertiaError
 from catenary.gravity.compact import compact_regressor
 from catenary.gravity.regressor import gravity_parameters, gravity_regressor
@@ -194,15 +195,11 @@ def test_a_robot_in_many_poses_gives_what_it_gives_in_each(random_robots: list[R
     rng = np.random.default_rng(3)
     for robot in random_robots[:9]:
         regressor = compact_regressor(robot.model)
-        kernel = regressor.kernel()
         q, gravity = rng.normal(size=(3, robot.model.n)), rng.normal(size=(3, 3))
         each, one = regressor.Z(q, gravity), regressor.Z(q, gravity[1])
-        out = np.empty_like(each[0])
         for k in range(3):
             assert_array_equal(each[k], regressor.Z(q[k], gravity[k]))
             assert_array_equal(one[k], regressor.Z(q[k], gravity[1]))
-            assert kernel(q[k], gravity[k], out) is out
-            assert_array_equal(out, each[k])
 
 
 @pytest.mark.parametrize("name", robot_names())
@@ -260,3 +257,32 @@ def test_a_robot_that_cannot_move_has_no_parameters() -> None:
     )
     assert compact_regressor(m).labels == ()
     assert str(compact_regressor(m))
+
+
+def test_kernels_and_many_rows_give_what_one_row_gives(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(4)
+    for m in (load_robot("raven2_full"), random_robot(8).model):
+        regressor = compact_regressor(m)
+        q, gravity = rng.normal(size=(9, m.n)), 5.0 * rng.normal(size=(9, 3))
+        expected = regressor.Z(q, gravity)  # by the recursion in the base frame
+        kernel = regressor.kernel()
+        given = [kernel(*row) for row in zip(q, gravity, strict=True)]
+        out = np.empty_like(given[0])
+        assert kernel(q[0], gravity[0], out) is out
+        assert_allclose(given, expected, rtol=0.0, atol=1e-12)
+        strided = np.repeat(q[0], 2)[::2]
+        assert (kernel(strided, gravity[0]) == given[0]).all()
+        with monkeypatch.context() as patch:
+            patch.setattr("catenary.gravity.compact.MANY", 5)
+            assert (regressor.Z(q, gravity) == given).all()
+            assert (regressor.Z(q, gravity[0])[0] == given[0]).all()
+
+
+def test_traces_of_sixty_trees_give_what_the_recursion_gives(random_robots: list[RandomRobot]) -> None:
+    rng = np.random.default_rng(5)
+    for robot in random_robots:
+        regressor = compact_regressor(robot.model)
+        q, gravity = rng.normal(size=robot.model.n), 5.0 * rng.normal(size=3)
+        expected = regressor.Z(q, gravity)
+        given = evaluate(regressor.line(), q=q, gravity=gravity)
+        assert_allclose(given, expected.ravel(), rtol=0.0, atol=1e-12, err_msg=robot.model.name)

@@ -13,6 +13,7 @@ from catenary.calibration.corrector import Corrector
 from catenary.calibration.files import save_model
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError, MissingInertiaError
+from catenary.gravity.compact import compact_regressor
 from catenary.gravity.torque import gravity_torque
 from catenary.jobs.export import c_header
 from catenary.robots.catalog import load_robot
@@ -55,6 +56,9 @@ def prefix_of(header: str) -> str:
     return found.group(1)
 
 
+QUANTITIES = ("gravity", "gravity_regressor", "compact_regressor")
+
+
 @pytest.mark.parametrize("language", COMPILERS)
 @pytest.mark.parametrize("model", ROBOTS, ids=lambda m: m.name)
 def test_gravity_and_regressor_in_c_are_pythons(model: RobotModel, language: str, tmp_path: Path) -> None:
@@ -76,6 +80,22 @@ def test_gravity_and_regressor_in_c_are_pythons(model: RobotModel, language: str
     parameters = np.column_stack([model.tree.mass, model.tree.mass[:, None] * model.tree.com]).ravel()
     Z = given[:, n:].reshape(STATES, n, p)
     assert_allclose(Z @ parameters, expected, rtol=0.0, atol=10 * bound)
+
+
+def test_the_compact_regressor_in_c_is_pythons(tmp_path: Path) -> None:
+    for model in ROBOTS:
+        header, compact = c_header(model).text, compact_regressor(model)
+        n, p = model.n, len(compact.labels)
+        body = (
+            f"  double Z[{n * p}];\nLOOP  {prefix_of(header)}_compact_regressor(r, r + {n}, Z);\n"
+            f"  for (i = 0; i < {n * p}; ++i) PUT(Z[i]);\n"
+        )
+        rng = np.random.default_rng(3)
+        rows = np.column_stack([3.0 * rng.normal(size=(STATES, n)), 5.0 * rng.normal(size=(STATES, 3))])
+        given = output_of(header, body, rows, tmp_path).reshape(STATES, n, p)
+        assert_allclose(given, compact.Z(rows[:, :n], rows[:, n:]), rtol=0.0, atol=1e-11)
+        for label in compact.labels:
+            assert label in header
 
 
 def test_regressor_columns_belong_to_their_links(tmp_path: Path) -> None:
@@ -209,7 +229,7 @@ def test_the_command_writes_the_header(tmp_path: Path) -> None:
     outcome = catenary("export", "raven2", "--model", tmp_path / "model.npz", "--c", out, "--json")
     assert outcome.json == {
         "file": str(out),
-        "functions": [f"raven2_{name}" for name in ("gravity", "gravity_regressor", "reset", "correct")],
+        "functions": [f"raven2_{name}" for name in (*QUANTITIES, "reset", "correct")],
     }
     assert "side by side" in outcome.err
     assert out.read_text() == c_header(load_robot("raven2"), model).text

@@ -5,7 +5,7 @@ and experiments", Automatica 41 (2005); P. Tomei, "A simple PD controller for ro
 Automatic Control 36 (1991).
 """
 
-from typing import Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,7 @@ from scipy.stats import qmc
 
 from catenary.arrays import Floats, as_array
 from catenary.compiled import compiled
+from catenary.control.at_rest import ELASTIC_PD, torque_at_rest
 from catenary.control.gravity_pd import nominal_gravity
 from catenary.control.pd import Damping, Gains, fits, pd_term
 from catenary.dynamics.loop_kernels import new_workspace
@@ -87,7 +88,7 @@ class ElasticPD:
         self.margin = stiffness_margin(model, self.kp, self.stiffness, gravity=self.gravity)
         self.margin.require(model.name)
         self.feedback, self.feedforward = np.zeros(model.n), np.zeros(model.n)
-        self._arrays = (
+        self._arrays: tuple[Any, ...] = (
             model.tree,
             model.coupling,
             model.offset,
@@ -100,6 +101,17 @@ class ElasticPD:
             self.feedback,
             self.feedforward,
         )
+        n = model.n
+        self._at_rest = torque_at_rest(
+            model,
+            ELASTIC_PD.format(biased=compensation == "biased", online=compensation != "constant"),
+            gains=(3, n),
+            stiffness=(n,),
+            work=(2, n),
+            feedback=(n,),
+            feedforward=(n,),
+        )
+        self._own = self._gains.rows, self.stiffness, np.zeros((2, n)), self.feedback, self.feedforward
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
         """Torques (n,) [Nm|N] at the motors, as seen at the joints; NaN where something that they depend on is.
@@ -108,18 +120,12 @@ class ElasticPD:
             InputError: The robot has another number of joints than the model.
         """
         tau = np.empty(self.model.n)
-        fixed = self.gravity
-        if not _elastic_pd(
-            *self._arrays,
-            get_args(Compensation).index(self.compensation),
-            state.q,
-            state.qd,
-            reference.q,
-            reference.qd,
-            state.gravity if fixed is None else fixed,
-            state.base_rates if fixed is None else AT_REST,
-            tau,
-        ):
+        pulls = (state.gravity, state.base_rates) if self.gravity is None else (self.gravity, AT_REST)
+        moving: tuple[Any, ...] = (state.q, state.qd, reference.q, reference.qd, *pulls)
+        if self._at_rest(*self._own, *moving, tau):
+            return tau
+        everything = (*self._arrays, get_args(Compensation).index(self.compensation), *moving, tau)
+        if not _elastic_pd(*everything):
             raise InputError(f"elastic PD: the model has {len(tau)} joints, the robot {len(state.q)}")
         return tau
 

@@ -3,13 +3,14 @@
 A. Lewis, B. Hannaford, "Dynamically evaluated gravity compensation for the RAVEN surgical robot", ICRA 2014: figure 6.
 """
 
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.compiled import compiled
+from catenary.control.at_rest import GRAVITY_PD, HOLD, torque_at_rest
 from catenary.control.pd import Damping, Gains, fits, pd_term
 from catenary.dynamics.loop_kernels import new_workspace
 from catenary.errors import InputError
@@ -64,7 +65,7 @@ class GravityPD:
             raise InputError(f'at "{at}": expected one of {", ".join(get_args(At))}')
         self.at = at
         self.feedback, self.feedforward = np.zeros(model.n), np.zeros(model.n)
-        self._arrays = (
+        self._arrays: tuple[Any, ...] = (
             model.tree,
             model.coupling,
             model.offset,
@@ -77,6 +78,10 @@ class GravityPD:
             self.feedback,
             self.feedforward,
         )
+        n = model.n
+        law = GRAVITY_PD.format(at="q" if at == "measured" else "q_ref")
+        self._at_rest = torque_at_rest(model, law, gains=(3, n), feedback=(n,), feedforward=(n,))
+        self._own = self._gains.rows, self.feedback, self.feedforward
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
         """Torques (n,) [Nm|N]; NaN where something that they depend on is.
@@ -85,18 +90,12 @@ class GravityPD:
             InputError: The robot has another number of joints than the model.
         """
         tau = np.empty(self.model.n)
-        fixed = self.gravity
-        if not _gravity_pd(
-            *self._arrays,
-            self.at == "measured",
-            state.q,
-            state.qd,
-            reference.q,
-            reference.qd,
-            state.gravity if fixed is None else fixed,
-            state.base_rates if fixed is None else AT_REST,
-            tau,
-        ):
+        pulls = (state.gravity, state.base_rates) if self.gravity is None else (self.gravity, AT_REST)
+        moving: tuple[Any, ...] = (state.q, state.qd, reference.q, reference.qd, *pulls)
+        if self._at_rest(*self._own, *moving, tau):
+            return tau
+        everything = (*self._arrays, self.at == "measured", *moving, tau)
+        if not _gravity_pd(*everything):
             raise InputError(f"gravity PD: the model has {len(tau)} joints, the robot {len(state.q)}")
         return tau
 
@@ -121,7 +120,9 @@ class GravityHold:
         self.model = model
         self.gravity = nominal_gravity(gravity)
         self._kernel = HoldingKernel(model)
-        self.feedback, self.feedforward = np.zeros(model.n), np.zeros(model.n)
+        n = model.n
+        self.feedback, self.feedforward = np.zeros(n), np.zeros(n)
+        self._at_rest = torque_at_rest(model, HOLD, feedforward=(n,))
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
         """Torques (n,) [Nm|N] that gravity asks for at the measured position.
@@ -132,11 +133,13 @@ class GravityHold:
         n = self.model.n
         if len(state.q) != n:
             raise InputError(f"gravity hold: the model has {n} joints, the robot {len(state.q)}")
-        if self.gravity is None:
-            tau = self._kernel(state.q, state.gravity, state.base_rates)
-        else:
-            tau = self._kernel(state.q, self.gravity, AT_REST)
-        self.feedforward[:] = tau
+        tau = np.empty(n)
+        gravity, rates = (
+            (state.gravity, state.base_rates) if self.gravity is None else (self.gravity, AT_REST)
+        )
+        q = state.q
+        if not self._at_rest(self.feedforward, q, q, q, q, gravity, rates, tau):
+            self.feedforward[:] = self._kernel(q, gravity, rates, tau)
         return tau
 
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.compiled import compiled
+from catenary.control.at_rest import INERTIA_PD, torque_at_rest
 from catenary.control.gravity_pd import nominal_gravity
 from catenary.control.pd import Gains, fits, pd_term
 from catenary.dynamics.loop_kernels import new_workspace, newton_euler_torque
@@ -82,6 +83,26 @@ class InertiaPD:
             self.feedback,
             self.feedforward,
         )
+        self._at_rest = torque_at_rest(
+            model,
+            INERTIA_PD.format(qd="qd" if coriolis else "still"),
+            gains=(3, n),
+            motor_inertia=(n, n),
+            nothing=(3,),
+            work=(2, n),
+            feedback=(n,),
+            feedforward=(n,),
+            qdd_ref=(n,),
+        )
+        nothing = np.zeros(3)
+        self._own = (
+            self._gains.rows,
+            self.motor_inertia,
+            nothing,
+            np.zeros((2, n)),
+            self.feedback,
+            self.feedforward,
+        )
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
         """Torques (n,) [Nm|N]; NaN where something that they depend on is.
@@ -91,6 +112,18 @@ class InertiaPD:
         """
         tau = np.empty(self.model.n)
         fixed = self.gravity
+        if self._at_rest(
+            *self._own,
+            reference.qdd,
+            state.q,
+            state.qd,
+            reference.q,
+            reference.qd,
+            state.gravity if fixed is None else fixed,
+            state.base_rates if fixed is None else AT_REST,
+            tau,
+        ):
+            return tau
         if not _inertia_pd(
             *self._arrays,
             self.coriolis,

@@ -32,8 +32,9 @@ static inline void {prefix}_small_sine_cosine(double x, double *sine, double *co
   const double odd = quarter - 2.0 * half;
   const double turn = ((0.5 * half - 0.25) + {up}) - {up};
   const double sign = 1.0 - 2.0 * (half - 2.0 * turn);
-  *sine = sign * (odd > 0.5 ? c : s);
-  *cosine = sign * (odd > 0.5 ? -s : c);
+  const double even = 1.0 - odd;
+  *sine = sign * (even * s + odd * c);
+  *cosine = sign * (even * c - odd * s);
 }}
 
 static inline void {prefix}_sines(int count, const double *x, double *sine, double *cosine) {{

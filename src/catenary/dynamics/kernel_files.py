@@ -21,12 +21,14 @@ import stat
 import sys
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from catenary.compiled import compiled, compiled_quick, in_memory
+from catenary.exact_calls import as_arrays, exact, others
 
 _log = logging.getLogger(__name__)
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
@@ -45,8 +47,8 @@ def load_source(stem: str, source: str, given: dict[str, Any], folder: Path | No
     Args:
         stem: What the file's name begins with; letters, digits and hyphens.
         source: The module's text.
-        given: Names that it takes for given, beside `compiled` and `compiled_quick`; what they are must follow from
-            the text.
+        given: Names that it takes for given; what they are must follow from the text. Besides there are `compiled`,
+            `compiled_quick`, `exact`, `others` and `as_arrays`.
         folder: Where files are kept; `cache_folder()` when None.
     """
     digest = sha256(source.encode()).hexdigest()
@@ -58,6 +60,8 @@ def load_source(stem: str, source: str, given: dict[str, Any], folder: Path | No
     module.__file__ = None if path is None else str(path)
     for decorator in (compiled, compiled_quick):
         module.__dict__[decorator.__name__] = in_memory(decorator) if path is None else decorator
+    module.__dict__["exact"] = partial(exact, in_memory=path is None)
+    module.__dict__["others"], module.__dict__["as_arrays"] = others, as_arrays
     module.__dict__.update(given)
     code = compile(source, f"<{stem}>" if path is None else str(path), "exec")
     sys.modules[name] = module  # machine code finds its module by name

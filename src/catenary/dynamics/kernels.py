@@ -31,34 +31,38 @@ from catenary.robots.model import RobotModel
 
 MANY = 50_000  # configurations from which compiling for one robot is worth its while
 Backend = Literal["numba", "c"]
-_known: WeakKeyDictionary[RobotModel, dict[str, "_Traced"]] = WeakKeyDictionary()
+_known: WeakKeyDictionary[RobotModel, dict[str, "Quantity"]] = WeakKeyDictionary()
 
 
-class _Kernel:
+class Kernel:
     """Machine code for one quantity of one robot: `into(INPUT..., out)`, which returns nothing and takes no memory.
 
-    It checks the arrays' sizes and nothing else; arrays are of float64, and any number of threads may call it.
-    Calling the kernel itself does the same, or gives a new array, and costs 0.1 to 0.2 us more.
+    It takes contiguous arrays of float64, refuses any other, and looks at no value; any number of threads may call it.
+    Calling the kernel itself takes inputs of any layout, writes or gives a new array, and costs 0.1 to 0.2 us more.
     """
 
     __slots__ = ("backend", "into", "shape")
 
-    def __init__(self, traced: "_Traced", backend: Backend) -> None:
+    def __init__(self, quantity: "Quantity", backend: Backend) -> None:
         """Compile a kernel, or find it compiled; `self.backend` is "numba" where there is no C compiler."""
-        self.shape = traced.shape
+        self.shape = quantity.shape
         self.backend: Backend = "numba"
-        extension = load_extension(traced.stem, traced.line, traced.shape) if backend == "c" else None
+        extension = load_extension(quantity.stem, quantity.line, quantity.shape) if backend == "c" else None
         if extension is not None:
             self.backend = "c"
             self.into: Callable[..., None] = extension.into
             return
-        module = traced.module()
-        self.into = module.into
+        module = quantity.module()
+        self.into = module.call
         self.into(*(np.zeros(width) for width in module.WIDTHS), np.empty(self.shape))
         seal(module)
 
+    def _into_as_floats(self, *inputs: Floats, out: Floats) -> None:
+        """Do the same with copies of inputs that are no contiguous arrays of float64."""
+        self.into(*(np.ascontiguousarray(array, dtype=float) for array in inputs), out)
 
-class GravityKernel(_Kernel):
+
+class GravityKernel(Kernel):
     """Gravity torque of one robot, for loops."""
 
     __slots__ = ()
@@ -69,11 +73,14 @@ class GravityKernel(_Kernel):
         NaN in gives NaN in every torque that depends on it.
         """
         tau = np.empty(self.shape) if out is None else out
-        self.into(q, gravity, tau)
+        try:
+            self.into(q, gravity, tau)
+        except InputError:
+            self._into_as_floats(q, gravity, out=tau)
         return tau
 
 
-class MassMatrixKernel(_Kernel):
+class MassMatrixKernel(Kernel):
     """Mass matrix of one robot, for loops."""
 
     __slots__ = ()
@@ -81,11 +88,14 @@ class MassMatrixKernel(_Kernel):
     def __call__(self, q: Floats, out: Floats | None = None) -> Floats:
         """Mass matrix (n, n) at q (n,) [rad|m]."""
         M = np.empty(self.shape) if out is None else out
-        self.into(q, M)
+        try:
+            self.into(q, M)
+        except InputError:
+            self._into_as_floats(q, out=M)
         return M
 
 
-class InverseDynamicsKernel(_Kernel):
+class InverseDynamicsKernel(Kernel):
     """Torques of a motion of one robot on a base at rest, for loops."""
 
     __slots__ = ()
@@ -95,11 +105,14 @@ class InverseDynamicsKernel(_Kernel):
     ) -> Floats:
         """Torques (n,) [Nm|N]: M(q) qdd + C(q, qd) qd + g(q)."""
         tau = np.empty(self.shape) if out is None else out
-        self.into(q, qd, qdd, gravity, tau)
+        try:
+            self.into(q, qd, qdd, gravity, tau)
+        except InputError:
+            self._into_as_floats(q, qd, qdd, gravity, out=tau)
         return tau
 
 
-class ForwardKinematicsKernel(_Kernel):
+class ForwardKinematicsKernel(Kernel):
     """Pose of one frame of one robot, for loops."""
 
     __slots__ = ()
@@ -107,7 +120,10 @@ class ForwardKinematicsKernel(_Kernel):
     def __call__(self, q: Floats, out: Floats | None = None) -> Floats:
         """Rows of (R_base_frame, origin [m]), (3, 4), at q (n,) [rad|m]."""
         pose = np.empty(self.shape) if out is None else out
-        self.into(q, pose)
+        try:
+            self.into(q, pose)
+        except InputError:
+            self._into_as_floats(q, out=pose)
         return pose
 
 
@@ -135,8 +151,7 @@ def mass_matrix_kernel(model: RobotModel, *, backend: Backend = "numba") -> Mass
 def inverse_dynamics_kernel(model: RobotModel, *, backend: Backend = "numba") -> InverseDynamicsKernel:
     """What gives the torques of a robot's motion in a loop; see `gravity_kernel`."""
     model.require_inertia()
-    traced = _traced(model, "inverse-dynamics", inverse_dynamics_line, (model.n,))
-    return InverseDynamicsKernel(traced, backend)
+    return InverseDynamicsKernel(_inverse_dynamics(model), backend)
 
 
 def forward_kinematics_kernel(
@@ -148,8 +163,8 @@ def forward_kinematics_kernel(
         InputError: No frame of that name.
     """
     name = model.tip if frame is None else frame
-    traced = _traced(model, f"pose-{name}", lambda m: forward_kinematics_line(m, name), (3, 4))
-    return ForwardKinematicsKernel(traced, backend)
+    quantity = quantity_of(model, f"pose-{name}", lambda m: forward_kinematics_line(m, name), (3, 4))
+    return ForwardKinematicsKernel(quantity, backend)
 
 
 def gravity_module(model: RobotModel) -> ModuleType:
@@ -162,20 +177,29 @@ def gravity_module(model: RobotModel) -> ModuleType:
     return _gravity(model).module()
 
 
+def inverse_dynamics_module(model: RobotModel) -> ModuleType:
+    """The module whose `into` is the torque of a robot's motion on a base at rest; see `gravity_module`."""
+    model.require_inertia()
+    return _inverse_dynamics(model).module()
+
+
 def write_gravity_torques(
     model: RobotModel, q: Floats, gravity: Floats, out: Floats, *, threads: int = 1
 ) -> None:
     """Write gravity torques (N, n) at q (N, n), under gravity (N, 3) or (1, 3); inputs are not checked."""
-    _rows(_gravity(model).module(), (q, gravity), out, threads)
+    write_rows(_gravity(model).module(), (q, gravity), out, threads)
 
 
 def write_mass_matrices(model: RobotModel, q: Floats, out: Floats, *, threads: int = 1) -> None:
     """Write mass matrices (N, n, n) at q (N, n); inputs are not checked."""
-    _rows(_mass_matrix(model).module(), (q,), out.reshape(len(out), model.n * model.n), threads)
+    write_rows(_mass_matrix(model).module(), (q,), out.reshape(len(out), model.n * model.n), threads)
 
 
-def _rows(module: ModuleType, inputs: tuple[Floats, ...], out: Floats, threads: int) -> None:
-    """Run a kernel on many rows, in as many threads as wanted: machine code does not hold Python's lock."""
+def write_rows(module: ModuleType, inputs: tuple[Floats, ...], out: Floats, threads: int = 1) -> None:
+    """Run a quantity's module on many rows, out (N, size), in as many threads as wanted; inputs are not checked.
+
+    Machine code does not hold Python's lock.
+    """
     if threads < 1:
         raise InputError(f"threads: expected one or more, got {threads}")
     if threads == 1 or len(out) < 2 * threads:
@@ -200,7 +224,7 @@ def _in_threads(rows: Callable[..., None], inputs: tuple[Floats, ...], out: Floa
 
 
 @dataclass
-class _Traced:
+class Quantity:
     """A quantity of a robot: what is compiled of it, and its module once it has been asked for."""
 
     stem: str
@@ -209,25 +233,38 @@ class _Traced:
     loaded: ModuleType | None = None
 
     def module(self) -> ModuleType:
+        """The module, compiled or found compiled; see numba_source.py."""
         if self.loaded is None:
             written = numba_module(self.stem, self.line, self.shape)
             self.loaded = load_source(self.stem, written.source, written.given)
         return self.loaded
 
 
-def _gravity(model: RobotModel) -> _Traced:
-    return _traced(model, "gravity", gravity_line, (model.n,))
+def _gravity(model: RobotModel) -> Quantity:
+    return quantity_of(model, "gravity", gravity_line, (model.n,))
 
 
-def _mass_matrix(model: RobotModel) -> _Traced:
-    return _traced(model, "mass-matrix", mass_matrix_line, (model.n, model.n))
+def _inverse_dynamics(model: RobotModel) -> Quantity:
+    return quantity_of(model, "inverse-dynamics", inverse_dynamics_line, (model.n,))
 
 
-def _traced(
-    model: RobotModel, quantity: str, trace: Callable[[RobotModel], Line], shape: tuple[int, ...]
-) -> _Traced:
+def _mass_matrix(model: RobotModel) -> Quantity:
+    return quantity_of(model, "mass-matrix", mass_matrix_line, (model.n, model.n))
+
+
+def quantity_of(
+    model: RobotModel, name: str, trace: Callable[[RobotModel], Line], shape: tuple[int, ...]
+) -> Quantity:
+    """A quantity of a robot, traced once for as long as the model is there.
+
+    Args:
+        model: The robot.
+        name: Of the quantity; no other of this robot's may have it.
+        trace: Its line of operations.
+        shape: Of one configuration's result.
+    """
     known = _known.setdefault(model, {})
-    if quantity not in known:
-        stem = re.sub(r"[^A-Za-z0-9]+", "-", f"{model.name} {quantity}")[:80]  # names come from files
-        known[quantity] = _Traced(stem, trace(model), shape)
-    return known[quantity]
+    if name not in known:
+        stem = re.sub(r"[^A-Za-z0-9]+", "-", f"{model.name} {name}")[:80]  # names come from files
+        known[name] = Quantity(stem, trace(model), shape)
+    return known[name]

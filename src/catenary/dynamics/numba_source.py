@@ -6,13 +6,15 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from catenary import compiled
-from catenary.compiled import Operation, straight_line
+from catenary import compiled, exact_calls
+from catenary.compiled import Operation, Sines, straight_line
 from catenary.dynamics import sines
 from catenary.dynamics.tracing import Line, Step
+from catenary.exact_calls import Exact
 
 WORK_BYTES = 32 * 1024  # of a block of configurations: it should stay in the processor's first cache
 ANGLES = ("sin", "cos")
+SINES = Sines(sines.sine_cosine, sines.small_sine_cosine, sines.LARGEST)
 Store = tuple[int, int, int, int]
 
 
@@ -27,9 +29,10 @@ class NumbaModule:
 def numba_module(title: str, line: Line, shape: tuple[int, ...]) -> NumbaModule:
     """Write the module.
 
-    It has `into(INPUT..., out)`, arrays of one configuration each, and `rows(INPUT..., out)` for out (N, size) and
-    inputs of N rows or one row each. Neither returns the result: handing an array back costs a third of a
-    microsecond. `straight` does what `into` does, operation by operation in Python, to be read.
+    It has `call(INPUT..., out)`, arrays of one configuration each, for callers in Python; `into`, the same for
+    compiled callers; and `rows(INPUT..., out)` for out (N, size) and inputs of N rows or one row each. None returns the
+    result: handing an array back costs a third of a microsecond. `straight` does what they do, operation by operation
+    in Python, to be read.
 
     Args:
         title: What it is, in letters and digits; goes into the first line.
@@ -54,12 +57,18 @@ def numba_module(title: str, line: Line, shape: tuple[int, ...]) -> NumbaModule:
         "",
         *_straight(line, widths),
         "",
+        *_call(widths, shape),
+        "",
         *_into(widths, shape),
         "",
         *_rows(line, widths, shape, blocks),
         "",
     ]
     given = {
+        "EXACT": (
+            *(Exact("float64", (width,), writable=False) for width in widths.values()),
+            Exact("float64", shape, writable=True),
+        ),
         "code": _code(line, widths),
         "angles_code": blocks.angles_code,
         "results_code": blocks.results_code,
@@ -69,7 +78,7 @@ def numba_module(title: str, line: Line, shape: tuple[int, ...]) -> NumbaModule:
 
 def _digest_of_what_it_calls() -> str:
     """Tell versions of the called functions apart: numba looks at the calling file alone."""
-    texts = [Path(str(module.__file__)).read_bytes() for module in (sines, compiled)]
+    texts = [Path(str(module.__file__)).read_bytes() for module in (sines, compiled, exact_calls)]
     texts.append(Path(__file__).read_bytes())
     return sha256(b"".join(texts)).hexdigest()[:16]
 
@@ -113,14 +122,29 @@ def result(line: Line, k: int) -> str:
     return ("-" if sign < 0 else "") + name_of(line, number)
 
 
+def _call(widths: dict[str, int], shape: tuple[int, ...]) -> list[str]:
+    names = ", ".join([*widths, "out"])
+    expected = f"kernel: expected contiguous float64 arrays of {_sizes(widths, shape)}"
+    return [
+        "@exact(*EXACT)",
+        f"def call({names}):",
+        f"    if others(({names})):",
+        f"        raise InputError('{expected}')",
+        f"    code(({names}), 0)",
+    ]
+
+
+def _sizes(widths: dict[str, int], shape: tuple[int, ...]) -> str:
+    return ", ".join([*(f"{name} ({width},)" for name, width in widths.items()), f"out {shape}"])
+
+
 def _into(widths: dict[str, int], shape: tuple[int, ...]) -> list[str]:
     wrong = [f"len({name}) != {width}" for name, width in widths.items()] + ["out.shape != SHAPE"]
-    sizes = ", ".join([*(f"{name} ({width},)" for name, width in widths.items()), f"out {shape}"])
     return [
         "@compiled_quick",
         f"def into({', '.join(widths)}, out):",
         f"    if {' or '.join(wrong)}:",
-        f"        raise InputError('kernel: expected arrays of {sizes}')",
+        f"        raise InputError('kernel: expected arrays of {_sizes(widths, shape)}')",
         f"    code(({', '.join(widths)}, out), 0)",
     ]
 
@@ -138,7 +162,7 @@ def _code(line: Line, widths: dict[str, int]) -> Any:
     for k, given in enumerate(line.results):
         sign, number = _result(operations, given)
         stores.append((len(order), k, sign, number))
-    return straight_line(operations, stores, sines.sine_cosine)
+    return straight_line(operations, stores, SINES)
 
 
 def _result(operations: list[Operation], given: tuple[int, int] | float) -> tuple[int, int]:
@@ -172,7 +196,7 @@ class _Blocks:
         self.angles_code = straight_line(
             operations,
             [(0, self.at_angle + i * size, 1, before[angle]) for i, angle in enumerate(self.angles)],
-            sines.sine_cosine,
+            SINES,
         )
         operations = []
         after: dict[int, int] = {}
@@ -185,7 +209,7 @@ class _Blocks:
                 (given[0], after[given[1]]) if not isinstance(given, float) else _result(operations, given)
             )
             stores.append((0, self.at_result + slot * size, sign, last))
-        self.results_code = straight_line(operations, stores, sines.sine_cosine)
+        self.results_code = straight_line(operations, stores, SINES)
 
     def _append(self, operations: list[Operation], numbers: dict[int, int], step: Step) -> int:
         if step.kind == "in":

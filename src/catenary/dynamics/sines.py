@@ -44,7 +44,10 @@ def sine_cosine(x: float) -> tuple[float, float]:
 
 @inlined
 def small_sine_cosine(x: float) -> tuple[float, float]:
-    """Give the sine and cosine of an angle between -LARGEST and LARGEST [rad]."""
+    """Give the sine and cosine of an angle between -LARGEST and LARGEST [rad].
+
+    Nothing but + - *: it also runs on several angles side by side (compiled.straight_line).
+    """
     quarter = (x * TWO_OVER_PI + ROUND) - ROUND
     r = ((x - quarter * HALF_PI[0]) - quarter * HALF_PI[1]) - quarter * HALF_PI[2]
     z = r * r
@@ -60,6 +63,5 @@ def small_sine_cosine(x: float) -> tuple[float, float]:
     odd = quarter - 2.0 * half
     turn = ((0.5 * half - 0.25) + ROUND) - ROUND
     sign = 1.0 - 2.0 * (half - 2.0 * turn)
-    sine = c if odd > 0.5 else s
-    cosine = -s if odd > 0.5 else c
-    return sign * sine, sign * cosine
+    even = 1.0 - odd  # one of them is 1, the other 0: a choice by arithmetic, for several numbers at once
+    return sign * (even * s + odd * c), sign * (even * c - odd * s)

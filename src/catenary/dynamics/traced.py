@@ -40,6 +40,7 @@ class Placed(NamedTuple):
     turn: (
         Floats  # (n_tree, 3, 3) R_link_traced: a link whose joint turns about an odd axis is traced along it
     )
+    x: Terms  # (2 n_tree,) displacements of the tree's joints [rad|m]
     rotation: Terms  # (2 n_tree, 3, 3)
     position: Terms  # (2 n_tree, 3)
 
@@ -59,7 +60,7 @@ def placed(model: RobotModel) -> Placed:
         sine[i], cosine[i] = (0.0, 1.0) if tree.prismatic[i] else trace.sine_cosine(total)
     rotation, position = empty(m, 3, 3), empty(m, 3)
     place_joints(tree, x, sine, cosine, rotation, position)
-    return Placed(trace, tree, coupling, turn, rotation, position)
+    return Placed(trace, tree, coupling, turn, x, rotation, position)
 
 
 def gravity_line(model: RobotModel) -> Line:

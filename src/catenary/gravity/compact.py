@@ -16,7 +16,10 @@ from catenary.arrays import Floats, as_batch, frozen
 from catenary.compiled import compiled, inlined
 from catenary.dynamics.coordinates import place_tree
 from catenary.dynamics.inverse_dynamics import gravity_rows
+from catenary.dynamics.kernels import MANY, Backend, Kernel, Quantity, quantity_of, write_rows
+from catenary.dynamics.tracing import Line
 from catenary.errors import InputError
+from catenary.gravity.compact_line import compact_line
 from catenary.gravity.entries import SHORT, Terms, mass_entries, moment_entries, terms_text
 from catenary.gravity.regressor import carried_links, gravity_parameters, require_parameters
 from catenary.gravity.regressor_recursion import (
@@ -83,13 +86,30 @@ class CompactRegressor:
         """
         rows, single = as_batch("q", q, self.model.n)
         gravities = gravity_rows(gravity, len(rows))
-        out = np.empty((len(rows), self.model.n, len(self.expressions)))
-        _compact_rows(_packed(self.model, self.columns), rows, gravities, out)
+        n, p = self.model.n, len(self.expressions)
+        out = np.empty((len(rows), n, p))
+        if len(rows) >= MANY:
+            write_rows(self._quantity().module(), (rows, gravities), out.reshape(len(rows), n * p))
+        else:
+            _compact_rows(_packed(self.model, self.columns), rows, gravities, out)
         return out[0] if single else out
 
-    def kernel(self) -> "CompactKernel":
-        """What gives Z in a loop, without checks."""
-        return CompactKernel(self)
+    def kernel(self, *, backend: Backend = "numba") -> "CompactKernel":
+        """What gives Z in a loop; see `gravity_kernel`."""
+        return CompactKernel(self._quantity(), backend)
+
+    def line(self) -> Line:
+        """Z as a straight line of operations, row by row; inputs q (n,) and gravity (3,)."""
+        return self._quantity().line
+
+    def _quantity(self) -> Quantity:
+        width = len(self.expressions)
+        return quantity_of(
+            self.model,
+            "compact-regressor",
+            lambda model: compact_line(model, self.columns, width),
+            (self.model.n, width),
+        )
 
     def compress(self, s: ArrayLike) -> Floats:
         """Parameters (p,) from those of the full form, `gravity_parameters`.
@@ -251,17 +271,18 @@ class PackedRobot(NamedTuple):
     weight: Floats  # of the coupling's entries
 
 
-class CompactKernel:
-    """Z of one robot, for loops: no checks. Not for two threads at once, calls share work arrays."""
+class CompactKernel(Kernel):
+    """Z of one robot, for loops."""
 
-    def __init__(self, regressor: CompactRegressor) -> None:
-        self.shape = (regressor.model.n, len(regressor.expressions))
-        self.robot = _packed(regressor.model, regressor.columns)
+    __slots__ = ()
 
     def __call__(self, q: Floats, gravity: Floats, out: Floats | None = None) -> Floats:
-        """Z (n, p) at q (n,) [rad|m] under gravity (3,) [m/s2]; float64, NaN in gives NaN out."""
+        """Z (n, p) at q (n,) [rad|m] under gravity (3,) [m/s2]; NaN in gives NaN in every entry that depends on it."""
         Z = np.empty(self.shape) if out is None else out
-        _compact_row(*self.robot, q, gravity, Z)
+        try:
+            self.into(q, gravity, Z)
+        except InputError:
+            self._into_as_floats(q, gravity, out=Z)
         return Z
 
 
@@ -334,22 +355,6 @@ def write_compact(robot: PackedRobot, q: Floats, gravity: Floats, out: Floats) -
     turn_links(tree, matrices[1], matrices[2], vectors[3])
     g = (gravity[0], gravity[1], gravity[2])
     compact_recursion(tree, numbers[1], matrices[2], vectors[3], g, columns, spread, out)
-
-
-@compiled
-def _compact_row(
-    ints: Indices,
-    matrices: Floats,
-    vectors: Floats,
-    numbers: Floats,
-    coupling: Floats,
-    weight: Floats,
-    q: Floats,
-    gravity: Floats,
-    out: Floats,
-) -> None:
-    # a tuple of arrays would take a microsecond to hand over
-    write_compact(PackedRobot(ints, matrices, vectors, numbers, coupling, weight), q, gravity, out)
 
 
 @compiled

@@ -14,9 +14,8 @@ from catenary.arrays import Floats, as_array
 from catenary.compiled import compiled
 from catenary.errors import InputError
 from catenary.gravity.cholesky import factorise, solve_lower, solve_upper
-from catenary.gravity.compact import CompactRegressor, PackedRobot, compact_regressor, write_compact
+from catenary.gravity.compact import CompactRegressor, compact_regressor
 from catenary.gravity.regressor import require_parameters
-from catenary.gravity.regressor_recursion import Indices
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
 
@@ -85,7 +84,7 @@ class GravityEstimator:
         self._s = np.zeros(len(labels)) if s0 is None else np.array(require_parameters("s0", s0, labels))
         self._kernel = self.regressor.kernel()
         self._limits = np.concatenate([as_speeds(max_speed, n), [damping]])
-        self._work = np.empty(n * len(labels) + n * n + 2 * n)
+        self._Z, self._work = np.empty((n, len(labels))), np.empty(n * n + 2 * n)
         self._rows = np.stack([self.kp, self.kd])
         self._time = np.nan
 
@@ -135,7 +134,7 @@ class GravityEstimator:
         if sizes != (len(torque),) * 3:
             raise InputError(f"gravity estimator: is for {len(torque)} joints, the robot has {len(q)}")
         _law(
-            *self._kernel.robot,
+            self._kernel(q, gravity, self._Z),
             self._work,
             self._rows,
             self.omega,
@@ -144,7 +143,6 @@ class GravityEstimator:
             q,
             qd,
             wanted,
-            gravity,
             dt,
             sent,
             torque,
@@ -191,12 +189,7 @@ def _as_omega(omega: ArrayLike, n: int) -> Floats:
 
 @compiled
 def _law(
-    ints: Indices,
-    matrices: Floats,
-    vectors: Floats,
-    numbers: Floats,
-    coupling: Floats,
-    weight: Floats,
+    Z: Floats,
     work: Floats,
     gains: Floats,
     omega: Floats,
@@ -205,16 +198,12 @@ def _law(
     q: Floats,
     qd: Floats,
     wanted: Floats,
-    gravity: Floats,
     dt: float,
     sent: bool,
     torque: Floats,
 ) -> None:
     n, p = len(q), len(s)
-    Z, A = work[: n * p].reshape(n, p), work[n * p : n * p + n * n].reshape(n, n)
-    effort, y = work[n * p + n * n : n * p + n * n + n], work[n * p + n * n + n :]
-    robot = PackedRobot(ints, matrices, vectors, numbers, coupling, weight)
-    write_compact(robot, q, gravity, Z)
+    A, effort, y = work[: n * n].reshape(n, n), work[n * n : n * n + n], work[n * n + n :]
     _times(Z, s, torque)
     resting = dt > 0.0
     for j in range(n):

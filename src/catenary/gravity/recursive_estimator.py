@@ -20,11 +20,9 @@ from catenary.arrays import Floats, as_array
 from catenary.compiled import compiled
 from catenary.errors import InputError
 from catenary.gravity.cholesky import factorise, solve_lower, solve_upper
-from catenary.gravity.compact import PackedRobot, write_compact
 from catenary.gravity.estimator import Observed, as_speeds, regressor_with_effect
 from catenary.gravity.load_directions import PER_LOAD, load_directions
 from catenary.gravity.regressor import require_parameters
-from catenary.gravity.regressor_recursion import Indices
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
 
@@ -109,7 +107,7 @@ class RecursiveGravityEstimator:
         self._load_work = np.empty((2, self._loads.shape[1], max(p, self._loads.shape[1])))
         self._information = np.zeros((p, p))
         self._kernel = self.regressor.kernel()
-        self._work = np.empty(2 * n * p + p * p + p + n)
+        self._Z, self._work = np.empty((n, p)), np.empty(p * p + p + n)
         self._clock = np.array([np.nan, np.nan, 0.0])  # resting since, last torque taken, torques taken
 
     @property
@@ -137,7 +135,7 @@ class RecursiveGravityEstimator:
         if not (len(q) == len(qd) == len(tau) == n):
             raise InputError(f"gravity estimator: is for {n} joints, the robot has {len(q)}")
         return _take(
-            *self._kernel.robot,
+            self._kernel(q, gravity, self._Z),
             self._work,
             self._rows,
             self._prior,
@@ -150,7 +148,6 @@ class RecursiveGravityEstimator:
             q,
             qd,
             tau,
-            gravity,
             time,
         )
 
@@ -183,12 +180,7 @@ def _positive(name: str, values: ArrayLike, n: int) -> Floats:
 
 @compiled
 def _take(
-    ints: Indices,
-    matrices: Floats,
-    vectors: Floats,
-    numbers: Floats,
-    coupling: Floats,
-    weight: Floats,
+    Z: Floats,
     work: Floats,
     rows: Floats,
     prior: Floats,
@@ -201,7 +193,6 @@ def _take(
     q: Floats,
     qd: Floats,
     tau: Floats,
-    gravity: Floats,
     time: float,
 ) -> bool:
     n, p = len(q), len(s)
@@ -217,11 +208,7 @@ def _take(
     if time - clock[0] < settle or (clock[1] <= time < clock[1] + interval):
         return False
 
-    Z, L = work[: n * p].reshape(n, p), work[n * p : n * p + p * p].reshape(p, p)
-    column = work[n * p + p * p : n * p + p * p + p]
-    missing = work[n * p + p * p + p : n * p + p * p + p + n]
-    robot = PackedRobot(ints, matrices, vectors, numbers, coupling, weight)
-    write_compact(robot, q, gravity, Z)
+    L, column, missing = work[: p * p].reshape(p, p), work[p * p : p * p + p], work[p * p + p :]
     tells = False
     for i in range(n):
         expected = 0.0

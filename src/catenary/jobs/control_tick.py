@@ -1,5 +1,6 @@
 """What `run_loop` does between measuring and sending, as one compiled call: correct, hold, servo, limit."""
 
+from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from catenary.control.pd import JointPD
 from catenary.dynamics.kernel_files import load_source, seal
 from catenary.dynamics.kernels import gravity_module
 from catenary.errors import InputError
+from catenary.exact_calls import Exact
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
 from catenary.trajectories.reference import Reference
@@ -25,20 +27,25 @@ from catenary.trajectories.reference import Reference
 CALLED = (calibration_tick, predictors, torque_limits, joint_pd)
 SOURCE = '''\
 """A control tick in one call."""
-# of {digest}
+# of {digest}, for arrays of {sizes}
 import numpy as np
 
 
-@compiled
-def tick(gains, rows, last, counts, layout, memory, q, qd, tau, gravity, q_ref, qd_ref, dt, work, inside, sent):
-    n = gains.shape[1]
-    if len(q) != n or len(qd) != n or len(tau) != n or len(gravity) != 3 or len(q_ref) != n or len(qd_ref) != n:
+@exact(*kinds, result=bool)
+def tick(gains, rows, last, counts, layout, memory, work, inside, q, qd, tau, gravity, q_ref, qd_ref, sent, dt):
+    if others((gains, rows, last, counts, layout, memory, work, inside)) or others(
+        (q, qd, tau, gravity, q_ref, qd_ref, sent)
+    ):
         return False
+    gains, rows, last, counts, layout, memory, work, inside = as_arrays(
+        (gains, rows, last, counts, layout, memory, work, inside)
+    )
+    q, qd, tau, gravity, q_ref, qd_ref, sent = as_arrays((q, qd, tau, gravity, q_ref, qd_ref, sent))
     calibrated, torque, holding, feedback = work[0], work[1], work[2], work[3]
     {correct}
     pd(gains, calibrated, qd, q_ref, qd_ref, feedback, torque)
     hold(calibrated, gravity, holding)
-    for j in range(n):
+    for j in range(len(torque)):
         torque[j] += holding[j]
     limit(rows, last, counts, torque, q, dt, sent)
     return True
@@ -90,9 +97,9 @@ class ControlTick:
         if corrector is not None:
             corrector.prepare(model.joint_names, model.joint_units, rate_hz)
             arrays = corrector.robot_arrays
-        self._constant = pd.gains.rows, *self.limits.arrays, *arrays
         self._work, self.inside = np.empty((4, n)), np.ones(n, dtype=bool)
-        module = _module(model, with_correction=corrector is not None)
+        self._constant = (pd.gains.rows, *self.limits.arrays, *arrays, self._work, self.inside)
+        module = _module(model, self._constant, with_correction=corrector is not None)
         self._tick: Any = module.tick
         zero = np.zeros(n)
         reference = Reference(zero, zero, zero)
@@ -120,37 +127,43 @@ class ControlTick:
         Raises:
             InputError: The state or reference is of another number of joints.
         """
-        sent = np.empty(len(self.inside))
-        if not self._tick(
-            *self._constant,
-            state.q,
-            state.qd,
-            state.tau,
-            state.gravity,
-            reference.q,
-            reference.qd,
-            self._dt,
-            self._work,
-            self.inside,
-            sent,
-        ):
-            raise InputError(
-                f"control tick: expected q, qd, tau and references of {len(sent)} joints, got {state.q.shape}, "
-                f"{state.qd.shape}, {state.tau.shape}, {reference.q.shape}, {reference.qd.shape}"
-            )
-        return sent
+        n = len(self.inside)
+        sent = np.empty(n)
+        seen = state.q, state.qd, state.tau, state.gravity, reference.q, reference.qd
+        if self._tick(*self._constant, *seen, sent, self._dt):
+            return sent
+        copies = [
+            np.ascontiguousarray(values, dtype=float) for values in seen
+        ]  # were of another type or layout
+        if self._tick(*self._constant, *copies, sent, self._dt):
+            return sent
+        shapes = ", ".join(str(np.shape(values)) for values in seen)
+        raise InputError(
+            f"control tick: expected q, qd, tau, gravity, q_ref and qd_ref of a robot of {n} joints, got arrays of "
+            f"{shapes}"
+        )
 
 
-def _module(model: RobotModel, *, with_correction: bool) -> Any:
+def _kind(array: NDArray[Any], *, writable: bool) -> Exact:
+    return Exact(array.dtype.name, array.shape, writable=writable)
+
+
+def _module(model: RobotModel, constant: Sequence[NDArray[Any]], *, with_correction: bool) -> Any:
     gravity = gravity_module(model)
     # numba does not see edits of what it calls: the digest makes another module of them
     texts = [Path(str(module.__file__)).read_bytes() for module in CALLED]
     digest = sha256(gravity.__name__.encode() + b"".join(texts)).hexdigest()[:32]
+    state = [Exact("float64", (size,), writable=False) for size in (model.n,) * 3 + (3,) + (model.n,) * 2]
+    kinds = [_kind(array, writable=False) for array in constant]
+    kinds += [*state, Exact("float64", (model.n,), writable=True)]
     given = {
+        "kinds": [*kinds, float],
         "hold": gravity.into,
         "pd": joint_pd.pd,
         "limit": torque_limits.limit,
         "tick_state": calibration_tick.tick_state,
     }
-    source = SOURCE.format(digest=digest, correct=CORRECT if with_correction else COPY)
+    source = SOURCE.format(
+        digest=digest, sizes=[array.shape for array in constant], correct=CORRECT if with_correction else COPY
+    )
     return load_source("control-tick", source, given)

@@ -14,6 +14,7 @@ from catenary.dynamics.c_source import c_function, c_name, c_sines
 from catenary.dynamics.traced import gravity_line, gravity_regressor_line
 from catenary.dynamics.tracing import evaluate
 from catenary.errors import FileFormatError, InputError
+from catenary.gravity.compact import compact_regressor
 from catenary.robots.model import RobotModel
 
 LEVEL = (0.0, 0.0, -9.81)
@@ -76,6 +77,20 @@ def c_header(
         c_function(name, "gravity_regressor", regressor),
     ]
     functions = [f"{name}_gravity", f"{name}_gravity_regressor"]
+    compact = compact_regressor(model)
+    if compact.labels:
+        text += [
+            f"#define {name.upper()}_COMPACT_PARAMETERS {len(compact.labels)}",
+            f"/* Compact regressor out[{model.n} x {len(compact.labels)}], row by row: torques = out s; s is without",
+            f"   what no joint feels, and equal entries are one. {compact.line().operations} sums and products. s:",
+            *(
+                f"     {_plain(label)} [{unit}]"
+                for label, unit in zip(compact.labels, compact.units, strict=True)
+            ),
+            f"   This robot's: {_values(list(compact.parameters()))}. */",
+            c_function(name, "compact_regressor", compact.line()),
+        ]
+        functions.append(f"{name}_compact_regressor")
     if calibration is not None:
         corrector = Corrector(calibration, rate_hz=rate_hz)
         text += [
