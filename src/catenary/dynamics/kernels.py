@@ -132,7 +132,7 @@ def gravity_kernel(model: RobotModel, *, backend: Backend = "numba") -> GravityK
 
     Args:
         model: The robot.
-        backend: "c" is four to six times quicker, and takes a C compiler with Python's headers when the kernel is
+        backend: "c" is quicker by up to a third, and takes a C compiler with Python's headers when the kernel is
             first made; without one numba makes it all the same, and `kernel.backend` says so.
 
     Raises:
