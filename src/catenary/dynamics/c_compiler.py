@@ -1,4 +1,4 @@
-"""Kernels by a C compiler, where there is one with Python's and NumPy's headers: quicker to call than numba's."""
+"""Kernels by a C compiler, where there is one with Python's and NumPy's headers: somewhat quicker than numba's."""
 
 import logging
 import shutil

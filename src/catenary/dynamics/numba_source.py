@@ -29,10 +29,10 @@ class NumbaModule:
 def numba_module(title: str, line: Line, shape: tuple[int, ...]) -> NumbaModule:
     """Write the module.
 
-    It has `call(INPUT..., out)`, arrays of one configuration each, for callers in Python; `into`, the same for
-    compiled callers; and `rows(INPUT..., out)` for out (N, size) and inputs of N rows or one row each. None returns the
-    result: handing an array back costs a third of a microsecond. `straight` does what they do, operation by operation
-    in Python, to be read.
+    `make_call` compiles `call(INPUT..., out)`, arrays of one configuration each, for callers in Python. `into` is the
+    same for compiled callers. `rows(INPUT..., out)` takes out (N, size) and inputs of N rows or one row each. None
+    returns the result: handing an array back costs a third of a microsecond. `straight` does what they do, operation by
+    operation in Python, to be read.
 
     Args:
         title: What it is, in letters and digits; goes into the first line.
@@ -52,7 +52,6 @@ def numba_module(title: str, line: Line, shape: tuple[int, ...]) -> NumbaModule:
         "from catenary.dynamics.sines import LARGEST, sine_cosine, small_sine_cosine",
         "from catenary.errors import InputError",
         "",
-        f"WIDTHS = ({''.join(f'{width}, ' for width in widths.values())})",
         f"SHAPE = ({''.join(f'{n}, ' for n in shape)})",
         "",
         *_straight(line, widths),
@@ -126,11 +125,13 @@ def _call(widths: dict[str, int], shape: tuple[int, ...]) -> list[str]:
     names = ", ".join([*widths, "out"])
     expected = f"kernel: expected contiguous float64 arrays of {_sizes(widths, shape)}"
     return [
-        "@exact(*EXACT)",
-        f"def call({names}):",
-        f"    if others(({names})):",
-        f"        raise InputError('{expected}')",
-        f"    code(({names}), 0)",
+        "def make_call():",
+        "    @exact(*EXACT)",
+        f"    def call({names}):",
+        f"        if others(({names})):",
+        f"            raise InputError('{expected}')",
+        f"        code(({names}), 0)",
+        "    return call",
     ]
 
 
