@@ -5,7 +5,8 @@ from pathlib import Path
 from catenary.calibration.fit import FitOptions
 from catenary.jobs.calibrate import BEST, TEST, TRAIN, excitation, random_motion
 from catenary.jobs.project import Project, ProjectSettings
-from catenary.jobs.simulated_robot import extract_recording, home_robot, record_robot
+from catenary.jobs.project_recordings import extract_recording
+from catenary.jobs.simulated_robot import home_robot, record_robot
 
 SHORT = ProjectSettings(seed=1, sparsities=(1.0,), test_minutes=0.25)
 POSITIONS = ("q:shoulder", "q:elbow", "q:insertion")

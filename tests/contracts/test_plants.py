@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.crtk.client import CrtkClient
+from catenary.crtk.names import Dialect
 from catenary.errors import CatenaryError, InputError, NotReadyError, UnsupportedCommandError
 from catenary.plant import JOINT_UNITS, Plant
 from catenary.robots.catalog import load_robot
@@ -12,6 +14,14 @@ from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.mujoco_plant import MujocoPlant
 from catenary.simulation.positioning import PositioningArm
 from oracles.cable_arms import homed_plant
+from oracles.crtk_robot import RobotOnLoopback
+
+
+def behind_topics(plant: Plant, dialect: Dialect, arm: str) -> CrtkClient:
+    """A plant over messages."""
+    setup = RobotOnLoopback(plant, dialect=dialect, arm=arm)
+    return CrtkClient(setup.transport, dialect=dialect, arm=arm)
+
 
 ROCKING = RockingBase(mean=0.2, amplitude=0.3, frequency=0.7, lever=(0.1, 0.2, 0.5))
 GENTLE = RockingBase(mean=0.2, amplitude=0.1, frequency=0.3, lever=(0.1, 0.2, 0.5))
@@ -36,6 +46,14 @@ PLANTS = {
     "mujoco raven2": (lambda: homed_mujoco("raven2"), lambda: MujocoPlant(load_robot("raven2"))),
     "mujoco planar": (lambda: homed_mujoco("planar_3r", GENTLE), lambda: unhomed_mujoco("planar_3r")),
     "positioning joints": (lambda: PositioningArm(homed_plant("left")), lambda: PositioningArm(CablePlant())),
+    "client, raven": (
+        lambda: behind_topics(homed_plant("left"), "raven", "gold"),
+        lambda: behind_topics(CablePlant(side="left"), "raven", "gold"),
+    ),
+    "client, crtk": (
+        lambda: behind_topics(homed_plant("right"), "crtk", "green"),
+        lambda: behind_topics(CablePlant(side="right"), "crtk", "green"),
+    ),
 }
 SERVO = ("servo_jp", "servo_jr", "servo_jf")
 

@@ -10,7 +10,7 @@ import pytest
 import simulated_arm
 from catenary.calibration.fit import FitOptions
 from catenary.errors import CatenaryError, InputError
-from catenary.jobs import calibrate
+from catenary.jobs import calibrate, simulated_robot
 from catenary.jobs.calibrate import BEST, CalibrationResult, calibrate_recordings, calibrate_robot, models_for
 from catenary.jobs.calibration import FitRun
 from catenary.jobs.project import Project, ProjectSettings
@@ -67,7 +67,7 @@ def test_it_goes_on_after_a_step_that_failed(project_folder: Path, monkeypatch: 
         def fail(*_: object, **__: object) -> None:
             raise CatenaryError("the loop fell over")
 
-        broken.setattr(calibrate, "deploy_on_simulated", fail)
+        broken.setattr(simulated_robot, "deploy_on_simulated", fail)
         with pytest.raises(CatenaryError, match="fell over"):
             calibrated(project_folder)
     assert calibrated(project_folder).repeated == ("deploy",)

@@ -11,7 +11,8 @@ from catenary.errors import ConfigError, FileFormatError, LimitError
 from catenary.jobs import simulated_robot
 from catenary.jobs.calibrate import TEST, TRAIN, excitation, random_motion
 from catenary.jobs.project import Project
-from catenary.jobs.simulated_robot import extract_recording, home_robot, motion_log_path, record_robot
+from catenary.jobs.project_recordings import extract_recording, motion_log_path
+from catenary.jobs.simulated_robot import home_robot, record_robot
 from catenary.recording.logs import read_log
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.raven_telemetry import telemetry_of

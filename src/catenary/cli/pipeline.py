@@ -2,43 +2,39 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from catenary.cli.terminal import numbers, print_json, print_notes, print_table, progress_bar, words
+from catenary.cli.beside_robot import (
+    Ros,
+    Simulated,
+    Yes,
+    deploy_beside,
+    record_others,
+    robot_of,
+)
+from catenary.cli.project_options import (
+    AsJson,
+    Direction,
+    Folder,
+    Hours,
+    Payload,
+    Seed,
+    Side,
+    Sparsity,
+    StateRate,
+    Tilt,
+    open_project,
+    require_project,
+)
+from catenary.cli.terminal import print_json, print_notes, print_table, progress_bar, words
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.jobs.calibrate import CalibrationResult
     from catenary.jobs.project import Project
-
-Folder = Annotated[
-    Path, typer.Argument(metavar="PROJECT", help="Folder of the project; made if it is not there.")
-]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-Seed = Annotated[
-    int | None,
-    typer.Option("--seed", help="Draws another simulated robot of the kind. [default: the nominal one]"),
-]
-Tilt = Annotated[
-    str | None,
-    typer.Option("--base-tilt-deg", metavar="R,P", help="Roll about x, then pitch about y, of the base."),
-]
-Payload = Annotated[float | None, typer.Option("--payload", metavar="KG", help="Mass at the tool's wrist.")]
-Side = Annotated[str | None, typer.Option("--side", help="left (gold) or right (green). [default: left]")]
-Direction = Annotated[
-    str | None, typer.Option("--direction", help="Of the zig-zag: J1, J2, J3, J1-J2, J2-J3, J1-J3, J1-J2-J3.")
-]
-Sparsity = Annotated[
-    str | None, typer.Option("--sparsity", metavar="S,S,...", help="Of the zig-zags. [default: 1/2,1/3,1/4]")
-]
-StateRate = Annotated[
-    float | None, typer.Option("--state-rate", metavar="HZ", help="Of raven_state, 30 or 100. [default: 30]")
-]
-Hours = Annotated[float | None, typer.Option("--hours", help="Length of the random motion.")]
 
 
 def home(
@@ -47,17 +43,18 @@ def home(
     base_tilt_deg: Tilt = None,
     payload: Payload = None,
     side: Side = None,
+    ros: Ros = None,
+    yes: Yes = False,
+    simulated: Simulated = False,
     as_json: AsJson = False,
 ) -> None:
     """Home the project's robot.
 
     Every axis runs into its stop, which registers its encoder.
     """
-    from catenary.jobs.simulated_robot import home_robot
-
-    opened = _open(project, seed, base_tilt_deg, payload, side)
-    with _progress("homing"):
-        was_run = home_robot(opened)
+    opened = open_project(project, seed, base_tilt_deg, payload, side, ros=ros)
+    with robot_of(opened, yes, simulated) as robot, _progress("homing", opened):
+        was_run = robot.home(opened)
     _say(opened, "homed", was_run, as_json, _read(opened.folder / "robot" / "home.json"))
 
 
@@ -70,6 +67,9 @@ def excite(
     payload: Payload = None,
     side: Side = None,
     state_rate: StateRate = None,
+    ros: Ros = None,
+    yes: Yes = False,
+    simulated: Simulated = False,
     as_json: AsJson = False,
 ) -> None:
     """Drive the robot along the calibration zig-zag and record it.
@@ -77,14 +77,16 @@ def excite(
     Writes recordings/train; homes first if needed.
     """
     from catenary.jobs.calibrate import TRAIN, excitation
-    from catenary.jobs.simulated_robot import home_robot, record_robot
 
-    opened = _open(project, seed, base_tilt_deg, payload, side, direction, sparsity, None, state_rate)
-    with _progress("homing"):
-        home_robot(opened)
+    opened = open_project(
+        project, seed, base_tilt_deg, payload, side, direction, sparsity, None, state_rate, ros
+    )
     motion, what = excitation(opened)
-    with _progress("excite") as tell:
-        was_run = record_robot(opened, TRAIN, motion, what, after="home", progress=tell)
+    with robot_of(opened, yes, simulated) as robot:
+        with _progress("homing", opened):
+            robot.home(opened)
+        with _progress("excite", opened) as tell:
+            was_run = robot.record(opened, TRAIN, motion, what, after="home", progress=tell)
     _say(
         opened, f"recorded {motion.duration:.0f} s as {TRAIN}", was_run, as_json, {"seconds": motion.duration}
     )
@@ -94,6 +96,12 @@ def record(
     project: Folder,
     hours: Hours = None,
     name: Annotated[str, typer.Option("--name", help="Of the recording.")] = "test",
+    ros: Ros = None,
+    no_motion: Annotated[
+        bool, typer.Option("--no-motion", help="With --ros: record the robot while somebody else moves it.")
+    ] = False,
+    yes: Yes = False,
+    simulated: Simulated = False,
     as_json: AsJson = False,
 ) -> None:
     """Drive the robot along a random motion and record it.
@@ -101,16 +109,24 @@ def record(
     Writes recordings/NAME; after `catenary excite`.
     """
     from catenary.jobs.calibrate import TRAIN, random_motion
-    from catenary.jobs.simulated_robot import record_robot
 
     if not name.isidentifier() or name == TRAIN:
         raise InputError(f'--name "{name}": expected letters, digits and _, and another name than {TRAIN}')
-    _require_project(project)
-    opened = _open(project, hours=hours)
+    if not no_motion:
+        require_project(project)
+    opened = open_project(project, hours=hours, ros=ros)
     seconds = 60.0 * opened.settings.test_minutes
+    if no_motion:
+        if opened.settings.connection == "simulation":
+            raise InputError("--no-motion: nobody else moves a simulated robot; it goes with --ros")
+        with _progress("record") as tell:
+            topics = record_others(opened, name, seconds, simulated=simulated, tell=tell)
+        what = f"recorded {seconds:.0f} s as {name}"
+        _say(opened, what, True, as_json, {"seconds": seconds, "topics": topics})
+        return
     motion, what = random_motion(opened, seconds)
-    with _progress("record") as tell:
-        was_run = record_robot(opened, name, motion, what, after=TRAIN, progress=tell)
+    with robot_of(opened, yes, simulated) as robot, _progress("record", opened) as tell:
+        was_run = robot.record(opened, name, motion, what, after=TRAIN, progress=tell)
     _say(opened, f"recorded {seconds:.0f} s as {name}", was_run, as_json, {"seconds": seconds})
 
 
@@ -124,15 +140,15 @@ def extract(
 
     Writes a motion log NAME.parquet for each, and a report beside it.
     """
-    from catenary.jobs.simulated_robot import extract_recording, motion_log_path
+    from catenary.jobs.project_recordings import extract_recording, motion_log_path
     from catenary.recording.bag import write_group_bags
     from catenary.recording.raven_csv import write_raven_csv
     from catenary.recording.source import open_recording
 
     if bag not in (None, "ros1", "mcap"):
         raise InputError(f'--bag "{bag}": expected ros1 or mcap')
-    _require_project(project)
-    opened = _open(project)
+    require_project(project)
+    opened = open_project(project)
     names = sorted(p.name for p in (opened.folder / "recordings").glob("*") if p.is_dir())
     if not names:
         raise InputError(f"{project}: holds no recordings; run catenary excite first")
@@ -173,15 +189,42 @@ def deploy(
     model: Annotated[
         Path, typer.Argument(metavar="MODEL", help="A calibration model of the project's robot.")
     ],
-    project: Folder,
-    seconds: Annotated[float, typer.Option("--seconds", help="How long the loop runs.")] = 20.0,
+    project: Annotated[
+        Path | None, typer.Argument(metavar="PROJECT", help="Folder of the project; none with --ros.")
+    ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option("--seconds", help="How long it runs. [default: 20; with --ros until Ctrl-C]"),
+    ] = None,
     real_time: Annotated[bool, typer.Option("--real-time/--fast", help="Keep time with the clock.")] = True,
+    ros: Annotated[
+        int | None,
+        typer.Option("--ros", metavar="1|2", help="Beside a robot on ROS: publish its messages corrected."),
+    ] = None,
+    arm: Annotated[str, typer.Option("--arm", help="With --ros: gold (left) or green.")] = "gold",
+    rate: Annotated[
+        float, typer.Option("--rate", metavar="HZ", help="With --ros: of the robot's messages.")
+    ] = 1000.0,
+    gravity_torque: Annotated[
+        bool, typer.Option("--gravity-torque", help="With --ros: publish what holds the joints still.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Run a model inside the robot's 1 kHz loop.
+    """Run a model inside the robot's 1 kHz loop, or with --ros beside a robot.
 
     Tells latency, valid range, and error while it runs.
     """
+    if ros is not None:
+        if project is not None:
+            raise InputError("--ros: works beside whatever moves the robot; give no project")
+        length = float("inf") if seconds is None else seconds
+        deploy_beside(
+            model, ros, arm=arm, seconds=length, rate_hz=rate, gravity_torque=gravity_torque, as_json=as_json
+        )
+        return
+    if project is None:
+        raise InputError("deploy: give the folder of a project, or --ros 1 for a robot")
+    seconds = 20.0 if seconds is None else seconds
     from catenary.calibration.files import load_model
     from catenary.jobs.calibrate import TRAIN, random_motion
     from catenary.jobs.deploy import deploy_on_simulated
@@ -189,8 +232,8 @@ def deploy(
     from catenary.simulation.plant_state import restore_plant
 
     loaded, _ = load_model(model)
-    _require_project(project)
-    opened = _open(project)
+    require_project(project)
+    opened = open_project(project)
     plant = make_plant(opened.settings)
     state = opened.folder / "robot" / f"after_{TRAIN}.npz"
     restore_plant(plant, state if state.is_file() else opened.folder / "robot" / "homed.npz")
@@ -233,17 +276,22 @@ def calibrate(
     payload: Payload = None,
     side: Side = None,
     state_rate: StateRate = None,
+    ros: Ros = None,
+    yes: Yes = False,
+    simulated: Simulated = False,
     as_json: AsJson = False,
 ) -> None:
     """Calibrate a robot in one go, from homing to a report.
 
     Home, excite, record, extract, fit, evaluate, deploy, report; done steps are not repeated. Without recordings
-    it drives a simulated RAVEN-II; with them it fits every model to them and tests on --test.
+    it drives a simulated RAVEN-II, or with --ros a real one; with them it fits every model to them and tests on --test.
     """
     from catenary.jobs.calibrate import calibrate_recordings, calibrate_robot
     from catenary.jobs.calibration import FitRun
 
-    opened = _open(project, seed, base_tilt_deg, payload, side, direction, sparsity, hours, state_rate)
+    opened = open_project(
+        project, seed, base_tilt_deg, payload, side, direction, sparsity, hours, state_rate, ros
+    )
     with _steps() as tell:
         if train:
             run = FitRun(units=words(units) if units else None)
@@ -253,7 +301,8 @@ def calibrate(
                 "--test: goes with recordings to train on; without, the simulated robot records its own"
             )
         else:
-            result = calibrate_robot(opened, progress=tell)
+            with robot_of(opened, yes, simulated) as robot:
+                result = calibrate_robot(opened, robot, progress=tell)
     _conclude(result, as_json)
 
 
@@ -295,53 +344,6 @@ def _conclude(result: "CalibrationResult", as_json: bool) -> None:
     print(f"page:  {result.page}\nmodel: {result.model_path}")
 
 
-def _open(
-    folder: Path,
-    seed: int | None = None,
-    tilt: str | None = None,
-    payload: float | None = None,
-    side: str | None = None,
-    direction: str | None = None,
-    sparsity: str | None = None,
-    hours: float | None = None,
-    state_rate: float | None = None,
-) -> "Project":
-    """Open a project with the settings it has, changed by what was typed."""
-    from catenary.jobs.project import Project, ProjectSettings, project_settings
-
-    settings = project_settings(folder) or ProjectSettings()
-    if tilt is not None:
-        angles = numbers("--base-tilt-deg", tilt)
-        if len(angles) != 2:
-            raise InputError(f"--base-tilt-deg: expected roll,pitch in degrees, got {tilt!r}")
-        settings = replace(settings, base_tilt_deg=(angles[0], angles[1]))
-    if sparsity is not None:
-        settings = replace(settings, sparsities=tuple(_fraction(word) for word in words(sparsity)))
-    changes: dict[str, Any] = {"seed": seed, "payload_kg": payload, "side": side, "direction": direction}
-    changes["state_rate_hz"] = state_rate
-    changes["test_minutes"] = None if hours is None else 60.0 * hours
-    return Project(
-        folder, replace(settings, **{key: value for key, value in changes.items() if value is not None})
-    )
-
-
-def _require_project(folder: Path) -> None:
-    """Refuse a folder in which nothing was begun, so that a mistyped name makes no new project."""
-    from catenary.jobs.project import SETTINGS
-
-    if not (folder / SETTINGS).is_file():
-        raise InputError(f"{folder}: is no project; begin one with catenary home, excite or calibrate")
-
-
-def _fraction(text: str) -> float:
-    upper, _, lower = text.partition("/")
-    try:
-        value = float(upper) / float(lower) if lower else float(upper)
-    except (ValueError, ZeroDivisionError):
-        raise InputError(f"--sparsity: expected numbers such as 1/2 or 0.5, got {text!r}") from None
-    return value
-
-
 def _say(project: "Project", what: str, was_run: bool, as_json: bool, content: Any) -> None:
     if as_json:
         print_json({"project": str(project.folder), "run": was_run, **content})
@@ -356,7 +358,10 @@ def _read(path: Path) -> Any:
 
 
 @contextmanager
-def _progress(label: str) -> Iterator[Callable[[float], None]]:
+def _progress(label: str, project: "Project | None" = None) -> Iterator[Callable[[float], None]]:
+    if project is not None and project.settings.connection != "simulation":
+        yield lambda _: None  # a bar would hide what the person beside the robot is asked
+        return
     with progress_bar(label) as tell:
         yield tell
 

@@ -14,18 +14,12 @@ from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.jobs.calibration import FitRun, evaluate_calibration, fit_calibration
 from catenary.jobs.calibration_report import percent
-from catenary.jobs.deploy import deploy_on_simulated
 from catenary.jobs.project import Project, write
+from catenary.jobs.project_recordings import extract_recording, motion_log_path
 from catenary.jobs.project_report import write_project_report
-from catenary.jobs.simulated_robot import (
-    extract_recording,
-    home_robot,
-    make_plant,
-    motion_log_path,
-    record_robot,
-)
+from catenary.jobs.project_robot import ProjectRobot
+from catenary.jobs.simulated_robot import SimulatedRobot
 from catenary.recording.hashing import sha256_of
-from catenary.simulation.plant_state import restore_plant
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import zigzag
@@ -105,31 +99,36 @@ def random_motion(project: Project, seconds: float, number: int = 0) -> tuple[Tr
 
 
 def calibrate_robot(
-    project: Project, *, progress: Callable[[str], Progress] = lambda _: silent
+    project: Project,
+    robot: ProjectRobot | None = None,
+    *,
+    progress: Callable[[str], Progress] = lambda _: silent,
 ) -> CalibrationResult:
-    """Calibrate the project's simulated robot, doing only what has not been done.
+    """Calibrate a project's robot, doing only what has not been done.
 
     Args:
         project: Folder and settings.
+        robot: Homes, moves, records; the project's simulated one when None.
         progress: Given a step's name, gives what is told how far it is.
 
     Raises:
         CatenaryError: A step failed; what was done before stays, and is not done again.
     """
     run: list[str] = []
+    robot = SimulatedRobot() if robot is None else robot
 
     def note(step: str, was_run: bool) -> None:
         if was_run:
             run.append(step)
 
     progress("home")
-    note("home", home_robot(project))
+    note("home", robot.home(project))
     motion, what = excitation(project)
-    note("excite", record_robot(project, TRAIN, motion, what, after="home", progress=progress("excite")))
+    note("excite", robot.record(project, TRAIN, motion, what, after="home", progress=progress("excite")))
     motion, what = random_motion(project, 60.0 * project.settings.test_minutes)
     note(
         "record",
-        record_robot(project, TEST, motion, what, after=TRAIN, progress=progress("record the test motion")),
+        robot.record(project, TEST, motion, what, after=TRAIN, progress=progress("record the test motion")),
     )
     progress("extract")
     for name in (TRAIN, TEST):
@@ -143,11 +142,8 @@ def calibrate_robot(
 
     def deploy() -> None:
         model, _ = load_model(model_path(project, BEST))
-        plant = make_plant(project.settings)
-        restore_plant(plant, project.folder / "robot" / f"after_{TEST}.npz")
-        plant.state_command("enable")
         motion, _ = random_motion(project, DEPLOY_SECONDS, 1)
-        write(deployed, deploy_on_simulated(plant, model, motion, real_time=True).as_data())
+        write(deployed, robot.deploy(project, model, motion, after=TEST))
 
     progress("deploy")
     made_from = [*map(project.fingerprint_of, (f"fit {BEST}", f"record {TEST}")), DEPLOY_SECONDS]

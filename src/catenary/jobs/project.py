@@ -19,6 +19,7 @@ from catenary.trajectories.sinusoids import TURN_TIME
 from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY
 
 SETTINGS, STEPS = "settings.json", "steps.json"
+CONNECTIONS = ("simulation", "ros1", "ros2")
 SHORTEST_TEST = 2.0 * TURN_TIME / 60.0  # [min] of any random motion
 LONGEST_TEST = 48.0 * 60.0  # [min]
 
@@ -36,6 +37,7 @@ class ProjectSettings:
     sparsities: tuple[float, ...] = (1 / 2, 1 / 3, 1 / 4)
     test_minutes: float = 20.0
     state_rate_hz: float = 30.0
+    connection: str = "simulation"  # or ros1, ros2: where the robot is
 
     def __post_init__(self) -> None:
         """Refuse settings that no robot or motion can have, before a file says them or anything moves."""
@@ -64,6 +66,7 @@ class ProjectSettings:
                     f"{SHORTEST_TEST:.3g} to {LONGEST_TEST:g} min",
                     self.test_minutes,
                 ),
+                ("connection", self.connection in CONNECTIONS, ", ".join(CONNECTIONS), self.connection),
                 ("state rate", 0.0 < self.state_rate_hz <= 1000.0, "at most 1000 Hz", self.state_rate_hz),
             )
             if not is_right

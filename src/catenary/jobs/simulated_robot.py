@@ -1,16 +1,19 @@
-"""What people do with a simulated RAVEN-II in a project: home it, drive it, record it; each from where it was left."""
+"""A simulated RAVEN-II in a project: home it, drive it, record it, deploy on it; each from where it was left."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.calibration.model import CalibrationModel
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import ConfigError, FileFormatError
+from catenary.jobs.deploy import deploy_on_simulated
 from catenary.jobs.motion import check_motion
 from catenary.jobs.project import Project, ProjectSettings, write
+from catenary.jobs.project_robot import empty
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.cable_plant import JOINTS, CablePlant
@@ -23,6 +26,47 @@ from catenary.trajectories.reference import Trajectory
 
 CHUNK = 20_000  # ticks whose telemetry is held at once
 CALIBRATED = 3
+
+
+class SimulatedRobot:
+    """The robot of a project without a real one; the same settings give the same robot."""
+
+    def home(self, project: Project) -> bool:
+        """Home it."""
+        return home_robot(project)
+
+    def record(
+        self,
+        project: Project,
+        name: str,
+        trajectory: Trajectory,
+        motion: Any,
+        *,
+        after: str,
+        progress: Progress = silent,
+    ) -> bool:
+        """Drive and record it, as fast as the machine runs."""
+        return record_robot(project, name, trajectory, motion, after=after, progress=progress)
+
+    def deploy(
+        self,
+        project: Project,
+        model: CalibrationModel,
+        trajectory: Trajectory,
+        *,
+        after: str,
+        real_time: bool = True,
+    ) -> Mapping[str, Any]:
+        """Run a model in its loop, from where `after` left it."""
+        plant = make_plant(project.settings)
+        restore_plant(plant, left_at(project, after))
+        plant.state_command("enable")
+        return deploy_on_simulated(plant, model, trajectory, real_time=real_time).as_data()
+
+
+def left_at(project: Project, step: str) -> Path:
+    """File in which the robot was put away after homing or a recording."""
+    return project.folder / "robot" / ("homed.npz" if step == "home" else f"after_{step}.npz")
 
 
 def make_plant(settings: ProjectSettings) -> CablePlant:
@@ -103,8 +147,7 @@ def record_robot(
 
     settings = project.settings
     recording = project.folder / "recordings" / name
-    before = project.folder / "robot" / ("homed.npz" if after == "home" else f"after_{after}.npz")
-    left = project.folder / "robot" / f"after_{name}.npz"
+    before, left = left_at(project, after), left_at(project, name)
     made_from = [
         motion,
         settings.state_rate_hz,
@@ -118,7 +161,7 @@ def record_robot(
         restore_plant(plant, before)
         plant.state_command("enable")
         check_motion(plant, trajectory, joints=JOINTS[:CALIBRATED])
-        _empty(recording)
+        empty(recording)
         topics = raven_topics(
             "gold" if settings.side == "left" else "green", state_rate=settings.state_rate_hz
         )
@@ -156,40 +199,6 @@ def _ticks(plant: CablePlant, trajectory: Trajectory) -> Iterator[tuple[TickLog,
         yield plant.run(rows), last / ticks
 
 
-def extract_recording(project: Project, name: str) -> bool:
-    """Extract recordings/NAME and synchronise it into a motion log, NAME.parquet."""
-    from catenary.recording.extract import extract
-    from catenary.recording.logs import write_parquet
-    from catenary.recording.synchronise import SynchroniseOptions, synchronise
-
-    folder = project.folder / "extracted" / name
-    path, report = motion_log_path(project, name), project.folder / f"{name}.synchronised.json"
-
-    def work() -> None:
-        _empty(folder)
-        extraction = extract([project.folder / "recordings" / name], folder)
-        arm = SynchroniseOptions(arm="gold" if project.settings.side == "left" else "green")
-        result = synchronise(folder, arm)
-        write_parquet(result.log, path)
-        write(
-            report,
-            {
-                "topics": [vars(topic) | {"longest_gap": topic.longest_gap} for topic in result.topics],
-                "stopped_encoders": [stop.note() for stop in result.stopped],
-                "rows": len(result.log),
-                "rows_without_encoder": result.without_encoder,
-                "problems": list(extraction.problems),
-            },
-        )
-
-    return project.run(f"extract {name}", [project.fingerprint_of(f"record {name}")], [path, report], work)
-
-
-def motion_log_path(project: Project, name: str) -> Path:
-    """Where the motion log of a recording stands."""
-    return project.folder / f"{name}.parquet"
-
-
 def _robot_settings(settings: ProjectSettings) -> Any:
     """Everything that makes the robot another one; a new version may bring other numbers, or states of another form."""
     tables = load_cable_arm().file
@@ -199,12 +208,3 @@ def _robot_settings(settings: ProjectSettings) -> Any:
     ]
     who = [settings.robot, settings.side, settings.seed, settings.base_tilt_deg, settings.payload_kg]
     return [*who, STATE_FORMAT, numbers]
-
-
-def _empty(folder: Path) -> None:
-    """Make room for a step that is done again."""
-    import shutil
-
-    if folder.exists():
-        shutil.rmtree(folder)
-    folder.parent.mkdir(parents=True, exist_ok=True)

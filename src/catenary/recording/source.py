@@ -9,6 +9,11 @@ from catenary.recording.bag import BagReader
 from catenary.recording.journal import About, JournalTopic
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.layout import Encoding
+from catenary.recording.salvage import SalvageReader
+
+STREAMED = (
+    256 * 2**20
+)  # [B] from which a ROS 1 bag is read without its index, which takes 170 B a message in memory
 
 
 class Source(Protocol):
@@ -38,6 +43,9 @@ def open_recording(path: Path) -> Source:
         raise FileFormatError(f"{path}: no such recording")
     if path.suffix == ".journal" or (path.is_dir() and any(path.glob("*.journal"))):
         return JournalReader(path)
+    if path.suffix == ".bag" and path.is_file() and path.stat().st_size >= STREAMED:
+        streamed = SalvageReader(path)  # chunk by chunk, in the order in which messages were recorded
+        return BagReader(path) if streamed.problems else streamed  # which says what is wrong
     if path.suffix in (".bag", ".mcap") or (path.is_dir() and (path / "metadata.yaml").is_file()):
         return BagReader(path)
     raise FileFormatError(

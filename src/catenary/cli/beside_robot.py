@@ -1,0 +1,171 @@
+"""Commands on a robot that is reached over ROS: which one, who stands beside it, a model at work there."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from catenary.cli.terminal import print_json, print_notes, print_table
+from catenary.errors import InputError
+
+if TYPE_CHECKING:
+    from catenary.crtk.transport import Transport
+    from catenary.jobs.project import Project
+    from catenary.jobs.project_robot import ProjectRobot
+
+Ros = Annotated[
+    int | None,
+    typer.Option(
+        "--ros",
+        metavar="1|2",
+        help="The robot is on ROS 1 or 2. [default: the project's, simulated at first]",
+    ),
+]
+Yes = Annotated[
+    bool, typer.Option("--yes", help="With --ros: ask nobody; the robot's state must permit each step.")
+]
+Simulated = Annotated[
+    bool,
+    typer.Option("--simulated", help="With --ros: the robot there is a simulation, and recordings say so."),
+]
+
+
+class TerminalGuide:
+    """Asks in the terminal; Enter says that it is done, q gives up."""
+
+    def say(self, text: str) -> None:
+        """Tell on standard error."""
+        print(text, file=sys.stderr, flush=True)
+
+    def confirm(self, text: str) -> bool:
+        """Wait for Enter."""
+        print(f"{text}\n  [Enter] done   [q] give up: ", end="", file=sys.stderr, flush=True)
+        answer = sys.stdin.readline()
+        return answer != "" and answer.strip().lower() not in ("q", "quit", "n", "no")
+
+
+@contextmanager
+def ros_transport(version: int, name: str = "catenary") -> "Iterator[Transport]":
+    """A transport on ROS 1 or 2."""
+    if version == 1:
+        from catenary.crtk.ros1 import Ros1Transport
+
+        with Ros1Transport(name) as one:
+            yield one
+    elif version == 2:
+        from catenary.crtk.ros2 import Ros2Transport
+
+        with Ros2Transport(name) as two:
+            yield two
+    else:
+        raise InputError(f"--ros {version}: expected 1 or 2")
+
+
+@contextmanager
+def robot_of(project: "Project", yes: bool, simulated: bool) -> "Iterator[ProjectRobot]":
+    """The robot that a project is about: its simulated one, or one on ROS."""
+    from catenary.jobs.guide import AnswerYes
+    from catenary.jobs.ros_robot import RosRobot
+    from catenary.jobs.simulated_robot import SimulatedRobot
+
+    connection = project.settings.connection
+    if connection == "simulation":
+        if yes or simulated:
+            raise InputError("--yes and --simulated go with --ros; this project's robot is simulated here")
+        yield SimulatedRobot()
+        return
+    guide = AnswerYes(lambda text: print(text, file=sys.stderr, flush=True)) if yes else TerminalGuide()
+    with ros_transport(int(connection.removeprefix("ros"))) as transport:
+        yield RosRobot(transport, guide, simulated=simulated)
+
+
+def connection_of(ros: int | None) -> str | None:
+    """Setting of a project for `--ros`."""
+    if ros not in (None, 1, 2):
+        raise InputError(f"--ros {ros}: expected 1 or 2")
+    return None if ros is None else f"ros{ros}"
+
+
+def record_others(
+    project: "Project", name: str, seconds: float, *, simulated: bool, tell: Callable[[float], None]
+) -> list[dict[str, Any]]:
+    """Record a robot that somebody else moves."""
+    from catenary.jobs.ros_recording import record_topics
+    from catenary.jobs.ros_robot import arm_of, required
+    from catenary.recording.journal import About
+    from catenary.recording.synchronise import ROBOT
+    from catenary.recording.topics import raven_topics
+
+    arm = arm_of(project)
+    topics = raven_topics(arm, state_rate=project.settings.state_rate_hz)
+    folder = project.folder / "recordings" / name
+    about = About(robot=ROBOT[arm], simulated=simulated, configuration={"motion": "not ours"})
+    with ros_transport(int(project.settings.connection.removeprefix("ros"))) as transport:
+        counts = record_topics(
+            transport, folder, topics, seconds, about=about, progress=tell,
+            required=[topic.name for topic in required(topics)],
+        )  # fmt: skip
+    print_notes([note for count in counts if (note := count.note()) is not None])
+    return [vars(count) for count in counts]
+
+
+def deploy_beside(
+    model: Path,
+    ros: int,
+    *,
+    arm: str,
+    seconds: float,
+    rate_hz: float,
+    gravity_torque: bool,
+    as_json: bool,
+) -> None:
+    """Correct a robot's messages as they come, and publish them corrected."""
+    from catenary.calibration.files import load_model
+    from catenary.crtk.client import CrtkClient
+    from catenary.jobs.ros_deploy import CalibratedTopics
+
+    if arm not in ("gold", "green"):
+        raise InputError(f'--arm "{arm}": expected gold or green')
+    if not seconds > 0.0:
+        raise InputError(f"--seconds: expected more than 0, got {seconds}")
+    loaded, _ = load_model(model)
+    with (
+        ros_transport(ros) as transport,
+        CrtkClient(transport, arm="gold" if arm == "gold" else "green") as client,
+    ):
+        topics = CalibratedTopics(client, loaded, rate_hz=rate_hz, gravity_torque=gravity_torque)
+        end, was_silent = transport.now() + seconds * 1e9, False
+        try:
+            while (left := (end - transport.now()) * 1e-9) > 0.0:
+                topics.run(min(0.5, left))
+                if topics.is_silent != was_silent:
+                    was_silent = topics.is_silent
+                    print(
+                        "the robot is silent" if was_silent else "the robot is back",
+                        file=sys.stderr,
+                        flush=True,
+                    )
+        except KeyboardInterrupt:
+            pass  # the usual end
+        report = topics.report()
+        topics.close()
+    if as_json:
+        print_json({"model": str(model), "arm": arm, **report.as_data()})
+        return
+    rate = "-" if report.rate_hz is None else f"{report.rate_hz:.1f} Hz"
+    print(
+        f"{report.published} of {report.messages} messages corrected in {report.seconds:.1f} s, {rate}; "
+        f"{report.missed} missed, {report.not_homed} while not homed"
+    )
+    print(f"silences: {report.silences}, the longest {report.longest_silence:.2f} s")
+    if report.latency is not None:
+        rows = [["arrival to publication [us]", *(f"{1e6 * value:.0f}" for value in report.latency)]]
+        print_table("Latency", ["", "median", "p99", "p99.9", "largest"], rows)
+    rows = [
+        [name, f"{100.0 * share:.1f} %"]
+        for name, share in zip(report.joint_names, report.outside, strict=True)
+    ]
+    print_table("Messages outside the valid range", ["joint", "share"], rows)

@@ -1,0 +1,75 @@
+"""What a RAVEN-II tells beside its joint states: raven_state, and the external encoders where they are mounted."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.crtk.latest import Latest
+from catenary.crtk.raven_conversions import arm_channels, raven_state_columns
+from catenary.crtk.transport import Transport
+from catenary.plant import Column
+from catenary.recording.synchronise import CALIBRATED, COUPLING, JOINT_TORQUE
+from catenary.recording.topics import EXT_JPOS, JOINT_ENC, JOINTS, RAVENSTATE, Arm, TopicColumn
+from catenary.transmission.coupling import joint_forces
+
+_TORQUE_RATIO = np.array([JOINT_TORQUE[name] for name in JOINTS])
+
+
+def joint_torques(tau: Floats) -> Floats:
+    """Torques at an arm's joints (7,) [Nm, Nm, N, Nm...] from those at the gearboxes' outputs, as in a motion log."""
+    torques: Floats = tau * _TORQUE_RATIO
+    torques[: len(CALIBRATED)] = joint_forces(COUPLING, (torques[0], torques[1], torques[2]))
+    return torques
+
+
+class RavenTelemetry:
+    """Latest raven_state and encoder readings as named columns in SI, both arms' channels."""
+
+    def __init__(self, transport: Transport, arm: Arm, stale_after: float) -> None:
+        """Begin to receive; encoders that nobody publishes now are left out of the columns."""
+        self.latest = Latest(transport, RAVENSTATE.name, RAVENSTATE.type)
+        self._arm: Arm = arm
+        self._stale_after = stale_after
+        self._encoders = {
+            topic.columns[0].name: Latest(transport, topic.name, topic.type)
+            for topic in (EXT_JPOS, JOINT_ENC)
+        }
+        there = transport.topics()
+        encoders = [topic.columns[0] for topic in (EXT_JPOS, JOINT_ENC) if topic.name in there]
+        self._declared = tuple(column.name for column in encoders)
+        self.columns = tuple(Column(c.name, _unit(c), c.width) for c in (*RAVENSTATE.columns, *encoders))
+        self._decoded_at: int | None = None
+        self._columns: dict[str, Floats] = {}
+
+    def arm_values(self, name: str) -> Floats:
+        """Seven joints' numbers of a field of 16 channels."""
+        return arm_channels(self._state()[name], self._arm)
+
+    def sample(self) -> Mapping[str, Floats]:
+        """Latest sample of every column, the receiver's own."""
+        found = {name: values.copy() for name, values in self._state().items()}
+        return found | {name: self.encoder(name) for name in self._declared}
+
+    def encoder(self, name: str) -> Floats:
+        """Latest reading of an encoder column, (3,); NaN where it is silent."""
+        encoder = self._encoders[name]
+        if encoder.age() > self._stale_after:
+            return np.full(3, np.nan)
+        return np.array(encoder.message().position[:3], dtype=float)
+
+    def close(self) -> None:
+        """Receive no more."""
+        for latest in (self.latest, *self._encoders.values()):
+            latest.close()
+
+    def _state(self) -> dict[str, Floats]:
+        message = self.latest.message()
+        if self.latest.arrived != self._decoded_at:
+            self._columns, self._decoded_at = raven_state_columns(message), self.latest.arrived
+        return self._columns
+
+
+def _unit(column: TopicColumn) -> str:
+    """Units of a column, those of its numbers in their order; 1 where it has none or nobody states it."""
+    return "|".join(dict.fromkeys(unit for unit in column.units if unit)) or "1"

@@ -1,0 +1,217 @@
+"""Record a robot's topics as they come, with the robot's own stamps, into the journal that everything else reads.
+
+Unlike `Recorder`, which makes messages from a simulator's telemetry, this one keeps what was published: headers, stamps
+and bytes. Topics that come faster than they are wanted are thinned; one that comes at the wanted rate, however
+unevenly, is kept whole.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from catenary.calibration.progress import Progress, silent
+from catenary.crtk.clock import SECOND
+from catenary.crtk.inbox import Received, Subscription
+from catenary.crtk.transport import Transport
+from catenary.crtk.wire import codec
+from catenary.errors import InputError, RecordingError
+from catenary.recording.journal import MAX_BYTES, About, JournalTopic, JournalWriter
+from catenary.recording.topics import RAVENSTATE, RAVENSTATE_100HZ, Topic
+
+DEPTH = 5000  # messages that wait between two `collect`: 5 s of a robot's topic
+TICK = 0.02  # [s] between two `collect` of a recording without a motion of ours
+
+
+@dataclass
+class TopicCount:
+    """What came of one topic, and what was kept."""
+
+    name: str
+    came: int = 0
+    kept: int = 0
+    lost: int = 0  # came faster than they were collected
+    longest_gap: float = 0.0  # [s] between two that came
+
+    def note(self) -> str | None:
+        """What is wrong, or None."""
+        if self.came == 0:
+            return f"topic {self.name}: nothing came"
+        return (
+            f"topic {self.name}: {self.lost} messages came faster than they were collected"
+            if self.lost
+            else None
+        )
+
+
+@dataclass
+class _Kept:
+    topic: Topic
+    subscription: Subscription
+    count: TopicCount
+    due: int = 0  # [ns] arrival from which the next message is kept
+    last: int = 0  # [ns] arrival of the newest message
+
+
+class TopicRecorder:
+    """Subscribes to topics and writes what comes, in the order of arrival; `collect` has to be called often."""
+
+    def __init__(
+        self,
+        transport: Transport,
+        folder: Path,
+        topics: Sequence[Topic],
+        *,
+        about: About | None = None,
+        max_bytes: int = MAX_BYTES,
+    ) -> None:
+        """Begin a recording.
+
+        Args:
+            transport: Brings the messages.
+            folder: Where the journal goes.
+            topics: What to record, each at most at its `rate`; `ravenstate_100hz` is made from /ravenstate.
+            about: What the recording is of.
+            max_bytes: Of a file, before the next one begins.
+
+        Raises:
+            InputError: The folder holds a recording, or topics do not differ.
+            RecordingError: The files cannot be made.
+            TransportError: A topic carries another type.
+        """
+        self.journal = JournalWriter(
+            folder, [JournalTopic(t.name, t.type) for t in topics], about, max_bytes=max_bytes
+        )
+        self._kept: list[_Kept] = []
+        try:
+            for topic in topics:
+                source = RAVENSTATE.name if topic.name == RAVENSTATE_100HZ.name else topic.name
+                subscription = transport.subscribe(source, topic.type, depth=DEPTH)
+                self._kept.append(_Kept(topic, subscription, TopicCount(topic.name)))
+        except BaseException:
+            self.close()
+            raise
+
+    def collect(self) -> int:
+        """Write what has come since the last time; give how many messages were kept.
+
+        Raises:
+            RecordingError: The disk is full or failed; the message says what is safe.
+        """
+        chosen: list[tuple[int, _Kept, Received]] = []
+        for kept in self._kept:
+            period = round(SECOND / kept.topic.rate)
+            for received in kept.subscription.take():
+                arrival = received.time
+                if kept.count.came:
+                    kept.count.longest_gap = max(kept.count.longest_gap, (arrival - kept.last) / SECOND)
+                kept.count.came += 1
+                kept.last = arrival
+                if arrival >= kept.due:
+                    # on a grid, so that a topic which comes at this very rate is kept whole; never two to catch up
+                    kept.due = max(kept.due, arrival - period) + period
+                    chosen.append((arrival, kept, received))
+            kept.count.lost = kept.subscription.overflowed + kept.subscription.damaged
+        chosen.sort(key=lambda one: one[0])
+        for arrival, kept, received in chosen:
+            message = received.message
+            seq = getattr(message, kept.topic.header).seq
+            self.journal.append(kept.topic.name, arrival, codec(kept.topic.type).encode(message, seq))
+            kept.count.kept += 1
+        return len(chosen)
+
+    @property
+    def counts(self) -> tuple[TopicCount, ...]:
+        """What came of each topic."""
+        return tuple(kept.count for kept in self._kept)
+
+    def problems(self) -> list[str]:
+        """Topics of which nothing came, or not all was collected."""
+        return [note for count in self.counts if (note := count.note()) is not None]
+
+    def close(self) -> None:
+        """Finish the recording; a second time does nothing.
+
+        Raises:
+            RecordingError: The disk is full or failed.
+        """
+        self._end_subscriptions()
+        self.journal.close()
+
+    def _end_subscriptions(self) -> None:
+        for kept in self._kept:
+            kept.subscription.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None:
+                self.collect()
+        finally:
+            self._end_subscriptions()
+            self.journal.__exit__(kind, error, trace)
+
+
+def record_topics(
+    transport: Transport,
+    folder: Path,
+    topics: Sequence[Topic],
+    seconds: float,
+    *,
+    about: About | None = None,
+    required: Sequence[str] = (),
+    progress: Progress = silent,
+) -> tuple[TopicCount, ...]:
+    """Record what a robot publishes, whoever moves it.
+
+    Args:
+        transport: Brings the messages.
+        folder: Where the journal goes.
+        topics: What to record.
+        seconds: How long; infinity until Ctrl-C, which ends the recording properly.
+        about: What it is of.
+        required: Names of topics without which it is no recording.
+        progress: Called with the share done.
+
+    Returns:
+        What came of each topic.
+
+    Raises:
+        InputError: The time is not positive, or the folder holds a recording.
+        RecordingError: A required topic never came, or the disk is full.
+    """
+    if not seconds > 0.0:
+        raise InputError(f"recording: expected more than 0 s, got {seconds}")
+    begin = transport.now()
+    with TopicRecorder(transport, folder, topics, about=about) as recorder:
+        try:
+            while (elapsed := (transport.now() - begin) / SECOND) < seconds:
+                transport.sleep(min(TICK, seconds - elapsed))
+                recorder.collect()
+                progress(elapsed / seconds)
+        except KeyboardInterrupt:
+            if seconds != float("inf"):
+                raise
+        recorder.collect()
+        refuse_missing(recorder.counts, required)
+    progress(1.0)
+    return recorder.counts
+
+
+def refuse_missing(counts: Sequence[TopicCount], required: Sequence[str]) -> None:
+    """Refuse a recording that lacks what it is for.
+
+    Raises:
+        RecordingError: Nothing came of a required topic.
+    """
+    missing = [count.name for count in counts if count.name in required and count.kept == 0]
+    if missing:
+        raise RecordingError(
+            f"recording: nothing came of {', '.join(missing)}; "
+            + ", ".join(f"{count.name}: {count.came}" for count in counts)
+        )

@@ -1,0 +1,82 @@
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from catenary.cli import beside_robot
+from catenary.cli.beside_robot import TerminalGuide
+from catenary.recording.source import open_recording
+from command_line import catenary, refusal
+from oracles.crtk_robot import RobotOnLoopback
+from oracles.encoded_plant import EncodedPlant
+
+
+@pytest.fixture
+def setup(monkeypatch: pytest.MonkeyPatch) -> RobotOnLoopback:
+    """A robot where the command looks for one on ROS."""
+    robot = RobotOnLoopback(EncodedPlant(ready=False), every=5)
+
+    @contextmanager
+    def transport(_: int, __: str = "") -> Iterator[Any]:
+        yield robot.transport
+
+    monkeypatch.setattr(beside_robot, "ros_transport", transport)
+    return robot
+
+
+def test_home_brings_a_robot_on_ros_home(setup: RobotOnLoopback, tmp_path: Path) -> None:
+    outcome = catenary("home", tmp_path / "p", "--ros", 1, "--yes", "--simulated", "--json")
+    assert outcome.code == 0, outcome
+    assert outcome.json["run"] is True
+    assert setup.robot.plant.operating_state().is_homed
+    assert "start button" in outcome.err
+
+
+def test_project_remembers_where_its_robot_is(setup: RobotOnLoopback, tmp_path: Path) -> None:
+    catenary("home", tmp_path / "p", "--ros", 1, "--yes", "--simulated")
+    assert catenary("home", tmp_path / "p", "--yes", "--json").json["run"] is False
+
+
+def test_unattended_terminal_gives_up(setup: RobotOnLoopback, tmp_path: Path) -> None:
+    assert "given up" in refusal("home", tmp_path / "p", "--ros", 1)
+    assert setup.robot.commands == 0
+
+
+def test_record_without_motion_keeps_what_others_do(setup: RobotOnLoopback, tmp_path: Path) -> None:
+    setup.robot.plant.state_command("home")
+    outcome = catenary(
+        "record", tmp_path / "p", "--ros", 1, "--no-motion", "--hours", "0.005", "--simulated", "--json"
+    )
+    assert outcome.code == 0, outcome
+    assert {topic["name"] for topic in outcome.json["topics"]} >= {"/ravenstate", "/ext_jpos"}
+    assert open_recording(tmp_path / "p" / "recordings" / "test").about.simulated
+    assert setup.robot.commands == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("home", "p", "--ros", 3), "expected 1 or 2"),
+        (("home", "p", "--yes"), "go with --ros"),
+        (("record", "p", "--no-motion"), "goes with --ros"),
+        (("deploy", "model.npz", "p", "--ros", 1), "give no project"),
+        (("deploy", "model.npz"), "folder of a project"),
+        (("deploy", "model.npz", "--ros", 1, "--arm", "left"), "expected gold or green"),
+        (("deploy", "model.npz", "--ros", 1, "--seconds", 0), "more than 0"),
+    ],
+    ids=str,
+)
+def test_bad_requests_are_refused(
+    arguments: tuple[Any, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert message in refusal(*arguments)
+
+
+@pytest.mark.parametrize(("typed", "done"), [("\n", True), ("yes\n", True), ("q\n", False), ("", False)])
+def test_enter_says_done_and_q_gives_up(typed: str, done: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO(typed))
+    assert TerminalGuide().confirm("press the pedal") is done

@@ -1,0 +1,101 @@
+"""A robot in another process over ROS 1: connected to, driven, recorded, deployed beside, and restarted."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.calibration.fit import FitOptions
+from catenary.crtk.client import CrtkClient
+from catenary.crtk.ros1 import Ros1Transport
+from catenary.errors import TransportError
+from catenary.jobs.calibration import FitRun, fit_calibration
+from catenary.jobs.guide import AnswerYes
+from catenary.jobs.project import Project, ProjectSettings
+from catenary.jobs.project_recordings import extract_recording, motion_log_path
+from catenary.jobs.ros_deploy import CalibratedTopics
+from catenary.jobs.ros_robot import RosRobot
+from catenary.recording.logs import read_log
+from catenary.trajectories.waypoints import follow_waypoints
+from oracles.encoded_plant import OFFSET, START
+from ros import Master, Program
+
+pytestmark = pytest.mark.slow
+
+ROBOT = """
+import sys
+from catenary.crtk.ros1 import Ros1Transport
+from oracles.crtk_robot import CrtkRobot
+from oracles.encoded_plant import EncodedPlant
+transport = Ros1Transport("robot")
+robot = CrtkRobot(transport, EncodedPlant(ready=sys.argv[1] == "ready"), every=2)
+rate = transport.rate(1000.0)
+print("up")
+while True:
+    robot.tick()
+    rate.sleep()
+"""
+
+
+@pytest.fixture
+def transport(ros_master: Master) -> Iterator[Ros1Transport]:
+    with Ros1Transport("catenary_test") as one:
+        yield one
+
+
+def robot(master: Master, state: str = "ready") -> Program:
+    program = Program(master, ROBOT, state)
+    assert program.line() == "up"
+    return program
+
+
+def test_robot_is_homed_recorded_fitted_and_corrected(
+    ros_master: Master, transport: Ros1Transport, tmp_path: Path
+) -> None:
+    with robot(ros_master, "fresh"):
+        project = Project(tmp_path / "project", ProjectSettings(connection="ros1"))
+        arm = RosRobot(transport, AnswerYes(), simulated=True, patience=10.0)
+        assert arm.home(project)
+        rng = np.random.default_rng(0)
+        points = np.array(START[:3]) + np.array([0.1, 0.15, 0.01]) * rng.uniform(-1.0, 1.0, (5, 3))
+        assert arm.record(
+            project, "train", follow_waypoints(points, speed=[0.3, 0.3, 0.02]), "short", after="home"
+        )
+        extract_recording(project, "train")
+        path = motion_log_path(project, "train")
+        log = read_log(path)
+        assert log.q_encoder is not None
+        assert log.ok.mean() > 0.5
+        assert_allclose(np.median((log.q_encoder - log.q_nominal)[log.ok], axis=0), OFFSET, atol=2e-3)
+
+        model = fit_calibration([path], FitOptions(kind="offset"), FitRun(robot="raven2")).model
+        with CrtkClient(transport) as client:
+            topics = CalibratedTopics(client, model, rate_hz=500.0, gravity_torque=True)
+            report = topics.run(2.0)
+            topics.close()
+        assert report.published > 500  # of 1000, however busy the machine
+        assert report.missed == 0
+        assert report.latency is not None
+        assert report.latency.median < 0.05
+
+
+def test_robot_that_dies_is_noticed_and_one_that_comes_back_is_not_enabled_by_us(
+    ros_master: Master, transport: Ros1Transport
+) -> None:
+    with robot(ros_master), CrtkClient(transport, stale_after=1.0) as client:
+        client.state_command("pause")
+        client.state_command("resume", timeout=10.0)
+        assert client.operating_state().state == "ENABLED"
+    end = time.monotonic() + 20.0
+    with robot(ros_master, "fresh"), CrtkClient(transport, connect_timeout=20.0) as client:
+        while time.monotonic() < end and client.operating_state().is_homed:
+            client.wait()
+        assert client.operating_state().state == "DISABLED"
+
+
+def test_missing_robot_is_named_over_ros(transport: Ros1Transport) -> None:
+    with pytest.raises(TransportError, match="nobody publishes it"):
+        CrtkClient(transport, connect_timeout=0.5)
