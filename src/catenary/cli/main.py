@@ -18,6 +18,7 @@ from catenary.cli import (
     regressor,
     robots,
     sense,
+    teleop,
 )
 
 app = typer.Typer(
@@ -39,6 +40,7 @@ app.command("deploy", no_args_is_help=True)(pipeline.deploy)
 app.command("goto", no_args_is_help=True)(motion.goto)
 app.command("random", no_args_is_help=True)(motion.random)
 app.command("follow", no_args_is_help=True)(motion.follow)
+app.command("teleop")(teleop.teleop)
 app.command("gravity", no_args_is_help=True)(gravity.gravity)
 app.command("track", no_args_is_help=True)(gravity.track)
 app.command("hold", no_args_is_help=True)(gravity.hold)

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 
@@ -219,7 +218,7 @@ def robot_over(
     model = load_robot(robot)
     client = CrtkClient(
         transport,
-        dialect=cast(Dialect, dialect),
+        dialect=dialect,
         arm="green" if robot == "raven2_right" else "gold",
         namespace=namespace,
         joints=None if robot in SIDES else model_joints(model),
