@@ -13,6 +13,7 @@ from catenary.cli import (
     export,
     gravity,
     identification,
+    monitor,
     motion,
     pipeline,
     regressor,
@@ -41,6 +42,7 @@ app.command("goto", no_args_is_help=True)(motion.goto)
 app.command("random", no_args_is_help=True)(motion.random)
 app.command("follow", no_args_is_help=True)(motion.follow)
 app.command("teleop")(teleop.teleop)
+app.command("monitor")(monitor.monitor)
 app.command("gravity", no_args_is_help=True)(gravity.gravity)
 app.command("track", no_args_is_help=True)(gravity.track)
 app.command("hold", no_args_is_help=True)(gravity.hold)
