@@ -18,6 +18,7 @@ from catenary.cli.robot_choice import (
     RobotSeed,
     Tilt,
     open_robot,
+    recorded,
 )
 from catenary.errors import InputError
 
@@ -44,6 +45,9 @@ def monitor(
     moving: Annotated[
         bool, typer.Option("--moving", help="The robot simulated here moves at random meanwhile.")
     ] = False,
+    record: Annotated[
+        Path | None, typer.Option("--record", metavar="FOLDER", help="Record a RAVEN-II's topics beside.")
+    ] = None,
     robot: RobotName = "raven2",
     ros: OnRos = None,
     dialect: DialectName = "raven",
@@ -67,6 +71,8 @@ def monitor(
         raise InputError(f"--rate: expected more than 0 and at most 200 Hz, got {hertz}")
     if moving and (ros is not None or log is not None):
         raise InputError("--moving is for a robot simulated here; a robot on ROS is only read")
+    if record is not None and log is not None:
+        raise InputError("--record is for a robot; --log plays what was recorded")
     with ExitStack() as stack:
         if log is not None:
             from catenary.jobs.watch import watch_log
@@ -88,7 +94,8 @@ def monitor(
             )  # fmt: skip
             motion = random_motion(opened, 60.0, rng=np.random.default_rng(0)) if moving else None
             name = opened.name
-            samples = watch_robot(opened, model=model, every=1.0 / hertz, motion=motion)
+            observe = stack.enter_context(recorded(opened, record))
+            samples = watch_robot(opened, model=model, every=1.0 / hertz, motion=motion, observe=observe)
         try:
             if on_screen:
                 _on_screen(name, samples, stack.enter_context(RawTerminal()), seconds)

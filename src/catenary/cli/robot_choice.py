@@ -1,13 +1,14 @@
 """Which robot the operator's commands move: their options, and the robot, opened for as long as a command runs."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from catenary.cli.beside_robot import TerminalGuide, ros_transport
-from catenary.cli.terminal import numbers
+from catenary.cli.terminal import numbers, print_notes
 from catenary.errors import InputError, NotReadyError
 
 if TYPE_CHECKING:
@@ -94,6 +95,21 @@ def open_robot(
                 if not TerminalGuide().confirm(text):
                     raise NotReadyError(f"{text}: given up; nothing has moved")
             yield opened
+
+
+@contextmanager
+def recorded(robot: "OperatedRobot", folder: Path | None) -> "Iterator[Callable[[], str | None]]":
+    """Record a robot beside what is done with it, into a folder or not at all: what to call after each tick."""
+    if folder is None:
+        yield lambda: None
+        return
+    from catenary.jobs.beside_recorder import BesideRecorder
+
+    recorder = BesideRecorder(robot, folder)
+    try:
+        yield recorder.observe
+    finally:
+        print_notes([recorder.close()])
 
 
 def _tilt(text: str | None) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 import sys
 import time
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -16,6 +17,7 @@ from catenary.cli.robot_choice import (
     Tilt,
     Yes,
     open_robot,
+    recorded,
 )
 from catenary.cli.terminal import print_json, print_notes
 
@@ -32,6 +34,9 @@ def teleop(
     not_homed: Annotated[
         bool, typer.Option("--not-homed", help="Simulated: begin with a robot that was just switched on.")
     ] = False,
+    record: Annotated[
+        Path | None, typer.Option("--record", metavar="FOLDER", help="Record a RAVEN-II's topics beside.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON at the end.")] = False,
 ) -> None:
     """Move a robot from the keyboard, joint by joint or along the axes, in any terminal and over SSH.
@@ -48,8 +53,8 @@ def teleop(
         robot, ros, dialect=dialect, namespace=namespace, simulated=simulated, yes=yes,
         tilt=base_tilt_deg, seed=robot_seed, homed=not not_homed,
     ) as opened:  # fmt: skip
-        with terminal:
-            session = TeleopSession(opened.plant, opened.model, opened.name, terminal)
+        with recorded(opened, record) as observe, terminal:
+            session = TeleopSession(opened.plant, opened.model, opened.name, terminal, observe=observe)
             why = session.run(time.monotonic)
         state, q = opened.plant.operating_state(), opened.plant.measured_js().q
     if as_json:

@@ -39,6 +39,7 @@ def watch_robot(
     model: Path | None = None,
     every: float = EVERY,
     motion: Trajectory | None = None,
+    observe: Callable[[], str | None] = lambda: None,
     clock: Callable[[], float] = time.monotonic,
 ) -> Iterator[Sample]:
     """Give a sample every so often, for as long as somebody takes them; a robot is only read.
@@ -48,6 +49,7 @@ def watch_robot(
         model: Calibration model to run beside it.
         every: [s] between samples.
         motion: What a simulated robot does meanwhile, again and again.
+        observe: Called after each tick, as a recorder is; gives a line to show.
         clock: [s].
 
     Raises:
@@ -79,6 +81,7 @@ def watch_robot(
             silent = str(error)
             if state is None:
                 raise
+        line = observe()
         now = clock()
         if silent is None and state.time != last:
             states.count(now)
@@ -95,7 +98,7 @@ def watch_robot(
             None if corrected is None else corrected.q.copy(),
             None if corrected is None else corrected.inside.copy(),
             None, state.tau, robot.gravity_torque(state), state.gravity, state.gravity_age, operating,
-            plant.lower, plant.upper, states.hertz(now), late.within(now), silent,
+            plant.lower, plant.upper, states.hertz(now), late.within(now), silent, line,
         )  # fmt: skip
 
 

@@ -35,6 +35,7 @@ class Sample(NamedTuple):
     rate_hz: float | None = None  # at which states come
     late: int = 0  # ticks late within the last second
     silent: str | None = None  # what the robot's silence was reported as
+    recording: str | None = None  # how a recording beside goes
 
     def warnings(self) -> list[str]:
         """What should worry somebody, the worst first."""
@@ -83,6 +84,7 @@ class Sample(NamedTuple):
             "state": None if self.operating is None else self.operating._asdict(),
             "rate_hz": self.rate_hz,
             "late_ticks": self.late,
+            "recording": self.recording,
             "warnings": self.warnings(),
         }
 

@@ -37,7 +37,7 @@ def monitor_lines(
         shown.append(_fit(f"{joint[:9]:<10}{unit:<4}{cells}   {_bar(sample, j)}", columns))
     shown += ["", _fit(_gravity(sample), columns)]
     warnings = sample.warnings()
-    shown.append("")
+    shown += [_fit(sample.recording, columns), ""] if sample.recording is not None else [""]
     shown += [_warned(_fit(f"! {text}", columns), colour) for text in warnings] or ["no warnings"]
     last = _fit("Q quit", columns)
     shown = shown[: max(0, lines - 1)]
