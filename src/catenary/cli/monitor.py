@@ -59,9 +59,10 @@ def monitor(
         bool, typer.Option("--json", help="Print a line of JSON for each sample, SI.")
     ] = False,
 ) -> None:
-    """Show what a robot does: joints, setpoints, torques, gravity, state, warnings. A robot is only read.
+    """Show what a robot or a recording does.
 
-    In a terminal a screen that is drawn 25 times a second; in a pipe a line a second.
+    Joints, setpoints, torques, gravity, state, warnings; a robot is only read. In a terminal a screen that
+    is drawn 25 times a second; in a pipe a line a second.
     """
     from catenary.teleop.terminal import RawTerminal
 

@@ -60,9 +60,10 @@ def goto(
     fast: Fast = False,
     as_json: AsJson = False,
 ) -> None:
-    """Bring a robot to a place, gently, all joints arriving together.
+    """Bring a robot to a place.
 
-    Ctrl-C stops it there. A robot that is not homed and enabled is refused.
+    It goes gently, all joints arriving together. Ctrl-C stops it there. A robot that is not homed and
+    enabled is refused.
     """
     import numpy as np
 
@@ -102,9 +103,10 @@ def random(
     fast: Fast = False,
     as_json: AsJson = False,
 ) -> None:
-    """Move a robot at random, each joint by itself.
+    """Move a robot at random.
 
-    A RAVEN-II in its calibration box, others in the middle of their ranges. Ctrl-C stops it where it is.
+    Each joint moves by itself: a RAVEN-II in its calibration box, others in the middle of their ranges.
+    Ctrl-C stops it where it is.
     """
     import numpy as np
 
@@ -151,10 +153,11 @@ def follow(
     fast: Fast = False,
     as_json: AsJson = False,
 ) -> None:
-    """Move a robot along a file, from its beginning.
+    """Move a robot along a file.
 
-    All of it is checked before anything moves: units, limits, speeds, how far away it starts. A motion that was
-    stopped (Ctrl-C) is not taken up again where it ended: the next one begins at the beginning.
+    It begins at the beginning, and all of it is checked before anything moves: units, limits, speeds, how
+    far away it starts. A motion that was stopped (Ctrl-C) is not taken up again where it ended: the next
+    one begins at the beginning.
     """
     import numpy as np
 

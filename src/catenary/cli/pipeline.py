@@ -210,9 +210,9 @@ def deploy(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Run a model inside the robot's 1 kHz loop, or with --ros beside a robot.
+    """Run a model in a robot's 1 kHz loop.
 
-    Tells latency, valid range, and error while it runs.
+    With --ros beside a robot. Tells latency, valid range, and error while it runs.
     """
     if ros is not None:
         if project is not None:

@@ -39,10 +39,11 @@ def teleop(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON at the end.")] = False,
 ) -> None:
-    """Move a robot from the keyboard, joint by joint or along the axes, in any terminal and over SSH.
+    """Move a robot from the keyboard.
 
-    Hold a key to move: all motion ends a quarter of a second after its last repeat. ? lists the keys. On every way
-    out the robot holds, then is paused.
+    Joint by joint or along the axes, in any terminal and over SSH. Hold a key to move: all motion ends a
+    quarter of a second after its last repeat. ? lists the keys. On every way out the robot holds, then is
+    paused.
     """
     from catenary.teleop.session import TeleopSession
     from catenary.teleop.terminal import RawTerminal
