@@ -13,12 +13,15 @@ from catenary.cli import (
     export,
     gravity,
     identification,
+    monitor,
+    motion,
     nodes,
     pipeline,
     regressor,
     robots,
     sense,
     serve,
+    teleop,
 )
 
 app = typer.Typer(
@@ -37,6 +40,11 @@ app.command("extract", no_args_is_help=True)(pipeline.extract)
 app.command("fit", no_args_is_help=True)(calibration.fit)
 app.command("evaluate", no_args_is_help=True)(calibration.evaluate)
 app.command("deploy", no_args_is_help=True)(pipeline.deploy)
+app.command("goto", no_args_is_help=True)(motion.goto)
+app.command("random", no_args_is_help=True)(motion.random)
+app.command("follow", no_args_is_help=True)(motion.follow)
+app.command("teleop")(teleop.teleop)
+app.command("monitor")(monitor.monitor)
 app.command("gravity", no_args_is_help=True)(gravity.gravity)
 app.command("track", no_args_is_help=True)(gravity.track)
 app.command("hold", no_args_is_help=True)(gravity.hold)

@@ -1,0 +1,142 @@
+"""catenary monitor: what a robot does, on a screen; or a recording, played."""
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from catenary.cli.robot_choice import (
+    DialectName,
+    IsSimulated,
+    Namespace,
+    OnRos,
+    RobotName,
+    RobotSeed,
+    Tilt,
+    open_robot,
+    recorded,
+)
+from catenary.errors import InputError
+
+if TYPE_CHECKING:
+    from catenary.monitor.sample import Sample
+    from catenary.teleop.terminal import RawTerminal
+
+
+def monitor(
+    log: Annotated[
+        Path | None, typer.Option("--log", metavar="FILE", help="Play a recording: .parquet, .npz or .csv.")
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option("--model", metavar="MODEL", help="Calibration model: calibrated joints, valid range."),
+    ] = None,
+    speed: Annotated[float, typer.Option("--speed", help="With --log: times its own speed.")] = 1.0,
+    rate: Annotated[
+        float | None, typer.Option("--rate", metavar="HZ", help="[default: 25 on a screen, 1 in a pipe]")
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option("--seconds", help="End then. [default: Q or Ctrl-C]")
+    ] = None,
+    moving: Annotated[
+        bool, typer.Option("--moving", help="The robot simulated here moves at random meanwhile.")
+    ] = False,
+    record: Annotated[
+        Path | None, typer.Option("--record", metavar="FOLDER", help="Record a RAVEN-II's topics beside.")
+    ] = None,
+    robot: RobotName = "raven2",
+    ros: OnRos = None,
+    dialect: DialectName = "raven",
+    namespace: Namespace = None,
+    simulated: IsSimulated = False,
+    base_tilt_deg: Tilt = None,
+    robot_seed: RobotSeed = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print a line of JSON for each sample, SI.")
+    ] = False,
+) -> None:
+    """Show what a robot or a recording does.
+
+    Joints, setpoints, torques, gravity, state, warnings; a robot is only read. In a terminal a screen that
+    is drawn 25 times a second; in a pipe a line a second.
+    """
+    from catenary.teleop.terminal import RawTerminal
+
+    on_screen = sys.stdout.isatty() and sys.stdin.isatty() and not as_json
+    hertz = rate if rate is not None else 25.0 if on_screen else 1.0
+    if not 0.0 < hertz <= 200.0:
+        raise InputError(f"--rate: expected more than 0 and at most 200 Hz, got {hertz}")
+    if moving and (ros is not None or log is not None):
+        raise InputError("--moving is for a robot simulated here; a robot on ROS is only read")
+    if record is not None and log is not None:
+        raise InputError("--record is for a robot; --log plays what was recorded")
+    with ExitStack() as stack:
+        if log is not None:
+            from catenary.jobs.watch import watch_log
+            from catenary.recording.logs import read_log
+
+            name, samples = log.name, watch_log(read_log(log), model=model, every=1.0 / hertz, speed=speed)
+        else:
+            import numpy as np
+
+            from catenary.jobs.operator_motion import random_motion
+            from catenary.jobs.watch import watch_robot
+
+            print("preparing the robot ...", file=sys.stderr, flush=True)
+            opened = stack.enter_context(
+                open_robot(
+                    robot, ros, dialect=dialect, namespace=namespace, simulated=simulated, moves=False,
+                    tilt=base_tilt_deg, seed=robot_seed,
+                )
+            )  # fmt: skip
+            motion = random_motion(opened, 60.0, rng=np.random.default_rng(0)) if moving else None
+            name = opened.name
+            observe = stack.enter_context(recorded(opened, record))
+            samples = watch_robot(opened, model=model, every=1.0 / hertz, motion=motion, observe=observe)
+        try:
+            if on_screen:
+                _on_screen(name, samples, stack.enter_context(RawTerminal()), seconds)
+            else:
+                _in_lines(samples, seconds, as_json)
+        except KeyboardInterrupt:
+            pass  # the usual end
+
+
+def _on_screen(
+    name: str, samples: "Iterator[Sample]", terminal: "RawTerminal", seconds: float | None
+) -> None:
+    import os
+
+    from catenary.monitor.screen import monitor_lines
+
+    begin, colour = time.monotonic(), "NO_COLOR" not in os.environ
+    for sample in samples:
+        if terminal.wants_suspension:
+            terminal.suspend()
+        terminal.draw(monitor_lines(name, sample, *terminal.size, colour=colour))
+        if terminal.ended is not None or b"q" in terminal.read().lower() or _is_over(begin, seconds):
+            return
+    while terminal.ended is None and b"q" not in terminal.read().lower():
+        time.sleep(0.05)  # the end of a recording stays on the screen
+
+
+def _in_lines(samples: "Iterator[Sample]", seconds: float | None, as_json: bool) -> None:
+    import json
+
+    from catenary.json_text import json_text
+    from catenary.monitor.screen import plain_line
+
+    begin = time.monotonic()
+    for sample in samples:
+        text = json.dumps(json.loads(json_text(sample.as_data()))) if as_json else plain_line(sample)
+        print(text, flush=True)
+        if _is_over(begin, seconds):
+            return
+
+
+def _is_over(begin: float, seconds: float | None) -> bool:
+    return seconds is not None and time.monotonic() - begin >= seconds

@@ -1,0 +1,241 @@
+"""catenary goto, random, follow: a robot moved by hand, simulated or on ROS."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from catenary.cli.robot_choice import (
+    DialectName,
+    Fast,
+    IsSimulated,
+    Namespace,
+    OnRos,
+    RobotName,
+    RobotSeed,
+    Tilt,
+    Yes,
+    open_robot,
+)
+from catenary.cli.terminal import numbers, print_json, print_notes, print_table, progress_bar, words
+from catenary.errors import InputError
+
+if TYPE_CHECKING:
+    from catenary.arrays import Floats
+    from catenary.jobs.operated_robot import OperatedRobot
+    from catenary.jobs.operator_motion import MotionSummary
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, in rad and m.")]
+
+
+def goto(
+    q_deg: Annotated[
+        str | None,
+        typer.Option(
+            "--q-deg", metavar="Q,Q,...", help="Joints in deg and mm: the first ones, or those of --joints."
+        ),
+    ] = None,
+    q: Annotated[str | None, typer.Option("--q", metavar="Q,Q,...", help="The same in rad and m.")] = None,
+    joints: Annotated[
+        str | None, typer.Option("--joints", metavar="NAME,...", help="Which joints; the others stay.")
+    ] = None,
+    position_mm: Annotated[
+        str | None,
+        typer.Option(
+            "--position-mm",
+            metavar="X,Y,Z",
+            help="In place of joints: where the tip goes, in the base frame.",
+        ),
+    ] = None,
+    speed: Annotated[float, typer.Option("--speed", help="Times 0.2 rad/s and 10 mm/s, at most 5.")] = 1.0,
+    robot: RobotName = "raven2",
+    ros: OnRos = None,
+    dialect: DialectName = "raven",
+    namespace: Namespace = None,
+    simulated: IsSimulated = False,
+    yes: Yes = False,
+    base_tilt_deg: Tilt = None,
+    robot_seed: RobotSeed = None,
+    fast: Fast = False,
+    as_json: AsJson = False,
+) -> None:
+    """Bring a robot to a place.
+
+    It goes gently, all joints arriving together. Ctrl-C stops it there. A robot that is not homed and
+    enabled is refused.
+    """
+    import numpy as np
+
+    from catenary.jobs.operator_motion import go_to_joints, joints_at
+
+    if sum(option is not None for option in (q_deg, q, position_mm)) != 1:
+        raise InputError("goto: give one of --q-deg, --q and --position-mm")
+    if position_mm is not None and joints is not None:
+        raise InputError("goto: --joints goes with --q-deg or --q")
+    with open_robot(
+        robot, ros, dialect=dialect, namespace=namespace, simulated=simulated, yes=yes,
+        tilt=base_tilt_deg, seed=robot_seed, fast=fast,
+    ) as opened:  # fmt: skip
+        names = None if joints is None else words(joints)
+        if position_mm is not None:
+            goal = joints_at(
+                opened, np.array(numbers("--position-mm", position_mm)) / 1000.0, rng=np.random.default_rng(0)
+            )
+        else:
+            goal, names = _typed(opened, q_deg, q, names)
+        with progress_bar("goto") as tell:
+            summary = go_to_joints(opened, goal, joints=names, speed=speed, progress=tell)
+    _say(summary, as_json, "arrived")
+
+
+def random(
+    seconds: Annotated[float, typer.Option("--seconds", help="Length of the motion.")],
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Draws the motion.")] = 0,
+    robot: RobotName = "raven2",
+    ros: OnRos = None,
+    dialect: DialectName = "raven",
+    namespace: Namespace = None,
+    simulated: IsSimulated = False,
+    yes: Yes = False,
+    base_tilt_deg: Tilt = None,
+    robot_seed: RobotSeed = None,
+    fast: Fast = False,
+    as_json: AsJson = False,
+) -> None:
+    """Move a robot at random.
+
+    Each joint moves by itself: a RAVEN-II in its calibration box, others in the middle of their ranges.
+    Ctrl-C stops it where it is.
+    """
+    import numpy as np
+
+    from catenary.jobs.operator_motion import run_random
+
+    with (
+        open_robot(
+            robot, ros, dialect=dialect, namespace=namespace, simulated=simulated, yes=yes,
+            tilt=base_tilt_deg, seed=robot_seed, fast=fast,
+        ) as opened,
+        progress_bar("random") as tell,
+    ):  # fmt: skip
+        summary = run_random(opened, seconds, rng=np.random.default_rng(seed), progress=tell)
+    _say(summary, as_json, "done")
+
+
+def follow(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help=".csv, .parquet or .npz: time and joints, with units.")
+    ],
+    rows_per_second: Annotated[
+        float | None, typer.Option("--rows-per-second", help="Of a CSV of numbers alone. [default: 64.3]")
+    ] = None,
+    blend: Annotated[
+        float, typer.Option("--blend", help="Seconds over which velocities are averaged.")
+    ] = 0.5,
+    largest_deg_s: Annotated[
+        float | None, typer.Option("--largest-deg-s", help="Fastest turn that is let pass. [default: 28.6]")
+    ] = None,
+    largest_mm_s: Annotated[
+        float | None, typer.Option("--largest-mm-s", help="Fastest slide that is let pass. [default: 10]")
+    ] = None,
+    from_afar: Annotated[
+        bool, typer.Option("--from-afar", help="Also start from more than 60 deg or 150 mm away.")
+    ] = False,
+    robot: RobotName = "raven2",
+    ros: OnRos = None,
+    dialect: DialectName = "raven",
+    namespace: Namespace = None,
+    simulated: IsSimulated = False,
+    yes: Yes = False,
+    base_tilt_deg: Tilt = None,
+    robot_seed: RobotSeed = None,
+    fast: Fast = False,
+    as_json: AsJson = False,
+) -> None:
+    """Move a robot along a file.
+
+    It begins at the beginning, and all of it is checked before anything moves: units, limits, speeds, how
+    far away it starts. A motion that was stopped (Ctrl-C) is not taken up again where it ended: the next
+    one begins at the beginning.
+    """
+    import numpy as np
+
+    from catenary.jobs.followed_file import read_followed_file
+    from catenary.jobs.operator_motion import LARGEST_VELOCITY
+    from catenary.jobs.operator_motion import follow as follow_file
+
+    motion = read_followed_file(file, rows_per_second=rows_per_second)
+    print_notes(motion.notes)
+    fastest = dict(LARGEST_VELOCITY)
+    for unit, typed, scale in (("rad", largest_deg_s, np.pi / 180.0), ("m", largest_mm_s, 1e-3)):
+        if typed is not None:
+            fastest[unit] = typed * scale
+    away = motion.leaves_rows(motion.trajectory(blend), blend)
+    shown = ", ".join(_human(value, unit, 2) for value, unit in zip(away, motion.joint_units, strict=True))
+    print_notes([f"{len(motion.q)} rows, {motion.time[-1]:.1f} s; corners are passed within {shown}"])
+    with (
+        open_robot(
+            robot, ros, dialect=dialect, namespace=namespace, simulated=simulated, yes=yes,
+            tilt=base_tilt_deg, seed=robot_seed, fast=fast,
+        ) as opened,
+        progress_bar("follow") as tell,
+    ):  # fmt: skip
+        summary = follow_file(
+            opened, motion, blend=blend, largest_velocity=fastest, from_afar=from_afar, progress=tell
+        )
+    _say(summary, as_json, "followed to its end")
+
+
+def _typed(
+    robot: "OperatedRobot", q_deg: str | None, q: str | None, names: tuple[str, ...] | None
+) -> "tuple[Floats, tuple[str, ...]]":
+    """Joints as they were typed, in rad and m, and their names."""
+    import numpy as np
+
+    option, text = ("--q-deg", q_deg) if q_deg is not None else ("--q", q or "")
+    values = np.array(numbers(option, text))
+    all_names = robot.plant.joint_names
+    chosen = all_names[: len(values)] if names is None else names
+    unknown = [name for name in chosen if name not in all_names]
+    if len(chosen) != len(values) or unknown:
+        raise InputError(
+            f"{option}: {len(values)} numbers for {', '.join(chosen)}; the robot has {len(all_names)} joints: "
+            f"{', '.join(f'{n} [{u}]' for n, u in zip(all_names, robot.plant.joint_units, strict=True))}"
+        )
+    if option == "--q-deg":
+        units = np.array([robot.plant.joint_units[all_names.index(name)] for name in chosen])
+        values = np.where(units == "rad", np.deg2rad(values), values / 1000.0)
+    return values, chosen
+
+
+def _say(summary: "MotionSummary", as_json: bool, what: str) -> None:
+    """Print how a motion went; one that Ctrl-C ended exits with 130."""
+    if as_json:
+        print_json(summary.as_data())
+    else:
+        state = summary.state
+        done = "stopped by Ctrl-C; the robot holds here" if summary.interrupted else what
+        print(
+            f"{summary.robot}: {done} after {summary.duration:.1f} s; {state.state}"
+            f"{'' if state.is_homed else ', not homed'}\n"
+        )
+        rows = [
+            [name, _human(at, unit, 2), _human(largest, unit, 3), _human(rms, unit, 3)]
+            for name, unit, at, largest, rms in zip(
+                summary.joint_names, summary.joint_units, summary.q, summary.max_error, summary.rms_error,
+                strict=True,
+            )
+        ]  # fmt: skip
+        print_table("Joints", ["joint", "now", "largest error", "rms error"], rows)
+        if summary.late_ticks:
+            print_notes([f"{summary.late_ticks} ticks were late: each delayed the motion by as much"])
+    if summary.interrupted:
+        sys.stdout.flush()
+        raise typer.Exit(130)
+
+
+def _human(value: float, unit: str, digits: int) -> str:
+    import numpy as np
+
+    return f"{np.rad2deg(value):.{digits}f} deg" if unit == "rad" else f"{1e3 * value:.{digits}f} mm"

@@ -1,0 +1,73 @@
+"""catenary teleop: a robot moved from the keyboard of any terminal."""
+
+import sys
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from catenary.cli.robot_choice import (
+    DialectName,
+    IsSimulated,
+    Namespace,
+    OnRos,
+    RobotName,
+    RobotSeed,
+    Tilt,
+    Yes,
+    open_robot,
+    recorded,
+)
+from catenary.cli.terminal import print_json, print_notes
+
+
+def teleop(
+    robot: RobotName = "raven2",
+    ros: OnRos = None,
+    dialect: DialectName = "raven",
+    namespace: Namespace = None,
+    simulated: IsSimulated = False,
+    yes: Yes = False,
+    base_tilt_deg: Tilt = None,
+    robot_seed: RobotSeed = None,
+    not_homed: Annotated[
+        bool, typer.Option("--not-homed", help="Simulated: begin with a robot that was just switched on.")
+    ] = False,
+    record: Annotated[
+        Path | None, typer.Option("--record", metavar="FOLDER", help="Record a RAVEN-II's topics beside.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON at the end.")] = False,
+) -> None:
+    """Move a robot from the keyboard.
+
+    Joint by joint or along the axes, in any terminal and over SSH. Hold a key to move: all motion ends a
+    quarter of a second after its last repeat. ? lists the keys. On every way out the robot holds, then is
+    paused.
+    """
+    from catenary.teleop.session import TeleopSession
+    from catenary.teleop.terminal import RawTerminal
+
+    terminal = RawTerminal()
+    print("preparing the robot ...", file=sys.stderr, flush=True)
+    with open_robot(
+        robot, ros, dialect=dialect, namespace=namespace, simulated=simulated, yes=yes,
+        tilt=base_tilt_deg, seed=robot_seed, homed=not not_homed,
+    ) as opened:  # fmt: skip
+        with recorded(opened, record) as observe, terminal:
+            session = TeleopSession(opened.plant, opened.model, opened.name, terminal, observe=observe)
+            why = session.run(time.monotonic)
+        state, q = opened.plant.operating_state(), opened.plant.measured_js().q
+    if as_json:
+        print_json(
+            {
+                "robot": opened.name,
+                "ended_by": why,
+                "state": state._asdict(),
+                "q": q,
+                "late_ticks": opened.late(),
+            }
+        )
+    else:
+        print_notes([session.message] if "not paused" in session.message else [])
+        print(f"{opened.name}: ended by {why}; the robot is {state.state}")

@@ -1,0 +1,179 @@
+"""A motion in a file: rows of joint positions with their times, whose units the file states."""
+
+import csv
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from catenary.arrays import Floats, frozen
+from catenary.errors import FileFormatError, InputError
+from catenary.plant import MotionLog
+from catenary.recording.importers import read_arrays
+from catenary.recording.logs import read_parquet
+from catenary.trajectories.smoothed_path import SmoothedPath
+from catenary.trajectories.zigzag import BLEND, ROWS_PER_SECOND
+
+SCALE = {"rad": ("rad", 1.0), "m": ("m", 1.0), "deg": ("rad", np.pi / 180.0), "mm": ("m", 1e-3)}
+SECONDS = {"s": 1.0, "ms": 1e-3}
+PUBLISHED_UNITS = ("rad", "rad", "m")  # of the zig-zags that RAVEN-II's group published
+_HEAD = re.compile(r"^(?P<name>[^\[\]]+?)\s*\[(?P<unit>[^\[\]]+)\]$")
+
+
+@dataclass(frozen=True)
+class FollowedFile:
+    """N rows of joint positions."""
+
+    name: str
+    joint_names: tuple[str, ...] | None  # None where the file names no joints: those that come first
+    joint_units: tuple[str, ...]  # rad or m
+    time: Floats  # (N,) [s] from 0 on, rising
+    q: Floats  # (N, k) [rad|m]
+    notes: tuple[str, ...] = ()
+
+    def trajectory(self, blend: float = BLEND) -> SmoothedPath:
+        """Motion along the rows, at rest at both ends; velocities are averaged over `blend` seconds."""
+        if not 0.0 < blend < np.inf:
+            raise InputError(f"blend: expected more than 0 s, got {blend}")
+        return SmoothedPath.through(self.time, self.q, blend)
+
+    def leaves_rows(self, trajectory: SmoothedPath, blend: float = BLEND) -> Floats:
+        """How far the motion is from the rows at their times, at most, (k,) [rad|m]."""
+        q, _, _ = trajectory.sample(self.time + 0.5 * blend)
+        return np.asarray(np.abs(q - self.q).max(axis=0))
+
+
+def read_followed_file(path: Path, *, rows_per_second: float | None = None) -> FollowedFile:
+    """Read a motion.
+
+    CSV with a heading that states units, as in `time [s],shoulder [deg],insertion [mm]`; CSV of numbers alone in the
+    layout of the published zig-zags (rad, rad, m, no times); a motion log, `.parquet`; an `.npz` with `q` or `q_des`
+    (N, k), `t` (N,) [s], `units` and `joint_names` (k,).
+
+    Args:
+        path: The file.
+        rows_per_second: Of a file without times; that of the published zig-zags when None.
+
+    Raises:
+        FileFormatError: No such file, another kind, damaged, no units, or something is missing.
+        InputError: Times that do not rise, numbers that are not finite, or a rate for a file that has times.
+    """
+    if not path.is_file():
+        raise FileFormatError(f"{path}: no such file")
+    if rows_per_second is not None and not 0.0 < rows_per_second < np.inf:
+        raise InputError(f"--rows-per-second: expected more than 0, got {rows_per_second}")
+    if path.suffix == ".csv":
+        found = _read_csv(path, rows_per_second)
+    elif path.suffix == ".parquet":
+        found = _of_log(path, read_parquet(path))
+    elif path.suffix == ".npz":
+        found = _read_npz(path)
+    else:
+        raise FileFormatError(f'{path}: ending "{path.suffix}": expected .csv, .parquet or .npz')
+    timeless = found.notes and path.suffix == ".csv"
+    if rows_per_second is not None and not timeless:
+        raise InputError(f"{path}: states its times; --rows-per-second is for files without")
+    _require_sound(path, found)
+    return found
+
+
+def _read_csv(path: Path, rows_per_second: float | None) -> FollowedFile:
+    try:
+        with path.open(newline="") as file:
+            rows = [row for row in csv.reader(file) if row]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise FileFormatError(f"{path}: cannot be read as CSV: {error}") from error
+    if not rows:
+        raise FileFormatError(f"{path}: is empty")
+    if _is_number(rows[0][0]):
+        values = _numbers(path, rows, first=1)
+        if values.shape[1] != len(PUBLISHED_UNITS):
+            raise FileFormatError(
+                f"{path}: numbers without a heading, {values.shape[1]} columns: expected a heading such as "
+                f"time [s],shoulder [deg],..., or the published zig-zags' {len(PUBLISHED_UNITS)} columns in rad, rad, m"
+            )
+        rate = ROWS_PER_SECOND if rows_per_second is None else rows_per_second
+        note = f"{path.name}: no heading: taken as rad, rad, m, {rate:g} rows a second, as the published zig-zags"
+        return FollowedFile(
+            path.name, None, PUBLISHED_UNITS, np.arange(len(values)) / rate, frozen(values), (note,)
+        )
+    heads = [_HEAD.match(cell.strip()) for cell in rows[0]]
+    plain = [cell for cell, head in zip(rows[0], heads, strict=True) if head is None]
+    if plain:
+        raise FileFormatError(
+            f'{path}: column "{plain[0]}" states no unit: expected NAME [UNIT], as in time [s]'
+        )
+    names = [head["name"] for head in heads if head]
+    units = [head["unit"] for head in heads if head]
+    if names[0] not in ("time", "t") or units[0] not in SECONDS:
+        raise FileFormatError(f'{path}: first column "{rows[0][0]}": expected time [s] or time [ms]')
+    wrong = [unit for unit in units[1:] if unit not in SCALE]
+    if wrong or len(names) < 2:
+        raise FileFormatError(
+            f"{path}: joints' units: expected some of {', '.join(SCALE)}, got {', '.join(wrong) or 'none'}"
+        )
+    values = _numbers(path, rows[1:], first=2, width=len(names))
+    q = values[:, 1:] * [SCALE[unit][1] for unit in units[1:]]
+    si = tuple(SCALE[unit][0] for unit in units[1:])
+    return FollowedFile(path.name, tuple(names[1:]), si, values[:, 0] * SECONDS[units[0]], frozen(q))
+
+
+def _of_log(path: Path, log: MotionLog) -> FollowedFile:
+    if log.time is None:
+        raise FileFormatError(f"{path}: a motion log without time; nobody can follow it")
+    if len(log.starts) > 1:
+        raise FileFormatError(f"{path}: holds {len(log.starts)} recordings; give one")
+    return FollowedFile(path.name, log.joint_names, log.joint_units, log.time, log.q_nominal)
+
+
+def _read_npz(path: Path) -> FollowedFile:
+    content = read_arrays(path)
+    key = next((key for key in ("q", "q_des") if key in content), None)
+    missing = [name for name in ("t", "units", "joint_names") if name not in content]
+    if key is None or missing:
+        raise FileFormatError(f"{path}: lacks {', '.join([*missing, *([] if key else ['q or q_des'])])}")
+    units = [str(unit) for unit in content["units"]]
+    wrong = [unit for unit in units if unit not in SCALE]
+    q = np.asarray(content[key], dtype=float)
+    if wrong or q.ndim != 2 or q.shape[1] != len(units):
+        raise FileFormatError(
+            f"{path}: expected {key} (N, k) and k units among {', '.join(SCALE)}; got {q.shape} and {', '.join(units)}"
+        )
+    return FollowedFile(
+        path.name,
+        tuple(str(name) for name in content["joint_names"]),
+        tuple(SCALE[unit][0] for unit in units),
+        np.asarray(content["t"], dtype=float),
+        frozen(q * [SCALE[unit][1] for unit in units]),
+    )
+
+
+def _require_sound(path: Path, found: FollowedFile) -> None:
+    if found.time.shape != (len(found.q),) or len(found.q) == 0:
+        raise InputError(f"{path}: {len(found.q)} rows with times of shape {found.time.shape}")
+    if not (np.isfinite(found.q).all() and np.isfinite(found.time).all()):
+        row = int(np.argmin(np.isfinite(found.q).all(axis=1) & np.isfinite(found.time)))
+        raise InputError(f"{path}: row {row + 1} holds a number that is not finite")
+    steps = np.diff(found.time)
+    if not (steps > 0.0).all():
+        raise InputError(f"{path}: row {int(np.argmin(steps > 0.0)) + 2}: time does not rise")
+    object.__setattr__(found, "time", frozen(found.time - found.time[0]))
+
+
+def _numbers(path: Path, rows: list[list[str]], *, first: int, width: int | None = None) -> Floats:
+    wanted = len(rows[0]) if width is None and rows else width
+    for k, row in enumerate(rows):
+        if len(row) != wanted or not all(_is_number(cell) for cell in row):
+            raise FileFormatError(
+                f"{path}: line {first + k}: expected {wanted} numbers, got {','.join(row)[:60]!r}"
+            )
+    return np.array(rows, dtype=float).reshape(len(rows), wanted or 0)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,1 @@
+"""A robot watched, or one of its recordings."""

@@ -1,0 +1,117 @@
+"""What is known of a robot at one instant, and what of it should worry somebody."""
+
+from collections import deque
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.plant import OperatingState
+
+NEAR_LIMIT = {"rad": np.deg2rad(2.0), "m": 0.005}  # from a limit
+STALE_GRAVITY = 0.1  # [s], as old as the gravity estimator lets a reading be before it calls it stale
+WINDOW = 1.0  # [s] over which rates are counted
+
+
+class Sample(NamedTuple):
+    """A robot at one instant; None is what nobody tells."""
+
+    time: float  # [s] of the robot
+    joint_names: tuple[str, ...]
+    joint_units: tuple[str, ...]
+    q: Floats  # (n,) [rad|m] reported
+    setpoint: Floats | None = None
+    calibrated: Floats | None = None
+    inside: NDArray[np.bool_] | None = None  # (n,) inside the model's valid range
+    encoder: Floats | None = None  # (n,) where joints really are, as a recording tells; NaN where it does not
+    tau: Floats | None = None  # (n,) [Nm|N]
+    gravity_tau: Floats | None = None  # (k,) what holds the first k joints still [Nm|N]
+    gravity: Floats | None = None  # (3,) [m/s2] in the base frame
+    gravity_age: float = np.inf  # [s]; inf: nominal
+    operating: OperatingState | None = None
+    lower: Floats | None = None
+    upper: Floats | None = None
+    rate_hz: float | None = None  # at which states come
+    late: int = 0  # ticks late within the last second
+    silent: str | None = None  # what the robot's silence was reported as
+    recording: str | None = None  # how a recording beside goes
+
+    def warnings(self) -> list[str]:
+        """What should worry somebody, the worst first."""
+        found: list[str] = []
+        if self.silent is not None:
+            found.append(f"stale: {self.silent}")
+        if self.operating is not None:
+            if self.operating.state == "FAULT":
+                found.append("the robot is in FAULT")
+            if not self.operating.is_homed and not self.operating.is_busy:
+                found.append("not homed: joint positions mean nothing")
+        if np.isfinite(self.gravity_age) and self.gravity_age > STALE_GRAVITY:
+            found.append(f"gravity is {self.gravity_age:.2f} s old")
+        if self.inside is not None and not self.inside.all():
+            names = [name for name, ok in zip(self.joint_names, self.inside, strict=True) if not ok]
+            found.append(f"outside the model's valid range: {', '.join(names)}")
+        near = self._near_limits()
+        if near:
+            found.append(f"near a limit: {', '.join(near)}")
+        if self.late:
+            found.append(f"{self.late} ticks late within {WINDOW:g} s")
+        return found
+
+    def _near_limits(self) -> list[str]:
+        if self.lower is None or self.upper is None:
+            return []
+        margin = np.array([NEAR_LIMIT[unit] for unit in self.joint_units])
+        near = (self.q < self.lower + margin) | (self.q > self.upper - margin)
+        return [name for name, bad in zip(self.joint_names, near, strict=True) if bad]
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data, SI; null where nobody tells."""
+        return {
+            "time": self.time,
+            "joints": self.joint_names,
+            "units": self.joint_units,
+            "q": self.q,
+            "setpoint": self.setpoint,
+            "q_calibrated": self.calibrated,
+            "inside_valid_range": self.inside,
+            "q_encoder": self.encoder,
+            "tau": self.tau,
+            "gravity_torque": self.gravity_tau,
+            "gravity": self.gravity,
+            "gravity_age_s": self.gravity_age,
+            "state": None if self.operating is None else self.operating._asdict(),
+            "rate_hz": self.rate_hz,
+            "late_ticks": self.late,
+            "recording": self.recording,
+            "warnings": self.warnings(),
+        }
+
+
+class Rate:
+    """How often something came within the last second."""
+
+    def __init__(self) -> None:
+        self._times: deque[float] = deque()
+
+    def count(self, now: float, times: int = 1) -> None:
+        """Take events at a time [s]."""
+        self._times.extend([now] * times)
+        self._drop(now)
+
+    def within(self, now: float) -> int:
+        """Events within the last second."""
+        self._drop(now)
+        return len(self._times)
+
+    def hertz(self, now: float) -> float | None:
+        """Mean rate [Hz]; None before two events."""
+        self._drop(now)
+        if len(self._times) < 2 or self._times[-1] <= self._times[0]:
+            return None
+        return (len(self._times) - 1) / (self._times[-1] - self._times[0])
+
+    def _drop(self, now: float) -> None:
+        while self._times and self._times[0] < now - WINDOW:
+            self._times.popleft()

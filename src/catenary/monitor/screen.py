@@ -1,0 +1,123 @@
+"""A robot's state as lines of a fixed size: every number keeps its place, so nothing jumps."""
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.gravity.vector import tilt_of
+from catenary.monitor.sample import Sample
+
+BAR = 12  # characters of a joint's range
+_WIDTH = {"reported": 10, "calibrated": 11, "set": 10, "encoder": 10, "torque": 9, "gravity": 9}
+
+
+def monitor_lines(
+    name: str, sample: Sample, columns: int = 80, lines: int = 24, *, colour: bool = False
+) -> list[str]:
+    """Give exactly `lines` lines of at most `columns` characters, colours not counted.
+
+    Args:
+        name: Of the robot or the recording.
+        sample: What to show.
+        columns: Of the terminal.
+        lines: Of the terminal.
+        colour: Warnings in red, what is fine in plain text.
+    """
+    shown = [_fit(_left_right(f"catenary monitor  {name}", _state(sample), columns), columns)]
+    rate = "-" if sample.rate_hz is None else f"{sample.rate_hz:.0f} Hz"
+    shown += [_fit(_left_right(f"time {sample.time:10.2f} s", f"states {rate:>8}", columns), columns), ""]
+    columns_shown = _columns(sample)
+    shown.append(
+        _fit(
+            f"{'':<14}" + "".join(head.rjust(_WIDTH[head]) for head, _ in columns_shown) + "   range", columns
+        )
+    )
+    for j, joint in enumerate(sample.joint_names):
+        unit = "deg" if sample.joint_units[j] == "rad" else "mm"
+        cells = "".join(_cell(values, j, sample, head) for head, values in columns_shown)
+        shown.append(_fit(f"{joint[:9]:<10}{unit:<4}{cells}   {_bar(sample, j)}", columns))
+    shown += ["", _fit(_gravity(sample), columns)]
+    warnings = sample.warnings()
+    shown += [_fit(sample.recording, columns), ""] if sample.recording is not None else [""]
+    shown += [_warned(_fit(f"! {text}", columns), colour) for text in warnings] or ["no warnings"]
+    last = _fit("Q quit", columns)
+    shown = shown[: max(0, lines - 1)]
+    shown += [""] * (lines - 1 - len(shown)) + [last]
+    return shown[:lines]
+
+
+def plain_line(sample: Sample) -> str:
+    """One line for a pipe or a file: time, state, reported joints in deg and mm, warnings."""
+    values = " ".join(
+        f"{joint}={_human(value, unit):.2f}{'deg' if unit == 'rad' else 'mm'}"
+        for joint, value, unit in zip(sample.joint_names, sample.q, sample.joint_units, strict=True)
+    )
+    warnings = sample.warnings()
+    return f"{sample.time:.2f} s  {_state(sample)}  {values}" + (
+        f"  ! {'; '.join(warnings)}" if warnings else ""
+    )
+
+
+def _columns(sample: Sample) -> list[tuple[str, Floats]]:
+    given = {
+        "reported": sample.q,
+        "calibrated": sample.calibrated,
+        "set": sample.setpoint,
+        "encoder": sample.encoder,
+        "torque": sample.tau,
+        "gravity": sample.gravity_tau,
+    }
+    return [(head, values) for head, values in given.items() if values is not None]
+
+
+def _cell(values: Floats, j: int, sample: Sample, head: str) -> str:
+    if j >= len(values) or not np.isfinite(values[j]):
+        return "-".rjust(_WIDTH[head])
+    unit = sample.joint_units[j]
+    if head in ("torque", "gravity"):
+        return f"{values[j]:.3f}".rjust(_WIDTH[head])  # [Nm], [N]
+    outside = head == "calibrated" and sample.inside is not None and not sample.inside[j]
+    return f"{_human(values[j], unit):.2f}{'?' if outside else ''}".rjust(_WIDTH[head])
+
+
+def _human(value: float, unit: str) -> float:
+    return float(np.rad2deg(value) if unit == "rad" else 1e3 * value)
+
+
+def _bar(sample: Sample, j: int) -> str:
+    if sample.lower is None or sample.upper is None:
+        return ""
+    low, high = sample.lower[j], sample.upper[j]
+    if not (np.isfinite(low) and np.isfinite(high) and np.isfinite(sample.q[j])):
+        return "no limits"
+    place = int(np.clip((sample.q[j] - low) / (high - low), 0.0, 1.0) * (BAR - 1) + 0.5)
+    return "[" + "." * place + "#" + "." * (BAR - 1 - place) + "]"
+
+
+def _state(sample: Sample) -> str:
+    if sample.operating is None:
+        return "recording"
+    state, is_homed, is_busy = sample.operating
+    return f"{state}, {'busy' if is_busy else 'homed' if is_homed else 'not homed'}"
+
+
+def _gravity(sample: Sample) -> str:
+    if sample.gravity is None:
+        return "gravity  not told"
+    x, y, z = sample.gravity
+    roll, pitch = (
+        np.round(np.rad2deg(tilt_of(sample.gravity)), 2) + 0.0 if sample.gravity.any() else (np.nan, np.nan)
+    )
+    age = f"age {1e3 * sample.gravity_age:.0f} ms" if np.isfinite(sample.gravity_age) else "nominal"
+    return f"gravity {x:7.3f} {y:7.3f} {z:7.3f} m/s2  roll {roll:6.2f} pitch {pitch:6.2f} deg  {age}"
+
+
+def _left_right(left: str, right: str, columns: int) -> str:
+    return left + " " * max(2, columns - len(left) - len(right)) + right
+
+
+def _fit(text: str, columns: int) -> str:
+    return text[:columns].rstrip()
+
+
+def _warned(text: str, colour: bool) -> str:
+    return f"\x1b[31m{text}\x1b[0m" if colour else text

@@ -1,0 +1,1 @@
+"""A robot moved from the keyboard of any terminal."""

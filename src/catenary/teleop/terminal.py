@@ -1,0 +1,119 @@
+"""A terminal whose keys come one by one, put back as it was on every way out: end, error, signal, suspension."""
+
+import contextlib
+import os
+import select
+import signal
+import sys
+import termios
+import tty
+from shutil import get_terminal_size
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+from catenary.errors import InputError
+
+_OPEN = "\x1b[?1049h\x1b[?25l\x1b[2J"  # another screen, no cursor
+_CLOSE = "\x1b[?25h\x1b[?1049l"
+_ENDS = (signal.SIGTERM, signal.SIGHUP)
+
+
+class RawTerminal:
+    """Standard input and output, while it is entered. Ctrl-C stays an interrupt, Ctrl-Z suspends and comes back."""
+
+    def __init__(self) -> None:
+        """Take the terminal.
+
+        Raises:
+            InputError: Standard input or output is no terminal.
+        """
+        if not (sys.stdin.isatty() and sys.stdout.isatty()):
+            raise InputError("teleop: needs a terminal for keys and screen; over SSH give it one with ssh -t")
+        self._in, self._out = sys.stdin.fileno(), sys.stdout.fileno()
+        self._attributes: list[Any] | None = None
+        self._handlers: dict[int, Any] = {}
+        self.ended: str | None = None  # the signal that asked for the end, or that the terminal is gone
+        self.wants_suspension = False  # Ctrl-Z: `suspend` when the robot is safe
+        self._last: list[str] = []
+
+    def __enter__(self) -> Self:
+        self._attributes = termios.tcgetattr(self._in)
+        for number in _ENDS:
+            self._handlers[number] = signal.signal(number, self._end)
+        self._handlers[signal.SIGTSTP] = signal.signal(signal.SIGTSTP, self._ask)
+        self._open()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._close()
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+        self._handlers.clear()
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Columns and lines, as they are now."""
+        columns, lines = get_terminal_size()
+        return columns, lines
+
+    def read(self) -> bytes:
+        """Give what was typed, at once; nothing when nothing was."""
+        ready, _, _ = select.select([self._in], [], [], 0.0)
+        if not ready:
+            return b""
+        try:
+            data = os.read(self._in, 4096)
+        except OSError:
+            data = b""
+        if not data:
+            self.ended = "the terminal is gone"
+        return data
+
+    def draw(self, lines: list[str]) -> None:
+        """Show lines; only those that changed are sent, in one piece, so nothing flickers."""
+        if len(lines) != len(self._last):
+            self._last = []
+            text = "\x1b[2J"
+        else:
+            text = ""
+        for k, line in enumerate(lines):
+            if not self._last or self._last[k] != line:
+                text += f"\x1b[{k + 1};1H{line}\x1b[K"
+        self._last = list(lines)
+        self._write(text)
+
+    def _open(self) -> None:
+        tty.setcbreak(self._in, termios.TCSANOW)
+        self._last = []
+        self._write(_OPEN)
+
+    def _close(self) -> None:
+        self._write(_CLOSE)
+        if self._attributes is not None:
+            with contextlib.suppress(termios.error):  # the terminal may be gone
+                termios.tcsetattr(self._in, termios.TCSANOW, self._attributes)
+
+    def _write(self, text: str) -> None:
+        data = text.encode("utf-8")
+        try:
+            while data:
+                data = data[os.write(self._out, data) :]
+        except OSError:
+            self.ended = "the terminal is gone"
+
+    def _end(self, number: int, _: FrameType | None) -> None:
+        self.ended = signal.Signals(number).name
+
+    def _ask(self, number: int, _: FrameType | None) -> None:
+        self.wants_suspension = True
+
+    def suspend(self) -> None:
+        """Stop this process until it is continued; the shell has the terminal meanwhile."""
+        self.wants_suspension = False
+        self._close()
+        signal.signal(signal.SIGTSTP, signal.SIG_DFL)
+        os.kill(os.getpid(), signal.SIGTSTP)  # stops here, until SIGCONT
+        signal.signal(signal.SIGTSTP, self._ask)
+        self._open()

@@ -1,0 +1,72 @@
+import numpy as np
+import pytest
+
+from catenary.gravity.vector import tilted_gravity
+from catenary.monitor.sample import Sample
+from catenary.monitor.screen import monitor_lines, plain_line
+from catenary.plant import OperatingState
+
+JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")
+UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
+
+
+def sample(**change: object) -> Sample:
+    q = np.array([np.pi / 6, np.pi / 2, 0.4, 0.0, 0.1, 0.5, -0.5])
+    given = Sample(
+        12.5, JOINTS, UNITS, q, q, tau=np.zeros(7), gravity_tau=np.array([1.0, 2.0, 3.0]),
+        gravity=tilted_gravity(0.1, -0.2), gravity_age=0.02, operating=OperatingState("ENABLED", True, False),
+        lower=q - 1.0, upper=q + 1.0, rate_hz=999.7,
+    )  # fmt: skip
+    return given._replace(**change)
+
+
+@pytest.mark.parametrize("size", [(80, 24), (30, 8), (200, 50)])
+def test_the_picture_has_the_size_of_the_terminal(size: tuple[int, int]) -> None:
+    lines = monitor_lines("raven2", sample(late=4), *size)
+    assert len(lines) == size[1]
+    assert max(map(len, lines)) <= size[0]
+
+
+def test_seven_joints_with_a_model_fit_into_80_columns() -> None:
+    lines = monitor_lines("raven2", sample(calibrated=np.zeros(7), inside=np.ones(7, dtype=bool)))
+    assert max(map(len, lines)) <= 80
+    assert all(any(joint in line for line in lines) for joint in JOINTS)
+
+
+def test_nothing_jumps_when_numbers_change() -> None:
+    before, after = monitor_lines("raven2", sample()), monitor_lines("raven2", sample(q=-sample().q))
+    header = before[3]
+    assert after[3] == header
+    for a, b in zip(before[4:11], after[4:11], strict=True):
+        assert len(a.split()) == len(b.split())
+        assert a.index(".", 20) == b.index(".", 20)  # the decimal points stand still
+
+
+def test_degrees_and_millimetres_are_shown() -> None:
+    text = "\n".join(monitor_lines("raven2", sample()))
+    assert " 30.00" in text
+    assert "400.00" in text
+
+
+def test_the_base_is_shown_as_it_is_tilted() -> None:
+    text = "\n".join(monitor_lines("raven2", sample()))
+    assert f"roll {np.rad2deg(0.1):6.2f} pitch {np.rad2deg(-0.2):6.2f}" in text
+    assert "age 20 ms" in text
+
+
+def test_a_joint_outside_the_valid_range_is_marked() -> None:
+    lines = monitor_lines("raven2", sample(calibrated=np.zeros(7), inside=np.array([False] + [True] * 6)))
+    assert "0.00?" in lines[4]
+    assert "?" not in lines[5]
+
+
+def test_only_warnings_are_coloured() -> None:
+    lines = monitor_lines("raven2", sample(late=4), colour=True)
+    assert [line for line in lines if "\x1b" in line] == ["\x1b[31m! 4 ticks late within 1 s\x1b[0m"]
+
+
+def test_a_pipe_gets_one_line() -> None:
+    line = plain_line(sample(late=4))
+    assert "\n" not in line
+    assert "shoulder=30.00deg" in line
+    assert "4 ticks late" in line

@@ -1,0 +1,111 @@
+import numpy as np
+import pytest
+
+from catenary.errors import TransportError
+from catenary.robots.catalog import load_robot
+from catenary.teleop.session import TeleopSession
+from oracles.ideal_plant import IdealPlant
+
+START = [0.8, 1.5, 0.4]
+
+
+class TypedTerminal:
+    """Gives bytes at ticks; keeps what was drawn."""
+
+    def __init__(self, typed: dict[int, bytes], size: tuple[int, int] = (80, 24)) -> None:
+        self.typed, self.size, self.ended, self.wants_suspension = typed, size, None, False
+        self.ticks, self.drawn, self.suspended = 0, [], 0
+
+    def read(self) -> bytes:
+        self.ticks += 1
+        if self.ticks > 5000:
+            self.ended = "over"
+        return self.typed.get(self.ticks, b"")
+
+    def draw(self, lines: list[str]) -> None:
+        self.drawn.append(lines)
+
+    def suspend(self) -> None:
+        self.wants_suspension = False
+        self.suspended += 1
+
+
+def raven(**options: object) -> IdealPlant:
+    model = load_robot("raven2")
+    return IdealPlant(
+        START, joint_names=model.joint_names, joint_units=model.joint_units, lower=model.lower, upper=model.upper,
+        **options,
+    )  # fmt: skip
+
+
+def run(
+    plant: IdealPlant, typed: dict[int, bytes], size: tuple[int, int] = (80, 24)
+) -> tuple[str, TypedTerminal]:
+    terminal = TypedTerminal(typed, size)
+    session = TeleopSession(plant, load_robot("raven2"), "raven2", terminal)
+    return session.run(lambda: 0.001 * terminal.ticks), terminal
+
+
+def test_a_key_moves_its_joint_and_q_pauses_the_robot() -> None:
+    plant = raven()
+    why, _ = run(plant, {10: b"q", 40: b"q", 70: b"q", 600: b"Q"})
+    assert why == "quit"
+    assert plant.measured_js().q[0] > START[0]
+    assert plant.operating_state().state == "PAUSED"
+
+
+def test_a_robot_that_is_not_homed_does_not_move() -> None:
+    plant = raven(ready=False)
+    _, terminal = run(plant, {10: b"q", 200: b"Q"})
+    assert plant.setpoints == []
+    assert any("does not move" in line for lines in terminal.drawn for line in lines)
+
+
+def test_home_wants_its_key_twice() -> None:
+    plant = raven(ready=False)
+    run(plant, {10: b"E", 20: b"H", 200: b"Q"})
+    assert not plant.operating_state().is_homed
+
+
+def test_space_stops_at_once() -> None:
+    plant = raven()
+    run(plant, {10: b"q", 100: b" ", 400: b"Q"})
+    moved = np.flatnonzero(np.diff(np.array(plant.setpoints)[:, 0]))
+    assert moved[-1] < 100
+
+
+def test_the_end_of_the_terminal_holds_and_pauses_the_robot() -> None:
+    plant = raven()
+    why, _ = run(plant, {})
+    assert why == "over"
+    assert plant.operating_state().state == "PAUSED"
+
+
+@pytest.mark.parametrize("size", [(80, 24), (40, 10), (200, 60)])
+def test_the_picture_fits_the_terminal(size: tuple[int, int]) -> None:
+    _, terminal = run(raven(), {100: b"?", 200: b"Q"}, size)
+    for lines in terminal.drawn:
+        assert len(lines) == size[1]
+        assert max(map(len, lines)) <= size[0]
+
+
+def test_a_silent_robot_is_told_of_and_teleop_goes_on() -> None:
+    class Silent(IdealPlant):
+        def measured_js(self):
+            if 100 < self.ticks < 300:
+                raise TransportError("nothing has come from the robot")
+            return super().measured_js()
+
+    model = load_robot("raven2")
+    plant = Silent(START, joint_names=model.joint_names, joint_units=model.joint_units)
+    why, terminal = run(plant, {600: b"Q"})
+    assert why == "quit"
+    assert any("nothing has come" in line for lines in terminal.drawn for line in lines)
+
+
+def test_ctrl_z_holds_the_robot_before_the_process_stops() -> None:
+    plant, terminal = raven(), TypedTerminal({10: b"q", 300: b"Q"})
+    session = TeleopSession(plant, load_robot("raven2"), "raven2", terminal)
+    terminal.wants_suspension = True
+    session.run(lambda: 0.001 * terminal.ticks)
+    assert terminal.suspended == 1
