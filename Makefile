@@ -38,7 +38,7 @@ demo: $(VENV)/.package
 	$(BIN)/catenary demo --out demo
 
 test: $(VENV)/.development
-	$(BIN)/python -m pytest -rs
+	$(BIN)/python -m pytest -rs -n auto --maxprocesses 4 --dist loadfile
 
 lint: $(VENV)/.development
 	$(BIN)/ruff format --check .
