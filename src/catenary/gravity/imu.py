@@ -39,9 +39,10 @@ class SensedGravity:
 
     Before anything is believed gravity is that of a level base (NOMINAL). When samples stop or are all wrong, the
     parabola is followed for a moment, then held (STALE); at the age limit the fallback takes its place: `hold`
-    gravity as of the newest sample, `fade` to gravity along the mean direction of the last seconds, `static`, that of a level base, or
-    `stop`. Angular terms end at the age limit in all of them. Nothing ever leaps (SmoothTransfer). `read` raises
-    nothing. A robot that shall stop without a sensor (`stop`) also stops when none was heard for a second.
+    gravity as of the newest sample, `fade` to gravity along the mean direction of the last seconds, `static`, that
+    of a level base, or `stop`. Angular terms end at the age limit in all of them. Nothing ever leaps
+    (SmoothTransfer). `read` raises nothing. A robot that shall stop without a sensor (`stop`) also stops when none
+    was heard for a second.
     """
 
     def __init__(
