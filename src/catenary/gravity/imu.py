@@ -12,8 +12,8 @@ from catenary.gravity.faults import Fault
 from catenary.gravity.local_fit import LocalFit
 from catenary.gravity.mounting import Mounting
 from catenary.gravity.samples import Kind, Mailbox, Sample
-from catenary.gravity.sensor_checks import GravityCheck, RateCheck, RawCheck, SensorRules
-from catenary.gravity.vector import LEVEL, STANDARD_GRAVITY, GravityReading, Status
+from catenary.gravity.sensor_checks import ForetoldSwing, GravityCheck, RateCheck, RawCheck, SensorRules
+from catenary.gravity.vector import LEVEL, GravityReading, Status
 
 # how fast gravity, angular velocity and acceleration of the base may change as measured [m/s3, rad/s2, rad/s3]:
 # ten times what rocking by 10 degrees at 1 Hz takes; and how fast they come back from a fault
@@ -23,7 +23,6 @@ _TAKEN_AT_ONCE = 64  # samples in a tick: a queue that built up does not hold th
 _MEMORY = 0.1  # [s] for which a fault is reported after the sample that showed it
 _PAUSE = 0.5  # [s] between reads, after which they begin anew
 _FORGET = 1.0  # [s] without samples, after which a sensor is met anew
-_CONTRADICTION = 0.2  # [rad/s] turning about the horizontal while gravity stands still
 
 
 class SensedGravity:
@@ -39,10 +38,11 @@ class SensedGravity:
     gyroscope; an accelerometer alone cannot tell them.
 
     Before anything is believed gravity is that of a level base (NOMINAL). When samples stop or are all wrong, the
-    parabola is followed for a moment, then held (STALE); at the age limit the fallback takes its place: `hold` the
-    vector, `fade` to gravity along the mean direction of the last seconds, `static`, that of a level base, or
-    `stop`. Angular terms end at the age limit in all of them. Nothing ever leaps (SmoothTransfer). `read` raises
-    nothing. A robot that shall stop without a sensor (`stop`) also stops when none was heard for a second.
+    parabola is followed for a moment, then held (STALE); at the age limit the fallback takes its place: `hold`
+    gravity as of the newest sample, `fade` to gravity along the mean direction of the last seconds, `static`, that
+    of a level base, or `stop`. Angular terms end at the age limit in all of them. Nothing ever leaps
+    (SmoothTransfer). `read` raises nothing. A robot that shall stop without a sensor (`stop`) also stops when none
+    was heard for a second.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class SensedGravity:
         self._raw_rate = RawCheck(
             r, m.rate_range, (Fault.RATE_NOT_FINITE, Fault.RATE_STUCK, Fault.RATE_SATURATED)
         )
-        self._check, self._check_rate = GravityCheck(r), RateCheck(r)
+        self._check, self._check_rate, self._swing = GravityCheck(r), RateCheck(r), ForetoldSwing()
         self._force, self._rate = LocalFit(cutoff_hz), LocalFit(cutoff_hz)
         self._attitude = SlowAttitude(attitude_time)
         self._transfer = SmoothTransfer(np.array(FOLLOW), np.array(RECOVER))
@@ -199,7 +199,8 @@ class SensedGravity:
         rate = self.mounting.rate(np.array(vector))
         expected = self._rate.at(min(stamp, self._rate.newest + self._horizon))[0]
         fault = self._check_rate.fault(rate, expected if self._rate_is_fresh(stamp) else None)
-        if fault is Fault.NONE and self._contradicts(rate):
+        self._swing.add(stamp, rate, self._check.reference)
+        if fault is Fault.NONE and self._check.is_steady and self._swing.is_large:
             fault = Fault.RATE_CONTRADICTS
         if fault is not Fault.NONE or not self._check_rate.believed:
             return fault
@@ -207,16 +208,6 @@ class SensedGravity:
             self._rate.clear()
         self._rate.add(stamp, *rate)
         return Fault.NONE
-
-    def _contradicts(self, rate: Floats) -> bool:
-        """Gravity stands still, yet the gyroscope turns about an axis that is not vertical."""
-        down = self._check.reference
-        if down is None or not self._check.is_steady:
-            return False
-        about_vertical = float(rate @ down) / STANDARD_GRAVITY
-        squared = float(rate @ rate)
-        # a turntable leans gravity outwards, a little
-        return squared - about_vertical**2 > max(_CONTRADICTION**2, 0.25 * squared)
 
     @property
     def _horizon(self) -> float:
@@ -256,13 +247,25 @@ class SensedGravity:
                 targets[1:] = self._rate.at(min(time, self._rate.newest + self._horizon))
             targets[0] = self._force.at(min(time, self._force.newest + self._horizon))[0]
             _move_to_origin(targets, self.mounting.position)
-            self._held[:] = targets[0]
         elif self.fallback == "fade":
             targets[0] = self._attitude.gravity()
         elif self.fallback == "static":
             targets[0] = LEVEL
         else:
+            self._hold_newest()
             targets[0] = self._held
+
+    def _hold_newest(self) -> None:
+        """Take gravity at the newest sample for what is held: what a parabola says of later is a guess, and noisier."""
+        newest = self._force.newest
+        if newest == -math.inf:
+            return
+        held = np.zeros((3, 3))
+        if self.angular and self._rate.span >= 0.6 * self._rate.window and self._rate_is_fresh(newest):
+            held[1:] = self._rate.at(min(newest, self._rate.newest + self._horizon))
+        held[0] = self._force.at(newest)[0]
+        _move_to_origin(held, self.mounting.position)
+        self._held[:] = held[0]
 
     def _faults(self, time: float, status: Status, turning: bool) -> Fault:
         faults = Fault.NONE

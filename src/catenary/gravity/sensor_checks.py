@@ -251,6 +251,40 @@ class RateCheck:
         return Fault.RATE_SPIKE if self._doubted else Fault.NONE
 
 
+class ForetoldSwing:
+    """How far gravity should swing by what a gyroscope says, to be compared with how far it does.
+
+    The same high-pass and the same mean as GravityCheck's of the readings themselves: of a sensor that is right both
+    give the same, however small and fast the base rocks, and one that turns while gravity stands still is wrong.
+    """
+
+    LARGE = 0.3  # [m/s2] standard deviation; by turning steadily about the horizontal 0.2 rad/s make it
+    LEAN = 0.5  # share of the rate about the horizontal below which it is a turntable, on which gravity leans outwards
+
+    def __init__(self) -> None:
+        self._last = -math.inf
+        self._swing, self._variance = np.zeros(3), 0.0
+
+    def add(self, stamp: float, rate: Floats, gravity: Floats | None) -> None:
+        """Take a rate (3,) [rad/s], and gravity (3,) as last believed, None where it is not known."""
+        dt = stamp - self._last
+        self._last = stamp
+        if gravity is None or not 0.0 < dt < GravityCheck.REST:
+            self._swing, self._variance = np.zeros(3), 0.0
+            return
+        change = _cross(gravity, rate)  # of a vector that stands still, seen from axes that turn
+        if _norm(change) < self.LEAN * _norm(rate) * _norm(gravity):
+            change = np.zeros(3)
+        share = 1.0 - math.exp(-dt / GravityCheck.MEMORY)
+        self._swing = (1.0 - share) * (self._swing + dt * change)
+        self._variance += share * (float(self._swing @ self._swing) - self._variance)
+
+    @property
+    def is_large(self) -> bool:
+        """Gravity should have moved by more than it may where it stands still."""
+        return self._variance > self.LARGE**2
+
+
 def explain(gravity: Floats, wanted: Floats) -> Fault:
     """Which mistake of a sensor turns the gravity that is wanted into the one that is read, if any does.
 

@@ -153,7 +153,7 @@ def unstable_roots(
 def estimator_response(hz: float, rate_hz: float = 200.0) -> tuple[complex, complex]:
     """What SensedGravity makes of gravity's x and of the angular acceleration of a base that rocks, at a frequency."""
     w = 2.0 * np.pi * hz
-    # below the estimator's own rates of change, and below what it takes for a gyroscope's contradiction of gravity
+    # below the estimator's own rates of change
     amplitude = min(0.02, 0.1 / w, 0.2 * 400.0 / w**3)
     base = RockingBase(0.0, amplitude, hz, tuple(AXIS))
     sensor = SensorModel(rate_hz, 0.0, 0.0, 0.0, 0.0, LATENCY, True, Mounting())

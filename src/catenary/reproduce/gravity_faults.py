@@ -42,7 +42,7 @@ from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.smoothed_path import SmoothedPath
 
 BASE_DEG = 20.0  # about Z0
-WARM, BEGIN, LASTS, SECONDS = 1.0, 1.0, 1.0, 3.0  # [s] sensor before the motion, fault in the motion, motion
+WARM, BEGIN, LASTS, SECONDS = 0.8, 0.5, 1.0, 2.0  # [s] sensor before the motion, fault in the motion, motion
 AFTER_STOP = 0.5  # [s] watched
 UNITS = ("rad", "rad", "m")
 LIMIT_DEG = 0.5  # of a joint, because of a fault
