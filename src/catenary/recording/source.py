@@ -12,7 +12,7 @@ from catenary.recording.layout import Encoding
 from catenary.recording.salvage import SalvageReader
 
 STREAMED = (
-    256 * 2**20
+    16 * 2**20
 )  # [B] from which a ROS 1 bag is read without its index, which takes 170 B a message in memory
 
 
