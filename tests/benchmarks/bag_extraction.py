@@ -2,7 +2,8 @@
 
 `make bench-bags`, or `python -m tests.benchmarks.bag_extraction --hours 0.5`. The bag holds raven_state, measured_js and
 ext_jpos at 100 Hz: ten minutes, repeated with their stamps moved on. The peer is rosbags' AnyReader, which gives every
-message as an object whose fields are stacked into the same columns; it reads the bag's first minutes, since its speed
+message as an object whose fields
+are stacked into the same columns and written; it reads the bag's first minutes, since its speed
 does not depend on the length but for its index. Each runs in a process of its own, by CPU time.
 """
 
@@ -51,6 +52,8 @@ PEER = (
 import json, sys, time
 from pathlib import Path
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 from rosbags.highlevel import AnyReader
 from catenary.recording.topics import topic_named
 wall, cpu, count = time.perf_counter(), time.process_time(), 0
@@ -66,7 +69,14 @@ with AnyReader([Path(sys.argv[1])]) as reader:
             if column.path != "dt":
                 values.setdefault((topic.name, column.name), []).append(getattr(message, column.path))
         count += 1
-columns = {key: np.array(rows) for key, rows in values.items()}
+for name, pairs in stamps.items():
+    arrays = list(np.array(pairs).T)
+    for column in topic_named(name).columns:
+        if column.path != "dt":
+            rows = np.array(values[name, column.name], dtype=float).reshape(len(pairs), -1) * column.to_si
+            arrays += list(np.ascontiguousarray(rows.T))
+    table = pa.table(arrays, names=[str(i) for i in range(len(arrays))])
+    pq.write_table(table, Path(sys.argv[2]) / "peer.parquet", compression="lz4", use_dictionary=False)
 print(json.dumps({"messages": count, "wall_s": time.perf_counter() - wall, "cpu_s": time.process_time() - cpu,
     "peak_gb": peak()}))
 """
@@ -124,7 +134,7 @@ def main() -> None:
         write_long_bag(folder / "short.bag", min(PEER_SECONDS, round(3600 * options.hours)))
         size = (folder / "long.bag").stat().st_size
         ours = measured(OURS, folder / "long.bag", folder / "short.bag", folder)
-        peer = measured(PEER, folder / "short.bag")
+        peer = measured(PEER, folder / "short.bag", folder)
     table = {
         "hours": options.hours,
         "gigabytes": size / 2**30,

@@ -69,7 +69,7 @@ def gather(chunk: bytes, records: Records) -> Block:
 
 
 @compiled
-def _u32(data: NDArray[np.uint8], position: int) -> int:
+def _u32(data: NDArray[np.uint8], position: int) -> Any:
     return (
         np.int64(data[position])
         | np.int64(data[position + 1]) << 8

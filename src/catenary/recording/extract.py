@@ -169,8 +169,10 @@ class _TopicWriter:
             ]
         about = {**metadata, "topic": topic.name, "type": topic.type, "md5": md5_sum(topic.type)}
         self._schema = pa.schema(fields, metadata={"catenary": json.dumps(about)})
-        # dictionaries do not pay for measured numbers
-        self._writer = pq.ParquetWriter(self._part, self._schema, compression="zstd", use_dictionary=False)
+        # dictionaries and ranges do not pay for measured numbers, nor does a slower compression
+        self._writer = pq.ParquetWriter(
+            self._part, self._schema, compression="lz4", use_dictionary=False, write_statistics=False
+        )
         self._arrivals: list[int] = []
         self._data: list[bytes] = []
         self._blocks: list[tuple[NDArray[np.int64], Block]] = []

@@ -20,6 +20,7 @@ from catenary.recording.bag_chunks import (
     KIND,
     TIME,
     Block,
+    Records,
     chunk_records,
     gather,
 )
@@ -66,7 +67,8 @@ class SalvageReader:
         self.counts: dict[str, int] = {}
         self._wanted: frozenset[str] | None = None
         if self._ros1:
-            self._count_blocks()
+            for found in self._guarded(lambda file, size: self._bag(file, size, self._bag_counts)):
+                self._count(*found)
         else:
             for name, _, data in self._whole():
                 self._count(name, 1, data)
@@ -77,10 +79,6 @@ class SalvageReader:
             self.about = about_of(first, self.encoding)
         else:
             self.counts[name] = self.counts.get(name, 0) + number
-
-    def _count_blocks(self) -> None:
-        for name, _, block in self._guarded(lambda file, size: self._bag(file, size, self._bag_blocks)):
-            self._count(name, len(block), block[0])
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
         """Give topic, arrival stamp [ns] and bytes of every whole message."""
@@ -96,9 +94,7 @@ class SalvageReader:
         """
         self.problems.clear()
         self._wanted = None if topics is None else frozenset(topics)
-        for block in self._guarded(lambda file, size: self._bag(file, size, self._bag_blocks)):
-            if block[0] != ABOUT_TOPIC:
-                yield block
+        yield from self._guarded(lambda file, size: self._bag(file, size, self._bag_blocks))
 
     @property
     def has_blocks(self) -> bool:
@@ -156,6 +152,16 @@ class SalvageReader:
     def _bag_blocks(
         self, chunk: bytes, names: dict[int, str]
     ) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
+        for name, own in self._bag_topics(chunk, names):
+            if name != ABOUT_TOPIC:
+                yield name, own[:, TIME], gather(chunk, own)
+
+    def _bag_counts(self, chunk: bytes, names: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:
+        for name, own in self._bag_topics(chunk, names):
+            yield name, len(own), chunk[own[0, DATA] : own[0, END]]
+
+    def _bag_topics(self, chunk: bytes, names: dict[int, str]) -> Iterator[tuple[str, Records]]:
+        """Give the records of each topic's messages."""
         records = chunk_records(chunk)
         is_message = records[:, KIND] == _MESSAGE
         damaged = np.flatnonzero(records[:, KIND] < 0)
@@ -168,8 +174,12 @@ class SalvageReader:
         for name in dict.fromkeys(topics.values()):
             if self._wanted is None or name in self._wanted:
                 ours = [number for number, topic in topics.items() if topic == name]
-                own = messages if len(ours) == len(topics) else messages[np.isin(numbers, ours)]
-                yield name, own[:, TIME], gather(chunk, own)
+                own = messages
+                if len(ours) == 1 < len(topics):  # nearly always: one program publishes a topic
+                    own = messages[numbers == ours[0]]
+                elif len(ours) < len(topics):
+                    own = messages[np.isin(numbers, ours)]
+                yield name, own
         if len(damaged):
             self._bag_connection(chunk, records[whole].tolist(), names)
 
