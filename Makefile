@@ -13,7 +13,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 
-.PHONY: demo test lint bench bench-ros1 bench-serving dvrk-table clean help
+.PHONY: demo test lint bench bench-ros1 bench-serving bench-bags dvrk-table clean help
 .PHONY: dual-arm gravity-figures gravity-static plant-check raven-identification refit table1 tutorial
 
 help:
@@ -23,6 +23,7 @@ help:
 	@echo "make bench       speed of kernels, deployed models, the control loop and the simulator, beside other libraries"
 	@echo "make bench-ros1  messages between two processes over ROS 1, where it is installed"
 	@echo "make bench-serving  a served robot and a client that hears every topic: rate, loss, latency, memory (10 minutes)"
+	@echo "make bench-bags  six hours in a ROS 1 bag to Parquet, beside one object per message (5 GB of disk, 10 minutes)"
 	@echo "make dvrk-table  the table of docs/calibration.md, from recordings of a real arm (CATENARY_DATA)"
 	@echo "make table1      table I of the calibration paper on six simulated robots (15 minutes), into results/"
 	@echo "make refit       fit the simulated RAVEN-II to both papers' results again (25 minutes); rewrites its data file"
@@ -60,6 +61,9 @@ bench-ros1: $(VENV)/.development
 
 bench-serving: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.serving --seconds 300 --json build/benchmarks/serving.json
+
+bench-bags: $(VENV)/.development
+	$(BIN)/python -m tests.benchmarks.bag_extraction --json build/benchmarks/bag_extraction.json
 
 dvrk-table: $(VENV)/.package
 	$(BIN)/python -m catenary.reproduce.dvrk_joint_errors $(CATENARY_DATA)

@@ -12,6 +12,7 @@ from catenary.calibration.fit import FitOptions
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.ros1 import Ros1Transport
 from catenary.errors import TransportError
+from catenary.jobs import calibrate
 from catenary.jobs.calibration import FitRun, fit_calibration
 from catenary.jobs.guide import AnswerYes
 from catenary.jobs.project import Project, ProjectSettings
@@ -20,8 +21,10 @@ from catenary.jobs.ros_deploy import CalibratedTopics
 from catenary.jobs.ros_robot import RosRobot
 from catenary.recording.logs import read_log
 from catenary.trajectories.waypoints import follow_waypoints
+from command_line import catenary
 from oracles.encoded_plant import OFFSET, START
 from ros import Master, Program
+from simulated_project import QUICK_MODELS
 
 pytestmark = pytest.mark.slow
 
@@ -38,6 +41,11 @@ while True:
     robot.tick()
     rate.sleep()
 """
+
+
+SERVE = "import sys; from catenary.cli.main import main; sys.argv[0] = 'catenary'; main()"
+# from where the homed robot is: getting to a far start takes longer than the motion
+STROLL = [[0.52, 1.57, 0.40], [0.7, 1.5, 0.395], [0.6, 1.7, 0.39], [0.55, 1.5, 0.4], [0.52, 1.57, 0.40]]
 
 
 @pytest.fixture
@@ -99,3 +107,27 @@ def test_robot_that_dies_is_noticed_and_one_that_comes_back_is_not_enabled_by_us
 def test_missing_robot_is_named_over_ros(transport: Ros1Transport) -> None:
     with pytest.raises(TransportError, match="nobody publishes it"):
         CrtkClient(transport, connect_timeout=0.5)
+
+
+def test_served_robot_is_calibrated_to_its_report(
+    ros_master: Master, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    motion = follow_waypoints(STROLL, speed=[0.2, 0.2, 0.01])
+    monkeypatch.setattr(calibrate, "excitation", lambda project: (motion, "a stroll"))
+    monkeypatch.setattr(calibrate, "models_for", lambda robot, seed: QUICK_MODELS)
+    monkeypatch.setattr(calibrate, "random_motion", lambda project, seconds, number=0: (motion, "another"))
+    project = tmp_path / "project"
+    with Program(ros_master, SERVE, "serve", "--homed", "--json") as server:
+        server.line()  # it is up
+        outcome = catenary("calibrate", project, "--ros", "1", "--yes", "--simulated", "--json")
+    assert outcome.code == 0, outcome.err
+    assert outcome.json["deployment"]["ticks"] > 1000
+    log = read_log(motion_log_path(Project(project, ProjectSettings(connection="ros1")), "test"))
+    assert log.ok.mean() > 0.5
+    # what the cables stretch by and the rig's own zeros, and no more: the encoders are the same joints'
+    assert log.q_encoder is not None
+    error = np.abs((log.q_encoder - log.q_nominal)[log.ok])
+    assert (np.median(error, axis=0) < [0.2, 0.2, 0.02]).all()
+    page = (project / "report.html").read_text(encoding="utf-8")
+    assert "model (simulated, over ROS 1)" in page
+    assert "the external encoders" in page

@@ -42,6 +42,13 @@ def serve(
     homed: Annotated[
         bool, typer.Option("--homed", help="Begin as after homing, which otherwise takes half a minute.")
     ] = False,
+    encoders: Annotated[
+        bool,
+        typer.Option(
+            "--encoders/--no-encoders",
+            help="Dialect raven: publish external encoders at the gold arm's joints, /ext_jpos and /joint_enc.",
+        ),
+    ] = True,
     start: Annotated[
         bool, typer.Option("--start", help="Press the silver button at once; with crtk: enable and home.")
     ] = False,
@@ -65,7 +72,7 @@ def serve(
     tilt = numbers("--base-tilt-deg", base_tilt_deg)
     if len(tilt) != 2:
         raise InputError(f"--base-tilt-deg: expected roll and pitch, got {base_tilt_deg!r}")
-    serving = Serving(robot, dialect, seed, (tilt[0], tilt[1]), payload, green, homed)  # type: ignore[arg-type]
+    serving = Serving(robot, dialect, seed, (tilt[0], tilt[1]), payload, green, homed, encoders)  # type: ignore[arg-type]
     with make_transport(ros, NODE) as transport:
         server = make_server(serving, transport, rate_hz=rate)
         wishes = Wishes(["start"] if start else [])
@@ -101,7 +108,7 @@ def button(
 
 def _greeting(server: "Server", dialect: str, ros: str) -> str:
     where = {"1": "over ROS 1", "2": "over ROS 2", "none": "to nobody: without ROS no other program hears it"}
-    text = f"serving {len(server.outlets)} topics in dialect {dialect} {where[ros]}; Ctrl-C ends it"
+    text = f"serving {server.published} topics in dialect {dialect} {where[ros]}; Ctrl-C ends it"
     if server.button is not None:
         text += "; `button` and Enter, or `catenary button`, presses the silver button"
     return text

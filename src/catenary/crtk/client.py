@@ -12,7 +12,7 @@ which refuses a state older than `stale_after`.
 State commands are never latched: a robot that restarts must not be enabled by what was asked of it before.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Self
 
 import numpy as np
@@ -20,17 +20,13 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.crtk.clock import SECOND
-from catenary.crtk.conversions import (
-    Stamps,
-    command_message,
-    joint_state_message,
-    joint_values,
-    operating_state,
-)
+from catenary.crtk.confirmation import CONFIRMED, SETTLE, patience_of
+from catenary.crtk.conversions import Stamps, command_message, joint_state_message, joint_values
+from catenary.crtk.conversions import operating_state as operating_state_of
 from catenary.crtk.joints import RobotJoints, checked_joints, raven_joints
 from catenary.crtk.latest import NOMINAL, ImuTopic, Latest, MeasuredGravity
 from catenary.crtk.message import Message
-from catenary.crtk.names import NAMESPACES, CrtkTopic, Dialect, crtk_topics, find_topic
+from catenary.crtk.names import Dialect, topic_finder
 from catenary.crtk.raven_telemetry import RavenTelemetry, joint_torques
 from catenary.crtk.transport import Publisher, Transport
 from catenary.errors import InputError, NotReadyError, TransportError, UnsupportedCommandError
@@ -39,19 +35,8 @@ from catenary.recording.topics import Arm
 
 STALE_AFTER = 0.2  # [s] without measured_js after which a robot counts as lost
 CONNECT_TIMEOUT = 5.0  # [s] that CRTK's own client allows
-COMMAND_TIMEOUT = 2.0  # [s] until a transition must have been confirmed
-HOMING_TIMEOUT = 180.0  # [s]; RAVEN-II's external encoders alone are given 60 s
-SETTLE = 0.05  # [s] in which a robot takes up `home`: before, its state is still the one from before
 REACHED = 1e-6  # [rad|m] a robot's setpoint this near is the goal: RAVEN-II computes in floats of 32 bits
 _READS = ("measured_js", "setpoint_js", "operating_state")
-_CONFIRMED: Mapping[str, Callable[[OperatingState], bool]] = {
-    "enable": lambda now: now.state == "ENABLED",
-    "disable": lambda now: now.state == "DISABLED",
-    "pause": lambda now: now.state != "ENABLED",  # one that is not enabled is not under way either
-    "resume": lambda now: now.state == "ENABLED",
-    "home": lambda now: now.is_homed and not now.is_busy,
-    "unhome": lambda now: not now.is_homed,
-}
 
 
 class CrtkClient:
@@ -98,7 +83,7 @@ class CrtkClient:
         self._joints = checked_joints(raven_joints(arm) if joints is None else joints)
         self.transport, self.dialect, self.arm = transport, dialect, arm
         self.period, self.stale_after, self.simulated = period, stale_after, simulated
-        self._topics = _finder(dialect, arm, namespace)
+        self._topics = topic_finder(dialect, arm, namespace)
         self._stamps = Stamps()
         self._goal: Floats | None = None  # (n,) sent last
         self._arrived = False  # whether the robot's setpoint has been at the goal
@@ -216,7 +201,7 @@ class CrtkClient:
             TransportError: Nothing has come from the robot for `stale_after`.
         """
         self._fresh()
-        return operating_state(self._latest["operating_state"].message())
+        return operating_state_of(self._latest["operating_state"].message())
 
     def telemetry(self) -> Mapping[str, Floats]:
         """Latest sample of every declared column; NaN of an encoder that fell silent."""
@@ -287,17 +272,17 @@ class CrtkClient:
             )
         self._goal = None
         begin = self.transport.now()
-        patience = timeout or (HOMING_TIMEOUT if command == "home" else COMMAND_TIMEOUT)
+        patience = timeout or patience_of(command)
         settle = SETTLE if command == "home" else 0.0
         self._publishers["state_command"].publish(command_message(command, self._stamps.next(begin)))
         latest = self._latest["operating_state"]
         while True:
             self.transport.sleep(self.period)
             elapsed = (self.transport.now() - begin) / SECOND
-            now = operating_state(latest.message())
+            now = operating_state_of(latest.message())
             # a robot may publish its state only when it changes: then what held before holds
             is_news = latest.arrived is not None and latest.arrived > begin
-            if elapsed >= settle and (is_news or elapsed > 10.0 * SETTLE) and _CONFIRMED[command](now):
+            if elapsed >= settle and (is_news or elapsed > 10.0 * SETTLE) and CONFIRMED[command](now):
                 return
             if elapsed > patience:
                 self._fresh()
@@ -322,10 +307,8 @@ class CrtkClient:
 
     def close(self) -> None:
         """End its topics; the transport stays open."""
-        parts: list[Latest | RavenTelemetry | Publisher] = [
-            *self._latest.values(),
-            *self._publishers.values(),
-        ]
+        parts: list[Latest | RavenTelemetry | Publisher]
+        parts = [*self._latest.values(), *self._publishers.values()]
         if self._state is not None:
             parts.append(self._state)
         if self._gravity is not None:
@@ -411,15 +394,3 @@ class CrtkClient:
             if not self.transport.connections(topic).subscribers:
                 faults.append(f"{topic}: nobody listens")
         return faults
-
-
-def _finder(dialect: Dialect, arm: Arm, namespace: str | None) -> Callable[[str], CrtkTopic]:
-    """Gives the topic of a verb."""
-    if dialect == "raven":
-        if namespace is not None:
-            raise InputError(f'namespace "{namespace}": a robot that speaks raven has none; give arm')
-        return lambda verb: find_topic(dialect, verb, arm)
-    if dialect != "crtk":
-        raise InputError(f'dialect "{dialect}": expected raven or crtk')
-    listed = {t.verb: t for t in crtk_topics(NAMESPACES[arm] if namespace is None else namespace, arm)}
-    return listed.__getitem__

@@ -8,6 +8,7 @@ Trap: the RAVEN-II publishes `measured_js` and `measured_cp` of its arms swapped
 one's; setpoints and commands are not swapped. Ask `topic_name` for an arm, never put a name together.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -171,3 +172,24 @@ def find_topic(dialect: Dialect, verb: str, arm: Arm | None = None) -> CrtkTopic
 def topic_name(dialect: Dialect, verb: str, arm: Arm | None = None) -> str:
     """Name of the topic that carries a verb; see `find_topic`."""
     return find_topic(dialect, verb, arm).name
+
+
+def topic_finder(dialect: Dialect, arm: Arm, namespace: str | None = None) -> Callable[[str], CrtkTopic]:
+    """Give what finds the topic of a verb of one arm.
+
+    Args:
+        dialect: Raven or crtk.
+        arm: Which one.
+        namespace: In front of the verbs of a robot that speaks `crtk`; a RAVEN-II's when None.
+
+    Raises:
+        InputError: There is no such dialect, or it has no namespaces.
+    """
+    if dialect == "raven":
+        if namespace is not None:
+            raise InputError(f'namespace "{namespace}": a robot that speaks raven has none; give arm')
+        return lambda verb: find_topic(dialect, verb, arm)
+    if dialect != "crtk":
+        raise InputError(f'dialect "{dialect}": expected raven or crtk')
+    listed = {t.verb: t for t in crtk_topics(NAMESPACES[arm] if namespace is None else namespace, arm)}
+    return listed.__getitem__

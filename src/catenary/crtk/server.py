@@ -14,6 +14,7 @@ from catenary.crtk.names import BUTTON, BUTTON_TYPE, COMMAND, CrtkTopic
 from catenary.crtk.outlet import Outlet
 from catenary.crtk.reports import Reports
 from catenary.crtk.served_arm import ServedArm
+from catenary.crtk.served_encoders import ServedEncoders
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError
 from catenary.recording.topics import Arm
@@ -48,6 +49,7 @@ class Server:
         *,
         button: bool = False,
         publish_every: int = 1,
+        encoders: ServedEncoders | None = None,
     ) -> None:
         """Publish and subscribe; nothing moves before `tick`.
 
@@ -58,6 +60,7 @@ class Server:
             reports: Where troubles go.
             button: Offer the RAVEN-II's silver button as a service.
             publish_every: Ticks from one publication to the next.
+            encoders: External ones at an arm's joints, which have topics of their own.
 
         Raises:
             TransportError: A topic carries another type, or is published by this transport already.
@@ -75,9 +78,12 @@ class Server:
         ]
         # state commands first: what was sent after a `resume` is obeyed in the same tick
         self._sources.sort(key=lambda source: source.topic.type != COMMAND)
+        self._waiting = tuple((source, source.waiting) for source in self._sources)
         self.outlets = {
             (topic.verb, topic.arm): Outlet(transport, topic) for topic in wanted if topic.direction == "out"
         }
+        self._encoders = encoders
+        self._heard = (*self.outlets.values(), *(() if encoders is None else encoders.outlets))
         self._watched = beginning.time
         self.button: str | None = None
         if button:
@@ -88,7 +94,9 @@ class Server:
         """Read the commands that have come, move the arms by a tick, publish."""
         now = self.transport.now()
         self.transport.poll()
-        for source in self._sources:
+        for source, waiting in self._waiting:
+            if not waiting():
+                continue
             for message in source.take(now):
                 self.commands += 1
                 self._obey(source.topic, message, now)
@@ -97,10 +105,12 @@ class Server:
             arm.advance()
         if self.ticks % self._every == 0:
             self._dialect.publish(self.outlets, self._stamps.next(now))
+        if self._encoders is not None:
+            self._encoders.publish(now)
         self.ticks += 1
         if not 0 <= now - self._watched < WATCH:
             self._watched = now
-            for outlet in self.outlets.values():
+            for outlet in self._heard:
                 outlet.watch()
             for source in self._sources:
                 source.watch(now)
@@ -132,7 +142,7 @@ class Server:
     def clients(self) -> set[str]:
         """Names of the programs that listen or command."""
         found: set[str] = set()
-        for outlet in self.outlets.values():
+        for outlet in self._heard:
             found.update(self.transport.connections(outlet.topic.name).subscribers)
         for source in self._sources:
             found.update(self.transport.connections(source.topic.name).publishers)
@@ -144,9 +154,14 @@ class Server:
             arm.hold()
 
     @property
+    def published(self) -> int:
+        """Topics that it publishes."""
+        return len(self._heard)
+
+    @property
     def overflowed(self) -> int:
         """Messages that slow clients missed."""
-        return sum(outlet.publisher.overflowed for outlet in self.outlets.values())
+        return sum(outlet.publisher.overflowed for outlet in self._heard)
 
     def _pressed(self, request: Message) -> Message:
         said = self.press_button()

@@ -46,8 +46,12 @@ def write_project_report(
     opening: list[Block] = [Heading("What the robot did"), _coverage(logs[0], logs[1])]
     further: list[Block] = []
     if deployment is not None:
-        comparison = _beside_the_paper(comparison)
-        further = [Heading("Deployed in the 1 kHz loop"), *_deployment_blocks(deployment)]
+        simulated = any(s.simulated for s in result.evaluation.data.sources)
+        comparison = _beside_the_paper(comparison, _where(project.settings.connection, simulated))
+        further = [
+            Heading("Deployed in the 1 kHz loop"),
+            *_deployment_blocks(deployment, project.settings.connection),
+        ]
     write_calibration_report(
         path,
         model,
@@ -61,8 +65,16 @@ def write_project_report(
     )
 
 
+def _where(connection: str, simulated: bool) -> str:
+    """What ours is, beside the paper's."""
+    if connection == "simulation":
+        return "simulated"
+    network = connection.replace("ros", "ROS ")
+    return f"simulated, over {network}" if simulated else f"robot over {network}"
+
+
 def _beside_the_paper(
-    comparison: tuple[Sequence[str], Sequence[Sequence[str]]],
+    comparison: tuple[Sequence[str], Sequence[Sequence[str]]], where: str
 ) -> tuple[list[str], list[list[str]]]:
     """Add the paper's table I, direction J2-J3: a real robot, one calibration of 1013 s."""
     header, rows = comparison
@@ -70,10 +82,14 @@ def _beside_the_paper(
     for row in rows:
         paper = TABLE_1.get(row[0])
         out.append([*row, *(f"{value:.3f}" for value in paper)] if paper else [*row, "-", "-", "-"])
-    return [f"{header[0]} (simulated)", *header[1:], "paper: J1", "J2", "J3"], out
+    return [f"{header[0]} ({where})", *header[1:], "paper: J1", "J2", "J3"], out
 
 
-def _deployment_blocks(deployment: Mapping[str, Any]) -> list[Block]:
+def _deployment_blocks(deployment: Mapping[str, Any], connection: str) -> list[Block]:
+    if connection == "simulation":
+        aside, reference = "the simulated arm's own step", "the joints' true positions"
+    else:
+        aside, reference = "the way to the robot and back", "the external encoders' latest reading"
     compute, jitter = deployment["compute_us"] or {}, deployment["jitter_us"] or {}
     keys = ("median", "p99", "p999", "max")
     rows = [["correction alone [us]", *(f"{deployment['correction_us'][key]:.1f}" for key in keys)]]
@@ -96,12 +112,10 @@ def _deployment_blocks(deployment: Mapping[str, Any]) -> list[Block]:
         Text(
             f"{deployment['ticks']:,} ticks at {deployment['rate_hz']:g} Hz, {priority} real-time priority, "
             f"{deployment['overruns']} overruns. A whole tick reads the arm, corrects, evaluates the trajectory and "
-            "commands the arm; the simulated arm's own step is not in it."
+            f"commands the arm; {aside} is not in it."
         ),
         Table(["", "median", "p99", "p99.9", "largest"], rows),
-        Text(
-            "Error against the joints' true positions while the loop ran, as reported and as corrected in the tick:"
-        ),
+        Text(f"Error against {reference} while the loop ran, as reported and as corrected in the tick:"),
         Table(["joint", "unit", "reported", "corrected", "outside"], joints),
     ]
 

@@ -16,6 +16,7 @@ from catenary.crtk.parked_arm import ParkedArm
 from catenary.crtk.raven_dialect import RavenDialect
 from catenary.crtk.reports import Reports
 from catenary.crtk.served_arm import GravityTorque, ServedArm
+from catenary.crtk.served_encoders import ServedEncoders, has_encoders
 from catenary.crtk.server import Server, Speaker
 from catenary.crtk.tool_pose import ToolPose
 from catenary.crtk.transport import Transport
@@ -43,6 +44,7 @@ class Serving:
     payload: float = 0.0  # [kg]
     with_green: bool = False  # a green arm that moves, in place of a parked one
     homed: bool = False  # begin as after homing
+    with_encoders: bool = True  # dialect raven: publish the gold arm's external encoders
 
     def __post_init__(self) -> None:
         if self.robot != "raven2":
@@ -89,7 +91,11 @@ def make_server(
         raise InputError(
             f"rate: expected the robot's {1.0 / period:g} Hz divided by a whole number, got {rate_hz:g}"
         )
-    return Server(transport, arms, speaker, reports, button=serving.dialect == "raven", publish_every=every)
+    is_raven = serving.dialect == "raven"
+    encoders = None
+    if is_raven and serving.with_encoders and has_encoders(arms["gold"].plant):
+        encoders = ServedEncoders(transport, arms["gold"].plant)
+    return Server(transport, arms, speaker, reports, button=is_raven, publish_every=every, encoders=encoders)
 
 
 def _plants(serving: Serving) -> dict[Arm, Plant]:

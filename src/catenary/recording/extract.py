@@ -13,6 +13,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from catenary.errors import FileFormatError, InputError
+from catenary.recording.bag_chunks import Block
 from catenary.recording.hashing import sha256_of
 from catenary.recording.journal import About
 from catenary.recording.layout import Encoding
@@ -73,11 +74,17 @@ def extract(
     try:
         for source in sources:
             here = {t.name: wanted[t.name] for t in source.topics if t.name in wanted}
-            for name, stamp, data in source.messages(tuple(here)):
-                writer = writers.get(name)
-                if writer is None:
-                    writer = writers[name] = _TopicWriter(folder, here[name], metadata)
-                writer.add(stamp, data, source.encoding)
+            if isinstance(source, SalvageReader) and source.has_blocks:
+                for name, arrivals, block in source.blocks(tuple(here)):
+                    if name not in writers:
+                        writers[name] = _TopicWriter(folder, here[name], metadata)
+                    writers[name].add_block(arrivals, block, source.encoding)
+            else:
+                for name, stamp, data in source.messages(tuple(here)):
+                    writer = writers.get(name)
+                    if writer is None:
+                        writer = writers[name] = _TopicWriter(folder, here[name], metadata)
+                    writer.add(stamp, data, source.encoding)
             for writer in writers.values():
                 writer.write()  # the next file may be in another encoding
             problems += source.problems
@@ -162,10 +169,14 @@ class _TopicWriter:
             ]
         about = {**metadata, "topic": topic.name, "type": topic.type, "md5": md5_sum(topic.type)}
         self._schema = pa.schema(fields, metadata={"catenary": json.dumps(about)})
-        # dictionaries do not pay for measured numbers
-        self._writer = pq.ParquetWriter(self._part, self._schema, compression="zstd", use_dictionary=False)
+        # dictionaries and ranges do not pay for measured numbers, nor does a slower compression
+        self._writer = pq.ParquetWriter(
+            self._part, self._schema, compression="lz4", use_dictionary=False, write_statistics=False
+        )
         self._arrivals: list[int] = []
         self._data: list[bytes] = []
+        self._blocks: list[tuple[NDArray[np.int64], Block]] = []
+        self._rows = 0  # in the blocks
         self._encoding: Encoding = "ros1"
 
     def add(self, arrival: int, data: bytes, encoding: Encoding) -> None:
@@ -175,18 +186,31 @@ class _TopicWriter:
         if len(self._data) >= ROW_GROUP:
             self.write()
 
+    def add_block(self, arrivals: NDArray[np.int64], block: Block, encoding: Encoding) -> None:
+        self._blocks.append((arrivals, block))
+        self._rows += len(block)
+        self._encoding = encoding
+        if self._rows >= ROW_GROUP:
+            self.write()
+
     def write(self) -> None:
         """Write what was added since the last time."""
-        if not self._data:
-            return
-        samples = decode(self.topic, self._data, self._encoding)
-        arrays = [pa.array(samples.stamp), pa.array(np.array(self._arrivals, dtype=np.int64))]
+        if self._blocks:
+            messages = Block.joined([block for _, block in self._blocks])
+            self._write(np.concatenate([arrivals for arrivals, _ in self._blocks]), messages)
+            self._blocks, self._rows = [], 0
+        if self._data:
+            self._write(np.array(self._arrivals, dtype=np.int64), self._data)
+            self._arrivals, self._data = [], []
+
+    def _write(self, arrivals: NDArray[np.int64], messages: Sequence[bytes]) -> None:
+        samples = decode(self.topic, messages, self._encoding)
+        arrays = [pa.array(samples.stamp), pa.array(arrivals)]
         for column in self.topic.columns:
             values = np.ascontiguousarray(samples.columns[column.name].T)
             arrays += [pa.array(row) for row in values]
-        self._writer.write_table(pa.table(arrays, schema=self._schema), row_group_size=len(self._data))
-        self.messages += len(self._data)
-        self._arrivals, self._data = [], []
+        self._writer.write_table(pa.table(arrays, schema=self._schema), row_group_size=len(messages))
+        self.messages += len(messages)
 
     def close(self) -> Path:
         self.write()

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.errors import FileFormatError
+from catenary.recording.bag_chunks import Block
 from catenary.recording.messages import MESSAGES, NUMBERS, TIMES, current_name, fields
 
 Encoding = Literal["ros1", "cdr"]
@@ -129,13 +130,19 @@ def read_messages(
     Raises:
         FileFormatError: A message is not of this type.
     """
-    lengths = np.fromiter(map(len, messages), dtype=np.int64, count=len(messages))
+    if isinstance(messages, Block):
+        lengths = messages.lengths
+    else:
+        lengths = np.fromiter(map(len, messages), dtype=np.int64, count=len(messages))
     left = np.arange(len(messages))
     while len(left):
         layout = layout_of(name, bytes(messages[left[0]]), encoding)
         same_length = left[lengths[left] == layout.itemsize]
-        block = b"".join([messages[i] for i in same_length] if len(same_length) < len(messages) else messages)
-        records = _records(block, layout, len(same_length))
+        if len(same_length) < len(messages):
+            records = _records(b"".join([messages[i] for i in same_length]), layout, len(same_length))
+        else:
+            whole = messages.data.data if isinstance(messages, Block) else b"".join(messages)
+            records = _records(whole, layout, len(messages))
         same = np.ones(len(records), dtype=bool)
         for count in (n for n in layout.names or () if n.startswith(COUNT)):
             same &= records[count] == records[count][0]
@@ -172,6 +179,8 @@ def blank_messages(
     return _records(bytearray(blank * number), layout_of(name, blank, "ros1"), number)
 
 
-def _records(block: bytes | bytearray, layout: np.dtype[np.void], number: int) -> NDArray[np.void]:
+def _records(
+    block: bytes | bytearray | memoryview, layout: np.dtype[np.void], number: int
+) -> NDArray[np.void]:
     # NumPy cannot count messages without a byte, such as std_msgs/Empty
     return np.frombuffer(block, dtype=layout) if layout.itemsize else np.zeros(number, dtype=layout)

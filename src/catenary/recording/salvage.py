@@ -2,14 +2,28 @@
 
 import bz2
 import json
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from struct import Struct, error
-from typing import BinaryIO
+from typing import BinaryIO, TypeVar
 
+import numpy as np
 from lz4.frame import decompress as lz4_decompress  # type: ignore[import-untyped]
+from numpy.typing import NDArray
 
 from catenary.errors import FileFormatError
+from catenary.recording.bag_chunks import (
+    CONNECTION,
+    DATA,
+    END,
+    HEADER,
+    KIND,
+    TIME,
+    Block,
+    Records,
+    chunk_records,
+    gather,
+)
 from catenary.recording.bag_types import check_ros1_type, check_ros2_type
 from catenary.recording.journal import About, JournalTopic
 from catenary.recording.layout import Encoding
@@ -23,6 +37,8 @@ _SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _DATA_END = 3, 4, 5, 6, 15  # of 
 _CHUNK_HEAD = 60  # [B] before a chunk's records, at most; a shorter one holds none
 _U16, _U32, _U64 = Struct("<H"), Struct("<I"), Struct("<Q")
 _UNPACK = {b"none": bytes, b"bz2": bz2.decompress, b"lz4": lz4_decompress}
+
+Read = TypeVar("Read")
 
 
 class SalvageReader:
@@ -49,12 +65,20 @@ class SalvageReader:
         self.about: About | None = None
         self._types: dict[str, str] = {}
         self.counts: dict[str, int] = {}
-        for name, _, data in self._whole():
-            if name == ABOUT_TOPIC:
-                self.about = about_of(data, self.encoding)
-            else:
-                self.counts[name] = self.counts.get(name, 0) + 1
+        self._wanted: frozenset[str] | None = None
+        if self._ros1:
+            for found in self._guarded(lambda file, size: self._bag(file, size, self._bag_counts)):
+                self._count(*found)
+        else:
+            for name, _, data in self._whole():
+                self._count(name, 1, data)
         self.topics = tuple(JournalTopic(n, t) for n, t in self._types.items() if n != ABOUT_TOPIC)
+
+    def _count(self, name: str, number: int, first: bytes) -> None:
+        if name == ABOUT_TOPIC:
+            self.about = about_of(first, self.encoding)
+        else:
+            self.counts[name] = self.counts.get(name, 0) + number
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
         """Give topic, arrival stamp [ns] and bytes of every whole message."""
@@ -63,13 +87,32 @@ class SalvageReader:
             if message[0] != ABOUT_TOPIC and (topics is None or message[0] in topics):
                 yield message
 
+    def blocks(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
+        """Give topic, arrival stamps [ns] (N,) and messages of every chunk of a ROS 1 bag, without an object for each.
+
+        Within a topic messages keep their order.
+        """
+        self.problems.clear()
+        self._wanted = None if topics is None else frozenset(topics)
+        yield from self._guarded(lambda file, size: self._bag(file, size, self._bag_blocks))
+
+    @property
+    def has_blocks(self) -> bool:
+        """Whether `blocks` can read it."""
+        return self._ros1
+
     def _whole(self) -> Iterator[tuple[str, int, bytes]]:
+        if self._ros1:
+            return self._guarded(lambda file, size: self._bag(file, size, self._bag_messages))
+        return self._guarded(lambda file, size: self._mcap(file, size, {}))
+
+    def _guarded(self, read: Callable[[BinaryIO, int], Iterator[Read]]) -> Iterator[Read]:
+        """Read up to what is damaged, which becomes a problem."""
         with self.path.open("rb") as file:
             size = file.seek(0, 2)
             file.seek(len(ROS1_MAGIC) if self._ros1 else len(MCAP_MAGIC))
-            names: dict[int, str] = {}
             try:
-                yield from self._bag(file, size, names) if self._ros1 else self._mcap(file, size, names)
+                yield from read(file, size)
             except (error, KeyError, ValueError, OSError, EOFError, RuntimeError) as problem:
                 if isinstance(problem, FileFormatError):
                     raise
@@ -78,7 +121,11 @@ class SalvageReader:
     def _cut_off(self, left: int) -> None:
         self.problems.append(f"{self.path}: is cut off within its last {left} bytes")
 
-    def _bag(self, file: BinaryIO, size: int, names: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:
+    def _bag(
+        self, file: BinaryIO, size: int, read_chunk: Callable[[bytes, dict[int, str]], Iterator[Read]]
+    ) -> Iterator[Read]:
+        """Give what `read_chunk` makes of every chunk."""
+        names: dict[int, str] = {}
         while file.tell() < size:
             start = file.tell()
             head = _sized(file, size)
@@ -86,33 +133,68 @@ class SalvageReader:
             values = {} if head is None else _header(head)
             if data is None:
                 if values.get(b"compression") == b"none":
-                    yield from self._bag_chunk(file.read(), names)
+                    yield from read_chunk(file.read(), names)
                 self._cut_off(size - start)
                 return
             if values[b"op"][0] == _CHUNK:
                 unpack = _UNPACK.get(values[b"compression"])
                 if unpack is None:
                     raise ValueError(f"unknown compression {values[b'compression'].decode(errors='replace')}")
-                yield from self._bag_chunk(unpack(data), names)
+                yield from read_chunk(unpack(data), names)
 
-    def _bag_chunk(self, chunk: bytes, names: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:
-        position = 0
-        while (middle := _behind(chunk, position)) is not None and (
-            end := _behind(chunk, middle)
-        ) is not None:
-            values, data = _header(chunk[position + 4 : middle]), chunk[middle + 4 : end]
-            position = end
-            connection = _U32.unpack(values[b"conn"])[0]
-            if values[b"op"][0] == _CONNECTION:
-                about = _header(data)
-                name = values[b"topic"].decode()
-                kind = about[b"type"].decode()
-                text = about[b"message_definition"].decode(errors="replace")
-                check_ros1_type(self.path, name, kind, about[b"md5sum"].decode(), text)
-                names[connection], self._types[name] = name, current_name(kind)
-            elif values[b"op"][0] == _MESSAGE:
-                seconds, nanoseconds = Struct("<II").unpack(values[b"time"])
-                yield names[connection], seconds * 10**9 + nanoseconds, data
+    def _bag_messages(self, chunk: bytes, names: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:
+        for row in chunk_records(chunk).tolist():
+            if row[KIND] == _MESSAGE:
+                yield names[row[CONNECTION]], row[TIME], chunk[row[DATA] : row[END]]
+            else:
+                self._bag_connection(chunk, row, names)
+
+    def _bag_blocks(
+        self, chunk: bytes, names: dict[int, str]
+    ) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
+        for name, own in self._bag_topics(chunk, names):
+            if name != ABOUT_TOPIC:
+                yield name, own[:, TIME], gather(chunk, own)
+
+    def _bag_counts(self, chunk: bytes, names: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:
+        for name, own in self._bag_topics(chunk, names):
+            yield name, len(own), chunk[own[0, DATA] : own[0, END]]
+
+    def _bag_topics(self, chunk: bytes, names: dict[int, str]) -> Iterator[tuple[str, Records]]:
+        """Give the records of each topic's messages."""
+        records = chunk_records(chunk)
+        is_message = records[:, KIND] == _MESSAGE
+        damaged = np.flatnonzero(records[:, KIND] < 0)
+        whole = damaged[0] if len(damaged) else len(records)  # what comes before it can be read
+        for row in records[:whole][~is_message[:whole]].tolist():
+            self._bag_connection(chunk, row, names)
+        messages = records[:whole][is_message[:whole]]
+        numbers = messages[:, CONNECTION]
+        topics = {number: names[number] for number in dict.fromkeys(numbers.tolist())}
+        for name in dict.fromkeys(topics.values()):
+            if self._wanted is None or name in self._wanted:
+                ours = [number for number, topic in topics.items() if topic == name]
+                own = messages
+                if len(ours) == 1 < len(topics):  # nearly always: one program publishes a topic
+                    own = messages[numbers == ours[0]]
+                elif len(ours) < len(topics):
+                    own = messages[np.isin(numbers, ours)]
+                yield name, own
+        if len(damaged):
+            self._bag_connection(chunk, records[whole].tolist(), names)
+
+    def _bag_connection(self, chunk: bytes, row: list[int], names: dict[int, str]) -> None:
+        """Take in a record that is no message; one that makes no sense is an error."""
+        if row[KIND] < 0:
+            raise ValueError("a record's header makes no sense")
+        if row[KIND] == _CONNECTION:
+            values = _header(chunk[row[HEADER] : row[DATA] - 4])
+            about = _header(chunk[row[DATA] : row[END]])
+            name = values[b"topic"].decode()
+            kind = about[b"type"].decode()
+            text = about[b"message_definition"].decode(errors="replace")
+            check_ros1_type(self.path, name, kind, about[b"md5sum"].decode(), text)
+            names[row[CONNECTION]], self._types[name] = name, current_name(kind)
 
     def _mcap(self, file: BinaryIO, size: int, names: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:
         schemas: dict[int, tuple[str, str]] = {}
@@ -162,14 +244,6 @@ class SalvageReader:
             names[number], self._types[name] = name, current_name(schema)
         elif kind == _MCAP_MESSAGE:
             yield names[number], _U64.unpack_from(data, 6)[0], data[22:]
-
-
-def _behind(data: bytes, position: int) -> int | None:
-    """Where bytes behind their length end, or None where the data end first."""
-    if position + 4 > len(data):
-        return None
-    end: int = position + 4 + _U32.unpack_from(data, position)[0]
-    return end if end <= len(data) else None
 
 
 def about_of(data: bytes, encoding: Encoding) -> About:

@@ -11,9 +11,8 @@ from catenary.recording.journal_reader import JournalReader
 from catenary.recording.layout import Encoding
 from catenary.recording.salvage import SalvageReader
 
-STREAMED = (
-    256 * 2**20
-)  # [B] from which a ROS 1 bag is read without its index, which takes 170 B a message in memory
+# [B] from which a ROS 1 bag is read without its index, which takes 170 B a message in memory
+STREAMED = 64 * 2**20
 
 
 class Source(Protocol):

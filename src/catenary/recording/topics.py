@@ -9,7 +9,7 @@ carries the green arm, arm2 the gold one. `ravenstate_100hz` is published withou
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -250,7 +250,8 @@ def decode(topic: Topic, messages: Sequence[bytes], encoding: Encoding = "ros1")
         c.name: np.zeros((rows, c.width), dtype=np.int32) if c.whole else np.full((rows, c.width), np.nan)
         for c in topic.columns
     }
-    for where, records in read_messages(topic.type, messages, encoding):
+    for places, records in read_messages(topic.type, messages, encoding):
+        where: Any = slice(None) if len(places) == rows else places
         _same_joints(topic, records)
         seconds = records[f"{topic.header}.stamp.sec"].astype(np.int64)
         stamp[where] = seconds * SECOND + records[f"{topic.header}.stamp.nsec"]
@@ -266,7 +267,10 @@ def decode(topic: Topic, messages: Sequence[bytes], encoding: Encoding = "ros1")
                     f"topic {topic.name}: {column.path} has {values.shape[1]} numbers, expected {column.width}: "
                     + ", ".join(column.labels)
                 )
-            out[column.name][where] = values if column.whole else values.astype(np.float64) * column.to_si
+            if column.whole:
+                out[column.name][where] = values
+            else:
+                out[column.name][where] = np.multiply(values, column.to_si, dtype=np.float64)
     return Samples(stamp, out)
 
 

@@ -195,6 +195,10 @@ def joint_torques(firmware: Firmware, torque: Floats) -> Floats:
     """
     cable: Floats = torque * firmware.ratio / firmware.gearbox
     joint = cable.copy()
+    if cable.ndim == 1:  # one tick's: plain floats are quicker than NumPy's scalars, and the same numbers
+        shoulder, elbow, insertion = cable[:3].tolist()
+        joint[:3] = joint_forces(firmware.coupling, (shoulder, elbow, insertion))
+        return joint
     forces = joint_forces(firmware.coupling, (cable[..., 0], cable[..., 1], cable[..., 2]))
     for j in range(3):
         joint[..., j] = forces[j]

@@ -1,0 +1,152 @@
+"""A long ROS 1 bag to Parquet, beside one Python object per message: messages a second, and peak memory.
+
+`make bench-bags`, or `python -m tests.benchmarks.bag_extraction --hours 0.5`. The bag holds raven_state, measured_js and
+ext_jpos at 100 Hz: ten minutes, repeated with their stamps moved on. The peer is rosbags' AnyReader, which gives every
+message as an object whose fields
+are stacked into the same columns and written; it reads the bag's first minutes, since its speed
+does not depend on the length but for its index. Each runs in a process of its own, by CPU time.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosbags.rosbag1 import Writer
+
+sys.path.insert(0, str(Path(__file__).parents[1]))  # `oracles`, as pytest finds it
+
+from catenary.recording.messages import full_definition, md5_sum, ros2_name
+from catenary.recording.topics import EXT_JPOS, GOLD_MEASURED_JS, RAVENSTATE_100HZ, encode
+from oracles.raven_recording import START_NS, telemetry
+
+TOPICS = (RAVENSTATE_100HZ, GOLD_MEASURED_JS, EXT_JPOS)
+PERIOD = 10_000_000  # [ns]
+PIECE = 600  # [s] that are repeated
+PEER_SECONDS = 300
+PEAK = """
+def peak():  # [GiB]; getrusage would tell the parent's
+    line = next(l for l in open("/proc/self/status") if l.startswith("VmHWM"))
+    return int(line.split()[1]) / 2**20
+"""
+OURS = (
+    PEAK
+    + """
+import json, sys, time
+from pathlib import Path
+from catenary.recording.extract import extract
+extract([Path(sys.argv[2])], Path(sys.argv[3]) / "warm")  # a short bag: imports, compiled code
+wall, cpu = time.perf_counter(), time.process_time()
+found = extract([Path(sys.argv[1])], Path(sys.argv[3]) / "out")
+print(json.dumps({"messages": sum(found.messages.values()), "wall_s": time.perf_counter() - wall,
+    "cpu_s": time.process_time() - cpu, "peak_gb": peak()}))
+"""
+)
+PEER = (
+    PEAK
+    + """
+import json, sys, time
+from pathlib import Path
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from rosbags.highlevel import AnyReader
+from catenary.recording.topics import topic_named
+wall, cpu, count = time.perf_counter(), time.process_time(), 0
+stamps, values = {}, {}
+with AnyReader([Path(sys.argv[1])]) as reader:
+    known = {c.topic: topic_named(c.topic) for c in reader.connections}
+    for connection, arrival, data in reader.messages():
+        topic = known[connection.topic]
+        message = reader.deserialize(data, connection.msgtype)
+        stamp = getattr(message, topic.header).stamp
+        stamps.setdefault(topic.name, []).append((arrival, stamp.sec * 10**9 + stamp.nanosec))
+        for column in topic.columns:
+            if column.path != "dt":
+                values.setdefault((topic.name, column.name), []).append(getattr(message, column.path))
+        count += 1
+for name, pairs in stamps.items():
+    arrays = list(np.array(pairs).T)
+    for column in topic_named(name).columns:
+        if column.path != "dt":
+            rows = np.array(values[name, column.name], dtype=float).reshape(len(pairs), -1) * column.to_si
+            arrays += list(np.ascontiguousarray(rows.T))
+    table = pa.table(arrays, names=[str(i) for i in range(len(arrays))])
+    pq.write_table(table, Path(sys.argv[2]) / "peer.parquet", compression="lz4", use_dictionary=False)
+print(json.dumps({"messages": count, "wall_s": time.perf_counter() - wall, "cpu_s": time.process_time() - cpu,
+    "peak_gb": peak()}))
+"""
+)
+
+
+def write_long_bag(path: Path, seconds: int) -> int:
+    """Write a bag of that length, ordered by arrival; give its number of messages."""
+    rows = min(PIECE, seconds) * 100
+    columns = telemetry(0.01 * np.arange(rows), np.random.default_rng(1))
+    pieces = []
+    for topic in TOPICS:
+        own = {column.name: columns[column.name] for column in topic.columns if column.name in columns}
+        pieces.append(encode(topic, START_NS + PERIOD * np.arange(rows), own))
+    done = 0
+    with Writer(path) as writer:
+        connections = [
+            writer.add_connection(
+                t.name, ros2_name(t.type), msgdef=full_definition(t.type), md5sum=md5_sum(t.type)
+            )
+            for t in TOPICS
+        ]
+        while done < seconds * 100:
+            stamp = START_NS + PERIOD * (done + np.arange(rows))
+            for topic, piece in zip(TOPICS, pieces, strict=True):
+                piece[f"{topic.header}.stamp.sec"], piece[f"{topic.header}.stamp.nsec"] = np.divmod(
+                    stamp, 10**9
+                )
+            for i in range(min(rows, seconds * 100 - done)):
+                for k, connection in enumerate(connections):
+                    writer.write(connection, int(stamp[i]) + k * 1_000_000, pieces[k][i].tobytes())
+            done += rows
+    return seconds * 100 * len(TOPICS)
+
+
+def measured(code: str, *arguments: Path) -> dict[str, Any]:
+    """Run a program of its own; give what it printed, and messages a second."""
+    done = subprocess.run(
+        [sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True, check=True
+    )
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found | {"messages_per_cpu_s": found["messages"] / found["cpu_s"]}
+
+
+def main() -> None:
+    """Measure, print, and write JSON where `--json FILE` says."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--hours", type=float, default=6.0)
+    parser.add_argument("--folder", type=Path, help="Where the bags go: about 0.75 GB an hour.")
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory(dir=options.folder) as text:
+        folder = Path(text)
+        write_long_bag(folder / "long.bag", round(3600 * options.hours))
+        write_long_bag(folder / "short.bag", min(PEER_SECONDS, round(3600 * options.hours)))
+        size = (folder / "long.bag").stat().st_size
+        ours = measured(OURS, folder / "long.bag", folder / "short.bag", folder)
+        peer = measured(PEER, folder / "short.bag", folder)
+    table = {
+        "hours": options.hours,
+        "gigabytes": size / 2**30,
+        "catenary": ours,
+        "objects": peer,
+        "times_faster": ours["messages_per_cpu_s"] / peer["messages_per_cpu_s"],
+    }
+    print(json.dumps(table, indent=2))
+    if options.json is not None:
+        options.json.parent.mkdir(parents=True, exist_ok=True)
+        options.json.write_text(json.dumps(table, indent=2))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,116 @@
+"""Bags of ours in the hands of Debian's rosbag, and bags of its in ours; skipped where it is not installed."""
+
+import json
+import re
+import shutil
+import subprocess
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from catenary.recording import source
+from catenary.recording.bag import write_bag
+from catenary.recording.extract import extract
+from catenary.recording.journal_reader import JournalReader
+from catenary.recording.messages import md5_sum
+from oracles.raven_recording import record
+
+PYTHON = "/usr/bin/python3"  # the one that Debian's packages are for
+# as a recorder does: raw bytes, with the type's own sum and definition
+REWRITE = """
+import sys, rosbag
+with rosbag.Bag(sys.argv[1]) as old, rosbag.Bag(sys.argv[2], "w", compression=sys.argv[3], chunk_threshold=20000) as new:
+    for topic, raw, stamp, header in old.read_messages(raw=True, return_connection_header=True):
+        new.write(topic, raw, stamp, raw=True, connection_header=header)
+"""
+# the numbers as genpy reads them, with classes made from the definition in the bag
+READ = """
+import json, sys, rosbag
+with rosbag.Bag(sys.argv[1]) as bag:
+    print(json.dumps([
+        [topic, stamp.to_nsec(), (message.hdr if hasattr(message, "hdr") else message.header).stamp.to_nsec(),
+         list(message.jpos if hasattr(message, "jpos") else message.position)]
+        for topic, message, stamp in bag.read_messages() if not hasattr(message, "data")]))
+"""
+
+
+def by_debian(*arguments: str) -> str:
+    """Output of a program that must succeed."""
+    done = subprocess.run([PYTHON, *arguments], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module", autouse=True)
+def rosbag() -> str:
+    """The command."""
+    found = shutil.which("rosbag")
+    if found is None or subprocess.run([PYTHON, "-c", "import rosbag"], capture_output=True).returncode != 0:
+        pytest.skip("Debian's rosbag is not installed: apt install python3-rosbag")
+    return found
+
+
+@pytest.fixture(scope="module")
+def journal(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record(tmp_path_factory.mktemp("recording") / "journal", 5.0)
+
+
+@pytest.fixture(scope="module")
+def ours(journal: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    (path,) = write_bag(JournalReader(journal), tmp_path_factory.mktemp("bag") / "ours.bag")
+    return path
+
+
+def test_rosbag_info_tells_our_topics_and_counts(rosbag: str, journal: Path, ours: Path) -> None:
+    told = by_debian(rosbag, "info", str(ours))
+    counts = Counter(topic for topic, _, _ in JournalReader(journal).messages())
+    for topic, count in counts.items():
+        (line,) = [line for line in told.splitlines() if f"{topic} " in line]
+        assert f"{count} msgs" in line
+
+
+def test_rosbag_check_wants_no_rule_for_the_types_that_it_knows(
+    rosbag: str, journal: Path, tmp_path: Path
+) -> None:
+    # raven_2 is not in Debian, and is "Unknown" there whoever recorded it
+    (path,) = write_bag(JournalReader(journal), tmp_path / "joints.bag", topics=["/ext_jpos", "/joint_enc"])
+    told = by_debian(rosbag, "check", str(path))
+    assert "rules missing" not in told
+    assert "Unknown" not in told
+    sums = set(re.findall(r"sensor_msgs/JointState \[(\w+)\]", told))
+    assert sums <= {md5_sum("sensor_msgs/JointState")}, told
+
+
+def test_rosbag_reads_the_numbers_that_we_wrote(ours: Path, tmp_path: Path) -> None:
+    extract([ours], tmp_path / "x")
+    read = json.loads(by_debian("-c", READ, str(ours)))
+    degrees = [row for row in read if row[0] == "/ravenstate"]
+    table = pq.read_table(tmp_path / "x" / "ravenstate.parquet")
+    assert [row[1] for row in degrees] == table.column("arrival").to_pylist()
+    assert [row[2] for row in degrees] == table.column("stamp").to_pylist()
+    shoulder = np.deg2rad([row[3][0] for row in degrees])
+    np.testing.assert_allclose(table.column("jpos:gold_shoulder").to_numpy(), shoulder, rtol=1e-12)
+
+
+@pytest.mark.parametrize("streamed", [False, True], ids=["by its index", "streamed"])
+@pytest.mark.parametrize("compression", ["none", "bz2", "lz4"])
+def test_a_bag_of_rosbags_extracts_to_the_same_messages(
+    ours: Path, tmp_path: Path, compression: str, streamed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    by_debian("-c", REWRITE, str(ours), str(tmp_path / "theirs.bag"), compression)
+    if streamed:
+        monkeypatch.setattr(source, "STREAMED", 0)
+    mine, theirs = (
+        extract([path], tmp_path / name) for name, path in (("x", ours), ("y", tmp_path / "theirs.bag"))
+    )
+    assert dict(mine.messages) == dict(theirs.messages)
+    assert theirs.problems == ()
+    assert theirs.about == mine.about
+    for path in mine.files.values():
+        one, other = pq.read_table(path), pq.read_table(tmp_path / "y" / path.name)
+        assert one.column_names == other.column_names
+        for name in one.column_names:
+            np.testing.assert_array_equal(one.column(name).to_numpy(), other.column(name).to_numpy())
