@@ -82,7 +82,7 @@ def test_gravity_refuses_bad_input(arguments: tuple[str, ...], message: str) -> 
 def test_track_tells_error_and_pd_share_and_writes_a_page(tmp_path: Path) -> None:
     page = tmp_path / "track.html"
     content = catenary(
-        "track", "raven2", "--motion", "random", "--seconds", "1", "--controller", "dg", "--seed", "3",
+        "track", "raven2", "--motion", "random", "--seconds", "2", "--controller", "dg", "--seed", "3",
         "--report", page, "--json",
     ).json  # fmt: skip
     assert content["simulated"]
@@ -95,7 +95,7 @@ def test_track_tells_error_and_pd_share_and_writes_a_page(tmp_path: Path) -> Non
 
 
 def test_track_shows_a_table() -> None:
-    out = catenary("track", "raven2", "--motion", "random", "--seconds", "0.5", "--controller", "pd").out
+    out = catenary("track", "raven2", "--motion", "random", "--seconds", "2", "--controller", "pd").out
     assert "100.0 %" in out
 
 
@@ -114,7 +114,7 @@ def test_any_other_robot_is_held_and_moved_as_rigid_bodies() -> None:
         "hold", "two_link", "--q-deg", "30,40", "--seconds", "0.2", "--base-tilt-deg", "0", "90", "--json"
     ).json
     assert max(joint["drift"] for joint in held["joints"]) < 1e-3
-    moved = catenary("track", "dual_arm_19", "--motion", "random", "--seconds", "0.2", "--json").json
+    moved = catenary("track", "dual_arm_19", "--motion", "random", "--seconds", "2", "--json").json
     assert len(moved["joints"]) == 19
 
 

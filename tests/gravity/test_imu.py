@@ -242,6 +242,20 @@ def test_without_rates_where_a_gyroscope_should_be_gravity_goes_on():
     assert last.faults is Fault.RATES_INTERRUPTED
 
 
+def test_rates_in_degrees_contradict_gravity_as_soon_as_the_base_moves_a_little():
+    w = 2.0 * math.pi * 2.0
+
+    def gravity(t):
+        return tilted_gravity(0.003 * math.sin(w * t), 0.0)
+
+    def degrees(t):
+        return [math.degrees(0.003 * w * math.cos(w * t)), 0.0, 0.0]
+
+    base = Base(angular=True)
+    base.run(1.0, gravity, degrees, hz=200.0)
+    assert all(Fault.RATE_CONTRADICTS in r.faults for r in base.run(1.0, gravity, degrees, hz=200.0))
+
+
 def test_a_gyroscope_may_turn_about_the_vertical_while_gravity_stands_still():
     assert not Base(angular=True).run(1.5, LEVEL, [0.0, 0.0, 0.5])[-1].faults
 

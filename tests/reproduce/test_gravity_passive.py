@@ -14,7 +14,8 @@ def test_without_friction_sensed_gravity_holds_and_every_loaded_joint_falls_with
 ) -> None:
     dg, sg = as_rigid_bodies(angle_deg, seconds=1.0)
     assert max(dg.drift) < 1e-3  # deg, mm: a torque of rounding alone
-    # from rest, half a second under a hundredth of the joint's load moves more than that
+    # nothing sticks: on the same plant, from the same rest, half a second under a hundredth of a
+    # joint's load moves it by more than that
     assert min(sg.drift) > 1.0
 
 
@@ -25,7 +26,7 @@ def test_simulated_raven_holds_upside_down_with_sensed_gravity_alone() -> None:
 
 
 def test_page_and_data_hold_every_angle(tmp_path: Path) -> None:
-    rows = main(tmp_path, (25,), seconds=0.5, rigid_seconds=0.5)
+    rows = main(tmp_path, (25,), seconds=0.2, rigid_seconds=0.2)
     content = json.loads((tmp_path / "gravity_passive.json").read_text())
     assert [Held(**row).controller for row in content["results"]] == [row.controller for row in rows]
     assert content["simulated"] is True

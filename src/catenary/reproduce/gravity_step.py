@@ -2,7 +2,7 @@
 
 Lewis and Hannaford 2014, conclusion: step responses and perturbations under dynamic gravity compensation. Three events:
 
-- reference: joint 1's reference goes 5 degrees within a tenth of a second, base at 20 degrees about Z0;
+- reference: joint 1's reference goes 5 degrees in a third of a second, base at 20 degrees about Z0;
 - tilt: the base turns from level to 10 degrees about Z0 within 0.5 s, the arm holding a pose;
 - drive: the base accelerates by 2 m/s2 for 3 s, the arm holding a pose.
 
@@ -45,6 +45,10 @@ CONTROLLERS = ("pd", "sg", "dg", "attitude")
 LABELS = {"pd": "PD", "sg": "PD+SG", "dg": "PD+DG", "attitude": "PD+G of true attitude"}
 COLORS = {"pd": "#1c2430", "sg": "#4b6b94", "dg": "#d9622b", "attitude": "#2f8f6b"}
 STEP_DEG, STEP_BASE_DEG = 5.0, 20.0
+STEP_VELOCITY, STEP_ACCELERATION = (
+    np.full(3, 0.5),
+    np.full(3, 5.0),
+)  # [rad/s, rad/s2] slow enough for the drive
 TILT_DEG, TILT_SECONDS = 10.0, 0.5
 ACCELERATION, DRIVE_SECONDS, ONSET = 2.0, 3.0, 0.2  # [m/s2], [s], [s] in which it comes and goes
 WARM = 1.2  # [s] at the pose before the event, in which the sensor is met
@@ -155,7 +159,7 @@ def respond(plant: CablePlant, event: Event, name: str) -> Response:
 def _event_motion(begin: Floats, end: Floats, seconds: float) -> list[Trajectory]:
     if np.array_equal(begin, end):
         return [Rest(begin, seconds)]
-    step = go_to(begin, end, max_velocity=np.full(3, 2.0), max_acceleration=np.full(3, 50.0))
+    step = go_to(begin, end, max_velocity=STEP_VELOCITY, max_acceleration=STEP_ACCELERATION)
     return [step, Rest(end, seconds - step.duration)]
 
 
