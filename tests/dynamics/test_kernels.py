@@ -25,11 +25,12 @@ from catenary.dynamics.traced import (
 from catenary.dynamics.tracing import evaluate
 from catenary.errors import InputError, MissingInertiaError
 from catenary.gravity.torque import gravity_torque
-from catenary.robots.catalog import load_robot, robot_names
+from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
+from oracles.catalogue import robots_with_inertia
 from oracles.random_trees import RandomRobot, random_robot
 
-NAMES = [*robot_names(), "random 8", "random 17", "random 26"]
+NAMES = [*robots_with_inertia(), "random 8", "random 17", "random 26"]
 
 
 def model_of(name: str) -> RobotModel:

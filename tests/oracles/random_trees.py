@@ -107,4 +107,4 @@ def random_bodies_on(model: RobotModel, rng: np.random.Generator) -> RandomRobot
         for i, name in enumerate(model.link_names)
     ]
     coordinates = [Coordinate(*pair) for pair in zip(model.joint_names, model.joint_units, strict=True)]
-    return RandomRobot(assemble(model.name, links, coordinates), links)
+    return RandomRobot(assemble(model.name, links, coordinates, actuation=model.actuation), links)

@@ -11,12 +11,13 @@ from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.errors import InputError, LimitError, NotReadyError
 from catenary.gravity.torque import gravity_torque, potential_energy
 from catenary.robots.assembly import Coordinate, Link, LinkInertia, assemble
-from catenary.robots.catalog import load_robot, robot_names
+from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import FixedBase, RockingBase
 from catenary.simulation.joint_hardware import JointHardware
 from catenary.simulation.mujoco_plant import PERIOD, MujocoPlant
 from catenary.simulation.payload import Payload, carrying
 from catenary.spatial import identity_pose
+from oracles.catalogue import robots_with_inertia
 
 LEVEL = np.array([0.0, 0.0, -9.81])
 TILTED = FixedBase(roll=np.deg2rad(30.0))
@@ -59,7 +60,7 @@ def hardware_for(name):
 # exactness
 
 
-@pytest.mark.parametrize("name", robot_names())
+@pytest.mark.parametrize("name", robots_with_inertia())
 def test_gravity_torque_holds_a_catalogue_robot_still_on_a_tilted_base(name):
     model = load_robot(name)
     plant = enabled(model, base=TILTED, hardware=hardware_for(name))
