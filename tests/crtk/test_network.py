@@ -12,5 +12,5 @@ def test_none_is_a_loopback_of_ones_own():
 
 
 def test_another_network_is_refused():
-    with pytest.raises(InputError, match='ros "3": expected one of 1, 2, none'):
+    with pytest.raises(InputError, match='ros "3": expected 1, 2 or none'):
         make_transport("3", "one")
