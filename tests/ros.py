@@ -22,6 +22,8 @@ MASTER = (
     "import rosmaster; rosmaster.rosmaster_main(['rosmaster', '--core', '-p', sys.argv[1]])"
 )
 
+NODE = "catenary_test"  # of the process of the tests, which can be one node only
+
 
 def require_ros1() -> None:
     """Skip where rospy or the master are missing."""

@@ -17,15 +17,16 @@ from catenary.crtk.ros2 import Ros2Transport
 from catenary.crtk.transport import Spinner, Transport
 from catenary.errors import CatenaryError, InputError, TransportError
 from oracles import fake_rclpy
+from ros import NODE
 
 JOINT_STATE = "sensor_msgs/JointState"
 TEXT = "std_msgs/String"
 JOINTS = ("shoulder", "elbow", "insertion")
 TRANSPORTS: dict[str, Callable[[], Transport]] = {
-    "loopback": lambda: Loopback("robot"),
-    "loopback, threaded": lambda: Loopback("robot", LoopbackNetwork(threaded=True)),
-    "ROS 1": lambda: Ros1Transport("robot"),
-    "ROS 2, a stand-in": lambda: Ros2Transport("robot"),
+    "loopback": lambda: Loopback(NODE),
+    "loopback, threaded": lambda: Loopback(NODE, LoopbackNetwork(threaded=True)),
+    "ROS 1": lambda: Ros1Transport(NODE),
+    "ROS 2, a stand-in": lambda: Ros2Transport(NODE),
 }
 
 
@@ -194,7 +195,7 @@ def test_connections_name_the_peers(transport: Transport, topic: str) -> None:
     publisher = transport.publisher(topic, TEXT)
     connected(transport, topic)
     eventually(lambda: transport.connections(topic).publishers, transport)
-    assert "robot" in transport.connections(topic).subscribers[0]
+    assert NODE in transport.connections(topic).subscribers[0]
     publisher.close()
     eventually(lambda: not transport.connections(topic).subscribers, transport)
 

@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.calibration.fit import FitOptions
+from catenary.crtk import network
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.ros1 import Ros1Transport
 from catenary.errors import TransportError
@@ -23,7 +24,7 @@ from catenary.recording.logs import read_log
 from catenary.trajectories.waypoints import follow_waypoints
 from command_line import catenary
 from oracles.encoded_plant import OFFSET, START
-from ros import Master, Program
+from ros import NODE, Master, Program
 from simulated_project import QUICK_MODELS
 
 pytestmark = pytest.mark.slow
@@ -50,7 +51,7 @@ STROLL = [[0.52, 1.57, 0.40], [0.7, 1.5, 0.395], [0.6, 1.7, 0.39], [0.55, 1.5, 0
 
 @pytest.fixture
 def transport(ros_master: Master) -> Iterator[Ros1Transport]:
-    with Ros1Transport("catenary_test") as one:
+    with Ros1Transport(NODE) as one:
         yield one
 
 
@@ -113,6 +114,7 @@ def test_served_robot_is_calibrated_to_its_report(
     ros_master: Master, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     motion = follow_waypoints(STROLL, speed=[0.2, 0.2, 0.01])
+    monkeypatch.setattr(network, "make_transport", lambda ros, name: Ros1Transport(NODE))
     monkeypatch.setattr(calibrate, "excitation", lambda project: (motion, "a stroll"))
     monkeypatch.setattr(calibrate, "models_for", lambda robot, seed: QUICK_MODELS)
     monkeypatch.setattr(calibrate, "random_motion", lambda project, seconds, number=0: (motion, "another"))
