@@ -97,6 +97,11 @@ def running_master(folder: Path) -> Iterator[Master]:
         master.kill()
 
 
+def _heed_interrupts() -> None:
+    """Undo what a shell does to programs in the background, which then pass it on: ignore Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 class Program:
     """A Python program beside the tests; lines go in and come out."""
 
@@ -108,6 +113,7 @@ class Program:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
+            preexec_fn=_heed_interrupts,
         )
 
     def __enter__(self) -> "Program":
@@ -136,6 +142,6 @@ class Program:
         """Press Ctrl-C."""
         self.process.send_signal(signal.SIGINT)
 
-    def finish(self, seconds: float = 20.0) -> tuple[str, str]:
+    def finish(self, seconds: float = 60.0) -> tuple[str, str]:
         """Wait for its end; give what it has printed since, and its errors."""
         return self.process.communicate(timeout=seconds)
