@@ -77,7 +77,7 @@ def test_a_topic_on_which_nothing_comes_is_told():
     ("arguments", "said"),
     [
         (("encoders", "--port", "/none", "--ros", "none"), "/none: cannot be opened"),
-        (("encoders", "--port", "/none", "--ros", "3"), 'ros "3": expected one of 1, 2, none'),
+        (("encoders", "--port", "/none", "--ros", "3"), 'ros "3": expected 1, 2 or none'),
         (("encoders", "--port", "/none", "--bits", "12", "--ros", "none"), "bits: expected one of"),
         (("encoders", "--port", "/none", "--direction", "1,2,1", "--ros", "none"), "expected 1 or -1"),
         (("gravity-node", "--ros", "none"), "one of --imu, --accel, --vector and --port"),

@@ -75,6 +75,23 @@ def test_no_pose_has_more_inertia_than_the_rule_assumes() -> None:
         assert (np.diag(mass_matrix(arm, q)) <= 1.02 * largest).all()
 
 
+def test_no_mode_of_a_long_arm_is_too_fast_for_the_loop() -> None:
+    arm = load_robot("dual_arm_19")
+    kp, kd = gains_from_mass(arm)
+    rng = np.random.default_rng(3)
+    for q in rng.uniform(arm.lower, arm.upper, (30, 19)):
+        # a sampled state x' = (1 + A dt) x of positions and velocities, semi-implicit as a servo sees it
+        inverse = np.linalg.inv(mass_matrix(arm, q))
+        speed = np.eye(19) - 1e-3 * inverse @ np.diag(kd), -1e-3 * inverse @ np.diag(kp)
+        step = np.block([[speed[0], speed[1]], [1e-3 * speed[0], np.eye(19) + 1e-3 * speed[1]]])
+        assert np.abs(np.linalg.eigvals(step)).max() < 1.0
+
+
+def test_short_arm_gives_no_stiffness_away() -> None:
+    arm = load_robot("two_link")
+    assert_allclose(gains_from_mass(arm).kp, gains_from_mass(arm, rate_hz=1e6).kp, rtol=1e-12)
+
+
 def test_joint_that_moves_nothing_is_named() -> None:
     with pytest.raises(InputError, match='"roll" moves no mass'):
         gains_from_mass(load_robot("raven2_full"))

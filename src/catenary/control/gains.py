@@ -22,10 +22,13 @@ from catenary.transmission.coupling import winding_of
 
 FREQUENCY_HZ = 5.0  # of the rule: a natural frequency that a 1 kHz loop and a stiff arm follow with ease
 DAMPING_RATIO = 0.7
+RATE_HZ = 1000.0
+_FASTEST_DECAY = 0.5  # of a mode in one tick; beyond 2 a sampled damper makes it grow
 # ours: no torque rises from none to the largest faster than this, so that a wrong number is felt before it hurts
 RISE_TIME = 0.02  # [s]
 TAPER = {"rad": 0.035, "m": 0.002}  # [rad], [m] from a joint limit: 2 deg, 2 mm
 _SAMPLES = 256  # of the joint range
+_GIVEN_AT_ONCE = 0.1  # of a joint that alone moves in a mode
 
 
 class JointGains(NamedTuple):
@@ -96,40 +99,65 @@ def gains_from_mass(
     *,
     frequency_hz: float = FREQUENCY_HZ,
     damping_ratio: float = DAMPING_RATIO,
+    rate_hz: float = RATE_HZ,
     motor_inertia: ArrayLike | None = None,
 ) -> JointGains:
     """Gains by rule: kp = w^2 M_jj, kd = 2 damping_ratio w M_jj, with M_jj the largest over the joint range.
 
     Each joint alone, the others held, then oscillates at `frequency_hz` where its inertia is largest, and faster and
-    less damped elsewhere. A joint without limits is taken over a whole turn, or a metre.
+    less damped elsewhere. A joint without limits is taken over a whole turn, or a metre. Where axes fall into line
+    with the others free, far less than M_jj moves: a wrist, or an upper arm that rolls below a stretched forearm. The
+    joints that move in a mode M^-1 kd too fast for the loop give way, M_jj counted less, until there is none.
 
     Args:
         model: With inertia.
         frequency_hz: Natural frequency w / 2 pi [Hz].
         damping_ratio: 1 is critical.
+        rate_hz: Of the loop that samples the arm [Hz].
         motor_inertia: (n, n) what motors add to the mass matrix; none when None.
 
     Raises:
         MissingInertiaError: Links without inertia.
         InputError: Not positive, or a joint that has nothing to move: its gains would be zero.
     """
-    for name, value in (("frequency_hz", frequency_hz), ("damping_ratio", damping_ratio)):
+    given = (("frequency_hz", frequency_hz), ("damping_ratio", damping_ratio), ("rate_hz", rate_hz))
+    for name, value in given:
         if not 0.0 < value < np.inf:
             raise InputError(f"{name}: expected more than 0, got {value}")
     half = np.where(np.array(model.joint_units) == "rad", np.pi, 0.5)
     lower = np.where(np.isfinite(model.lower), model.lower, -half)
     upper = np.where(np.isfinite(model.upper), model.upper, half)
     points = lower + (upper - lower) * qmc.Halton(model.n, scramble=False).random(_SAMPLES)
-    largest = np.einsum("kjj->kj", mass_matrix(model, points)).max(axis=0)
+    masses = mass_matrix(model, points)
     if motor_inertia is not None:
-        largest = largest + np.diag(as_array("motor_inertia", motor_inertia, (model.n, model.n)))
+        masses = masses + as_array("motor_inertia", motor_inertia, (model.n, model.n))
+    largest = np.einsum("kjj->kj", masses).max(axis=0)
     for j in np.flatnonzero(largest <= 0.0):
         raise InputError(
             f'robot "{model.name}": joint "{model.joint_names[j]}" moves no mass, expected some: give its motor\'s '
             "inertia, or gains"
         )
     w = 2.0 * np.pi * frequency_hz
-    return JointGains(w * w * largest, 2.0 * damping_ratio * w * largest)
+    damping = 2.0 * damping_ratio * w
+    counted = _give_way(largest, masses, _FASTEST_DECAY * rate_hz / damping)
+    return JointGains(w * w * counted, damping * counted)
+
+
+def _give_way(inertia: Floats, masses: Floats, most: float) -> Floats:
+    """Count less inertia (n,), until no eigenvalue of M^-1 diag(inertia) of the mass matrices (K, n, n) is beyond most.
+
+    Less of it lowers every eigenvalue at every pose, so that each pose is looked at once.
+    """
+    inertia = inertia.copy()
+    for mass in masses:
+        inverse = np.linalg.inv(mass)
+        while True:
+            root = np.sqrt(inertia)
+            eigenvalues, modes = np.linalg.eigh(root[:, None] * inverse * root)
+            if eigenvalues[-1] <= most:
+                break
+            inertia *= 1.0 - _GIVEN_AT_ONCE * modes[:, -1] ** 2
+    return inertia
 
 
 def default_limits(torque: ArrayLike, units: tuple[str, ...], lower: Floats, upper: Floats) -> TorqueLimits:
