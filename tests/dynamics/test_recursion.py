@@ -1,9 +1,6 @@
-from typing import Union
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from numpy.typing import NDArray
 
 from catenary.dynamics.coriolis_recursion import coriolis_recursion
 from catenary.dynamics.inverse_dynamics import coriolis_matrix, inverse_dynamics
@@ -16,50 +13,8 @@ from catenary.dynamics.recursion import (
     place_links,
 )
 from catenary.gravity.torque import gravity_torque
-from oracles.random_trees import Floats, RandomRobot
-
-Term = Union["Symbol", float]
-
-
-class Symbol:
-    """A number that knows + - * only: what a recursion may ask of the numbers it runs on."""
-
-    def __init__(self, value: float) -> None:
-        self.value = value
-
-    def __add__(self, other: Term) -> "Symbol":
-        return Symbol(self.value + _value(other))
-
-    def __sub__(self, other: Term) -> "Symbol":
-        return Symbol(self.value - _value(other))
-
-    def __rsub__(self, other: Term) -> "Symbol":
-        return Symbol(_value(other) - self.value)
-
-    def __mul__(self, other: Term) -> "Symbol":
-        return Symbol(self.value * _value(other))
-
-    def __neg__(self) -> "Symbol":
-        return Symbol(-self.value)
-
-    __radd__ = __add__
-    __rmul__ = __mul__
-
-
-def _value(term: Term) -> float:
-    return term.value if isinstance(term, Symbol) else term
-
-
-def symbols(values: Floats) -> NDArray[np.object_]:
-    return np.array([Symbol(float(v)) for v in values], dtype=object)
-
-
-def values(array: NDArray[np.object_]) -> Floats:
-    return np.vectorize(_value, otypes=[float])(array)
-
-
-def empty(*shape: int) -> NDArray[np.object_]:
-    return np.empty(shape, dtype=object)
+from oracles.plain_numbers import empty, symbols, values
+from oracles.random_trees import RandomRobot
 
 
 @pytest.mark.parametrize("seed", [3, 8, 17])

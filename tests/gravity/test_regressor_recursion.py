@@ -1,10 +1,6 @@
-import operator
-from typing import Union
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from numpy.typing import NDArray
 
 from catenary.dynamics.recursion import place_joints, place_links
 from catenary.gravity.compact import compact_regressor
@@ -16,50 +12,8 @@ from catenary.gravity.regressor_recursion import (
     standard_recursion,
     turn_links,
 )
-from oracles.random_trees import Floats, RandomRobot
-
-Term = Union["Symbol", float]
-
-
-class Symbol:
-    """A number that knows + - * only: what tracing asks of a recursion."""
-
-    def __init__(self, value: float) -> None:
-        self.value = value
-
-    def __add__(self, other: Term) -> "Symbol":
-        return Symbol(operator.add(self.value, value_of(other)))
-
-    def __sub__(self, other: Term) -> "Symbol":
-        return Symbol(self.value - value_of(other))
-
-    def __rsub__(self, other: Term) -> "Symbol":
-        return Symbol(value_of(other) - self.value)
-
-    def __mul__(self, other: Term) -> "Symbol":
-        return Symbol(self.value * value_of(other))
-
-    def __neg__(self) -> "Symbol":
-        return Symbol(-self.value)
-
-    __radd__ = __add__
-    __rmul__ = __mul__
-
-
-def value_of(term: Term) -> float:
-    return term.value if isinstance(term, Symbol) else term
-
-
-def symbols(values: Floats) -> NDArray[np.object_]:
-    return np.array([Symbol(float(v)) for v in values], dtype=object)
-
-
-def values(array: NDArray[np.object_]) -> Floats:
-    return np.vectorize(value_of, otypes=[float])(array)
-
-
-def empty(*shape: int) -> NDArray[np.object_]:
-    return np.empty(shape, dtype=object)
+from oracles.plain_numbers import empty, symbols, values
+from oracles.random_trees import RandomRobot
 
 
 @pytest.mark.parametrize("seed", [3, 8, 17])
