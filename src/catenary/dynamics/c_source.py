@@ -1,7 +1,6 @@
 """Writes lines of operations as C99, which is C++ too: no memory, no library but math.h."""
 
 import re
-from collections.abc import Sequence
 
 from catenary.dynamics import sines
 from catenary.dynamics.numba_source import ANGLES, name_of, needed, operation, result
@@ -95,14 +94,6 @@ def _statement(line: Line, number: int) -> str:
 
 def _number(value: float) -> str:
     return repr(value) if value >= 0.0 else f"({value!r})"
-
-
-def c_array(name: str, values: Sequence[float], *, kind: str = "double") -> str:
-    """Write a constant array."""
-    rows = [", ".join(repr(value) for value in values[k : k + 6]) for k in range(0, len(values), 6)]
-    return (
-        f"static const {kind} {name}[{max(1, len(values))}] = {{\n  " + ",\n  ".join(rows or ["0"]) + "\n};\n"
-    )
 
 
 def c_name(text: str) -> str:
