@@ -48,12 +48,8 @@ class Column(NamedTuple):
     width: int  # numbers per sample
 
 
-class Plant(Protocol):
-    """A robot, real or simulated; the verbs are CRTK's.
-
-    Verbs that a robot does not have raise UnsupportedCommandError; those in `supports` it has. A robot that is not
-    enabled and homed is never moved: the servo verbs raise NotReadyError.
-    """
+class Bounded(Protocol):
+    """What has joints with limits: a plant or a robot model."""
 
     @property
     def joint_names(self) -> tuple[str, ...]: ...  # noqa: D102
@@ -63,6 +59,15 @@ class Plant(Protocol):
     def lower(self) -> Floats: ...  # noqa: D102
     @property
     def upper(self) -> Floats: ...  # noqa: D102
+
+
+class Plant(Bounded, Protocol):
+    """A robot, real or simulated; the verbs are CRTK's.
+
+    Verbs that a robot does not have raise UnsupportedCommandError; those in `supports` it has. A robot that is not
+    enabled and homed is never moved: the servo verbs raise NotReadyError.
+    """
+
     @property
     def period(self) -> float: ...  # noqa: D102  [s] of a tick
     @property

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
-from catenary.jobs.motion import GENTLE_ACCELERATION, GENTLE_VELOCITY, Bounded
+from catenary.jobs.motion import GENTLE_ACCELERATION, GENTLE_VELOCITY
+from catenary.plant import Bounded
 from catenary.robots.model import RobotModel
 from catenary.trajectories.cartesian import AMPLITUDE, CartesianSinusoids
 from catenary.trajectories.in_turn import InTurn, Rest

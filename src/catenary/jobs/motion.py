@@ -1,7 +1,6 @@
 """Move a robot along a trajectory, whatever it is: simulated, real, or behind a network."""
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from catenary.arrays import Floats, as_array
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError, LimitError, NotReadyError
-from catenary.plant import JointState, Plant, require_ready
+from catenary.plant import Bounded, JointState, Plant, require_ready
 from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Reference, Trajectory
 
@@ -22,19 +21,6 @@ GENTLE_ACCELERATION = {"rad": 0.5, "m": 0.025}  # [rad/s2], [m/s2]
 _BLOCK = 1000  # ticks whose setpoints are computed at once; progress is told as often
 _AT_LIMIT = 1e-9  # [rad|m] rounding, with a wide margin
 _THERE = 1e-9  # [rad|m] nearer than any encoder tells
-
-
-class Bounded(Protocol):
-    """What has joints with limits: a plant or a robot model."""
-
-    @property
-    def joint_names(self) -> tuple[str, ...]: ...  # noqa: D102
-    @property
-    def joint_units(self) -> tuple[str, ...]: ...  # noqa: D102
-    @property
-    def lower(self) -> Floats: ...  # noqa: D102
-    @property
-    def upper(self) -> Floats: ...  # noqa: D102
 
 
 def check_motion(
