@@ -15,9 +15,10 @@ from catenary.control.gains import gains_at_joints
 from catenary.control.loop import StateCorrector, Tick, run_loop
 from catenary.control.pd import JointPD
 from catenary.gravity.torque import gravity_kernel
+from catenary.gravity.vector import LEVEL
 from catenary.plant import JointState
 from catenary.robots.catalog import load_robot
-from catenary.simulation.base_motion import STANDARD_GRAVITY, FixedBase
+from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_parameters import POSITIONING, CableArm, Firmware
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.reference import Reference
@@ -27,7 +28,6 @@ BASE_ANGLES_DEG = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0)
 POSES_DEG = (*range(5, 90, 10), *range(75, 0, -10))  # of joint 1: along its range and back
 MOVE, HOLD, LOOKED_AT = 1.0, 2.0, 1.0  # [s] between poses, at a pose, of it at its end
 BLEND = 0.25  # [s] of setting off and stopping
-LEVEL = np.array([0.0, 0.0, -STANDARD_GRAVITY])
 
 
 class PDShare(NamedTuple):
