@@ -3,14 +3,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.gravity.torque import gravity_torque
+from catenary.gravity.vector import LEVEL
 from catenary.plant import JointState
-from catenary.reproduce.static_gravity import (
+from catenary.reproduce.plant_pd_share import (
     HOLD,
-    LEVEL,
     LOOKED_AT,
     MOVE,
     POSES_DEG,
-    PDGravity,
+    HeldTool,
     pd_share,
     poses_of_joint_1,
 )
@@ -33,10 +33,10 @@ def _state(gravity: np.ndarray) -> JointState:
 def test_without_error_the_torque_is_that_of_the_gravity_it_believes_in(
     sensed: bool, gravity: np.ndarray
 ) -> None:
-    controller = PDGravity(ARM.firmware, sensed=sensed)
+    controller = HeldTool(ARM.firmware, sensed=sensed)
     tau = controller.torque(_state(TILTED), Reference(HOME, np.zeros(7), np.zeros(7)))
     assert_allclose(tau[:3], gravity_torque(load_robot("raven2"), HOME[:3], gravity))
-    assert_allclose(controller.pd, 0.0)
+    assert_allclose(controller.feedback, 0.0)
 
 
 def test_the_base_turns_about_joint_1s_axis() -> None:
