@@ -3,8 +3,8 @@
 Lewis, Hannaford 2014, "Dynamically evaluated gravity compensation for the RAVEN surgical robot", section V-A, figure 8:
 poses along joint 1's range are held by PD and gravity compensation, on bases turned about joint 1's axis (z of the
 mechanism's frame 0); the PD share is the RMS of the PD term over the RMS of all torque. DG takes the sensed gravity,
-SG the level one. This is one number per robot and base, quickly got; figures 7 and 8 themselves, with every controller and way
-of coming to a pose, are gravity_static.py's.
+SG the level one. This is one number per robot and base, quickly got; figures 7 and 8 themselves, with every controller
+and way of coming to a pose, are gravity_static.py's.
 """
 
 from typing import NamedTuple
@@ -18,8 +18,8 @@ from catenary.control.loop import StateCorrector, Tick, run_loop
 from catenary.control.pd import JointPD
 from catenary.gravity.vector import LEVEL
 from catenary.plant import JointState
+from catenary.reproduce.raven_base import turned_base
 from catenary.robots.catalog import load_robot
-from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_parameters import POSITIONING, CableArm, Firmware
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.reference import Reference
@@ -87,9 +87,7 @@ def pd_share(
         sensed: DG; otherwise SG.
         corrector: Joint positions that the controller takes are calibrated ones; the reported ones when None.
     """
-    plant = CablePlant(
-        arm, substeps=1, base=FixedBase(pitch=-np.deg2rad(base_deg))
-    )  # z of frame 0 is -y of the base
+    plant = CablePlant(arm, substeps=1, base=turned_base(base_deg))
     plant.home()
     controller = HeldTool(plant.firmware, sensed=sensed)
     path = poses_of_joint_1(_believed_position(plant, corrector))
