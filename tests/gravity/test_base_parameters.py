@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
-from catenary.gravity.base_parameters import LEVEL, TILTED, base_parameters, random_configurations
+from catenary.gravity.base_parameters import TILTED, base_parameters, random_configurations
 from catenary.gravity.compact import compact_regressor
 from catenary.gravity.regressor import (
     standard_gravity_parameters,
@@ -15,6 +15,7 @@ from catenary.gravity.regressor import (
     standard_labels,
 )
 from catenary.gravity.torque import gravity_torque
+from catenary.gravity.vector import LEVEL
 from catenary.robots.assembly import Coordinate, Link, assemble
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel

@@ -10,7 +10,6 @@ from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.jobs.gravity_motion import RAVEN_START
 from catenary.jobs.simulated_arm import rigid_arm
 from catenary.reproduce.gravity_coupling import (
-    AXIS,
     BASE_DEG,
     Linear,
     Sensing,
@@ -23,6 +22,7 @@ from catenary.reproduce.gravity_coupling import (
     smallest_base,
     unstable_roots,
 )
+from catenary.reproduce.raven_base import Z0
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import RockingBase
 from catenary.trajectories.in_turn import Rest
@@ -36,7 +36,7 @@ def test_response_of_joints_to_a_rocking_base_is_that_of_the_simulated_bodies() 
     model, rotors = load_robot("raven2"), np.array([0.5, 0.3, 5.0])
     linear = raven_on("turn")
     linear = linear._replace(mass=mass_matrix(model, np.array([RAVEN_START]))[0] + np.diag(rotors))
-    base = RockingBase(np.deg2rad(BASE_DEG), amplitude, hz, tuple(AXIS))
+    base = RockingBase(np.deg2rad(BASE_DEG), amplitude, hz, tuple(Z0.tolist()))
     arm = rigid_arm(model, base=base, start=RAVEN_START, motor_inertia=rotors)
     ticks: list[tuple[float, float]] = []
 

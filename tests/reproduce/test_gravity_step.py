@@ -8,7 +8,8 @@ from numpy.testing import assert_allclose
 from catenary.gravity.torque import gravity_torque
 from catenary.jobs.gravity_motion import RAVEN_START
 from catenary.jobs.simulated_arm import raven_gains
-from catenary.reproduce.gravity_step import AXIS, CuedBase, Response, main
+from catenary.reproduce.gravity_step import CuedBase, Response, main
+from catenary.reproduce.raven_base import Z0
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
 
@@ -24,7 +25,7 @@ def test_a_cued_base_turns_as_its_rates_say() -> None:
         np.gradient(gravity, times, axis=0)[1:-1], -np.cross(motion[:, 0], gravity)[1:-1], atol=1e-4
     )
     assert_allclose(np.gradient(motion[:, 0], times, axis=0)[1:-1], motion[1:-1, 1], atol=2e-3)
-    assert_allclose(np.trapezoid(motion[:, 0] @ AXIS, times), 0.3, atol=1e-6)
+    assert_allclose(np.trapezoid(motion[:, 0] @ Z0, times), 0.3, atol=1e-6)
 
 
 def test_a_base_that_was_not_cued_stands_level() -> None:

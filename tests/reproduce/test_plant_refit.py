@@ -10,6 +10,7 @@ from catenary.arrays import Floats
 from catenary.jobs.paper_table import SIX_HOURS_LINEAR, TABLE_1
 from catenary.reproduce import plant_refit
 from catenary.reproduce.plant_evaluation import Hour
+from catenary.reproduce.plant_pd_share import PDShare
 from catenary.reproduce.plant_refit import fit_drift, fit_friction, fit_table_1, write_arm
 from catenary.reproduce.plant_targets import (
     DRIFT,
@@ -22,7 +23,6 @@ from catenary.reproduce.plant_targets import (
     joint_1_friction,
     with_factors,
 )
-from catenary.reproduce.static_gravity import PDShare
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
 
 PARAMETERS = (*FREE, *FRICTION, *DRIFT)

@@ -8,7 +8,8 @@ from numpy.testing import assert_allclose
 
 from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.gravity.torque import gravity_torque, potential_energy
-from catenary.reproduce.tutorial_two_link import GRAVITY, controllers, main, motion, simulate
+from catenary.gravity.vector import LEVEL
+from catenary.reproduce.tutorial_two_link import controllers, main, motion, simulate
 from catenary.robots.catalog import load_robot
 from oracles import two_link_symbols as symbols
 
@@ -31,7 +32,7 @@ def test_mass_matrix_is_that_of_the_symbols() -> None:
 def test_gravity_torque_is_that_of_the_symbols() -> None:
     g = symbols.gravity_torque()
     for q in POSES:
-        assert_allclose(gravity_torque(ARM, q, GRAVITY), at(g, q)[:, 0], atol=1e-12)
+        assert_allclose(gravity_torque(ARM, q, LEVEL), at(g, q)[:, 0], atol=1e-12)
 
 
 def test_jacobians_are_those_that_the_page_prints() -> None:
@@ -55,7 +56,7 @@ def test_jacobians_are_those_that_the_page_prints() -> None:
 def test_the_tutorials_cosine_would_give_another_potential_energy() -> None:
     q = np.array([0.4, -0.7])
     printed = 9.81 * (0.5 * np.sin(q[0]) + np.sin(q[0]) + 0.25 * np.cos(q.sum()))
-    assert abs(potential_energy(ARM, q, GRAVITY) - printed) > 1.0
+    assert abs(potential_energy(ARM, q, LEVEL) - printed) > 1.0
 
 
 def test_the_tutorials_transform_multiplied_out_turns_twice() -> None:
@@ -75,7 +76,7 @@ def test_unforced_arm_keeps_its_energy() -> None:
     run = simulate(ARM, Limp(), motion())
     qd = np.gradient(run.q, run.time, axis=0)
     kinetic = 0.5 * np.einsum("kj,kij,ki->k", qd, mass_matrix(ARM, run.q), qd)
-    energy = kinetic + potential_energy(ARM, run.q, GRAVITY)
+    energy = kinetic + potential_energy(ARM, run.q, LEVEL)
     assert kinetic.max() > 2.0
     assert_allclose(energy[1:-1], energy[1], atol=0.01)  # velocities are central differences over 1 ms
 

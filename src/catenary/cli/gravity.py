@@ -10,6 +10,8 @@ from catenary.cli.terminal import print_json, print_notes, print_table, words
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from catenary.simulation.base_motion import MovingBase
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
@@ -77,7 +79,8 @@ def gravity(
     """
     import numpy as np
 
-    from catenary.jobs.gravity_torques import LEVEL, gravity_of_tilt, gravity_torques
+    from catenary.gravity.vector import LEVEL
+    from catenary.jobs.gravity_torques import gravity_of_tilt, gravity_torques
     from catenary.robots.catalog import load_robot
 
     if tilt_deg is not None and vector is not None:
@@ -85,12 +88,12 @@ def gravity(
     model = load_robot(robot)
     model.require_inertia()
     values = joint_values(model, q, q_deg)
-    down = LEVEL if vector is None else vector
+    down: ArrayLike = LEVEL if vector is None else vector
     if tilt_deg is not None:
         if not np.isfinite(tilt_deg).all():
             raise InputError(f"--tilt-deg: expected finite numbers, got {list(tilt_deg)}")
         roll, pitch = np.deg2rad(tilt_deg)
-        down = tuple(gravity_of_tilt(float(roll), float(pitch)))
+        down = gravity_of_tilt(float(roll), float(pitch))
     result = gravity_torques(model, values, down)
     print_notes(beyond_limits(model, values))
     if as_json:

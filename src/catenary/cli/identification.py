@@ -130,10 +130,10 @@ def identify(
 
 def _gravity(text: str | None) -> tuple[float, float, float]:
     from catenary.cli.terminal import numbers
-    from catenary.identification.options import LEVEL
+    from catenary.identification.options import NOMINAL_GRAVITY
 
     if text is None:
-        return LEVEL
+        return NOMINAL_GRAVITY
     values = numbers("--gravity", text)
     if len(values) != 3:
         raise InputError(f"--gravity: expected three numbers, got {text!r}")

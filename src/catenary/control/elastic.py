@@ -21,12 +21,12 @@ from catenary.dynamics.loop_kernels import new_workspace
 from catenary.errors import InputError
 from catenary.gravity.holding import copy_gravity, holding_torque
 from catenary.gravity.torque import gravity_torque
+from catenary.gravity.vector import STANDARD_GRAVITY
 from catenary.plant import AT_REST, JointState
 from catenary.robots.model import RobotModel, Tree
 from catenary.trajectories.reference import Reference
 
 Compensation = Literal["constant", "online", "biased"]
-STANDARD_GRAVITY = 9.81  # [m/s2]
 _SAMPLES = 512  # of the joint range and the directions of gravity, before the best are climbed
 _CLIMBS = 4
 _STEP = 1e-5  # [rad|m] of central differences

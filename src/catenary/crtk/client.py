@@ -24,12 +24,13 @@ from catenary.crtk.confirmation import CONFIRMED, SETTLE, patience_of
 from catenary.crtk.conversions import Stamps, command_message, joint_state_message, joint_values
 from catenary.crtk.conversions import operating_state as operating_state_of
 from catenary.crtk.joints import RobotJoints, checked_joints, raven_joints
-from catenary.crtk.latest import NOMINAL, ImuTopic, Latest, MeasuredGravity
+from catenary.crtk.latest import ImuTopic, Latest, MeasuredGravity
 from catenary.crtk.message import Message
 from catenary.crtk.names import Dialect, topic_finder
 from catenary.crtk.raven_telemetry import RavenTelemetry, joint_torques
 from catenary.crtk.transport import Publisher, Transport
 from catenary.errors import InputError, NotReadyError, TransportError, UnsupportedCommandError
+from catenary.gravity.vector import LEVEL
 from catenary.plant import STATE_COMMANDS, Column, JointState, OperatingState, StateCommand, require_ready
 from catenary.recording.topics import Arm
 
@@ -175,7 +176,7 @@ class CrtkClient:
         if self._state is not None:
             tau = joint_torques(self._state.arm_values("tau"))
             q_motor = self._state.arm_values("mpos")
-        gravity, age = (np.array(NOMINAL), np.inf) if self._gravity is None else self._gravity.now()
+        gravity, age = (LEVEL.copy(), np.inf) if self._gravity is None else self._gravity.now()
         if self._origin is None:
             self._origin = message.header.stamp
         time = (message.header.stamp - self._origin) / SECOND

@@ -9,9 +9,9 @@ from catenary.crtk.clock import SECOND
 from catenary.crtk.conversions import specific_force
 from catenary.crtk.message import Message
 from catenary.crtk.transport import Transport
+from catenary.gravity.vector import LEVEL
 
 PLAUSIBLE = 9.0, 10.6  # [m/s2] what an accelerometer at rest reads, with room for its errors and slow motion
-NOMINAL = (0.0, 0.0, -9.81)  # [m/s2] gravity on a level base
 
 
 class Latest:
@@ -70,7 +70,7 @@ class MeasuredGravity:
         self._transport = transport
         self._seen: int | None = None  # arrival of the newest message that was looked at
         self._measured: int | None = None  # arrival of the newest plausible one
-        self._gravity = np.array(NOMINAL)
+        self._gravity = LEVEL.copy()
 
     def now(self) -> tuple[Floats, float]:
         """Gravity (3,) [m/s2] and its age [s]; nominal and infinitely old before the first reading."""

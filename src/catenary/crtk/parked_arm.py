@@ -7,9 +7,8 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import UnsupportedCommandError
+from catenary.gravity.vector import LEVEL
 from catenary.plant import Column, JointState, OperatingState, StateCommand
-
-_UPRIGHT = (0.0, 0.0, -9.81)  # [m/s2]
 
 
 class ParkedArm:
@@ -37,7 +36,7 @@ class ParkedArm:
         place = as_array("q", q, (n,))
         self.lower, self.upper = place.copy(), place.copy()
         rest = np.zeros(n)
-        self._state = JointState(0.0, place, rest, rest, np.zeros(0), np.array(_UPRIGHT), np.inf)
+        self._state = JointState(0.0, place, rest, rest, np.zeros(0), LEVEL.copy(), np.inf)
 
     def measured_js(self) -> JointState:
         """Where it stands."""

@@ -19,15 +19,14 @@ from catenary.gravity.regressor import (
     standard_gravity_regressor,
     standard_labels,
 )
+from catenary.gravity.vector import LEVEL, STANDARD_GRAVITY
 from catenary.robots.model import RobotModel
 
-G_C = 9.81  # [m/s2]
-LEVEL = (0.0, 0.0, -G_C)
 # by 30 deg about a horizontal axis 40 deg from x: along nothing that a robot's axes are likely to lie along
 TILTED = (
-    float(G_C * np.sin(np.deg2rad(30)) * np.sin(np.deg2rad(40))),
-    float(-G_C * np.sin(np.deg2rad(30)) * np.cos(np.deg2rad(40))),
-    float(-G_C * np.cos(np.deg2rad(30))),
+    float(STANDARD_GRAVITY * np.sin(np.deg2rad(30)) * np.sin(np.deg2rad(40))),
+    float(-STANDARD_GRAVITY * np.sin(np.deg2rad(30)) * np.cos(np.deg2rad(40))),
+    float(-STANDARD_GRAVITY * np.cos(np.deg2rad(30))),
 )
 DEPENDENT = 1e-8  # what is left of a unit column that the others give
 # by itself; in combination with others; not at all; known, as the link is declared massless
@@ -103,7 +102,7 @@ def base_parameters(
     q = random_configurations(model, count, rng)
     if gravity is None:
         directions = rng.normal(size=(count, 3))
-        field = G_C * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        field = STANDARD_GRAVITY * directions / np.linalg.norm(directions, axis=1, keepdims=True)
     else:
         field = as_array("gravity", gravity, (3,))
         if not np.linalg.norm(field) > 0.0:

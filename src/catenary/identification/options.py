@@ -6,11 +6,12 @@ from typing import Literal, get_args
 import numpy as np
 
 from catenary.errors import InputError
+from catenary.gravity.vector import LEVEL
 from catenary.robots.actuation import Actuation, SignalFilter, Weighting, default_actuation
 from catenary.robots.model import RobotModel
 
 Terms = Literal["full", "static"]
-LEVEL = (0.0, 0.0, -9.81)
+NOMINAL_GRAVITY: tuple[float, float, float] = tuple(LEVEL.tolist())  # [m/s2]
 
 
 @dataclass(frozen=True)
@@ -18,7 +19,7 @@ class IdentifyOptions:
     """Options; None stands for what the robot's file says."""
 
     terms: Terms = "full"  # full dynamics, or poses at rest: gravity, constants and springs
-    gravity: tuple[float, float, float] = LEVEL  # [m/s2] in base axes
+    gravity: tuple[float, float, float] = NOMINAL_GRAVITY  # [m/s2] in base axes
     cutoff_hz: float | None = None
     order: int | None = None
     cut_samples: int | None = None

@@ -11,6 +11,7 @@ from catenary.control.gravity_pd import At, GravityHold, GravityPD
 from catenary.control.inertia_pd import InertiaPD
 from catenary.control.pd import Damping, JointPD
 from catenary.errors import InputError
+from catenary.gravity.vector import LEVEL
 from catenary.jobs.simulated_arm import SimulatedArm
 
 ControllerName = Literal[
@@ -24,7 +25,6 @@ ControllerName = Literal[
     "elastic-biased",
 ]
 HoldName = Literal["sg", "dg"]
-NOMINAL_GRAVITY = (0.0, 0.0, -9.81)  # [m/s2] of a level base: what PD+SG believes
 
 WHAT: dict[str, str] = {
     "pd": "PD alone",
@@ -61,7 +61,7 @@ def make_controller(
     if name == "pd":
         return JointPD(kp, kd, damping=damping)
     if name in ("sg", "dg"):
-        gravity = NOMINAL_GRAVITY if name == "sg" else None
+        gravity = LEVEL if name == "sg" else None
         return GravityPD(arm.model, kp, kd, gravity=gravity, at=at, damping=damping)
     if name in ("inertia", "computed-torque"):
         if damping != "relative":
@@ -89,4 +89,4 @@ def make_hold(name: str, arm: SimulatedArm) -> GravityHold:
     """
     if name not in get_args(HoldName):
         raise InputError(f'controller "{name}": expected one of {", ".join(get_args(HoldName))}')
-    return GravityHold(arm.model, gravity=NOMINAL_GRAVITY if name == "sg" else None)
+    return GravityHold(arm.model, gravity=LEVEL if name == "sg" else None)

@@ -15,9 +15,8 @@ from catenary.dynamics.traced import gravity_line, gravity_regressor_line
 from catenary.dynamics.tracing import evaluate
 from catenary.errors import FileFormatError, InputError
 from catenary.gravity.compact import compact_regressor
+from catenary.gravity.vector import LEVEL
 from catenary.robots.model import RobotModel
-
-LEVEL = (0.0, 0.0, -9.81)
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,7 @@ def c_header(
         "",
         c_sines(name),
         f"/* Torques out[{model.n}] [Nm, N] that hold the arm still at q[{model.n}] under gravity[3]; never negate.",
-        *_check(model, gravity.operations, evaluate(gravity, q=_somewhere(model), gravity=LEVEL)),
+        *_check(model, gravity.operations, evaluate(gravity, q=_somewhere(model), gravity=LEVEL.tolist())),
         c_function(name, "gravity", gravity),
         f"/* Regressor out[{model.n} x {4 * links}], row by row: torques = out s; s holds, for each link, its mass",
         "   [kg] and first moment about the origin of its frame [kg m]: m, mx, my, mz. Links:",

@@ -8,11 +8,11 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.gravity.torque import gravity_torque
+from catenary.gravity.vector import LEVEL
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import FixedBase
 
 TORQUE_UNIT = {"rad": "Nm", "m": "N"}
-LEVEL = (0.0, 0.0, -9.81)  # [m/s2] gravity in the axes of a level base
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from catenary.arrays import Floats
-from catenary.gravity.base_parameters import LEVEL, TILTED, BaseParameters, base_parameters
+from catenary.gravity.base_parameters import TILTED, BaseParameters, base_parameters
 from catenary.gravity.compact import CompactRegressor, compact_regressor
 from catenary.gravity.regressor import standard_gravity_parameters, standard_labels
+from catenary.gravity.vector import LEVEL
 from catenary.robots.model import RobotModel
 
 WORDS = {

@@ -43,14 +43,14 @@ from catenary.gravity.torque import gravity_torque
 from catenary.jobs.gravity_motion import RAVEN_START
 from catenary.jobs.simulated_arm import raven_gains, raven_motor_inertia
 from catenary.page import Block, Picture, Table, Text, picture
+from catenary.reproduce.raven_base import Z0, turned_base
 from catenary.reproduce.results import shown, write_results
 from catenary.robots.catalog import load_robot
-from catenary.simulation.base_motion import FixedBase, RockingBase
+from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.sensors import SensorModel, SimulatedSensor
 
 Complexes = NDArray[np.complexfloating[Any, Any]]
-AXIS = np.array([0.0, -1.0, 0.0])  # Z0 in base axes
 BASE_DEG = 15.0
 FREQUENCIES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)  # [Hz]
 LATENCY = 0.002  # [s]
@@ -103,14 +103,14 @@ def raven_on(motion: str, q: ArrayLike = RAVEN_START, base_deg: float = BASE_DEG
     pose, zero = np.asarray(q, dtype=float)[None], np.zeros((1, model.n))
     gains = raven_gains(arm.firmware)
     mass = mass_matrix(model, pose)[0] + raven_motor_inertia(arm)
-    gravity = FixedBase(0.0, float(-np.deg2rad(base_deg))).sample(np.zeros(1)).gravity[0]
+    gravity = turned_base(base_deg).sample(np.zeros(1)).gravity[0]
     if motion != "turn":
         # accelerating along u is falling along -u, and torque is linear in gravity
         away = -np.eye(3)["xyz".index(motion)]
         return Linear(mass, *gains, gravity_torque(model, pose[0], away), np.zeros(model.n))
-    h = inverse_dynamics(model, pose, zero, zero, np.zeros((1, 3)), BaseMotion(np.zeros(3), AXIS))[0]
+    h = inverse_dynamics(model, pose, zero, zero, np.zeros((1, 3)), BaseMotion(np.zeros(3), Z0))[0]
     # gravity turns the other way in a base that turns
-    t = gravity_torque(model, pose[0], -np.cross(AXIS, gravity))
+    t = gravity_torque(model, pose[0], -np.cross(Z0, gravity))
     return Linear(mass, *gains, h, t)
 
 
@@ -155,7 +155,7 @@ def estimator_response(hz: float, rate_hz: float = 200.0) -> tuple[complex, comp
     w = 2.0 * np.pi * hz
     # below the estimator's own rates of change
     amplitude = min(0.02, 0.1 / w, 0.2 * 400.0 / w**3)
-    base = RockingBase(0.0, amplitude, hz, tuple(AXIS))
+    base = RockingBase(0.0, amplitude, hz, tuple(Z0.tolist()))
     sensor = SensorModel(rate_hz, 0.0, 0.0, 0.0, 0.0, LATENCY, True, Mounting())
     mailbox = Mailbox()
     feed = SimulatedSensor(base, mailbox, sensor).advance
@@ -166,8 +166,8 @@ def estimator_response(hz: float, rate_hz: float = 200.0) -> tuple[complex, comp
     kept = times >= first
     waves = np.stack([np.sin(w * times), np.cos(w * times), np.ones(len(times))], axis=1)[kept]
     truth = base.sample(times[kept])
-    told = np.array([[r.gravity[0], r.base_rates[1] @ AXIS] for r in readings])[kept]
-    true = np.stack([truth.gravity[:, 0], truth.motion[:, 1] @ AXIS], axis=1)
+    told = np.array([[r.gravity[0], r.base_rates[1] @ Z0] for r in readings])[kept]
+    true = np.stack([truth.gravity[:, 0], truth.motion[:, 1] @ Z0], axis=1)
     fits = [np.linalg.lstsq(waves, values, rcond=None)[0] for values in (told, true)]
     ratio = (fits[0][0] + 1j * fits[0][1]) / (fits[1][0] + 1j * fits[1][1])
     return complex(ratio[0]), complex(ratio[1])

@@ -33,6 +33,7 @@ from catenary.jobs.gravity_motion import RAVEN_START
 from catenary.jobs.gravity_track import DISPLAY, with_approach
 from catenary.jobs.simulated_arm import raven_arm
 from catenary.page import Block, Picture, Table, Text, picture
+from catenary.reproduce.raven_base import turned_base
 from catenary.reproduce.results import shown, write_results
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_plant import CablePlant
@@ -72,7 +73,7 @@ class Start(NamedTuple):
 
 def ready(*, seed: int | None = None, base_deg: float = BASE_DEG, motion_seed: int = 0) -> Start:
     """Home a robot on a tilted base and bring it to the motion's start."""
-    base = FixedBase(0.0, float(-np.deg2rad(base_deg)))
+    base = turned_base(base_deg)
     plant = CablePlant(seed=seed, base=base)
     plant.home()
     arm = raven_arm(plant)

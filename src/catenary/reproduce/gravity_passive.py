@@ -27,9 +27,9 @@ from catenary.jobs.gravity_motion import HOLD_START
 from catenary.jobs.gravity_track import DISPLAY
 from catenary.jobs.simulated_arm import SimulatedArm, raven_arm, rigid_arm
 from catenary.page import Block, Picture, Table, Text, picture
+from catenary.reproduce.raven_base import turned_base
 from catenary.reproduce.results import shown, write_results
 from catenary.robots.catalog import load_robot
-from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_plant import CablePlant
 
 ANGLES_DEG = (0, 5, 10, 15, 25, 45, 90, 135, 180)
@@ -54,7 +54,7 @@ class Held(NamedTuple):
 
 def on_cables(angle_deg: int, *, seed: int | None = None, seconds: float = SECONDS) -> list[Held]:
     """The simulated RAVEN-II, homed on a tilted base."""
-    base = tilted(angle_deg)
+    base = turned_base(angle_deg)
     plant = CablePlant(seed=seed, base=base)
     plant.home()
     return [
@@ -67,21 +67,16 @@ def as_rigid_bodies(angle_deg: int, *, seconds: float = RIGID_SECONDS) -> list[H
     """The same arm's links without friction, springs and cables."""
     model = load_robot("raven2")
     return [
-        _held("rigid", rigid_arm(model, base=tilted(angle_deg)), angle_deg, name, HOLD_START, seconds)
+        _held("rigid", rigid_arm(model, base=turned_base(angle_deg)), angle_deg, name, HOLD_START, seconds)
         for name in CONTROLLERS
     ]
-
-
-def tilted(angle_deg: float) -> FixedBase:
-    """A base turned about Z0, the axis of joint 1 on the left arm."""
-    return FixedBase(0.0, float(-np.deg2rad(angle_deg)))
 
 
 def _held(kind: str, arm: SimulatedArm, angle_deg: int, name: str, q: ArrayLike, seconds: float) -> Held:
     held = hold(arm, make_hold(name, arm), q, seconds)
     missing: Floats = np.zeros(arm.model.n)
     if name == "sg":
-        gravity = tilted(angle_deg).sample(np.zeros(1)).gravity[0]
+        gravity = turned_base(angle_deg).sample(np.zeros(1)).gravity[0]
         missing = gravity_torque(arm.model, q, gravity) - gravity_torque(arm.model, q, LEVEL)
     drift = [d * DISPLAY[unit][1] for d, unit in zip(held.drift.tolist(), UNITS, strict=True)]
     return Held(kind, angle_deg, name, tuple(drift), tuple(missing.tolist()))

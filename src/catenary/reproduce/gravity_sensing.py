@@ -25,6 +25,7 @@ from catenary.gravity.samples import Mailbox
 from catenary.gravity.sensor_checks import SensorRules
 from catenary.gravity.vector import LEVEL
 from catenary.page import Table
+from catenary.reproduce.raven_base import rocking_base
 from catenary.reproduce.results import write_results
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
@@ -32,8 +33,7 @@ from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.sensors import SensorModel, SimulatedSensor, ideal_sensor
 
 # joint 1's axis, Z0, in the base frame: the paper tilts its base about it
-AXIS = (0.0, -1.0, 0.0)
-ROCKING = RockingBase(math.radians(15.0), math.radians(5.0), 1.0, AXIS, lever=(0.0, 0.1, 0.3))
+ROCKING = rocking_base(lever=(0.0, 0.1, 0.3))
 POSITION = np.array([0.15, -0.05, 0.1])  # [m] of the sensor, from the base's origin
 TURNED = Rotation.from_euler("xyz", [90.0, 0.0, 30.0], degrees=True).as_matrix()  # R_base_imu
 POSES = ((0.52, 1.57, 0.40), (0.9, 1.2, 0.36), (1.2, 1.9, 0.45))  # [rad, rad, m]

@@ -31,7 +31,7 @@ from catenary.jobs.gravity_track import DISPLAY, pd_share, with_approach
 from catenary.jobs.simulated_arm import SimulatedArm, raven_arm
 from catenary.json_text import json_text
 from catenary.page import Block, Heading, Picture, Table, Text, picture, write_page
-from catenary.simulation.base_motion import FixedBase
+from catenary.reproduce.raven_base import turned_base
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.in_turn import Rest
 
@@ -84,8 +84,7 @@ def static_poses(
         poses_deg: Of joint 1, in their order [deg].
         controllers: By name.
     """
-    # Z0 is the base's -y on the left arm
-    plant = CablePlant(seed=seed, base=FixedBase(0.0, float(-np.deg2rad(angle_deg))))
+    plant = CablePlant(seed=seed, base=turned_base(angle_deg))
     plant.home()
     if approach == "placed":
         return _placed(raven_arm(plant), plant, poses_deg, controllers)

@@ -31,8 +31,9 @@ from catenary.jobs.gravity_motion import RAVEN_START
 from catenary.jobs.gravity_track import with_approach
 from catenary.jobs.simulated_arm import raven_arm
 from catenary.page import Block, Picture, Table, Text, picture
+from catenary.reproduce.raven_base import Z0, turned_base
 from catenary.reproduce.results import shown, write_results
-from catenary.simulation.base_motion import BaseSamples, FixedBase, MovingBase
+from catenary.simulation.base_motion import BaseSamples, MovingBase
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.sensors import SimulatedSensor
 from catenary.trajectories.in_turn import InTurn, Rest
@@ -53,7 +54,6 @@ TILT_DEG, TILT_SECONDS = 10.0, 0.5
 ACCELERATION, DRIVE_SECONDS, ONSET = 2.0, 3.0, 0.2  # [m/s2], [s], [s] in which it comes and goes
 WARM = 1.2  # [s] at the pose before the event, in which the sensor is met
 WATCHED: dict[Event, float] = {"reference": 1.5, "tilt": 1.5, "drive": DRIVE_SECONDS}  # [s] from the event on
-AXIS = np.array([0.0, -1.0, 0.0])  # Z0 of the left arm in base axes
 ALONG = np.array([1.0, 0.0, 0.0])  # of the base, where it drives to
 
 
@@ -64,7 +64,7 @@ class CuedBase:
     """
 
     def __init__(self, *, turn: float = 0.0, turn_time: float = 0.5, acceleration: float = 0.0) -> None:
-        """Take the angle [rad] about AXIS and the time that it takes [s], and the acceleration along ALONG [m/s2]."""
+        """Take the angle [rad] about Z0 and the time that it takes [s], and the acceleration along ALONG [m/s2]."""
         self.turn, self.turn_time, self.acceleration = turn, turn_time, acceleration
         self.begin = np.inf  # [s] on the plant's clock; set it a second ahead, for what is sampled is kept
 
@@ -75,13 +75,13 @@ class CuedBase:
         angle = self.turn * _quintic(x)
         rate = self.turn * 30.0 * x**2 * (1.0 - x) ** 2 / self.turn_time
         change = self.turn * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / self.turn_time**2
-        # Rodrigues: gravity is perpendicular to AXIS; turning axes by an angle turns what stands still back
-        gravity = np.cos(angle)[:, None] * LEVEL - np.sin(angle)[:, None] * np.cross(AXIS, LEVEL)
+        # Rodrigues: gravity is perpendicular to Z0; turning axes by an angle turns what stands still back
+        gravity = np.cos(angle)[:, None] * LEVEL - np.sin(angle)[:, None] * np.cross(Z0, LEVEL)
         push = _quintic(np.minimum(since / ONSET, 1.0)) - _quintic(
             np.clip((since - DRIVE_SECONDS) / ONSET, 0.0, 1.0)
         )
         linear = self.acceleration * push[:, None] * ALONG
-        return BaseSamples(gravity, np.stack([rate[:, None] * AXIS, change[:, None] * AXIS, linear], axis=1))
+        return BaseSamples(gravity, np.stack([rate[:, None] * Z0, change[:, None] * Z0, linear], axis=1))
 
 
 class TrueAttitude:
@@ -116,7 +116,7 @@ def homed(event: Event, *, seed: int | None = None) -> CablePlant:
     """A robot, homed on the base of the event before that begins."""
     base: MovingBase
     if event == "reference":
-        base = FixedBase(0.0, float(-np.deg2rad(STEP_BASE_DEG)))
+        base = turned_base(STEP_BASE_DEG)
     elif event == "tilt":
         base = CuedBase(turn=float(np.deg2rad(TILT_DEG)), turn_time=TILT_SECONDS)
     else:

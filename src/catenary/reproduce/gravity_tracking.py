@@ -33,8 +33,9 @@ from catenary.jobs.gravity_track import DISPLAY, track
 from catenary.jobs.simulated_arm import SimulatedArm, raven_arm
 from catenary.page import Block, Heading, Picture, Table, Text, picture
 from catenary.plant import AT_REST, JointState
+from catenary.reproduce.raven_base import rocking_base, turned_base
 from catenary.reproduce.results import shown, spread, write_results
-from catenary.simulation.base_motion import FixedBase, MovingBase, RockingBase
+from catenary.simulation.base_motion import MovingBase
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.cartesian import AMPLITUDE, CYCLES, PERIOD, CartesianSinusoids
 from catenary.trajectories.reference import Reference
@@ -47,8 +48,6 @@ FOLLOW_VELOCITY = ("inertia", "computed-torque")  # damped relative to the refer
 LABELS = {"pd": "PD", "sg": "PD+SG", "dg": "PD+DG", "dg-imu": "PD+DG, IMU"}
 ROCKING = "rocking"
 UNITS = ("rad", "rad", "m")
-# about Z0, which is the base's -y on the left arm [rad, Hz]
-ROCKING_BASE = RockingBase(np.deg2rad(15.0), np.deg2rad(5.0), 1.0, (0.0, -1.0, 0.0))
 
 
 class Run(NamedTuple):
@@ -74,11 +73,6 @@ class AccelerometerOnly:
     def torque(self, state: JointState, reference: Reference) -> Floats:
         """Torques (n,) [Nm|N]."""
         return self._controller.torque(state._replace(base_rates=AT_REST), reference)
-
-
-def tilted(angle_deg: float) -> FixedBase:
-    """A base turned about Z0, the axis of joint 1 on the left arm."""
-    return FixedBase(0.0, float(-np.deg2rad(angle_deg)))
 
 
 def run_controllers(
@@ -295,11 +289,13 @@ def main(
             if seed is None and angle == angles[-1] and others:
                 extra = [(name, "absolute") for name in others if name not in FOLLOW_VELOCITY]
                 extra += [(name, "relative") for name in (*CONTROLLERS, *others)]
-            done = run_controllers(seed, tilted(angle), str(angle), usual + extra, cycles=cycles, axes=axes)
+            done = run_controllers(
+                seed, turned_base(angle), str(angle), usual + extra, cycles=cycles, axes=axes
+            )
             runs += done[: len(usual)]
             more += done if extra else []
         rocked: list[tuple[str, Damping]] = [*usual, ("dg-imu", "absolute")]
-        runs += run_controllers(seed, ROCKING_BASE, ROCKING, rocked, cycles=cycles, axes=axes)
+        runs += run_controllers(seed, rocking_base(), ROCKING, rocked, cycles=cycles, axes=axes)
         print(f"  robot {'nominal' if seed is None else seed}: done", file=sys.stderr, flush=True)
         _write(
             folder, runs, more, angles, cycles, axes

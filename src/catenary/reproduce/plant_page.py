@@ -30,6 +30,7 @@ from catenary.reproduce.plant_evaluation import (
     recordings,
     six_hours,
 )
+from catenary.reproduce.plant_pd_share import BASE_ANGLES_DEG, pd_share
 from catenary.reproduce.plant_targets import (
     CLOSE,
     DRIFT,
@@ -42,7 +43,6 @@ from catenary.reproduce.plant_targets import (
     Free,
     joint_1_friction,
 )
-from catenary.reproduce.static_gravity import BASE_ANGLES_DEG, pd_share
 from catenary.simulation.cable_parameters import CableArm
 
 UNITS = "deg, deg, mm"

@@ -16,6 +16,7 @@ from scipy.optimize import lsq_linear
 from catenary.arrays import Floats
 from catenary.reproduce.plant_evaluation import errors, homed, recordings, six_hours
 from catenary.reproduce.plant_page import LOSS_TRIED, Fitted, show, write_plant_page
+from catenary.reproduce.plant_pd_share import pd_share
 from catenary.reproduce.plant_targets import (
     DRIFT,
     FITTED,
@@ -27,7 +28,6 @@ from catenary.reproduce.plant_targets import (
     TARGETS,
     with_factors,
 )
-from catenary.reproduce.static_gravity import pd_share
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
 
 FRICTION_STEPS, DRIFT_STEPS = 4, 4  # evaluations

@@ -31,9 +31,10 @@ from catenary.control.estimated_gravity_pd import EstimatedGravityPD
 from catenary.control.loop import Tick, run_loop
 from catenary.control.pd import JointPD
 from catenary.errors import ExcitationError
-from catenary.gravity.base_parameters import LEVEL, base_parameters
+from catenary.gravity.base_parameters import base_parameters
 from catenary.gravity.compact import CompactRegressor, compact_regressor
 from catenary.gravity.torque import gravity_torque
+from catenary.gravity.vector import LEVEL
 from catenary.identification.identification import identify
 from catenary.identification.options import IdentifyOptions
 from catenary.jobs.gravity_track import pd_share

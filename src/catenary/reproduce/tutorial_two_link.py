@@ -19,6 +19,7 @@ from catenary.control.inertia_pd import InertiaPD
 from catenary.control.pd import JointPD
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.gravity.vector import LEVEL
 from catenary.plant import JointState
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
@@ -26,7 +27,6 @@ from catenary.trajectories.in_turn import InTurn, Rest
 from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
 
-GRAVITY = np.array([0.0, 0.0, -9.81])  # [m/s2] z is up
 TICK = 1e-3  # [s] over which a torque is held, as a 1 kHz loop holds it
 START, GOAL = np.deg2rad([-60.0, 30.0]), np.deg2rad([50.0, 100.0])
 FASTEST, QUICKEST = 6.0, 30.0  # [rad/s], [rad/s2]: fast enough for the velocity terms to show
@@ -42,7 +42,7 @@ class Run(NamedTuple):
 
 
 def simulate(
-    model: RobotModel, controller: Controller, trajectory: Trajectory, gravity: Floats = GRAVITY
+    model: RobotModel, controller: Controller, trajectory: Trajectory, gravity: Floats = LEVEL
 ) -> Run:
     """Let an ideal arm, without friction and with perfect sensors, follow a motion from its start.
 

@@ -7,9 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats, as_array
+from catenary.gravity.vector import LEVEL
 from catenary.spatial import rotation_about_x
-
-STANDARD_GRAVITY = 9.81  # [m/s2]
 
 
 class BaseSamples(NamedTuple):
@@ -36,7 +35,7 @@ class FixedBase:
 
     def sample(self, times: Floats) -> BaseSamples:
         """One row for all times: nothing changes."""
-        gravity = tilt(self.roll, self.pitch).T @ np.array([0.0, 0.0, -STANDARD_GRAVITY])
+        gravity = tilt(self.roll, self.pitch).T @ LEVEL
         return BaseSamples(gravity[None, :], np.zeros((1, 3, 3)))
 
 
@@ -63,7 +62,7 @@ class RockingBase:
         angle = self.mean + self.amplitude * np.sin(w * t)
         rate = self.amplitude * w * np.cos(w * t)
         change = -self.amplitude * w * w * np.sin(w * t)
-        level = tilt(self.start.roll, self.start.pitch).T @ np.array([0.0, 0.0, -STANDARD_GRAVITY])
+        level = tilt(self.start.roll, self.start.pitch).T @ LEVEL
         gravity = Rotation.from_rotvec(-angle[:, None] * axis).apply(level)
         omega, alpha = rate[:, None] * axis, change[:, None] * axis
         r = np.asarray(self.lever)

@@ -12,6 +12,7 @@ from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
 from catenary.gravity.mounting import Mounting
 from catenary.gravity.samples import Kind, Mailbox
+from catenary.gravity.vector import STANDARD_GRAVITY
 from catenary.plant import Plant
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, MovingBase
 from catenary.spatial import rotation_about_x, rotation_about_z
@@ -225,7 +226,7 @@ def _spoil(
         return stamp, _KNOCKED @ vector
     factor = {"unit_g": 1.0 / 9.80665, "unit_cm": 100.0, "wrong_scale": 0.85}
     return stamp, vector * factor[name] if name in factor else vector - vector * (
-        9.81 / np.linalg.norm(vector)
+        STANDARD_GRAVITY / np.linalg.norm(vector)
     )
 
 

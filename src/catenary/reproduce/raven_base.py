@@ -1,0 +1,26 @@
+"""The bases of the gravity paper's experiments: turned about Z0, joint 1's axis, on the left arm.
+
+Lewis and Hannaford 2014, sections IV-B and V: base angles "about the Z0 axis" of the mechanism's frame 0.
+"""
+
+import numpy as np
+
+from catenary.arrays import frozen
+from catenary.simulation.base_motion import FixedBase, RockingBase
+
+Z0 = frozen(np.array([0.0, -1.0, 0.0]))  # in base axes, whose z is up
+
+
+def turned_base(angle_deg: float) -> FixedBase:
+    """A base that stands still, turned about Z0 [deg]."""
+    return FixedBase(0.0, float(-np.deg2rad(angle_deg)))
+
+
+def rocking_base(lever: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> RockingBase:
+    """The base of figure 10: rocked about Z0 between 10 and 20 deg at 1 Hz.
+
+    Args:
+        lever: The base's origin seen from a point of the axis [m], base axes.
+    """
+    x, y, z = Z0.tolist()
+    return RockingBase(float(np.deg2rad(15.0)), float(np.deg2rad(5.0)), 1.0, (x, y, z), lever)
