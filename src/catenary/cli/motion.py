@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from catenary.cli.joint_options import some_joint_values
 from catenary.cli.robot_choice import (
     DialectName,
     Fast,
@@ -22,8 +23,6 @@ from catenary.cli.terminal import numbers, print_json, print_notes, print_table,
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.arrays import Floats
-    from catenary.jobs.operated_robot import OperatedRobot
     from catenary.jobs.operator_motion import MotionSummary
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, in rad and m.")]
@@ -83,7 +82,7 @@ def goto(
                 opened, np.array(numbers("--position-mm", position_mm)) / 1000.0, rng=np.random.default_rng(0)
             )
         else:
-            goal, names = _typed(opened, q_deg, q, names)
+            goal, names = some_joint_values(opened.plant, q, q_deg, names)
         with progress_bar("goto") as tell:
             summary = go_to_joints(opened, goal, joints=names, speed=speed, progress=tell)
     _say(summary, as_json, "arrived")
@@ -185,28 +184,6 @@ def follow(
             opened, motion, blend=blend, largest_velocity=fastest, from_afar=from_afar, progress=tell
         )
     _say(summary, as_json, "followed to its end")
-
-
-def _typed(
-    robot: "OperatedRobot", q_deg: str | None, q: str | None, names: tuple[str, ...] | None
-) -> "tuple[Floats, tuple[str, ...]]":
-    """Joints as they were typed, in rad and m, and their names."""
-    import numpy as np
-
-    option, text = ("--q-deg", q_deg) if q_deg is not None else ("--q", q or "")
-    values = np.array(numbers(option, text))
-    all_names = robot.plant.joint_names
-    chosen = all_names[: len(values)] if names is None else names
-    unknown = [name for name in chosen if name not in all_names]
-    if len(chosen) != len(values) or unknown:
-        raise InputError(
-            f"{option}: {len(values)} numbers for {', '.join(chosen)}; the robot has {len(all_names)} joints: "
-            f"{', '.join(f'{n} [{u}]' for n, u in zip(all_names, robot.plant.joint_units, strict=True))}"
-        )
-    if option == "--q-deg":
-        units = np.array([robot.plant.joint_units[all_names.index(name)] for name in chosen])
-        values = np.where(units == "rad", np.deg2rad(values), values / 1000.0)
-    return values, chosen
 
 
 def _say(summary: "MotionSummary", as_json: bool, what: str) -> None:

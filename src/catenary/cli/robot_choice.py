@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from catenary.cli.beside_robot import TerminalGuide, ros_transport
-from catenary.cli.terminal import numbers, print_notes
+from catenary.cli.terminal import print_notes, roll_and_pitch
 from catenary.errors import InputError, NotReadyError
 
 if TYPE_CHECKING:
@@ -79,7 +79,8 @@ def open_robot(
             raise InputError(
                 "--dialect, --namespace, --simulated and --yes go with --ros; this robot is simulated here"
             )
-        yield simulated_robot(robot, seed=seed, base_tilt_deg=_tilt(tilt), homed=homed, real_time=not fast)
+        angles = (0.0, 0.0) if tilt is None else roll_and_pitch("--base-tilt-deg", tilt)
+        yield simulated_robot(robot, seed=seed, base_tilt_deg=angles, homed=homed, real_time=not fast)
         return
     if tilt is not None or seed is not None or fast:
         raise InputError(
@@ -110,12 +111,3 @@ def recorded(robot: "OperatedRobot", folder: Path | None) -> "Iterator[Callable[
         yield recorder.observe
     finally:
         print_notes([recorder.close()])
-
-
-def _tilt(text: str | None) -> tuple[float, float]:
-    if text is None:
-        return 0.0, 0.0
-    angles = numbers("--base-tilt-deg", text)
-    if len(angles) != 2:
-        raise InputError(f"--base-tilt-deg: expected roll,pitch in degrees, got {text!r}")
-    return angles[0], angles[1]

@@ -29,6 +29,18 @@ def numbers(option: str, text: str) -> tuple[float, ...]:
     return tuple(values)
 
 
+def roll_and_pitch(option: str, text: str) -> tuple[float, float]:
+    """Read the two angles of a base.
+
+    Raises:
+        InputError: Not two numbers; the message names the option.
+    """
+    angles = numbers(option, text)
+    if len(angles) != 2:
+        raise InputError(f"{option}: expected roll and pitch in degrees, got {text!r}")
+    return angles[0], angles[1]
+
+
 def words(text: str) -> tuple[str, ...]:
     """Read words separated by commas."""
     return tuple(word.strip() for word in text.split(",") if word.strip())
