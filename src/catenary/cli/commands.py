@@ -10,7 +10,7 @@ from typer.core import TyperGroup
 # module of this package and function; in the order in which `catenary --help` lists them
 _FUNCTIONS = {
     "calibrate": ("pipeline", "calibrate"),
-    "home": ("pipeline", "home"),
+    "home": ("home", "home"),
     "excite": ("pipeline", "excite"),
     "record": ("pipeline", "record"),
     "extract": ("pipeline", "extract"),
@@ -42,6 +42,7 @@ _FUNCTIONS = {
     "demo": ("pipeline", "demo"),
 }
 _COMPLETE = {
+    "home",
     "teleop",
     "monitor",
     "serve",

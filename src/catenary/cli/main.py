@@ -52,9 +52,9 @@ def main() -> None:
         finally:
             sys.stdout.flush()
     except CatenaryError as error:
-        _fail(str(error), 2)
-    except KeyboardInterrupt:
-        _fail("interrupted", 130)
+        _fail(_with_notes(str(error), error), 2)
+    except KeyboardInterrupt as error:
+        _fail(_with_notes("interrupted", error), 130)
     except BrokenPipeError:
         _close_output()  # the reader of our output went away; nothing is left to say
         sys.exit(1)
@@ -63,6 +63,11 @@ def main() -> None:
         _fail(f"{error.filename or 'output'}: {error.strerror or error}", 2)
     except UnicodeError as error:
         _fail(f"a name cannot be written as text: {error}", 2)
+
+
+def _with_notes(message: str, error: BaseException) -> str:
+    """An error, and what was noted on its way: that a robot could not be paused, say."""
+    return "; ".join([message, *getattr(error, "__notes__", [])])
 
 
 def _fail(message: str, code: int) -> None:

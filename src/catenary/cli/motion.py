@@ -19,7 +19,7 @@ from catenary.cli.robot_choice import (
     Yes,
     open_robot,
 )
-from catenary.cli.terminal import numbers, print_json, print_notes, print_table, progress_bar, words
+from catenary.cli.terminal import human, numbers, print_json, print_notes, print_table, progress_bar, words
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -171,7 +171,7 @@ def follow(
         if typed is not None:
             fastest[unit] = typed * scale
     away = motion.leaves_rows(motion.trajectory(blend), blend)
-    shown = ", ".join(_human(value, unit, 2) for value, unit in zip(away, motion.joint_units, strict=True))
+    shown = ", ".join(human(value, unit, 2) for value, unit in zip(away, motion.joint_units, strict=True))
     print_notes([f"{len(motion.q)} rows, {motion.time[-1]:.1f} s; corners are passed within {shown}"])
     with (
         open_robot(
@@ -198,7 +198,7 @@ def _say(summary: "MotionSummary", as_json: bool, what: str) -> None:
             f"{'' if state.is_homed else ', not homed'}\n"
         )
         rows = [
-            [name, _human(at, unit, 2), _human(largest, unit, 3), _human(rms, unit, 3)]
+            [name, human(at, unit, 2), human(largest, unit, 3), human(rms, unit, 3)]
             for name, unit, at, largest, rms in zip(
                 summary.joint_names, summary.joint_units, summary.q, summary.max_error, summary.rms_error,
                 strict=True,
@@ -210,9 +210,3 @@ def _say(summary: "MotionSummary", as_json: bool, what: str) -> None:
     if summary.interrupted:
         sys.stdout.flush()
         raise typer.Exit(130)
-
-
-def _human(value: float, unit: str, digits: int) -> str:
-    import numpy as np
-
-    return f"{np.rad2deg(value):.{digits}f} deg" if unit == "rad" else f"{1e3 * value:.{digits}f} mm"

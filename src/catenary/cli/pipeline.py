@@ -1,4 +1,4 @@
-"""catenary home, excite, record, extract, deploy, calibrate, demo: one project folder, step by step or in one go."""
+"""catenary excite, record, extract, deploy, calibrate, demo: one project folder, step by step or in one go."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -35,27 +35,6 @@ from catenary.errors import InputError
 if TYPE_CHECKING:
     from catenary.jobs.calibrate import CalibrationResult
     from catenary.jobs.project import Project
-
-
-def home(
-    project: Folder,
-    seed: Seed = None,
-    base_tilt_deg: Tilt = None,
-    payload: Payload = None,
-    side: Side = None,
-    ros: Ros = None,
-    yes: Yes = False,
-    simulated: Simulated = False,
-    as_json: AsJson = False,
-) -> None:
-    """Home the project's robot.
-
-    Every axis runs into its stop, which registers its encoder.
-    """
-    opened = open_project(project, seed, base_tilt_deg, payload, side, ros=ros)
-    with robot_of(opened, yes, simulated) as robot, _progress("homing", opened):
-        was_run = robot.home(opened)
-    _say(opened, "homed", was_run, as_json, _read(opened.folder / "robot" / "home.json"))
 
 
 def excite(

@@ -9,7 +9,7 @@ import typer
 
 from catenary.cli.beside_robot import TerminalGuide, ros_transport
 from catenary.cli.terminal import print_notes, roll_and_pitch
-from catenary.errors import InputError, NotReadyError
+from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.jobs.operated_robot import OperatedRobot
@@ -72,6 +72,7 @@ def open_robot(
         NotReadyError: Nobody said that the workspace is clear.
         TransportError: The robot is not there.
     """
+    from catenary.jobs.guide import clear_workspace
     from catenary.jobs.operated_robot import robot_over, simulated_robot
 
     if ros is None:
@@ -92,9 +93,7 @@ def open_robot(
         )
         with client:
             if moves and not simulated and not yes:
-                text = "clear the arm's workspace, and keep the e-stop at hand: it is going to move"
-                if not TerminalGuide().confirm(text):
-                    raise NotReadyError(f"{text}: given up; nothing has moved")
+                clear_workspace(TerminalGuide())
             yield opened
 
 

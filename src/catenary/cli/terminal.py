@@ -1,5 +1,6 @@
 """What every command shares with the person at the terminal: lists typed with commas, tables, progress."""
 
+import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -44,6 +45,11 @@ def roll_and_pitch(option: str, text: str) -> tuple[float, float]:
 def words(text: str) -> tuple[str, ...]:
     """Read words separated by commas."""
     return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
+def human(value: float, unit: str, digits: int) -> str:
+    """Write a joint's value, in rad or m, in deg or mm."""
+    return f"{math.degrees(value):.{digits}f} deg" if unit == "rad" else f"{1e3 * value:.{digits}f} mm"
 
 
 def print_json(content: Any) -> None:
