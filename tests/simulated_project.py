@@ -6,7 +6,7 @@ from catenary.calibration.fit import FitOptions
 from catenary.jobs.calibrate import BEST, TEST, TRAIN, excitation, random_motion
 from catenary.jobs.project import Project, ProjectSettings
 from catenary.jobs.project_recordings import extract_recording
-from catenary.jobs.simulated_robot import home_robot, record_robot
+from catenary.jobs.simulated_robot import SimulatedRobot
 
 SHORT = ProjectSettings(seed=1, sparsities=(1.0,), test_minutes=0.25)
 POSITIONS = ("q:shoulder", "q:elbow", "q:insertion")
@@ -18,10 +18,10 @@ QUICK_MODELS = {
 
 def record_short(folder: Path) -> Project:
     """Home a robot, record both motions and extract them."""
-    project = Project(folder, SHORT)
-    home_robot(project)
-    record_robot(project, TRAIN, *excitation(project), after="home")
-    record_robot(project, TEST, *random_motion(project, 60.0 * SHORT.test_minutes), after=TRAIN)
+    project, robot = Project(folder, SHORT), SimulatedRobot()
+    robot.home(project)
+    robot.record(project, TRAIN, *excitation(project), after="home")
+    robot.record(project, TEST, *random_motion(project, 60.0 * SHORT.test_minutes), after=TRAIN)
     for name in (TRAIN, TEST):
         extract_recording(project, name)
     return project

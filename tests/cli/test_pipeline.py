@@ -158,7 +158,7 @@ def test_the_demo_writes_a_page_and_compares_its_models(tmp_path: Path, quick: N
         ("--side", "middle", "side: expected left or right"),
         ("--payload", "-0.5", "payload: expected"),
         ("--payload", "nan", "payload: expected"),
-        ("--base-tilt-deg", "5", "roll,pitch"),
+        ("--base-tilt-deg", "5", "roll and pitch"),
         ("--base-tilt-deg", "5,nan", "base tilt: expected"),
         ("--base-tilt-deg", "5,steep", "expected numbers"),
     ],

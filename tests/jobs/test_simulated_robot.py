@@ -12,7 +12,7 @@ from catenary.jobs import simulated_robot
 from catenary.jobs.calibrate import TEST, TRAIN, excitation, random_motion
 from catenary.jobs.project import Project
 from catenary.jobs.project_recordings import extract_recording, motion_log_path
-from catenary.jobs.simulated_robot import home_robot, record_robot
+from catenary.jobs.simulated_robot import SimulatedRobot
 from catenary.recording.logs import read_log
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.raven_telemetry import telemetry_of
@@ -20,6 +20,7 @@ from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.sinusoids import random_sinusoids
 from simulated_project import SHORT
 
+ROBOT = SimulatedRobot()
 ACROSS = {"max_velocity": [0.5, 0.5, 0.02], "max_acceleration": [1.0, 1.0, 0.1]}
 
 
@@ -29,14 +30,14 @@ def project(project_folder: Path) -> Project:
 
 
 def test_homing_is_done_once(project: Project) -> None:
-    assert not home_robot(project)
+    assert not ROBOT.home(project)
 
 
 @pytest.mark.parametrize(
     "change", [{"seed": 2}, {"side": "right"}, {"payload_kg": 0.2}, {"base_tilt_deg": (3.0, 0.0)}], ids=str
 )
 def test_another_robot_is_homed_again(project: Project, change: dict[str, Any]) -> None:
-    assert home_robot(Project(project.folder, replace(SHORT, **change)))
+    assert ROBOT.home(Project(project.folder, replace(SHORT, **change)))
 
 
 def test_the_robot_of_another_version_is_homed_again_and_stands_nowhere_else(
@@ -45,27 +46,27 @@ def test_the_robot_of_another_version_is_homed_again_and_stands_nowhere_else(
     left = project.folder / "robot" / f"after_{TRAIN}.npz"
     assert left.is_file()
     monkeypatch.setattr(simulated_robot, "STATE_FORMAT", "another")
-    assert home_robot(project)
+    assert ROBOT.home(project)
     assert not left.is_file()
 
 
 def test_a_state_that_cannot_be_read_is_made_again(project: Project) -> None:
     (project.folder / "robot" / "homed.npz").write_bytes(b"nonsense")
-    assert home_robot(project)
-    assert not home_robot(project)
+    assert ROBOT.home(project)
+    assert not ROBOT.home(project)
 
 
 def test_other_motions_need_no_homing(project: Project) -> None:
-    assert not home_robot(Project(project.folder, replace(SHORT, direction="J1", test_minutes=1.0)))
+    assert not ROBOT.home(Project(project.folder, replace(SHORT, direction="J1", test_minutes=1.0)))
 
 
 def test_a_recording_is_made_once(project: Project) -> None:
-    assert not record_robot(project, TRAIN, *excitation(project), after="home")
+    assert not ROBOT.record(project, TRAIN, *excitation(project), after="home")
 
 
 def test_another_motion_is_recorded_again(project: Project) -> None:
     changed = Project(project.folder, replace(SHORT, test_minutes=0.2))
-    assert record_robot(changed, TEST, *random_motion(changed, 12.0), after=TRAIN)
+    assert ROBOT.record(changed, TEST, *random_motion(changed, 12.0), after=TRAIN)
     assert extract_recording(changed, TEST)
     assert read_log(motion_log_path(changed, TEST)).time[-1] < 12.0
 
@@ -74,7 +75,7 @@ def test_a_recording_made_again_is_the_same(project: Project) -> None:
     before = read_log(motion_log_path(project, TEST))
     motion_log_path(project, TEST).unlink()
     (project.folder / "robot" / f"after_{TEST}.npz").unlink()
-    assert record_robot(project, TEST, *random_motion(project, 15.0), after=TRAIN)
+    assert ROBOT.record(project, TEST, *random_motion(project, 15.0), after=TRAIN)
     assert extract_recording(project, TEST)
     assert_allclose(read_log(motion_log_path(project, TEST)).q_nominal, before.q_nominal, rtol=0)
 
@@ -85,19 +86,19 @@ def test_a_motion_out_of_reach_is_refused_before_anything_moves(
     monkeypatch.setattr(CablePlant, "run", lambda *_: pytest.fail("it moved"))
     far = go_to([0.5, 1.5, 0.4], [0.5, 1.5, 4.0], **ACROSS)
     with pytest.raises(LimitError, match="insertion"):
-        record_robot(project, "far", far, "far", after=TRAIN)
+        ROBOT.record(project, "far", far, "far", after=TRAIN)
     assert not (project.folder / "recordings" / "far").exists()
 
 
 def test_a_recording_after_a_step_that_was_not_done_is_refused(project: Project) -> None:
     with pytest.raises(ConfigError, match="record other was not done yet"):
-        record_robot(project, "more", *random_motion(project, 12.0), after="other")
+        ROBOT.record(project, "more", *random_motion(project, 12.0), after="other")
 
 
 def test_a_recording_after_the_motion_of_another_robot_is_refused(project: Project) -> None:
     tilted = Project(project.folder, replace(SHORT, base_tilt_deg=(3.0, 0.0)))
     with pytest.raises(FileFormatError, match="of another robot"):
-        record_robot(tilted, "more", *random_motion(tilted, 12.0), after=TRAIN)
+        ROBOT.record(tilted, "more", *random_motion(tilted, 12.0), after=TRAIN)
 
 
 def test_a_recording_that_was_not_made_is_not_extracted(project: Project) -> None:
@@ -120,7 +121,7 @@ class Truth:
             return log
 
         monkeypatch.setattr(CablePlant, "run", watched)
-        record_robot(
+        ROBOT.record(
             project, "seen", random_sinusoids(np.random.default_rng(5), seconds), "seen", after=TRAIN
         )
         ticks = round(1000.0 * seconds)  # what came before is the way to its start
@@ -135,8 +136,8 @@ def test_what_is_extracted_is_what_the_robot_did(
     tmp_path: Path, side: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     project = Project(tmp_path, replace(SHORT, side=side))
-    home_robot(project)
-    record_robot(project, TRAIN, random_sinusoids(np.random.default_rng(4), 10.0), "a while", after="home")
+    ROBOT.home(project)
+    ROBOT.record(project, TRAIN, random_sinusoids(np.random.default_rng(4), 10.0), "a while", after="home")
     truth = Truth(project, 12.0, monkeypatch)
     extract_recording(project, "seen")
     log = read_log(motion_log_path(project, "seen"))

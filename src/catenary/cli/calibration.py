@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from catenary.cli.options import AsJsonNotTables
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table, progress_bar, words
 from catenary.errors import InputError
 
@@ -28,7 +29,6 @@ LARGEST_SEED = 2**32 - 1  # that scikit-learn takes
 Seed = Annotated[
     int, typer.Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Of everything random.")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 Report = Annotated[
     Path | None, typer.Option("--report", metavar="HTML", help="Also write a self-contained page.")
 ]
@@ -120,7 +120,7 @@ def fit(
     ] = None,
     seed: Seed = 0,
     report: Report = None,
-    as_json: AsJson = False,
+    as_json: AsJsonNotTables = False,
 ) -> None:
     """Fit a calibration model; tell its error on unseen data.
 
@@ -179,7 +179,7 @@ def evaluate(
     ] = None,
     max_error: MaxError = None,
     report: Report = None,
-    as_json: AsJson = False,
+    as_json: AsJsonNotTables = False,
 ) -> None:
     """Tell a model's error on recordings, before and after.
 

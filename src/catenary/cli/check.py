@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from catenary.cli.options import AsJson
 from catenary.cli.terminal import print_fact, print_json, words
 
 
@@ -15,7 +16,7 @@ def check(
             "--units", metavar="U,U,...", help="rad or m per joint, for a recording that does not say."
         ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Say what a file is and what is wrong with it.
 

@@ -5,7 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from catenary.cli.robots import Q, QDeg, Robot, beyond_limits, joint_values
+from catenary.cli.joint_options import Q, QDeg, beyond_limits, joint_values
+from catenary.cli.options import AsJsonNotTables
+from catenary.cli.robots import Robot
 from catenary.cli.terminal import print_json, print_notes, print_table, words
 from catenary.errors import InputError
 
@@ -14,7 +16,6 @@ if TYPE_CHECKING:
 
     from catenary.simulation.base_motion import MovingBase
 
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 Simulated = Annotated[
     str,
     typer.Argument(
@@ -69,7 +70,7 @@ def gravity(
             "--gravity", metavar="X Y Z", help="Free-fall acceleration in base axes, z up, in m/s2."
         ),
     ] = None,
-    as_json: AsJson = False,
+    as_json: AsJsonNotTables = False,
 ) -> None:
     """Print what holds an arm still under gravity.
 
@@ -163,7 +164,7 @@ def track(
     report: Annotated[
         Path | None, typer.Option("--report", metavar="HTML", help="Also write a self-contained page.")
     ] = None,
-    as_json: AsJson = False,
+    as_json: AsJsonNotTables = False,
 ) -> None:
     """Let a simulated arm follow a motion.
 
@@ -237,7 +238,7 @@ def hold(
     rock_hz: RockHz = 1.0,
     payload: Payload = 0.0,
     seed: Seed = None,
-    as_json: AsJson = False,
+    as_json: AsJsonNotTables = False,
 ) -> None:
     """Let gravity compensation alone hold an arm.
 

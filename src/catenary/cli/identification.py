@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from catenary.cli.options import AsJsonNotTables
 from catenary.cli.terminal import print_json, print_notes, print_table
 from catenary.errors import InputError
 
@@ -15,7 +16,6 @@ Logs = Annotated[
         help="Recordings: .npz with q, dq, tau and fs or t in rad, m, s, Nm, N; or .parquet logs.",
     ),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 Gravity = Annotated[
     str | None,
     typer.Option("--gravity", metavar="X,Y,Z", help="In base axes, m/s2. [default: 0,0,-9.81]"),
@@ -76,7 +76,7 @@ def identify(
     report: Annotated[
         Path | None, typer.Option("--report", metavar="PAGE", help="Also write a self-contained HTML page.")
     ] = None,
-    as_json: AsJson = False,
+    as_json: AsJsonNotTables = False,
 ) -> None:
     """Identify an arm's dynamics from recordings of it.
 
@@ -187,7 +187,7 @@ def excitation(
     ] = None,
     gravity: Gravity = None,
     seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of everything random.")] = 0,
-    as_json: AsJson = False,
+    as_json: AsJsonNotTables = False,
 ) -> None:
     """Design poses or a motion that show an arm's dynamics.
 
@@ -260,7 +260,7 @@ def payload(
         ),
     ] = None,
     cutoff_hz: CutOff = None,
-    as_json: AsJson = False,
+    as_json: AsJsonNotTables = False,
 ) -> None:
     """Tell what an arm carries beyond what it was identified with.
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from catenary.cli.options import Record
 from catenary.cli.robot_choice import (
     DialectName,
     IsSimulated,
@@ -45,9 +46,7 @@ def monitor(
     moving: Annotated[
         bool, typer.Option("--moving", help="The robot simulated here moves at random meanwhile.")
     ] = False,
-    record: Annotated[
-        Path | None, typer.Option("--record", metavar="FOLDER", help="Record a RAVEN-II's topics beside.")
-    ] = None,
+    record: Record = None,
     robot: RobotName = "raven2",
     ros: OnRos = None,
     dialect: DialectName = "raven",

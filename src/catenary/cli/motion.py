@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from catenary.cli.joint_options import some_joint_values
 from catenary.cli.robot_choice import (
     DialectName,
     Fast,
@@ -18,12 +19,10 @@ from catenary.cli.robot_choice import (
     Yes,
     open_robot,
 )
-from catenary.cli.terminal import numbers, print_json, print_notes, print_table, progress_bar, words
+from catenary.cli.terminal import human, numbers, print_json, print_notes, print_table, progress_bar, words
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.arrays import Floats
-    from catenary.jobs.operated_robot import OperatedRobot
     from catenary.jobs.operator_motion import MotionSummary
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, in rad and m.")]
@@ -83,7 +82,7 @@ def goto(
                 opened, np.array(numbers("--position-mm", position_mm)) / 1000.0, rng=np.random.default_rng(0)
             )
         else:
-            goal, names = _typed(opened, q_deg, q, names)
+            goal, names = some_joint_values(opened.plant, q, q_deg, names)
         with progress_bar("goto") as tell:
             summary = go_to_joints(opened, goal, joints=names, speed=speed, progress=tell)
     _say(summary, as_json, "arrived")
@@ -172,7 +171,7 @@ def follow(
         if typed is not None:
             fastest[unit] = typed * scale
     away = motion.leaves_rows(motion.trajectory(blend), blend)
-    shown = ", ".join(_human(value, unit, 2) for value, unit in zip(away, motion.joint_units, strict=True))
+    shown = ", ".join(human(value, unit, 2) for value, unit in zip(away, motion.joint_units, strict=True))
     print_notes([f"{len(motion.q)} rows, {motion.time[-1]:.1f} s; corners are passed within {shown}"])
     with (
         open_robot(
@@ -187,28 +186,6 @@ def follow(
     _say(summary, as_json, "followed to its end")
 
 
-def _typed(
-    robot: "OperatedRobot", q_deg: str | None, q: str | None, names: tuple[str, ...] | None
-) -> "tuple[Floats, tuple[str, ...]]":
-    """Joints as they were typed, in rad and m, and their names."""
-    import numpy as np
-
-    option, text = ("--q-deg", q_deg) if q_deg is not None else ("--q", q or "")
-    values = np.array(numbers(option, text))
-    all_names = robot.plant.joint_names
-    chosen = all_names[: len(values)] if names is None else names
-    unknown = [name for name in chosen if name not in all_names]
-    if len(chosen) != len(values) or unknown:
-        raise InputError(
-            f"{option}: {len(values)} numbers for {', '.join(chosen)}; the robot has {len(all_names)} joints: "
-            f"{', '.join(f'{n} [{u}]' for n, u in zip(all_names, robot.plant.joint_units, strict=True))}"
-        )
-    if option == "--q-deg":
-        units = np.array([robot.plant.joint_units[all_names.index(name)] for name in chosen])
-        values = np.where(units == "rad", np.deg2rad(values), values / 1000.0)
-    return values, chosen
-
-
 def _say(summary: "MotionSummary", as_json: bool, what: str) -> None:
     """Print how a motion went; one that Ctrl-C ended exits with 130."""
     if as_json:
@@ -221,7 +198,7 @@ def _say(summary: "MotionSummary", as_json: bool, what: str) -> None:
             f"{'' if state.is_homed else ', not homed'}\n"
         )
         rows = [
-            [name, _human(at, unit, 2), _human(largest, unit, 3), _human(rms, unit, 3)]
+            [name, human(at, unit, 2), human(largest, unit, 3), human(rms, unit, 3)]
             for name, unit, at, largest, rms in zip(
                 summary.joint_names, summary.joint_units, summary.q, summary.max_error, summary.rms_error,
                 strict=True,
@@ -233,9 +210,3 @@ def _say(summary: "MotionSummary", as_json: bool, what: str) -> None:
     if summary.interrupted:
         sys.stdout.flush()
         raise typer.Exit(130)
-
-
-def _human(value: float, unit: str, digits: int) -> str:
-    import numpy as np
-
-    return f"{np.rad2deg(value):.{digits}f} deg" if unit == "rad" else f"{1e3 * value:.{digits}f} mm"

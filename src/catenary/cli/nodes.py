@@ -4,11 +4,11 @@ import json
 import math
 from collections.abc import Callable
 from contextlib import ExitStack
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from catenary.cli.options import Baud, Carrier, Duration, Hanging, JsonLines, MountingFile
 from catenary.cli.terminal import numbers, print_notes
 from catenary.errors import InputError
 
@@ -19,17 +19,10 @@ if TYPE_CHECKING:
     from catenary.jobs.encoder_node import EncoderStatus
     from catenary.jobs.gravity_node import GravityStatus
 
-Ros = Annotated[str, typer.Option("--ros", metavar="1|2|none", help="What carries the messages.")]
-Duration = Annotated[
-    float | None, typer.Option("--duration", metavar="S", help="Then end. [default: Ctrl-C]")
-]
-Baud = Annotated[int, typer.Option("--baud", min=300, help="Speed of the serial line.")]
-Json = Annotated[bool, typer.Option("--json", help="Print a JSON line a second, and one at the end.")]
-
 
 def encoders(
     port: Annotated[str, typer.Option("--port", metavar="PORT", help="Serial port, as /dev/ttyUSB0.")],
-    ros: Ros = "1",
+    ros: Carrier = "1",
     bits: Annotated[int, typer.Option("--bits", metavar="16|24|32", help="Of the board's counters.")] = 32,
     direction: Annotated[
         str,
@@ -40,7 +33,7 @@ def encoders(
     ] = "/arm1/operating_state",
     baud: Baud = 115200,
     duration: Duration = None,
-    as_json: Json = False,
+    as_json: JsonLines = False,
 ) -> None:
     """Publish what the joints' own encoders count.
 
@@ -87,10 +80,8 @@ def gravity_node(
     port: Annotated[
         str | None, typer.Option("--port", metavar="PORT", help="Serial port of an accelerometer board.")
     ] = None,
-    mounting: Annotated[
-        Path | None, typer.Option("--mounting", metavar="FILE", help="Mounting file of the sensor.")
-    ] = None,
-    ros: Ros = "1",
+    mounting: MountingFile = None,
+    ros: Carrier = "1",
     rate: Annotated[
         float, typer.Option("--rate", metavar="HZ", help="At which gravity is published.")
     ] = 100.0,
@@ -107,10 +98,10 @@ def gravity_node(
     no_gyroscope: Annotated[
         bool, typer.Option("--no-gyroscope", help="The Imu's angular rates mean nothing.")
     ] = False,
-    hanging: Annotated[bool, typer.Option("--hanging", help="The base may hang upside down.")] = False,
+    hanging: Hanging = False,
     baud: Baud = 115200,
     duration: Duration = None,
-    as_json: Json = False,
+    as_json: JsonLines = False,
 ) -> None:
     """Publish gravity as a sensor on the base has it.
 

@@ -1,4 +1,4 @@
-"""catenary home, excite, record, extract, deploy, calibrate, demo: one project folder, step by step or in one go."""
+"""catenary excite, record, extract, deploy, calibrate, demo: one project folder, step by step or in one go."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,8 +15,8 @@ from catenary.cli.beside_robot import (
     record_others,
     robot_of,
 )
+from catenary.cli.options import AsJson
 from catenary.cli.project_options import (
-    AsJson,
     Direction,
     Folder,
     Hours,
@@ -35,27 +35,6 @@ from catenary.errors import InputError
 if TYPE_CHECKING:
     from catenary.jobs.calibrate import CalibrationResult
     from catenary.jobs.project import Project
-
-
-def home(
-    project: Folder,
-    seed: Seed = None,
-    base_tilt_deg: Tilt = None,
-    payload: Payload = None,
-    side: Side = None,
-    ros: Ros = None,
-    yes: Yes = False,
-    simulated: Simulated = False,
-    as_json: AsJson = False,
-) -> None:
-    """Home the project's robot.
-
-    Every axis runs into its stop, which registers its encoder.
-    """
-    opened = open_project(project, seed, base_tilt_deg, payload, side, ros=ros)
-    with robot_of(opened, yes, simulated) as robot, _progress("homing", opened):
-        was_run = robot.home(opened)
-    _say(opened, "homed", was_run, as_json, _read(opened.folder / "robot" / "home.json"))
 
 
 def excite(
@@ -228,15 +207,15 @@ def deploy(
     from catenary.calibration.files import load_model
     from catenary.jobs.calibrate import TRAIN, random_motion
     from catenary.jobs.deploy import deploy_on_simulated
-    from catenary.jobs.simulated_robot import make_plant
+    from catenary.jobs.simulated_robot import left_at, make_plant
     from catenary.simulation.plant_state import restore_plant
 
     loaded, _ = load_model(model)
     require_project(project)
     opened = open_project(project)
     plant = make_plant(opened.settings)
-    state = opened.folder / "robot" / f"after_{TRAIN}.npz"
-    restore_plant(plant, state if state.is_file() else opened.folder / "robot" / "homed.npz")
+    left = left_at(opened, TRAIN)
+    restore_plant(plant, left if left.is_file() else left_at(opened, "home"))
     plant.state_command("enable")
     motion, _ = random_motion(opened, seconds, 1)
     with _progress(f"{seconds:g} s at 1 kHz"):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from catenary.cli.beside_robot import connection_of
-from catenary.cli.terminal import numbers, words
+from catenary.cli.terminal import roll_and_pitch, words
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 Folder = Annotated[
     Path, typer.Argument(metavar="PROJECT", help="Folder of the project; made if it is not there.")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Seed = Annotated[
     int | None,
     typer.Option("--seed", help="Draws another simulated robot of the kind. [default: the nominal one]"),
@@ -56,10 +55,7 @@ def open_project(
 
     settings = project_settings(folder) or ProjectSettings()
     if tilt is not None:
-        angles = numbers("--base-tilt-deg", tilt)
-        if len(angles) != 2:
-            raise InputError(f"--base-tilt-deg: expected roll,pitch in degrees, got {tilt!r}")
-        settings = replace(settings, base_tilt_deg=(angles[0], angles[1]))
+        settings = replace(settings, base_tilt_deg=roll_and_pitch("--base-tilt-deg", tilt))
     if sparsity is not None:
         settings = replace(settings, sparsities=tuple(_fraction(word) for word in words(sparsity)))
     changes: dict[str, Any] = {"seed": seed, "payload_kg": payload, "side": side, "direction": direction}

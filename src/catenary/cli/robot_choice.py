@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from catenary.cli.beside_robot import TerminalGuide, ros_transport
-from catenary.cli.terminal import numbers, print_notes
-from catenary.errors import InputError, NotReadyError
+from catenary.cli.terminal import print_notes, roll_and_pitch
+from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.jobs.operated_robot import OperatedRobot
@@ -72,6 +72,7 @@ def open_robot(
         NotReadyError: Nobody said that the workspace is clear.
         TransportError: The robot is not there.
     """
+    from catenary.jobs.guide import clear_workspace
     from catenary.jobs.operated_robot import robot_over, simulated_robot
 
     if ros is None:
@@ -79,7 +80,8 @@ def open_robot(
             raise InputError(
                 "--dialect, --namespace, --simulated and --yes go with --ros; this robot is simulated here"
             )
-        yield simulated_robot(robot, seed=seed, base_tilt_deg=_tilt(tilt), homed=homed, real_time=not fast)
+        angles = (0.0, 0.0) if tilt is None else roll_and_pitch("--base-tilt-deg", tilt)
+        yield simulated_robot(robot, seed=seed, base_tilt_deg=angles, homed=homed, real_time=not fast)
         return
     if tilt is not None or seed is not None or fast:
         raise InputError(
@@ -91,9 +93,7 @@ def open_robot(
         )
         with client:
             if moves and not simulated and not yes:
-                text = "clear the arm's workspace, and keep the e-stop at hand: it is going to move"
-                if not TerminalGuide().confirm(text):
-                    raise NotReadyError(f"{text}: given up; nothing has moved")
+                clear_workspace(TerminalGuide())
             yield opened
 
 
@@ -110,12 +110,3 @@ def recorded(robot: "OperatedRobot", folder: Path | None) -> "Iterator[Callable[
         yield recorder.observe
     finally:
         print_notes([recorder.close()])
-
-
-def _tilt(text: str | None) -> tuple[float, float]:
-    if text is None:
-        return 0.0, 0.0
-    angles = numbers("--base-tilt-deg", text)
-    if len(angles) != 2:
-        raise InputError(f"--base-tilt-deg: expected roll,pitch in degrees, got {text!r}")
-    return angles[0], angles[1]

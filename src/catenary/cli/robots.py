@@ -4,11 +4,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from catenary.cli.joint_options import Q, QDeg, beyond_limits, joint_values, names_and_units
+from catenary.cli.options import AsJsonNotTables
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.arrays import Floats
     from catenary.dynamics.inverse_kinematics import Match
     from catenary.robots.model import RobotModel
     from catenary.spatial import Pose
@@ -19,10 +20,6 @@ Robot = Annotated[
         metavar="ROBOT", help="Catalogue name (see catenary robots) or a URDF, MJCF or TOML file."
     ),
 ]
-Q = Annotated[str | None, typer.Option("--q", metavar="Q,Q,...", help="Joint coordinates in rad and m.")]
-QDeg = Annotated[
-    str | None, typer.Option("--q-deg", metavar="Q,Q,...", help="Joint coordinates in deg and mm.")
-]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON: m, rad, quaternions (w, x, y, z).")]
 FrameName = Annotated[
     str | None, typer.Option("--frame", metavar="FRAME", help="Frame of the robot. [default: its tip]")
@@ -30,9 +27,7 @@ FrameName = Annotated[
 InFrame = Annotated[str, typer.Option("--in", metavar="FRAME", help="Frame that the pose is expressed in.")]
 
 
-def robots(
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
-) -> None:
+def robots(as_json: AsJsonNotTables = False) -> None:
     """List the robots that come with the package."""
     from catenary.robots.catalog import load_robot, robot_names
 
@@ -42,7 +37,7 @@ def robots(
             [{"name": m.name, "joints": m.joint_names, "units": m.joint_units, "tip": m.tip} for m in models]
         )
         return
-    rows = [[m.name, m.tip, _names_and_units(m)] for m in models]
+    rows = [[m.name, m.tip, names_and_units(m)] for m in models]
     print_table("Robots", ["name", "tip", "joints"], rows, left=3)
 
 
@@ -179,43 +174,6 @@ def ik(
     if match == "position":
         goal_row[4:] = ["any"] * 4
     print_table(f"Pose in {in_frame}", ["", *_POSE_HEADER[1:]], [goal_row, _pose_row("reached", reached)])
-
-
-def _names_and_units(model: "RobotModel") -> str:
-    return ", ".join(f"{n} [{u}]" for n, u in zip(model.joint_names, model.joint_units, strict=True))
-
-
-def beyond_limits(model: "RobotModel", values: "Floats") -> list[str]:
-    """Say which joints are beyond their limits."""
-    return [
-        f"{name}: {value:g} {unit} is outside its limits, {low:g} to {high:g} {unit}"
-        for name, unit, value, low, high in zip(
-            model.joint_names, model.joint_units, values, model.lower, model.upper, strict=True
-        )
-        if not low <= value <= high
-    ]
-
-
-def joint_values(model: "RobotModel", q: str | None, q_deg: str | None) -> "Floats":
-    """Read joint coordinates from one of the two options, (n,) in rad and m.
-
-    Raises:
-        InputError: Neither or both given, or another number of joints.
-    """
-    import numpy as np
-
-    names = _names_and_units(model)
-    if (q is None) == (q_deg is None):
-        raise InputError(
-            f"{model.name}: give its {model.n} joints with --q (rad, m) or --q-deg (deg, mm): {names}"
-        )
-    option, text = ("--q", q) if q is not None else ("--q-deg", q_deg)
-    values = np.array(numbers(option, text or ""))
-    if values.shape != (model.n,) or not np.isfinite(values).all():
-        raise InputError(f"{option}: expected {model.n} finite numbers for {names}, got {values.tolist()}")
-    if q_deg is not None:
-        values = np.where(np.array(model.joint_units) == "rad", np.deg2rad(values), values / 1000.0)
-    return values
 
 
 def pose_numbers(pose: "Pose") -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from catenary.cli.options import Baud, Hanging, MountingFile
 from catenary.cli.terminal import print_fact, print_json, print_notes
 from catenary.errors import InputError
 
@@ -38,11 +39,9 @@ def sense(
     duration: Annotated[
         float | None, typer.Option("--duration", metavar="S", help="[default: 5; until Ctrl-C on a terminal]")
     ] = None,
-    mounting: Annotated[
-        Path | None, typer.Option("--mounting", metavar="FILE", help="Mounting file of the sensor.")
-    ] = None,
-    hanging: Annotated[bool, typer.Option("--hanging", help="The base may hang upside down.")] = False,
-    baud: Annotated[int, typer.Option("--baud", min=300, help="Speed of the serial line.")] = 115200,
+    mounting: MountingFile = None,
+    hanging: Hanging = False,
+    baud: Baud = 115200,
     tumble: Annotated[
         bool, typer.Option("--tumble", help="Go through attitudes, and write a mounting file.")
     ] = False,

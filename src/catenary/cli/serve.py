@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from catenary.cli.terminal import numbers, print_json, print_notes
+from catenary.cli.options import AsJson, Carrier, Duration, JsonLines
+from catenary.cli.terminal import print_json, print_notes, roll_and_pitch
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.crtk.server import Server
     from catenary.jobs.serve import Status, Wishes
-
-Ros = Annotated[str, typer.Option("--ros", metavar="1|2|none", help="What carries the messages.")]
 
 
 def serve(
@@ -22,7 +21,7 @@ def serve(
         str,
         typer.Option("--dialect", metavar="raven|crtk", help="Topics of the RAVEN-II, or the present CRTK."),
     ] = "raven",
-    ros: Ros = "1",
+    ros: Carrier = "1",
     rate: Annotated[
         float, typer.Option("--rate", metavar="HZ", help="At which the robot's state is published.")
     ] = 1000.0,
@@ -52,10 +51,8 @@ def serve(
     start: Annotated[
         bool, typer.Option("--start", help="Press the silver button at once; with crtk: enable and home.")
     ] = False,
-    duration: Annotated[
-        float | None, typer.Option("--duration", metavar="S", min=0.0, help="Then end. [default: Ctrl-C]")
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON line a second.")] = False,
+    duration: Duration = None,
+    as_json: JsonLines = False,
 ) -> None:
     """Serve a simulated robot over ROS, in real time.
 
@@ -69,10 +66,8 @@ def serve(
 
     if dialect not in ("raven", "crtk"):
         raise InputError(f'--dialect "{dialect}": expected raven or crtk')
-    tilt = numbers("--base-tilt-deg", base_tilt_deg)
-    if len(tilt) != 2:
-        raise InputError(f"--base-tilt-deg: expected roll and pitch, got {base_tilt_deg!r}")
-    serving = Serving(robot, dialect, seed, (tilt[0], tilt[1]), payload, green, homed, encoders)  # type: ignore[arg-type]
+    tilt = roll_and_pitch("--base-tilt-deg", base_tilt_deg)
+    serving = Serving(robot, dialect, seed, tilt, payload, green, homed, encoders)  # type: ignore[arg-type]
     with make_transport(ros, NODE) as transport:
         server = make_server(serving, transport, rate_hz=rate)
         wishes = Wishes(["start"] if start else [])
@@ -89,8 +84,8 @@ def serve(
 
 
 def button(
-    ros: Ros = "1",
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    ros: Carrier = "1",
+    as_json: AsJson = False,
 ) -> None:
     """Press the silver button of a served RAVEN-II: it homes."""
     from catenary.crtk.names import BUTTON, BUTTON_TYPE

@@ -2,11 +2,11 @@
 
 import sys
 import time
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from catenary.cli.options import Record
 from catenary.cli.robot_choice import (
     DialectName,
     IsSimulated,
@@ -34,9 +34,7 @@ def teleop(
     not_homed: Annotated[
         bool, typer.Option("--not-homed", help="Simulated: begin with a robot that was just switched on.")
     ] = False,
-    record: Annotated[
-        Path | None, typer.Option("--record", metavar="FOLDER", help="Record a RAVEN-II's topics beside.")
-    ] = None,
+    record: Record = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON at the end.")] = False,
 ) -> None:
     """Move a robot from the keyboard.

@@ -1,5 +1,6 @@
 """What every command shares with the person at the terminal: lists typed with commas, tables, progress."""
 
+import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -29,9 +30,26 @@ def numbers(option: str, text: str) -> tuple[float, ...]:
     return tuple(values)
 
 
+def roll_and_pitch(option: str, text: str) -> tuple[float, float]:
+    """Read the two angles of a base.
+
+    Raises:
+        InputError: Not two numbers; the message names the option.
+    """
+    angles = numbers(option, text)
+    if len(angles) != 2:
+        raise InputError(f"{option}: expected roll and pitch in degrees, got {text!r}")
+    return angles[0], angles[1]
+
+
 def words(text: str) -> tuple[str, ...]:
     """Read words separated by commas."""
     return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
+def human(value: float, unit: str, digits: int) -> str:
+    """Write a joint's value, in rad or m, in deg or mm."""
+    return f"{math.degrees(value):.{digits}f} deg" if unit == "rad" else f"{1e3 * value:.{digits}f} mm"
 
 
 def print_json(content: Any) -> None:

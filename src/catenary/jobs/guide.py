@@ -38,6 +38,17 @@ class AnswerYes:
         return True
 
 
+def clear_workspace(guide: Guide) -> None:
+    """Have somebody say that a robot may move.
+
+    Raises:
+        NotReadyError: Given up.
+    """
+    text = "clear the arm's workspace, and keep the e-stop at hand: it is going to move"
+    if not guide.confirm(text):
+        raise NotReadyError(f"{text}: given up; nothing has moved")
+
+
 def have_done(
     guide: Guide, text: str, missing: Check, sleep: Callable[[float], None], *, patience: float = PATIENCE
 ) -> None:

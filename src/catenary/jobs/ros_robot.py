@@ -13,11 +13,11 @@ import numpy as np
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.progress import Progress, silent
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.names import BUTTON, BUTTON_TYPE
 from catenary.crtk.transport import Transport
-from catenary.errors import CatenaryError, NotReadyError, TransportError
+from catenary.errors import CatenaryError, NotReadyError
 from catenary.jobs.deploy import deploy_on_robot
-from catenary.jobs.guide import PATIENCE, AnswerYes, Check, Guide, have_done
+from catenary.jobs.guide import PATIENCE, AnswerYes, Check, Guide, clear_workspace, have_done
+from catenary.jobs.homing import HOMING, home_client
 from catenary.jobs.motion import check_motion, move_to, run_trajectory
 from catenary.jobs.project import Project, write
 from catenary.jobs.project_robot import empty
@@ -29,7 +29,6 @@ from catenary.recording.topics import EXT_JPOS, JOINTS, Arm, Topic, raven_topics
 from catenary.trajectories.reference import Reference, Trajectory
 
 CALIBRATED = JOINTS[:3]
-HOMING = 180.0  # [s] that a robot may take from the press of its button until it is homed
 COLLECT_EVERY = 20  # ticks between two looks at what has come
 
 
@@ -136,41 +135,15 @@ class RosRobot:
     def _make_ready(self, client: CrtkClient) -> None:
         """Bring it to ENABLED and homed, with encoders whose readings come."""
         if not self._is_clear:
-            text = "clear the arm's workspace, and keep the e-stop at hand: it is going to move"
-            if not self._guide.confirm(text):
-                raise NotReadyError(f"{text}: given up; nothing has moved")
+            clear_workspace(self._guide)
             self._is_clear = True
         encoders = "mount the external encoders and start their program"
         if not client.operating_state().is_homed:
             self._have(encoders, self._no_encoders)  # their readings count from the homing on
-            self._home(client)
+            home_client(client, self._guide, patience=self._homing_patience)
         self._have(encoders, lambda: _not_registered(client))
         if client.operating_state().state != "ENABLED":
             self._enable(client)
-
-    def _home(self, client: CrtkClient) -> None:
-        if isinstance(self._guide, AnswerYes):
-            self._press_button(client)
-        have_done(
-            self._guide,
-            "press the robot's start button and wait until it is homed",
-            lambda: _not_homed(client.operating_state()),
-            self._transport.sleep,
-            patience=self._homing_patience,
-        )
-
-    def _press_button(self, client: CrtkClient) -> None:
-        """What a simulated robot offers in place of its button; CRTK's own commands where there is none."""
-        self._guide.say("pressing the start button (--yes)")
-        try:
-            answer = self._transport.call(BUTTON, BUTTON_TYPE)
-            if answer.success:
-                return
-            raise NotReadyError(f"the start button: {answer.message}")
-        except TransportError:
-            if client.operating_state().state != "ENABLED":
-                client.state_command("enable")
-            client.state_command("home")
 
     def _enable(self, client: CrtkClient) -> None:
         if isinstance(self._guide, AnswerYes):
@@ -247,12 +220,6 @@ def _paused_afterwards(client: CrtkClient) -> Iterator[None]:
             error.add_note(f"pausing the robot failed: {another}")
         raise
     client.state_command("pause")
-
-
-def _not_homed(now: OperatingState) -> str | None:
-    if now.is_homed and not now.is_busy:
-        return None
-    return f"the robot is {now.state}, {'busy' if now.is_busy else 'not homed'}"
 
 
 def _not_enabled(now: OperatingState) -> str | None:

@@ -14,6 +14,9 @@ from catenary.jobs.deploy import deploy_on_simulated
 from catenary.jobs.motion import check_motion
 from catenary.jobs.project import Project, ProjectSettings, write
 from catenary.jobs.project_robot import empty
+from catenary.recording.journal import About
+from catenary.recording.recorder import Recorder
+from catenary.recording.topics import raven_topics
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.cable_plant import JOINTS, CablePlant
@@ -32,8 +35,36 @@ class SimulatedRobot:
     """The robot of a project without a real one; the same settings give the same robot."""
 
     def home(self, project: Project) -> bool:
-        """Home it."""
-        return home_robot(project)
+        """Home it; again when another version's robot has other numbers, or cannot read the state that was left."""
+        folder = project.folder / "robot"
+        homed = folder / "homed.npz"
+        if homed.is_file():
+            try:
+                restore_plant(make_plant(project.settings), homed)
+            except FileFormatError:
+                homed.unlink()  # the step is not done without it
+
+        def work() -> None:
+            folder.mkdir(exist_ok=True)
+            for left in folder.glob("after_*.npz"):
+                left.unlink()  # of the robot before it was homed again
+            plant = make_plant(project.settings)
+            plant.home()
+            save_plant(plant, homed)
+            telemetry = plant.telemetry()
+            write(
+                folder / "home.json",
+                {
+                    "simulated": True,
+                    "seconds": plant.time,
+                    "joint_names": plant.joint_names,
+                    "believed": plant.control.joint,
+                    "external_encoders": telemetry["ext_jpos"],
+                    "true": plant.state.q,
+                },
+            )
+
+        return project.run("home", _robot_settings(project.settings), [homed, folder / "home.json"], work)
 
     def record(
         self,
@@ -45,8 +76,49 @@ class SimulatedRobot:
         after: str,
         progress: Progress = silent,
     ) -> bool:
-        """Drive and record it, as fast as the machine runs."""
-        return record_robot(project, name, trajectory, motion, after=after, progress=progress)
+        """Drive and record it, as fast as the machine runs, from where `after` left it; then put it away again."""
+        settings = project.settings
+        recording = project.folder / "recordings" / name
+        before, left = left_at(project, after), left_at(project, name)
+        made_from = [
+            motion,
+            settings.state_rate_hz,
+            project.fingerprint_of(after if after == "home" else f"record {after}"),
+        ]
+
+        def work() -> None:
+            if not before.is_file():
+                raise ConfigError(f"{before}: is missing; do the step {after} first")
+            plant = make_plant(settings)
+            restore_plant(plant, before)
+            plant.state_command("enable")
+            check_motion(plant, trajectory, joints=JOINTS[:CALIBRATED])
+            empty(recording)
+            topics = raven_topics(
+                "gold" if settings.side == "left" else "green", state_rate=settings.state_rate_hz
+            )
+            about = About(
+                robot=settings.robot if settings.side == "left" else f"{settings.robot}_right",
+                simulated=True,
+                seed=settings.seed,
+                configuration={"motion": motion},
+            )
+            seed = 0 if settings.seed is None else settings.seed
+            rng = np.random.default_rng([seed, *name.encode()])
+            approach = go_to(plant.control.setpoint[:CALIBRATED], trajectory(0.0).q, max_velocity=[0.2, 0.2, 0.01],
+                             max_acceleration=[0.4, 0.4, 0.02])  # fmt: skip
+            for _ in _ticks(plant, approach):
+                pass
+            begin = plant.time
+            with Recorder(recording, topics, COLUMNS, rng, about=about) as recorder:
+                for log, done in _ticks(plant, trajectory):
+                    time = plant.time - begin - PERIOD * np.arange(len(log.joint), 0, -1)
+                    recorder.observe_many(np.round(time, 6), telemetry_of(plant, log))
+                    progress(done)
+            plant.state_command("pause")
+            save_plant(plant, left)
+
+        return project.run(f"record {name}", made_from, [recording, left], work)
 
     def deploy(
         self,
@@ -78,115 +150,6 @@ def make_plant(settings: ProjectSettings) -> CablePlant:
         payload=settings.payload_kg,
         base=FixedBase(float(roll), float(pitch)),
     )
-
-
-def home_robot(project: Project) -> bool:
-    """Home the project's robot; whether it had to be done.
-
-    It is done again when another version's robot has other numbers, or cannot read the state that was left.
-    """
-    folder = project.folder / "robot"
-    homed = folder / "homed.npz"
-    if homed.is_file():
-        try:
-            restore_plant(make_plant(project.settings), homed)
-        except FileFormatError:
-            homed.unlink()  # the step is not done without it
-
-    def work() -> None:
-        folder.mkdir(exist_ok=True)
-        for left in folder.glob("after_*.npz"):
-            left.unlink()  # of the robot before it was homed again
-        plant = make_plant(project.settings)
-        plant.home()
-        save_plant(plant, homed)
-        telemetry = plant.telemetry()
-        write(
-            folder / "home.json",
-            {
-                "simulated": True,
-                "seconds": plant.time,
-                "joint_names": plant.joint_names,
-                "believed": plant.control.joint,
-                "external_encoders": telemetry["ext_jpos"],
-                "true": plant.state.q,
-            },
-        )
-
-    return project.run("home", _robot_settings(project.settings), [homed, folder / "home.json"], work)
-
-
-def record_robot(
-    project: Project,
-    name: str,
-    trajectory: Trajectory,
-    motion: Any,
-    *,
-    after: str,
-    progress: Progress = silent,
-) -> bool:
-    """Drive the robot along a trajectory of its positioning joints and record it into recordings/NAME.
-
-    The robot begins where the step `after` left it, and is put away again afterwards.
-
-    Args:
-        project: The project.
-        name: Of the recording.
-        trajectory: Of the three positioning joints.
-        motion: What the trajectory is, as plain data.
-        after: "home", or the name of the recording before.
-        progress: Called with the share done.
-
-    Raises:
-        LimitError: The motion leaves the joint limits; nothing has moved.
-        ConfigError: The step before was not done.
-    """
-    from catenary.recording.journal import About
-    from catenary.recording.recorder import Recorder
-    from catenary.recording.topics import raven_topics
-
-    settings = project.settings
-    recording = project.folder / "recordings" / name
-    before, left = left_at(project, after), left_at(project, name)
-    made_from = [
-        motion,
-        settings.state_rate_hz,
-        project.fingerprint_of(after if after == "home" else f"record {after}"),
-    ]
-
-    def work() -> None:
-        if not before.is_file():
-            raise ConfigError(f"{before}: is missing; do the step {after} first")
-        plant = make_plant(settings)
-        restore_plant(plant, before)
-        plant.state_command("enable")
-        check_motion(plant, trajectory, joints=JOINTS[:CALIBRATED])
-        empty(recording)
-        topics = raven_topics(
-            "gold" if settings.side == "left" else "green", state_rate=settings.state_rate_hz
-        )
-        about = About(
-            robot=settings.robot if settings.side == "left" else f"{settings.robot}_right",
-            simulated=True,
-            seed=settings.seed,
-            configuration={"motion": motion},
-        )
-        seed = 0 if settings.seed is None else settings.seed
-        rng = np.random.default_rng([seed, *name.encode()])
-        approach = go_to(plant.control.setpoint[:CALIBRATED], trajectory(0.0).q, max_velocity=[0.2, 0.2, 0.01],
-                         max_acceleration=[0.4, 0.4, 0.02])  # fmt: skip
-        for _ in _ticks(plant, approach):
-            pass
-        begin = plant.time
-        with Recorder(recording, topics, COLUMNS, rng, about=about) as recorder:
-            for log, done in _ticks(plant, trajectory):
-                time = plant.time - begin - PERIOD * np.arange(len(log.joint), 0, -1)
-                recorder.observe_many(np.round(time, 6), telemetry_of(plant, log))
-                progress(done)
-        plant.state_command("pause")
-        save_plant(plant, left)
-
-    return project.run(f"record {name}", made_from, [recording, left], work)
 
 
 def _ticks(plant: CablePlant, trajectory: Trajectory) -> Iterator[tuple[TickLog, float]]:

@@ -1,0 +1,93 @@
+"""The commands by name; each one's module is imported when it is asked for, so that its help comes at once."""
+
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+# module of this package and function; in the order in which `catenary --help` lists them
+_FUNCTIONS = {
+    "calibrate": ("pipeline", "calibrate"),
+    "home": ("home", "home"),
+    "excite": ("pipeline", "excite"),
+    "record": ("pipeline", "record"),
+    "extract": ("pipeline", "extract"),
+    "fit": ("calibration", "fit"),
+    "evaluate": ("calibration", "evaluate"),
+    "deploy": ("pipeline", "deploy"),
+    "goto": ("motion", "goto"),
+    "random": ("motion", "random"),
+    "follow": ("motion", "follow"),
+    "teleop": ("teleop", "teleop"),
+    "monitor": ("monitor", "monitor"),
+    "gravity": ("gravity", "gravity"),
+    "track": ("gravity", "track"),
+    "hold": ("gravity", "hold"),
+    "identify": ("identification", "identify"),
+    "excitation": ("identification", "excitation"),
+    "payload": ("identification", "payload"),
+    "check": ("check", "check"),
+    "fk": ("robots", "fk"),
+    "ik": ("robots", "ik"),
+    "regressor": ("regressor", "regressor"),
+    "sense": ("sense", "sense"),
+    "encoders": ("nodes", "encoders"),
+    "gravity-node": ("nodes", "gravity_node"),
+    "export": ("export", "export"),
+    "serve": ("serve", "serve"),
+    "button": ("serve", "button"),
+    "robots": ("robots", "robots"),
+    "demo": ("pipeline", "demo"),
+}
+_COMPLETE = {
+    "home",
+    "teleop",
+    "monitor",
+    "serve",
+    "button",
+    "robots",
+    "demo",
+}  # run as they are; others then show their help
+
+
+class Commands(Mapping[str, Any]):
+    """Commands by name, each made when it is first looked at."""
+
+    def __init__(self) -> None:
+        self._made: dict[str, Any] = {}
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._made:
+            module, function = _FUNCTIONS[name]
+            app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+            app.command(name, no_args_is_help=name not in _COMPLETE)(
+                getattr(import_module(f"catenary.cli.{module}"), function)
+            )
+            self._made[name] = typer.main.get_command(app)
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_FUNCTIONS)
+
+    def __len__(self) -> int:
+        return len(_FUNCTIONS)
+
+
+class CommandGroup(TyperGroup):
+    """The group whose commands these are."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands: Any = Commands()
+
+    def get_help_option(self, ctx: Any) -> Any:
+        """The group's own --help, which is False where it is not given.
+
+        By default it is None then, and newer versions of typer import pydantic (0.2 s) to see that this is no bool.
+        """
+        option = super().get_help_option(ctx)
+        if option is not None:
+            option.default = False
+        return option

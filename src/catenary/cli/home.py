@@ -1,0 +1,115 @@
+"""catenary home: a robot finds its joints; a project's, one simulated for the moment, or one on ROS."""
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from catenary.cli.beside_robot import Ros, Simulated, TerminalGuide, Yes, robot_of
+from catenary.cli.options import AsJson
+from catenary.cli.project_options import Payload, Seed, Side, Tilt, open_project
+from catenary.cli.robot_choice import open_robot
+from catenary.cli.terminal import human, print_json, print_table
+from catenary.errors import InputError
+
+if TYPE_CHECKING:
+    from catenary.jobs.homing import Homing
+
+
+def home(
+    project: Annotated[
+        Path | None,
+        typer.Argument(metavar="PROJECT", help="Folder of a project, whose robot it is; made if not there."),
+    ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", metavar="ROBOT", help="Without a project: which one. [default: raven2]"),
+    ] = None,
+    seed: Seed = None,
+    base_tilt_deg: Tilt = None,
+    payload: Payload = None,
+    side: Side = None,
+    ros: Ros = None,
+    dialect: Annotated[
+        str | None,
+        typer.Option("--dialect", help="Without a project, with --ros: raven or crtk. [default: raven]"),
+    ] = None,
+    namespace: Annotated[
+        str | None,
+        typer.Option("--namespace", metavar="/NAME", help="With --dialect crtk: in front of its verbs."),
+    ] = None,
+    yes: Yes = False,
+    simulated: Simulated = False,
+    as_json: AsJson = False,
+) -> None:
+    """Home a robot.
+
+    Every axis runs into its stop, which registers its encoder. A robot on ROS is homed after somebody has
+    said that its workspace is clear; Ctrl-C disables it. With a project the result is kept there.
+
+    Example: catenary home --ros 1
+    """
+    if project is not None:
+        if robot is not None or dialect is not None or namespace is not None:
+            raise InputError(
+                "--robot, --dialect and --namespace go without a project; a project's robot is a RAVEN-II's "
+                "left or right arm (--side)"
+            )
+        _home_project(project, seed, base_tilt_deg, payload, side, ros, yes, simulated, as_json)
+        return
+    if payload is not None or side is not None:
+        raise InputError(
+            "--payload and --side are of a project's robot; without one say --robot raven2_right"
+        )
+    from catenary.jobs.guide import AnswerYes
+    from catenary.jobs.homing import home_operated
+
+    with open_robot(
+        robot or "raven2", ros, dialect=dialect or "raven", namespace=namespace, simulated=simulated, yes=yes,
+        moves=False, tilt=base_tilt_deg, seed=seed, fast=ros is None, homed=False,
+    ) as opened:  # fmt: skip
+        guide = AnswerYes(_tell) if yes or simulated else TerminalGuide()
+        _tell("homing ...")
+        found = home_operated(opened, guide)
+    _say(found, as_json)
+
+
+def _home_project(
+    folder: Path, seed: int | None, tilt: str | None, payload: float | None, side: str | None, ros: int | None,
+    yes: bool, simulated: bool, as_json: bool,
+) -> None:  # fmt: skip
+    opened = open_project(folder, seed, tilt, payload, side, ros=ros)
+    with robot_of(opened, yes, simulated) as robot:
+        _tell("homing ...")
+        was_run = robot.home(opened)
+    if as_json:
+        content = json.loads((opened.folder / "robot" / "home.json").read_text(encoding="utf-8"))
+        print_json({"project": str(opened.folder), "run": was_run, **content})
+    else:
+        print(f"{opened.folder}: homed" + ("" if was_run else " before; nothing to do"))
+
+
+def _say(found: "Homing", as_json: bool) -> None:
+    if as_json:
+        print_json(found.as_data())
+        return
+    how = f"homed in {found.seconds:.1f} s" if found.was_run else "homed before; nothing has moved"
+    print(f"{found.robot}: {how}; {found.state.state}\n")
+    encoders = [] if found.external_encoders is None else found.external_encoders.tolist()
+    rows = [
+        [
+            name,
+            human(q, unit, 2),
+            *([human(encoders[j], unit, 2) if j < len(encoders) else ""] if encoders else []),
+        ]
+        for j, (name, unit, q) in enumerate(
+            zip(found.joint_names, found.joint_units, found.believed, strict=True)
+        )
+    ]
+    print_table("Joints", ["joint", "now", *(["external encoder"] if encoders else [])], rows)
+
+
+def _tell(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)

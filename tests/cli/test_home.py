@@ -1,0 +1,71 @@
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from catenary.cli import robot_choice
+from command_line import catenary, refusal
+from oracles.crtk_robot import RobotOnLoopback
+from oracles.encoded_plant import EncodedPlant
+
+
+@pytest.fixture
+def on_ros(monkeypatch: pytest.MonkeyPatch) -> RobotOnLoopback:
+    """A robot, not homed, where the command looks for one on ROS."""
+    robot = RobotOnLoopback(EncodedPlant(ready=False), every=5)
+
+    @contextmanager
+    def transport(_: int, __: str = "") -> Iterator[Any]:
+        yield robot.transport
+
+    monkeypatch.setattr(robot_choice, "ros_transport", transport)
+    return robot
+
+
+def test_a_simulated_robot_is_homed_without_a_project() -> None:
+    found = catenary("home", "--json").json
+    assert found["run"]
+    assert found["state"] == {"state": "ENABLED", "is_homed": True, "is_busy": False}
+    assert found["seconds"] > 5.0
+    # the rig and the robot register the same stops 7.5 deg apart at the elbow, and the cables stretch
+    assert abs(found["external_encoders"][1] - found["believed"][1] + 0.1309) < 0.05
+
+
+def test_a_robot_on_ros_is_homed_without_a_project(on_ros: RobotOnLoopback) -> None:
+    outcome = catenary("home", "--ros", "1", "--yes")
+    assert outcome.code == 0, outcome
+    assert "raven2: homed in" in outcome.out
+    assert on_ros.robot.plant.operating_state().is_homed
+
+
+def test_a_robot_on_ros_that_is_homed_is_left_alone(on_ros: RobotOnLoopback) -> None:
+    catenary("home", "--ros", "1", "--simulated")
+    assert "homed before; nothing has moved" in catenary("home", "--ros", "1").out
+
+
+def test_nobody_at_the_terminal_moves_no_robot(on_ros: RobotOnLoopback) -> None:
+    assert "nothing has moved" in refusal("home", "--ros", "1")
+    assert not on_ros.robot.plant.operating_state().is_homed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("p", "--robot", "raven2"), "go without a project"),
+        (("p", "--dialect", "crtk"), "go without a project"),
+        (("--side", "left"), "--robot raven2_right"),
+        (("--payload", "0.1"), "--robot raven2_right"),
+        (("--yes",), "go with --ros"),
+        (("--ros", "3"), "expected 1 or 2"),
+        (("--ros", "1", "--seed", "1"), "not with --ros"),
+    ],
+    ids=str,
+)
+def test_options_that_do_not_go_together_are_refused(
+    arguments: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert message in refusal("home", *arguments)
+    assert not (tmp_path / "p").exists()
