@@ -30,10 +30,16 @@ from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError, TransportError
 from catenary.gravity.torque import gravity_kernel
 from catenary.plant import JointState
+from catenary.recording.topics import Arm
 from catenary.robots.catalog import load_robot
 
 DEPTH = 100  # messages that wait: 0.1 s; older ones are worth nothing
 WAIT = 0.05  # [s] for the next message
+
+
+def calibrated_namespace(arm: Arm) -> str:
+    """In front of the topics of an arm's deployed model."""
+    return f"{NAMESPACES[arm]}/calibrated"
 
 
 @dataclass(frozen=True)
@@ -106,7 +112,7 @@ class CalibratedTopics:
         self._robot = load_robot(f"raven2_full{right}")
         self._gravity = gravity_kernel(load_robot(f"raven2{right}")) if gravity_torque else None
         forward_kinematics(self._robot, np.zeros(self._robot.n))  # compiles now, not while messages wait
-        transport, place = client.transport, f"{NAMESPACES[client.arm]}/calibrated"
+        transport, place = client.transport, calibrated_namespace(client.arm)
         self._pose_type = TRANSFORM if client.dialect == "raven" else POSE
         self._publishers = {
             "measured_js": transport.publisher(f"{place}/measured_js", JOINT_STATE),
