@@ -117,8 +117,10 @@ def _on_screen(
 
     from catenary.monitor.screen import monitor_lines
 
-    begin, colour = time.monotonic(), "NO_COLOR" not in os.environ
+    begin: float | None = None  # of the first sample: what it takes to prepare is not watched
+    colour = "NO_COLOR" not in os.environ
     for sample in samples:
+        begin = time.monotonic() if begin is None else begin
         if terminal.wants_suspension:
             terminal.suspend()
         terminal.draw(monitor_lines(name, sample, *terminal.size, colour=colour))
@@ -134,8 +136,9 @@ def _in_lines(samples: "Iterator[Sample]", seconds: float | None, as_json: bool)
     from catenary.json_text import json_text
     from catenary.monitor.screen import plain_line
 
-    begin = time.monotonic()
+    begin: float | None = None  # of the first sample
     for sample in samples:
+        begin = time.monotonic() if begin is None else begin
         text = json.dumps(json.loads(json_text(sample.as_data()))) if as_json else plain_line(sample)
         print(text, flush=True)
         if _is_over(begin, seconds):
