@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numba
 import pytest
 
 from catenary.crtk.ros1 import make_rospy_importable
@@ -53,6 +54,7 @@ class Master:
             "ROS_IP": "127.0.0.1",
             "ROS_LOG_DIR": str(folder),
             "ROS_HOME": str(folder),
+            "NUMBA_CACHE_DIR": str(numba.config.CACHE_DIR),  # what was compiled for the tests
             "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT / "tests")]),
         }
         self._output = folder / "master.txt"

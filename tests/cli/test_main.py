@@ -129,6 +129,18 @@ def test_wrong_usage_ends_with_2(arguments: list[str], words: str) -> None:
     assert words in refusal(*arguments)
 
 
+def test_ctrl_c_is_told_with_what_was_noted_on_its_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted() -> None:
+        error = KeyboardInterrupt()
+        error.add_note("the robot was homing; it was disabled")
+        raise error
+
+    monkeypatch.setattr("catenary.robots.catalog.robot_names", interrupted)
+    outcome = catenary("robots")
+    assert outcome.code == 130
+    assert outcome.err == "catenary: interrupted; the robot was homing; it was disabled\n"
+
+
 def test_a_name_too_long_for_the_file_system_is_refused() -> None:
     assert "File name too long" in refusal("check", 300 * "a")
 

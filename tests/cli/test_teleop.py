@@ -1,50 +1,18 @@
-import json
-import os
-import pty
-import select
 import signal
-import subprocess
-import sys
 import termios
-import time
 
 import pytest
 
 from command_line import refusal
-
-
-class Typist:
-    """The real command on a pseudo-terminal."""
-
-    def __init__(self) -> None:
-        self.master, self.slave = pty.openpty()
-        self.before = termios.tcgetattr(self.slave)
-        command = [sys.executable, "-m", "catenary.cli.main", "teleop", "--json"]
-        self.process = subprocess.Popen(command, stdin=self.slave, stdout=self.slave, stderr=subprocess.PIPE)
-        self.seen = b""
-
-    def wait_for(self, text: bytes, seconds: float = 120.0) -> None:
-        end = time.monotonic() + seconds
-        while text not in self.seen:
-            assert time.monotonic() < end, self.seen[-2000:]
-            if select.select([self.master], [], [], 0.1)[0]:
-                self.seen += os.read(self.master, 65536)
-
-    def end(self) -> dict[str, object]:
-        self.wait_for(b'"state"')
-        self.wait_for(b"\n}", 10.0)
-        assert self.process.wait(30.0) == 0
-        return json.loads(self.seen[self.seen.rindex(b"\x1b[?1049l") + 8 :])
+from typist import Typist
 
 
 @pytest.mark.slow
 def test_the_real_command_moves_a_simulated_robot_and_leaves_the_terminal_as_it_was() -> None:
     typist = Typist()
     typist.wait_for(b"catenary teleop")
-    for _ in range(25):
-        os.write(typist.master, b"q")
-        time.sleep(0.04)
-    os.write(typist.master, b"Q")
+    typist.type(b"q", 25)
+    typist.type(b"Q")
     end = typist.end()
     assert end["state"]["state"] == "PAUSED"
     assert end["q"][0] > 0.53  # homed at 30 deg, 0.5236 rad

@@ -9,10 +9,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.clock import ManualClock
 from catenary.crtk.joints import RobotJoints
-from catenary.crtk.latest import ImuTopic
+from catenary.crtk.latest import ImuTopic, published_gravity
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
 from catenary.errors import InputError, NotReadyError, TransportError
+from catenary.gravity.mounting import Mounting
 from catenary.recording.topics import JOINTS
 from catenary.simulation.cable_plant import UNITS, CablePlant
 from oracles.cable_arms import homed_plant
@@ -245,7 +246,7 @@ def test_gravity_is_nominal_without_an_accelerometer() -> None:
 
 def test_gravity_is_what_an_accelerometer_reads_turned_round() -> None:
     about_x = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # imu's z along the base's -y
-    setup, client = connected(ideal(), imu=ImuTopic(R_base_imu=about_x))
+    setup, client = connected(ideal(), imu=ImuTopic(mounting=Mounting(rotation=about_x)))
     imu = Loopback("imu", setup.network).publisher("/imu/data_raw", "sensor_msgs/Imu")
     vector = message_class("geometry_msgs/Vector3")
     imu.publish(message_class("sensor_msgs/Imu")(linear_acceleration=vector(0.0, 9.8, 0.0)))
@@ -257,3 +258,26 @@ def test_gravity_is_what_an_accelerometer_reads_turned_round() -> None:
     state = client.measured_js()
     assert_allclose(state.gravity, [0.0, 0.0, -9.8], atol=1e-12)
     assert_allclose(state.gravity_age, 0.001)
+
+
+def test_an_imu_that_measures_no_acceleration_is_left_out() -> None:
+    setup, client = connected(ideal(), imu=ImuTopic())
+    imu = Loopback("imu", setup.network).publisher("/imu/data_raw", "sensor_msgs/Imu")
+    imu.publish(message_class("sensor_msgs/Imu")(linear_acceleration_covariance=np.array([-1.0] + 8 * [0.0])))
+    client.wait()
+    assert client.measured_js().gravity_age == np.inf
+
+
+def test_gravity_that_a_node_publishes_points_down_and_ages_while_it_does_not_measure() -> None:
+    setup, client = connected(ideal(), imu=published_gravity("/gravity"))
+    node = Loopback("node", setup.network)
+    vectors = node.publisher("/gravity", "geometry_msgs/Vector3Stamped")
+    states = node.publisher("/gravity/status", "crtk_msgs/StringStamped", latch=True)
+    vector = message_class("geometry_msgs/Vector3")
+    for status, x in (("live", 1.7), ("fallback sensor_lost", 1.0)):
+        states.publish(message_class("crtk_msgs/StringStamped")(string=status))
+        vectors.publish(message_class("geometry_msgs/Vector3Stamped")(vector=vector(x, 0.0, -9.66)))
+        client.wait()
+        state = client.measured_js()
+        assert_allclose(state.gravity, [x, 0.0, -9.66])  # what the node goes by
+    assert_allclose(state.gravity_age, 0.002)  # since it was measured

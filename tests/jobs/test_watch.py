@@ -5,13 +5,19 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.crtk.conversions import joint_state_message
+from catenary.crtk.loopback import Loopback
+from catenary.crtk.message import message_class
+from catenary.crtk.names import JOINT_STATE
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
-from catenary.jobs.operated_robot import OperatedRobot
+from catenary.jobs.operated_robot import OperatedRobot, robot_over
 from catenary.jobs.operator_motion import random_motion
 from catenary.jobs.watch import watch_log, watch_robot
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
+from oracles.crtk_robot import RobotOnLoopback
+from oracles.encoded_plant import EncodedPlant
 from oracles.ideal_plant import IdealPlant
 
 START = np.array([0.8, 1.5, 0.4])
@@ -96,3 +102,22 @@ def test_an_encoder_that_cannot_be_trusted_is_not_shown() -> None:
 def test_a_recording_without_time_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no time"):
         next(watch_log(log(time=None)))
+
+
+def test_joints_that_a_model_deployed_beside_calibrates_are_shown() -> None:
+    setup = RobotOnLoopback(EncodedPlant())
+    watched, client = robot_over(setup.transport, simulated=True)
+    other = Loopback("deploy", setup.network)
+    positions = other.publisher("/arm1/calibrated/measured_js", JOINT_STATE)
+    validity = other.publisher("/arm1/calibrated/is_valid", "std_msgs/Bool")
+    with client:
+        samples = watch_robot(watched, every=0.0)
+        assert next(samples).calibrated is None
+        q = client.measured_js().q + 0.01
+        positions.publish(joint_state_message(client.joint_names, 1, q))
+        validity.publish(message_class("std_msgs/Bool")(False))
+        shown = next(samples)
+        assert_allclose(shown.calibrated, q)
+        assert shown.inside.tolist() == [False] * 3 + [True] * 4
+        silent = list(islice(samples, 250))[-1]  # ticks of 1 ms, in which nobody publishes
+    assert np.isnan(silent.calibrated).all()

@@ -64,7 +64,7 @@ def test_raw_efforts_are_scaled_by_the_robots_file(read):
         ({"q": Q, "tau": Q[:3]}, InputError, "tau: expected shape (6, 2), got (3, 2)"),
         ({"q": Q, "tau": Q * np.nan}, InputError, "tau is nan at row 0"),
         ({"q": Q, "effort": Q}, InputError, "gives no effort_scale"),
-        ({"q": Q, "tau": Q, "t": np.full(6, np.inf)}, InputError, "time is inf at row 0"),
+        ({"q": Q, "tau": Q, "t": np.full(6, np.inf)}, InputError, "t is inf at row 0"),
     ],
 )
 def test_what_is_no_recording_is_refused(read, arrays, error, said):

@@ -269,7 +269,7 @@ def test_too_large_a_torque_trips_the_software_stop():
     plant.servo_jf(np.array([1e4, 0.0, 0.0]))
     plant.wait()
     assert plant.operating_state().state == "FAULT"
-    with pytest.raises(NotReadyError, match="FAULT"):
+    with pytest.raises(NotReadyError, match="FAULT and homed: the software e-stop tripped"):
         plant.servo_jp(np.zeros(7))
 
 

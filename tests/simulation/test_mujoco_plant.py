@@ -347,7 +347,7 @@ def test_a_motion_beyond_all_numbers_stops_the_robot_in_fault():
         plant.wait()
     assert plant.operating_state().state == "FAULT"
     assert np.isfinite(plant.measured_js().q).all()
-    with pytest.raises(NotReadyError):
+    with pytest.raises(NotReadyError, match=r"diverged in tick \d+, at 0\.0"):
         plant.servo_jf(np.zeros(2))
     plant.state_command("enable")
     plant.servo_jf(np.zeros(2))

@@ -12,6 +12,7 @@ from catenary.cli.terminal import print_json, print_notes, print_table
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
+    from catenary.crtk.latest import ImuTopic
     from catenary.crtk.transport import Transport
     from catenary.jobs.project import Project
     from catenary.jobs.project_robot import ProjectRobot
@@ -114,6 +115,7 @@ def deploy_beside(
     seconds: float,
     rate_hz: float,
     gravity_torque: bool,
+    imu: "ImuTopic | None",
     as_json: bool,
 ) -> None:
     """Correct a robot's messages as they come, and publish them corrected."""
@@ -126,9 +128,11 @@ def deploy_beside(
     if not seconds > 0.0:
         raise InputError(f"--seconds: expected more than 0, got {seconds}")
     loaded, _ = load_model(model)
+    if gravity_torque and imu is None:
+        print_notes(["gravity torques are those of a level base; --gravity or --imu tell of another"])
     with (
         ros_transport(ros) as transport,
-        CrtkClient(transport, arm="gold" if arm == "gold" else "green") as client,
+        CrtkClient(transport, arm="gold" if arm == "gold" else "green", imu=imu) as client,
     ):
         topics = CalibratedTopics(client, loaded, rate_hz=rate_hz, gravity_torque=gravity_torque)
         end, was_silent = transport.now() + seconds * 1e9, False

@@ -75,12 +75,23 @@ class Commands(Mapping[str, Any]):
         return len(_FUNCTIONS)
 
 
+class InterruptedCommand(Exception):
+    """Ctrl-C ended a command; its cause is the KeyboardInterrupt, on which newer versions of typer end unsaid."""
+
+
 class CommandGroup(TyperGroup):
     """The group whose commands these are."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
         self.commands: Any = Commands()
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as interrupt:
+            raise InterruptedCommand from interrupt
 
     def get_help_option(self, ctx: Any) -> Any:
         """The group's own --help, which is False where it is not given.

@@ -7,7 +7,7 @@ import sys
 import typer
 
 from catenary import __version__
-from catenary.cli.commands import CommandGroup
+from catenary.cli.commands import CommandGroup, InterruptedCommand
 
 app = typer.Typer(
     name="catenary",
@@ -53,8 +53,8 @@ def main() -> None:
             sys.stdout.flush()
     except CatenaryError as error:
         _fail(_with_notes(str(error), error), 2)
-    except KeyboardInterrupt as error:
-        _fail(_with_notes("interrupted", error), 130)
+    except (InterruptedCommand, KeyboardInterrupt) as error:
+        _fail(_with_notes("interrupted", error.__cause__ or error), 130)
     except BrokenPipeError:
         _close_output()  # the reader of our output went away; nothing is left to say
         sys.exit(1)

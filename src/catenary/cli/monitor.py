@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from catenary.cli.options import Record
+from catenary.cli.gravity_source import GravityTopicName, ImuTopicName, gravity_source
+from catenary.cli.options import MountingFile, Record
 from catenary.cli.robot_choice import (
     DialectName,
     IsSimulated,
@@ -52,6 +53,9 @@ def monitor(
     dialect: DialectName = "raven",
     namespace: Namespace = None,
     simulated: IsSimulated = False,
+    gravity: GravityTopicName = None,
+    imu: ImuTopicName = None,
+    mounting: MountingFile = None,
     base_tilt_deg: Tilt = None,
     robot_seed: RobotSeed = None,
     as_json: Annotated[
@@ -73,6 +77,7 @@ def monitor(
         raise InputError("--moving is for a robot simulated here; a robot on ROS is only read")
     if record is not None and log is not None:
         raise InputError("--record is for a robot; --log plays what was recorded")
+    source = gravity_source(ros, gravity, imu, mounting)
     with ExitStack() as stack:
         if log is not None:
             from catenary.jobs.watch import watch_log
@@ -89,7 +94,7 @@ def monitor(
             opened = stack.enter_context(
                 open_robot(
                     robot, ros, dialect=dialect, namespace=namespace, simulated=simulated, moves=False,
-                    tilt=base_tilt_deg, seed=robot_seed,
+                    tilt=base_tilt_deg, seed=robot_seed, imu=source,
                 )
             )  # fmt: skip
             motion = random_motion(opened, 60.0, rng=np.random.default_rng(0)) if moving else None
@@ -112,8 +117,10 @@ def _on_screen(
 
     from catenary.monitor.screen import monitor_lines
 
-    begin, colour = time.monotonic(), "NO_COLOR" not in os.environ
+    begin: float | None = None  # of the first sample: what it takes to prepare is not watched
+    colour = "NO_COLOR" not in os.environ
     for sample in samples:
+        begin = time.monotonic() if begin is None else begin
         if terminal.wants_suspension:
             terminal.suspend()
         terminal.draw(monitor_lines(name, sample, *terminal.size, colour=colour))
@@ -129,8 +136,9 @@ def _in_lines(samples: "Iterator[Sample]", seconds: float | None, as_json: bool)
     from catenary.json_text import json_text
     from catenary.monitor.screen import plain_line
 
-    begin = time.monotonic()
+    begin: float | None = None  # of the first sample
     for sample in samples:
+        begin = time.monotonic() if begin is None else begin
         text = json.dumps(json.loads(json_text(sample.as_data()))) if as_json else plain_line(sample)
         print(text, flush=True)
         if _is_over(begin, seconds):

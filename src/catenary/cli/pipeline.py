@@ -15,7 +15,8 @@ from catenary.cli.beside_robot import (
     record_others,
     robot_of,
 )
-from catenary.cli.options import AsJson
+from catenary.cli.gravity_source import GravityTopicName, ImuTopicName, gravity_source
+from catenary.cli.options import AsJson, MountingFile
 from catenary.cli.project_options import (
     Direction,
     Folder,
@@ -187,18 +188,29 @@ def deploy(
     gravity_torque: Annotated[
         bool, typer.Option("--gravity-torque", help="With --ros: publish what holds the joints still.")
     ] = False,
+    gravity: GravityTopicName = None,
+    imu: ImuTopicName = None,
+    mounting: MountingFile = None,
     as_json: AsJson = False,
 ) -> None:
     """Run a model in a robot's loop, or beside one on ROS.
 
     Tells latency, valid range, and error while it runs.
     """
+    source = gravity_source(ros, gravity, imu, mounting)
     if ros is not None:
         if project is not None:
             raise InputError("--ros: works beside whatever moves the robot; give no project")
         length = float("inf") if seconds is None else seconds
         deploy_beside(
-            model, ros, arm=arm, seconds=length, rate_hz=rate, gravity_torque=gravity_torque, as_json=as_json
+            model,
+            ros,
+            arm=arm,
+            seconds=length,
+            rate_hz=rate,
+            gravity_torque=gravity_torque,
+            imu=source,
+            as_json=as_json,
         )
         return
     if project is None:

@@ -12,6 +12,7 @@ from catenary.cli.terminal import print_notes, roll_and_pitch
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
+    from catenary.crtk.latest import ImuTopic
     from catenary.jobs.operated_robot import OperatedRobot
 
 RobotName = Annotated[
@@ -64,6 +65,7 @@ def open_robot(
     seed: int | None = None,
     fast: bool = False,
     homed: bool = True,
+    imu: "ImuTopic | None" = None,
 ) -> "Iterator[OperatedRobot]":
     """Open a robot: simulated in this process, enabled and homed, or one on ROS, as it is.
 
@@ -89,7 +91,7 @@ def open_robot(
         )
     with ros_transport(ros) as transport:
         opened, client = robot_over(
-            transport, robot, dialect=dialect, namespace=namespace, simulated=simulated
+            transport, robot, dialect=dialect, namespace=namespace, simulated=simulated, imu=imu
         )
         with client:
             if moves and not simulated and not yes:

@@ -66,7 +66,7 @@ class CrtkClient:
             namespace: In front of the verbs, such as /PSM1, of a robot that speaks `crtk`; a RAVEN-II's when None.
             joints: Names as in its messages, units and limits; a RAVEN-II's when None.
             period: Of a tick [s].
-            imu: Accelerometer that gravity is read from; nominal gravity when None.
+            imu: What gravity is read from; nominal gravity when None.
             stale_after: Age [s] at which a state is refused.
             connect_timeout: [s].
             simulated: What is behind the topics, which do not say it.
@@ -308,12 +308,12 @@ class CrtkClient:
 
     def close(self) -> None:
         """End its topics; the transport stays open."""
-        parts: list[Latest | RavenTelemetry | Publisher]
+        parts: list[Latest | RavenTelemetry | Publisher | MeasuredGravity]
         parts = [*self._latest.values(), *self._publishers.values()]
         if self._state is not None:
             parts.append(self._state)
         if self._gravity is not None:
-            parts.append(self._gravity.latest)
+            parts.append(self._gravity)
         for part in parts:
             part.close()
 

@@ -9,6 +9,9 @@ from catenary.crtk.clock import SECOND
 from catenary.crtk.conversions import specific_force
 from catenary.crtk.message import Message
 from catenary.crtk.transport import Transport
+from catenary.errors import InputError
+from catenary.gravity.mounting import Mounting
+from catenary.gravity.samples import Kind
 from catenary.gravity.vector import LEVEL
 
 PLAUSIBLE = 9.0, 10.6  # [m/s2] what an accelerometer at rest reads, with room for its errors and slow motion
@@ -52,22 +55,37 @@ class Latest:
 
 
 class ImuTopic(NamedTuple):
-    """An accelerometer on the robot's base."""
+    """Where gravity comes from: an accelerometer on the robot's base, or a program that publishes gravity itself."""
 
     topic: str = "/imu/data_raw"
     type_name: str = "sensor_msgs/Imu"  # or geometry_msgs/AccelStamped, geometry_msgs/Vector3Stamped
-    R_base_imu: Floats = np.eye(3)
+    mounting: Mounting = Mounting()
+    kind: Kind = Kind.SPECIFIC_FORCE  # FREE_FALL: vectors are gravity itself, which points down
+
+
+def published_gravity(topic: str) -> ImuTopic:
+    """Gravity in base axes as `catenary gravity-node` publishes it, with its status beside it."""
+    return ImuTopic(topic, "geometry_msgs/Vector3Stamped", kind=Kind.FREE_FALL)
 
 
 class MeasuredGravity:
-    """Gravity in the base frame from an accelerometer's topic; what is no gravity is left out and counted."""
+    """Gravity in the base frame from a topic; what is no gravity is left out and counted.
+
+    A reading is as old as its message. What a gravity node publishes while it does not measure (its status is not
+    "live") is taken for gravity, but is as old as the last that was measured.
+    """
 
     def __init__(self, transport: Transport, imu: ImuTopic) -> None:
         """Begin to receive."""
         self.latest = Latest(transport, imu.topic, imu.type_name)
         self.implausible = 0
-        self._R_base_imu = np.array(imu.R_base_imu, dtype=float)
+        self._mounting, self._kind = imu.mounting, imu.kind
         self._transport = transport
+        self._status = (
+            Latest(transport, f"{imu.topic}/status", "crtk_msgs/StringStamped")
+            if imu.kind is Kind.FREE_FALL
+            else None
+        )
         self._seen: int | None = None  # arrival of the newest message that was looked at
         self._measured: int | None = None  # arrival of the newest plausible one
         self._gravity = LEVEL.copy()
@@ -77,11 +95,27 @@ class MeasuredGravity:
         message = self.latest.message()
         if self.latest.arrived != self._seen:
             self._seen = self.latest.arrived
-            gravity = -(self._R_base_imu @ specific_force(message))
-            if PLAUSIBLE[0] < np.linalg.norm(gravity) < PLAUSIBLE[1]:
-                self._gravity, self._measured = gravity, self._seen
-            else:
-                self.implausible += 1
+            self._take(message)
         if self._measured is None:
             return self._gravity.copy(), np.inf
         return self._gravity.copy(), max(0, self._transport.now() - self._measured) / SECOND
+
+    def close(self) -> None:
+        """Receive no more."""
+        self.latest.close()
+        if self._status is not None:
+            self._status.close()
+
+    def _take(self, message: Message) -> None:
+        try:
+            gravity = self._mounting.gravity(specific_force(message), self._kind)
+        except InputError:  # NaN, or an Imu that measures no acceleration
+            self.implausible += 1
+            return
+        if not PLAUSIBLE[0] < np.linalg.norm(gravity) < PLAUSIBLE[1]:
+            self.implausible += 1
+            return
+        self._gravity = gravity
+        status = None if self._status is None else self._status.message()
+        if status is None or status.string.split()[:1] == ["live"]:
+            self._measured = self._seen

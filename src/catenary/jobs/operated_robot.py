@@ -9,6 +9,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.joints import model_joints
+from catenary.crtk.latest import ImuTopic
 from catenary.crtk.names import Dialect
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError
@@ -195,6 +196,7 @@ def robot_over(
     dialect: str = "raven",
     namespace: str | None = None,
     simulated: bool = False,
+    imu: ImuTopic | None = None,
 ) -> tuple[OperatedRobot, CrtkClient]:
     """Reach a robot behind a transport; the client is the caller's to close.
 
@@ -204,6 +206,7 @@ def robot_over(
         dialect: raven or crtk.
         namespace: In front of the verbs of a robot that speaks `crtk`.
         simulated: What is behind the topics, which do not say it.
+        imu: What gravity is read from; nominal gravity when None.
 
     Raises:
         TransportError: The robot is not there; the message names the topics.
@@ -223,5 +226,6 @@ def robot_over(
         namespace=namespace,
         joints=None if robot in SIDES else model_joints(model),
         simulated=simulated,
+        imu=imu,
     )
     return OperatedRobot(model.name, client, model, lambda: client.late), client

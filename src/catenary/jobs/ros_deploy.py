@@ -30,10 +30,16 @@ from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError, TransportError
 from catenary.gravity.torque import gravity_kernel
 from catenary.plant import JointState
+from catenary.recording.topics import Arm
 from catenary.robots.catalog import load_robot
 
 DEPTH = 100  # messages that wait: 0.1 s; older ones are worth nothing
 WAIT = 0.05  # [s] for the next message
+
+
+def calibrated_namespace(arm: Arm) -> str:
+    """In front of the topics of an arm's deployed model."""
+    return f"{NAMESPACES[arm]}/calibrated"
 
 
 @dataclass(frozen=True)
@@ -105,8 +111,7 @@ class CalibratedTopics:
         right = "" if client.arm == "gold" else "_right"
         self._robot = load_robot(f"raven2_full{right}")
         self._gravity = gravity_kernel(load_robot(f"raven2{right}")) if gravity_torque else None
-        forward_kinematics(self._robot, np.zeros(self._robot.n))  # compiles now, not while messages wait
-        transport, place = client.transport, f"{NAMESPACES[client.arm]}/calibrated"
+        transport, place = client.transport, calibrated_namespace(client.arm)
         self._pose_type = TRANSFORM if client.dialect == "raven" else POSE
         self._publishers = {
             "measured_js": transport.publisher(f"{place}/measured_js", JOINT_STATE),
@@ -117,6 +122,7 @@ class CalibratedTopics:
             self._publishers["gravity_torque"] = transport.publisher(f"{place}/gravity_torque", JOINT_STATE)
         n = len(names)
         self._out, self._inside = np.empty(n), np.empty(n, dtype=bool)
+        self._compile()
         self._latency = Durations()
         self._messages = transport.subscribe(client.measured_topic, JOINT_STATE, depth=DEPTH)
         self._begin = self._last = transport.now()
@@ -125,6 +131,17 @@ class CalibratedTopics:
         self._longest = 0.0
         self._outside = np.zeros(len(self._places))
         self._stamps: tuple[int, int, int] | None = None  # first, last [ns] and number of an unbroken run
+
+    def _compile(self) -> None:
+        """Run once, before messages wait, what is compiled on first use."""
+        rest = np.zeros(len(self._out))
+        forward_kinematics(self._robot, np.zeros(self._robot.n))
+        self._corrector.correct_state(
+            JointState(0.0, rest, rest, rest, rest, np.zeros(3), np.inf), self._out, self._inside
+        )
+        self._corrector.reset()
+        if self._gravity is not None:
+            self._gravity(rest[:3], np.zeros(3), np.empty(3))
 
     @property
     def is_silent(self) -> bool:

@@ -9,11 +9,17 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector, Flags
 from catenary.calibration.files import load_model
+from catenary.crtk.client import CrtkClient
+from catenary.crtk.conversions import joint_values
+from catenary.crtk.latest import Latest
+from catenary.crtk.names import JOINT_STATE
 from catenary.errors import InputError, TransportError
 from catenary.jobs.motion import GENTLE_ACCELERATION, GENTLE_VELOCITY
 from catenary.jobs.operated_robot import OperatedRobot
+from catenary.jobs.ros_deploy import calibrated_namespace
+from catenary.jobs.ros_robot import CALIBRATED
 from catenary.monitor.sample import Rate, Sample
-from catenary.plant import JointState, MotionLog
+from catenary.plant import JointState, MotionLog, Plant
 from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
 
@@ -26,11 +32,49 @@ class _Calibrated:
     def __init__(self, model: Path, names: tuple[str, ...], units: tuple[str, ...], rate_hz: float) -> None:
         self._corrector = Corrector(load_model(model)[0], rate_hz=rate_hz)
         self._corrector.prepare(names, units, rate_hz)
-        self.q: Floats = np.full(len(names), np.nan)
-        self.inside: Flags = np.zeros(len(names), dtype=bool)
+        self._q: Floats = np.full(len(names), np.nan)
+        self._inside: Flags = np.zeros(len(names), dtype=bool)
 
     def take(self, state: JointState) -> None:
-        self._corrector.correct_state(state, self.q, self.inside)
+        self._corrector.correct_state(state, self._q, self._inside)
+
+    def latest(self) -> tuple[Floats | None, Flags | None]:
+        return self._q.copy(), self._inside.copy()
+
+
+class _Deployed:
+    """What `catenary deploy` publishes beside a robot, where it runs."""
+
+    def __init__(self, client: CrtkClient) -> None:
+        place = calibrated_namespace(client.arm)
+        self._names, self._patience = client.joint_names, client.stale_after
+        self._positions = Latest(client.transport, f"{place}/measured_js", JOINT_STATE)
+        self._valid = Latest(client.transport, f"{place}/is_valid", "std_msgs/Bool")
+
+    def take(self, state: JointState) -> None:
+        """Nothing: the states that it corrects are its own."""
+
+    def latest(self) -> tuple[Floats | None, Flags | None]:
+        """Calibrated joints, NaN once nothing comes any more, and whether each is trusted; None before any came."""
+        message = self._positions.message()
+        if message is None:
+            return None, None
+        inside: Flags = np.ones(len(self._names), dtype=bool)
+        if self._positions.age() > self._patience:
+            return np.full(len(self._names), np.nan), inside
+        valid = self._valid.message()
+        # the topic tells of the model's joints together; models are of the positioning joints
+        inside[: len(CALIBRATED)] = valid is None or bool(valid.data)
+        return np.array(joint_values(message, self._names)), inside
+
+
+def _calibrated(plant: Plant, model: Path | None) -> "_Calibrated | _Deployed | None":
+    """A model of our own, or what is deployed beside a RAVEN-II."""
+    if model is not None:
+        return _Calibrated(model, plant.joint_names, plant.joint_units, 1.0 / plant.period)
+    if isinstance(plant, CrtkClient) and plant.dialect == "raven":
+        return _Deployed(plant)
+    return None
 
 
 def watch_robot(
@@ -43,6 +87,8 @@ def watch_robot(
     clock: Callable[[], float] = time.monotonic,
 ) -> Iterator[Sample]:
     """Give a sample every so often, for as long as somebody takes them; a robot is only read.
+
+    Without a model, joints are calibrated where `catenary deploy` runs beside a RAVEN-II on ROS.
 
     Args:
         robot: In any state.
@@ -58,11 +104,7 @@ def watch_robot(
     plant = robot.plant
     if motion is not None and not plant.simulated:
         raise InputError("monitor: moves no robot; only one that is simulated here can be given a motion")
-    corrected = (
-        None
-        if model is None
-        else _Calibrated(model, plant.joint_names, plant.joint_units, 1.0 / plant.period)
-    )
+    corrected = _calibrated(plant, model)
     path = None if motion is None else _ThereAndBack(robot, motion)
     states, late = Rate(), Rate()
     seen_late, last, begun, next_sample = robot.late(), None, 0.0, clock()
@@ -93,10 +135,10 @@ def watch_robot(
         if now < next_sample:
             continue
         next_sample = now + every
+        calibrated, inside = (None, None) if corrected is None else corrected.latest()
         yield Sample(
             state.time, plant.joint_names, plant.joint_units, state.q, setpoint,
-            None if corrected is None else corrected.q.copy(),
-            None if corrected is None else corrected.inside.copy(),
+            calibrated, inside,
             None, state.tau, robot.gravity_torque(state), state.gravity, state.gravity_age, operating,
             plant.lower, plant.upper, states.hertz(now), late.within(now), silent, line,
         )  # fmt: skip
@@ -146,8 +188,7 @@ def watch_log(
         encoder = None if log.q_encoder is None else np.where(log.ok[row], log.q_encoder[row], np.nan)
         yield Sample(
             state.time, log.joint_names, log.joint_units, state.q, None,
-            None if corrected is None else corrected.q.copy(),
-            None if corrected is None else corrected.inside.copy(),
+            *((None, None) if corrected is None else corrected.latest()),
             encoder, None if log.tau is None else tau, rate_hz=1.0 / spacing,
         )  # fmt: skip
 

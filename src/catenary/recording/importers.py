@@ -61,7 +61,7 @@ def read_command_log(
                 f'{path}: array "{key}" is missing; a command log has q_des (N, n), q_act (N, n) and ok (N,), '
                 f"this file has {', '.join(content) or 'none'}"
             )
-    q_nominal = _numbers(path, content, "q_des", 2)
+    q_nominal = numbers_of(path, content, "q_des", 2)
     rows, n = q_nominal.shape
     names = joint_names if joint_names is not None else _texts(path, content, "joint_names")
     names = tuple(names) if names else tuple(f"J{i + 1}" for i in range(n))
@@ -90,7 +90,7 @@ def read_command_log(
         raise InputError(
             f"{path}: ok: expected true and false, or 1 and 0, got {ok[strange[0]]} at row {strange[0]}"
         )
-    time = _numbers(path, content, "t", 1) if "t" in content else None
+    time = numbers_of(path, content, "t", 1) if "t" in content else None
     if time is not None:
         back = np.flatnonzero(np.diff(time) < 0.0) + 1
         notes.extend(
@@ -103,11 +103,11 @@ def read_command_log(
         joint_names=names,
         joint_units=given,
         q_nominal=q_nominal,
-        q_encoder=_numbers(path, content, "q_act", 2),
+        q_encoder=numbers_of(path, content, "q_act", 2, gaps=True),
         ok=ok.astype(bool),
         time=time,
-        qd=_numbers(path, content, "dq", 2) if "dq" in content else None,
-        tau=_numbers(path, content, "tau", 2) if "tau" in content else None,
+        qd=numbers_of(path, content, "dq", 2) if "dq" in content else None,
+        tau=numbers_of(path, content, "tau", 2) if "tau" in content else None,
         sha256=sha256_of(path),
         units_assumed=assumed,
         notes=tuple(notes),
@@ -138,13 +138,38 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     return content
 
 
-def _numbers(path: Path, content: dict[str, NDArray[Any]], key: str, dimensions: int) -> NDArray[np.float64]:
+def numbers_of(
+    path: Path,
+    content: dict[str, NDArray[Any]],
+    key: str,
+    dimensions: int,
+    *,
+    gaps: bool = False,
+) -> NDArray[np.float64]:
+    """Take one array of a file as numbers.
+
+    Args:
+        path: The file, for messages, which name the array as the file does.
+        content: Its arrays.
+        key: Which one.
+        dimensions: That it must have.
+        gaps: Let NaN and infinity pass.
+
+    Raises:
+        InputError: No numbers, another shape, NaN or infinity.
+    """
     values = content[key]
     if values.dtype.kind not in "fiu":
         raise InputError(f"{path}: {key}: expected numbers, got {values.dtype}")
     if values.ndim != dimensions:
-        expected = "(N, n)" if dimensions == 2 else "(N,)"
+        expected = ("()", "(N,)", "(N, n)")[dimensions]
         raise InputError(f"{path}: {key}: expected shape {expected}, got {values.shape}")
+    bad = np.argwhere(~np.isfinite(values))
+    if len(bad) and dimensions and not gaps:
+        raise InputError(
+            f"{path}: {key} is {values[tuple(bad[0])]} at row {bad[0][0]}; expected finite numbers "
+            f"({len(bad)} are not)"
+        )
     return values.astype(np.float64)
 
 

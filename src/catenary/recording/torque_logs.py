@@ -8,7 +8,7 @@ from catenary.arrays import Floats
 from catenary.errors import FileFormatError, InputError
 from catenary.plant import MotionLog
 from catenary.recording.hashing import sha256_of
-from catenary.recording.importers import read_arrays
+from catenary.recording.importers import numbers_of, read_arrays
 from catenary.recording.logs import read_parquet
 from catenary.robots.model import RobotModel
 
@@ -33,13 +33,7 @@ def read_torque_log(path: Path, model: RobotModel) -> MotionLog:
     content = read_arrays(path)
 
     def numbers(key: str, dimensions: int) -> Floats:
-        values = content[key]
-        if values.dtype.kind not in "fiu":
-            raise InputError(f"{path}: {key}: expected numbers, got {values.dtype}")
-        if values.ndim != dimensions:
-            expected = ("()", "(N,)", "(N, n)")[dimensions]
-            raise InputError(f"{path}: {key}: expected shape {expected}, got {values.shape}")
-        return np.array(values, dtype=np.float64)
+        return numbers_of(path, content, key, dimensions)
 
     if "q" not in content or not {"tau", "effort"} & set(content):
         raise FileFormatError(

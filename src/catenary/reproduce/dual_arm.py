@@ -29,6 +29,7 @@ from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.gravity.compact import compact_regressor
 from catenary.gravity.estimator import GravityEstimator
 from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
+from catenary.reproduce.arguments import folder_argument
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.simulation.joint_hardware import JointHardware
@@ -242,4 +243,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(folder_argument(__doc__))

@@ -3,7 +3,6 @@
 Trained on the first 80 % of each recording, tested on the rest. Run it with `make dvrk-table`.
 """
 
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from catenary.calibration.evaluate import Evaluation, JointErrors
 from catenary.calibration.fit import PLAY_SHARES, FitOptions
 from catenary.errors import FileFormatError
 from catenary.jobs.calibration import FitRun, fit_calibration
+from catenary.reproduce.arguments import make_parser
 
 FOLDER = "dvrk_calibration_berkeley"
 # camera failures of sampled_train, as the recordings' README bounds them (deg, deg, mm, deg, deg, deg)
@@ -85,4 +85,6 @@ def main(data: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    parser = make_parser(__doc__)
+    parser.add_argument("data", type=Path, help=f"the folder that holds {FOLDER}")
+    main(parser.parse_args().data)

@@ -24,7 +24,6 @@ are its own. F of this package's estimator is measured by feeding it; a held sam
 Run it with `make gravity-figures`; it writes gravity_coupling.json and .html and prints the tables.
 """
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -43,6 +42,7 @@ from catenary.gravity.torque import gravity_torque
 from catenary.jobs.gravity_motion import RAVEN_START
 from catenary.jobs.simulated_arm import raven_gains, raven_motor_inertia
 from catenary.page import Block, Picture, Table, Text, picture
+from catenary.reproduce.arguments import folder_argument
 from catenary.reproduce.raven_base import Z0, turned_base
 from catenary.reproduce.results import shown, write_results
 from catenary.robots.catalog import load_robot
@@ -304,4 +304,4 @@ def main(folder: Path, frequencies: tuple[float, ...] = FREQUENCIES) -> dict[str
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(folder_argument(__doc__))

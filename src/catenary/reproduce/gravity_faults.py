@@ -12,7 +12,6 @@ larger in proportion. The sensor has noise, resolution and latency of the MPU-60
 Run it with `make gravity-figures`; it writes gravity_faults.json and .html and prints the table.
 """
 
-import sys
 from collections.abc import Sequence
 from copy import deepcopy
 from functools import partial
@@ -33,6 +32,7 @@ from catenary.jobs.gravity_motion import RAVEN_START
 from catenary.jobs.gravity_track import DISPLAY, with_approach
 from catenary.jobs.simulated_arm import raven_arm
 from catenary.page import Block, Picture, Table, Text, picture
+from catenary.reproduce.arguments import folder_argument
 from catenary.reproduce.raven_base import turned_base
 from catenary.reproduce.results import shown, write_results
 from catenary.simulation.base_motion import FixedBase
@@ -250,4 +250,4 @@ def main(
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(folder_argument(__doc__))

@@ -27,6 +27,7 @@ from catenary.jobs.gravity_motion import HOLD_START
 from catenary.jobs.gravity_track import DISPLAY
 from catenary.jobs.simulated_arm import SimulatedArm, raven_arm, rigid_arm
 from catenary.page import Block, Picture, Table, Text, picture
+from catenary.reproduce.arguments import folder_argument
 from catenary.reproduce.raven_base import turned_base
 from catenary.reproduce.results import shown, write_results
 from catenary.robots.catalog import load_robot
@@ -166,4 +167,4 @@ def main(
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(folder_argument(__doc__))

@@ -8,7 +8,6 @@ what a source's vectors give minus the truth, over the RMS of the truth, each jo
 """
 
 import math
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -25,6 +24,7 @@ from catenary.gravity.samples import Mailbox
 from catenary.gravity.sensor_checks import SensorRules
 from catenary.gravity.vector import LEVEL
 from catenary.page import Table
+from catenary.reproduce.arguments import make_parser, results_folder
 from catenary.reproduce.raven_base import rocking_base
 from catenary.reproduce.results import write_results
 from catenary.robots.catalog import load_robot
@@ -170,4 +170,8 @@ def main(folder: Path | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else None)
+    parser = make_parser(__doc__)
+    parser.add_argument(
+        "folder", nargs="?", type=results_folder, help="where the results go; else only printed"
+    )
+    main(parser.parse_args().folder)

@@ -31,6 +31,7 @@ from catenary.jobs.gravity_track import DISPLAY, pd_share, with_approach
 from catenary.jobs.simulated_arm import SimulatedArm, raven_arm
 from catenary.json_text import json_text
 from catenary.page import Block, Heading, Picture, Table, Text, picture, write_page
+from catenary.reproduce.arguments import folder_and_robots
 from catenary.reproduce.raven_base import turned_base
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.in_turn import Rest
@@ -311,5 +312,4 @@ def _shown(title: str, table: Table) -> Table:
 
 
 if __name__ == "__main__":
-    chosen = tuple(None if word == "nominal" else int(word) for word in sys.argv[2:])
-    main(Path(sys.argv[1]), chosen or ROBOTS)
+    main(*folder_and_robots(__doc__, ROBOTS))

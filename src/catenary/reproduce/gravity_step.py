@@ -31,6 +31,7 @@ from catenary.jobs.gravity_motion import RAVEN_START
 from catenary.jobs.gravity_track import with_approach
 from catenary.jobs.simulated_arm import raven_arm
 from catenary.page import Block, Picture, Table, Text, picture
+from catenary.reproduce.arguments import folder_argument
 from catenary.reproduce.raven_base import Z0, turned_base
 from catenary.reproduce.results import shown, write_results
 from catenary.simulation.base_motion import BaseSamples, MovingBase
@@ -287,4 +288,4 @@ def main(
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(folder_argument(__doc__))

@@ -33,6 +33,7 @@ from catenary.jobs.gravity_track import DISPLAY, track
 from catenary.jobs.simulated_arm import SimulatedArm, raven_arm
 from catenary.page import Block, Heading, Picture, Table, Text, picture
 from catenary.plant import AT_REST, JointState
+from catenary.reproduce.arguments import folder_and_robots
 from catenary.reproduce.raven_base import rocking_base, turned_base
 from catenary.reproduce.results import shown, spread, write_results
 from catenary.simulation.base_motion import MovingBase
@@ -306,5 +307,4 @@ def main(
 
 
 if __name__ == "__main__":
-    chosen = tuple(None if word == "nominal" else int(word) for word in sys.argv[2:])
-    main(Path(sys.argv[1]), chosen or ROBOTS)
+    main(*folder_and_robots(__doc__, ROBOTS))

@@ -3,9 +3,9 @@
 Run it with `make plant-check`; it prints the tables of docs/plant.md and writes plant_check.html.
 """
 
-import sys
 from pathlib import Path
 
+from catenary.reproduce.arguments import folder_argument
 from catenary.reproduce.plant_page import write_plant_page
 from catenary.simulation.cable_parameters import load_cable_arm
 
@@ -16,4 +16,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(folder_argument(__doc__))

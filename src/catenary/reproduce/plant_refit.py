@@ -7,13 +7,13 @@ reached and writes plant_refit.html with every target, fitted or only checked.
 """
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import lsq_linear
 
 from catenary.arrays import Floats
+from catenary.reproduce.arguments import make_parser, results_folder
 from catenary.reproduce.plant_evaluation import errors, homed, recordings, six_hours
 from catenary.reproduce.plant_page import LOSS_TRIED, Fitted, show, write_plant_page
 from catenary.reproduce.plant_pd_share import pd_share
@@ -155,9 +155,9 @@ def main(path: Path, rounds: int, folder: Path | None) -> None:
 
 
 if __name__ == "__main__":
-    arguments = sys.argv[1:]
-    main(
-        Path(arguments[0]),
-        int(arguments[1]) if len(arguments) > 1 else 4,
-        Path(arguments[2]) if len(arguments) > 2 else None,
-    )
+    parser = make_parser(__doc__)
+    parser.add_argument("data", type=Path, help="the robot's data file, which is rewritten")
+    parser.add_argument("rounds", nargs="?", type=int, default=4, help="of fitting table I; by default 4")
+    parser.add_argument("folder", nargs="?", type=results_folder, help="where the page goes; none by default")
+    told = parser.parse_args()
+    main(told.data, told.rounds, told.folder)

@@ -16,7 +16,6 @@ tilting adds where the first axis is upright, two of them, is tested on a base r
 Run it with `make raven-identification`; it writes raven_identification.json and raven_identification.html.
 """
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -43,6 +42,7 @@ from catenary.jobs.simulated_recording import record_simulated
 from catenary.json_text import json_text
 from catenary.page import Block, Heading, Table, Text, write_page
 from catenary.plant import JointState, MotionLog
+from catenary.reproduce.arguments import folder_argument
 from catenary.reproduce.plant_evaluation import linear_model
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
@@ -362,4 +362,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(folder_argument(__doc__))

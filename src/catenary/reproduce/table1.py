@@ -22,6 +22,7 @@ from catenary.jobs.simulated_recording import record_simulated
 from catenary.json_text import json_text
 from catenary.page import Block, Heading, Table, Text, write_page
 from catenary.plant import MotionLog
+from catenary.reproduce.arguments import folder_and_robots
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import zigzag
@@ -168,5 +169,4 @@ def main(folder: Path, robots: tuple[int | None, ...] = ROBOTS) -> None:
 
 
 if __name__ == "__main__":
-    chosen = tuple(None if word == "nominal" else int(word) for word in sys.argv[2:])
-    main(Path(sys.argv[1]), chosen or ROBOTS)
+    main(*folder_and_robots(__doc__, ROBOTS))

@@ -4,7 +4,6 @@ T. DeWolf, "Robot control part 3: accounting for mass and gravity". Run it with 
 tutorial_two_link.svg and prints the table of that page.
 """
 
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -21,6 +20,7 @@ from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.gravity.vector import LEVEL
 from catenary.plant import JointState
+from catenary.reproduce.arguments import folder_argument
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.trajectories.in_turn import InTurn, Rest
@@ -135,4 +135,4 @@ def main(folder: Path) -> dict[str, Run]:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(folder_argument(__doc__))

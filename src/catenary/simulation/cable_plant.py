@@ -100,6 +100,7 @@ class CablePlant:
         self.control = control_of(self._state_numbers[1], self._whole_numbers)
         self._tick = 0
         self._state: StateName = "DISABLED"
+        self._fault = ""
         self._is_homed = False
         self._homing: Iterator[Floats] | None = None
         self._wanted = np.full(7, np.nan)
@@ -296,9 +297,7 @@ class CablePlant:
         table = np.empty((len(rows), LOG))
         self._advance(rows, table)
         if self._state == "FAULT":
-            raise NotReadyError(
-                f"the software e-stop tripped at {self.time:.3f} s: a motor's command was too large"
-            )
+            raise NotReadyError(self._fault.removeprefix(": "))
         return log_of(table)
 
     def rig_counts(self, q: Floats) -> Floats:
@@ -347,14 +346,15 @@ class CablePlant:
             done += ran
             self._tick += ran
             if self.control.flags[STOPPED]:
-                self._set_state("FAULT")
+                why = f"the software e-stop tripped at {self.time:.3f} s: a motor's command was too large"
+                self._set_state("FAULT", f": {why}")
                 return
 
     def _next_homing_row(self, homing: Iterator[Floats]) -> Floats:
         try:
             row = next(homing, None)
-        except NotReadyError:
-            self._set_state("FAULT")
+        except NotReadyError as error:
+            self._set_state("FAULT", f": {error}")
             raise
         if row is not None:
             return row
@@ -367,8 +367,8 @@ class CablePlant:
         self.control.seek[:] = OFF
         self.control.flags[GUARDED] = 1
 
-    def _set_state(self, state: StateName) -> None:
-        self._state = state
+    def _set_state(self, state: StateName, why: str = "") -> None:
+        self._state, self._fault = state, why  # `why` ends messages about the state
         self._stop_homing()
         running = state == "ENABLED" and self._is_homed
         self.control.flags[BRAKES] = 0 if running else 1
@@ -380,7 +380,7 @@ class CablePlant:
         if self._state != "ENABLED" or not self._is_homed or self._homing is not None:
             homed = "homing" if self._homing is not None else "homed" if self._is_homed else "not homed"
             raise NotReadyError(
-                f"the arm is {self._state} and {homed}; it must be ENABLED and homed to be moved"
+                f"the arm is {self._state} and {homed}{self._fault}; it must be ENABLED and homed to be moved"
             )
 
     def _power_on(self, rng: np.random.Generator, start: ArrayLike | None) -> None:

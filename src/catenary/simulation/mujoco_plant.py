@@ -91,6 +91,7 @@ class MujocoPlant:
         self._factors = np.zeros((4, n, n))
         self._tick = 0
         self._state: StateName = "DISABLED"
+        self._fault = ""  # why it is in FAULT
         self._is_homed = True
         self._mode: Literal["brakes", "position", "torque"] = "brakes"
         self._command = np.zeros(n)  # torques that were asked for
@@ -250,7 +251,7 @@ class MujocoPlant:
             if self._mode == "brakes":
                 break
             if not self._advance(part):
-                self._set_state("FAULT")
+                self._set_state("FAULT", f": its motion diverged in tick {self._tick}, at {self.time:.3f} s")
         self._tick += 1
         if self._mode == "torque":  # no jump when the servo takes over
             self._setpoint = self._z[self._joints.drive]
@@ -362,8 +363,8 @@ class MujocoPlant:
         np.minimum(np.maximum(self._command, -most, out=self._effort), most, out=self._effort)
         return True
 
-    def _set_state(self, state: StateName) -> None:
-        self._state = state
+    def _set_state(self, state: StateName, why: str = "") -> None:
+        self._state, self._fault = state, why  # `why` ends messages about the state
         running = state == "ENABLED" and self._is_homed
         self._mode = "position" if running else "brakes"
         self._zd[:] = 0.0  # the brakes hold at once
@@ -375,7 +376,7 @@ class MujocoPlant:
         if self._state != "ENABLED" or not self._is_homed:
             homed = "homed" if self._is_homed else "not homed"
             raise NotReadyError(
-                f"the robot is {self._state} and {homed}; it must be ENABLED and homed to be moved"
+                f"the robot is {self._state} and {homed}{self._fault}; it must be ENABLED and homed to be moved"
             )
 
 

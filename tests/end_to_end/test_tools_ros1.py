@@ -1,0 +1,317 @@
+"""The operator's commands over a real master, beside `catenary serve` in another process.
+
+One robot is served for all tests of this file, in real time. Commands run in this process, which is one ROS node, except
+where a key, Ctrl-C or a second program is what is tested.
+"""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.calibration.files import save_model
+from catenary.crtk import network
+from catenary.crtk.client import CrtkClient
+from catenary.crtk.conversions import joint_values, pose_of
+from catenary.crtk.ros1 import Ros1Transport
+from catenary.dynamics.kinematics import forward_kinematics
+from catenary.gravity.torque import gravity_torque
+from catenary.plant import MotionLog
+from catenary.recording.source import open_recording
+from catenary.robots.catalog import load_robot
+from command_line import Outcome, catenary
+from recordings import fitted
+from ros import NODE, Master, Program
+from typist import Typist
+
+pytestmark = pytest.mark.slow
+
+PATIENCE = 5.0  # [s] the machine of the tests may be busy, and the robot late
+COMMAND = f"""
+import sys
+from catenary.crtk.client import CrtkClient
+CrtkClient.__init__.__kwdefaults__["stale_after"] = {PATIENCE}
+from catenary.cli.main import main
+sys.argv[0] = "catenary"
+main()
+"""
+# what catenary gravity-node publishes on a base that is tilted, without the sensor
+GRAVITY = (1.7, 0.0, -9.66)
+GRAVITY_NODE = f"""
+from catenary.crtk.message import header, message_class
+from catenary.crtk.ros1 import Ros1Transport
+transport = Ros1Transport("gravity")
+vector, stamped = message_class("geometry_msgs/Vector3"), message_class("geometry_msgs/Vector3Stamped")
+text = message_class("crtk_msgs/StringStamped")
+vectors = transport.publisher("/gravity", "geometry_msgs/Vector3Stamped")
+states = transport.publisher("/gravity/status", "crtk_msgs/StringStamped", latch=True)
+states.publish(text(header(transport.now(), "base"), "live"))
+rate = transport.rate(50.0)
+print("up")
+while True:
+    vectors.publish(stamped(header(transport.now(), "base"), vector(*{GRAVITY})))
+    rate.sleep()
+"""
+OFFSET = np.array([0.02, -0.03, 0.001])  # [rad, rad, m] that the deployed model adds
+HOME = np.array([np.pi / 6, np.pi / 2, 0.4])
+
+
+class Before(NamedTuple):
+    """What happened to the robot before it was homed."""
+
+    goto: Outcome
+    interrupted: tuple[int, str]  # exit code and errors of a homing that Ctrl-C ended
+    state_then: tuple[str, bool, bool]
+    home: Outcome
+
+
+@pytest.fixture(scope="module")
+def patient(ros_master: Master) -> Iterator[None]:
+    """Commands of this process take its one node, and wait longer for a robot."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(CrtkClient.__init__.__kwdefaults__, "stale_after", PATIENCE)
+        patch.setattr(network, "make_transport", lambda ros, name: Ros1Transport(NODE))
+        yield
+
+
+@pytest.fixture(scope="module")
+def served(ros_master: Master, patient: None) -> Iterator[Program]:
+    """A robot that was just switched on."""
+    with Program(ros_master, COMMAND, "serve", "--rate", "200") as server:
+        server.line()  # it is up
+        yield server
+
+
+@pytest.fixture(scope="module")
+def before(ros_master: Master, served: Program) -> Before:
+    """The robot refused, interrupted while it homed, and homed."""
+    goto = catenary("goto", "--q-deg", "35", "--ros", "1", "--simulated")
+    with Program(ros_master, COMMAND, "home", "--ros", "1", "--yes") as homing, client() as robot:
+        wait_until(lambda: robot.operating_state().is_busy)
+        homing.interrupt()
+        _, errors = homing.finish()
+        state = tuple(robot.operating_state())
+    return Before(
+        goto, (homing.process.returncode, errors), state, catenary("home", "--ros", "1", "--yes", "--json")
+    )
+
+
+@pytest.fixture
+def ready(before: Before) -> None:
+    """The robot homed and ENABLED."""
+    assert before.home.code == 0, before.home
+    with client() as robot:
+        if robot.operating_state().state != "ENABLED":
+            robot.state_command("resume", timeout=20.0)
+
+
+@contextmanager
+def client() -> Iterator[CrtkClient]:
+    """Look at the robot between two commands."""
+    with Ros1Transport(NODE) as transport, CrtkClient(transport, connect_timeout=20.0) as one:
+        yield one
+
+
+def wait_until(so: Any, seconds: float = 60.0) -> None:
+    end = time.monotonic() + seconds
+    while not so():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def setpoint() -> np.ndarray:
+    with client() as robot:
+        q: np.ndarray = robot.setpoint_js().q
+        return q
+
+
+def write_model(folder: Path) -> Path:
+    """A model that adds OFFSET, trusted around the home position."""
+    q = HOME + np.array([0.3, 0.3, 0.05]) * np.random.default_rng(0).uniform(-1.0, 1.0, (400, 3))
+    names = ("shoulder", "elbow", "insertion")
+    log = MotionLog(
+        "run", names, ("rad", "rad", "m"), q, np.ones(400, dtype=bool), q + OFFSET, time=np.arange(400) / 30.0
+    )
+    inputs = tuple(f"q:{name}" for name in names)
+    save_model(fitted(log, kind="linear", inputs=inputs), {}, folder / "arm.npz")
+    return folder / "arm.npz"
+
+
+def test_a_robot_that_is_not_homed_is_not_moved(before: Before) -> None:
+    assert before.goto.code == 2
+    assert "DISABLED" in before.goto.err
+    assert before.goto.out == ""
+
+
+def test_ctrl_c_ends_a_homing_and_disables_the_robot(before: Before) -> None:
+    code, errors = before.interrupted
+    assert code == 130
+    assert "it was disabled" in errors
+    assert before.state_then == ("DISABLED", False, False)
+
+
+def test_a_robot_is_homed(before: Before) -> None:
+    found = before.home.json
+    assert found["run"]
+    assert found["state"]["is_homed"]
+    assert_allclose(found["believed"][:3], HOME, atol=0.01)
+    # the rig's registration of the elbow's stop differs by 7.5 deg by definition
+    assert_allclose(found["believed"][1] - found["external_encoders"][1], np.deg2rad(7.5), atol=0.05)
+
+
+def test_a_homed_robot_is_not_homed_again(ready: None) -> None:
+    outcome = catenary("home", "--ros", "1")
+    assert outcome.code == 0
+    assert "homed before; nothing has moved" in outcome.out
+
+
+def test_a_paused_robot_is_not_moved(ready: None) -> None:
+    with client() as robot:
+        robot.state_command("pause", timeout=20.0)
+    outcome = catenary("random", "--seconds", "2", "--ros", "1", "--simulated")
+    assert outcome.code == 2
+    assert "PAUSED" in outcome.err
+
+
+def test_goto_arrives(ready: None) -> None:
+    goal = setpoint()[:3] + np.array([0.03, -0.03, 0.002])
+    outcome = catenary("goto", "--q", ",".join(map(str, goal)), "--ros", "1", "--simulated", "--json")
+    assert outcome.code == 0, outcome
+    assert_allclose(setpoint()[:3], goal, atol=1e-5)  # floats of 32 bits on the wire
+    assert_allclose([joint["q"] for joint in outcome.json["joints"]][:3], goal, atol=0.01)
+
+
+def test_random_moves_and_tells_of_its_errors(ready: None) -> None:
+    begin = setpoint()
+    outcome = catenary("random", "--seconds", "2", "--seed", "1", "--ros", "1", "--simulated")
+    assert outcome.code == 0, outcome
+    assert "raven2: done after" in outcome.out
+    assert "largest error" in outcome.out
+    assert np.abs(setpoint() - begin)[:3].max() > 0.01
+
+
+def test_a_file_is_followed_to_its_end(ready: None, tmp_path: Path) -> None:
+    shoulder = float(np.rad2deg(setpoint()[0]))
+    file = tmp_path / "run.csv"
+    file.write_text(f"time [s],shoulder [deg]\n0,{shoulder}\n1,{shoulder + 3}\n")
+    outcome = catenary("follow", file, "--ros", "1", "--simulated")
+    assert outcome.code == 0, outcome
+    assert "followed to its end" in outcome.out
+    assert_allclose(np.rad2deg(setpoint()[0]), shoulder + 3, atol=0.01)
+
+
+def test_ctrl_c_holds_the_robot_where_it_is(ros_master: Master, ready: None) -> None:
+    begin = setpoint()
+    goal = np.rad2deg(begin[0]) + (20.0 if begin[0] < HOME[0] else -20.0)
+    arguments = ("goto", "--q-deg", f"{goal:.3f}", "--ros", "1", "--simulated")
+    with Program(ros_master, COMMAND, *arguments) as going, client() as robot:
+        wait_until(lambda: abs(robot.setpoint_js().q[0] - begin[0]) > 0.02)
+        going.interrupt()
+        out, _ = going.finish()
+        held = robot.setpoint_js().q
+        time.sleep(0.3)
+        assert_allclose(robot.setpoint_js().q, held)
+        assert robot.operating_state().state == "ENABLED"
+    assert going.process.returncode == 130
+    assert "stopped by Ctrl-C" in out
+    assert abs(held[0] - begin[0]) < np.deg2rad(19.0)
+
+
+def test_keys_move_the_robot_and_quitting_pauses_it(ros_master: Master, ready: None) -> None:
+    begin = setpoint()
+    forward = b"q" if begin[0] < HOME[0] else b"a"
+    typist = Typist("--ros", "1", "--simulated", program=("-c", COMMAND), environment=ros_master.environment)
+    typist.wait_for(b"catenary teleop")
+    typist.type(forward, 25)
+    typist.type(b"Q")
+    end = typist.end()
+    assert end["ended_by"] == "quit"
+    assert end["state"]["state"] == "PAUSED"
+    assert 0.005 < abs(setpoint()[0] - begin[0]) < 0.2
+
+
+def test_what_others_do_is_recorded(ready: None, tmp_path: Path) -> None:
+    project = tmp_path / "project"
+    outcome = catenary(
+        "record", project, "--ros", "1", "--no-motion", "--hours", "0.0007", "--name", "hand", "--simulated",
+        "--json",
+    )  # fmt: skip
+    assert outcome.code == 0, outcome
+    kept = {topic["name"]: topic["kept"] for topic in outcome.json["topics"]}
+    assert kept["/ravenstate"] > 20  # of 75, at 30 Hz
+    assert kept["/ext_jpos"] > 50
+    assert open_recording(project / "recordings" / "hand").about.simulated
+
+
+def test_a_deployed_model_is_heard_and_shown_beside_gravity(
+    ros_master: Master, ready: None, tmp_path: Path
+) -> None:
+    model, folder = write_model(tmp_path), tmp_path / "beside"
+    options = ("--gravity-torque", "--gravity", "/gravity", "--rate", "200", "--json")
+    with (
+        Program(ros_master, GRAVITY_NODE) as node,
+        Program(ros_master, COMMAND, "deploy", str(model), "--ros", "1", *options) as deployed,
+    ):
+        assert node.line() == "up"
+        with Ros1Transport(NODE) as transport:
+            types = {
+                "measured_js": "sensor_msgs/JointState",
+                "measured_cp": "geometry_msgs/TransformStamped",
+                "gravity_torque": "sensor_msgs/JointState",
+            }
+            heard = {
+                verb: transport.subscribe(f"/arm1/calibrated/{verb}", kind, depth=1)
+                for verb, kind in types.items()
+            }
+            wait_until(lambda: all(topic.take() for topic in heard.values()))
+            time.sleep(0.5)
+            last = {verb: topic.take(5.0)[-1].message for verb, topic in heard.items()}
+        watched = catenary(
+            "monitor", "--ros", "1", "--simulated", "--gravity", "/gravity", "--record", folder, "--seconds",
+            "2", "--rate", "5", "--json",
+        )  # fmt: skip
+        deployed.interrupt()
+        out, errors = deployed.finish()
+    assert deployed.process.returncode == 0, errors
+    report = Outcome(0, out, errors).json
+
+    names = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")
+    q = np.array(joint_values(last["measured_js"], names))
+    tool = [*q[:5], 0.5 * (q[6] - q[5])]
+    pose = pose_of(last["measured_cp"])
+    # the arm stands; the two messages may be those of two ticks
+    assert_allclose(pose.position, forward_kinematics(load_robot("raven2_full"), tool).position, atol=1e-4)
+    assert_allclose(
+        joint_values(last["gravity_torque"], names[:3], "effort"),
+        gravity_torque(load_robot("raven2"), q[:3], GRAVITY),
+        atol=1e-3,
+    )
+
+    sample = Outcome(0, watched.out.splitlines()[-1], "").json
+    assert sample["state"]["state"] == "ENABLED"
+    assert_allclose(np.subtract(sample["q_calibrated"], sample["q"])[:3], OFFSET, atol=1e-3)
+    assert sample["inside_valid_range"] == [True] * 7
+    assert_allclose(sample["gravity"], GRAVITY)
+    assert sample["gravity_age_s"] < PATIENCE
+    assert open_recording(folder).topics
+
+    assert report["published"] > 100
+    assert report["not_homed"] == 0
+    assert report["missed"] < report["published"]  # the machine of the tests may be busy
+    assert 50.0 < report["rate_hz"] < 210.0
+    assert 0.0 < report["latency_us"]["median"] < 1e5
+    assert report["longest_silence_s"] < 10.0
+    assert report["outside_valid_range"] == {"shoulder": 0.0, "elbow": 0.0, "insertion": 0.0}
+
+
+def test_monitor_prints_a_line_a_second_and_sends_nothing(ready: None) -> None:
+    begin = setpoint()
+    outcome = catenary("monitor", "--ros", "1", "--simulated", "--seconds", "1.2")
+    assert outcome.code == 0, outcome
+    assert "ENABLED, homed" in outcome.out
+    assert_allclose(setpoint(), begin)
