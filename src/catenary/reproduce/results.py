@@ -53,7 +53,7 @@ def write_results(
     folder.mkdir(parents=True, exist_ok=True)
     content = {"simulated": True, "version": __version__, "configuration": configuration, "results": results}
     (folder / f"{name}.json").write_text(json_text(content), encoding="utf-8")
-    facts = Facts([(key.replace("_", " "), str(value)) for key, value in configuration.items()])
+    facts = Facts([(key.replace("_", " "), _told(value)) for key, value in configuration.items()])
     write_page(
         folder / f"{name}.html",
         title,
@@ -62,3 +62,10 @@ def write_results(
         footer=f"catenary {__version__}",
         simulated=True,
     )
+
+
+def _told(value: Any) -> str:
+    """A setting as a person reads it: lists without brackets, numbers without digits of rounding."""
+    if isinstance(value, (list, tuple)):
+        return ", ".join(_told(item) for item in value)
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
