@@ -8,7 +8,7 @@ import numpy as np
 
 from catenary import __version__
 from catenary.json_text import json_text
-from catenary.page import Block, Facts, Heading, Table, write_page
+from catenary.page import Block, Heading, Table, settings_facts, write_page
 
 
 def shown(title: str, table: Table) -> list[Block]:
@@ -53,19 +53,11 @@ def write_results(
     folder.mkdir(parents=True, exist_ok=True)
     content = {"simulated": True, "version": __version__, "configuration": configuration, "results": results}
     (folder / f"{name}.json").write_text(json_text(content), encoding="utf-8")
-    facts = Facts([(key.replace("_", " "), _told(value)) for key, value in configuration.items()])
     write_page(
         folder / f"{name}.html",
         title,
         lead,
-        [*blocks, Heading("Configuration"), facts],
+        [*blocks, Heading("Configuration"), settings_facts(configuration)],
         footer=f"catenary {__version__}",
         simulated=True,
     )
-
-
-def _told(value: Any) -> str:
-    """A setting as a person reads it: lists without brackets, numbers without digits of rounding."""
-    if isinstance(value, (list, tuple)):
-        return ", ".join(_told(item) for item in value)
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
