@@ -88,8 +88,10 @@ gravity-static: $(VENV)/.package
 
 gravity-figures: gravity-static
 	$(BIN)/python -m catenary.reproduce.gravity_tracking results
+	$(BIN)/python -m catenary.reproduce.gravity_joint_3 results
 	$(BIN)/python -m catenary.reproduce.gravity_passive results
 	$(BIN)/python -m catenary.reproduce.gravity_step results
+	$(BIN)/python -m catenary.reproduce.gravity_sustained results
 	$(BIN)/python -m catenary.reproduce.gravity_coupling results
 	$(BIN)/python -m catenary.reproduce.gravity_sensing results
 	$(BIN)/python -m catenary.reproduce.gravity_faults results

@@ -8,7 +8,18 @@ import pytest
 from matplotlib.figure import Figure
 
 from catenary.errors import FileFormatError
-from catenary.page import Block, Facts, Heading, Listing, Remarks, Table, Text, picture, write_page
+from catenary.page import (
+    Block,
+    Facts,
+    Heading,
+    Listing,
+    Remarks,
+    Table,
+    Text,
+    picture,
+    settings_facts,
+    write_page,
+)
 
 NASTY = "<script>alert('x')</script> & \"quotes\" µ ±"
 
@@ -72,3 +83,10 @@ def test_names_that_are_no_text_do_not_stop_the_page(tmp_path: Path) -> None:
 def test_a_page_that_cannot_be_written_is_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match=r"p\.html: cannot be written"):
         page(tmp_path / "nowhere" / "p.html", [])
+
+
+def test_settings_are_shown_without_brackets_digits_of_rounding_and_what_is_not_set() -> None:
+    facts = settings_facts(
+        {"base_tilt_deg": (0.0, -20.0), "seed": None, "names": ["pd", "sg"], "third": 1 / 3}
+    )
+    assert facts.rows == [("base tilt deg", "0, -20"), ("names", "pd, sg"), ("third", "0.333333")]

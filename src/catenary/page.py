@@ -2,7 +2,7 @@
 
 import base64
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -76,6 +76,18 @@ class Listing:
 
 
 Block = Heading | Text | Table | Facts | Remarks | Picture | Listing
+
+
+def settings_facts(settings: Mapping[str, object]) -> Facts:
+    """Settings as a person reads them: lists without brackets, numbers without digits of rounding, None left out."""
+    rows = [(name.replace("_", " "), _told(value)) for name, value in settings.items() if value is not None]
+    return Facts(rows)
+
+
+def _told(value: object) -> str:
+    if isinstance(value, (list, tuple)):
+        return ", ".join(_told(item) for item in value)
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def picture(figure: "Figure", caption: str) -> Picture:

@@ -109,6 +109,18 @@ def test_hold_tells_the_drift_of_every_joint() -> None:
     assert "shoulder" in table
 
 
+def test_hold_writes_a_page_with_the_drift_over_time(tmp_path: Path) -> None:
+    page = tmp_path / "hold.html"
+    out = catenary(
+        "hold", "two_link", "--q-deg", "30,40", "--seconds", "0.2", "--base-tilt-deg", "0", "90", "--report", page
+    ).out  # fmt: skip
+    assert str(page) in out
+    text = page.read_text()
+    assert "Distance of every joint from where it began" in text
+    assert "0, 90" in text  # the base's tilt
+    assert "a folder that exists" in refusal("hold", "two_link", "--report", tmp_path / "none" / "hold.html")
+
+
 def test_any_other_robot_is_held_and_moved_as_rigid_bodies() -> None:
     held = catenary(
         "hold", "two_link", "--q-deg", "30,40", "--seconds", "0.2", "--base-tilt-deg", "0", "90", "--json"

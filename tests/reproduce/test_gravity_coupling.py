@@ -3,6 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from catenary.control.loop import Tick, run_loop
 from catenary.control.pd import JointPD
@@ -17,6 +18,7 @@ from catenary.reproduce.gravity_coupling import (
     estimator_response,
     held_sample,
     joint_response,
+    largest_unstable_base,
     main,
     raven_on,
     smallest_base,
@@ -87,6 +89,20 @@ def test_count_of_unstable_roots_foretells_whether_a_base_swings_up(base_hz: flo
     unstable = unstable_roots(ONE, sensing, base_hz, size, 0.005, most_hz=300.0)
     assert unstable in (0, 2)
     assert (unstable > 0) == grows(ONE, base_hz, size, 0.005, delay)
+
+
+def test_largest_unstable_base_swings_up_and_a_larger_one_does_not() -> None:
+    delay = 0.02
+    sensing = Sensing(lambda hz: complex(np.exp(-2j * np.pi * hz * delay)), blind)
+    largest = largest_unstable_base(ONE, sensing, 6.0, 0.005, most_hz=300.0)
+    assert grows(ONE, 6.0, 0.9 * largest, 0.005, delay)  # sizes tried are 5 % apart
+    assert not grows(ONE, 6.0, 1.1 * largest, 0.005, delay)
+
+
+def test_no_base_is_lighter_than_the_arm() -> None:
+    assert_allclose(raven_on("x").own, 0.494 + 0.750 + 0.231)  # the makers' masses
+    blind_arm = raven_on("x")  # its reaction alone: physics, which never swings up
+    assert largest_unstable_base(blind_arm, NOTHING, 10.0) == 0.0
 
 
 @pytest.mark.slow

@@ -52,8 +52,8 @@ def run_of(seed: int | None, controller: str, error: float) -> Run:
 def test_tables_show_nominal_robot_spread_and_change() -> None:
     runs = [run_of(seed, "pd", 1.0) for seed in (None, 1, 2)]
     runs += [run_of(seed, "dg", error) for seed, error in ((None, 0.9), (1, 0.8), (2, 0.9))]
-    header, row = error_table(runs, 0).header, error_table(runs, 0).rows[0]
+    header, row = error_table(runs, 0).header, error_table(runs, 0).rows[1]
     shown = dict(zip(header, row, strict=True))
-    assert shown["PD+DG [deg]"] == "0.9000"
-    assert shown["PD+DG against PD"] == f"{-100.0 * np.mean([0.1, 0.2, 0.1]):+.1f} ± 5.8 %"
+    assert (shown["controller"], shown["nominal [deg]"]) == ("PD+DG", "0.9000")
+    assert shown["against PD"] == f"{-100.0 * np.mean([0.1, 0.2, 0.1]):+.1f} ± 5.8 %"
     assert share_table(runs).rows[1][2] == "50.0 % of 2.000"

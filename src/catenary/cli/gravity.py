@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
     from catenary.simulation.base_motion import MovingBase
 
+Report = Annotated[
+    Path | None, typer.Option("--report", metavar="HTML", help="Also write a self-contained page.")
+]
 Simulated = Annotated[
     str,
     typer.Argument(
@@ -161,9 +164,7 @@ def track(
     rock_hz: RockHz = 1.0,
     payload: Payload = 0.0,
     seed: Seed = None,
-    report: Annotated[
-        Path | None, typer.Option("--report", metavar="HTML", help="Also write a self-contained page.")
-    ] = None,
+    report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
     """Let a simulated arm follow a motion.
@@ -180,8 +181,7 @@ def track(
     from catenary.jobs.gravity_track import track as run
     from catenary.jobs.simulated_arm import simulated_arm
 
-    if report is not None and (report.is_dir() or not report.parent.is_dir()):
-        raise InputError(f"--report {report}: expected a file in a folder that exists")
+    _check_report(report)
     arm = simulated_arm(robot, base=_base(base_tilt_deg, rock_deg, rock_hz), payload=payload, seed=seed)
     start = None if q is None and q_deg is None else joint_values(arm.model, q, q_deg)
     chosen = make_motion(
@@ -238,6 +238,7 @@ def hold(
     rock_hz: RockHz = 1.0,
     payload: Payload = 0.0,
     seed: Seed = None,
+    report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
     """Let gravity compensation alone hold an arm.
@@ -249,28 +250,39 @@ def hold(
     from catenary.jobs.controllers import make_hold
     from catenary.jobs.gravity_hold import hold as run
     from catenary.jobs.gravity_motion import hold_start
-    from catenary.jobs.gravity_report import holding_table
+    from catenary.jobs.gravity_report import holding_table, write_holding_report
     from catenary.jobs.simulated_arm import simulated_arm
 
+    _check_report(report)
     arm = simulated_arm(robot, base=_base(base_tilt_deg, rock_deg, rock_hz), payload=payload, seed=seed)
     pose = (
         hold_start(arm.model, arm.plant) if q is None and q_deg is None else joint_values(arm.model, q, q_deg)
     )
     result = run(arm, make_hold(controller, arm), pose, seconds)
+    settings = {
+        "robot": robot,
+        "controller": controller,
+        "base_tilt_deg": base_tilt_deg or (0.0, 0.0),
+        "rock_deg": rock_deg,
+        "rock_hz": None if rock_deg is None else rock_hz,
+        "payload": payload,
+        "seed": seed,
+    }
+    if report is not None:
+        write_holding_report(report, result, settings)
     if as_json:
-        settings = {
-            "robot": robot,
-            "controller": controller,
-            "base_tilt_deg": base_tilt_deg or (0.0, 0.0),
-            "rock_deg": rock_deg,
-            "rock_hz": None if rock_deg is None else rock_hz,
-            "payload": payload,
-            "seed": seed,
-        }
         print_json({**settings, **result.as_data()})
         return
     table = holding_table(result)
     print_table(f"{robot} (simulated), held by {controller} for {seconds:g} s", table.header, table.rows)
+    if report is not None:
+        print(f"page: {report}")
+
+
+def _check_report(report: Path | None) -> None:
+    """Refuse a page that could not be written, before the arm moves."""
+    if report is not None and (report.is_dir() or not report.parent.is_dir()):
+        raise InputError(f"--report {report}: expected a file in a folder that exists")
 
 
 def _base(

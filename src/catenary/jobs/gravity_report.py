@@ -10,10 +10,11 @@ from catenary import __version__
 from catenary.jobs.gravity_hold import Holding
 from catenary.jobs.gravity_torques import TORQUE_UNIT
 from catenary.jobs.gravity_track import DISPLAY, Tracking
-from catenary.page import Facts, Heading, Picture, Table, Text, picture, write_page
+from catenary.page import Heading, Picture, Table, Text, picture, settings_facts, write_page
 
 ERROR, TORQUE, PD = "#4b6b94", "#b8c0cc", "#d9622b"
 MOST_POINTS = 4_000  # in a line
+LEAST_RANGE = 0.01  # [deg|mm] of a picture of drift, to either side
 
 
 def tracking_table(result: Tracking) -> Table:
@@ -53,7 +54,6 @@ def write_tracking_report(path: Path, result: Tracking, settings: Mapping[str, A
     Raises:
         FileFormatError: The file cannot be written.
     """
-    facts = [(name.replace("_", " "), str(value)) for name, value in settings.items() if value is not None]
     write_page(
         path,
         f"Tracking with controller {settings['controller']}",
@@ -66,11 +66,60 @@ def write_tracking_report(path: Path, result: Tracking, settings: Mapping[str, A
                 "RMS of the whole torque; near 0 % where the model is right, beyond 100 % where the PD fights it."
             ),
             Heading("Settings"),
-            Facts(facts),
+            settings_facts(settings),
         ],
         footer=f"catenary {__version__}",
         simulated=True,
     )
+
+
+def write_holding_report(path: Path, result: Holding, settings: Mapping[str, Any]) -> None:
+    """Write a page with the table and a picture of every joint's drift over time.
+
+    Raises:
+        FileFormatError: The file cannot be written.
+    """
+    write_page(
+        path,
+        f"Held by controller {settings['controller']}",
+        "Gravity compensation alone, as in Lewis and Hannaford 2014: how far each joint drifts.",
+        [
+            holding_table(result),
+            holding_picture(result),
+            Text(
+                "Drift is the largest distance from where a joint began: of the joint itself, then as the robot "
+                "reports it at its motor. At the end: where it then was, seen from the start."
+            ),
+            Heading("Settings"),
+            settings_facts(settings),
+        ],
+        footer=f"catenary {__version__}",
+        simulated=True,
+    )
+
+
+def holding_picture(result: Holding) -> Picture:
+    """How far every joint is from where it began, over time, and as reported."""
+    from matplotlib.figure import Figure
+
+    n = len(result.joint_names)
+    figure = Figure(figsize=(10, 1.9 * n), layout="constrained")
+    rows = figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0]
+    step = max(1, len(result.time) // MOST_POINTS)
+    t = result.time[::step]
+    for j, (name, unit) in enumerate(zip(result.joint_names, result.joint_units, strict=True)):
+        shown, scale = DISPLAY[unit]
+        for q, color, label in ((result.q, TORQUE, "as reported"), (result.q_true, ERROR, "joint")):
+            rows[j].plot(t, scale * (q[::step, j] - q[0, j]), color=color, linewidth=1.2, label=label)
+        low, high = rows[j].get_ylim()
+        # rounding that fills a whole picture would look like a drift
+        rows[j].set_ylim(min(low, -LEAST_RANGE), max(high, LEAST_RANGE))
+        rows[j].set_ylabel(f"{name} [{shown}]")
+        rows[j].spines[["top", "right"]].set_visible(False)
+        rows[j].margins(x=0.01)
+    rows[0].legend(frameon=False, fontsize=8, ncols=2)
+    rows[-1].set_xlabel("time [s]")
+    return picture(figure, "Distance of every joint from where it began.")
 
 
 def tracking_picture(result: Tracking) -> Picture:

@@ -57,6 +57,7 @@ LATENCY = 0.002  # [s]
 ZETA = 0.02  # damping ratio of a base, as of bolted steel
 BASE_HZ = (2.0, 5.0, 10.0, 20.0)
 ACCELERATIONS = (1.0, 2.0, 3.0)  # [m/s2] sustained
+SIZES = 80  # of a base, tried for whether it swings up
 GRID = np.geomspace(0.05, 60.0, 160)  # [Hz]
 
 
@@ -68,6 +69,7 @@ class Linear(NamedTuple):
     kd: Floats  # (n,)
     h: Floats  # (n,) torque per acceleration of the base
     t: Floats  # (n,) torque per tilt of the base
+    own: float = 0.0  # mass, or inertia about the base's axis, of the arm itself: no base with arm has less
 
     def stiff(self, s: complex) -> Complexes:
         """M s² + Kd s + Kp, (n, n)."""
@@ -102,16 +104,19 @@ def raven_on(motion: str, q: ArrayLike = RAVEN_START, base_deg: float = BASE_DEG
     model, arm = load_robot("raven2"), load_cable_arm()
     pose, zero = np.asarray(q, dtype=float)[None], np.zeros((1, model.n))
     gains = raven_gains(arm.firmware)
-    mass = mass_matrix(model, pose)[0] + raven_motor_inertia(arm)
+    links = mass_matrix(model, pose)[0]
+    mass = links + raven_motor_inertia(arm)
     gravity = turned_base(base_deg).sample(np.zeros(1)).gravity[0]
     if motion != "turn":
         # accelerating along u is falling along -u, and torque is linear in gravity
         away = -np.eye(3)["xyz".index(motion)]
-        return Linear(mass, *gains, gravity_torque(model, pose[0], away), np.zeros(model.n))
+        own = float(model.tree.mass.sum())
+        return Linear(mass, *gains, gravity_torque(model, pose[0], away), np.zeros(model.n), own)
     h = inverse_dynamics(model, pose, zero, zero, np.zeros((1, 3)), BaseMotion(np.zeros(3), Z0))[0]
     # gravity turns the other way in a base that turns
     t = gravity_torque(model, pose[0], -np.cross(Z0, gravity))
-    return Linear(mass, *gains, h, t)
+    # the base turns about joint 1's axis, through the same point
+    return Linear(mass, *gains, h, t, float(links[0, 0]))
 
 
 def joint_response(arm: Linear, hz: float, sensing: Sensing) -> Complexes:
@@ -141,11 +146,34 @@ def unstable_roots(
 
     L has none of its own poles there: arm and base are stable by themselves.
     """
+    return _roots_of(_around(arm, sensing, base_hz, zeta, most_hz) / size)
+
+
+def largest_unstable_base(
+    arm: Linear, sensing: Sensing, base_hz: float, zeta: float = ZETA, *, most_hz: float = 200.0
+) -> float:
+    """Largest mass [kg], or inertia [kg m2], of base with arm that swings up; 0 where none does.
+
+    Looked for from the smallest base that small gain makes stable down to the arm alone, on a base without mass.
+    """
+    L = _around(arm, sensing, base_hz, zeta, most_hz)
+    most = float(np.abs(L).max())
+    if most <= arm.own:
+        return 0.0
+    sizes = np.geomspace(most, max(arm.own, 0.02 * most), SIZES)
+    return next((float(size) for size in sizes if _roots_of(L / size) > 0), 0.0)
+
+
+def _around(arm: Linear, sensing: Sensing, base_hz: float, zeta: float, most_hz: float) -> Complexes:
+    """L of a base of size 1 up the imaginary axis, closely around the base's own frequency."""
     grid = np.unique(
         np.concatenate([np.geomspace(1e-3, most_hz, 4000), base_hz * np.linspace(0.8, 1.2, 2001)])
     )
-    values = np.array([1.0 - loop(arm, hz, sensing, base_hz, zeta) / size for hz in grid])
-    turned = np.unwrap(np.angle(values))
+    return np.array([loop(arm, hz, sensing, base_hz, zeta) for hz in grid])
+
+
+def _roots_of(L: Complexes) -> int:
+    turned = np.unwrap(np.angle(1.0 - L))
     # both halves of the axis; the arc at infinity turns nothing, where L is below 1
     return round(float(-(turned[-1] - turned[0]) / np.pi))
 
@@ -231,6 +259,18 @@ def stability_table(ways: dict[str, Sensing]) -> Table:
     return Table(["base", *ways], rows)
 
 
+def verdict_table(ways: dict[str, Sensing]) -> Table:
+    """Largest mass or inertia of a base that does swing up, by its own frequency, and way to sense."""
+    rows = []
+    for motion in ("x", "y", "z", "turn"):
+        arm, unit = raven_on(motion), "kg m2" if motion == "turn" else "kg"
+        for base_hz in BASE_HZ:
+            largest = [largest_unstable_base(arm, sensing, base_hz) for sensing in ways.values()]
+            cells = [f"{size:.2g} {unit}" if size > 0.0 else "none" for size in largest]
+            rows.append([f"{motion}, {base_hz:g} Hz", *cells])
+    return Table(["base", *ways], rows)
+
+
 def figure(ways: dict[str, Sensing]) -> Picture:
     """Joint 1's error per angle over frequency, and the gain around the loop of a swaying base of 50 kg."""
     from matplotlib.figure import Figure
@@ -241,14 +281,22 @@ def figure(ways: dict[str, Sensing]) -> Picture:
     colors = ("#1c2430", "#4b6b94", "#d9622b", "#2f8f6b")
     for (name, sensing), color in zip(ways.items(), colors, strict=False):
         kept = GRID[(GRID >= 0.1) & (GRID <= 20.0)]
-        left.loglog(kept, [abs(joint_response(turn, hz, sensing)[0]) for hz in kept], color=color, label=name)
-        right.loglog(GRID, [abs(loop(sway, hz, sensing, 10.0)) / 50.0 for hz in GRID], color=color)
+        # a held sample and the accelerometer through the estimator are nearly the same
+        style = "--" if name == "DG, accelerometer" else "-"
+        error = [abs(joint_response(turn, hz, sensing)[0]) for hz in kept]
+        left.loglog(kept, error, style, color=color, label=name)
+        near = np.unique(np.concatenate([GRID[GRID >= 0.5], np.linspace(9.0, 11.0, 101)]))
+        around = [abs(loop(sway, hz, sensing, 10.0)) / 50.0 for hz in near]
+        # a base that sways does not turn: nothing for a gyroscope to add
+        right.loglog(near, around, ":" if name == "DG, IMU" else style, color=color)
     left.set_xlabel("base rocks about Z0 [Hz]")
-    left.set_ylabel("joint 1's error per base angle")
+    left.set_ylabel("joint 1's error per base angle [rad/rad]")
     left.legend(frameon=False, fontsize=8)
-    right.axhline(1.0, color="#b8c0cc")
+    right.axhline(1.0, color="#7a8699", lw=0.8)
+    right.annotate("stable below", (0.55, 0.45), fontsize=8, color="#4a5568")
     right.set_xlabel("frequency [Hz]")
-    right.set_ylabel("gain around the loop")
+    right.set_ylim(bottom=1e-9)
+    right.set_ylabel("gain around the loop [1]")
     for axes in (left, right):
         axes.spines[["top", "right"]].set_visible(False)
     return picture(
@@ -270,6 +318,7 @@ def main(folder: Path, frequencies: tuple[float, ...] = FREQUENCIES) -> dict[str
     tables = {
         "Joint 1's error per angle of a rocking base": response_table(ways, frequencies),
         "Smallest base that is stable by small gain": stability_table(ways),
+        "Largest base that swings up, by the count of unstable roots": verdict_table(ways),
         "Sustained acceleration": sustained_table(),
     }
     blocks: list[Block] = [figure(ways)]
@@ -279,7 +328,9 @@ def main(folder: Path, frequencies: tuple[float, ...] = FREQUENCIES) -> dict[str
         Text(
             "Linear about a pose at rest, without friction, which only takes energy. Sizes are of base with arm. "
             f"The base's damping ratio is {ZETA:g}; sizes go with its inverse. The column PD, PD+SG is the arm's own "
-            "reaction, which is physics and never unstable: small gain is sufficient, not necessary."
+            "reaction, which is physics and never unstable: small gain is sufficient, not necessary. What swings up is "
+            "counted by the argument principle, down to a base without mass, which leaves the arm's own "
+            f"{raven_on('x').own:.2g} kg, and {raven_on('turn').own:.2g} kg m2 about Z0."
         )
     )
     write_results(

@@ -3,7 +3,10 @@
 Lewis and Hannaford 2014, section V-A: "Operating with only a DG term and no PD, the robot passively held any new
 position ... at all tested base orientations for the DG term (even upside-down), but only at or near horizontal with
 the SG term". The simulated RAVEN-II has friction and cables; the same arm as rigid bodies without any friction shows
-what gravity compensation does by itself: there is nothing else that holds.
+what gravity compensation does by itself: there is nothing else that holds. That it does not drift proves little by
+itself, for a pendulum that stands on its head does not drift either until it is disturbed. So the arm is displaced by
+1e-6 rad and m, and has to stay there, and pushed, and has to keep its kinetic energy: under exact compensation every
+pose is a neutral equilibrium.
 
 The base is turned about Z0, the axis of joint 1. Ideal sensors. Run it with `make gravity-figures`; it writes
 gravity_passive.json and .html and prints the tables.
@@ -19,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
+from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.gravity.torque import gravity_torque
 from catenary.gravity.vector import LEVEL
 from catenary.jobs.controllers import make_hold
@@ -32,13 +36,18 @@ from catenary.reproduce.raven_base import turned_base
 from catenary.reproduce.results import shown, write_results
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_plant import CablePlant
+from catenary.trajectories.reference import Reference
 
 ANGLES_DEG = (0, 5, 10, 15, 25, 45, 90, 135, 180)
 CONTROLLERS = ("dg", "sg")
 SECONDS = 10.0
 RIGID_SECONDS = 3.0  # without friction an arm falls at once; this is longer than it needs to reach a stop
 UNITS = ("rad", "rad", "m")
-LOADED = 0.02  # [Nm|N] of torque missing, from which a joint counts as loaded by what SG does not know
+TICK = 1e-3  # [s]
+DISPLACED = 1e-6  # [rad|m]
+PUSH = np.array([0.05, 0.02, 0.5])  # [Nm, Nm, N]
+PUSHED = 0.05  # [s]
+NEUTRAL_SECONDS = 1.0
 
 
 class Held(NamedTuple):
@@ -81,6 +90,48 @@ def _held(kind: str, arm: SimulatedArm, angle_deg: int, name: str, q: ArrayLike,
         missing = gravity_torque(arm.model, q, gravity) - gravity_torque(arm.model, q, LEVEL)
     drift = [d * DISPLAY[unit][1] for d, unit in zip(held.drift.tolist(), UNITS, strict=True)]
     return Held(kind, angle_deg, name, tuple(drift), tuple(missing.tolist()))
+
+
+class Neutral(NamedTuple):
+    """An arm of rigid bodies without friction under sensed gravity alone: is its pose a neutral equilibrium?"""
+
+    angle_deg: int
+    distance: float  # from where it was displaced to, at most, over the displacement
+    energy: float  # kinetic, at the end over just after a push
+
+
+def neutral(angle_deg: int, *, seconds: float = NEUTRAL_SECONDS) -> Neutral:
+    """Displace the arm a little, then push it, on a base turned about Z0."""
+    here = np.array(HOLD_START)
+    rest, _ = _left_alone(angle_deg, here, np.zeros(3), seconds)
+    moved, _ = _left_alone(angle_deg, here + DISPLACED, np.zeros(3), seconds)
+    distance = float(np.abs(moved - rest - DISPLACED).max() / DISPLACED)
+    q, qd = _left_alone(angle_deg, here, PUSH, PUSHED + seconds)
+    energy = 0.5 * np.einsum("ti,tij,tj->t", qd, mass_matrix(load_robot("raven2"), q), qd)
+    return Neutral(angle_deg, distance, float(energy[-1] / energy[round(PUSHED / TICK)]))
+
+
+def _left_alone(angle_deg: int, start: Floats, push: Floats, seconds: float) -> tuple[Floats, Floats]:
+    """Positions and velocities (T, 3) of the rigid arm from a start at rest, pushed for PUSHED seconds."""
+    arm = rigid_arm(load_robot("raven2"), base=turned_base(angle_deg), start=start)
+    hold_still = make_hold("dg", arm)
+    rows = []
+    for k in range(round(seconds / TICK) + 1):
+        state = arm.plant.measured_js()
+        rows.append((state.q, state.qd))
+        tau = hold_still.torque(state, Reference(state.q, state.qd, state.qd))
+        arm.plant.servo_jf(tau + push if k * TICK < PUSHED else tau)
+        arm.plant.wait()
+    q, qd = (np.array(column) for column in zip(*rows, strict=True))
+    return q, qd
+
+
+def neutral_table(rows: Sequence[Neutral]) -> Table:
+    """How far from neutral each base angle is."""
+    return Table(
+        ["base [deg]", "went on from there [of 1e-6 rad|m]", "kinetic energy kept [%]"],
+        [[f"{row.angle_deg}", f"{row.distance:.1e}", f"{100.0 * row.energy:.2f}"] for row in rows],
+    )
 
 
 def drift_table(rows: Sequence[Held], kind: str) -> Table:
@@ -135,6 +186,7 @@ def main(
 ) -> list[Held]:
     """Hold at all angles, print the tables, write gravity_passive.json and .html."""
     rows: list[Held] = []
+    equilibria = [neutral(angle) for angle in angles]
     for angle in angles:
         rows += on_cables(angle, seconds=seconds)
         rows += as_rigid_bodies(angle, seconds=rigid_seconds)
@@ -142,6 +194,9 @@ def main(
     blocks: list[Block] = [figure(rows)]
     blocks += shown(f"Simulated RAVEN-II, {seconds:g} s", drift_table(rows, "cables"))
     blocks += shown(f"Its links without friction, {rigid_seconds:g} s", drift_table(rows, "rigid"))
+    blocks += shown(
+        f"Displaced, and pushed: without friction, {NEUTRAL_SECONDS:g} s", neutral_table(equilibria)
+    )
     blocks.append(
         Text(
             "Joints are put to the pose by PD and sensed gravity, then left to gravity compensation alone. Numbers are "
@@ -161,7 +216,10 @@ def main(
             "seconds": seconds,
             "rigid_seconds": rigid_seconds,
         },
-        results=[row._asdict() for row in rows],
+        results={
+            "held": [row._asdict() for row in rows],
+            "neutral": [row._asdict() for row in equilibria],
+        },
     )
     return rows
 

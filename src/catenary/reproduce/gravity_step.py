@@ -16,7 +16,7 @@ import sys
 from collections.abc import Sequence
 from copy import deepcopy
 from pathlib import Path
-from typing import Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -44,6 +44,11 @@ from catenary.trajectories.reference import Trajectory
 Event = Literal["reference", "tilt", "drive"]
 EVENTS: tuple[Event, ...] = get_args(Event)
 CONTROLLERS = ("pd", "sg", "dg", "attitude")
+TITLES: dict[Event, str] = {
+    "reference": "reference steps by 5 deg",
+    "tilt": "base turns by 10 deg",
+    "drive": "base drives off at 2 m/s2",
+}
 LABELS = {"pd": "PD", "sg": "PD+SG", "dg": "PD+DG", "attitude": "PD+G of true attitude"}
 COLORS = {"pd": "#1c2430", "sg": "#4b6b94", "dg": "#d9622b", "attitude": "#2f8f6b"}
 STEP_DEG, STEP_BASE_DEG = 5.0, 20.0
@@ -64,9 +69,18 @@ class CuedBase:
     Quintics lead from one attitude, or acceleration, to the next.
     """
 
-    def __init__(self, *, turn: float = 0.0, turn_time: float = 0.5, acceleration: float = 0.0) -> None:
-        """Take the angle [rad] about Z0 and the time that it takes [s], and the acceleration along ALONG [m/s2]."""
-        self.turn, self.turn_time, self.acceleration = turn, turn_time, acceleration
+    def __init__(
+        self, *, turn: float = 0.0, turn_time: float = 0.5, acceleration: float = 0.0, onset: float = ONSET
+    ) -> None:
+        """Take what happens.
+
+        Args:
+            turn: About Z0 [rad].
+            turn_time: In which it turns [s].
+            acceleration: Along ALONG, for DRIVE_SECONDS [m/s2].
+            onset: In which that comes, and goes [s].
+        """
+        self.turn, self.turn_time, self.acceleration, self.onset = turn, turn_time, acceleration, onset
         self.begin = np.inf  # [s] on the plant's clock; set it a second ahead, for what is sampled is kept
 
     def sample(self, times: Floats) -> BaseSamples:
@@ -78,8 +92,8 @@ class CuedBase:
         change = self.turn * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / self.turn_time**2
         # Rodrigues: gravity is perpendicular to Z0; turning axes by an angle turns what stands still back
         gravity = np.cos(angle)[:, None] * LEVEL - np.sin(angle)[:, None] * np.cross(Z0, LEVEL)
-        push = _quintic(np.minimum(since / ONSET, 1.0)) - _quintic(
-            np.clip((since - DRIVE_SECONDS) / ONSET, 0.0, 1.0)
+        push = _quintic(np.minimum(since / self.onset, 1.0)) - _quintic(
+            np.clip((since - DRIVE_SECONDS) / self.onset, 0.0, 1.0)
         )
         linear = self.acceleration * push[:, None] * ALONG
         return BaseSamples(gravity, np.stack([rate[:, None] * Z0, change[:, None] * Z0, linear], axis=1))
@@ -101,7 +115,7 @@ class TrueAttitude:
 class Response(NamedTuple):
     """What joint 1 did; errors are desired minus reported, over those just before the event [deg]."""
 
-    event: str
+    event: Event
     controller: str
     before: float  # error just before the event [deg]
     rise_time: float  # [s] from 10 to 90 % of the step of the reference; NaN where that stands still
@@ -111,6 +125,7 @@ class Response(NamedTuple):
     last_error: float  # error in the mean of the last 0.2 s [deg]
     time: tuple[float, ...]  # [s] since the event, for the picture
     error: tuple[float, ...]  # [deg]
+    moved: tuple[float, ...]  # of the reported joint since the event [deg]
 
 
 def homed(event: Event, *, seed: int | None = None) -> CablePlant:
@@ -186,6 +201,7 @@ def _measure(event: Event, name: str, time: Floats, wanted: Floats, reached: Flo
         last,
         tuple(time[after][::10].tolist()),
         tuple(error[after][::10].tolist()),
+        tuple(np.rad2deg(reached[after] - reached[~after][-1])[::10].tolist()),
     )
 
 
@@ -194,28 +210,16 @@ def _quintic(x: Floats) -> Floats:
     return rise
 
 
-def response_table(rows: Sequence[Response]) -> Table:
-    """What joint 1 did in each event, by controller."""
+def step_table(rows: Sequence[Response]) -> Table:
+    """How joint 1 follows the step of its reference, by controller."""
     return Table(
-        [
-            "event",
-            "controller",
-            "error before [deg]",
-            "10 to 90 % [s]",
-            "overshoot [deg]",
-            "largest change of error [deg]",
-            "final change [deg]",
-            "error at the end [deg]",
-        ],
+        ["controller", "error before [deg]", "10 to 90 % [s]", "overshoot [deg]", "error at the end [deg]"],
         [
             [
-                row.event,
                 LABELS[row.controller],
                 f"{row.before:+.3f}",
-                "-" if np.isnan(row.rise_time) else f"{row.rise_time:.3f}",
-                "-" if np.isnan(row.overshoot) else f"{row.overshoot:.3f}",
-                f"{row.largest:+.3f}",
-                f"{row.final:+.3f}",
+                f"{row.rise_time:.3f}",
+                f"{row.overshoot:.3f}",
                 f"{row.last_error:+.3f}",
             ]
             for row in rows
@@ -223,24 +227,55 @@ def response_table(rows: Sequence[Response]) -> Table:
     )
 
 
+def base_table(rows: Sequence[Response]) -> Table:
+    """By how much joint 1's error changes where its base moves, by controller."""
+    return Table(
+        ["event", "controller", "error before [deg]", "largest change [deg]", "final change [deg]"],
+        [
+            [
+                TITLES[row.event],
+                LABELS[row.controller],
+                f"{row.before:+.3f}",
+                f"{row.largest:+.3f}",
+                f"{row.final:+.3f}",
+            ]
+            for row in rows
+        ],
+    )
+
+
 def figure(rows: Sequence[Response]) -> Picture:
-    """Joint 1's error over time, event by event."""
+    """Joint 1 over time, event by event: where it went in the step, its error where the base moves."""
     from matplotlib.figure import Figure
 
-    drawn = Figure(figsize=(10, 3.2), layout="constrained")
-    events = list(dict.fromkeys(row.event for row in rows))
+    drawn = Figure(figsize=(10, 3.6), layout="constrained")
+    events: list[Event] = list(dict.fromkeys(row.event for row in rows))
+    labelled: dict[str, Any] = {}
     for axes, event in zip(np.atleast_1d(drawn.subplots(1, len(events))), events, strict=True):
-        for row in rows:
-            if row.event == event:
-                axes.plot(
-                    row.time, row.error, color=COLORS[row.controller], label=LABELS[row.controller], lw=1.2
-                )
-        axes.set_title(event, fontsize=10)
+        of = [row for row in rows if row.event == event]
+        for row in of:
+            # PD+SG and the true attitude's term are the same on a level base
+            style = "--" if row.controller == "attitude" else "-"
+            line = row.moved if event == "reference" else row.error
+            labelled[LABELS[row.controller]] = axes.plot(
+                row.time, line, style, color=COLORS[row.controller], lw=1.2
+            )[0]
+        if event == "reference":
+            wanted = np.array(of[0].error) + of[0].moved
+            labelled["reference"] = axes.plot(of[0].time, wanted - wanted[0], ":", color="#7a8699", lw=1.2)[0]
+        axes.set_title(TITLES[event], fontsize=10)
+        axes.set_ylabel("joint 1 moved [deg]" if event == "reference" else "error of joint 1 [deg]")
         axes.set_xlabel("time since it began [s]")
         axes.spines[["top", "right"]].set_visible(False)
-    drawn.axes[0].set_ylabel("error of joint 1 [deg]")
-    drawn.axes[-1].legend(frameon=False, fontsize=8)
-    return picture(drawn, "Desired minus reported position of joint 1.")
+    drawn.legend(
+        labelled.values(),
+        labelled.keys(),
+        frameon=False,
+        fontsize=8,
+        ncols=len(labelled),
+        loc="outside lower center",
+    )
+    return picture(drawn, "Positions as reported; errors are desired minus reported.")
 
 
 def main(
@@ -255,7 +290,12 @@ def main(
         rows += [respond(plant, event, name) for name in names]
         print(f"  {event}: done", file=sys.stderr, flush=True)
     blocks: list[Block] = [figure(rows)]
-    blocks += shown("Joint 1", response_table(rows))
+    steps = [row for row in rows if row.event == "reference"]
+    bases = [row for row in rows if row.event != "reference"]
+    if steps:
+        blocks += shown("Step of joint 1's reference", step_table(steps))
+    if bases:
+        blocks += shown("Joint 1 while its base moves", base_table(bases))
     blocks.append(
         Text(
             f"reference: {STEP_DEG:g} deg on joint 1, base at {STEP_BASE_DEG:g} deg. tilt: base from 0 to "
@@ -278,7 +318,7 @@ def main(
             "step_base_deg": STEP_BASE_DEG,
             "tilt_deg": TILT_DEG,
             "tilt_seconds": TILT_SECONDS,
-            "acceleration": ACCELERATION,
+            "acceleration_m_s2": ACCELERATION,
             "drive_seconds": DRIVE_SECONDS,
             "sensor_seed": 1,
         },

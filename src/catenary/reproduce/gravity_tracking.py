@@ -37,6 +37,7 @@ from catenary.reproduce.arguments import folder_and_robots
 from catenary.reproduce.raven_base import rocking_base, turned_base
 from catenary.reproduce.results import shown, spread, write_results
 from catenary.simulation.base_motion import MovingBase
+from catenary.simulation.cable_parameters import CableArm
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.cartesian import AMPLITUDE, CYCLES, PERIOD, CartesianSinusoids
 from catenary.trajectories.reference import Reference
@@ -84,6 +85,7 @@ def run_controllers(
     *,
     cycles: int = CYCLES,
     axes: Sequence[str] = ("x", "y", "z"),
+    arm: CableArm | None = None,
 ) -> list[Run]:
     """Home a robot, and let each controller follow the motion from there.
 
@@ -94,14 +96,15 @@ def run_controllers(
         wanted: Names of controllers, each with its damping.
         cycles: Of the sinusoids.
         axes: Of them.
+        arm: Another robot than the package's, of which `seed` then draws.
     """
-    plant = CablePlant(seed=seed, base=base)
+    plant = CablePlant(arm, seed=seed, base=base)
     plant.home()
     motion = CartesianSinusoids(raven_arm(plant).model, RAVEN_START, cycles=cycles, axes=axes)
     runs = []
     for name, damping in wanted:
-        arm = raven_arm(deepcopy(plant))
-        result = track(arm, _controller(name, arm, damping), motion)
+        robot = raven_arm(deepcopy(plant))
+        result = track(robot, _controller(name, robot, damping), motion)
         error = [e * DISPLAY[unit][1] for e, unit in zip(result.rms_error.tolist(), UNITS, strict=True)]
         runs.append(
             Run(
@@ -126,26 +129,25 @@ def _controller(name: str, arm: SimulatedArm, damping: Damping) -> SplitControll
 def error_table(runs: Sequence[Run], joint: int) -> Table:
     """RMS error of a joint: the nominal robot and the drawn ones, and by how much compensation changes it."""
     unit = ("deg", "deg", "mm")[joint]
-    header = ["base"]
-    bases = list(dict.fromkeys(run.base for run in runs))
-    names = [name for name in LABELS if any(run.controller == name for run in runs)]
-    for name in names:
-        header += [f"{LABELS[name]} [{unit}]", "drawn robots"]
-    header += [f"{LABELS[name]} against PD" for name in names if name != "pd"]
     rows = []
-    for base in bases:
-        cells = [base if base == ROCKING else f"{base} deg"]
-        changes = []
+    for base in dict.fromkeys(run.base for run in runs):
         plain = _of(runs, base, "pd", joint)
-        for name in names:
+        for name in LABELS:
             values = _of(runs, base, name, joint)
+            if not values:
+                continue
             drawn = [v for seed, v in values.items() if seed is not None]
-            cells += [f"{values[None]:.4f}" if None in values else "-", spread(drawn, 4)]
-            if name != "pd":
-                change = [100.0 * (v / plain[seed] - 1.0) for seed, v in values.items()]
-                changes.append(_percent(change))
-        rows.append(cells + changes)
-    return Table(header, rows)
+            change = [100.0 * (v / plain[seed] - 1.0) for seed, v in values.items()]
+            rows.append(
+                [
+                    base if base == ROCKING else f"{base} deg",
+                    LABELS[name],
+                    f"{values[None]:.4f}" if None in values else "-",
+                    spread(drawn, 4),
+                    "-" if name == "pd" else _percent(change),
+                ]
+            )
+    return Table(["base", "controller", f"nominal [{unit}]", f"drawn robots [{unit}]", "against PD"], rows)
 
 
 def share_table(runs: Sequence[Run]) -> Table:
@@ -183,7 +185,7 @@ def figure(runs: Sequence[Run]) -> Picture:
     """RMS errors of the three joints, all robots, every base."""
     from matplotlib.figure import Figure
 
-    drawn = Figure(figsize=(10, 3.4), layout="constrained")
+    drawn = Figure(figsize=(10, 3.7), layout="constrained")
     bases = list(dict.fromkeys(run.base for run in runs))
     colors = {"pd": "#1c2430", "sg": "#4b6b94", "dg": "#d9622b", "dg-imu": "#2f8f6b"}
     names = [name for name in LABELS if any(run.controller == name for run in runs)]
@@ -208,7 +210,9 @@ def figure(runs: Sequence[Run]) -> Picture:
         axes.set_title(f"joint {joint + 1}", fontsize=10)
         axes.set_ylabel(f"RMS error [{('deg', 'deg', 'mm')[joint]}]")
         axes.spines[["top", "right"]].set_visible(False)
-    drawn.axes[0].legend(frameon=False, fontsize=8, loc="lower left")
+    # every joint has the same bars
+    handles, labels = drawn.axes[0].get_legend_handles_labels()
+    drawn.legend(handles, labels, frameon=False, fontsize=8, ncols=len(labels), loc="outside lower center")
     return picture(
         drawn, "As figures 9 and 10: RMS of desired minus reported position; bars are means, dots are robots."
     )

@@ -8,7 +8,7 @@ import numpy as np
 
 from catenary import __version__
 from catenary.json_text import json_text
-from catenary.page import Block, Facts, Heading, Table, write_page
+from catenary.page import Block, Heading, Table, settings_facts, write_page
 
 
 def shown(title: str, table: Table) -> list[Block]:
@@ -53,12 +53,11 @@ def write_results(
     folder.mkdir(parents=True, exist_ok=True)
     content = {"simulated": True, "version": __version__, "configuration": configuration, "results": results}
     (folder / f"{name}.json").write_text(json_text(content), encoding="utf-8")
-    facts = Facts([(key.replace("_", " "), str(value)) for key, value in configuration.items()])
     write_page(
         folder / f"{name}.html",
         title,
         lead,
-        [*blocks, Heading("Configuration"), facts],
+        [*blocks, Heading("Configuration"), settings_facts(configuration)],
         footer=f"catenary {__version__}",
         simulated=True,
     )
