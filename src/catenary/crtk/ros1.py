@@ -11,13 +11,13 @@ it is back, which rospy alone does not do.
 
 import importlib
 import importlib.util
-import struct
 import sys
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from catenary.crtk.frames import LENGTH, SEQ, SEQ_AT, SEQ_MOST
 from catenary.crtk.inbox import Callback, Request, Subscription
 from catenary.crtk.message import Message, message_class
 from catenary.crtk.ros1_master import master_uri
@@ -26,7 +26,6 @@ from catenary.crtk.wire import codec
 from catenary.errors import MissingPackageError, TransportError
 from catenary.recording.messages import current_name, service_md5_sum
 
-_LENGTH = struct.Struct("<I")
 # where Debian and ROS noetic put it, for the system's Python
 _FOLDERS = (Path("/usr/lib/python3/dist-packages"), Path("/opt/ros/noetic/lib/python3/dist-packages"))
 _open: "Ros1Transport | None" = None  # rospy has one node a process
@@ -87,7 +86,16 @@ class Ros1Publisher:
         self._sent += 1
         if self._latch or self._publication.connections:
             data = self._encode(message, self._sent)
-            self._publication.send(_LENGTH.pack(len(data)) + data)
+            self._publication.send(LENGTH.pack(len(data)) + data)
+
+    def publish_frame(self, frame: bytearray) -> None:
+        """Send a message in ROS 1's bytes."""
+        if self._closed:
+            raise TransportError(f"publisher of {self.topic} is closed")
+        self._sent += 1
+        if self._latch or self._publication.connections:
+            SEQ.pack_into(frame, SEQ_AT, self._sent & SEQ_MOST)
+            self._publication.send(bytes(frame))
 
     def close(self) -> None:
         """Publish no more."""

@@ -56,6 +56,7 @@ class ServedArm:
         self.goal = Goal(self.most, plant.period)
         self.compensates_gravity = False
         self.tick = 0
+        self.changes = 0  # times that its state was read
         self._velocity: Floats | None = None
         self._torque: Floats | None = None
         self._until = 0  # tick at which velocity or torque lapse
@@ -171,6 +172,7 @@ class ServedArm:
         if self._is_known and not self.machine.can_change:
             return
         self._is_known = True
+        self.changes += 1
         self._tool_poses = None
         self.measured: JointState = self.plant.measured_js()
         self.setpoint: JointState = self.plant.setpoint_js()

@@ -4,7 +4,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
-from catenary.dynamics.kinematics import FrameKernel, frame_poses, jacobian
+from catenary.dynamics.kinematics import FrameKernel, JacobianKernel, frame_poses
 from catenary.errors import InputError
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
@@ -34,7 +34,7 @@ class ToolPose:
         if self.has_jaws:
             self._to_model[-1] = 0.0
             self._to_model[-1, -2:] = -0.5, 0.5
-        self._kernel = FrameKernel(model, 2)
+        self._kernel, self._jacobian = FrameKernel(model, 2), JacobianKernel(model)
         frame_0 = model.frames.get("frame0")
         self._frame_0 = None if frame_0 is None else frame_0.pose
 
@@ -47,8 +47,8 @@ class ToolPose:
         return Pose(*frame_poses(self.model, self._to_model @ q))
 
     def velocity(self, q: Floats, qd: Floats) -> Floats:
-        """Give the tool's velocity and angular velocity (6,) in base axes [m/s, rad/s]."""
-        moved: Floats = jacobian(self.model, self._to_model @ q) @ (self._to_model @ qd)
+        """Give the tool's velocity and angular velocity (6,) in base axes [m/s, rad/s]; unchecked."""
+        moved: Floats = self._jacobian(self._to_model @ q) @ (self._to_model @ qd)
         return moved
 
     def joints(self, pose: Pose, near: Floats) -> Floats:

@@ -53,6 +53,16 @@ class Publisher(Protocol):
         """
         ...
 
+    def publish_frame(self, frame: bytearray) -> None:
+        """Send a message that is in ROS 1's bytes already, its length in front; it begins with a header.
+
+        The header's `seq` is written into it; what else is in it is the caller's affair and is not looked at.
+
+        Raises:
+            TransportError: The transport is closed.
+        """
+        ...
+
     def close(self) -> None:
         """Publish no more."""
         ...

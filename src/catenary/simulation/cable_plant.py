@@ -189,7 +189,18 @@ class CablePlant:
 
     def setpoint_js(self) -> JointState:
         """Joint setpoint of the firmware."""
-        return self.measured_js()._replace(q=self.control.setpoint.copy(), qd=np.zeros(7))
+        c = self.control
+        base = self._base.rows(self._tick, 1)[0]
+        return JointState(
+            self.time,
+            c.setpoint.copy(),
+            np.zeros(7),
+            joint_torques(self.firmware, c.torque),
+            c.motor.copy(),
+            base.gravity[0] - base.motion[0, 2],
+            0.0,
+            base.motion[0, :2].copy(),
+        )
 
     def operating_state(self) -> OperatingState:
         """CRTK's operating state."""
