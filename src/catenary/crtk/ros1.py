@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from catenary.crtk.frames import LENGTH, SEQ, SEQ_AT, SEQ_MOST
-from catenary.crtk.inbox import Callback, Request, Subscription
+from catenary.crtk.inbox import Callback, Origin, Request, Subscription
 from catenary.crtk.message import Message, message_class
 from catenary.crtk.ros1_master import master_uri
 from catenary.crtk.transport import DEPTH, QUEUE, Connections, Handler, PollingTransport, absolute, other_type
@@ -110,14 +110,15 @@ class _Topic:
     def __init__(self, name: str, type_name: str) -> None:
         self.type_name = current_name(type_name)
         self._subscriptions: list[Subscription] = []
-        self._latched: dict[str, tuple[bytes, int]] = {}  # by publisher
+        self._latched: dict[str, tuple[bytes, int, Origin]] = {}  # by publisher
+        self._origins: dict[str, Origin] = {}  # the last one of each publisher
         self._lock = threading.Lock()
         self.rospy = _links().subscribe_topic(name, type_name, self._receive)
 
     def add(self, subscription: Subscription) -> None:
         with self._lock:
-            for data, time in self._latched.values():
-                subscription.push(data, time)
+            for latched in self._latched.values():
+                subscription.push(*latched)
             self._subscriptions.append(subscription)
 
     def remove(self, subscription: Subscription) -> bool:
@@ -128,11 +129,22 @@ class _Topic:
 
     def _receive(self, raw: Any) -> None:
         with self._lock:
-            origin = raw._connection_header
-            if origin.get("latching") == "1":
-                self._latched[origin.get("callerid", "")] = (raw.data, raw.time)
+            origin = self._origin(raw._connection_header)
+            if origin.is_latching:
+                name = origin.process.partition(" ")[0]
+                self._latched[name] = raw.data, raw.time, origin
             for subscription in self._subscriptions:
-                subscription.push(raw.data, raw.time)
+                subscription.push(raw.data, raw.time, origin)
+
+    def _origin(self, head: dict[str, str]) -> Origin:
+        """Where a message came from; rospy makes a connection's header anew when it has connected again."""
+        name = head.get("callerid", "")
+        known = self._origins.get(name)
+        if known is None or known.connection is not head:
+            uris = (one.endpoint_id for one in self.rospy.connections or () if one.header is head)
+            process = f"{name} {next(uris, '')}"
+            known = self._origins[name] = Origin(process, head, head.get("latching") == "1")
+        return known
 
 
 class Ros1Transport(PollingTransport):
@@ -268,6 +280,10 @@ class Ros1Transport(PollingTransport):
     def topics(self) -> Mapping[str, str]:
         """Topics that anyone publishes, with their types in their present spelling."""
         return {topic: current_name(kind) for topic, kind in sorted(self._node.master.topics().items())}
+
+    def publishing(self) -> Mapping[str, frozenset[str]]:
+        """Processes that publish each topic, also those that do not answer."""
+        return self._node.master.publishing()
 
     def is_up(self) -> bool:
         """Whether it is open and the master answered when last asked, half a second ago at most."""

@@ -223,6 +223,10 @@ class Ros2Transport(PollingTransport):
                 found[topic] = current_name(kinds[0])
         return found
 
+    def publishing(self) -> Mapping[str, frozenset[str]]:
+        """Nothing: messages of ROS 2 do not say where they came from."""
+        return {}
+
     def is_up(self) -> bool:
         """Whether it is open; ROS 2 has no master."""
         return not self.inbox.closed and self._context.ok()

@@ -1,6 +1,6 @@
 """One arm behind a server: what it was commanded becomes one command a tick for its plant."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -62,6 +62,7 @@ class ServedArm:
         self._until = 0  # tick at which velocity or torque lapse
         self._follow = max(1, round(FOLLOW / plant.period))
         self._move: tuple[Trajectory, int] | None = None
+        self._plan: Iterator[Trajectory | None] | None = None
         self._was_ready = self._is_known = False
         self._tool_poses: tuple[Floats, Floats] | None = None
         self._takes_positions = "servo_jp" in plant.supports
@@ -125,6 +126,11 @@ class ServedArm:
         self._drop()
         self._move = (trajectory, self.tick)
 
+    def move_when_planned(self, plan: Iterator[Trajectory | None]) -> None:
+        """Follow a trajectory from the setpoint, busy at once; `plan` is asked once a tick until it gives it."""
+        self._drop()
+        self._plan = plan
+
     def hold(self) -> None:
         """Forget all commands and stay."""
         self._drop()
@@ -132,7 +138,7 @@ class ServedArm:
     @property
     def is_moving(self) -> bool:
         """Whether a move is under way."""
-        return self._move is not None
+        return self._move is not None or self._plan is not None
 
     @property
     def commanded(self) -> Floats:
@@ -178,7 +184,7 @@ class ServedArm:
         self.setpoint: JointState = self.plant.setpoint_js()
         state = self.plant.operating_state()
         self.state: OperatingState = (
-            state._replace(is_busy=True) if self._move is not None and state.state == "ENABLED" else state
+            state._replace(is_busy=True) if self.is_moving and state.state == "ENABLED" else state
         )
 
     def tool_poses(self) -> tuple[Floats, Floats]:
@@ -192,6 +198,10 @@ class ServedArm:
         increments = self.increments.next(self.tick)
         if increments is not None:
             self._send(self.setpoint.q + increments)
+        elif self._plan is not None:
+            trajectory = next(self._plan)
+            if trajectory is not None:
+                self._plan, self._move = None, (trajectory, self.tick + 1)
         elif self._move is not None:
             trajectory, begin = self._move
             time = (self.tick + 1 - begin) * self.plant.period
@@ -227,7 +237,7 @@ class ServedArm:
     def _drop(self) -> None:
         self.increments.clear()
         self.goal.clear()
-        self._velocity = self._move = None
+        self._velocity = self._move = self._plan = None
         if self._torque is not None:
             self._torque = None
             if self.is_ready and self._takes_positions:

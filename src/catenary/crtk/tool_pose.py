@@ -5,6 +5,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
 from catenary.dynamics.kinematics import FrameKernel, JacobianKernel, frame_poses
+from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.errors import InputError
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
@@ -63,6 +64,27 @@ class ToolPose:
             return found
         half = 0.5 * (near[-2] + near[-1])
         return np.array([*found[:-1], half - found[-1], half + found[-1]])
+
+    def path(self, rotations: Floats, positions: Floats, near: Floats) -> Floats:
+        """Give joints (N, n) along a path of poses, (N, 3, 3) and (N, 3) [m], each as `joints` from the one before.
+
+        A RAVEN-II's 50 poses take one compiled call, well within a tick; other arms are searched pose by pose.
+
+        Raises:
+            UnreachablePoseError: The remote centre, a joint limit or the mechanism refuses a pose.
+        """
+        model = self.model
+        start = np.clip(self._to_model @ near, model.lower, model.upper)
+        if model.closed_form == "raven2":
+            found = raven_path(model, rotations, positions, start)
+        else:
+            found = np.empty((len(positions), model.n))
+            for k, (rotation, position) in enumerate(zip(rotations, positions, strict=True)):
+                start = found[k] = inverse_kinematics(model, Pose(rotation, position), start)
+        if not self.has_jaws:
+            return found
+        half, tool = 0.5 * (near[-2] + near[-1]), found[:, -1]
+        return np.column_stack([found[:, :-1], half - tool, half + tool])
 
     def in_frame_0(self, rotations: Floats, positions: Floats) -> tuple[Floats, Floats]:
         """Give poses in the mechanism's frame 0, in which a RAVEN-II's own raven_state has them."""

@@ -1,8 +1,9 @@
 """What carries messages between programs: one protocol for ROS 1, ROS 2 and a single process.
 
 Every message that reaches a subscription is given once, in the order in which it came, with the time at which it came.
-Nothing is repeated. Queues are bounded: where a program does not keep up, the oldest message gives way and a counter
-says so (`Subscription.overflowed`, `Publisher.overflowed`).
+Nothing is repeated, also not what a latching publisher gives again after its connection was broken. Queues are bounded:
+where a program does not keep up, the oldest message gives way and a counter says so
+(`Subscription.overflowed`, `Publisher.overflowed`).
 
 Callbacks and services run where `poll` is called, in that thread and nowhere else; `Spinner` calls it in another.
 """
@@ -134,6 +135,10 @@ class Transport(Protocol):
 
     def topics(self) -> Mapping[str, str]:
         """Topics that anyone publishes, with their types."""
+        ...
+
+    def publishing(self) -> Mapping[str, frozenset[str]]:
+        """Processes that publish each topic now, as `Arrival.process` names them; empty where nobody can tell."""
         ...
 
     def now(self) -> int:
