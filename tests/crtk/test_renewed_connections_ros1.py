@@ -29,7 +29,9 @@ jr = rospy.Publisher("/arm1/servo_jr", JointState, latch=True, queue_size=1)
 print("ready")
 for line in sys.stdin:
     word, *rest = line.split()
-    if word == "break":  # as a cable that is pulled, or a router that forgets; then what was said meanwhile
+    if word == "end":  # or the master would list it still
+        rospy.signal_shutdown("the test ends")
+    elif word == "break":  # as a cable that is pulled, or a router that forgets; then what was said meanwhile
         for publisher in (state, jr):
             for connection in publisher.impl.connections:
                 connection._connection.socket.shutdown(socket.SHUT_RDWR)
@@ -92,6 +94,7 @@ def served(ros_master: Master) -> Iterator[Served]:
         with Program(ros_master, CLIENT) as client:  # after the robot, or it would be one from before
             server.meet(client)
             yield server
+            server.say("end")
 
 
 def test_commands_that_were_obeyed_are_not_obeyed_again_when_tcp_connections_are_renewed(served):

@@ -16,6 +16,7 @@ from catenary.recording.topics import Arm
 from catenary.trajectories.reference import Trajectory
 
 FASTEST = {"rad": 2.5, "m": 0.05}  # [rad/s], [m/s] of a setpoint: 0.0025 rad, 0.05 mm in a millisecond
+LEAST_BUSY = 0.05  # [s] CRTK's Python client waits for a busy state and then for none, also after a move to where it is
 GravityTorque = Callable[[Floats, Floats], Floats]  # joints (n,), gravity (3,) -> torques (n,)
 
 
@@ -206,7 +207,7 @@ class ServedArm:
             trajectory, begin = self._move
             time = (self.tick + 1 - begin) * self.plant.period
             self._send(trajectory(min(time, trajectory.duration)).q)
-            if time >= trajectory.duration:
+            if time >= max(trajectory.duration, LEAST_BUSY):
                 self._move = None
         elif self.goal:
             self._send(self.goal.next(self.setpoint.q))
