@@ -175,10 +175,10 @@ class Subscription:
                 )
             raw, self._waiting = self._waiting, deque()
         found = []
-        for data, arrived, *origin in raw:
+        for data, arrived, process, first, renewed in raw:
             received = self._received(data, arrived)
             if received is not None:
-                found.append(Arrival(*received, *origin))
+                found.append(Arrival(received.message, received.time, process, first, renewed))
         return found
 
     def __len__(self) -> int:

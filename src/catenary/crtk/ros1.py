@@ -283,7 +283,8 @@ class Ros1Transport(PollingTransport):
 
     def publishing(self) -> Mapping[str, frozenset[str]]:
         """Processes that publish each topic, also those that do not answer."""
-        return self._node.master.publishing()
+        found: dict[str, frozenset[str]] = self._node.master.publishing()
+        return found
 
     def is_up(self) -> bool:
         """Whether it is open and the master answered when last asked, half a second ago at most."""
