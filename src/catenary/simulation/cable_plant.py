@@ -181,17 +181,11 @@ class CablePlant:
         return self._joint_state(self.control.setpoint.copy(), np.zeros(7))
 
     def _joint_state(self, q: Floats, qd: Floats) -> JointState:
-        base = self._base.rows(self._tick, 1)[0]
-        return JointState(
-            self.time,
-            q,
-            qd,
-            joint_torques(self.firmware, self.control.torque),
-            self.control.motor.copy(),
-            base.gravity[0] - base.motion[0, 2],  # an accelerometer cannot tell one from the other
-            0.0,
-            base.motion[0, :2].copy(),
-        )
+        base, c = self._base.rows(self._tick, 1)[0], self.control
+        torque = joint_torques(self.firmware, c.torque)
+        felt = base.gravity[0] - base.motion[0, 2]  # an accelerometer cannot tell one from the other
+        rates = base.motion[0, :2].copy()
+        return JointState(self.time, q, qd, torque, c.motor.copy(), felt, 0.0, rates)
 
     def operating_state(self) -> OperatingState:
         """CRTK's operating state."""
