@@ -256,7 +256,10 @@ def test_moves_keep_their_bounds_and_differentiate(robot):
     goal = Pose(
         rotation_from_rpy((0.2, 0.1, 0.0)) @ start.rotation, start.position + np.array([0.02, 0.0, -0.02])
     )
-    for move in (joint_move(arm, arm.setpoint.q + shoulder(0.3)), straight_move(arm, goal)):
+    for move in (
+        joint_move(arm, arm.setpoint.q + shoulder(0.3)),
+        next(filter(None, straight_move(arm, goal))),
+    ):
         h = 1e-5
         times = np.linspace(0.1, move.duration - 0.1, 50)
         _, qd, qdd = move.sample(times)
@@ -313,3 +316,19 @@ def test_a_parked_arm_publishes_and_refuses(robot):
     robot.joints("servo_jr", shoulder(1e-3), arm="green")
     robot.tick(2)
     assert robot.server.reports.count("/arm2/servo_jr: refused") == 1
+
+
+@pytest.mark.parametrize("verb", ["move_jp", "move_jr", "move_cp"])
+def test_a_move_to_where_the_arm_is_is_busy_too(robot, verb):
+    # CRTK's Python client waits for a busy state, then for one that is not, both newer than its command
+    heard = robot.hear("operating_state")
+    robot.tick(20)
+    heard.take()
+    if verb == "move_cp":
+        robot.say(verb, pose_message(robot.server.arms["gold"].tool.pose(robot.setpoint), 0, "base"))
+    else:
+        robot.joints(verb, robot.setpoint if verb == "move_jp" else np.zeros(7))
+    robot.tick(1500)
+    busy = [one.message.is_busy for one in heard.take()]
+    assert busy[0]
+    assert not busy[-1]

@@ -4,12 +4,18 @@ Two kinds of old commands reach a server. Stamped ones that were held up say so 
 living client sent to a robot that has since been restarted, come at once when the new server connects, most of them
 without a stamp (CRTK's Python client and the RAVEN-II's latch and do not stamp). So a topic that somebody published
 before the server began is not obeyed until a second after the connection, unless a stamp says that the command is
-newer than the server. `disable` and `pause` are obeyed at any time.
+newer than the server. Should such a client be out of reach for longer, what it first says when it is back is latched
+too. And when a connection breaks and is made again, the publisher gives once more what it said last: that is dropped by
+the transport (`Subscription.repeated`); something else, said while the connection was broken, is of unknown age, and is
+obeyed with a fresh stamp only. `disable` and `pause` are obeyed at any time.
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 from catenary.crtk.clock import SECOND
+from catenary.crtk.inbox import Arrival
 from catenary.crtk.message import Message, stamp_of
 from catenary.crtk.names import COMMAND, CrtkTopic
 from catenary.crtk.reports import Reports
@@ -27,6 +33,9 @@ class Beginning(NamedTuple):
 
     time: int  # [ns]
     published: frozenset[str]  # topics
+    publishing: Mapping[str, frozenset[str]] = MappingProxyType(
+        {}
+    )  # processes by topic, where that can be told
 
 
 class CommandSource:
@@ -45,6 +54,8 @@ class CommandSource:
         self._reports = reports
         self._begin = beginning.time
         self._connected: int | None = None
+        self._old = beginning.publishing.get(topic.name, frozenset())
+        self._since: dict[str, int] = {}  # [ns] when programs were first seen to be connected
         self._waits = topic.name in beginning.published
         self._subscription = transport.subscribe(topic.name, topic.type)
         self.waiting = self._subscription.__len__  # asked every millisecond, of two dozen topics
@@ -54,7 +65,7 @@ class CommandSource:
         """Give the fresh commands that came since the last time, oldest first; `now` in ns."""
         if not len(self._subscription):
             return _NOTHING
-        fresh = [one.message for one in self._subscription.take() if self._is_fresh(one.message, now)]
+        fresh = [one.message for one in self._subscription.take_arrivals() if self._is_fresh(one, now)]
         lost = self._subscription.overflowed + self._subscription.damaged
         if lost > self._missed:
             self._reports.say(f"{self.topic.name}: lost", f"{lost - self._missed} commands", now)
@@ -63,14 +74,20 @@ class CommandSource:
 
     def watch(self, now: int) -> None:
         """Look at who is connected; called some ten times a second."""
+        if not (self._waits or self._old):
+            return
+        connected = self._transport.connections(self.topic.name).publishers
+        for name in connected:
+            self._since.setdefault(name, now)
         if not self._waits:
             return
-        if self._connected is None and self._transport.connections(self.topic.name).publishers:
+        if self._connected is None and connected:
             self._connected = now
         since, least = (self._begin, LONGEST_WAIT) if self._connected is None else (self._connected, SETTLE)
         self._waits = 0 <= now - since < least  # a clock that was set back ends it too
 
-    def _is_fresh(self, message: Message, now: int) -> bool:
+    def _is_fresh(self, arrival: Arrival, now: int) -> bool:
+        message = arrival.message
         if self.topic.type == COMMAND and message.string.strip() in ALWAYS_OBEYED:
             return True
         stamp = stamp_of(message)
@@ -81,11 +98,23 @@ class CommandSource:
                 return False
             if stamp > self._begin:
                 return True
-        if self._waits:
+        if self._waits or (arrival.is_first and self._is_from_before(arrival.process, now)):
             self._reports.say(
                 f"{self.topic.name}: from before",
                 "its client was there before this server, so this may be an old command: not obeyed, send it anew",
                 now,
             )
             return False
+        if arrival.is_renewed:
+            self._reports.say(
+                f"{self.topic.name}: after a break",
+                "said while its client was not connected, so this may be an old command: not obeyed, send it anew",
+                now,
+            )
+            return False
         return True
+
+    def _is_from_before(self, process: str, now: int) -> bool:
+        """Whether a program was there before the server, and has been connected for less than a second."""
+        since = self._since.get(process.partition(" ")[0], now)
+        return process in self._old and 0 <= now - since < SETTLE

@@ -9,27 +9,27 @@ import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.crtk import cartesian_commands
+from catenary.crtk.arm_frames import JAWS, ArmFrames
 from catenary.crtk.conversions import joint_values, pose_of
-from catenary.crtk.message import Message, header, message_class
+from catenary.crtk.frames import stamp_bytes
+from catenary.crtk.message import Message
 from catenary.crtk.moves import joint_move, straight_move
 from catenary.crtk.names import CrtkTopic, topics
-from catenary.crtk.outlet import Outlet, pose_stamped
+from catenary.crtk.outlet import Outlet
 from catenary.crtk.served_arm import ServedArm
 from catenary.errors import InputError
 from catenary.plant import OperatingState
 from catenary.recording.topics import Arm
 from catenary.spatial import Pose, rotation_vector
 
-_JointState = message_class("sensor_msgs/JointState")
-_OperatingState = message_class("crtk_msgs/OperatingState")
-_Twist = message_class("geometry_msgs/Twist")
-_TwistStamped = message_class("geometry_msgs/TwistStamped")
-_Vector = message_class("geometry_msgs/Vector3")
 NOT_MEASURED = ("measured_cf",)  # nothing measures forces at the tool
 NOT_TAKEN = ("servo_cf",)
 BUSY_EVERY = 100  # ticks between two operating states of an arm that is busy
-_FRAME = "base"
-JAWS = 2
+_JOINT_VERBS = (
+    (("measured_js", "setpoint_js"), ArmFrames.joints),
+    (("jaw/measured_js", "jaw/setpoint_js"), ArmFrames.jaws),
+)
+_POSE_VERBS = ("measured_cp", "setpoint_cp")
 
 
 class CrtkDialect:
@@ -47,36 +47,29 @@ class CrtkDialect:
             topic for topic in topics("crtk") if topic.arm in arms and _has(arms[topic.arm], topic.verb)
         )
         self._told: dict[Arm, tuple[OperatingState, int]] = {}
+        self._frames = {name: ArmFrames(arm) for name, arm in arms.items()}
 
     # what it says
 
     def publish(self, outlets: dict[tuple[str, Arm | None], Outlet], now: int) -> None:
         """Publish the arms' states, stamped `now` [ns], where anybody listens."""
-        head = header(now)
-        framed = header(now, _FRAME)
+        stamp = stamp_bytes(now)
         for name, arm in self._arms.items():
-            self._publish_state(name, arm, outlets["operating_state", name], head)
-            self._publish_joints(name, arm, outlets, head)
+            frames = self._frames[name]
+            self._publish_state(name, arm, outlets["operating_state", name], stamp)
+            for verbs, filled in _JOINT_VERBS:
+                _send([outlets.get((verb, name)) for verb in verbs], filled, frames, stamp)
             if arm.tool is not None:
-                _publish_poses(name, arm, outlets, framed)
+                _send([outlets[verb, name] for verb in _POSE_VERBS], ArmFrames.poses, frames, stamp)
+                speed = outlets["measured_cv", name]
+                if speed.heard:
+                    speed.send(frames.twist(), stamp)
 
-    def _publish_state(self, name: Arm, arm: ServedArm, outlet: Outlet, head: Message) -> None:
+    def _publish_state(self, name: Arm, arm: ServedArm, outlet: Outlet, stamp: bytes) -> None:
         told, tick = self._told.get(name, (None, 0))
         if arm.state != told or (arm.state.is_busy and arm.tick - tick >= BUSY_EVERY):
             self._told[name] = arm.state, arm.tick
-            outlet.publish(_OperatingState(head, *arm.state))
-
-    def _publish_joints(
-        self, name: Arm, arm: ServedArm, outlets: dict[tuple[str, Arm | None], Outlet], head: Message
-    ) -> None:
-        for verb, state in (("measured_js", arm.measured), ("setpoint_js", arm.setpoint)):
-            outlet = outlets[verb, name]
-            if outlet.heard:
-                outlet.publish(_JointState(head, arm.names, state.q, state.qd, state.tau))
-            jaw = outlets.get((f"jaw/{verb}", name))
-            if jaw is not None and jaw.heard:
-                q, qd, tau = (values[-JAWS:].sum(keepdims=True) for values in state[1:4])
-                jaw.publish(_JointState(head, ("jaw",), q, qd, 0.5 * tau))
+            outlet.send(self._frames[name].operating_state(), stamp)
 
     # what it obeys
 
@@ -115,20 +108,20 @@ def _has(arm: ServedArm, verb: str) -> bool:
     return True
 
 
-def _publish_poses(
-    name: Arm, arm: ServedArm, outlets: dict[tuple[str, Arm | None], Outlet], head: Message
+def _send(
+    outlets: list[Outlet | None],
+    filled: Callable[[ArmFrames], tuple[bytearray, bytearray]],
+    frames: ArmFrames,
+    stamp: bytes,
 ) -> None:
-    assert arm.tool is not None
-    where, aim, speed = (outlets[verb, name] for verb in ("measured_cp", "setpoint_cp", "measured_cv"))
-    if where.heard or aim.heard:
-        rotations, positions = arm.tool_poses()
-        if where.heard:
-            where.publish(pose_stamped(head, rotations[0], positions[0]))
-        if aim.heard:
-            aim.publish(pose_stamped(head, rotations[1], positions[1]))
-    if speed.heard:
-        twist = arm.tool.velocity(arm.measured.q, arm.measured.qd).tolist()
-        speed.publish(_TwistStamped(head, _Twist(_Vector(*twist[:3]), _Vector(*twist[3:]))))
+    """Send what was measured and what was set, where anybody listens."""
+    measured, setpoint = outlets
+    if measured is not None and setpoint is not None and (measured.heard or setpoint.heard):
+        first, second = filled(frames)
+        if measured.heard:
+            measured.send(first, stamp)
+        if setpoint.heard:
+            setpoint.send(second, stamp)
 
 
 def _numbers(arm: ServedArm, message: Message, field: str = "position") -> Floats:
@@ -187,8 +180,8 @@ _OBEY: dict[str, Callable[[ServedArm, Message], None]] = {
     "servo_cv": _servo_cv,
     "move_jp": lambda arm, message: arm.move(joint_move(arm, _numbers(arm, message))),
     "move_jr": lambda arm, message: arm.move(joint_move(arm, arm.setpoint.q + _numbers(arm, message))),
-    "move_cp": lambda arm, message: arm.move(straight_move(arm, pose_of(message))),
-    "move_cr": lambda arm, message: arm.move(straight_move(arm, _increment_goal(arm, message))),
+    "move_cp": lambda arm, message: arm.move_when_planned(straight_move(arm, pose_of(message))),
+    "move_cr": lambda arm, message: arm.move_when_planned(straight_move(arm, _increment_goal(arm, message))),
     "hold": lambda arm, message: arm.hold(),
     "free": lambda arm, message: arm.go_limp(),
     "jaw/servo_jp": lambda arm, message: arm.go_towards(_jaws(arm, _angle(message))),

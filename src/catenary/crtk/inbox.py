@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from catenary.crtk.message import Message
+from catenary.crtk.message import Message, has_header
 from catenary.errors import FileFormatError, InputError
 
 
@@ -15,6 +15,24 @@ class Received(NamedTuple):
 
     message: Message
     time: int  # [ns] by the transport's clock, when it came in
+
+
+class Origin(NamedTuple):
+    """Whom a message came from, and over which connection."""
+
+    process: str  # program's name, a space, and what differs when a program of that name is started again
+    connection: object  # another one once it was broken and made again
+    is_latching: bool
+
+
+class Arrival(NamedTuple):
+    """A message as it came, and what it may have been: said long ago, and given to whoever connects."""
+
+    message: Message
+    time: int  # [ns] by the transport's clock
+    process: str  # of the publisher, as in `Origin`; empty where the transport does not tell
+    is_first: bool  # the first over a connection to a latching publisher
+    is_renewed: bool  # and that publisher has been heard over an earlier connection
 
 
 Callback = Callable[[Received], None]
@@ -66,7 +84,8 @@ class Subscription:
 
     With a callback they are handed over in the transport's `poll`; without, `take` gives them. At most `depth` wait;
     then the oldest gives way, and `overflowed` counts it. `damaged` counts those whose bytes were no message of the
-    type; they are left out.
+    type; they are left out. `repeated` counts what a latching publisher gave again after its connection had been
+    broken: a message that had come already is not given twice.
     """
 
     def __init__(
@@ -90,10 +109,14 @@ class Subscription:
         self.depth = depth
         self.overflowed = 0
         self.damaged = 0
+        self.repeated = 0
+        # last message of each latching publisher, by process
+        self._latched: dict[str, tuple[object, Any]] = {}
+        self._behind_seq = 4 if has_header(type_name) else 0  # a publisher counts a latched message anew
         self._inbox = inbox
         self._decode = decode
         self._callback = callback
-        self._waiting: deque[tuple[Any, int]] = deque()
+        self._waiting: deque[tuple[Any, int, str, bool, bool]] = deque()
         self._closed = False
         self._leave: Callable[[], None] | None = None
 
@@ -101,12 +124,26 @@ class Subscription:
         """Have `leave` called, once, when the subscription is closed; transports call this."""
         self._leave = leave
 
-    def push(self, data: Any, time: int) -> None:
-        """Take in a message as the transport has it, at `time` [ns]; transports call this, from any thread."""
+    def push(self, data: Any, time: int, origin: Origin | None = None) -> None:
+        """Take in a message as the transport has it, at `time` [ns]; transports call this, from any thread.
+
+        With an origin, `data` are ROS 1's bytes.
+        """
         with self._inbox.changed:
             if self._closed:
                 return
-            self._waiting.append((data, time))
+            process, first, renewed = "", False, False
+            if origin is not None:
+                process = origin.process
+                if origin.is_latching:
+                    last = self._latched.get(origin.process)
+                    self._latched[origin.process] = origin.connection, data
+                    first = last is None or last[0] is not origin.connection
+                    renewed = first and last is not None
+                    if last is not None and renewed and self._is_same(data, last[1]):
+                        self.repeated += 1
+                        return
+            self._waiting.append((data, time, process, first, renewed))
             if len(self._waiting) > self.depth:
                 # the job that was put for the oldest now stands for the newest
                 self._waiting.popleft()
@@ -121,6 +158,14 @@ class Subscription:
         Raises:
             InputError: The subscription has a callback, which gets them.
         """
+        return [Received(one.message, one.time) for one in self.take_arrivals(timeout)]
+
+    def take_arrivals(self, timeout: float = 0.0) -> list[Arrival]:
+        """As `take`, with what is known about where each message came from.
+
+        Raises:
+            InputError: The subscription has a callback, which gets them.
+        """
         if self._callback is not None:
             raise InputError(f"subscription of {self.topic}: its messages go to its callback, in poll()")
         with self._inbox.changed:
@@ -129,7 +174,12 @@ class Subscription:
                     lambda: self._waiting or self._closed or self._inbox.closed, timeout
                 )
             raw, self._waiting = self._waiting, deque()
-        return [received for one in raw if (received := self._received(one)) is not None]
+        found = []
+        for data, arrived, process, first, renewed in raw:
+            received = self._received(data, arrived)
+            if received is not None:
+                found.append(Arrival(received.message, received.time, process, first, renewed))
+        return found
 
     def __len__(self) -> int:
         """How many wait."""
@@ -150,13 +200,16 @@ class Subscription:
             if not self._waiting:
                 return  # closed meanwhile
             raw = self._waiting.popleft()
-        received = self._received(raw)
+        received = self._received(raw[0], raw[1])
         if received is not None and self._callback is not None:
             self._callback(received)
 
-    def _received(self, raw: tuple[Any, int]) -> Received | None:
+    def _is_same(self, data: Any, other: Any) -> bool:
+        return bool(data[self._behind_seq :] == other[self._behind_seq :])
+
+    def _received(self, data: Any, time: int) -> Received | None:
         try:
-            return Received(self._decode(raw[0]), raw[1])
+            return Received(self._decode(data), time)
         except FileFormatError:
             self.damaged += 1
             return None

@@ -6,14 +6,18 @@ Every message is turned into ROS's bytes and back, so what passes here passes a 
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import count
 
 from catenary.crtk.clock import Clock, WallClock
-from catenary.crtk.inbox import Callback, Request, Subscription
+from catenary.crtk.frames import LENGTH, SEQ, SEQ_AT, SEQ_MOST
+from catenary.crtk.inbox import Callback, Origin, Request, Subscription
 from catenary.crtk.message import Message, message_class
 from catenary.crtk.transport import DEPTH, QUEUE, Connections, Handler, PollingTransport, absolute, other_type
 from catenary.crtk.wire import codec
 from catenary.errors import TransportError
 from catenary.recording.messages import current_name, service_md5_sum
+
+_PROCESSES = count()  # tells transports of the same name apart
 
 
 @dataclass
@@ -44,6 +48,7 @@ class LoopbackNetwork:
         self.transports: dict[str, Loopback] = {}
         self.services: dict[str, _Service] = {}
         self._topics: dict[str, _Topic] = {}
+        self._cut: set[str] = set()
 
     def topic(self, name: str, type_name: str) -> _Topic:
         """Topic of that name, begun if nobody uses it.
@@ -62,6 +67,13 @@ class LoopbackNetwork:
         """Topics with a publisher, and their types."""
         return {name: topic.type_name for name, topic in sorted(self._topics.items()) if topic.publishers}
 
+    def publishing(self) -> dict[str, frozenset[str]]:
+        """Processes that publish each topic."""
+        return {
+            name: frozenset(one.origin.process for one in topic.publishers.values())
+            for name, topic in self._topics.items()
+        }
+
     def connections(self, name: str, of: str) -> Connections:
         """Peers of one transport over a topic."""
         topic = self._topics.get(name)
@@ -69,8 +81,8 @@ class LoopbackNetwork:
             return Connections((), ())
         subscribers = sorted({owner for owner, _ in topic.subscriptions})
         return Connections(
-            tuple(sorted(topic.publishers)) if of in subscribers else (),
-            tuple(subscribers) if of in topic.publishers else (),
+            tuple(filter(self.reaches, sorted(topic.publishers))) if of in subscribers else (),
+            tuple(subscribers) if of in topic.publishers and self.reaches(of) else (),
         )
 
     def forget(self, name: str) -> None:
@@ -83,6 +95,24 @@ class LoopbackNetwork:
                 for owner, subscription in tuple(topic.subscriptions):
                     if owner == name:
                         subscription.close()
+
+    def cut(self, name: str) -> None:
+        """Break all connections over which a transport sends, as a network would: what it publishes reaches nobody."""
+        with self.lock:
+            self._cut.add(name)
+
+    def mend(self, name: str) -> None:
+        """Make those connections again; latched messages come again."""
+        with self.lock:
+            self._cut.discard(name)
+            for topic in self._topics.values():
+                publisher = topic.publishers.get(name)
+                if publisher is not None:
+                    publisher.connect()
+
+    def reaches(self, name: str) -> bool:
+        """Whether what a transport publishes reaches anybody."""
+        return name not in self._cut
 
     def drop(self, topic: _Topic, subscription: Subscription) -> None:
         """Remove a subscription."""
@@ -97,6 +127,7 @@ class LoopbackPublisher:
 
     def __init__(self, transport: "Loopback", topic: str, shared: _Topic, *, latch: bool) -> None:
         self.topic = topic
+        self.name = transport.name
         self.type_name = shared.type_name
         self.latched: bytes | None = None
         self._transport = transport
@@ -105,21 +136,44 @@ class LoopbackPublisher:
         self._encode = codec(shared.type_name).encode
         self._sent = 0
         self._closed = False
+        self._process = f"{transport.name} {next(_PROCESSES)}"
+        self.origin = Origin(self._process, object(), latch)
+
+    def connect(self) -> None:
+        """Connect to all subscriptions anew; the network's lock is held."""
+        self.origin = Origin(self._process, object(), self._latch)
+        if self.latched is not None:
+            now = self._transport.network.clock.now()
+            for _, subscription in self._shared.subscriptions:
+                subscription.push(self.latched, now, self.origin)
 
     def publish(self, message: Message) -> None:
         """Send a message."""
+        self._count()
+        # also for nobody: what is wrong is refused here and now
+        self._send(self._encode(message, self._sent))
+
+    def publish_frame(self, frame: bytearray) -> None:
+        """Send a message in ROS 1's bytes."""
+        self._count()
+        SEQ.pack_into(frame, SEQ_AT, self._sent & SEQ_MOST)
+        self._send(bytes(memoryview(frame)[LENGTH.size :]))
+
+    def _count(self) -> None:
         if self._closed:
             raise TransportError(f"publisher of {self.topic} is closed")
         self._transport.require_open()
         self._sent += 1
+
+    def _send(self, data: bytes) -> None:
         network = self._transport.network
-        data = self._encode(message, self._sent)  # also for nobody: what is wrong is refused here and now
         with network.lock:
             if self._latch:
                 self.latched = data
-            now = network.clock.now()
-            for _, subscription in self._shared.subscriptions:
-                subscription.push(data, now)
+            if network.reaches(self._transport.name):
+                now = network.clock.now()
+                for _, subscription in self._shared.subscriptions:
+                    subscription.push(data, now, self.origin)
 
     def close(self) -> None:
         """Publish no more."""
@@ -171,8 +225,8 @@ class Loopback(PollingTransport):
             shared.subscriptions.append((self.name, subscription))
             subscription.on_close(lambda: self.network.drop(shared, subscription))
             for publisher in shared.publishers.values():
-                if publisher.latched is not None:
-                    subscription.push(publisher.latched, self.now())
+                if publisher.latched is not None and self.network.reaches(publisher.name):
+                    subscription.push(publisher.latched, self.now(), publisher.origin)
         return subscription
 
     def service(self, name: str, type_name: str, handler: Handler) -> None:
@@ -221,6 +275,11 @@ class Loopback(PollingTransport):
         """Topics that anyone publishes, with their types."""
         with self.network.lock:
             return self.network.published()
+
+    def publishing(self) -> Mapping[str, frozenset[str]]:
+        """Processes that publish each topic."""
+        with self.network.lock:
+            return self.network.publishing()
 
     def is_up(self) -> bool:
         """Whether it is open."""

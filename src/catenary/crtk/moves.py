@@ -1,13 +1,16 @@
 """Moves that a server makes by itself: smooth, from rest to rest, in joints or along a straight line of the tool."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats
 from catenary.crtk.served_arm import ServedArm
 from catenary.errors import InputError, LimitError
-from catenary.spatial import Pose, rotation_from_vector, rotation_vector
+from catenary.spatial import Pose, rotation_vector
 from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Reference, Trajectory
 
@@ -35,8 +38,11 @@ def joint_move(arm: ServedArm, q: Floats) -> Trajectory:
     return go_to(arm.setpoint.q, q, max_velocity=velocity, max_acceleration=acceleration)
 
 
-def straight_move(arm: ServedArm, goal: Pose) -> Trajectory:
+def straight_move(arm: ServedArm, goal: Pose) -> Iterator[Trajectory | None]:
     """Move the tool along a straight line to a pose, turning it evenly.
+
+    Whether the mechanism can follow is known at once. The rest is worked out piece by piece, one piece each time that
+    the iterator is asked, which gives None until it gives the trajectory: a tick has no time for all of it.
 
     Raises:
         UnreachablePoseError: The mechanism refuses a pose on the way; nothing moves.
@@ -50,11 +56,10 @@ def straight_move(arm: ServedArm, goal: Pose) -> Trajectory:
     way, turn = goal.position - start.position, rotation_vector(start.rotation.T @ goal.rotation)
     pieces = max(np.linalg.norm(way) / _SPACING, np.linalg.norm(turn) / _TURN)
     count = max(4, int(np.ceil(pieces)))
-    rows = [q]
-    for share in np.arange(1, count + 1) / count:
-        pose = Pose(start.rotation @ rotation_from_vector(share * turn), start.position + share * way)
-        rows.append(tool.joints(pose, rows[-1]))
-    return _AlongRows(np.array(rows), *_bounds(arm))
+    shares = np.arange(1, count + 1)[:, np.newaxis] / count
+    rotations = start.rotation @ Rotation.from_rotvec(shares * turn).as_matrix()
+    rows = tool.path(rotations, start.position + shares * way, q)
+    return _along(np.vstack([q, rows]), *_bounds(arm))
 
 
 def _bounds(arm: ServedArm) -> tuple[Floats, Floats]:
@@ -62,18 +67,25 @@ def _bounds(arm: ServedArm) -> tuple[Floats, Floats]:
     return np.array([SPEED[unit] for unit in units]), np.array([ACCELERATION[unit] for unit in units])
 
 
-class _AlongRows:
-    """Runs through joint positions (N, n), even shares of a way, from rest to rest; a cubic spline between them."""
+def _along(rows: Floats, velocity: Floats, acceleration: Floats) -> Iterator[Trajectory | None]:
+    yield None
+    shares = np.linspace(0.0, 1.0, len(rows))
+    path = CubicSpline(shares, rows)
+    yield None
+    dense = np.linspace(0.0, 1.0, 4 * len(rows))
+    steepest, bent = (np.abs(path(dense, order)).max(axis=0) + _FLAT for order in (1, 2))
+    # half of the acceleration for the bends of the way, half for getting faster along it
+    fastest = min(float((velocity / steepest).min()), float(np.sqrt(0.5 * acceleration / bent).min()))
+    soonest = float((0.5 * acceleration / steepest).min())
+    yield None
+    yield _AlongRows(path, go_to([0.0], [1.0], max_velocity=[fastest], max_acceleration=[soonest]))
 
-    def __init__(self, rows: Floats, velocity: Floats, acceleration: Floats) -> None:
-        shares = np.linspace(0.0, 1.0, len(rows))
-        self._path = CubicSpline(shares, rows)
-        dense = np.linspace(0.0, 1.0, 4 * len(rows))
-        steepest, bent = (np.abs(self._path(dense, order)).max(axis=0) + _FLAT for order in (1, 2))
-        # half of the acceleration for the bends of the way, half for getting faster along it
-        fastest = min(float((velocity / steepest).min()), float(np.sqrt(0.5 * acceleration / bent).min()))
-        soonest = float((0.5 * acceleration / steepest).min())
-        self._share = go_to([0.0], [1.0], max_velocity=[fastest], max_acceleration=[soonest])
+
+class _AlongRows:
+    """Runs along a path over [0, 1] from rest to rest."""
+
+    def __init__(self, path: CubicSpline, share: Trajectory) -> None:
+        self._path, self._share = path, share
 
     @property
     def duration(self) -> float:

@@ -6,22 +6,25 @@ import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.crtk import cartesian_commands
+from catenary.crtk.arm_frames import JAWS, ArmFrames
 from catenary.crtk.clock import SECOND
 from catenary.crtk.conversions import joint_values, pose_of
+from catenary.crtk.frames import stamp_bytes
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.names import RAVEN, CrtkTopic
-from catenary.crtk.outlet import Outlet, transform_stamped
-from catenary.crtk.raven_state_maker import RavenStateMaker, Tips
+from catenary.crtk.outlet import Outlet
+from catenary.crtk.raven_state_maker import RavenStateMaker
 from catenary.crtk.served_arm import ServedArm
 from catenary.errors import InputError
 from catenary.recording.topics import Arm
 from catenary.spatial import Pose, rotation_from_quaternion, rotation_vector
 
 _JointState = message_class("sensor_msgs/JointState")
-_OperatingState = message_class("crtk_msgs/OperatingState")
 SLOW = round(SECOND / 33.0)  # [ns] between two messages on /joint_states: at most 33 Hz
-JAWS = 2
-_FRAME, _CHILD = "base", "tool"
+_CHILD = "tool"
+_ARM_VERBS = (
+    "operating_state", "measured_js", "setpoint_js", "grasp_measured_js", "measured_cp", "setpoint_cp",
+)  # fmt: skip
 # rviz's model of the arms; each twice: as measured, and as set with a 2 behind
 _RVIZ = ("shoulder", "elbow", "insertion", "tool_roll", "wrist_joint", "grasper_joint_1", "grasper_joint_2")
 _RVIZ_NAMES = tuple(f"{name}_{side}{what}" for what in ("", "2") for side in "LR" for name in _RVIZ)
@@ -50,61 +53,38 @@ class RavenDialect:
         self._leader = next((arm for arm in arms.values() if arm.machine.can_change), arms["gold"])
         self._state_of = RavenStateMaker(arms, self._leader.plant.period)
         self._slow: int | None = None
+        self._frames = {arm: ArmFrames(arm, child=_CHILD, jaws="grasp") for arm in arms.values()}
+        self._by_arm: list[tuple[ServedArm, ArmFrames, list[Outlet]]] | None = None
 
     # what it says
 
     def publish(self, outlets: dict[tuple[str, Arm | None], Outlet], now: int) -> None:
         """Publish the arms' states, stamped `now` [ns], where anybody listens."""
-        head = header(now)
-        state = outlets["ravenstate", None]
-        tips: dict[Arm, Tips] = {}
-        for name, arm in self._arms.items():
-            self._publish_arm(name, arm, outlets, head, state.heard, tips)
+        stamp = stamp_bytes(now)
+        for arm, frames, told in self._told(outlets):
+            _publish_arm(arm, frames, told, stamp)
         outlet = outlets["operating_state", None]
         if outlet.heard:
-            outlet.publish(_OperatingState(head, *self._leader.state))
-        if state.heard:
-            state.publish(self._state_of.message(head, tips))
+            outlet.send(self._frames[self._leader].operating_state(), stamp)
+        outlet = outlets["ravenstate", None]
+        if outlet.heard:
+            outlet.send(self._state_of.frame(), stamp)
         outlet = outlets["joint_states", None]
         if self._slow is None or not 0 <= now - self._slow < SLOW:
             self._slow = now
             if outlet.heard:
-                outlet.publish(_JointState(head, _RVIZ_NAMES, self._rviz()))
+                outlet.publish(_JointState(header(now), _RVIZ_NAMES, self._rviz()))
 
-    def _publish_arm(
-        self,
-        name: Arm,
-        arm: ServedArm,
-        outlets: dict[tuple[str, Arm | None], Outlet],
-        head: Message,
-        wants_tips: bool,
-        tips: dict[Arm, Tips],
-    ) -> None:
-        measured, setpoint = arm.measured, arm.setpoint
-        outlet = outlets["operating_state", name]
-        if outlet.heard:
-            outlet.publish(_OperatingState(head, *arm.state))
-        outlet = outlets["measured_js", name]
-        if outlet.heard:
-            outlet.publish(_JointState(head, arm.names, measured.q, measured.qd, measured.tau))
-        outlet = outlets["setpoint_js", name]
-        if outlet.heard:
-            outlet.publish(_JointState(head, arm.names, setpoint.q, setpoint.qd, setpoint.tau))
-        outlet = outlets["grasp_measured_js", name]
-        if outlet.heard:
-            q, qd, tau = (values[-JAWS:].sum(keepdims=True) for values in measured[1:4])
-            outlet.publish(_JointState(head, ("grasp",), q, qd, 0.5 * tau))
-        where, aim = outlets["measured_cp", name], outlets["setpoint_cp", name]
-        if arm.tool is None or not (where.heard or aim.heard or wants_tips):
-            return
-        rotations, positions = arm.tool_poses()
-        framed = header(head.stamp, _FRAME)
-        if where.heard:
-            where.publish(transform_stamped(framed, rotations[0], positions[0], _CHILD))
-        if aim.heard:
-            aim.publish(transform_stamped(framed, rotations[1], positions[1], _CHILD))
-        if wants_tips:
-            tips[name] = arm.tool.in_frame_0(rotations, positions)
+    def _told(
+        self, outlets: dict[tuple[str, Arm | None], Outlet]
+    ) -> list[tuple[ServedArm, ArmFrames, list[Outlet]]]:
+        """Arms with their frames and outlets, in the order of `_ARM_VERBS`; looked up once."""
+        if self._by_arm is None:
+            self._by_arm = [
+                (arm, self._frames[arm], [outlets[verb, name] for verb in _ARM_VERBS])
+                for name, arm in self._arms.items()
+            ]
+        return self._by_arm
 
     def _rviz(self) -> Floats:
         gold, green = self._arms["gold"], self._arms["green"]
@@ -147,6 +127,26 @@ class RavenDialect:
             cartesian_commands.servo_pose_increment(
                 arm, arm.tool.from_frame_0(step), arm.tool.from_frame_0(vector)
             )
+
+
+def _publish_arm(arm: ServedArm, frames: ArmFrames, outlets: list[Outlet], stamp: bytes) -> None:
+    state, measured_js, setpoint_js, grasp, measured_cp, setpoint_cp = outlets
+    if state.heard:
+        state.send(frames.operating_state(), stamp)
+    if measured_js.heard or setpoint_js.heard:
+        measured, setpoint = frames.joints()
+        if measured_js.heard:
+            measured_js.send(measured, stamp)
+        if setpoint_js.heard:
+            setpoint_js.send(setpoint, stamp)
+    if grasp.heard:
+        grasp.send(frames.jaws()[0], stamp)
+    if arm.tool is not None and (measured_cp.heard or setpoint_cp.heard):
+        measured, setpoint = frames.poses()
+        if measured_cp.heard:
+            measured_cp.send(measured, stamp)
+        if setpoint_cp.heard:
+            setpoint_cp.send(setpoint, stamp)
 
 
 def _numbers(arm: ServedArm, message: Message) -> tuple[Floats, bool]:

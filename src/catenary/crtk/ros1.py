@@ -11,14 +11,14 @@ it is back, which rospy alone does not do.
 
 import importlib
 import importlib.util
-import struct
 import sys
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from catenary.crtk.inbox import Callback, Request, Subscription
+from catenary.crtk.frames import LENGTH, SEQ, SEQ_AT, SEQ_MOST
+from catenary.crtk.inbox import Callback, Origin, Request, Subscription
 from catenary.crtk.message import Message, message_class
 from catenary.crtk.ros1_master import master_uri
 from catenary.crtk.transport import DEPTH, QUEUE, Connections, Handler, PollingTransport, absolute, other_type
@@ -26,7 +26,6 @@ from catenary.crtk.wire import codec
 from catenary.errors import MissingPackageError, TransportError
 from catenary.recording.messages import current_name, service_md5_sum
 
-_LENGTH = struct.Struct("<I")
 # where Debian and ROS noetic put it, for the system's Python
 _FOLDERS = (Path("/usr/lib/python3/dist-packages"), Path("/opt/ros/noetic/lib/python3/dist-packages"))
 _open: "Ros1Transport | None" = None  # rospy has one node a process
@@ -87,7 +86,16 @@ class Ros1Publisher:
         self._sent += 1
         if self._latch or self._publication.connections:
             data = self._encode(message, self._sent)
-            self._publication.send(_LENGTH.pack(len(data)) + data)
+            self._publication.send(LENGTH.pack(len(data)) + data)
+
+    def publish_frame(self, frame: bytearray) -> None:
+        """Send a message in ROS 1's bytes."""
+        if self._closed:
+            raise TransportError(f"publisher of {self.topic} is closed")
+        self._sent += 1
+        if self._latch or self._publication.connections:
+            SEQ.pack_into(frame, SEQ_AT, self._sent & SEQ_MOST)
+            self._publication.send(bytes(frame))
 
     def close(self) -> None:
         """Publish no more."""
@@ -102,14 +110,15 @@ class _Topic:
     def __init__(self, name: str, type_name: str) -> None:
         self.type_name = current_name(type_name)
         self._subscriptions: list[Subscription] = []
-        self._latched: dict[str, tuple[bytes, int]] = {}  # by publisher
+        self._latched: dict[str, tuple[bytes, int, Origin]] = {}  # by publisher
+        self._origins: dict[str, Origin] = {}  # the last one of each publisher
         self._lock = threading.Lock()
         self.rospy = _links().subscribe_topic(name, type_name, self._receive)
 
     def add(self, subscription: Subscription) -> None:
         with self._lock:
-            for data, time in self._latched.values():
-                subscription.push(data, time)
+            for latched in self._latched.values():
+                subscription.push(*latched)
             self._subscriptions.append(subscription)
 
     def remove(self, subscription: Subscription) -> bool:
@@ -120,11 +129,22 @@ class _Topic:
 
     def _receive(self, raw: Any) -> None:
         with self._lock:
-            origin = raw._connection_header
-            if origin.get("latching") == "1":
-                self._latched[origin.get("callerid", "")] = (raw.data, raw.time)
+            origin = self._origin(raw._connection_header)
+            if origin.is_latching:
+                name = origin.process.partition(" ")[0]
+                self._latched[name] = raw.data, raw.time, origin
             for subscription in self._subscriptions:
-                subscription.push(raw.data, raw.time)
+                subscription.push(raw.data, raw.time, origin)
+
+    def _origin(self, head: dict[str, str]) -> Origin:
+        """Where a message came from; rospy makes a connection's header anew when it has connected again."""
+        name = head.get("callerid", "")
+        known = self._origins.get(name)
+        if known is None or known.connection is not head:
+            uris = (one.endpoint_id for one in self.rospy.connections or () if one.header is head)
+            process = f"{name} {next(uris, '')}"
+            known = self._origins[name] = Origin(process, head, head.get("latching") == "1")
+        return known
 
 
 class Ros1Transport(PollingTransport):
@@ -260,6 +280,11 @@ class Ros1Transport(PollingTransport):
     def topics(self) -> Mapping[str, str]:
         """Topics that anyone publishes, with their types in their present spelling."""
         return {topic: current_name(kind) for topic, kind in sorted(self._node.master.topics().items())}
+
+    def publishing(self) -> Mapping[str, frozenset[str]]:
+        """Processes that publish each topic, also those that do not answer."""
+        found: dict[str, frozenset[str]] = self._node.master.publishing()
+        return found
 
     def is_up(self) -> bool:
         """Whether it is open and the master answered when last asked, half a second ago at most."""

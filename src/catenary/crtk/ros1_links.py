@@ -91,6 +91,7 @@ class Link:
 
     def write_data(self, data: bytes) -> bool:
         """Send, or keep for later; the oldest that waits gives way when there are too many."""
+        connection = self._connection
         with self._lock:
             if self._waiting:
                 self._waiting.append(data)
@@ -98,7 +99,17 @@ class Link:
                     del self._waiting[1 if self._begun else 0]
                     self._publication.overflowed += 1
                 return True
-            sent = self._send(data)
+            # `_send`, written out: this is done for every topic and peer in every tick
+            if connection.done or connection.socket is None:
+                raise rospy.exceptions.TransportTerminated("connection closed")
+            try:
+                sent = connection.socket.send(data)
+            except BlockingIOError:
+                sent = 0
+            except OSError as error:
+                raise rospy.exceptions.TransportTerminated(str(error)) from error
+            connection.stat_bytes += sent
+            connection.stat_num_msg += 1
             if sent < len(data):
                 self._waiting.append(data[sent:])
                 self._begun = sent > 0
@@ -196,7 +207,10 @@ class Publication(_PublisherImpl):  # type: ignore[misc]
         with self.publock:
             added = bool(_TopicImpl.add_connection(self, link))
             if added and self._latched is not None:
-                self._write(link, self._latched)
+                try:
+                    link.write_data(self._latched)
+                except rospy.exceptions.TransportTerminated as error:
+                    self._end(link, error)
         return added
 
     def send(self, frame: bytes) -> None:
@@ -205,14 +219,14 @@ class Publication(_PublisherImpl):  # type: ignore[misc]
             if self.is_latch:
                 self._latched = frame
             for link in self.connections:
-                self._write(link, frame)
+                try:
+                    link.write_data(frame)
+                except rospy.exceptions.TransportTerminated as error:
+                    self._end(link, error)
 
-    def _write(self, link: Link, frame: bytes) -> None:
-        try:
-            link.write_data(frame)
-        except rospy.exceptions.TransportTerminated as error:
-            _logger.debug("%s: %s left: %s", self.resolved_name, link.endpoint_id, error)
-            link.close()
+    def _end(self, link: Link, error: Exception) -> None:
+        _logger.debug("%s: %s left: %s", self.resolved_name, link.endpoint_id, error)
+        link.close()
 
 
 def publish_topic(topic: str, type_name: str, *, latch: bool, queue: int) -> Publication:

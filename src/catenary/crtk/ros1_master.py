@@ -92,6 +92,17 @@ class Master:
         names = [str(name) for found, nodes in published if found == topic for name in nodes]
         return [name for name in names if (uri := self.node(name)) is not None and self.node_answers(uri)]
 
+    def publisher_names(self) -> dict[str, frozenset[str]]:
+        """Nodes that publish each topic, whether they answer or not."""
+        published, _, _ = self._ask(self.uri, "getSystemState")
+        return {str(topic): frozenset(map(str, nodes)) for topic, nodes in published}
+
+    def publishing(self) -> dict[str, frozenset[str]]:
+        """As `publisher_names`, each with a space and its URI behind its name."""
+        found = self.publisher_names()
+        whole = {name: f"{name} {self.node(name) or ''}" for names in found.values() for name in names}
+        return {topic: frozenset(whole[name] for name in names) for topic, names in found.items()}
+
     def topics(self) -> dict[str, str]:
         """Topics that somebody publishes, and their types as the publisher spells them."""
         return {str(topic): str(kind) for topic, kind in self._ask(self.uri, "getPublishedTopics", "")}

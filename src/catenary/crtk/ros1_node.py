@@ -10,6 +10,7 @@ import logging
 import os
 import threading
 from collections.abc import Callable
+from typing import Any
 
 import rospy
 from rospy.impl.registration import get_registration_listeners, get_service_manager, get_topic_manager
@@ -47,6 +48,7 @@ class Node:
         self.uri: str = rospy.core.get_node_uri()
         self.up = True
         self.registered_again = 0
+        self._missing: set[tuple[str, str]] = set()  # topics, and publishers that were not connected
         self.on_shutdown: Callable[[], None] = lambda: None
         rospy.core.add_client_shutdown_hook(lambda: self.on_shutdown())
         atexit.register(rospy.signal_shutdown, "the program ends")
@@ -71,6 +73,24 @@ class Node:
             self.registered_again += 1
             _logger.warning("registered again with the ROS master at %s", self.master.uri)
         self.up = True
+        self._mend()
+
+    def _mend(self) -> None:
+        """Connect again to publishers whose connections broke while they lived on; rospy alone gives them up."""
+        listed = self.master.publisher_names()
+        missing = {
+            (topic, name)
+            for topic, received in list(get_topic_manager().subs.items())
+            for name in listed.get(topic, frozenset()) - _connected(received)
+        }
+        # missing at two looks: one that has only just come is being connected
+        for topic, name in missing & self._missing:
+            uri = self.master.node(name)
+            # an answer first: rospy would wait for it for a minute, and connect twice when asked again
+            if uri is not None and self.master.node_answers(uri):
+                for listener in get_registration_listeners().listeners:
+                    listener.publisher_update(topic, [uri])
+        self._missing = missing
 
     def _register(self) -> None:
         topics, register = get_topic_manager(), self.master.register
@@ -82,6 +102,11 @@ class Node:
                 listener.publisher_update(topic, publishers)
         for name, service_uri in get_service_manager().get_services():
             register("registerService", name, service_uri, self.uri)
+
+
+def _connected(received: Any) -> frozenset[str]:
+    """Names of the publishers that a subscription is connected to."""
+    return frozenset(getattr(one, "callerid_pub", None) or "" for one in list(received.connections or ()))
 
 
 def node(name: str, uri: str) -> Node:

@@ -12,10 +12,12 @@ import threading
 from collections.abc import Mapping
 from typing import Any
 
+from catenary.crtk.frames import LENGTH
 from catenary.crtk.inbox import Callback, Request, Subscription
 from catenary.crtk.message import Message, message_class
 from catenary.crtk.ros2_messages import fill_ros2, from_ros2, ros2_class, to_ros2
 from catenary.crtk.transport import DEPTH, QUEUE, Connections, Handler, PollingTransport, absolute, other_type
+from catenary.crtk.wire import codec
 from catenary.errors import MissingPackageError, TransportError
 from catenary.recording.messages import current_name, definition, service_md5_sum
 
@@ -39,6 +41,10 @@ class Ros2Publisher:
         if self._closed:
             raise TransportError(f"publisher of {self.topic} is closed")
         self._handle.publish(to_ros2(self.type_name, message))
+
+    def publish_frame(self, frame: bytearray) -> None:
+        """Send a message in ROS 1's bytes, which ROS 2 does not know: by way of a message."""
+        self.publish(codec(self.type_name).decode(bytes(memoryview(frame)[LENGTH.size :])))
 
     def close(self) -> None:
         """Publish no more."""
@@ -216,6 +222,10 @@ class Ros2Transport(PollingTransport):
             if self.node.count_publishers(topic):
                 found[topic] = current_name(kinds[0])
         return found
+
+    def publishing(self) -> Mapping[str, frozenset[str]]:
+        """Nothing: messages of ROS 2 do not say where they came from."""
+        return {}
 
     def is_up(self) -> bool:
         """Whether it is open; ROS 2 has no master."""

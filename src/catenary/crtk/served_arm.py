@@ -1,6 +1,6 @@
 """One arm behind a server: what it was commanded becomes one command a tick for its plant."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from catenary.recording.topics import Arm
 from catenary.trajectories.reference import Trajectory
 
 FASTEST = {"rad": 2.5, "m": 0.05}  # [rad/s], [m/s] of a setpoint: 0.0025 rad, 0.05 mm in a millisecond
+LEAST_BUSY = 0.05  # [s] CRTK's Python client waits for a busy state and then for none, also after a move to where it is
 GravityTorque = Callable[[Floats, Floats], Floats]  # joints (n,), gravity (3,) -> torques (n,)
 
 
@@ -56,11 +57,13 @@ class ServedArm:
         self.goal = Goal(self.most, plant.period)
         self.compensates_gravity = False
         self.tick = 0
+        self.changes = 0  # times that its state was read
         self._velocity: Floats | None = None
         self._torque: Floats | None = None
         self._until = 0  # tick at which velocity or torque lapse
         self._follow = max(1, round(FOLLOW / plant.period))
         self._move: tuple[Trajectory, int] | None = None
+        self._plan: Iterator[Trajectory | None] | None = None
         self._was_ready = self._is_known = False
         self._tool_poses: tuple[Floats, Floats] | None = None
         self._takes_positions = "servo_jp" in plant.supports
@@ -124,6 +127,11 @@ class ServedArm:
         self._drop()
         self._move = (trajectory, self.tick)
 
+    def move_when_planned(self, plan: Iterator[Trajectory | None]) -> None:
+        """Follow a trajectory from the setpoint, busy at once; `plan` is asked once a tick until it gives it."""
+        self._drop()
+        self._plan = plan
+
     def hold(self) -> None:
         """Forget all commands and stay."""
         self._drop()
@@ -131,7 +139,7 @@ class ServedArm:
     @property
     def is_moving(self) -> bool:
         """Whether a move is under way."""
-        return self._move is not None
+        return self._move is not None or self._plan is not None
 
     @property
     def commanded(self) -> Floats:
@@ -171,12 +179,13 @@ class ServedArm:
         if self._is_known and not self.machine.can_change:
             return
         self._is_known = True
+        self.changes += 1
         self._tool_poses = None
         self.measured: JointState = self.plant.measured_js()
         self.setpoint: JointState = self.plant.setpoint_js()
         state = self.plant.operating_state()
         self.state: OperatingState = (
-            state._replace(is_busy=True) if self._move is not None and state.state == "ENABLED" else state
+            state._replace(is_busy=True) if self.is_moving and state.state == "ENABLED" else state
         )
 
     def tool_poses(self) -> tuple[Floats, Floats]:
@@ -190,11 +199,15 @@ class ServedArm:
         increments = self.increments.next(self.tick)
         if increments is not None:
             self._send(self.setpoint.q + increments)
+        elif self._plan is not None:
+            trajectory = next(self._plan)
+            if trajectory is not None:
+                self._plan, self._move = None, (trajectory, self.tick + 1)
         elif self._move is not None:
             trajectory, begin = self._move
             time = (self.tick + 1 - begin) * self.plant.period
             self._send(trajectory(min(time, trajectory.duration)).q)
-            if time >= trajectory.duration:
+            if time >= max(trajectory.duration, LEAST_BUSY):
                 self._move = None
         elif self.goal:
             self._send(self.goal.next(self.setpoint.q))
@@ -225,7 +238,7 @@ class ServedArm:
     def _drop(self) -> None:
         self.increments.clear()
         self.goal.clear()
-        self._velocity = self._move = None
+        self._velocity = self._move = self._plan = None
         if self._torque is not None:
             self._torque = None
             if self.is_ready and self._takes_positions:

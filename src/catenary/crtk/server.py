@@ -71,7 +71,7 @@ class Server:
         self._dialect = dialect
         self._every = publish_every
         self._stamps = Stamps()
-        beginning = Beginning(transport.now(), frozenset(transport.topics()))
+        beginning = Beginning(transport.now(), frozenset(transport.topics()), transport.publishing())
         wanted = dialect.topics
         self._sources = [
             CommandSource(transport, topic, beginning, reports) for topic in wanted if topic.direction == "in"

@@ -4,7 +4,8 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
-from catenary.dynamics.kinematics import FrameKernel, frame_poses, jacobian
+from catenary.dynamics.kinematics import FrameKernel, JacobianKernel, frame_poses
+from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.errors import InputError
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
@@ -34,7 +35,7 @@ class ToolPose:
         if self.has_jaws:
             self._to_model[-1] = 0.0
             self._to_model[-1, -2:] = -0.5, 0.5
-        self._kernel = FrameKernel(model, 2)
+        self._kernel, self._jacobian = FrameKernel(model, 2), JacobianKernel(model)
         frame_0 = model.frames.get("frame0")
         self._frame_0 = None if frame_0 is None else frame_0.pose
 
@@ -47,8 +48,8 @@ class ToolPose:
         return Pose(*frame_poses(self.model, self._to_model @ q))
 
     def velocity(self, q: Floats, qd: Floats) -> Floats:
-        """Give the tool's velocity and angular velocity (6,) in base axes [m/s, rad/s]."""
-        moved: Floats = jacobian(self.model, self._to_model @ q) @ (self._to_model @ qd)
+        """Give the tool's velocity and angular velocity (6,) in base axes [m/s, rad/s]; unchecked."""
+        moved: Floats = self._jacobian(self._to_model @ q) @ (self._to_model @ qd)
         return moved
 
     def joints(self, pose: Pose, near: Floats) -> Floats:
@@ -63,6 +64,27 @@ class ToolPose:
             return found
         half = 0.5 * (near[-2] + near[-1])
         return np.array([*found[:-1], half - found[-1], half + found[-1]])
+
+    def path(self, rotations: Floats, positions: Floats, near: Floats) -> Floats:
+        """Give joints (N, n) along a path of poses, (N, 3, 3) and (N, 3) [m], each as `joints` from the one before.
+
+        A RAVEN-II's 50 poses take one compiled call, well within a tick; other arms are searched pose by pose.
+
+        Raises:
+            UnreachablePoseError: The remote centre, a joint limit or the mechanism refuses a pose.
+        """
+        model = self.model
+        start = np.clip(self._to_model @ near, model.lower, model.upper)
+        if model.closed_form == "raven2":
+            found = raven_path(model, rotations, positions, start)
+        else:
+            found = np.empty((len(positions), model.n))
+            for k, (rotation, position) in enumerate(zip(rotations, positions, strict=True)):
+                start = found[k] = inverse_kinematics(model, Pose(rotation, position), start)
+        if not self.has_jaws:
+            return found
+        half, tool = 0.5 * (near[-2] + near[-1]), found[:, -1]
+        return np.column_stack([found[:, :-1], half - tool, half + tool])
 
     def in_frame_0(self, rotations: Floats, positions: Floats) -> tuple[Floats, Floats]:
         """Give poses in the mechanism's frame 0, in which a RAVEN-II's own raven_state has them."""

@@ -1,8 +1,9 @@
 """What carries messages between programs: one protocol for ROS 1, ROS 2 and a single process.
 
 Every message that reaches a subscription is given once, in the order in which it came, with the time at which it came.
-Nothing is repeated. Queues are bounded: where a program does not keep up, the oldest message gives way and a counter
-says so (`Subscription.overflowed`, `Publisher.overflowed`).
+Nothing is repeated, also not what a latching publisher gives again after its connection was broken. Queues are bounded:
+where a program does not keep up, the oldest message gives way and a counter says so
+(`Subscription.overflowed`, `Publisher.overflowed`).
 
 Callbacks and services run where `poll` is called, in that thread and nowhere else; `Spinner` calls it in another.
 """
@@ -49,6 +50,16 @@ class Publisher(Protocol):
 
         Raises:
             InputError: It is not of the publisher's type, or a value does not fit its field.
+            TransportError: The transport is closed.
+        """
+        ...
+
+    def publish_frame(self, frame: bytearray) -> None:
+        """Send a message that is in ROS 1's bytes already, its length in front; it begins with a header.
+
+        The header's `seq` is written into it; what else is in it is the caller's affair and is not looked at.
+
+        Raises:
             TransportError: The transport is closed.
         """
         ...
@@ -124,6 +135,10 @@ class Transport(Protocol):
 
     def topics(self) -> Mapping[str, str]:
         """Topics that anyone publishes, with their types."""
+        ...
+
+    def publishing(self) -> Mapping[str, frozenset[str]]:
+        """Processes that publish each topic now, as `Arrival.process` names them; empty where nobody can tell."""
         ...
 
     def now(self) -> int:

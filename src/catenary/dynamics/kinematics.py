@@ -135,6 +135,27 @@ def jacobian(
     return out[0] if single else out
 
 
+class JacobianKernel:
+    """`jacobian` of a frame's origin, in a loop: nothing is checked, nothing but the result is made."""
+
+    def __init__(self, model: RobotModel, frame: str | None = None) -> None:
+        """Prepare.
+
+        Raises:
+            InputError: No frame of that name.
+        """
+        target = model.frame(frame)
+        self._numbers = model.tree, model.coupling, model.offset
+        self._link, self._point, self._n = target.link, np.array(target.pose.position), model.n
+
+    def __call__(self, q: Floats) -> Floats:
+        """Give J (6, n) at coordinates (n,) [rad or m]."""
+        out = np.zeros((1, 6, self._n))
+        _jacobian_rows(*self._numbers, q[np.newaxis], self._link, self._point, out)
+        columns: Floats = out[0]
+        return columns
+
+
 def _point_in_link(frame: Frame, point: ArrayLike | None) -> Floats:
     in_frame = np.zeros(3) if point is None else as_array("point", point, (3,))
     offset: Floats = frame.pose.rotation @ in_frame + frame.pose.position

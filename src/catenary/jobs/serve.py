@@ -170,6 +170,10 @@ def serve(
     """
     period = max(arm.plant.period for arm in server.arms.values())
     server.tick()  # whatever is compiled on first use is compiled here
+    for arm in server.arms.values():
+        if arm.tool is not None:
+            place = arm.tool.pose(arm.setpoint.q)
+            arm.tool.path(place.rotation[np.newaxis], place.position[np.newaxis], arm.setpoint.q)
     settled = RealTime(period)
     settled.begin()
     clock = time.perf_counter

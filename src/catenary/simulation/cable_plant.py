@@ -175,22 +175,18 @@ class CablePlant:
 
     def measured_js(self) -> JointState:
         """Joint state as the firmware believes it; gravity and rates of ideal sensors at the base's origin."""
-        c = self.control
-        base = self._base.rows(self._tick, 1)[0]
-        return JointState(
-            self.time,
-            c.joint.copy(),
-            c.joint_velocity.copy(),
-            joint_torques(self.firmware, self.control.torque),
-            c.motor.copy(),
-            base.gravity[0] - base.motion[0, 2],  # an accelerometer cannot tell one from the other
-            0.0,
-            base.motion[0, :2].copy(),
-        )
+        return self._joint_state(self.control.joint.copy(), self.control.joint_velocity.copy())
 
     def setpoint_js(self) -> JointState:
         """Joint setpoint of the firmware."""
-        return self.measured_js()._replace(q=self.control.setpoint.copy(), qd=np.zeros(7))
+        return self._joint_state(self.control.setpoint.copy(), np.zeros(7))
+
+    def _joint_state(self, q: Floats, qd: Floats) -> JointState:
+        base, c = self._base.rows(self._tick, 1)[0], self.control
+        torque = joint_torques(self.firmware, c.torque)
+        felt = base.gravity[0] - base.motion[0, 2]  # an accelerometer cannot tell one from the other
+        rates = base.motion[0, :2].copy()
+        return JointState(self.time, q, qd, torque, c.motor.copy(), felt, 0.0, rates)
 
     def operating_state(self) -> OperatingState:
         """CRTK's operating state."""
