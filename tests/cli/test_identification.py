@@ -172,7 +172,7 @@ RUN = recorded(ARM, 0, seconds=4.0)
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"q": np.full((800, 3), np.nan)}, "q_nominal is nan at row 0"),
+        ({"q": np.full((800, 3), np.nan)}, ": q is nan at row 0"),
         ({"tau": np.full((800, 3), np.inf)}, "tau is inf at row 0"),
         ({"q": None}, "expected arrays q (N, n) and tau (N, n)"),
         ({"t": None}, "full dynamics need `fs` [Hz] or `t` [s]"),
