@@ -1,11 +1,14 @@
+import ctypes
 import math
+import subprocess
+import sys
 from fractions import Fraction
 
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from catenary.compiled import compiled, fma
+from catenary.compiled import Compiled, address_of, array_at, compiled, fma, in_memory, inlined, instructions
 
 FACTORS = st.floats(min_value=-1e100, max_value=1e100)
 
@@ -19,6 +22,27 @@ def compiled_fma(a: float, b: float, c: float) -> float:
 def rows(a: np.ndarray, b: np.ndarray, c: np.ndarray, out: np.ndarray) -> None:
     for k in range(len(a)):
         out[k] = fma(a[k], b[k], c[k])
+
+
+@inlined
+def three() -> float:
+    return 3.0
+
+
+@compiled
+def unused(x: float) -> float:
+    return x + three()
+
+
+@compiled
+def plus_three(x: float) -> float:
+    return x + three()
+
+
+def double_four(pointer) -> None:
+    values = array_at(pointer, 4)
+    for k in range(len(values)):
+        values[k] *= 2.0
 
 
 @settings(deadline=None)  # the first example compiles
@@ -43,3 +67,51 @@ def test_fma_of_vectors_has_the_bits_of_single_ones() -> None:
 def test_compiled_fma_passes_nan_and_infinity_on() -> None:
     assert math.isnan(compiled_fma(math.nan, 1.0, 1.0))
     assert compiled_fma(math.inf, 1.0, 1.0) == math.inf
+
+
+def test_a_compiled_function_is_numbas_in_its_own_file_from_its_first_call_on() -> None:
+    assert isinstance(unused, Compiled)
+    assert unused.__name__ == "unused"
+    assert unused(2.0) == 5.0
+    assert not isinstance(unused, Compiled)
+    assert unused(3.0) == 6.0
+
+
+def test_compiled_functions_call_those_that_nobody_has_called_yet() -> None:
+    @in_memory(compiled)
+    def doubled(x: float) -> float:
+        return 2.0 * plus_three(x)
+
+    assert doubled(1.0) == 8.0
+
+
+def test_functions_of_pointers_have_an_address() -> None:
+    values = np.arange(4.0)
+    run = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(address_of(double_four, "float64"))
+    run(values.ctypes.data)
+    assert (values == 2.0 * np.arange(4.0)).all()
+
+
+def test_instructions_are_given_arrays_and_numbers() -> None:
+    def write(builder, arguments) -> None:
+        numbers, at, small = arguments
+        place = builder.gep(numbers, [builder.add(at, small)])
+        builder.store(builder.fadd(builder.load(place), builder.load(place)), place)
+
+    code = instructions(write)
+
+    @in_memory(compiled)
+    def doubled_at(values: np.ndarray, at: int) -> None:
+        code((values, at, np.int8(1)))
+
+    values = np.ones(4)
+    doubled_at(values, 1)
+    assert list(values) == [1.0, 1.0, 2.0, 1.0]
+
+
+def test_importing_compiled_functions_does_not_import_numba() -> None:
+    code = (
+        "import sys, catenary.gravity.torque, catenary.dynamics.mass_matrix, catenary.control.limits\n"
+        "assert 'numba' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -2,17 +2,12 @@
 
 At every call numba finds out which machine code is for arrays like those given; that takes 0.15 us, and 0.04 us more
 for each array whose memory it begins to count: more than the arithmetic of most arms. A function made by `exact` takes
-arrays of one type and shape. The call's own code looks at them, a dozen comparisons, and memory is not counted.
-
-What it compares are the first fields of NumPy's array object. They are part of its binary interface: extension modules
-have them compiled in. All the same they are tried on an array before any code relies on them (`known_layout`); where
-they lie elsewhere, arrays are looked at in Python, which takes its time.
+arrays of one type and shape. The call's own code looks at them (array_layout.py), a dozen comparisons, and memory is
+not counted.
 """
 
-import ctypes
-import sys
 from collections.abc import Callable
-from functools import cache, partial
+from functools import partial
 from typing import Any, TypeVar, cast
 
 import numba
@@ -21,16 +16,13 @@ from llvmlite import binding, ir
 from numba.core import cgutils
 from numba.extending import NativeValue, intrinsic, models, register_model, unbox
 
+from catenary.array_layout import ArrayKind, known_layout
+from catenary.compiled import start_numba
+from catenary.llvm_code import WORD, data_of
+
 Function = TypeVar("Function", bound=Callable[..., object])
-HEAD = object.__basicsize__
-# offsets of fields, from numpy/arrayobject.h and numpy/ndarraytypes.h
-TYPE = HEAD - 8
-DATA, DIMENSIONS, SHAPE, DESCRIPTION, FLAGS = (HEAD + k for k in (0, 8, 16, 40, 48))
-BYTE_ORDER, TYPE_NUMBER = HEAD + 10, HEAD + 12
 ARRAY_TYPE = "catenary_numpy_array_type"  # for the linker of machine code, which may come from the cache
 binding.add_symbol(ARRAY_TYPE, id(np.ndarray))
-READABLE = 0x0001 | 0x0100  # C contiguous, aligned
-WRITABLE = READABLE | 0x0400
 NUMBERS: dict[type | None, Any] = {
     None: numba.types.void,
     float: numba.types.float64,
@@ -44,17 +36,10 @@ class Exact(numba.types.Type):  # type: ignore[misc]
 
     def __init__(self, dtype: str, shape: tuple[int, ...], *, writable: bool) -> None:
         """Take a NumPy type's name, a shape and whether it is written to."""
-        self.dtype, self.shape, self.writable = dtype, shape, writable
+        self.dtype, self.shape = dtype, shape
+        self.kind = ArrayKind(dtype, shape, writable)
         way = "" if known_layout() else ", by address"  # other machine code
         super().__init__(name=f"Exact({dtype}, {shape}, {'written' if writable else 'read'}{way})")
-
-    def address(self, given: object) -> int:
-        """Where an array lies; 0 if it is another."""
-        if type(given) is not np.ndarray or given.dtype != self.dtype or given.shape != self.shape:
-            return 0
-        flags = given.flags
-        fits = flags.c_contiguous and flags.aligned and (flags.writeable or not self.writable)
-        return int(given.ctypes.data) if fits else 0
 
     @property
     def array(self) -> Any:
@@ -71,38 +56,21 @@ class _ExactModel(models.PrimitiveModel):  # type: ignore[misc]
 
 @unbox(Exact)  # type: ignore[untyped-decorator]
 def _unbox_exact(kind: Exact, given: Any, c: Any) -> Any:
-    builder, dtype = c.builder, np.dtype(kind.dtype)
-    pointer = c.context.get_value_type(kind)
+    builder, pointer = c.builder, c.context.get_value_type(kind)
     if not known_layout():
         return NativeValue(builder.inttoptr(c.pyapi.long_as_ulonglong(given), pointer))
-    word, address = ir.IntType(64), cgutils.voidptr_t
-
-    def field(of: Any, offset: int, what: Any) -> Any:
-        place = builder.gep(builder.bitcast(of, address), [ir.Constant(word, offset)])
-        return builder.load(builder.bitcast(place, what.as_pointer()))
-
-    def equals(value: Any, expected: int) -> Any:
-        return builder.icmp_unsigned("==", value, ir.Constant(value.type, expected))
-
-    here = cgutils.alloca_once_value(builder, ir.Constant(pointer, None))
-    array_type = c.pyapi.get_c_object(ARRAY_TYPE)
-    own = builder.ptrtoint(array_type, word)
-    with builder.if_then(builder.icmp_unsigned("==", field(given, TYPE, word), own), likely=True):
-        size = field(given, DIMENSIONS, ir.IntType(32))
-        with builder.if_then(equals(size, len(kind.shape)), likely=True):
-            description = field(given, DESCRIPTION, address)
-            wanted = WRITABLE if kind.writable else READABLE
-            flags = builder.and_(field(given, FLAGS, ir.IntType(32)), ir.Constant(ir.IntType(32), wanted))
-            fits = builder.and_(
-                equals(flags, wanted), equals(field(description, TYPE_NUMBER, ir.IntType(32)), dtype.num)
-            )
-            order = field(description, BYTE_ORDER, ir.IntType(8))
-            fits = builder.and_(fits, equals(order, ord(dtype.byteorder)))
-            shape = field(given, SHAPE, address)
-            for k, length in enumerate(kind.shape):
-                fits = builder.and_(fits, equals(field(shape, 8 * k, word), length))
-            builder.store(builder.select(fits, field(given, DATA, pointer), ir.Constant(pointer, None)), here)
-    return NativeValue(builder.load(here))
+    array_type = builder.ptrtoint(c.pyapi.get_c_object(ARRAY_TYPE), WORD)
+    other, done = builder.append_basic_block(), builder.append_basic_block()
+    data = data_of(builder, given, kind.kind, array_type, pointer.pointee, other)
+    found = builder.block
+    builder.branch(done)
+    builder.position_at_end(other)
+    builder.branch(done)
+    builder.position_at_end(done)
+    here = builder.phi(pointer)
+    here.add_incoming(data, found)
+    here.add_incoming(ir.Constant(pointer, None), other)
+    return NativeValue(here)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -172,7 +140,7 @@ def exact(
     signature = NUMBERS[result](*kinds)
 
     def decorate(function: Function) -> Function:
-        made = numba.njit([signature], cache=not in_memory, error_model="numpy")(function)
+        made = start_numba().njit([signature], cache=not in_memory, error_model="numpy")(function)
         call = made.overloads[signature.args].entry_point
         return cast(Function, call if known_layout() else partial(_by_address, call, kinds))
 
@@ -181,31 +149,4 @@ def exact(
 
 def _by_address(call: Callable[..., Any], kinds: list[Any], *given: Any) -> Any:
     pairs = zip(kinds, given, strict=True)
-    return call(*(kind.address(value) if isinstance(kind, Exact) else value for kind, value in pairs))
-
-
-@cache
-def known_layout() -> bool:
-    """Whether arrays' fields lie where `exact` looks for them."""
-    if sys.implementation.name != "cpython" or ctypes.sizeof(ctypes.c_void_p) != 8:
-        return False
-    array = np.zeros((2, 3))
-    fixed = np.zeros((2, 3))
-    fixed.flags.writeable = False
-
-    def field(of: np.ndarray[Any, Any], offset: int, kind: Any) -> int:
-        return int(kind.from_address(id(of) + offset).value)
-
-    description = field(array, DESCRIPTION, ctypes.c_uint64)
-    return (
-        field(array, TYPE, ctypes.c_uint64) == id(np.ndarray)
-        and field(array, DATA, ctypes.c_uint64) == array.ctypes.data
-        and field(array, DIMENSIONS, ctypes.c_int) == 2
-        and description == id(array.dtype)
-        and ctypes.c_int.from_address(description + TYPE_NUMBER).value == array.dtype.num
-        and ctypes.c_char.from_address(description + BYTE_ORDER).value == b"="
-        and field(array, FLAGS, ctypes.c_int) & WRITABLE == WRITABLE
-        and field(fixed, FLAGS, ctypes.c_int) & WRITABLE == READABLE
-        and field(array.T, FLAGS, ctypes.c_int) & 1 == 0
-        and (ctypes.c_int64 * 2).from_address(field(array, SHAPE, ctypes.c_uint64))[:] == [2, 3]
-    )
+    return call(*(kind.kind.address(value) if isinstance(kind, Exact) else value for kind, value in pairs))

@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio
 from tests.benchmarks.casadi_gravity import casadi_gravity
 from tests.benchmarks.measure import Call, side_by_side, tell
+from tests.benchmarks.pinocchio_loop import cpp_loop
 from tests.benchmarks.robots import pinocchio_robot, robots
 from tests.oracles.calibration_models import random_model, random_network
 from tests.oracles.mujoco_trees import mujoco_model
@@ -67,13 +68,13 @@ def single_calls(robot: RandomRobot, folder: Path) -> dict[str, Table]:
         pinocchio.computeGeneralizedGravity(pin, data, q)
 
     expected = pinocchio.computeGeneralizedGravity(pin, data, q).copy()
-    kernels = {backend: gravity_kernel(model, backend=backend) for backend in ("numba", "c")}
-    assert np.abs(kernels["numba"](q, gravity) - expected).max() < 1e-10
+    kernels = {backend: gravity_kernel(model, backend=backend) for backend in ("llvm", "c")}
+    assert np.abs(kernels["llvm"](q, gravity) - expected).max() < 1e-10
     contenders: dict[str, Call] = {
         "Pinocchio": partial(pinocchio.computeGeneralizedGravity, pin, data, q),
         "Pinocchio, gravity set each call": set_and_compute,
         **{f"kernel.into, {k.backend}": partial(k.into, q, gravity, tau) for k in kernels.values()},
-        "kernel, numba, new array": partial(kernels["numba"], q, gravity),
+        "kernel, llvm, new array": partial(kernels["llvm"], q, gravity),
     }
     generated = casadi_gravity(model, q, gravity, tau, folder)
     if generated is not None:
@@ -105,7 +106,7 @@ def single_calls(robot: RandomRobot, folder: Path) -> dict[str, Table]:
     return tables
 
 
-def many(model: RobotModel, rng: np.random.Generator) -> Table:
+def many(model: RobotModel, rng: np.random.Generator, folder: Path) -> Table:
     """Time a hundred thousand configurations, one core [ns a configuration]."""
     pin = pinocchio_robot(model)
     data, n = pin.createData(), pin.nv
@@ -122,9 +123,16 @@ def many(model: RobotModel, rng: np.random.Generator) -> Table:
         "mass matrix, kernel": lambda: write_mass_matrices(model, q, M),
         "mass matrix, Python loop over Pinocchio": lambda: loop(pinocchio.crba),
     }
+    in_cpp = cpp_loop(model, q, tau, folder)
+    if in_cpp is not None:
+        calls["gravity, C++ loop over Pinocchio"] = in_cpp
     times: dict[str, list[float]] = {name: [] for name in calls}
-    for call in calls.values():
+    expected = None
+    for name, call in calls.items():
         call()
+        if "gravity" in name and "Python" not in name:
+            assert expected is None or np.abs(tau - expected).max() < 1e-10
+            expected = tau.copy()
     for _ in range(ROUNDS):
         for name, call in calls.items():
             begin = time.thread_time_ns()
@@ -190,23 +198,37 @@ def start_up() -> Table:
         "; from catenary.dynamics.kernels import mass_matrix_kernel as m; m(catenary.load_robot('raven2'))"
     )
     table: Table = {}
+    many = "import catenary; catenary.gravity_torque(catenary.load_robot('raven2'), [0.0] * 3, [0.0] * 3)"
     with tempfile.TemporaryDirectory() as empty:
-        cache = {"XDG_CACHE_HOME": empty, "NUMBA_CACHE_DIR": ""}
+        # byte code as an installed package has it, from the second process on
+        own = {
+            "XDG_CACHE_HOME": empty,
+            "NUMBA_CACHE_DIR": f"{empty}/numba",
+            "PYTHONPYCACHEPREFIX": f"{empty}/bytes",
+        }
+        environment = {**os.environ, **own}
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)
         for name, code in (
             ("python alone", ""),
+            ("import numpy", "import numpy"),
             ("import catenary", "import catenary"),
+            ("load_robot('raven2')", "import catenary; catenary.load_robot('raven2')"),
             ("import numba", "import numba"),
             ("raven2's kernels, cold", use + matrix),
             ("raven2's kernels, cached", use + matrix),
-            ("raven2's gravity kernel, cached", use),
+            ("raven2's kernels by C, cold", (use + matrix).replace("2')", "2'), backend='c'")),
+            ("raven2's kernels by C, cached", (use + matrix).replace("2')", "2'), backend='c'")),
+            ("a numba function of raven2, cold", many),
+            ("a numba function of raven2, cached", many),
         ):
             wall, cpu = [], []
-            for _ in range(1 if "cold" in name else ROUNDS):
+            for k in range(1 if "cold" in name else ROUNDS + 1):
                 begin, before = time.perf_counter(), os.times()
-                subprocess.run([sys.executable, "-c", code], check=True, env={**os.environ, **cache})
+                subprocess.run([sys.executable, "-c", code], check=True, env=environment)
                 after = os.times()
-                wall.append(time.perf_counter() - begin)
-                cpu.append(after[2] + after[3] - before[2] - before[3])  # of children
+                if k > 0 or "cold" in name:  # the first has no byte code
+                    wall.append(time.perf_counter() - begin)
+                    cpu.append(after[2] + after[3] - before[2] - before[3])  # of children
             table[name] = {"cpu_s": float(np.median(cpu)), "wall_s": float(np.median(wall))}
     return table
 
@@ -214,7 +236,7 @@ def start_up() -> Table:
 def compile_times(robot: RandomRobot) -> dict[str, float]:
     """Time tracing and compiling with an empty cache, in this process [s]."""
     table = {}
-    for backend in ("numba", "c"):
+    for backend in ("llvm", "c"):
         for name, make in (("gravity", gravity_kernel), ("mass matrix", mass_matrix_kernel)):
             begin = time.perf_counter()
             make(robot.model, backend=backend)  # type: ignore[operator]
@@ -234,7 +256,7 @@ def main() -> None:
         for name, arm in arms.items():
             for title, table in single_calls(arm, Path(folder)).items():
                 tables[f"{name}: {title}"] = table
-            tables[f"{name}: {MANY} configurations"] = many(arm.model, np.random.default_rng(1))
+            tables[f"{name}: {MANY} configurations"] = many(arm.model, np.random.default_rng(1), Path(folder))
         tables["control tick"] = control_tick()
         tables["start-up"] = start_up()
     tell(tables)

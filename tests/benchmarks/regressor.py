@@ -25,7 +25,7 @@ def contenders(model: RobotModel) -> dict[str, Call]:
     out = np.empty((model.n, len(regressor.labels)))
     torque = pinocchio.computeGeneralizedGravity(pin, data, q)
     assert np.abs(regressor.Z(q, GRAVITY) @ regressor.parameters() - torque).max() < 1e-9
-    kernels = [regressor.kernel(backend=backend) for backend in ("numba", "c")]
+    kernels = [regressor.kernel(backend=backend) for backend in ("llvm", "c")]
     law = GravityEstimator(model, np.ones(model.n), np.ones(model.n))
     recursive = RecursiveGravityEstimator(model, noise=1.0, settle=0.0, interval=0.0, novelty=0.0)
     ticks = iter(range(10**12))

@@ -1,10 +1,13 @@
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from catenary import llvm_calls
 from catenary.arrays import Floats
+from catenary.calibration import tick_calls
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.linear import Linear
 from catenary.calibration.model import CalibrationModel
@@ -179,6 +182,42 @@ def test_arrays_of_another_size_are_refused(sizes: tuple[int, int, int, int]) ->
     q, signals, out, inside = (np.zeros(size) for size in sizes)
     with pytest.raises(InputError, match=r"expected q_nominal \(3,\), signals \(5,\)"):
         Corrector(model()).correct(q, signals, out, inside.astype(bool))
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["looked at by machine code", "looked at in Python"])
+def test_arrays_of_another_type_or_layout_are_copied(known: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (llvm_calls, tick_calls):
+        monkeypatch.setattr(module, "known_layout", lambda: known)
+    plain, corrector = model(history=1, rate_hz=1000.0), Corrector(model(history=1, rate_hz=1000.0))
+    q, signals = np.ascontiguousarray(SIGNALS[:, :3]), SIGNALS
+    expected, flags = Corrector(plain).run(q, signals)
+    apart, single = np.repeat(signals, 2, axis=1)[:, ::2], np.empty((3, 2))[:, 0]
+    for k in range(50):
+        inside = np.empty(3, dtype=bool) if k % 2 else np.empty(3)
+        corrector.correct(np.asfortranarray(q)[k] if k % 3 else q[k], apart[k], single, inside)  # type: ignore[arg-type]
+        assert_array_equal(single, expected[k])
+        assert_array_equal(inside, flags[k])
+    whole = Corrector(model())
+    whole.correct(np.zeros(3, dtype=int), np.zeros(5, dtype=np.float32), np.empty(3), np.empty(3, dtype=bool))
+
+
+def test_an_output_that_cannot_be_written_to_is_refused() -> None:
+    fixed = np.zeros(3)
+    fixed.setflags(write=False)
+    with pytest.raises(ValueError, match="read-only"):
+        Corrector(model()).correct(np.zeros(3), np.zeros(5), fixed, np.empty(3, dtype=bool))
+
+
+def test_a_copy_has_a_memory_of_its_own() -> None:
+    first = Corrector(model(history=2, rate_hz=1000.0))
+    first.prepare(NAMES, ("rad", "rad", "m"), 1000.0)
+    expected, _ = first.run(SIGNALS[:, :3], SIGNALS)
+    first.reset()
+    second, out, inside = deepcopy(first), np.empty(3), np.empty(3, dtype=bool)
+    for k in range(20):
+        first.correct(SIGNALS[k, :3].copy(), SIGNALS[k], out, inside)
+        assert_array_equal(out, expected[k])
+        second.correct(np.zeros(3), np.zeros(5), out, inside)
 
 
 def test_recordings_of_another_shape_are_refused() -> None:

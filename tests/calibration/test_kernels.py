@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.calibration.kernels import bend_logistic, bend_tanh, predict_rows
+from catenary.calibration.kernels import predict_rows
 from catenary.calibration.linear import Linear
 from catenary.calibration.valid_range import fit_valid_range
 from catenary.errors import InputError
@@ -42,22 +42,6 @@ def test_a_row_has_the_same_bits_alone_and_in_any_batch(name: str) -> None:
 def test_no_row_gives_no_row(name: str) -> None:
     predictor = random_predictor(name, 4, 3, np.random.default_rng(3))
     assert predictor.predict(np.zeros((0, 4))).shape == (0, 3)
-
-
-def test_tanh_is_that_of_the_c_library() -> None:
-    exponents = 10.0 ** np.linspace(-300.0, 300.0, 10_001)
-    v = np.concatenate([np.linspace(-25.0, 25.0, 100_001), exponents, -exponents, [0.0, np.inf, -np.inf]])
-    bent = v.copy()
-    bend_tanh(bent, len(bent))
-    assert_allclose(bent, np.tanh(v), rtol=3e-15)  # six doublings, each within a rounding or two
-
-
-def test_logistic_function_is_that_of_the_c_library() -> None:
-    v = np.concatenate([np.linspace(-50.0, 50.0, 100_001), [0.0, 1e300, -1e300, np.inf, -np.inf]])
-    bent = v.copy()
-    bend_logistic(bent, len(bent))
-    with np.errstate(over="ignore"):
-        assert_allclose(bent, 1.0 / (1.0 + np.exp(-v)), rtol=0.0, atol=1e-15)
 
 
 def test_valid_range_is_the_two_boxes_of_its_definition() -> None:

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from catenary.dynamics import kernel_files
-from catenary.dynamics.kernel_files import cache_folder, keep, load_source, seal
+from catenary.dynamics.kernel_files import cache_folder, keep
+from catenary.dynamics.numba_files import load_source, seal
 
 SOURCE = "@compiled\ndef one(x):\n    return x + 1.0\n"
 EVIL = b"raise SystemExit('foreign code ran')\n"

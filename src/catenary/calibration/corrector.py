@@ -1,6 +1,7 @@
 """A calibration model inside a control loop: one compiled call per tick, the bits of the fitted model."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,14 +10,14 @@ from catenary.arrays import Floats, as_array
 from catenary.calibration.dataset import RATE_TOLERANCE
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.tick import (
+    ROBOT_JOINTS,
     SOURCES,
     clear,
     fuse,
-    tick,
     tick_rows,
-    tick_state,
     with_robot,
 )
+from catenary.calibration.tick_calls import tick_call, tick_state_call
 from catenary.errors import InputError
 from catenary.plant import JointState
 
@@ -52,12 +53,20 @@ class Corrector:
         self.rate_hz = rate_hz
         self.decimation = _decimation(model, rate_hz, decimation)
         self._layout, self._memory = fuse(model, self.decimation)
-        self._robot_layout = (
-            self._layout
-        )  # of a robot whose joints are the model's, until `prepare` says more
-        n, size = len(model.joint_names), len(model.features.signals)
-        self.correct(np.zeros(n), np.zeros(size), np.empty(n), np.empty(n, dtype=bool))  # compiles
-        self.reset()
+        # of a robot whose joints are the model's, until `prepare` says more
+        self._robot_layout = self._layout
+        self._make_calls()
+
+    def _make_calls(self) -> None:
+        self._call = tick_call(self._layout, self._memory)
+        self._state_call = tick_state_call(self._robot_layout, self._memory)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name not in ("_call", "_state_call")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)  # a copy has a memory of its own, and so calls
+        self._make_calls()
 
     @property
     def robot_arrays(self) -> tuple[NDArray[np.int64], Floats]:
@@ -80,12 +89,12 @@ class Corrector:
         Raises:
             InputError: An array has another size.
         """
-        if not tick(self._layout, self._memory, q_nominal, signals, out, inside):
+        try:
+            self._call(q_nominal, signals, out, inside)
+        except InputError:
             n, size = len(self.model.joint_names), len(self.model.features.signals)
-            raise InputError(
-                f"corrector: expected q_nominal ({n},), signals ({size},), out ({n},), inside ({n},), "
-                f"got {q_nominal.shape}, {signals.shape}, {out.shape}, {inside.shape}"
-            )
+            expected = f"expected q_nominal ({n},), signals ({size},), out ({n},), inside ({n},), got"
+            _call_with_copies(self._call, (n, size, n, n), expected, (q_nominal, signals), out, inside)
 
     def run(self, q_nominal: Floats, signals: Floats) -> tuple[Floats, Flags]:
         """Take a whole recording in one call, from its first row on.
@@ -138,16 +147,7 @@ class Corrector:
         places = [joint_names.index(name) for name in model.joint_names]
         size = len(joint_names)
         self._robot_layout = with_robot(self._layout, places, sources, size)
-        zero = np.zeros(size)
-        tick_state(
-            self._robot_layout,
-            self._memory,
-            zero,
-            zero,
-            zero,
-            np.empty(size),
-            np.empty(size, dtype=bool),
-        )  # compiles
+        self._state_call = tick_state_call(self._robot_layout, self._memory)
         self.reset()
 
     def correct_state(self, state: JointState, out: Floats, inside: Flags) -> None:
@@ -161,11 +161,34 @@ class Corrector:
         Raises:
             InputError: An array has another size than the robot's joints.
         """
-        if not tick_state(self._robot_layout, self._memory, state.q, state.qd, state.tau, out, inside):
-            raise InputError(
-                "corrector: q, qd, tau, out and inside are not of the robot that it was prepared for: "
-                f"{state.q.shape}, {state.qd.shape}, {state.tau.shape}, {out.shape}, {inside.shape}"
-            )
+        try:
+            self._state_call(state.q, state.qd, state.tau, out, inside)
+        except InputError:
+            sizes = (int(self._robot_layout[ROBOT_JOINTS]),) * 5
+            expected = "q, qd, tau, out and inside are not of the robot that it was prepared for:"
+            _call_with_copies(self._state_call, sizes, expected, (state.q, state.qd, state.tau), out, inside)
+
+
+def _call_with_copies(
+    call: Callable[..., None],
+    sizes: tuple[int, ...],
+    expected: str,
+    inputs: tuple[Floats, ...],
+    out: Floats,
+    inside: Flags,
+) -> None:
+    """Run a call on copies of arrays of the right sizes that are of another type or layout.
+
+    Raises:
+        InputError: An array has another size.
+    """
+    given = [np.shape(array) for array in (*inputs, out, inside)]
+    if given != [(size,) for size in sizes]:
+        raise InputError(f"corrector: {expected} {', '.join(map(str, given))}")
+    copies = [np.ascontiguousarray(array, dtype=float) for array in inputs]
+    result, flags = np.empty(out.shape), np.empty(inside.shape, dtype=bool)
+    call(*copies, result, flags)
+    out[:], inside[:] = result, flags
 
 
 def _decimation(model: CalibrationModel, rate_hz: float, decimation: int | None) -> int:

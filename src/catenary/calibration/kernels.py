@@ -3,7 +3,7 @@
 Batches and the control loop run the same functions, so a deployed model gives the bits that it was evaluated with.
 Sums run along the rows of the weights, a whole row of outputs at a time: that vectorises without reordering
 any sum, so fast mathematics stay off and the bits do not depend on the machine either. Only +, -, *, / and, in
-networks, `fma` occur, each rounded as IEEE 754 says.
+networks (layers.py), products fused with sums occur, each rounded as IEEE 754 says.
 """
 
 from collections.abc import Sequence
@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
-from catenary.compiled import compiled, fma, inlined
+from catenary.calibration.layers import LINE, bend, layer, lines
+from catenary.compiled import compiled, inlined
 
 CONSTANT, LINEAR, QUADRATIC, NETWORK = range(4)
-TANH, LOGISTIC = range(2)
-LINE = 8  # floats of a processor's cache line; arrays that begin with one are read a tenth faster
 Integers = NDArray[np.int64]
 
 
@@ -50,6 +49,14 @@ def pack(
     return Packed(np.array([kind, *sizes, *more], dtype=np.int64), in_lines(arrays))
 
 
+def with_whole_lines(weights: Floats) -> Floats:
+    """Fill rows up with zeros to whole lines, as layers.py takes them."""
+    rows, columns = weights.shape
+    wide = np.zeros((rows, lines(columns)))
+    wide[:, :columns] = weights
+    return wide
+
+
 def in_lines(arrays: Sequence[Floats]) -> Floats:
     """Put arrays one after the other, each beginning with a line; what lies between is zero."""
     sizes = [lines(array.size) for array in arrays]
@@ -63,15 +70,9 @@ def in_lines(arrays: Sequence[Floats]) -> Floats:
     return numbers
 
 
-@inlined
-def lines(size: int) -> int:
-    """Round a number of floats up to whole lines."""
-    return (size + LINE - 1) // LINE * LINE
-
-
 def work_size(packed: Packed) -> int:
     """How many floats of working memory a row takes."""
-    return 2 * int(max(packed.layout[1:])) if packed.layout[0] == NETWORK else int(packed.layout[1])
+    return 2 * lines(int(max(packed.layout[1:]))) if packed.layout[0] == NETWORK else int(packed.layout[1])
 
 
 def predict_rows(packed: Packed, X: Floats) -> Floats:
@@ -172,39 +173,6 @@ def add_product(x: Floats, weights: Floats, out: Floats) -> None:
 
 
 @inlined
-def _layer(x: Floats, weights: Floats, bias: Floats, out: Floats) -> None:
-    """Write bias + x @ weights, every product fused with its sum; shapes as in `dense`."""
-    inputs, outputs = weights.shape
-    for k in range(outputs):
-        out[k] = bias[k]
-    # eight rows at a time: a third less time for a network than four rows of separate products and sums
-    whole = inputs - inputs % 8
-    for i in range(0, whole, 8):
-        x0, x1, x2, x3, x4, x5, x6, x7 = (
-            x[i],
-            x[i + 1],
-            x[i + 2],
-            x[i + 3],
-            x[i + 4],
-            x[i + 5],
-            x[i + 6],
-            x[i + 7],
-        )
-        for k in range(outputs):
-            y = fma(x0, weights[i, k], out[k])
-            y = fma(x1, weights[i + 1, k], y)
-            y = fma(x2, weights[i + 2, k], y)
-            y = fma(x3, weights[i + 3, k], y)
-            y = fma(x4, weights[i + 4, k], y)
-            y = fma(x5, weights[i + 5, k], y)
-            y = fma(x6, weights[i + 6, k], y)
-            out[k] = fma(x7, weights[i + 7, k], y)
-    for i in range(whole, inputs):
-        for k in range(outputs):
-            out[k] = fma(x[i], weights[i, k], out[k])
-
-
-@inlined
 def _standardise(x: Floats, numbers: Floats, inputs: int, out: Floats) -> None:
     """Write (x - mean) / scale, the first numbers."""
     scale = lines(inputs)
@@ -233,23 +201,18 @@ def _quadratic(inputs: int, outputs: int, numbers: Floats, x: Floats, work: Floa
 @inlined
 def _network(layout: Integers, numbers: Floats, x: Floats, work: Floats, out: Floats) -> None:
     inputs, outputs, activation, skip = layout[1], layout[2], layout[3], layout[4]
-    half = len(work) // 2
-    below, above = work[:half], work[half:]
-    _standardise(x, numbers, inputs, below)
+    # places in `work`, of the inputs of a layer and of its outputs
+    below, above = 0, len(work) // 2
+    _standardise(x, numbers, inputs, work)
     at, width = 2 * lines(inputs), inputs
     layers = len(layout) - 5
     for k in range(layers):
         wider = layout[5 + k]
-        weights = numbers[at : at + width * wider].reshape((width, wider))
-        at += lines(width * wider)
-        _layer(below, weights, numbers[at : at + wider], above)
-        at += lines(wider)
+        layer(work, below, numbers, at, width, wider, work, above)
+        at += (width + 1) * lines(wider)
         width = wider
         if k < layers - 1:
-            if activation == TANH:
-                bend_tanh(above, width)
-            else:
-                bend_logistic(above, width)
+            bend(activation, work, above, width)
         below, above = above, below
     out_mean, out_scale = numbers[at : at + outputs], numbers[at + lines(outputs) :]
     if skip:
@@ -257,51 +220,10 @@ def _network(layout: Integers, numbers: Floats, x: Floats, work: Floats, out: Fl
         weights = numbers[at : at + inputs * outputs].reshape((inputs, outputs))
         dense(x, weights, numbers[at + lines(inputs * outputs) :], out)
         for k in range(outputs):
-            out[k] += below[k] * out_scale[k] + out_mean[k]
+            out[k] += work[below + k] * out_scale[k] + out_mean[k]
     else:
         for k in range(outputs):
-            out[k] = below[k] * out_scale[k] + out_mean[k]
-
-
-@inlined
-def expm1(v: float) -> float:
-    """Give exp(v) - 1 for |v| <= 40, to a few units in the last place, from +, * and `fma`.
-
-    Taylor's series of v / 64 to the ninth power, then exp(2 t) - 1 = e (2 + e), e = exp(t) - 1, six times; the
-    doubling loses no relative accuracy near zero. The C library's function cannot be vectorised.
-    """
-    t = v * 0.015625
-    e = fma(t, 1.0 / 362880.0, 1.0 / 40320.0)
-    e = fma(t, e, 1.0 / 5040.0)
-    e = fma(t, e, 1.0 / 720.0)
-    e = fma(t, e, 1.0 / 120.0)
-    e = fma(t, e, 1.0 / 24.0)
-    e = fma(t, e, 1.0 / 6.0)
-    e = fma(t, e, 0.5)
-    e = t * fma(t, e, 1.0)
-    e = fma(e, e, e + e)
-    e = fma(e, e, e + e)
-    e = fma(e, e, e + e)
-    e = fma(e, e, e + e)
-    e = fma(e, e, e + e)
-    return fma(e, e, e + e)
-
-
-# a function of its own: inlined into a larger one, the loop is not always vectorised
-@compiled
-def bend_tanh(values: Floats, count: int) -> None:
-    """Replace the first `count` values by their hyperbolic tangents, which are 1 in float64 beyond 20."""
-    for k in range(count):
-        e = expm1(2.0 * min(max(values[k], -20.0), 20.0))
-        values[k] = e / (e + 2.0)
-
-
-@compiled
-def bend_logistic(values: Floats, count: int) -> None:
-    """Replace the first `count` values v by 1 / (1 + exp(-v)), which is 0 or 1 to 1e-17 beyond 40."""
-    for k in range(count):
-        e = expm1(min(max(values[k], -40.0), 40.0))
-        values[k] = (e + 1.0) / (e + 2.0)
+            out[k] = work[below + k] * out_scale[k] + out_mean[k]
 
 
 @inlined

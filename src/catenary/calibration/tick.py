@@ -12,10 +12,10 @@ from catenary.calibration.kernels import (
     in_lines,
     inside_row,
     linear_at,
-    lines,
     predict_row,
     work_size,
 )
+from catenary.calibration.layers import lines
 from catenary.calibration.model import CalibrationModel, JointGroup
 from catenary.compiled import compiled, inlined
 from catenary.errors import InputError

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from catenary.control import pd
-from catenary.dynamics.kernel_files import load_source, seal
 from catenary.dynamics.kernels import gravity_module, inverse_dynamics_module
+from catenary.dynamics.numba_files import load_source, seal
 from catenary.exact_calls import Exact
 from catenary.robots.model import RobotModel
 

@@ -16,7 +16,7 @@ from types import ModuleType
 import numpy as np
 
 from catenary.dynamics.c_source import extension_source
-from catenary.dynamics.kernel_files import forget, is_kept, keep, private_folder
+from catenary.dynamics.kernel_files import forget, keep_with_digest, kept_with_digest, private_folder
 from catenary.dynamics.tracing import Line
 
 COMPILERS = ("cc", "gcc", "clang")
@@ -43,7 +43,7 @@ def load_extension(
     try:
         private = private_folder(folder)
         library = private / f"{stem}-{digest}{EXTENSION_SUFFIXES[0]}"
-        if not _is_whole(library):
+        if kept_with_digest(library) is None:
             forget(library)
             own = ("-march=native",) if processor else ()
             _compile(extension_source(name, line, shape), library, (*FLAGS, *own))
@@ -57,19 +57,6 @@ def load_extension(
         return None
     sys.modules[name] = module
     return module
-
-
-def _is_whole(library: Path) -> bool:
-    """Whether a library is private, and of the digest beside it, which is private too."""
-    try:
-        digest = sha256(library.read_bytes()).hexdigest()
-    except OSError:
-        return False
-    return is_kept(library, None) and is_kept(_digest_file(library), digest.encode())
-
-
-def _digest_file(library: Path) -> Path:
-    return library.with_name(f"{library.name}.sha256")
 
 
 def _processor() -> str:
@@ -105,9 +92,4 @@ def _compile(source: str, library: Path, flags: Sequence[str]) -> None:
             timeout=120.0,
         )
         content = result.read_bytes()
-    digest = sha256(content).hexdigest().encode()
-    if (
-        keep(_digest_file(library).name, digest, library.parent) is None
-        or keep(library.name, content, library.parent) is None
-    ):
-        raise PermissionError(f"{library.parent} cannot be written")
+    keep_with_digest(library.name, content, library.parent)

@@ -3,7 +3,7 @@
 import re
 
 from catenary.dynamics import sines
-from catenary.dynamics.numba_source import ANGLES, name_of, needed, operation, result
+from catenary.dynamics.line_text import ANGLES, expected_arrays, name_of, needed, operation, result, widths_of
 from catenary.dynamics.tracing import Line
 
 
@@ -60,7 +60,7 @@ def c_function(prefix: str, name: str, line: Line) -> str:
 
     `out` may be none of the inputs.
     """
-    arrays = tuple(dict.fromkeys(array for array, _ in line.inputs))
+    arrays = tuple(widths_of(line))
     arguments = ", ".join([*(f"const double *{array}" for array in arrays), "double *out"])
     text = [f"static inline void {prefix}_{name}({arguments}) {{"]
     angles = sorted({step.a for step in line.steps if step.kind in ANGLES})
@@ -103,16 +103,13 @@ def c_name(text: str) -> str:
 
 
 def extension_source(module: str, line: Line, shape: tuple[int, ...]) -> str:
-    """Write a CPython extension module with one function, `into(INPUT..., out)`; see numba_source.py.
+    """Write a CPython extension module with one function, `into(INPUT..., out)`; see kernels.py.
 
     It takes NumPy arrays of float64, contiguous, of the sizes it was made for, and refuses any other.
     """
-    widths: dict[str, int] = {}
-    for array, _ in line.inputs:
-        widths[array] = widths.get(array, 0) + 1
+    widths = widths_of(line)
     count = len(widths)
     dims = ", ".join(str(n) for n in shape)
-    sizes = ", ".join([*(f"{name} ({width},)" for name, width in widths.items()), f"out {shape}"])
     checks = [f"  ok = ok && fits(arguments[{i}], 1, size_{i}, 0);" for i in range(count)]
     data = [f"DATA({i})" for i in range(count + 1)]
     return "\n".join(
@@ -130,11 +127,11 @@ def extension_source(module: str, line: Line, shape: tuple[int, ...]) -> str:
             *(f"static const npy_intp size_{i}[1] = {{{width}}};" for i, width in enumerate(widths.values())),
             f"static const npy_intp size_out[{len(shape)}] = {{{dims}}};",
             "",
-            "static int fits(PyObject *object, int dimensions, const npy_intp *sizes, int written) {",
+            "static inline int fits(PyObject *object, int dimensions, const npy_intp *sizes, int written) {",
             "  PyArrayObject *array = (PyArrayObject *)object;",
             "  int i;",
-            "  if (!PyArray_Check(object) || PyArray_TYPE(array) != NPY_DOUBLE || PyArray_NDIM(array) != dimensions)",
-            "    return 0;",
+            "  if (!PyArray_CheckExact(object) || PyArray_NDIM(array) != dimensions) return 0;",
+            "  if (PyArray_TYPE(array) != NPY_DOUBLE) return 0;",
             "  if (written ? !PyArray_ISCARRAY(array) : !PyArray_ISCARRAY_RO(array)) return 0;",
             "  for (i = 0; i < dimensions; ++i)",
             "    if (PyArray_DIM(array, i) != sizes[i]) return 0;",
@@ -147,7 +144,7 @@ def extension_source(module: str, line: Line, shape: tuple[int, ...]) -> str:
             *checks,
             f"  ok = ok && fits(arguments[{count}], {len(shape)}, size_out, 1);",
             "  if (!ok) {",
-            f'    PyErr_SetString(error, "kernel: expected contiguous float64 arrays of {sizes}");',
+            f'    PyErr_SetString(error, "{expected_arrays(line, shape)}");',
             "    return NULL;",
             "  }",
             f"  kernel_line({', '.join(data)});",

@@ -2,13 +2,15 @@
 
 Code that is loaded from a folder is as safe as the folder. What is run here is the text in memory, just traced from
 the robot: the file with the same text beside it only tells numba which machine code, cached in `__pycache__`,
-belongs to it. That machine code is read back, so before any is:
+belongs to it (numba_files.py). Machine code is read back, numba's, LLVM's (llvm_kernels.py) and a C compiler's
+(c_compiler.py), so before any is:
 
 - every folder above must be the user's or root's, and writable by nobody else (but for sticky ones like /tmp);
 - the folder must be the user's own and no link; one that others could write to is emptied;
 - the file must be a plain file of the user's, readable and writable by nobody else, under one name, and hold the text
   to the byte; otherwise it and the machine code beside it are removed and made anew;
-- so must be the files with the machine code, but for what they hold.
+- so must be the files with the machine code, but for what they hold; LLVM's and the C compiler's must be of the
+  digest that lies beside them.
 
 Where no such folder can be had, kernels are compiled in memory, for each process again.
 """
@@ -18,17 +20,10 @@ import logging
 import os
 import shutil
 import stat
-import sys
 import tempfile
 from collections.abc import Callable
-from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from types import ModuleType
-from typing import Any
-
-from catenary.compiled import compiled, compiled_quick, in_memory
-from catenary.exact_calls import as_arrays, exact, others
 
 _log = logging.getLogger(__name__)
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
@@ -41,38 +36,6 @@ def cache_folder() -> Path:
     return (Path(base) if os.path.isabs(base) else Path.home() / ".cache") / "catenary" / "kernels"
 
 
-def load_source(stem: str, source: str, given: dict[str, Any], folder: Path | None = None) -> ModuleType:
-    """Run a kernel's source as a module, with its machine code cached where that is safe.
-
-    Args:
-        stem: What the file's name begins with; letters, digits and hyphens.
-        source: The module's text.
-        given: Names that it takes for given; what they are must follow from the text. Besides there are `compiled`,
-            `compiled_quick`, `exact`, `others` and `as_arrays`.
-        folder: Where files are kept; `cache_folder()` when None.
-    """
-    digest = sha256(source.encode()).hexdigest()
-    name = f"_catenary_kernel_{digest[:32]}"
-    if name in sys.modules:
-        return sys.modules[name]
-    path = keep(f"{stem}-{digest[:32]}.py", source.encode(), folder)
-    module = ModuleType(name)
-    module.__file__ = None if path is None else str(path)
-    for decorator in (compiled, compiled_quick):
-        module.__dict__[decorator.__name__] = in_memory(decorator) if path is None else decorator
-    module.__dict__["exact"] = partial(exact, in_memory=path is None)
-    module.__dict__["others"], module.__dict__["as_arrays"] = others, as_arrays
-    module.__dict__.update(given)
-    code = compile(source, f"<{stem}>" if path is None else str(path), "exec")
-    sys.modules[name] = module  # machine code finds its module by name
-    try:
-        exec(code, module.__dict__)
-    except BaseException:
-        del sys.modules[name]
-        raise
-    return module
-
-
 def keep(name: str, content: bytes, folder: Path | None = None) -> Path | None:
     """Make sure that a private file of the name holds the content, and give its path; None where none can."""
     try:
@@ -81,10 +44,10 @@ def keep(name: str, content: bytes, folder: Path | None = None) -> Path | None:
         if not is_kept(path, content):
             forget(path)
             _write(path, content)
-        machine_code = private / "__pycache__"
-        if os.path.lexists(machine_code) and not _is_own(machine_code, stat.S_ISDIR, OTHERS_WRITE):
-            _remove(machine_code)
-        for cached in _machine_code(path):
+        numbas = private / "__pycache__"
+        if os.path.lexists(numbas) and not _is_own(numbas, stat.S_ISDIR, OTHERS_WRITE):
+            _remove(numbas)
+        for cached in machine_code(path):
             if not _is_own(cached, stat.S_ISREG, OTHERS_WRITE):
                 _remove(cached)
     except (OSError, RuntimeError) as error:  # RuntimeError: no home
@@ -93,17 +56,30 @@ def keep(name: str, content: bytes, folder: Path | None = None) -> Path | None:
     return path
 
 
-def seal(module: ModuleType) -> None:
-    """Take others' rights from machine code that has just been written, whatever the umask."""
-    if module.__file__ is not None:
-        for cached in _machine_code(Path(module.__file__)):
-            with contextlib.suppress(OSError):
-                cached.chmod(0o600)
+def keep_with_digest(name: str, content: bytes, folder: Path) -> None:
+    """Make private files of machine code and of its digest.
+
+    Raises:
+        PermissionError: The folder cannot be written to.
+    """
+    digest = sha256(content).hexdigest().encode()
+    if keep(f"{name}.sha256", digest, folder) is None or keep(name, content, folder) is None:
+        raise PermissionError(f"{folder} cannot be written")
+
+
+def kept_with_digest(path: Path) -> bytes | None:
+    """Give machine code from a private file, if it is of the digest beside it, which is private too."""
+    try:
+        content = path.read_bytes() if is_kept(path, None) else b""
+        digest = sha256(content).hexdigest().encode()
+        return content if content and is_kept(path.with_name(f"{path.name}.sha256"), digest) else None
+    except OSError:
+        return None
 
 
 def forget(path: Path) -> None:
     """Remove a kernel's file and what was compiled from it."""
-    for old in (path, *_machine_code(path)):
+    for old in (path, *machine_code(path)):
         if os.path.lexists(old):
             _remove(old)
 
@@ -150,7 +126,7 @@ def is_kept(path: Path, content: bytes | None) -> bool:
     return content is None or path.read_bytes() == content
 
 
-def _machine_code(path: Path) -> list[Path]:
+def machine_code(path: Path) -> list[Path]:
     """Files that numba made from a kernel, among them a link or folder in their place."""
     folder = path.parent / "__pycache__"
     if folder.is_symlink() or not folder.is_dir():

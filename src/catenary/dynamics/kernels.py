@@ -6,7 +6,6 @@ two the first time; afterwards the machine code is found in the user's cache (ke
 
 import re
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
 from types import ModuleType
@@ -16,9 +15,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.c_compiler import load_extension
-from catenary.dynamics.kernel_files import load_source, seal
-from catenary.dynamics.numba_source import numba_module
+from catenary.dynamics.llvm_kernels import llvm_kernel
 from catenary.dynamics.traced import (
     forward_kinematics_line,
     gravity_line,
@@ -30,7 +27,7 @@ from catenary.errors import InputError
 from catenary.robots.model import RobotModel
 
 MANY = 50_000  # configurations from which compiling for one robot is worth its while
-Backend = Literal["numba", "c"]
+Backend = Literal["llvm", "c"]
 _known: WeakKeyDictionary[RobotModel, dict[str, "Quantity"]] = WeakKeyDictionary()
 
 
@@ -44,19 +41,20 @@ class Kernel:
     __slots__ = ("backend", "into", "shape")
 
     def __init__(self, quantity: "Quantity", backend: Backend) -> None:
-        """Compile a kernel, or find it compiled; `self.backend` is "numba" where there is no C compiler."""
+        """Compile a kernel, or find it compiled; `self.backend` is "llvm" where there is no C compiler."""
         self.shape = quantity.shape
-        self.backend: Backend = "numba"
-        extension = load_extension(quantity.stem, quantity.line, quantity.shape) if backend == "c" else None
-        if extension is not None:
-            self.backend = "c"
-            self.into: Callable[..., None] = extension.into
-            return
-        if quantity.call is None:
-            module = quantity.module()
-            quantity.call = module.make_call()
-            seal(module)
-        self.into = quantity.call
+        self.backend: Backend = "llvm"
+        self.into: Callable[..., None]
+        if backend == "c":
+            from catenary.dynamics.c_compiler import (
+                load_extension,
+            )  # what it imports takes longer than a kernel
+
+            extension = load_extension(quantity.stem, quantity.line, quantity.shape)
+            if extension is not None:
+                self.backend, self.into = "c", extension.into
+                return
+        self.into = llvm_kernel(quantity.stem, quantity.line, quantity.shape)
 
     def _into_as_floats(self, *inputs: Floats, out: Floats) -> None:
         """Do the same with copies of inputs that are no contiguous arrays of float64."""
@@ -128,13 +126,13 @@ class ForwardKinematicsKernel(Kernel):
         return pose
 
 
-def gravity_kernel(model: RobotModel, *, backend: Backend = "numba") -> GravityKernel:
+def gravity_kernel(model: RobotModel, *, backend: Backend = "llvm") -> GravityKernel:
     """What gives a robot's gravity torque in a loop; controllers hold it.
 
     Args:
         model: The robot.
         backend: "c" is quicker by up to a third, and takes a C compiler with Python's headers when the kernel is
-            first made; without one numba makes it all the same, and `kernel.backend` says so.
+            first made; without one LLVM makes it all the same, and `kernel.backend` says so.
 
     Raises:
         MissingInertiaError: Links without inertia.
@@ -143,20 +141,20 @@ def gravity_kernel(model: RobotModel, *, backend: Backend = "numba") -> GravityK
     return GravityKernel(_gravity(model), backend)
 
 
-def mass_matrix_kernel(model: RobotModel, *, backend: Backend = "numba") -> MassMatrixKernel:
+def mass_matrix_kernel(model: RobotModel, *, backend: Backend = "llvm") -> MassMatrixKernel:
     """What gives a robot's mass matrix in a loop; see `gravity_kernel`."""
     model.require_inertia()
     return MassMatrixKernel(_mass_matrix(model), backend)
 
 
-def inverse_dynamics_kernel(model: RobotModel, *, backend: Backend = "numba") -> InverseDynamicsKernel:
+def inverse_dynamics_kernel(model: RobotModel, *, backend: Backend = "llvm") -> InverseDynamicsKernel:
     """What gives the torques of a robot's motion in a loop; see `gravity_kernel`."""
     model.require_inertia()
     return InverseDynamicsKernel(_inverse_dynamics(model), backend)
 
 
 def forward_kinematics_kernel(
-    model: RobotModel, frame: str | None = None, *, backend: Backend = "numba"
+    model: RobotModel, frame: str | None = None, *, backend: Backend = "llvm"
 ) -> ForwardKinematicsKernel:
     """What gives the pose of a robot's frame, its tip without a name, in a loop; see `gravity_kernel`.
 
@@ -208,11 +206,15 @@ def write_rows(module: ModuleType, inputs: tuple[Floats, ...], out: Floats, thre
     else:
         _in_threads(module.rows, inputs, out, threads)
     if not hasattr(module, "sealed"):
+        from catenary.dynamics.numba_files import seal
+
         seal(module)
         module.sealed = True  # type: ignore[attr-defined]
 
 
 def _in_threads(rows: Callable[..., None], inputs: tuple[Floats, ...], out: Floats, threads: int) -> None:
+    from concurrent.futures import ThreadPoolExecutor  # a tenth of the time that a loop's first kernel takes
+
     edges = np.linspace(0, len(out), threads + 1).astype(int)
     rows(*(a[:1] for a in inputs), out[:1])  # compiles, once
     with ThreadPoolExecutor(threads) as pool:
@@ -232,11 +234,13 @@ class Quantity:
     line: Line
     shape: tuple[int, ...]
     loaded: ModuleType | None = None
-    call: Callable[..., None] | None = None  # numba's, once a kernel has been asked for
 
     def module(self) -> ModuleType:
-        """The module, compiled or found compiled; see numba_source.py."""
+        """The module for compiled functions and for many rows; see numba_source.py."""
         if self.loaded is None:
+            from catenary.dynamics.numba_files import load_source  # numba: kernels for Python go without
+            from catenary.dynamics.numba_source import numba_module
+
             written = numba_module(self.stem, self.line, self.shape)
             self.loaded = load_source(self.stem, written.source, written.given)
         return self.loaded

@@ -1,21 +1,29 @@
 """Writes a line of operations as a Python module for numba: one configuration a call, and many."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from catenary import compiled, exact_calls
-from catenary.compiled import Operation, Sines, straight_line
+from catenary import compiled, llvm_code
+from catenary.compiled import straight_line
 from catenary.dynamics import sines
+from catenary.dynamics.line_text import (
+    ANGLES,
+    Store,
+    expected_arrays,
+    llvm_operations,
+    needed,
+    operation,
+    operation_of_result,
+    result,
+    widths_of,
+)
 from catenary.dynamics.tracing import Line, Step
-from catenary.exact_calls import Exact
+from catenary.llvm_code import Operation, Sines
 
 WORK_BYTES = 32 * 1024  # of a block of configurations: it should stay in the processor's first cache
-ANGLES = ("sin", "cos")
-SINES = Sines(sines.sine_cosine, sines.small_sine_cosine, sines.LARGEST)
-Store = tuple[int, int, int, int]
+SINES = Sines(sines.small_sine_cosine, sines.LARGEST)
 
 
 @dataclass(frozen=True)
@@ -29,19 +37,16 @@ class NumbaModule:
 def numba_module(title: str, line: Line, shape: tuple[int, ...]) -> NumbaModule:
     """Write the module.
 
-    `make_call` compiles `call(INPUT..., out)`, arrays of one configuration each, for callers in Python. `into` is the
-    same for compiled callers. `rows(INPUT..., out)` takes out (N, size) and inputs of N rows or one row each. None
-    returns the result: handing an array back costs a third of a microsecond. `straight` does what they do, operation by
-    operation in Python, to be read.
+    `into(INPUT..., out)`, of arrays of one configuration each, is for compiled callers. `rows(INPUT..., out)` takes out
+    (N, size) and inputs of N rows or one row each. None returns the result: handing an array back costs a third of a
+    microsecond. `straight` does what they do, operation by operation in Python, to be read.
 
     Args:
         title: What it is, in letters and digits; goes into the first line.
         line: The operations.
         shape: Of one configuration's result.
     """
-    widths: dict[str, int] = {}
-    for name, _ in line.inputs:
-        widths[name] = widths.get(name, 0) + 1
+    widths = widths_of(line)
     blocks = _Blocks(line)
     text = [
         f'"""{title}: {line.operations} sums and products, {line.angles} angles."""',
@@ -56,19 +61,13 @@ def numba_module(title: str, line: Line, shape: tuple[int, ...]) -> NumbaModule:
         "",
         *_straight(line, widths),
         "",
-        *_call(widths, shape),
-        "",
-        *_into(widths, shape),
+        *_into(line, shape),
         "",
         *_rows(line, widths, shape, blocks),
         "",
     ]
     given = {
-        "EXACT": (
-            *(Exact("float64", (width,), writable=False) for width in widths.values()),
-            Exact("float64", shape, writable=True),
-        ),
-        "code": _code(line, widths),
+        "code": straight_line(*llvm_operations(line), SINES),
         "angles_code": blocks.angles_code,
         "results_code": blocks.results_code,
     }
@@ -77,7 +76,7 @@ def numba_module(title: str, line: Line, shape: tuple[int, ...]) -> NumbaModule:
 
 def _digest_of_what_it_calls() -> str:
     """Tell versions of the called functions apart: numba looks at the calling file alone."""
-    texts = [Path(str(module.__file__)).read_bytes() for module in (sines, compiled, exact_calls)]
+    texts = [Path(str(module.__file__)).read_bytes() for module in (sines, compiled, llvm_code)]
     texts.append(Path(__file__).read_bytes())
     return sha256(b"".join(texts)).hexdigest()[:16]
 
@@ -98,79 +97,16 @@ def _straight(line: Line, widths: dict[str, int]) -> list[str]:
     return [*text, *(f"    out[{k}] = {result(line, k)}" for k in range(len(line.results)))]
 
 
-def name_of(line: Line, number: int) -> str:
-    """Name of a step's value."""
-    step = line.steps[number]
-    return f"{step.kind[0]}{step.a}" if step.kind in ANGLES else f"t{number}"
-
-
-def operation(line: Line, step: Step) -> str:
-    """Write a sum or product, the same in Python and in C."""
-    a = name_of(line, step.a)
-    if step.kind.endswith("k"):
-        return f"{a} {step.kind[0]} {step.b!r}" if step.b >= 0 else f"{a} {step.kind[0]} ({step.b!r})"
-    return f"{a} {step.kind} {name_of(line, int(step.b))}"
-
-
-def result(line: Line, k: int) -> str:
-    """Write a result."""
-    given = line.results[k]
-    if isinstance(given, float):
-        return repr(given)
-    sign, number = given
-    return ("-" if sign < 0 else "") + name_of(line, number)
-
-
-def _call(widths: dict[str, int], shape: tuple[int, ...]) -> list[str]:
-    names = ", ".join([*widths, "out"])
-    expected = f"kernel: expected contiguous float64 arrays of {_sizes(widths, shape)}"
-    return [
-        "def make_call():",
-        "    @exact(*EXACT)",
-        f"    def call({names}):",
-        f"        if others(({names})):",
-        f"            raise InputError('{expected}')",
-        f"        code(({names}), 0)",
-        "    return call",
-    ]
-
-
-def _sizes(widths: dict[str, int], shape: tuple[int, ...]) -> str:
-    return ", ".join([*(f"{name} ({width},)" for name, width in widths.items()), f"out {shape}"])
-
-
-def _into(widths: dict[str, int], shape: tuple[int, ...]) -> list[str]:
+def _into(line: Line, shape: tuple[int, ...]) -> list[str]:
+    widths = widths_of(line)
     wrong = [f"len({name}) != {width}" for name, width in widths.items()] + ["out.shape != SHAPE"]
     return [
         "@compiled_quick",
         f"def into({', '.join(widths)}, out):",
         f"    if {' or '.join(wrong)}:",
-        f"        raise InputError('kernel: expected arrays of {_sizes(widths, shape)}')",
-        f"    code(({', '.join(widths)}, out), 0)",
+        f"        raise InputError('{expected_arrays(line, shape)}')",
+        f"    code(({', '.join(widths)}, out, 0))",
     ]
-
-
-def _code(line: Line, widths: dict[str, int]) -> Any:
-    order = list(widths)
-    operations: list[Operation] = []
-    for step in line.steps:
-        if step.kind == "in":
-            name, index = line.inputs[step.a]
-            operations.append(("in", order.index(name), index))
-        else:
-            operations.append((step.kind, step.a, step.b))
-    stores: list[Store] = []
-    for k, given in enumerate(line.results):
-        sign, number = _result(operations, given)
-        stores.append((len(order), k, sign, number))
-    return straight_line(operations, stores, SINES)
-
-
-def _result(operations: list[Operation], given: tuple[int, int] | float) -> tuple[int, int]:
-    if not isinstance(given, float):
-        return given
-    operations.append(("k", 0, given))
-    return 1, len(operations) - 1
 
 
 class _Blocks:
@@ -207,7 +143,9 @@ class _Blocks:
         stores: list[Store] = []
         for given, slot in self.slots.items():
             sign, last = (
-                (given[0], after[given[1]]) if not isinstance(given, float) else _result(operations, given)
+                (given[0], after[given[1]])
+                if not isinstance(given, float)
+                else operation_of_result(operations, given)
             )
             stores.append((0, self.at_result + slot * size, sign, last))
         self.results_code = straight_line(operations, stores, SINES)
@@ -222,18 +160,6 @@ class _Blocks:
             b = numbers[int(step.b)] if step.kind in ("+", "-", "*") else step.b
             operations.append((step.kind, numbers[step.a], b))
         return len(operations) - 1
-
-
-def needed(line: Line, numbers: Sequence[int], *, stop: Sequence[str]) -> list[int]:
-    """Give the steps that the numbered ones need, and those, in order; not what is behind a kind in `stop`."""
-    needed = set(numbers)
-    for number in range(len(line.steps) - 1, -1, -1):
-        step = line.steps[number]
-        if number in needed and step.kind != "in" and step.kind not in stop:
-            needed.add(step.a)
-            if step.kind in ("+", "-", "*"):
-                needed.add(int(step.b))
-    return sorted(needed)
 
 
 def _rows(line: Line, widths: dict[str, int], shape: tuple[int, ...], blocks: _Blocks) -> list[str]:
@@ -263,7 +189,7 @@ def _rows(line: Line, widths: dict[str, int], shape: tuple[int, ...], blocks: _B
         reshaped = "" if len(shape) == 1 else f".reshape({shape})"
         text += [
             f"        for k in range({size}):",
-            "            angles_code((work,), k)",
+            "            angles_code((work, k))",
             "        small = True",
             f"        for k in range({blocks.at_angle}, {blocks.at_sine}):",
             "            small &= abs(work[k]) <= LARGEST",
@@ -279,7 +205,7 @@ def _rows(line: Line, widths: dict[str, int], shape: tuple[int, ...], blocks: _B
     return [
         *text,
         f"        for k in range({size}):",
-        "            results_code((work,), k)",
+        "            results_code((work, k))",
         "        for k in range(count):",
         f"            for j in range({len(line.results)}):",
         f"                out[start + k, j] = work[{blocks.at_result} + SLOTS[j] * {size} + k]",

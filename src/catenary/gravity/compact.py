@@ -94,7 +94,7 @@ class CompactRegressor:
             _compact_rows(_packed(self.model, self.columns), rows, gravities, out)
         return out[0] if single else out
 
-    def kernel(self, *, backend: Backend = "numba") -> "CompactKernel":
+    def kernel(self, *, backend: Backend = "llvm") -> "CompactKernel":
         """What gives Z in a loop; see `gravity_kernel`."""
         return CompactKernel(self._quantity(), backend)
 

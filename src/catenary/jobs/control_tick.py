@@ -10,21 +10,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration import kernels as predictors
+from catenary.calibration import layers
 from catenary.calibration import tick as calibration_tick
 from catenary.calibration.corrector import Corrector
 from catenary.control import limits as torque_limits
 from catenary.control import pd as joint_pd
 from catenary.control.limits import TorqueLimits
 from catenary.control.pd import JointPD
-from catenary.dynamics.kernel_files import load_source, seal
 from catenary.dynamics.kernels import gravity_module
+from catenary.dynamics.numba_files import load_source, seal
 from catenary.errors import InputError
 from catenary.exact_calls import Exact
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
 from catenary.trajectories.reference import Reference
 
-CALLED = (calibration_tick, predictors, torque_limits, joint_pd)
+CALLED = (calibration_tick, predictors, layers, torque_limits, joint_pd)
 SOURCE = '''\
 """A control tick in one call."""
 # of {digest}, for arrays of {sizes}

@@ -1,0 +1,64 @@
+"""Where the fields of NumPy's array object lie, for machine code that looks at arrays without asking NumPy.
+
+They are part of NumPy's binary interface: extension modules have them compiled in. All the same they are tried on
+arrays before any code relies on them (`known_layout`); where they lie elsewhere, arrays are looked at in Python, which
+takes its time.
+"""
+
+import ctypes
+import sys
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+HEAD = object.__basicsize__
+# offsets of fields, from numpy/arrayobject.h and numpy/ndarraytypes.h
+TYPE = HEAD - 8
+DATA, DIMENSIONS, SHAPE, DESCRIPTION, FLAGS = (HEAD + k for k in (0, 8, 16, 40, 48))
+BYTE_ORDER, TYPE_NUMBER = HEAD + 10, HEAD + 12
+READABLE = 0x0001 | 0x0100  # C contiguous, aligned
+WRITABLE = READABLE | 0x0400
+
+
+class ArrayKind(NamedTuple):
+    """Arrays of one type and shape, contiguous, and whether they are written to."""
+
+    dtype: str
+    shape: tuple[int, ...]
+    writable: bool
+
+    def address(self, given: object) -> int:
+        """Where an array lies; 0 if it is another."""
+        if type(given) is not np.ndarray or given.dtype != self.dtype or given.shape != self.shape:
+            return 0
+        flags = given.flags
+        fits = flags.c_contiguous and flags.aligned and (flags.writeable or not self.writable)
+        return int(given.ctypes.data) if fits else 0
+
+
+@cache
+def known_layout() -> bool:
+    """Whether arrays' fields lie where they are looked for."""
+    if sys.implementation.name != "cpython" or ctypes.sizeof(ctypes.c_void_p) != 8:
+        return False
+    array = np.zeros((2, 3))
+    fixed = np.zeros((2, 3))
+    fixed.flags.writeable = False
+
+    def field(of: np.ndarray[Any, Any], offset: int, kind: Any) -> int:
+        return int(kind.from_address(id(of) + offset).value)
+
+    description = field(array, DESCRIPTION, ctypes.c_uint64)
+    return (
+        field(array, TYPE, ctypes.c_uint64) == id(np.ndarray)
+        and field(array, DATA, ctypes.c_uint64) == array.ctypes.data
+        and field(array, DIMENSIONS, ctypes.c_int) == 2
+        and description == id(array.dtype)
+        and ctypes.c_int.from_address(description + TYPE_NUMBER).value == array.dtype.num
+        and ctypes.c_char.from_address(description + BYTE_ORDER).value == b"="
+        and field(array, FLAGS, ctypes.c_int) & WRITABLE == WRITABLE
+        and field(fixed, FLAGS, ctypes.c_int) & WRITABLE == READABLE
+        and field(array.T, FLAGS, ctypes.c_int) & 1 == 0
+        and (ctypes.c_int64 * 2).from_address(field(array, SHAPE, ctypes.c_uint64))[:] == [2, 3]
+    )

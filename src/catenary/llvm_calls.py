@@ -1,0 +1,192 @@
+"""Functions of Python's by LLVM alone: machine code that takes NumPy arrays.
+
+What numba would add costs more than the arithmetic of most arms: half a second to import, as long to make ready, and in
+every call a search for the code that fits, or a tuple of the arguments. Here the call's own code is written too. It is
+a method of CPython's quick calling convention (METH_FASTCALL) that looks at its arrays itself (array_layout.py): it
+refuses any that is not of the type and shape that it was made for, and looks at no number.
+
+The machine code holds no address of a process: what it needs from this one comes with every call, in an array that is
+its `self`. So another process may load it.
+"""
+
+import ctypes
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from llvmlite import binding
+
+from catenary.array_layout import DATA, ArrayKind, known_layout
+from catenary.errors import InputError
+
+METH_FASTCALL = 0x0080  # methodobject.h
+# what is in the array that comes with every call; then a function's own words
+ARRAY_TYPE, NONE, ERROR, MESSAGE, SET_ERROR, COUNT_UP, WORDS = range(7)
+NAME = "into"
+Write = Callable[[Any, list[Any], Callable[[int], Any]], None]
+
+
+class _Method(ctypes.Structure):
+    """PyMethodDef."""
+
+    _fields_ = (
+        ("name", ctypes.c_char_p),
+        ("code", ctypes.c_void_p),
+        ("flags", ctypes.c_int),
+        ("doc", ctypes.c_char_p),
+    )
+
+
+class _Given(np.ndarray[Any, Any]):
+    """What comes with every call; it keeps what the function needs for as long as there is the function."""
+
+    kept: tuple[object, ...]
+
+
+def processor() -> str:
+    """Tell machine code for one processor, and by one LLVM, from that of others."""
+    features = binding.get_host_cpu_features().flatten()
+    version = ".".join(map(str, binding.llvm_version_info))
+    return f"{binding.get_host_cpu_name()} {features} {binding.get_process_triple()} {version}"
+
+
+def compile_call(kinds: Sequence[ArrayKind], write: Write) -> bytes:
+    """Compile a function of some arrays: the bytes of an object file.
+
+    Args:
+        kinds: The arrays that it takes.
+        write: Writes what it does, given a builder, where the arrays' numbers begin, and a function that gives the
+            words of `load_call` by their number, as whole numbers.
+    """
+    machine = _target_machine()
+    module = binding.parse_assembly(str(_module(kinds, write)))
+    module.verify()
+    options = binding.create_pipeline_tuning_options(speed_level=3)
+    options.slp_vectorization = True  # a sixth less time for long lines; the bits stay
+    builder = binding.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(module, builder)
+    content: bytes = machine.emit_object(module)
+    return content
+
+
+def load_call(
+    code: bytes, kinds: Sequence[ArrayKind], expected: str, words: Sequence[int] = (), kept: object = None
+) -> Callable[..., None]:
+    """Give a function of Python's that runs machine code of `compile_call` on some arrays, and returns None.
+
+    Args:
+        code: From `compile_call`, of the same kinds of arrays.
+        kinds: The arrays that it takes.
+        expected: The message of the InputError that it raises for others.
+        words: Whole numbers that it takes besides, addresses for instance.
+        kept: What must not be freed before it.
+    """
+    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), _target_machine())
+    engine.add_object_file(binding.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    address = engine.get_function_address(NAME)
+    given = np.zeros(WORDS + len(words), dtype=np.uint64).view(_Given)
+    given[WORDS:] = words
+    if not known_layout():
+        given.kept = engine, kept
+        return _by_address(address, kinds, expected, given)
+    text = expected.encode()
+    api = ctypes.pythonapi
+    given[[ARRAY_TYPE, NONE, ERROR]] = id(np.ndarray), id(None), id(InputError)
+    given[MESSAGE] = ctypes.cast(ctypes.c_char_p(text), ctypes.c_void_p).value or 0
+    for place, of_python in ((SET_ERROR, api.PyErr_SetString), (COUNT_UP, api.Py_IncRef)):
+        given[place] = ctypes.cast(of_python, ctypes.c_void_p).value or 0
+    method = _Method(NAME.encode(), address, METH_FASTCALL, None)
+    make = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.POINTER(_Method), ctypes.py_object, ctypes.py_object)
+    given.kept = engine, kept, method, text
+    function: Callable[..., None] = make(("PyCFunction_NewEx", api))(method, given, __name__)
+    return function
+
+
+def _by_address(
+    address: int, kinds: Sequence[ArrayKind], expected: str, given: _Given
+) -> Callable[..., None]:
+    """Give a function that looks at arrays in Python."""
+    run = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(ctypes.c_void_p))(address)
+    places = ctypes.c_void_p * len(kinds)
+
+    def into(*arrays: object) -> None:
+        addresses = [kind.address(array) for kind, array in zip(kinds, arrays, strict=False)]
+        if len(arrays) != len(kinds) or 0 in addresses:
+            raise InputError(expected)
+        run(given.ctypes.data, places(*addresses))
+
+    return into
+
+
+def _target_machine() -> Any:
+    """Give a target machine: one for each engine, which frees it."""
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    return binding.Target.from_triple(binding.get_process_triple()).create_target_machine(
+        cpu=binding.get_host_cpu_name(),
+        features=binding.get_host_cpu_features().flatten(),
+        opt=3,
+        reloc="default",
+        codemodel="jitdefault",
+        jit=True,
+    )
+
+
+def _module(kinds: Sequence[ArrayKind], write: Write) -> Any:
+    """Write the function: `PyObject *into(PyObject *self, PyObject *const *arguments, Py_ssize_t count)`.
+
+    Where arrays do not lie as they should, `void into(const uint64_t *given, void *const *data)`.
+    """
+    from llvmlite import ir
+
+    from catenary.llvm_code import ADDRESS, WORD, data_of, load_field, number_of
+
+    module = ir.Module(name=NAME)
+    module.triple = binding.get_process_triple()
+    numbers = [number_of(kind.dtype) for kind in kinds]
+    if known_layout():
+        signature = ir.FunctionType(ADDRESS, [ADDRESS, ADDRESS.as_pointer(), WORD])
+    else:
+        signature = ir.FunctionType(ir.VoidType(), [ADDRESS, ADDRESS.as_pointer()])
+    function = ir.Function(module, signature, name=NAME)
+    own, arguments = function.args[:2]
+    builder = ir.IRBuilder(function.append_basic_block())
+
+    def argument(k: int) -> Any:
+        return builder.load(builder.gep(arguments, [WORD(k)]))
+
+    def from_this_process(place: int, kind: Any) -> Any:
+        return load_field(builder, given, 8 * place, kind)
+
+    def word(k: int) -> Any:
+        return from_this_process(WORDS + k, WORD)
+
+    if not known_layout():
+        given = own
+        data = [builder.bitcast(argument(k), number.as_pointer()) for k, number in enumerate(numbers)]
+        write(builder, data, word)
+        builder.ret_void()
+        return module
+    body, refuse = (function.append_basic_block(name) for name in ("body", "refuse"))
+    given = load_field(builder, own, DATA, ADDRESS)
+    builder.cbranch(builder.icmp_signed("==", function.args[2], WORD(len(kinds))), body, refuse)
+    builder.position_at_end(body)
+    array_type = from_this_process(ARRAY_TYPE, WORD)
+    objects = [argument(k) for k in range(len(kinds))]
+    triples = zip(objects, kinds, numbers, strict=True)
+    write(
+        builder, [data_of(builder, array, kind, array_type, of, refuse) for array, kind, of in triples], word
+    )
+    none = from_this_process(NONE, ADDRESS)
+    up = ir.FunctionType(ir.VoidType(), [ADDRESS]).as_pointer()
+    builder.call(from_this_process(COUNT_UP, up), [none])
+    builder.ret(none)
+    builder.position_at_end(refuse)
+    set_error = ir.FunctionType(ir.VoidType(), [ADDRESS, ADDRESS]).as_pointer()
+    builder.call(
+        from_this_process(SET_ERROR, set_error),
+        [from_this_process(ERROR, ADDRESS), from_this_process(MESSAGE, ADDRESS)],
+    )
+    builder.ret(ir.Constant(ADDRESS, None))
+    return module

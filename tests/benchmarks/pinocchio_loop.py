@@ -1,0 +1,104 @@
+"""A loop in C++ over Pinocchio, where g++ and the headers of Pinocchio, Boost and Eigen are.
+
+Pinocchio's wheel brings its own headers and Boost's; Eigen's come with casadi's wheel or the system.
+"""
+
+import ctypes
+import importlib.util
+import shutil
+import subprocess
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+
+from catenary.arrays import Floats
+from catenary.robots.model import RobotModel
+
+SOURCE = """\
+#include <pinocchio/fwd.hpp>
+#if __has_include(<pinocchio/multibody.hpp>)
+#include <pinocchio/multibody.hpp>
+#else
+#include <pinocchio/multibody/model.hpp>
+#include <pinocchio/multibody/data.hpp>
+#endif
+#include <pinocchio/algorithm/rnea.hpp>
+using namespace pinocchio;
+typedef Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> Matrix;
+typedef Eigen::Map<const Eigen::Vector3d> Vector;
+
+extern "C" void gravity_rows(long joints, const long *parents, const double *numbers, long count,
+                             const double *q, double *out) {
+  Model model;
+  for (long i = 0; i < joints; ++i, numbers += 26) {
+    const SE3 place(Matrix(numbers), Vector(numbers + 9));
+    const std::string name = "j" + std::to_string(i);
+    const JointIndex joint = numbers[25] != 0.0 ? model.addJoint(parents[i], JointModelPZ(), place, name)
+                                                : model.addJoint(parents[i], JointModelRZ(), place, name);
+    const Inertia body(numbers[12], Vector(numbers + 13), Matrix(numbers + 16));
+    model.appendBodyToJoint(joint, body, SE3::Identity());
+  }
+  Data data(model);
+  for (long k = 0; k < count; ++k)
+    Eigen::Map<Eigen::VectorXd>(out + k * joints, joints) = computeGeneralizedGravity(
+        model, data, Eigen::Map<const Eigen::VectorXd>(q + k * joints, joints));
+}
+"""
+
+
+@cache
+def _library(folder: Path) -> ctypes.CDLL | None:
+    root = Path(str(pinocchio.__file__)).parents[4]
+    eigen = _eigen()
+    if eigen is None or shutil.which("g++") is None or not (root / "include" / "pinocchio").is_dir():
+        return None
+    source, library = folder / "loop.cpp", folder / "loop.so"
+    source.write_text(SOURCE, encoding="utf-8")
+    command = ["g++", "-O2", "-std=c++17", "-w", "-fPIC", "-shared", "-DNDEBUG"]
+    # as Pinocchio itself is compiled
+    command += ["-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30"]
+    command += ["-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DPINOCCHIO_ENABLE_TEMPLATE_INSTANTIATION"]
+    command += [f"-I{root / 'include'}", f"-I{eigen}", str(source), "-o", str(library)]
+    subprocess.run(
+        [*command, f"-L{root / 'lib'}", f"-Wl,-rpath,{root / 'lib'}", "-lpinocchio_default"], check=True
+    )
+    return ctypes.CDLL(str(library))
+
+
+def cpp_loop(model: RobotModel, q: Floats, out: Floats, folder: Path) -> Callable[[], None] | None:
+    """Give a call that writes gravity torques (N, n) at q (N, n), or None without compiler or headers.
+
+    The model is as `robots.pinocchio_robot` takes it, with joints along z only; it is built anew at every call.
+    """
+    library, tree = _library(folder), model.tree
+    if library is None:
+        return None
+    assert (tree.axis == [0.0, 0.0, 1.0]).all()
+    parents = np.ascontiguousarray(tree.parent + 1, dtype=np.int64)
+    rows = (tree.rotation, tree.origin, tree.mass, tree.com, tree.inertia, tree.prismatic)
+    numbers = np.hstack([np.asarray(each, dtype=float).reshape(model.n, -1) for each in rows])
+    run = library.gravity_rows
+    run.argtypes = [
+        ctypes.c_long,
+        ctypes.c_void_p,
+        ctypes.c_void_p,
+        ctypes.c_long,
+        ctypes.c_void_p,
+        ctypes.c_void_p,
+    ]
+    run.restype = None
+    arrays = np.ascontiguousarray(numbers), parents  # alive as long as the call
+    return lambda: run(
+        model.n, arrays[1].ctypes.data, arrays[0].ctypes.data, len(q), q.ctypes.data, out.ctypes.data
+    )
+
+
+def _eigen() -> Path | None:
+    places = [Path("/usr/include/eigen3"), Path("/usr/local/include/eigen3")]
+    found = importlib.util.find_spec("casadi")
+    if found is not None and found.origin is not None:
+        places.append(Path(found.origin).parent / "include" / "eigen3")
+    return next((place for place in places if (place / "Eigen").is_dir()), None)
