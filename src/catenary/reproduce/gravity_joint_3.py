@@ -66,10 +66,13 @@ def joint_3_table(runs: Sequence[tuple[str, Run]]) -> Table:
 
 
 def main(
-    folder: Path, variations: Sequence[Variation] = VARIATIONS, axes: Sequence[str] = ("x", "y", "z")
+    folder: Path,
+    variations: Sequence[Variation] = VARIATIONS,
+    axes: Sequence[str] = ("x", "y", "z"),
+    dampings: Sequence[Damping] = get_args(Damping),
 ) -> list[tuple[str, Run]]:
     """Run all robots, print the table, write gravity_joint_3.json and .html; the runs by their robots' names."""
-    wanted: list[tuple[str, Damping]] = [(name, d) for d in get_args(Damping) for name in CONTROLLERS]
+    wanted: list[tuple[str, Damping]] = [(name, d) for d in dampings for name in CONTROLLERS]
     runs: list[tuple[str, Run]] = []
     for variation in variations:
         arm, base = varied_joint_3(variation), turned_base(BASE_DEG)
