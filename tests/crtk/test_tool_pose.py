@@ -38,3 +38,8 @@ def test_a_model_of_the_robots_own_joints_needs_no_jaws():
 def test_a_model_of_another_robot_is_refused():
     with pytest.raises(InputError, match="expected 7"):
         ToolPose(load_robot("two_link"), JOINTS)
+
+
+def test_what_runs_along_paths_is_prepared_wherever_the_robot_is():
+    for name, joints in (("raven2_full", JOINTS), ("two_link", ("joint1", "joint2"))):
+        ToolPose(load_robot(name), joints).prepare()

@@ -83,8 +83,8 @@ def gravity(
     """
     import numpy as np
 
-    from catenary.gravity.vector import LEVEL
-    from catenary.jobs.gravity_torques import gravity_of_tilt, gravity_torques
+    from catenary.gravity.vector import LEVEL, tilted_gravity
+    from catenary.jobs.gravity_torques import gravity_torques
     from catenary.robots.catalog import load_robot
 
     if tilt_deg is not None and vector is not None:
@@ -97,7 +97,7 @@ def gravity(
         if not np.isfinite(tilt_deg).all():
             raise InputError(f"--tilt-deg: expected finite numbers, got {list(tilt_deg)}")
         roll, pitch = np.deg2rad(tilt_deg)
-        down = gravity_of_tilt(float(roll), float(pitch))
+        down = tilted_gravity(float(roll), float(pitch))
     result = gravity_torques(model, values, down)
     print_notes(beyond_limits(model, values))
     if as_json:

@@ -67,6 +67,8 @@ class Node:
     def _look(self) -> None:
         """Register again with a master that is another process, or that has forgotten this node."""
         pid, known = self.master.pid(), self.master.node(self.name)
+        if rospy.is_shutdown():
+            return  # it is being unregistered, and unknown for that
         if pid != self.master_pid or known is None:
             self._register()
             self.master_pid = pid

@@ -86,6 +86,15 @@ class ToolPose:
         half, tool = 0.5 * (near[-2] + near[-1]), found[:, -1]
         return np.column_stack([found[:, :-1], half - tool, half + tool])
 
+    def prepare(self) -> None:
+        """Compile what `path` runs, in the middle of the joints' range, wherever the robot may be."""
+        lower, upper = (
+            np.nan_to_num(end, posinf=0.0, neginf=0.0) for end in (self.model.lower, self.model.upper)
+        )
+        near: Floats = np.linalg.pinv(self._to_model) @ (0.5 * (lower + upper))
+        place = self.pose(near)
+        self.path(place.rotation[np.newaxis], place.position[np.newaxis], near)
+
     def in_frame_0(self, rotations: Floats, positions: Floats) -> tuple[Floats, Floats]:
         """Give poses in the mechanism's frame 0, in which a RAVEN-II's own raven_state has them."""
         if self._frame_0 is None:

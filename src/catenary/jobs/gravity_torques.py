@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.gravity.torque import gravity_torque
 from catenary.gravity.vector import LEVEL
 from catenary.robots.model import RobotModel
-from catenary.simulation.base_motion import FixedBase
 
 TORQUE_UNIT = {"rad": "Nm", "m": "N"}
 
@@ -43,12 +41,6 @@ class GravityTorques:
             "unit": self.units,
             "level": self.level.tolist(),
         }
-
-
-def gravity_of_tilt(roll: float, pitch: float) -> Floats:
-    """Gravity (3,) in the axes of a base turned by roll about x, then by pitch about its own y [rad]."""
-    gravity: Floats = FixedBase(roll, pitch).sample(np.zeros(1)).gravity[0]
-    return gravity
 
 
 def gravity_torques(model: RobotModel, q: ArrayLike, gravity: ArrayLike = LEVEL) -> GravityTorques:

@@ -172,8 +172,7 @@ def serve(
     server.tick()  # whatever is compiled on first use is compiled here
     for arm in server.arms.values():
         if arm.tool is not None:
-            place = arm.tool.pose(arm.setpoint.q)
-            arm.tool.path(place.rotation[np.newaxis], place.position[np.newaxis], arm.setpoint.q)
+            arm.tool.prepare()
     settled = RealTime(period)
     settled.begin()
     clock = time.perf_counter

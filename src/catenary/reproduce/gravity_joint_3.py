@@ -17,6 +17,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.control.pd import Damping
 from catenary.page import Block, Table, Text
+from catenary.reproduce.arguments import folder_argument
 from catenary.reproduce.gravity_tracking import CONTROLLERS, LABELS, Run, run_controllers
 from catenary.reproduce.raven_base import turned_base
 from catenary.reproduce.results import shown, write_results
@@ -105,4 +106,4 @@ def main(
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(folder_argument(__doc__))

@@ -29,6 +29,7 @@ from catenary.gravity.vector import LEVEL
 from catenary.jobs.gravity_motion import RAVEN_START
 from catenary.jobs.simulated_arm import raven_gains
 from catenary.page import Block, Picture, Table, Text, picture
+from catenary.reproduce.arguments import folder_argument
 from catenary.reproduce.gravity_step import ACCELERATION, ALONG, ONSET, CuedBase, Response, respond
 from catenary.reproduce.plant_targets import joint_1_friction
 from catenary.reproduce.results import shown, write_results
@@ -247,4 +248,4 @@ def main(
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(folder_argument(__doc__))
