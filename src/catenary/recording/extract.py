@@ -169,10 +169,7 @@ class _TopicWriter:
             ]
         about = {**metadata, "topic": topic.name, "type": topic.type, "md5": md5_sum(topic.type)}
         self._schema = pa.schema(fields, metadata={"catenary": json.dumps(about)})
-        # dictionaries and ranges do not pay for measured numbers, nor does a slower compression
-        self._writer = pq.ParquetWriter(
-            self._part, self._schema, compression="lz4", use_dictionary=False, write_statistics=False
-        )
+        self._writer: pq.ParquetWriter | None = None
         self._arrivals: list[int] = []
         self._data: list[bytes] = []
         self._blocks: list[tuple[NDArray[np.int64], Block]] = []
@@ -209,17 +206,36 @@ class _TopicWriter:
         for column in self.topic.columns:
             values = np.ascontiguousarray(samples.columns[column.name].T)
             arrays += [pa.array(row) for row in values]
-        self._writer.write_table(pa.table(arrays, schema=self._schema), row_group_size=len(messages))
+        table = pa.table(arrays, schema=self._schema)
+        if self._writer is None:
+            self._writer = self._open(table)
+        self._writer.write_table(table, row_group_size=len(messages))
         self.messages += len(messages)
+
+    def _open(self, first: pa.Table) -> pq.ParquetWriter:
+        """Begin the file; columns that mostly stay as they are, by its first rows, are compressed.
+
+        Dictionaries and ranges do not pay for measured numbers, nor does compression: a fifth smaller, half as quick.
+        """
+        compression = {}
+        for name, column in zip(first.column_names, first.columns, strict=True):
+            values = column.to_numpy()
+            stays = 2 * np.count_nonzero(values[1:] == values[:-1]) > len(values)
+            compression[name] = "lz4" if stays else "none"
+        return pq.ParquetWriter(
+            self._part, self._schema, compression=compression, use_dictionary=False, write_statistics=False
+        )
 
     def close(self) -> Path:
         self.write()
-        self._writer.close()
+        writer = self._open(self._schema.empty_table()) if self._writer is None else self._writer
+        writer.close()
         self._part.rename(self.path)
         return self.path
 
     def abort(self) -> None:
-        self._writer.close()
+        if self._writer is not None:
+            self._writer.close()
         self._part.unlink(missing_ok=True)
 
 
