@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from catenary.cli.options import AsJsonNotTables
+from catenary.cli.options import AsJsonNotTables, Report
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table, progress_bar, words
 from catenary.errors import InputError
 
@@ -28,9 +28,6 @@ LARGEST = sys.float_info.max
 LARGEST_SEED = 2**32 - 1  # that scikit-learn takes
 Seed = Annotated[
     int, typer.Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Of everything random.")
-]
-Report = Annotated[
-    Path | None, typer.Option("--report", metavar="HTML", help="Also write a self-contained page.")
 ]
 MaxError = Annotated[
     str | None,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from catenary.cli.joint_options import Q, QDeg, beyond_limits, joint_values
-from catenary.cli.options import AsJsonNotTables
+from catenary.cli.options import AsJsonNotTables, Report
 from catenary.cli.robots import Robot
 from catenary.cli.terminal import print_json, print_notes, print_table, words
 from catenary.errors import InputError
@@ -16,9 +16,6 @@ if TYPE_CHECKING:
 
     from catenary.simulation.base_motion import MovingBase
 
-Report = Annotated[
-    Path | None, typer.Option("--report", metavar="HTML", help="Also write a self-contained page.")
-]
 Simulated = Annotated[
     str,
     typer.Argument(

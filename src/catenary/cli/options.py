@@ -7,6 +7,9 @@ import typer
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 AsJsonNotTables = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
+Report = Annotated[
+    Path | None, typer.Option("--report", metavar="HTML", help="Also write a self-contained page.")
+]
 JsonLines = Annotated[bool, typer.Option("--json", help="Print a JSON line a second, and one at the end.")]
 Carrier = Annotated[str, typer.Option("--ros", metavar="1|2|none", help="What carries the messages.")]
 Duration = Annotated[
