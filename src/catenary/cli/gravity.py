@@ -202,11 +202,7 @@ def track(
         "controller": controller,
         "motion": motion,
         "damping": damping,
-        "base_tilt_deg": base_tilt_deg or (0.0, 0.0),
-        "rock_deg": rock_deg,
-        "rock_hz": None if rock_deg is None else rock_hz,
-        "payload": payload,
-        "seed": seed,
+        **_conditions(base_tilt_deg, rock_deg, rock_hz, payload, seed),
     }
     if report is not None:
         write_tracking_report(report, result, settings)
@@ -259,11 +255,7 @@ def hold(
     settings = {
         "robot": robot,
         "controller": controller,
-        "base_tilt_deg": base_tilt_deg or (0.0, 0.0),
-        "rock_deg": rock_deg,
-        "rock_hz": None if rock_deg is None else rock_hz,
-        "payload": payload,
-        "seed": seed,
+        **_conditions(base_tilt_deg, rock_deg, rock_hz, payload, seed),
     }
     if report is not None:
         write_holding_report(report, result, settings)
@@ -274,6 +266,23 @@ def hold(
     print_table(f"{robot} (simulated), held by {controller} for {seconds:g} s", table.header, table.rows)
     if report is not None:
         print(f"page: {report}")
+
+
+def _conditions(
+    base_tilt_deg: tuple[float, float] | None,
+    rock_deg: tuple[float, float] | None,
+    rock_hz: float,
+    payload: float,
+    seed: int | None,
+) -> dict[str, object]:
+    """What the arm stands on, carries and is, as the JSON and the page have it."""
+    return {
+        "base_tilt_deg": base_tilt_deg or (0.0, 0.0),
+        "rock_deg": rock_deg,
+        "rock_hz": None if rock_deg is None else rock_hz,
+        "payload": payload,
+        "seed": seed,
+    }
 
 
 def _check_report(report: Path | None) -> None:

@@ -1,6 +1,6 @@
 """What tracking and holding under gravity came to: tables, and a page with a picture."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ from catenary import __version__
 from catenary.jobs.gravity_hold import Holding
 from catenary.jobs.gravity_torques import TORQUE_UNIT
 from catenary.jobs.gravity_track import DISPLAY, Tracking
-from catenary.page import Heading, Picture, Table, Text, picture, settings_facts, write_page
+from catenary.page import Block, Heading, Picture, Table, Text, picture, settings_facts, write_page
 
 ERROR, TORQUE, PD = "#4b6b94", "#b8c0cc", "#d9622b"
 MOST_POINTS = 4_000  # in a line
@@ -54,7 +54,7 @@ def write_tracking_report(path: Path, result: Tracking, settings: Mapping[str, A
     Raises:
         FileFormatError: The file cannot be written.
     """
-    write_page(
+    _write(
         path,
         f"Tracking with controller {settings['controller']}",
         "Joint errors, and the PD term's share of the torque, as in Lewis and Hannaford 2014.",
@@ -65,11 +65,8 @@ def write_tracking_report(path: Path, result: Tracking, settings: Mapping[str, A
                 "Errors are desired minus reported joint positions, at the motors. PD share: RMS of the PD term over "
                 "RMS of the whole torque; near 0 % where the model is right, beyond 100 % where the PD fights it."
             ),
-            Heading("Settings"),
-            settings_facts(settings),
         ],
-        footer=f"catenary {__version__}",
-        simulated=True,
+        settings,
     )
 
 
@@ -79,7 +76,7 @@ def write_holding_report(path: Path, result: Holding, settings: Mapping[str, Any
     Raises:
         FileFormatError: The file cannot be written.
     """
-    write_page(
+    _write(
         path,
         f"Held by controller {settings['controller']}",
         "Gravity compensation alone, as in Lewis and Hannaford 2014: how far each joint drifts.",
@@ -90,9 +87,17 @@ def write_holding_report(path: Path, result: Holding, settings: Mapping[str, Any
                 "Drift is the largest distance from where a joint began: of the joint itself, then as the robot "
                 "reports it at its motor. At the end: where it then was, seen from the start."
             ),
-            Heading("Settings"),
-            settings_facts(settings),
         ],
+        settings,
+    )
+
+
+def _write(path: Path, title: str, about: str, blocks: Sequence[Block], settings: Mapping[str, Any]) -> None:
+    write_page(
+        path,
+        title,
+        about,
+        [*blocks, Heading("Settings"), settings_facts(settings)],
         footer=f"catenary {__version__}",
         simulated=True,
     )
