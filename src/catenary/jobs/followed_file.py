@@ -10,7 +10,7 @@ import numpy as np
 from catenary.arrays import Floats, frozen
 from catenary.errors import FileFormatError, InputError
 from catenary.plant import MotionLog
-from catenary.recording.importers import read_arrays
+from catenary.recording.importers import is_number, read_arrays
 from catenary.recording.logs import read_parquet
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.trajectories.zigzag import BLEND, ROWS_PER_SECOND
@@ -86,7 +86,7 @@ def _read_csv(path: Path, rows_per_second: float | None) -> FollowedFile:
         raise FileFormatError(f"{path}: cannot be read as CSV: {error}") from error
     if not rows:
         raise FileFormatError(f"{path}: is empty")
-    if _is_number(rows[0][0]):
+    if is_number(rows[0][0]):
         values = _numbers(path, rows, first=1)
         if values.shape[1] != len(PUBLISHED_UNITS):
             raise FileFormatError(
@@ -164,16 +164,8 @@ def _require_sound(path: Path, found: FollowedFile) -> None:
 def _numbers(path: Path, rows: list[list[str]], *, first: int, width: int | None = None) -> Floats:
     wanted = len(rows[0]) if width is None and rows else width
     for k, row in enumerate(rows):
-        if len(row) != wanted or not all(_is_number(cell) for cell in row):
+        if len(row) != wanted or not all(is_number(cell) for cell in row):
             raise FileFormatError(
                 f"{path}: line {first + k}: expected {wanted} numbers, got {','.join(row)[:60]!r}"
             )
     return np.array(rows, dtype=float).reshape(len(rows), wanted or 0)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -173,6 +173,15 @@ def numbers_of(
     return values.astype(np.float64)
 
 
+def is_number(text: str) -> bool:
+    """Whether a cell of a table in text is a number; NaN and infinity are."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def _texts(path: Path, content: dict[str, NDArray[Any]], key: str) -> tuple[str, ...]:
     values = np.atleast_1d(content.get(key, np.array([], dtype=str)))
     if values.dtype.kind == "S":

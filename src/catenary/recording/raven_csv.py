@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats, as_array
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.extract import topic_file
+from catenary.recording.importers import is_number
 from catenary.recording.series import SECOND, Series, clean_series
 from catenary.recording.synchronise import (
     Synchronisation,
@@ -215,7 +216,7 @@ def _read_numbers(path: Path) -> Floats:
         )
     names = [str(i) for i in range(len(head))]
     try:
-        read = pa.csv.ReadOptions(column_names=names, skip_rows=0 if _is_number(head[0]) else 1)
+        read = pa.csv.ReadOptions(column_names=names, skip_rows=0 if is_number(head[0]) else 1)
         convert = pa.csv.ConvertOptions(
             column_types={name: pa.float64() for name in names}, null_values=["", "nan", "NaN", "-nan"]
         )
@@ -223,11 +224,3 @@ def _read_numbers(path: Path) -> Floats:
     except pa.ArrowInvalid as error:
         raise FileFormatError(f"{path}: cannot be read as RAVEN-II's CSV: {error}") from error
     return np.column_stack([column.to_numpy() for column in table.columns]).astype(np.float64)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
