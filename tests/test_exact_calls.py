@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from catenary.exact_calls import Exact, as_arrays, exact, known_layout, others
+from oracles.wrong_arrays import WRONG_ARRAYS
 
 READ, WRITTEN = Exact("float64", (3,), writable=False), Exact("float64", (3,), writable=True)
 
@@ -27,21 +28,7 @@ def test_arrays_of_the_type_and_shape_are_taken() -> None:
 
 @pytest.mark.parametrize(
     "wrong",
-    [
-        np.zeros(2),
-        np.zeros((3, 1)),
-        np.zeros(()),
-        np.zeros(3, dtype=np.float32),
-        np.zeros(3, dtype=np.int64),
-        np.zeros(3, dtype=np.complex128),
-        np.zeros(6)[::2],
-        np.zeros(3).astype(">f8"),
-        np.frombuffer(bytes(25), dtype=np.float64, count=3, offset=1),  # not aligned
-        np.zeros(3).view(np.recarray),
-        [0.0, 0.0, 0.0],
-        1.0,
-        None,
-    ],
+    WRONG_ARRAYS,
 )
 def test_any_other_argument_is_found_out(wrong) -> None:
     right = np.zeros(3)

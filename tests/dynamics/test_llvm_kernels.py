@@ -19,6 +19,7 @@ from catenary.dynamics.tracing import evaluate
 from catenary.errors import InputError
 from catenary.robots.catalog import load_robot
 from oracles.random_trees import random_robot
+from oracles.wrong_arrays import WRONG_ARRAYS
 
 ROBOT = load_robot("raven2")
 LINE = gravity_line(ROBOT)
@@ -99,21 +100,7 @@ def test_one_large_angle_leaves_the_others_as_they_are(folder: Path) -> None:
 
 @pytest.mark.parametrize(
     "wrong",
-    [
-        np.zeros(2),
-        np.zeros(4),
-        np.zeros((3, 1)),
-        np.zeros(()),
-        np.zeros(3, dtype=np.float32),
-        np.zeros(3, dtype=np.int64),
-        np.zeros(6)[::2],
-        np.zeros(3).astype(">f8"),
-        np.frombuffer(bytes(25), dtype=np.float64, count=3, offset=1),  # not aligned
-        np.zeros(3).view(np.recarray),
-        [0.0, 0.0, 0.0],
-        1.0,
-        None,
-    ],
+    WRONG_ARRAYS,
 )
 @pytest.mark.parametrize("way", ["by machine code", "in Python"])
 def test_calls_refuse_what_they_were_not_made_for(both_ways, wrong, way: str) -> None:
