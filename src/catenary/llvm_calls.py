@@ -2,8 +2,8 @@
 
 What numba would add costs more than the arithmetic of most arms: half a second to import, as long to make ready, and in
 every call a search for the code that fits, or a tuple of the arguments. Here the call's own code is written too. It is
-a method of CPython's quick calling convention (METH_FASTCALL) that looks at its arrays itself (array_layout.py): it
-refuses any that is not of the type and shape that it was made for, and looks at no number.
+a method of CPython's quick calling convention (METH_FASTCALL) that looks at its arrays itself (array_layout.py): where
+any is not of the type and shape that it was made for, all of them go to a function of Python's. It looks at no number.
 
 The machine code holds no address of a process: what it needs from this one comes with every call, in an array that is
 its `self`. So another process may load it.
@@ -17,11 +17,10 @@ import numpy as np
 from llvmlite import binding
 
 from catenary.array_layout import DATA, ArrayKind, known_layout
-from catenary.errors import InputError
 
 METH_FASTCALL = 0x0080  # methodobject.h
 # what is in the array that comes with every call; then a function's own words
-ARRAY_TYPE, NONE, ERROR, MESSAGE, SET_ERROR, COUNT_UP, WORDS = range(7)
+ARRAY_TYPE, NONE, OTHERWISE, CALL, COUNT_UP, WORDS = range(6)
 NAME = "into"
 Write = Callable[[Any, list[Any], Callable[[int], Any]], None]
 
@@ -70,14 +69,18 @@ def compile_call(kinds: Sequence[ArrayKind], write: Write) -> bytes:
 
 
 def load_call(
-    code: bytes, kinds: Sequence[ArrayKind], expected: str, words: Sequence[int] = (), kept: object = None
+    code: bytes,
+    kinds: Sequence[ArrayKind],
+    otherwise: Callable[..., None],
+    words: Sequence[int] = (),
+    kept: object = None,
 ) -> Callable[..., None]:
     """Give a function of Python's that runs machine code of `compile_call` on some arrays, and returns None.
 
     Args:
         code: From `compile_call`, of the same kinds of arrays.
         kinds: The arrays that it takes.
-        expected: The message of the InputError that it raises for others.
+        otherwise: Called with any other arguments.
         words: Whole numbers that it takes besides, addresses for instance.
         kept: What must not be freed before it.
     """
@@ -89,22 +92,20 @@ def load_call(
     given[WORDS:] = words
     if not known_layout():
         given.kept = engine, kept
-        return _by_address(address, kinds, expected, given)
-    text = expected.encode()
+        return _by_address(address, kinds, otherwise, given)
     api = ctypes.pythonapi
-    given[[ARRAY_TYPE, NONE, ERROR]] = id(np.ndarray), id(None), id(InputError)
-    given[MESSAGE] = ctypes.cast(ctypes.c_char_p(text), ctypes.c_void_p).value or 0
-    for place, of_python in ((SET_ERROR, api.PyErr_SetString), (COUNT_UP, api.Py_IncRef)):
+    given[[ARRAY_TYPE, NONE, OTHERWISE]] = id(np.ndarray), id(None), id(otherwise)
+    for place, of_python in ((CALL, api.PyObject_Vectorcall), (COUNT_UP, api.Py_IncRef)):
         given[place] = ctypes.cast(of_python, ctypes.c_void_p).value or 0
     method = _Method(NAME.encode(), address, METH_FASTCALL, None)
     make = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.POINTER(_Method), ctypes.py_object, ctypes.py_object)
-    given.kept = engine, kept, method, text
+    given.kept = engine, kept, method, otherwise
     function: Callable[..., None] = make(("PyCFunction_NewEx", api))(method, given, __name__)
     return function
 
 
 def _by_address(
-    address: int, kinds: Sequence[ArrayKind], expected: str, given: _Given
+    address: int, kinds: Sequence[ArrayKind], otherwise: Callable[..., None], given: _Given
 ) -> Callable[..., None]:
     """Give a function that looks at arrays in Python."""
     run = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(ctypes.c_void_p))(address)
@@ -113,8 +114,9 @@ def _by_address(
     def into(*arrays: object) -> None:
         addresses = [kind.address(array) for kind, array in zip(kinds, arrays, strict=False)]
         if len(arrays) != len(kinds) or 0 in addresses:
-            raise InputError(expected)
-        run(given.ctypes.data, places(*addresses))
+            otherwise(*arrays)
+        else:
+            run(given.ctypes.data, places(*addresses))
 
     return into
 
@@ -168,25 +170,27 @@ def _module(kinds: Sequence[ArrayKind], write: Write) -> Any:
         write(builder, data, word)
         builder.ret_void()
         return module
-    body, refuse = (function.append_basic_block(name) for name in ("body", "refuse"))
+    body, other = (function.append_basic_block(name) for name in ("body", "other"))
     given = load_field(builder, own, DATA, ADDRESS)
-    builder.cbranch(builder.icmp_signed("==", function.args[2], WORD(len(kinds))), body, refuse)
+    builder.cbranch(builder.icmp_signed("==", function.args[2], WORD(len(kinds))), body, other)
     builder.position_at_end(body)
     array_type = from_this_process(ARRAY_TYPE, WORD)
     objects = [argument(k) for k in range(len(kinds))]
     triples = zip(objects, kinds, numbers, strict=True)
     write(
-        builder, [data_of(builder, array, kind, array_type, of, refuse) for array, kind, of in triples], word
+        builder, [data_of(builder, array, kind, array_type, of, other) for array, kind, of in triples], word
     )
     none = from_this_process(NONE, ADDRESS)
     up = ir.FunctionType(ir.VoidType(), [ADDRESS]).as_pointer()
     builder.call(from_this_process(COUNT_UP, up), [none])
     builder.ret(none)
-    builder.position_at_end(refuse)
-    set_error = ir.FunctionType(ir.VoidType(), [ADDRESS, ADDRESS]).as_pointer()
-    builder.call(
-        from_this_process(SET_ERROR, set_error),
-        [from_this_process(ERROR, ADDRESS), from_this_process(MESSAGE, ADDRESS)],
-    )
-    builder.ret(ir.Constant(ADDRESS, None))
+    builder.position_at_end(other)
+    call = ir.FunctionType(ADDRESS, [ADDRESS, arguments.type, WORD, ADDRESS]).as_pointer()
+    given_on = [
+        from_this_process(OTHERWISE, ADDRESS),
+        arguments,
+        function.args[2],
+        ir.Constant(ADDRESS, None),
+    ]
+    builder.ret(builder.call(from_this_process(CALL, call), given_on))
     return module

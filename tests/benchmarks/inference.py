@@ -5,6 +5,7 @@ positions and, like the exported graph, falls back to the fixed offset.
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from tests.benchmarks.inference_peers import Fitted, peers, session_call, session_of
@@ -41,7 +42,7 @@ def one_sample(predictor: Fitted, x: Floats, rng: np.random.Generator) -> dict[s
     q, out, inside = np.zeros(JOINTS), np.empty(JOINTS), np.empty(JOINTS, dtype=bool)
     corrector.correct(q, x, out, inside)
     assert inside.all()
-    contenders: dict[str, Call] = {"Corrector": lambda: corrector.correct(q, x, out, inside)}
+    contenders: dict[str, Call] = {"Corrector": partial(corrector.correct, q, x, out, inside)}
     others = peers(predictor, x[None, :])
     others["exported graph, onnxruntime"] = session_call(
         session_of(to_onnx(model, {})), "correction", {"signals": x[None, :]}

@@ -2,22 +2,31 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.calibration.kernels import with_whole_lines
+from catenary.calibration import layers
+from catenary.calibration.kernels import in_lines
 from catenary.calibration.layers import BLOCK, LINE, LOGISTIC, TANH, bend, layer, lines
-from catenary.compiled import fma
+from catenary.compiled import compiled, fma, in_memory, instructions
 
 GUARD = 7.0
+
+
+@compiled
+def run_layer(x, x_at, numbers, at, inputs, outputs, out, out_at):
+    layer(x, x_at, numbers, at, inputs, outputs, out, out_at)
+
+
+@compiled
+def run_bend(activation, values, at, count):
+    bend(activation, values, at, count)
 
 
 def written(x: np.ndarray, weights: np.ndarray, bias: np.ndarray, *, shift: int = 0) -> np.ndarray:
     """A layer's outputs, from arrays that begin `shift` numbers from where they are allocated."""
     inputs, outputs = weights.shape
-    wide = np.zeros(lines(outputs))
-    wide[:outputs] = bias
-    numbers = np.concatenate([np.full(shift, GUARD), with_whole_lines(weights).ravel(), wide])
+    numbers = np.concatenate([np.full(shift, GUARD), in_lines([weights, bias])])
     taken = np.concatenate([np.full(shift, GUARD), x])
     out = np.full(shift + lines(outputs) + 1, GUARD)
-    layer(taken, shift, numbers, shift, inputs, outputs, out, shift)
+    run_layer(taken, shift, numbers, shift, inputs, outputs, out, shift)
     assert (out[:shift] == GUARD).all()
     assert out[-1] == GUARD
     return out[shift : shift + outputs]
@@ -57,12 +66,34 @@ def test_bits_do_not_depend_on_how_many_columns_lie_beside() -> None:
     assert (written(x, weights[:, :sums], bias[:sums]) == whole[:sums]).all()
 
 
+@pytest.mark.parametrize("outputs", [1, 9, 30, 49, 56, 57, 100, 200])
+def test_bits_do_not_depend_on_the_processors_registers(
+    monkeypatch: pytest.MonkeyPatch, outputs: int
+) -> None:
+    rng = np.random.default_rng(outputs)
+    x, weights, bias = rng.normal(size=21), rng.normal(size=(21, outputs)), rng.normal(size=outputs)
+    numbers, found = in_lines([weights, bias]), []
+    for block in (6, 14):
+        monkeypatch.setattr(layers, "BLOCK", block)
+        made = instructions(layers._write_layer)
+
+        @in_memory(compiled)
+        def by_blocks(x, numbers, outputs, out, made=made):
+            made((x, 0, numbers, 0, len(x), outputs, out, 0))
+
+        out = np.empty(lines(outputs))
+        by_blocks(x, numbers, outputs, out)
+        found.append(out[:outputs])
+    assert (found[0] == found[1]).all()
+    assert (found[0] == written(x, weights, bias)).all()
+
+
 def test_nan_reaches_what_depends_on_it() -> None:
     x, weights, bias = np.array([np.nan, 1.0]), np.ones((2, 3)), np.zeros(3)
     assert np.isnan(written(x, weights, bias)).all()
     bent = np.full(LINE, np.nan)
     for activation in (TANH, LOGISTIC):
-        bend(activation, bent, 0, LINE)
+        run_bend(activation, bent, 0, LINE)
         assert np.isnan(bent).all()
 
 
@@ -70,13 +101,13 @@ def test_tanh_is_that_of_the_c_library() -> None:
     exponents = 10.0 ** np.linspace(-300.0, 300.0, 10_001)
     v = np.concatenate([np.linspace(-25.0, 25.0, 100_001), exponents, -exponents, [0.0, np.inf, -np.inf]])
     bent = np.resize(v, lines(len(v)))
-    bend(TANH, bent, 0, len(v))
+    run_bend(TANH, bent, 0, len(v))
     assert_allclose(bent[: len(v)], np.tanh(v), rtol=3e-15)  # six doublings, each within a rounding or two
 
 
 def test_logistic_function_is_that_of_the_c_library() -> None:
     v = np.concatenate([np.linspace(-50.0, 50.0, 100_001), [0.0, 1e300, -1e300, np.inf, -np.inf]])
     bent = np.resize(v, lines(len(v)))
-    bend(LOGISTIC, bent, 0, len(v))
+    run_bend(LOGISTIC, bent, 0, len(v))
     with np.errstate(over="ignore"):
         assert_allclose(bent[: len(v)], 1.0 / (1.0 + np.exp(-v)), rtol=0.0, atol=1e-15)

@@ -10,7 +10,6 @@ from catenary.arrays import Floats, as_array
 from catenary.calibration.dataset import RATE_TOLERANCE
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.tick import (
-    ROBOT_JOINTS,
     SOURCES,
     clear,
     fuse,
@@ -33,6 +32,19 @@ class Corrector:
 
     Previous positions lie `decimation` ticks apart, as far in time as the training rows did; they are taken anew at
     every tick, so the correction is as smooth as the motion. Play states need no rate.
+    """
+
+    correct: Callable[[Floats, Floats, Floats, Flags], None]
+    """Take one tick, in machine code: `correct(q_nominal, signals, out, inside)`.
+
+    Args:
+        q_nominal: (n,) positions that the robot reports [rad|m].
+        signals: (S,) current values of `model.features.signals`, in that order.
+        out: (n,) receives the calibrated positions [rad|m].
+        inside: (n,) receives whether each joint is inside the model's valid range.
+
+    Raises:
+        InputError: An array has another size.
     """
 
     def __init__(
@@ -58,11 +70,11 @@ class Corrector:
         self._make_calls()
 
     def _make_calls(self) -> None:
-        self._call = tick_call(self._layout, self._memory)
+        self.correct = tick_call(self._layout, self._memory)
         self._state_call = tick_state_call(self._robot_layout, self._memory)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name not in ("_call", "_state_call")}
+        return {name: value for name, value in vars(self).items() if name not in ("correct", "_state_call")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)  # a copy has a memory of its own, and so calls
@@ -76,25 +88,6 @@ class Corrector:
     def reset(self) -> None:
         """Forget all previous ticks: another motion begins."""
         clear(self._layout, self._memory)
-
-    def correct(self, q_nominal: Floats, signals: Floats, out: Floats, inside: Flags) -> None:
-        """Take one tick.
-
-        Args:
-            q_nominal: (n,) positions that the robot reports [rad|m].
-            signals: (S,) current values of `model.features.signals`, in that order.
-            out: (n,) receives the calibrated positions [rad|m].
-            inside: (n,) receives whether each joint is inside the model's valid range.
-
-        Raises:
-            InputError: An array has another size.
-        """
-        try:
-            self._call(q_nominal, signals, out, inside)
-        except InputError:
-            n, size = len(self.model.joint_names), len(self.model.features.signals)
-            expected = f"expected q_nominal ({n},), signals ({size},), out ({n},), inside ({n},), got"
-            _call_with_copies(self._call, (n, size, n, n), expected, (q_nominal, signals), out, inside)
 
     def run(self, q_nominal: Floats, signals: Floats) -> tuple[Floats, Flags]:
         """Take a whole recording in one call, from its first row on.
@@ -161,34 +154,7 @@ class Corrector:
         Raises:
             InputError: An array has another size than the robot's joints.
         """
-        try:
-            self._state_call(state.q, state.qd, state.tau, out, inside)
-        except InputError:
-            sizes = (int(self._robot_layout[ROBOT_JOINTS]),) * 5
-            expected = "q, qd, tau, out and inside are not of the robot that it was prepared for:"
-            _call_with_copies(self._state_call, sizes, expected, (state.q, state.qd, state.tau), out, inside)
-
-
-def _call_with_copies(
-    call: Callable[..., None],
-    sizes: tuple[int, ...],
-    expected: str,
-    inputs: tuple[Floats, ...],
-    out: Floats,
-    inside: Flags,
-) -> None:
-    """Run a call on copies of arrays of the right sizes that are of another type or layout.
-
-    Raises:
-        InputError: An array has another size.
-    """
-    given = [np.shape(array) for array in (*inputs, out, inside)]
-    if given != [(size,) for size in sizes]:
-        raise InputError(f"corrector: {expected} {', '.join(map(str, given))}")
-    copies = [np.ascontiguousarray(array, dtype=float) for array in inputs]
-    result, flags = np.empty(out.shape), np.empty(inside.shape, dtype=bool)
-    call(*copies, result, flags)
-    out[:], inside[:] = result, flags
+        self._state_call(state.q, state.qd, state.tau, out, inside)
 
 
 def _decimation(model: CalibrationModel, rate_hz: float, decimation: int | None) -> int:

@@ -8,8 +8,8 @@ import numpy as np
 from sklearn.neural_network import MLPRegressor
 from threadpoolctl import threadpool_limits
 
-from catenary.arrays import Floats, as_array
-from catenary.calibration.kernels import NETWORK, Packed, pack, predict_rows, with_whole_lines
+from catenary.arrays import Floats
+from catenary.calibration.kernels import NETWORK, Packed, pack, predict_rows
 from catenary.calibration.layers import LOGISTIC, TANH, lines
 from catenary.calibration.linear import Linear, fit_linear, standardisation
 from catenary.calibration.progress import Progress, part_of, silent
@@ -45,14 +45,13 @@ class Network:
             ("scale", self.scale, widths[:1]),
         ]
         for k, (W, b) in enumerate(zip(self.weights, self.biases, strict=True)):
-            weights = as_array(f"weights{k}", W, widths[k : k + 2], finite=False)
-            parts.append((f"weights{k}", with_whole_lines(weights), (widths[k], lines(widths[k + 1]))))
-            parts.append((f"bias{k}", b, widths[k + 1 : k + 2]))
+            parts += [(f"weights{k}", W, widths[k : k + 2]), (f"bias{k}", b, widths[k + 1 : k + 2])]
         parts += [("out_mean", self.out_mean, sizes[1:]), ("out_scale", self.out_scale, sizes[1:])]
         if self.skip is not None:
             parts += [("skip_weights", self.skip.weights, sizes), ("skip_bias", self.skip.bias, sizes[1:])]
         activation = TANH if self.activation == "tanh" else LOGISTIC
-        return pack(NETWORK, parts, sizes=sizes, more=[activation, self.skip is not None, *widths[1:]])
+        more = [activation, self.skip is not None, len(self.weights), *widths[1:]]
+        return pack(NETWORK, parts, sizes=sizes, room=2 * lines(max(widths)), more=more)
 
 
 @dataclass(frozen=True)

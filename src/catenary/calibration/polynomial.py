@@ -9,6 +9,7 @@ from sklearn.preprocessing import PolynomialFeatures
 
 from catenary.arrays import Floats
 from catenary.calibration.kernels import QUADRATIC, Packed, pack, predict_rows
+from catenary.calibration.layers import lines
 from catenary.calibration.linear import standardisation
 
 
@@ -30,14 +31,15 @@ class Quadratic:
     def pack(self) -> Packed:
         """Give the arrays as compiled loops take them."""
         inputs, m = self.linear.shape
+        pairs = inputs * (inputs + 1) // 2
         parts = [
             ("mean", self.mean, (inputs,)),
             ("scale", self.scale, (inputs,)),
             ("linear", self.linear, (inputs, m)),
-            ("quadratic", self.quadratic, (inputs * (inputs + 1) // 2, m)),
+            ("quadratic", self.quadratic, (pairs, m)),
             ("bias", self.bias, (m,)),
         ]
-        return pack(QUADRATIC, parts, sizes=(inputs, m))
+        return pack(QUADRATIC, parts, sizes=(inputs, m), room=lines(inputs + pairs))
 
 
 def fit_polynomial(X: Floats, Y: Floats, *, ridge: float = 0.0) -> Quadratic:

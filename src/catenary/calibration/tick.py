@@ -7,13 +7,10 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.kernels import (
-    LINEAR,
     Integers,
     in_lines,
-    inside_row,
-    linear_at,
-    predict_row,
-    work_size,
+    inside_at,
+    predict_at,
 )
 from catenary.calibration.layers import lines
 from catenary.calibration.model import CalibrationModel, JointGroup
@@ -97,7 +94,11 @@ def _fuse_group(group: JointGroup, width: int) -> tuple[list[int], list[Floats],
     sizes = [len(group.joints), len(group.columns), watched, axes]
     sizes += [len(valid), len(predictor.numbers), len(predictor.layout)]
     integers = [*sizes, *group.joints, *group.columns, *group.watched, *predictor.layout]
-    return [int(i) for i in integers], [valid, predictor.numbers], max(watched + axes, work_size(predictor))
+    return (
+        [int(i) for i in integers],
+        [valid, predictor.numbers],
+        max(lines(watched) + lines(axes), int(predictor.layout[3])),
+    )
 
 
 def with_robot(
@@ -212,17 +213,9 @@ def _tick(layout: Integers, memory: Floats, q: Floats, out: Floats, inside: NDAr
             memory[near + i] = memory[x_at + layout[at + i]]
         at += watched
         if ok:
-            ok = inside_row(memory, near, watched, axes, memory, number, memory, work)
-        if ok and layout[at] == LINEAR:
-            linear_at(memory, taken, memory, predictor, count, joints, memory, prediction)
-        elif ok:
-            predict_row(
-                layout[at : at + integers],
-                memory[predictor:following],
-                memory[taken:near],
-                memory[work:prediction],
-                memory[prediction:offset],
-            )
+            ok = inside_at(memory, near, watched, axes, memory, number, memory, work)
+        if ok:
+            predict_at(layout, at, memory, taken, memory, predictor, memory, work, memory, prediction)
         at, number = at + integers, following
         for j in range(joints):
             joint = layout[joint_at + j]

@@ -8,11 +8,15 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from catenary.array_layout import ArrayKind, known_layout
 from catenary.arrays import Floats
 from catenary.calibration.kernels import Integers
 from catenary.calibration.tick import JOINTS, ROBOT_JOINTS, SIGNALS, tick, tick_state
 from catenary.compiled import address_of, array_at
+from catenary.errors import InputError
 from catenary.llvm_calls import Write, compile_call, load_call
 
 NO_END = 2**40  # of arrays whose sizes no one asks for
@@ -20,25 +24,50 @@ POINTERS = ("int64", "float64", "float64", "float64", "float64", "boolean")
 
 
 def tick_call(layout: Integers, memory: Floats) -> Callable[..., None]:
-    """Give `call(q, signals, out, inside)`: `tick` of a model. Any other arrays raise InputError."""
+    """Give `call(q, signals, out, inside)`: `tick` of a model.
+
+    Arrays of another type or layout are copied. Those of another size raise InputError.
+    """
     n, size = int(layout[JOINTS]), int(layout[SIGNALS])
-    return _call(_tick_address(), layout, memory, (n, size), n)
+    expected = f"expected q_nominal ({n},), signals ({size},), out ({n},), inside ({n},), got"
+    return _call(_tick_address(), tick, layout, memory, (n, size, n), expected)
 
 
 def tick_state_call(layout: Integers, memory: Floats) -> Callable[..., None]:
-    """Give `call(q, qd, tau, out, inside)`: `tick_state` of a model and a robot. Any other arrays raise InputError."""
+    """Give `call(q, qd, tau, out, inside)`: `tick_state` of a model and a robot; arrays as `tick_call` takes them."""
     size = int(layout[ROBOT_JOINTS])
-    return _call(_tick_state_address(), layout, memory, (size, size, size), size)
+    expected = "q, qd, tau, out and inside are not of the robot that it was prepared for:"
+    return _call(_tick_state_address(), tick_state, layout, memory, (size,) * 4, expected)
 
 
 def _call(
-    address: int, layout: Integers, memory: Floats, inputs: tuple[int, ...], outputs: int
+    address: int,
+    function: Callable[..., bool],
+    layout: Integers,
+    memory: Floats,
+    sizes: tuple[int, ...],
+    expected: str,
 ) -> Callable[..., None]:
-    kinds = [ArrayKind("float64", (size,), writable=False) for size in inputs]
-    kinds += [ArrayKind(dtype, (outputs,), writable=True) for dtype in ("float64", "bool")]
+    """Give a call of the machine code at an address, and of the function for arrays of another type or layout."""
+    sizes = (*sizes, sizes[-1])  # as many flags as positions
+    types = ["float64"] * (len(sizes) - 1) + ["bool"]
+    kinds = [
+        ArrayKind(dtype, (size,), writable=k >= len(sizes) - 2)
+        for k, (dtype, size) in enumerate(zip(types, sizes, strict=True))
+    ]
+
+    def by_copies(*arrays: ArrayLike) -> None:
+        given = [np.shape(array) for array in arrays]
+        if given != [kind.shape for kind in kinds]:
+            raise InputError(f"corrector: {expected} {', '.join(map(str, given))}")
+        *inputs, out, inside = arrays
+        copies = [np.ascontiguousarray(array, dtype=float) for array in inputs]
+        result, flags = np.empty(kinds[-2].shape), np.empty(kinds[-1].shape, dtype=bool)
+        function(layout, memory, *copies, result, flags)
+        out[:], inside[:] = result, flags  # type: ignore[index]
+
     words = address, layout.ctypes.data, memory.ctypes.data
-    code = _code(tuple(kinds), known_layout())
-    return load_call(code, kinds, "corrector: another array than expected", words, kept=(layout, memory))
+    return load_call(_code(tuple(kinds), known_layout()), kinds, by_copies, words, kept=(layout, memory))
 
 
 @cache

@@ -32,7 +32,8 @@ class ValidRange:
         count, axes = self.axes.shape
         rows = as_array("features", X, (None, count), finite=False)
         out = np.empty(len(rows), dtype=bool)
-        inside_rows(rows, axes, self.pack(), np.empty(count + axes), out)
+        work = in_lines([np.zeros(count), np.zeros(axes)])
+        inside_rows(rows.ravel(), count, axes, self.pack(), work, out)
         return out
 
     def pack(self) -> Floats:
@@ -44,7 +45,8 @@ class ValidRange:
         count, axes = self.axes.shape
         shapes = {"lower": (count,), "upper": (count,), "mean": (count,), "axes": (count, axes)}
         shapes |= {"axis_lower": (axes,), "axis_upper": (axes,)}
-        return in_lines([as_array(name, getattr(self, name), shape) for name, shape in shapes.items()])
+        arrays = [as_array(name, getattr(self, name), shape) for name, shape in shapes.items()]
+        return in_lines([*arrays[:4], np.zeros(axes), *arrays[4:]])
 
 
 def fit_valid_range(X: Floats, margin: float) -> ValidRange:

@@ -12,6 +12,7 @@ from catenary.dynamics import line_text, sines
 from catenary.dynamics.kernel_files import forget, keep_with_digest, kept_with_digest, private_folder
 from catenary.dynamics.line_text import expected_arrays, llvm_operations, widths_of
 from catenary.dynamics.tracing import Line
+from catenary.errors import InputError
 from catenary.llvm_calls import compile_call, load_call, processor
 
 _log = logging.getLogger(__name__)
@@ -35,8 +36,15 @@ def llvm_kernel(
     digest = _digest(line, shape)
     if digest not in _loaded:
         code = _machine_code(f"{stem}-{digest}.o", line, shape, folder)
-        _loaded[digest] = load_call(code, _kinds(line, shape), expected_arrays(line, shape))
+        _loaded[digest] = load_call(code, _kinds(line, shape), _refusing(expected_arrays(line, shape)))
     return _loaded[digest]
+
+
+def _refusing(expected: str) -> Callable[..., None]:
+    def refuse(*_: object) -> None:
+        raise InputError(expected)
+
+    return refuse
 
 
 def _digest(line: Line, shape: tuple[int, ...]) -> str:
