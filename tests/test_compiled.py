@@ -8,7 +8,17 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from catenary.compiled import Compiled, address_of, array_at, compiled, fma, in_memory, inlined, instructions
+from catenary.compiled import (
+    Compiled,
+    address_of,
+    array_at,
+    borrowed,
+    compiled,
+    fma,
+    in_memory,
+    inlined,
+    instructions,
+)
 
 FACTORS = st.floats(min_value=-1e100, max_value=1e100)
 
@@ -39,10 +49,26 @@ def plus_three(x: float) -> float:
     return x + three()
 
 
+@compiled
+def swap_rows(a: np.ndarray) -> None:
+    a = borrowed(a)
+    for k in range(a.shape[1]):
+        a[0, k], a[1, k] = a[1, k], a[0, k]
+
+
 def double_four(pointer) -> None:
     values = array_at(pointer, 4)
     for k in range(len(values)):
         values[k] *= 2.0
+
+
+def test_borrowed_arrays_are_the_arrays_and_neither_kept_nor_freed() -> None:
+    array = np.arange(8.0).reshape(2, 4)[:, ::2]
+    before = sys.getrefcount(array), sys.getrefcount(array.base)
+    swap_rows(array)
+    assert array.tolist() == [[4.0, 6.0], [0.0, 2.0]]
+    assert borrowed(array) is array
+    assert (sys.getrefcount(array), sys.getrefcount(array.base)) == before
 
 
 @settings(deadline=None)  # the first example compiles

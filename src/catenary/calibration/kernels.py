@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration.layers import LINE, bend, layer, lines
-from catenary.compiled import compiled, inlined
+from catenary.compiled import borrowed, compiled, inlined
 
 CONSTANT, LINEAR, QUADRATIC, NETWORK = range(4)
 Integers = NDArray[np.int64]
@@ -87,6 +87,7 @@ def predict_rows(packed: Packed, X: Floats) -> Floats:
 def _predict_rows(
     layout: Integers, numbers: Floats, X: Floats, inputs: int, work: Floats, out: Floats
 ) -> None:
+    layout, numbers, X, work = borrowed(layout), borrowed(numbers), borrowed(X), borrowed(work)
     outputs = layout[2]
     for k in range(len(out)):
         predict_at(layout, 0, X, k * inputs, numbers, 0, work, lines(outputs), work, 0)
@@ -227,5 +228,6 @@ def inside_rows(
     X: Floats, count: int, axes: int, numbers: Floats, work: Floats, out: NDArray[np.bool_]
 ) -> None:
     """Write `inside_at` of every row of X (N * F,) into out (N,)."""
+    X, numbers, work = borrowed(X), borrowed(numbers), borrowed(work)
     for k in range(len(out)):
         out[k] = inside_at(X, k * count, count, axes, numbers, 0, work, 0)

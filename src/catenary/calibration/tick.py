@@ -14,7 +14,7 @@ from catenary.calibration.kernels import (
 )
 from catenary.calibration.layers import lines
 from catenary.calibration.model import CalibrationModel, JointGroup
-from catenary.compiled import compiled, inlined
+from catenary.compiled import borrowed, compiled, inlined
 from catenary.errors import InputError
 
 # what the first integers of a layout mean; `_AT`: where something begins, in the layout itself or in the memory
@@ -156,6 +156,8 @@ def tick_rows(
     inside: NDArray[np.bool_],
 ) -> None:
     """Run `tick` on every row."""
+    layout, memory, q, signals = borrowed(layout), borrowed(memory), borrowed(q), borrowed(signals)
+    out, inside = borrowed(out), borrowed(inside)
     for k in range(len(q)):
         tick(layout, memory, q[k], signals[k], out[k], inside[k])
 
