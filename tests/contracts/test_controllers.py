@@ -1,5 +1,7 @@
 """What every controller must do."""
 
+from copy import deepcopy
+
 import numpy as np
 import pytest
 
@@ -84,6 +86,19 @@ def test_every_torque_is_an_array_of_its_own(controller: SplitController) -> Non
     second = controller.torque(state(np.zeros(N)), wanted)
     assert not np.shares_memory(first, second)
     np.testing.assert_array_equal(first, kept)
+
+
+def test_a_copy_computes_apart(controller: SplitController) -> None:
+    at_rest = state(np.array([0.1, 0.2, 0.3]))._replace(base_rates=AT_REST)
+    wanted, twin = reference(np.array([0.2, 0.1, 0.3])), deepcopy(controller)
+    tau = controller.torque(at_rest, wanted)
+    parts = controller.feedback.copy(), controller.feedforward.copy()
+    twin.torque(at_rest._replace(q=np.zeros(N)), wanted)
+    np.testing.assert_array_equal((controller.feedback, controller.feedforward), parts)
+    np.testing.assert_array_equal(
+        deepcopy(controller).torque(at_rest, wanted), controller.torque(at_rest, wanted)
+    )
+    assert np.isfinite(tau).all()
 
 
 def test_unmeasured_joint_gives_nan_for_itself_and_no_exception(controller: SplitController) -> None:

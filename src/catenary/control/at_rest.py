@@ -4,10 +4,13 @@ On a base that turns there is no kernel: there, and for arrays of another layout
 recursions.
 """
 
+from collections.abc import Callable
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from catenary.arrays import Floats
 from catenary.control import pd
 from catenary.dynamics.kernels import gravity_module, inverse_dynamics_module
 from catenary.dynamics.numba_files import load_source, seal
@@ -73,20 +76,23 @@ INERTIA_PD = """\
 """
 
 
-def torque_at_rest(model: RobotModel, text: str, **arrays: tuple[int, ...]) -> Any:
-    """Compile `torque(ARRAYS..., STATE..., tau)`, which says whether it has written the torques.
+def torque_at_rest(model: RobotModel, text: str, **arrays: Floats) -> Callable[..., bool]:
+    """Compile `torque(q, qd, q_ref, qd_ref, gravity, rates, tau)`, which says whether it has written the torques.
+
+    Where the text mentions it, `qdd_ref` comes before `gravity`.
 
     Args:
         model: The robot.
         text: What it does, one of the above.
-        arrays: Names and shapes of the controller's own arrays, all of float64, in the order of the call.
+        arrays: The controller's own, by the names that the text has for them.
 
     Raises:
         MissingInertiaError: Links without inertia.
     """
     n = model.n
-    state = {"q": (n,), "qd": (n,), "q_ref": (n,), "qd_ref": (n,), "gravity": (3,), "rates": (2, 3)}
-    shapes = {**arrays, **state, "tau": (n,)}
+    moving = ("q", "qd", "q_ref", "qd_ref", *(["qdd_ref"] if "qdd_ref" in text else []))
+    shapes = {name: array.shape for name, array in arrays.items()} | dict.fromkeys(moving, (n,))
+    shapes |= {"gravity": (3,), "rates": (2, 3), "tau": (n,)}
     written = ("feedback", "feedforward", "work", "tau")
     given: dict[str, Any] = {
         "kinds": [Exact("float64", shape, writable=name in written) for name, shape in shapes.items()],
@@ -95,10 +101,8 @@ def torque_at_rest(model: RobotModel, text: str, **arrays: tuple[int, ...]) -> A
     called, of = ("move", inverse_dynamics_module) if "move(" in text else ("hold", gravity_module)
     kernel = of(model)
     given[called] = kernel.into
-    digest = sha256(f"{kernel.__name__} {shapes}".encode() + Path(str(pd.__file__)).read_bytes()).hexdigest()[
-        :32
-    ]
-    source = HEAD.format(digest=digest, names=", ".join(shapes)) + text
+    of_what = f"{kernel.__name__} {shapes}".encode() + Path(str(pd.__file__)).read_bytes()
+    source = HEAD.format(digest=sha256(of_what).hexdigest()[:32], names=", ".join(shapes)) + text
     module = load_source("controller", source, given)
     seal(module)
-    return module.torque
+    return partial(module.torque, *arrays.values())

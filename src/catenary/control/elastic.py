@@ -101,17 +101,15 @@ class ElasticPD:
             self.feedback,
             self.feedforward,
         )
-        n = model.n
         self._at_rest = torque_at_rest(
             model,
             ELASTIC_PD.format(biased=compensation == "biased", online=compensation != "constant"),
-            gains=(3, n),
-            stiffness=(n,),
-            work=(2, n),
-            feedback=(n,),
-            feedforward=(n,),
+            gains=self._gains.rows,
+            stiffness=self.stiffness,
+            work=np.zeros((2, model.n)),
+            feedback=self.feedback,
+            feedforward=self.feedforward,
         )
-        self._own = self._gains.rows, self.stiffness, np.zeros((2, n)), self.feedback, self.feedforward
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
         """Torques (n,) [Nm|N] at the motors, as seen at the joints; NaN where something that they depend on is.
@@ -119,12 +117,14 @@ class ElasticPD:
         Raises:
             InputError: The robot has another number of joints than the model.
         """
-        tau = np.empty(self.model.n)
-        pulls = (state.gravity, state.base_rates) if self.gravity is None else (self.gravity, AT_REST)
-        moving: tuple[Any, ...] = (state.q, state.qd, reference.q, reference.qd, *pulls)
-        if self._at_rest(*self._own, *moving, tau):
+        tau = np.empty(len(self.feedback))
+        fixed = self.gravity
+        gravity, rates = (state.gravity, state.base_rates) if fixed is None else (fixed, AT_REST)
+        if self._at_rest(state.q, state.qd, reference.q, reference.qd, gravity, rates, tau):
             return tau
-        everything = (*self._arrays, get_args(Compensation).index(self.compensation), *moving, tau)
+        moving: tuple[Any, ...] = state.q, state.qd, reference.q, reference.qd, gravity, rates
+        way = get_args(Compensation).index(self.compensation)
+        everything = (*self._arrays, way, *moving, tau)
         if not _elastic_pd(*everything):
             raise InputError(f"elastic PD: the model has {len(tau)} joints, the robot {len(state.q)}")
         return tau

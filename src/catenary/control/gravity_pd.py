@@ -78,10 +78,10 @@ class GravityPD:
             self.feedback,
             self.feedforward,
         )
-        n = model.n
         law = GRAVITY_PD.format(at="q" if at == "measured" else "q_ref")
-        self._at_rest = torque_at_rest(model, law, gains=(3, n), feedback=(n,), feedforward=(n,))
-        self._own = self._gains.rows, self.feedback, self.feedforward
+        self._at_rest = torque_at_rest(
+            model, law, gains=self._gains.rows, feedback=self.feedback, feedforward=self.feedforward
+        )
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
         """Torques (n,) [Nm|N]; NaN where something that they depend on is.
@@ -89,11 +89,12 @@ class GravityPD:
         Raises:
             InputError: The robot has another number of joints than the model.
         """
-        tau = np.empty(self.model.n)
-        pulls = (state.gravity, state.base_rates) if self.gravity is None else (self.gravity, AT_REST)
-        moving: tuple[Any, ...] = (state.q, state.qd, reference.q, reference.qd, *pulls)
-        if self._at_rest(*self._own, *moving, tau):
+        tau = np.empty(len(self.feedback))
+        fixed = self.gravity
+        gravity, rates = (state.gravity, state.base_rates) if fixed is None else (fixed, AT_REST)
+        if self._at_rest(state.q, state.qd, reference.q, reference.qd, gravity, rates, tau):
             return tau
+        moving: tuple[Any, ...] = state.q, state.qd, reference.q, reference.qd, gravity, rates
         everything = (*self._arrays, self.at == "measured", *moving, tau)
         if not _gravity_pd(*everything):
             raise InputError(f"gravity PD: the model has {len(tau)} joints, the robot {len(state.q)}")
@@ -122,7 +123,7 @@ class GravityHold:
         self._kernel = HoldingKernel(model)
         n = model.n
         self.feedback, self.feedforward = np.zeros(n), np.zeros(n)
-        self._at_rest = torque_at_rest(model, HOLD, feedforward=(n,))
+        self._at_rest = torque_at_rest(model, HOLD, feedforward=self.feedforward)
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
         """Torques (n,) [Nm|N] that gravity asks for at the measured position.
@@ -138,7 +139,7 @@ class GravityHold:
             (state.gravity, state.base_rates) if self.gravity is None else (self.gravity, AT_REST)
         )
         q = state.q
-        if not self._at_rest(self.feedforward, q, q, q, q, gravity, rates, tau):
+        if not self._at_rest(q, q, q, q, gravity, rates, tau):
             self.feedforward[:] = self._kernel(q, gravity, rates, tau)
         return tau
 

@@ -86,22 +86,12 @@ class InertiaPD:
         self._at_rest = torque_at_rest(
             model,
             INERTIA_PD.format(qd="qd" if coriolis else "still"),
-            gains=(3, n),
-            motor_inertia=(n, n),
-            nothing=(3,),
-            work=(2, n),
-            feedback=(n,),
-            feedforward=(n,),
-            qdd_ref=(n,),
-        )
-        nothing = np.zeros(3)
-        self._own = (
-            self._gains.rows,
-            self.motor_inertia,
-            nothing,
-            np.zeros((2, n)),
-            self.feedback,
-            self.feedforward,
+            gains=self._gains.rows,
+            motor_inertia=self.motor_inertia,
+            nothing=np.zeros(3),
+            work=np.zeros((2, n)),
+            feedback=self.feedback,
+            feedforward=self.feedforward,
         )
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
@@ -110,32 +100,13 @@ class InertiaPD:
         Raises:
             InputError: The robot has another number of joints than the model.
         """
-        tau = np.empty(self.model.n)
+        tau = np.empty(len(self.feedback))
         fixed = self.gravity
-        if self._at_rest(
-            *self._own,
-            reference.qdd,
-            state.q,
-            state.qd,
-            reference.q,
-            reference.qd,
-            state.gravity if fixed is None else fixed,
-            state.base_rates if fixed is None else AT_REST,
-            tau,
-        ):
+        gravity, rates = (state.gravity, state.base_rates) if fixed is None else (fixed, AT_REST)
+        if self._at_rest(state.q, state.qd, reference.q, reference.qd, reference.qdd, gravity, rates, tau):
             return tau
-        if not _inertia_pd(
-            *self._arrays,
-            self.coriolis,
-            state.q,
-            state.qd,
-            reference.q,
-            reference.qd,
-            reference.qdd,
-            state.gravity if fixed is None else fixed,
-            state.base_rates if fixed is None else AT_REST,
-            tau,
-        ):
+        moving = state.q, state.qd, reference.q, reference.qd, reference.qdd, gravity, rates
+        if not _inertia_pd(*self._arrays, self.coriolis, *moving, tau):
             raise InputError(f"inertia PD: the model has {len(tau)} joints, the robot {len(state.q)}")
         return tau
 

@@ -1,6 +1,7 @@
 """What `run_loop` does between measuring and sending, as one compiled call: correct, hold, servo, limit."""
 
 from collections.abc import Sequence
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -99,9 +100,9 @@ class ControlTick:
             corrector.prepare(model.joint_names, model.joint_units, rate_hz)
             arrays = corrector.robot_arrays
         self._work, self.inside = np.empty((4, n)), np.ones(n, dtype=bool)
-        self._constant = (pd.gains.rows, *self.limits.arrays, *arrays, self._work, self.inside)
-        module = _module(model, self._constant, with_correction=corrector is not None)
-        self._tick: Any = module.tick
+        constant = (pd.gains.rows, *self.limits.arrays, *arrays, self._work, self.inside)
+        module = _module(model, constant, with_correction=corrector is not None)
+        self._tick = partial(module.tick, *constant)
         zero = np.zeros(n)
         reference = Reference(zero, zero, zero)
         self.torque(
@@ -128,20 +129,21 @@ class ControlTick:
         Raises:
             InputError: The state or reference is of another number of joints.
         """
-        n = len(self.inside)
-        sent = np.empty(n)
-        seen = state.q, state.qd, state.tau, state.gravity, reference.q, reference.qd
-        if self._tick(*self._constant, *seen, sent, self._dt):
+        sent = np.empty(len(self.inside))
+        # as many names as there are: to gather them in a tuple takes as long as the tick
+        q, qd, tau, gravity = state.q, state.qd, state.tau, state.gravity
+        if self._tick(q, qd, tau, gravity, reference.q, reference.qd, sent, self._dt):
             return sent
+        seen = q, qd, tau, gravity, reference.q, reference.qd
         copies = [
             np.ascontiguousarray(values, dtype=float) for values in seen
         ]  # were of another type or layout
-        if self._tick(*self._constant, *copies, sent, self._dt):
+        if self._tick(*copies, sent, self._dt):
             return sent
         shapes = ", ".join(str(np.shape(values)) for values in seen)
         raise InputError(
-            f"control tick: expected q, qd, tau, gravity, q_ref and qd_ref of a robot of {n} joints, got arrays of "
-            f"{shapes}"
+            f"control tick: expected q, qd, tau, gravity, q_ref and qd_ref of a robot of {len(sent)} joints, "
+            f"got arrays of {shapes}"
         )
 
 
