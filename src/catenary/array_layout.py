@@ -1,8 +1,8 @@
 """Where the fields of NumPy's array object lie, for machine code that looks at arrays without asking NumPy.
 
-They are part of NumPy's binary interface: extension modules have them compiled in. All the same they are tried on
-arrays before any code relies on them (`known_layout`); where they lie elsewhere, arrays are looked at in Python, which
-takes its time.
+They are part of NumPy's binary interface, as is the function that makes arrays: extension modules have them compiled
+in. All the same they are tried on arrays before any code relies on them (`known_layout`); where they lie elsewhere,
+arrays are looked at and made in Python, which takes its time.
 """
 
 import ctypes
@@ -19,6 +19,7 @@ DATA, DIMENSIONS, SHAPE, DESCRIPTION, FLAGS = (HEAD + k for k in (0, 8, 16, 40, 
 BYTE_ORDER, TYPE_NUMBER = HEAD + 10, HEAD + 12
 READABLE = 0x0001 | 0x0100  # C contiguous, aligned
 WRITABLE = READABLE | 0x0400
+EMPTY = 184  # number of PyArray_Empty(int dimensions, npy_intp *shape, PyArray_Descr *type, int fortran) in the table
 
 
 class ArrayKind(NamedTuple):
@@ -38,6 +39,16 @@ class ArrayKind(NamedTuple):
 
 
 @cache
+def empty_address() -> int:
+    """Where NumPy's function that makes arrays lies: PyArray_Empty, which takes over its caller's count of the type."""
+    pointer = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(
+        ("PyCapsule_GetPointer", ctypes.pythonapi)
+    )
+    table = pointer(np._core._multiarray_umath._ARRAY_API, None)  # type: ignore[attr-defined]  # as import_array()
+    return int(ctypes.c_uint64.from_address(table + 8 * EMPTY).value)
+
+
+@cache
 def known_layout() -> bool:
     """Whether arrays' fields lie where they are looked for."""
     if sys.implementation.name != "cpython" or ctypes.sizeof(ctypes.c_void_p) != 8:
@@ -50,6 +61,12 @@ def known_layout() -> bool:
         return int(kind.from_address(id(of) + offset).value)
 
     description = field(array, DESCRIPTION, ctypes.c_uint64)
+    shape = (ctypes.c_int64 * 2)(5, 7)
+    make = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_int, ctypes.c_void_p, ctypes.py_object, ctypes.c_int)(
+        empty_address()
+    )
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(array.dtype))
+    made = make(2, shape, array.dtype, 0)
     return (
         field(array, TYPE, ctypes.c_uint64) == id(np.ndarray)
         and field(array, DATA, ctypes.c_uint64) == array.ctypes.data
@@ -61,4 +78,6 @@ def known_layout() -> bool:
         and field(fixed, FLAGS, ctypes.c_int) & WRITABLE == READABLE
         and field(array.T, FLAGS, ctypes.c_int) & 1 == 0
         and (ctypes.c_int64 * 2).from_address(field(array, SHAPE, ctypes.c_uint64))[:] == [2, 3]
+        and type(made) is np.ndarray
+        and (made.shape, made.dtype, made.flags.c_contiguous) == ((5, 7), array.dtype, True)
     )

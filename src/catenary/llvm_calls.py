@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from llvmlite import binding
 
-from catenary.array_layout import DATA, ArrayKind, known_layout
+from catenary.array_layout import DATA, ArrayKind, empty_address, known_layout
 
 METH_FASTCALL = 0x0080  # methodobject.h
 # what is in the array that comes with every call; then a function's own words
-ARRAY_TYPE, NONE, OTHERWISE, CALL, COUNT_UP, WORDS = range(6)
+ARRAY_TYPE, NONE, OTHERWISE, CALL, COUNT_UP, NUMBERS, EMPTY, WORDS = range(8)
 NAME = "into"
 Write = Callable[[Any, list[Any], Callable[[int], Any]], None]
 
@@ -49,16 +49,17 @@ def processor() -> str:
     return f"{binding.get_host_cpu_name()} {features} {binding.get_process_triple()} {version}"
 
 
-def compile_call(kinds: Sequence[ArrayKind], write: Write) -> bytes:
+def compile_call(kinds: Sequence[ArrayKind], write: Write, *, gives: bool = False) -> bytes:
     """Compile a function of some arrays: the bytes of an object file.
 
     Args:
         kinds: The arrays that it takes.
+        gives: Whether a call that lacks the last array, of float64, makes one and returns it.
         write: Writes what it does, given a builder, where the arrays' numbers begin, and a function that gives the
             words of `load_call` by their number, as whole numbers.
     """
     machine = _target_machine()
-    module = binding.parse_assembly(str(_module(kinds, write)))
+    module = binding.parse_assembly(str(_module(kinds, write, gives)))
     module.verify()
     options = binding.create_pipeline_tuning_options(speed_level=3)
     options.slp_vectorization = True  # a sixth less time for long lines; the bits stay
@@ -71,11 +72,15 @@ def compile_call(kinds: Sequence[ArrayKind], write: Write) -> bytes:
 def load_call(
     code: bytes,
     kinds: Sequence[ArrayKind],
-    otherwise: Callable[..., None],
+    otherwise: Callable[..., Any],
     words: Sequence[int] = (),
     kept: object = None,
-) -> Callable[..., None]:
-    """Give a function of Python's that runs machine code of `compile_call` on some arrays, and returns None.
+    *,
+    gives: bool = False,
+) -> Callable[..., Any]:
+    """Give a function of Python's that runs machine code of `compile_call` on some arrays.
+
+    It returns None, or the array that it made.
 
     Args:
         code: From `compile_call`, of the same kinds of arrays.
@@ -83,6 +88,7 @@ def load_call(
         otherwise: Called with any other arguments.
         words: Whole numbers that it takes besides, addresses for instance.
         kept: What must not be freed before it.
+        gives: As `compile_call` was told.
     """
     engine = binding.create_mcjit_compiler(binding.parse_assembly(""), _target_machine())
     engine.add_object_file(binding.ObjectFileRef.from_data(code))
@@ -92,31 +98,35 @@ def load_call(
     given[WORDS:] = words
     if not known_layout():
         given.kept = engine, kept
-        return _by_address(address, kinds, otherwise, given)
+        return _by_address(address, kinds, otherwise, given, gives)
     api = ctypes.pythonapi
-    given[[ARRAY_TYPE, NONE, OTHERWISE]] = id(np.ndarray), id(None), id(otherwise)
+    numbers = np.dtype("float64")
+    given[[ARRAY_TYPE, NONE, OTHERWISE, NUMBERS]] = id(np.ndarray), id(None), id(otherwise), id(numbers)
+    given[EMPTY] = empty_address()
     for place, of_python in ((CALL, api.PyObject_Vectorcall), (COUNT_UP, api.Py_IncRef)):
         given[place] = ctypes.cast(of_python, ctypes.c_void_p).value or 0
     method = _Method(NAME.encode(), address, METH_FASTCALL, None)
     make = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.POINTER(_Method), ctypes.py_object, ctypes.py_object)
-    given.kept = engine, kept, method, otherwise
-    function: Callable[..., None] = make(("PyCFunction_NewEx", api))(method, given, __name__)
+    given.kept = engine, kept, method, otherwise, numbers
+    function: Callable[..., Any] = make(("PyCFunction_NewEx", api))(method, given, __name__)
     return function
 
 
 def _by_address(
-    address: int, kinds: Sequence[ArrayKind], otherwise: Callable[..., None], given: _Given
-) -> Callable[..., None]:
-    """Give a function that looks at arrays in Python."""
+    address: int, kinds: Sequence[ArrayKind], otherwise: Callable[..., Any], given: _Given, gives: bool
+) -> Callable[..., Any]:
+    """Give a function that looks at arrays in Python, and makes them there."""
     run = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(ctypes.c_void_p))(address)
     places = ctypes.c_void_p * len(kinds)
 
-    def into(*arrays: object) -> None:
-        addresses = [kind.address(array) for kind, array in zip(kinds, arrays, strict=False)]
-        if len(arrays) != len(kinds) or 0 in addresses:
-            otherwise(*arrays)
-        else:
-            run(given.ctypes.data, places(*addresses))
+    def into(*arrays: object) -> Any:
+        made = np.empty(kinds[-1].shape) if gives and len(arrays) == len(kinds) - 1 else None
+        taken = arrays if made is None else (*arrays, made)
+        addresses = [kind.address(array) for kind, array in zip(kinds, taken, strict=False)]
+        if len(taken) != len(kinds) or 0 in addresses:
+            return otherwise(*arrays)
+        run(given.ctypes.data, places(*addresses))
+        return made
 
     return into
 
@@ -135,14 +145,14 @@ def _target_machine() -> Any:
     )
 
 
-def _module(kinds: Sequence[ArrayKind], write: Write) -> Any:
+def _module(kinds: Sequence[ArrayKind], write: Write, gives: bool) -> Any:
     """Write the function: `PyObject *into(PyObject *self, PyObject *const *arguments, Py_ssize_t count)`.
 
     Where arrays do not lie as they should, `void into(const uint64_t *given, void *const *data)`.
     """
     from llvmlite import ir
 
-    from catenary.llvm_code import ADDRESS, WORD, data_of, load_field, number_of
+    from catenary.llvm_code import ADDRESS, INT, WORD, data_of, load_field, number_of
 
     module = ir.Module(name=NAME)
     module.triple = binding.get_process_triple()
@@ -161,6 +171,11 @@ def _module(kinds: Sequence[ArrayKind], write: Write) -> Any:
     def from_this_process(place: int, kind: Any) -> Any:
         return load_field(builder, given, 8 * place, kind)
 
+    def of_this_process(place: int, result: Any, *taken: Any) -> Any:
+        """Call a function of Python's or NumPy's."""
+        kind = ir.FunctionType(result, [value.type for value in taken]).as_pointer()
+        return builder.call(from_this_process(place, kind), taken)
+
     def word(k: int) -> Any:
         return from_this_process(WORDS + k, WORD)
 
@@ -170,27 +185,59 @@ def _module(kinds: Sequence[ArrayKind], write: Write) -> Any:
         write(builder, data, word)
         builder.ret_void()
         return module
-    body, other = (function.append_basic_block(name) for name in ("body", "other"))
+
+    def counted(place: int) -> Any:
+        """Give an object of this process, counted once more."""
+        thing = from_this_process(place, ADDRESS)
+        of_this_process(COUNT_UP, ir.VoidType(), thing)
+        return thing
+
+    def data_at(k: int) -> Any:
+        return data_of(builder, argument(k), kinds[k], array_type, numbers[k], other)
+
+    count, last = function.args[2], len(kinds) - 1
     given = load_field(builder, own, DATA, ADDRESS)
-    builder.cbranch(builder.icmp_signed("==", function.args[2], WORD(len(kinds))), body, other)
+    body, other = (function.append_basic_block(name) for name in ("body", "other"))
+    whole = builder.icmp_signed("==", count, WORD(len(kinds)))
+    fits = builder.or_(whole, builder.icmp_signed("==", count, WORD(last))) if gives else whole
+    builder.cbranch(fits, body, other)
     builder.position_at_end(body)
     array_type = from_this_process(ARRAY_TYPE, WORD)
-    objects = [argument(k) for k in range(len(kinds))]
-    triples = zip(objects, kinds, numbers, strict=True)
-    write(
-        builder, [data_of(builder, array, kind, array_type, of, other) for array, kind, of in triples], word
-    )
-    none = from_this_process(NONE, ADDRESS)
-    up = ir.FunctionType(ir.VoidType(), [ADDRESS]).as_pointer()
-    builder.call(from_this_process(COUNT_UP, up), [none])
-    builder.ret(none)
+    inputs = [data_at(k) for k in range(last)]
+    if gives:
+        taken, made, arithmetic, failed = (function.append_basic_block() for _ in range(4))
+        builder.cbranch(whole, taken, made).set_weights([1, 1])
+        builder.position_at_end(made)
+        sizes = ir.Constant(ir.ArrayType(WORD, len(kinds[last].shape)), list(kinds[last].shape))
+        shape = ir.GlobalVariable(module, sizes.type, "shape")
+        shape.linkage, shape.global_constant, shape.initializer = "internal", True, sizes
+        dimensions, fortran = INT(len(kinds[last].shape)), INT(0)
+        places = builder.bitcast(shape, ADDRESS)
+        array = of_this_process(EMPTY, ADDRESS, dimensions, places, counted(NUMBERS), fortran)
+        fresh = builder.append_basic_block()
+        builder.cbranch(builder.icmp_unsigned("==", array, ir.Constant(ADDRESS, None)), failed, fresh)
+        builder.position_at_end(failed)
+        builder.ret(array)
+        builder.position_at_end(fresh)
+        room = load_field(builder, array, DATA, numbers[last].as_pointer())
+        builder.branch(arithmetic)
+        builder.position_at_end(taken)
+        out = data_at(last)
+        none = counted(NONE)
+        there = builder.block
+        builder.branch(arithmetic)
+        builder.position_at_end(arithmetic)
+        where, result = builder.phi(out.type), builder.phi(ADDRESS)
+        for phi, (by_caller, by_us) in ((where, (out, room)), (result, (none, array))):
+            phi.add_incoming(by_caller, there)
+            phi.add_incoming(by_us, fresh)
+    else:
+        where, result = data_at(last), counted(NONE)
+    write(builder, [*inputs, where], word)
+    builder.ret(result)
     builder.position_at_end(other)
-    call = ir.FunctionType(ADDRESS, [ADDRESS, arguments.type, WORD, ADDRESS]).as_pointer()
-    given_on = [
-        from_this_process(OTHERWISE, ADDRESS),
-        arguments,
-        function.args[2],
-        ir.Constant(ADDRESS, None),
-    ]
-    builder.ret(builder.call(from_this_process(CALL, call), given_on))
+    nothing = ir.Constant(ADDRESS, None)
+    builder.ret(
+        of_this_process(CALL, ADDRESS, from_this_process(OTHERWISE, ADDRESS), arguments, count, nothing)
+    )
     return module

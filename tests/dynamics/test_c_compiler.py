@@ -78,8 +78,10 @@ def test_the_compilers_kernels_refuse_what_they_were_not_made_for(wrong) -> None
     kernel.into(frozen, frozen, right)
     with pytest.raises(InputError):
         kernel.into(right, right, frozen)
-    with pytest.raises(InputError):
-        kernel.into(right, right)
+    assert (kernel.into(right, right) == gravity_kernel(load_robot("raven2"))(right, right)).all()
+    for arguments in ((right,), (frozen[:2], right), (right, right, right, right)):
+        with pytest.raises(InputError):
+            kernel.into(*arguments)
 
 
 def test_without_a_compiler_or_headers_llvm_makes_the_kernel(

@@ -108,7 +108,7 @@ def test_calls_refuse_what_they_were_not_made_for(both_ways, wrong, way: str) ->
     for arguments in ((wrong, x, x), (x, wrong, x), (x, x, wrong)):
         with pytest.raises(InputError, match=r"contiguous float64 arrays of q \(3,\), gravity \(3,\), out"):
             call(*arguments)
-    for arguments in ((), (x,), (x, x), (x, x, x, x)):
+    for arguments in ((wrong, x), (x, wrong), (), (x,), (x, x, x, x)):
         with pytest.raises(InputError):
             call(*arguments)
     fixed = np.zeros(3)
@@ -116,6 +116,36 @@ def test_calls_refuse_what_they_were_not_made_for(both_ways, wrong, way: str) ->
     call(fixed, fixed, x)
     with pytest.raises(InputError):
         call(x, x, fixed)
+
+
+@pytest.mark.parametrize("way", ["by machine code", "in Python"])
+def test_a_call_without_output_gives_a_new_array(both_ways, way: str) -> None:
+    call = both_ways[way]
+    first, second = call(Q, GRAVITY), call(Q, GRAVITY)
+    assert right(first)
+    assert (first == second).all()
+    assert not np.shares_memory(first, second)
+    assert first.flags.owndata
+    assert first.flags.writeable
+
+
+@pytest.mark.parametrize("way", ["by machine code", "in Python"])
+def test_new_arrays_have_the_shape_of_the_result(folder: Path, monkeypatch, way: str) -> None:
+    for module in (llvm_calls, llvm_kernels):
+        monkeypatch.setattr(module, "known_layout", lambda: way == "by machine code")
+    M = llvm_kernel("robot", mass_matrix_line(ROBOT), (3, 3), folder)(Q)
+    assert_allclose(M, M.T, rtol=1e-12)
+    assert_allclose(M.ravel(), evaluate(mass_matrix_line(ROBOT), q=Q), rtol=1e-12)
+
+
+def test_new_arrays_are_freed(folder: Path) -> None:
+    call = again(folder)
+    kept = [call(Q, GRAVITY) for _ in range(10)]
+    before = sys.getrefcount(np.dtype("float64"))
+    assert [sys.getrefcount(each) for each in kept] == [2 + 1] * 10  # the list, the name and the argument
+    for _ in range(1000):
+        call(Q, GRAVITY)
+    assert abs(sys.getrefcount(np.dtype("float64")) - before) < 50  # of a type that all arrays share
 
 
 def test_calls_take_no_names(folder: Path) -> None:

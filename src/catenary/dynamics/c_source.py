@@ -105,13 +105,14 @@ def c_name(text: str) -> str:
 def extension_source(module: str, line: Line, shape: tuple[int, ...]) -> str:
     """Write a CPython extension module with one function, `into(INPUT..., out)`; see kernels.py.
 
-    It takes NumPy arrays of float64, contiguous, of the sizes it was made for, and refuses any other.
+    It takes NumPy arrays of float64, contiguous, of the sizes it was made for, and refuses any other. Without `out` it
+    gives a new array.
     """
     widths = widths_of(line)
     count = len(widths)
     dims = ", ".join(str(n) for n in shape)
     checks = [f"  ok = ok && fits(arguments[{i}], 1, size_{i}, 0);" for i in range(count)]
-    data = [f"DATA({i})" for i in range(count + 1)]
+    data = [*(f"DATA(arguments[{i}])" for i in range(count)), "DATA(out)"]
     return "\n".join(
         [
             "#define PY_SSIZE_T_CLEAN",
@@ -122,7 +123,7 @@ def extension_source(module: str, line: Line, shape: tuple[int, ...]) -> str:
             "",
             c_sines("kernel"),
             c_function("kernel", "line", line),
-            "#define DATA(i) ((double *)PyArray_DATA((PyArrayObject *)arguments[i]))",
+            "#define DATA(array) ((double *)PyArray_DATA((PyArrayObject *)(array)))",
             "static PyObject *error;",
             *(f"static const npy_intp size_{i}[1] = {{{width}}};" for i, width in enumerate(widths.values())),
             f"static const npy_intp size_out[{len(shape)}] = {{{dims}}};",
@@ -139,15 +140,19 @@ def extension_source(module: str, line: Line, shape: tuple[int, ...]) -> str:
             "}",
             "",
             "static PyObject *into(PyObject *self, PyObject *const *arguments, Py_ssize_t count) {",
-            f"  int ok = count == {count + 1};",
+            f"  int ok = count == {count} || count == {count + 1};",
+            "  PyObject *out;",
             "  (void)self;",
             *checks,
-            f"  ok = ok && fits(arguments[{count}], {len(shape)}, size_out, 1);",
+            f"  if (count == {count + 1}) ok = ok && fits(arguments[{count}], {len(shape)}, size_out, 1);",
             "  if (!ok) {",
             f'    PyErr_SetString(error, "{expected_arrays(line, shape)}");',
             "    return NULL;",
             "  }",
+            f"  out = count == {count} ? PyArray_SimpleNew({len(shape)}, size_out, NPY_DOUBLE) : arguments[{count}];",
+            "  if (out == NULL) return NULL;",
             f"  kernel_line({', '.join(data)});",
+            f"  if (count == {count}) return out;",
             "  Py_RETURN_NONE;",
             "}",
             "",

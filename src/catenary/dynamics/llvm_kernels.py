@@ -16,16 +16,17 @@ from catenary.errors import InputError
 from catenary.llvm_calls import compile_call, load_call, processor
 
 _log = logging.getLogger(__name__)
-_loaded: dict[str, Callable[..., None]] = {}  # by digest
+_loaded: dict[str, Callable[..., Any]] = {}  # by digest
 
 
 def llvm_kernel(
     stem: str, line: Line, shape: tuple[int, ...], folder: Path | None = None
-) -> Callable[..., None]:
+) -> Callable[..., Any]:
     """Compile a line of operations, or find it compiled, as `into(INPUT..., out)`.
 
-    It takes contiguous arrays of float64 of one configuration each, refuses any other, and returns None. The machine
-    code is loaded only if it holds, to the byte, what LLVM gave: its digest lies beside it.
+    It takes contiguous arrays of float64 of one configuration each, refuses any other, and returns None; without `out`
+    it gives a new array. The machine code is loaded only if it holds, to the byte, what LLVM gave: its digest lies
+    beside it.
 
     Args:
         stem: What the files' names begin with; letters, digits and hyphens.
@@ -36,7 +37,9 @@ def llvm_kernel(
     digest = _digest(line, shape)
     if digest not in _loaded:
         code = _machine_code(f"{stem}-{digest}.o", line, shape, folder)
-        _loaded[digest] = load_call(code, _kinds(line, shape), _refusing(expected_arrays(line, shape)))
+        _loaded[digest] = load_call(
+            code, _kinds(line, shape), _refusing(expected_arrays(line, shape)), gives=True
+        )
     return _loaded[digest]
 
 
@@ -87,4 +90,4 @@ def _compiled(line: Line, shape: tuple[int, ...]) -> bytes:
 
         write_line(builder, *llvm_operations(line), place, Sines(sines.small_sine_cosine, sines.LARGEST))
 
-    return compile_call(_kinds(line, shape), write)
+    return compile_call(_kinds(line, shape), write, gives=True)

@@ -278,12 +278,14 @@ class CompactKernel(Kernel):
 
     def __call__(self, q: Floats, gravity: Floats, out: Floats | None = None) -> Floats:
         """Z (n, p) at q (n,) [rad|m] under gravity (3,) [m/s2]; NaN in gives NaN in every entry that depends on it."""
-        Z = np.empty(self.shape) if out is None else out
         try:
-            self.into(q, gravity, Z)
+            if out is None:
+                new: Floats = self.into(q, gravity)
+                return new
+            self.into(q, gravity, out)
         except InputError:
-            self._into_as_floats(q, gravity, out=Z)
-        return Z
+            return self._by_copies(q, gravity, out=out)
+        return out
 
 
 def _effects(model: RobotModel, wanted: Sequence[tuple[int, int]]) -> list[bool]:
