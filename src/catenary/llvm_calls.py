@@ -152,92 +152,122 @@ def _module(kinds: Sequence[ArrayKind], write: Write, gives: bool) -> Any:
     """
     from llvmlite import ir
 
-    from catenary.llvm_code import ADDRESS, INT, WORD, data_of, load_field, number_of
+    from catenary.llvm_code import ADDRESS, WORD
 
     module = ir.Module(name=NAME)
     module.triple = binding.get_process_triple()
-    numbers = [number_of(kind.dtype) for kind in kinds]
     if known_layout():
         signature = ir.FunctionType(ADDRESS, [ADDRESS, ADDRESS.as_pointer(), WORD])
+        _Text(ir.Function(module, signature, name=NAME), kinds).of_objects(write, gives)
     else:
         signature = ir.FunctionType(ir.VoidType(), [ADDRESS, ADDRESS.as_pointer()])
-    function = ir.Function(module, signature, name=NAME)
-    own, arguments = function.args[:2]
-    builder = ir.IRBuilder(function.append_basic_block())
+        _Text(ir.Function(module, signature, name=NAME), kinds).of_addresses(write)
+    return module
 
-    def argument(k: int) -> Any:
-        return builder.load(builder.gep(arguments, [WORD(k)]))
 
-    def from_this_process(place: int, kind: Any) -> Any:
-        return load_field(builder, given, 8 * place, kind)
+class _Text:
+    """The instructions of one function."""
 
-    def of_this_process(place: int, result: Any, *taken: Any) -> Any:
+    def __init__(self, function: Any, kinds: Sequence[ArrayKind]) -> None:
+        from llvmlite import ir
+
+        from catenary import llvm_code  # imported only where code is written
+
+        self.ir, self.code = ir, llvm_code
+        self.function, self.kinds = function, kinds
+        self.numbers = [llvm_code.number_of(kind.dtype) for kind in kinds]
+        self.builder = ir.IRBuilder(function.append_basic_block())
+        self.given = function.args[0]  # where the array lies that comes with every call
+
+    def of_addresses(self, write: Write) -> None:
+        """Write what takes addresses."""
+        data = [
+            self.builder.bitcast(self.argument(k), number.as_pointer())
+            for k, number in enumerate(self.numbers)
+        ]
+        write(self.builder, data, self.word)
+        self.builder.ret_void()
+
+    def of_objects(self, write: Write, gives: bool) -> None:
+        """Write what takes Python's objects, looks at them, and gives one."""
+        builder, last = self.builder, len(self.kinds) - 1
+        _, arguments, count = self.function.args
+        self.given = self.code.load_field(builder, self.given, DATA, self.code.ADDRESS)
+        body, other = (self.function.append_basic_block(name) for name in ("body", "other"))
+        whole = fits = builder.icmp_signed("==", count, self.code.WORD(len(self.kinds)))
+        if gives:
+            fits = builder.or_(whole, builder.icmp_signed("==", count, self.code.WORD(last)))
+        builder.cbranch(fits, body, other)
+        builder.position_at_end(body)
+        inputs = [self.data_at(k, other) for k in range(last)]
+        if gives:
+            with builder.if_else(whole) as (taken, made):
+                with taken:
+                    ours = self.data_at(last, other), self.counted(NONE)
+                    by_caller = builder.block
+                with made:
+                    array = self.new_array()
+                    theirs = (
+                        self.code.load_field(builder, array, DATA, self.numbers[last].as_pointer()),
+                        array,
+                    )
+                    by_us = builder.block
+            out, result = (builder.phi(value.type) for value in ours)
+            for phi, value, fresh in zip((out, result), ours, theirs, strict=True):
+                phi.add_incoming(value, by_caller)
+                phi.add_incoming(fresh, by_us)
+        else:
+            out, result = self.data_at(last, other), self.counted(NONE)
+        write(builder, [*inputs, out], self.word)
+        builder.ret(result)
+        builder.position_at_end(other)
+        call, none = (
+            self.from_this_process(OTHERWISE, self.code.ADDRESS),
+            self.ir.Constant(self.code.ADDRESS, None),
+        )
+        builder.ret(self.call(CALL, self.code.ADDRESS, call, arguments, count, none))
+
+    def argument(self, k: int) -> Any:
+        """Give an argument."""
+        return self.builder.load(self.builder.gep(self.function.args[1], [self.code.WORD(k)]))
+
+    def data_at(self, k: int, other: Any) -> Any:
+        """Give where an array's numbers lie, or go to a block if it is another array."""
+        array_type = self.from_this_process(ARRAY_TYPE, self.code.WORD)
+        return self.code.data_of(
+            self.builder, self.argument(k), self.kinds[k], array_type, self.numbers[k], other
+        )
+
+    def from_this_process(self, place: int, kind: Any) -> Any:
+        """Give what comes with every call."""
+        return self.code.load_field(self.builder, self.given, 8 * place, kind)
+
+    def word(self, k: int) -> Any:
+        """Give one of the function's own whole numbers."""
+        return self.from_this_process(WORDS + k, self.code.WORD)
+
+    def call(self, place: int, result: Any, *taken: Any) -> Any:
         """Call a function of Python's or NumPy's."""
-        kind = ir.FunctionType(result, [value.type for value in taken]).as_pointer()
-        return builder.call(from_this_process(place, kind), taken)
+        kind = self.ir.FunctionType(result, [value.type for value in taken]).as_pointer()
+        return self.builder.call(self.from_this_process(place, kind), taken)
 
-    def word(k: int) -> Any:
-        return from_this_process(WORDS + k, WORD)
-
-    if not known_layout():
-        given = own
-        data = [builder.bitcast(argument(k), number.as_pointer()) for k, number in enumerate(numbers)]
-        write(builder, data, word)
-        builder.ret_void()
-        return module
-
-    def counted(place: int) -> Any:
+    def counted(self, place: int) -> Any:
         """Give an object of this process, counted once more."""
-        thing = from_this_process(place, ADDRESS)
-        of_this_process(COUNT_UP, ir.VoidType(), thing)
+        thing = self.from_this_process(place, self.code.ADDRESS)
+        self.call(COUNT_UP, self.ir.VoidType(), thing)
         return thing
 
-    def data_at(k: int) -> Any:
-        return data_of(builder, argument(k), kinds[k], array_type, numbers[k], other)
-
-    count, last = function.args[2], len(kinds) - 1
-    given = load_field(builder, own, DATA, ADDRESS)
-    body, other = (function.append_basic_block(name) for name in ("body", "other"))
-    whole = builder.icmp_signed("==", count, WORD(len(kinds)))
-    fits = builder.or_(whole, builder.icmp_signed("==", count, WORD(last))) if gives else whole
-    builder.cbranch(fits, body, other)
-    builder.position_at_end(body)
-    array_type = from_this_process(ARRAY_TYPE, WORD)
-    inputs = [data_at(k) for k in range(last)]
-    if gives:
-        taken, made, arithmetic, failed = (function.append_basic_block() for _ in range(4))
-        builder.cbranch(whole, taken, made).set_weights([1, 1])
-        builder.position_at_end(made)
-        sizes = ir.Constant(ir.ArrayType(WORD, len(kinds[last].shape)), list(kinds[last].shape))
-        shape = ir.GlobalVariable(module, sizes.type, "shape")
-        shape.linkage, shape.global_constant, shape.initializer = "internal", True, sizes
-        dimensions, fortran = INT(len(kinds[last].shape)), INT(0)
-        places = builder.bitcast(shape, ADDRESS)
-        array = of_this_process(EMPTY, ADDRESS, dimensions, places, counted(NUMBERS), fortran)
-        fresh = builder.append_basic_block()
-        builder.cbranch(builder.icmp_unsigned("==", array, ir.Constant(ADDRESS, None)), failed, fresh)
-        builder.position_at_end(failed)
-        builder.ret(array)
-        builder.position_at_end(fresh)
-        room = load_field(builder, array, DATA, numbers[last].as_pointer())
-        builder.branch(arithmetic)
-        builder.position_at_end(taken)
-        out = data_at(last)
-        none = counted(NONE)
-        there = builder.block
-        builder.branch(arithmetic)
-        builder.position_at_end(arithmetic)
-        where, result = builder.phi(out.type), builder.phi(ADDRESS)
-        for phi, (by_caller, by_us) in ((where, (out, room)), (result, (none, array))):
-            phi.add_incoming(by_caller, there)
-            phi.add_incoming(by_us, fresh)
-    else:
-        where, result = data_at(last), counted(NONE)
-    write(builder, [*inputs, where], word)
-    builder.ret(result)
-    builder.position_at_end(other)
-    nothing = ir.Constant(ADDRESS, None)
-    builder.ret(
-        of_this_process(CALL, ADDRESS, from_this_process(OTHERWISE, ADDRESS), arguments, count, nothing)
-    )
-    return module
+    def new_array(self) -> Any:
+        """Make the last array, or return at once where there is no memory: NumPy has set the error."""
+        builder, sizes = self.builder, self.kinds[-1].shape
+        content = self.ir.Constant(self.ir.ArrayType(self.code.WORD, len(sizes)), list(sizes))
+        shape = self.ir.GlobalVariable(self.function.module, content.type, "shape")
+        shape.linkage, shape.global_constant, shape.initializer = "internal", True, content
+        dimensions, places = self.code.INT(len(sizes)), builder.bitcast(shape, self.code.ADDRESS)
+        array = self.call(
+            EMPTY, self.code.ADDRESS, dimensions, places, self.counted(NUMBERS), self.code.INT(0)
+        )
+        none = builder.icmp_unsigned("==", array, self.ir.Constant(self.code.ADDRESS, None))
+        with builder.if_then(none, likely=False):
+            builder.ret(array)
+        return array
