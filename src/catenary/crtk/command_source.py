@@ -6,9 +6,10 @@ without a stamp (CRTK's Python client and the RAVEN-II's latch and do not stamp)
 before the server began is not obeyed until a second after the connection, unless a stamp says that the command is
 newer than the server. A program that was not among those publishers is obeyed at once, where the transport tells
 programs apart: ROS 1's master goes on listing clients that crashed. Should an old client be out of reach for longer,
-what it first says when it is back is latched too. And when a connection breaks and is made again, the publisher gives once more what it said last: that is dropped by
-the transport (`Subscription.repeated`); something else, said while the connection was broken, is of unknown age, and is
-obeyed with a fresh stamp only. `disable` and `pause` are obeyed at any time.
+what it first says when it is back is latched too. And when a connection breaks and is made again, the publisher gives
+once more what it said last: that is dropped by the transport (`Subscription.repeated`); something else, said while
+the connection was broken, is of unknown age, and is obeyed with a fresh stamp only. `disable` and `pause` are obeyed
+at any time.
 """
 
 from collections.abc import Mapping
