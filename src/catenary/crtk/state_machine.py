@@ -29,6 +29,12 @@ _ASKED_FOR: dict[str, StateName] = {"enable": "ENABLED", "disable": "DISABLED", 
 RunLevel = Literal[0, 1, 2, 3]  # emergency stop, init, pedal up, pedal down
 
 
+def why_not_obeyed(state: OperatingState) -> str:
+    """What to say of a motion command to an arm in a state in which none moves it."""
+    homed = "homed" if state.is_homed else "not homed"
+    return f"not obeyed while the arm is {state.state}, {homed}{' and busy' if state.is_busy else ''}"
+
+
 class StateMachine:
     """Decides about one arm's state commands."""
 
