@@ -59,6 +59,30 @@ def test_transitions(state, command, after):
     assert robot.state() == after
 
 
+@pytest.mark.parametrize(
+    ("state", "command"), [("ENABLED", "enable"), ("DISABLED", "disable"), ("PAUSED", "pause")]
+)
+def test_asking_for_the_state_that_there_is_is_no_mistake(state, command):
+    # CRTK's table of transitions has these without "(invalid)", and its Python client enables what is enabled
+    robot = ServedRobot("crtk", state=state)
+    robot.command(command)
+    robot.tick(2)
+    assert robot.state() == state
+    assert not robot.server.reports.kinds
+
+
+@pytest.mark.parametrize(
+    ("state", "command"), [("ENABLED", "resume"), ("DISABLED", "pause"), ("PAUSED", "enable")]
+)
+def test_a_command_that_the_state_does_not_allow_is_reported(state, command):
+    robot = ServedRobot("crtk", state=state)
+    robot.command(command)
+    robot.tick(2)
+    assert [report.text for report in robot.server.reports.kinds.values()] == [
+        f"{command}: ignored while {state}"
+    ]
+
+
 @pytest.mark.parametrize("command", ["enable", "disable"])
 def test_a_fault_is_left_by_enable_or_disable(robot, command):
     robot.plant._set_state("FAULT")

@@ -254,6 +254,15 @@ def test_state_commands(state, command, after, topic):
     assert robot.state() == after
 
 
+def test_a_motion_command_that_is_not_obeyed_is_reported_with_the_state():
+    robot = ServedRobot("raven", state="PAUSED")
+    robot.joints("servo_jr", np.full(7, 1e-3))
+    robot.tick(2)
+    assert [report.text for report in robot.server.reports.kinds.values()] == [
+        "not obeyed while the arm is PAUSED, homed"
+    ]
+
+
 def test_arms_that_the_robot_has_not_are_listened_to_and_ignored(robot):
     publisher = robot.client.publisher("/arm3/state_command", "crtk_msgs/StringStamped")
     publisher.publish(message_class("crtk_msgs/StringStamped")(string="disable"))

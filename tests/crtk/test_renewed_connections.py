@@ -146,6 +146,40 @@ def test_an_old_client_that_comes_back_late_does_not_enable_a_restarted_robot():
     assert reported(robot, "from before") == 1
 
 
+@pytest.mark.parametrize("dialect", ["raven", "crtk"])
+def test_a_new_client_is_obeyed_at_once_though_one_that_crashed_is_listed_still(dialect):
+    network = LoopbackNetwork(clock=ManualClock(BEGIN))
+    crashed = Loopback("client", network)
+    for verb, kind in (("state_command", COMMAND), ("servo_jr", "sensor_msgs/JointState")):
+        crashed.publisher(f"/arm1/{verb}", kind, latch=True)
+    network.cut("client")
+    plant = homed_plant("left")
+    plant.state_command("pause")
+    robot = ServedRobot(dialect, network=network, plant=plant)
+    robot.tick(10)
+    client = LatchingClient(robot)
+    client.command("resume")
+    assert robot.state() == "ENABLED"
+    start = robot.setpoint
+    client.move(1e-3)
+    assert_allclose((robot.setpoint - start)[0], 1e-3, atol=1e-12)
+
+
+def test_an_old_client_waits_though_a_new_one_is_obeyed():
+    network = LoopbackNetwork(clock=ManualClock(BEGIN))
+    old = Loopback("client", network)
+    publisher = old.publisher("/arm1/servo_jr", "sensor_msgs/JointState", latch=True)
+    robot = ServedRobot("raven", network=network)
+    robot.tick(10)
+    start = robot.setpoint
+    for amount in (1e-3, 2e-3):
+        publisher.publish(JointState(position=np.array([amount, *np.zeros(6)])))
+        robot.tick(2)
+    assert_array_equal(robot.setpoint, start)
+    LatchingClient(robot).move(1e-3)
+    assert_allclose((robot.setpoint - start)[0], 1e-3, atol=1e-12)
+
+
 def test_a_subscription_does_not_give_a_message_again_after_a_break():
     network = LoopbackNetwork()
     sender, receiver = Loopback("sender", network), Loopback("receiver", network)

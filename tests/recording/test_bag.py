@@ -92,11 +92,25 @@ def test_one_bag_per_topic_as_the_group_records(journal: Path, sent: list[Messag
         "record_ravenstate.bag",
         "record_CRTKmeasurejs.bag",
         "record_ext_jenc.bag",
+        "record_joint_enc.bag",
+        "record_about.bag",
     ]
     read = [m for source in open_recordings([tmp_path]) for m in source.messages()]
     assert sorted(read) == sorted(sent)
-    rig = BagReader(tmp_path / "record_ext_jenc.bag")
-    assert [topic.name for topic in rig.topics] == ["/ext_jpos", "/joint_enc"]
+
+
+def test_the_groups_bags_hold_one_topic_each_and_nothing_else(journal: Path, tmp_path: Path) -> None:
+    # RAVEN's group reads them with rosbag's read_messages() and takes all that comes for that topic
+    for path in write_group_bags(JournalReader(journal), tmp_path):
+        with AnyReader([path]) as reader:
+            (name,) = {connection.topic for connection, _, _ in reader.messages()}
+            assert [connection.topic for connection in reader.connections] == [name]
+
+
+def test_a_bag_beside_the_groups_says_of_which_robot_they_are(journal: Path, tmp_path: Path) -> None:
+    write_group_bags(JournalReader(journal), tmp_path)
+    stated = [source.about for source in open_recordings([tmp_path]) if source.about is not None]
+    assert [(about.robot, about.seed) for about in stated] == [(ABOUT.robot, ABOUT.seed)]
 
 
 def test_a_long_recording_goes_into_several_bags(

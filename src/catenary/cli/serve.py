@@ -1,6 +1,7 @@
 """catenary serve, button."""
 
 import contextlib
+import logging
 import sys
 from typing import TYPE_CHECKING, Annotated
 
@@ -67,6 +68,8 @@ def serve(
     if dialect not in ("raven", "crtk"):
         raise InputError(f'--dialect "{dialect}": expected raven or crtk')
     tilt = roll_and_pitch("--base-tilt-deg", base_tilt_deg)
+    # what it reports is in the status, which is shown; Python would print it a second time
+    logging.getLogger("catenary").addHandler(logging.NullHandler())
     serving = Serving(robot, dialect, seed, tilt, payload, green, homed, encoders)  # type: ignore[arg-type]
     with make_transport(ros, NODE) as transport:
         server = make_server(serving, transport, rate_hz=rate)

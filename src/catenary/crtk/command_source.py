@@ -4,10 +4,12 @@ Two kinds of old commands reach a server. Stamped ones that were held up say so 
 living client sent to a robot that has since been restarted, come at once when the new server connects, most of them
 without a stamp (CRTK's Python client and the RAVEN-II's latch and do not stamp). So a topic that somebody published
 before the server began is not obeyed until a second after the connection, unless a stamp says that the command is
-newer than the server. Should such a client be out of reach for longer, what it first says when it is back is latched
-too. And when a connection breaks and is made again, the publisher gives once more what it said last: that is dropped by
-the transport (`Subscription.repeated`); something else, said while the connection was broken, is of unknown age, and is
-obeyed with a fresh stamp only. `disable` and `pause` are obeyed at any time.
+newer than the server. A program that was not among those publishers is obeyed at once, where the transport tells
+programs apart: ROS 1's master goes on listing clients that crashed. Should an old client be out of reach for longer,
+what it first says when it is back is latched too. And when a connection breaks and is made again, the publisher gives
+once more what it said last: that is dropped by the transport (`Subscription.repeated`); something else, said while
+the connection was broken, is of unknown age, and is obeyed with a fresh stamp only. `disable` and `pause` are obeyed
+at any time.
 """
 
 from collections.abc import Mapping
@@ -98,7 +100,8 @@ class CommandSource:
                 return False
             if stamp > self._begin:
                 return True
-        if self._waits or (arrival.is_first and self._is_from_before(arrival.process, now)):
+        waits = self._waits and not self._is_newcomer(arrival.process)
+        if waits or (arrival.is_first and self._is_from_before(arrival.process, now)):
             self._reports.say(
                 f"{self.topic.name}: from before",
                 "its client was there before this server, so this may be an old command: not obeyed, send it anew",
@@ -113,6 +116,11 @@ class CommandSource:
             )
             return False
         return True
+
+    def _is_newcomer(self, process: str) -> bool:
+        """Whether a program is known not to have published the topic when the server began."""
+        name, _, where = process.partition(" ")
+        return bool(where and self._old) and self._old.isdisjoint((process, f"{name} "))
 
     def _is_from_before(self, process: str, now: int) -> bool:
         """Whether a program was there before the server, and has been connected for less than a second."""

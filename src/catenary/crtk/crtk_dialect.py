@@ -17,6 +17,7 @@ from catenary.crtk.moves import joint_move, straight_move
 from catenary.crtk.names import CrtkTopic, topics
 from catenary.crtk.outlet import Outlet
 from catenary.crtk.served_arm import ServedArm
+from catenary.crtk.state_machine import why_not_obeyed
 from catenary.errors import InputError
 from catenary.plant import OperatingState
 from catenary.recording.topics import Arm
@@ -91,10 +92,7 @@ class CrtkDialect:
         elif arm.is_ready:
             _OBEY[topic.verb](arm, message)
         else:
-            state = arm.state
-            homed = "homed" if state.is_homed else "not homed"
-            busy = " and busy" if state.is_busy else ""
-            raise InputError(f"not obeyed while the arm is {state.state}, {homed}{busy}")
+            raise InputError(why_not_obeyed(arm.state))
 
 
 def _has(arm: ServedArm, verb: str) -> bool:

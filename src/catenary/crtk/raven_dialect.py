@@ -15,6 +15,7 @@ from catenary.crtk.names import RAVEN, CrtkTopic
 from catenary.crtk.outlet import Outlet
 from catenary.crtk.raven_state_maker import RavenStateMaker
 from catenary.crtk.served_arm import ServedArm
+from catenary.crtk.state_machine import why_not_obeyed
 from catenary.errors import InputError
 from catenary.recording.topics import Arm
 from catenary.spatial import Pose, rotation_from_quaternion, rotation_vector
@@ -106,10 +107,11 @@ class RavenDialect:
         arm = None if topic.arm is None else self._arms[topic.arm]
         if arm is None:
             raise InputError("the robot has no such arm")
-        if arm.is_ready:
-            _OBEY[topic.verb](arm, message)
-        elif not arm.machine.can_change:
+        if not arm.machine.can_change:
             raise InputError("the arm is parked")
+        if not arm.is_ready:
+            raise InputError(why_not_obeyed(arm.state))
+        _OBEY[topic.verb](arm, message)
 
     def _automove(self, message: Message) -> None:
         for i, arm in enumerate((self._arms["gold"], self._arms["green"])):

@@ -15,6 +15,7 @@ from typing import Any
 import rospy
 from rospy.impl.registration import get_registration_listeners, get_service_manager, get_topic_manager
 
+from catenary.crtk.ros1_handshakes import take_in_threads
 from catenary.crtk.ros1_master import Master, Refused
 from catenary.errors import TransportError
 
@@ -45,6 +46,7 @@ class Node:
             rospy.init_node(name, argv=[], disable_signals=True, disable_rosout=True, disable_rostime=True)
         finally:
             rospy.core.configure_logging = configure
+        take_in_threads()
         self.uri: str = rospy.core.get_node_uri()
         self.up = True
         self.registered_again = 0

@@ -24,7 +24,15 @@ _CRTK: dict[str, tuple[StateName, ...]] = {
     "unhome": ("DISABLED", "ENABLED", "PAUSED", "FAULT"),
 }
 _RAVEN = _CRTK | {"enable": (), "home": ("ENABLED", "PAUSED")}
+# state that a command asks for: it is no mistake to ask for the one that there is
+_ASKED_FOR: dict[str, StateName] = {"enable": "ENABLED", "disable": "DISABLED", "pause": "PAUSED"}
 RunLevel = Literal[0, 1, 2, 3]  # emergency stop, init, pedal up, pedal down
+
+
+def why_not_obeyed(state: OperatingState) -> str:
+    """What to say of a motion command to an arm in a state in which none moves it."""
+    homed = "homed" if state.is_homed else "not homed"
+    return f"not obeyed while the arm is {state.state}, {homed}{' and busy' if state.is_busy else ''}"
 
 
 class StateMachine:
@@ -45,7 +53,7 @@ class StateMachine:
         if not self.can_change:
             return f"{name}: ignored, the arm is parked"
         state = self._plant.operating_state()
-        if name == "disable" and state.state == "DISABLED":
+        if _ASKED_FOR.get(name) == state.state:
             return None
         if state.state not in self._table[name]:
             hint = (

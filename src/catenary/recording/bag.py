@@ -2,7 +2,8 @@
 
 Bags get the index by which they are read when they are closed; until then they bear another name (`.part`), so that
 a bag that is there is whole. A bag has no place for the robot's name, the seed and whether it was simulated: they
-travel as one message on `/catenary/recording`.
+travel as one message on `/catenary/recording`. Beside bags of one topic each, it has a bag of its own: the programs of
+RAVEN's group take every message in a bag for one of that topic.
 """
 
 import logging
@@ -139,9 +140,11 @@ def write_bag(
 
 
 def write_group_bags(source: "Source", folder: Path, kind: BagKind = "ros1") -> tuple[Path, ...]:
-    """Write a recording as RAVEN's group does, one bag per topic or rig.
+    """Write a recording as RAVEN's group does, one bag per topic, for programs that read all of a bag.
 
-    They are record_ravenstate, record_CRTKmeasurejs and record_ext_jenc; other topics go into record_other.
+    They are record_ravenstate, record_CRTKmeasurejs and record_ext_jenc, with nothing in them but /ravenstate,
+    measured_js and /ext_jpos [raven2_CRTK_Python_controller, r2_enc_CRTK_recorder.launch]; beside these
+    record_joint_enc, record_other for other topics, and record_about, which says of which robot they are.
 
     Returns:
         What was written.
@@ -150,26 +153,37 @@ def write_group_bags(source: "Source", folder: Path, kind: BagKind = "ros1") -> 
         InputError: Something is there already, or a topic's type is not one that catenary knows.
         FileFormatError: The source is damaged.
     """
+    suffix = ".bag" if kind == "ros1" else ""
     targets = {}
     for topic in source.topics:
         known = topic_named(topic.name)
         name = "record_other" if known is None else known.bag
-        targets[topic.name] = folder / (f"{name}.bag" if kind == "ros1" else name)
-    return _write(source, kind, targets)
+        targets[topic.name] = folder / f"{name}{suffix}"
+    return _write(source, kind, targets, about=folder / f"record_about{suffix}")
 
 
-def _write(source: "Source", kind: BagKind, targets: Mapping[str, Path]) -> tuple[Path, ...]:
+def _write(
+    source: "Source", kind: BagKind, targets: Mapping[str, Path], about: Path | None = None
+) -> tuple[Path, ...]:
+    """Write topics into their targets, and what the recording is of into each, or into a bag `about` alone."""
     unknown = [t for t in source.topics if t.name in targets and current_name(t.type) not in MESSAGES]
     if unknown:
         raise InputError("; ".join(f"topic {t.name}: its type {t.type} is not known" for t in unknown))
     types = {topic.name: current_name(topic.type) for topic in source.topics}
     bags: dict[Path, _Bag] = {}
+    stated = source.about if about is None else None
     for topic, path in targets.items():
-        bags.setdefault(path, _Bag(path, kind, source)).types[topic] = types[topic]
+        bags.setdefault(path, _Bag(path, kind, source, stated)).types[topic] = types[topic]
+    apart = None
+    if about is not None and source.about is not None:
+        apart = bags[about] = _Bag(about, kind, source, source.about)
     try:
         for bag in bags.values():
             bag.open()
         for topic, stamp, data in source.messages(tuple(targets)):
+            if apart is not None:
+                apart.state(stamp)
+                apart = None
             bags[targets[topic]].write(topic, stamp, data)
         for problem in source.problems:
             log.warning("%s", problem)
@@ -183,9 +197,9 @@ def _write(source: "Source", kind: BagKind, targets: Mapping[str, Path]) -> tupl
 class _Bag:
     """A bag that is being written, and those that follow when it grows too long."""
 
-    def __init__(self, path: Path, kind: BagKind, source: "Source") -> None:
+    def __init__(self, path: Path, kind: BagKind, source: "Source", about: About | None) -> None:
         self.types: dict[str, str] = {}
-        self._first, self._kind, self._about = path, kind, source.about
+        self._first, self._kind, self._about = path, kind, about
         self._same = source.encoding == ("ros1" if kind == "ros1" else "cdr")
         self._done: list[Path] = []
         self._writer: Writer1 | Writer2 | None = None
@@ -224,8 +238,8 @@ class _Bag:
             }
 
     def write(self, topic: str, stamp: int, data: bytes) -> None:
-        if self._messages == 0 and self._about is not None:
-            self._put(ABOUT_TOPIC, stamp, self._about_message(self._about))
+        if self._messages == 0:
+            self.state(stamp)
         elif self._messages >= MAX_MESSAGES:
             self._finish()
             self.open()
@@ -238,6 +252,11 @@ class _Bag:
         else:
             self._put(topic, stamp, self._store.ros1_to_cdr(data, ros2_name(self.types[topic])))
         self._messages += 1
+
+    def state(self, stamp: int) -> None:
+        """Write what the recording is of, where that belongs into this bag."""
+        if self._about is not None:
+            self._put(ABOUT_TOPIC, stamp, self._about_message(self._about))
 
     def close(self) -> list[Path]:
         self._finish()

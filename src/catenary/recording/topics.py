@@ -159,7 +159,7 @@ EXT_JPOS = Topic(
 )  # fmt: skip
 JOINT_ENC = Topic(  # its type is not published; a JointState of counts is taken
     "/joint_enc", "sensor_msgs/JointState", 100.0, _joint_columns("joint_enc", JOINTS[:3], "count"),
-    "joint_enc", "record_ext_jenc", joint_names=JOINTS[:3],
+    "joint_enc", "record_joint_enc", joint_names=JOINTS[:3],
 )  # fmt: skip
 TOPICS = (RAVENSTATE, RAVENSTATE_100HZ, GOLD_MEASURED_JS, GREEN_MEASURED_JS, EXT_JPOS, JOINT_ENC)
 # where a recording's robot, seed and `simulated` travel in a bag, which has no other place for them
