@@ -222,3 +222,50 @@ def test_without_a_master_serving_ends_with_its_uri(tmp_path: Path):
         _, errors = server.finish(60.0)
         assert server.process.returncode == 2
         assert master.uri in errors
+
+
+# a client that is killed in mid-motion: it prints once it moves, and goes on until then
+MOVES_ON = (
+    CLIENT
+    + """
+setpoint = Latest("/arm1/setpoint_js", "sensor_msgs/JointState")
+jr = commander("/arm1/servo_jr", "sensor_msgs/JointState")
+commander("/arm1/state_command", "crtk_msgs/StringStamped").publish(Command(string="resume"))
+until(setpoint)
+start, step = setpoint().position[0], np.array([1e-4, *np.zeros(14)])
+def moving():
+    jr.publish(JointState(position=step))
+    return setpoint().position[0] > start + 0.01
+until(moving)
+print("moving", flush=True)
+while moving():
+    time.sleep(0.002)
+"""
+)
+WATCH = (
+    CLIENT
+    + """
+setpoint = Latest("/arm1/setpoint_js", "sensor_msgs/JointState")
+until(setpoint)
+time.sleep(0.5)  # what waits of increments is done within 0.25 s
+first = setpoint().position[0]
+time.sleep(0.5)
+print(json.dumps(setpoint().position[0] - first))
+"""
+)
+
+
+@pytest.mark.slow
+def test_a_client_that_is_killed_leaves_the_arm_where_it_is_and_the_next_ones_obeyed(tmp_path: Path):
+    with running_master(tmp_path) as master:
+        with serving(master) as server:
+            with Program(master, MOVES_ON, "client") as client:
+                assert client.line() == "moving"
+                client.process.kill()
+            with Program(master, WATCH, "watch") as watch:
+                assert json.loads(watch.line()) == 0.0
+            server.interrupt()
+            server.finish()
+        # the master lists the killed one still when the next server begins
+        with serving(master), Program(master, MOVES_ON, "another") as another:
+            assert another.line() == "moving"
