@@ -28,7 +28,11 @@ class Speaker(Protocol):
 
     topics: tuple[CrtkTopic, ...]
 
-    def publish(self, outlets: dict[tuple[str, Arm | None], Outlet], now: int) -> None:
+    def begin(self, transport: Transport, outlets: dict[tuple[str, Arm | None], Outlet]) -> None:
+        """Prepare to publish by outlets, verb by verb; called once, before `publish`."""
+        ...
+
+    def publish(self, now: int) -> None:
         """Publish the arms' states, stamped `now` [ns]."""
         ...
 
@@ -82,6 +86,7 @@ class Server:
         self.outlets = {
             (topic.verb, topic.arm): Outlet(transport, topic) for topic in wanted if topic.direction == "out"
         }
+        dialect.begin(transport, self.outlets)
         self._encoders = encoders
         self._heard = (*self.outlets.values(), *(() if encoders is None else encoders.outlets))
         self._watched = beginning.time
@@ -104,7 +109,7 @@ class Server:
             arm.reports_time = now
             arm.advance()
         if self.ticks % self._every == 0:
-            self._dialect.publish(self.outlets, self._stamps.next(now))
+            self._dialect.publish(self._stamps.next(now))
         if self._encoders is not None:
             self._encoders.publish(now)
         self.ticks += 1
