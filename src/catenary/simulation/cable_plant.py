@@ -23,7 +23,7 @@ from catenary.simulation.cable_parameters import (
     varied,
 )
 from catenary.simulation.cable_physics import new_state, unstretched_rotors
-from catenary.simulation.columns import COLUMNS, sample
+from catenary.simulation.columns import COLUMNS, Sample, reported_positions, rounded_counts
 from catenary.simulation.firmware import (
     BRAKES,
     GUARDED,
@@ -33,11 +33,11 @@ from catenary.simulation.firmware import (
     STOPPED,
     TORQUE,
     TickLog,
-    joint_torques,
     new_control,
     read_encoders_of,
 )
 from catenary.simulation.homing import home, registered_zero
+from catenary.simulation.joint_report import joint_state
 from catenary.simulation.packed import LOG, arm_of, control_of, log_of, pack, pack_tree
 from catenary.simulation.payload import with_payload
 from catenary.simulation.ticks import run_ticks
@@ -175,18 +175,16 @@ class CablePlant:
 
     def measured_js(self) -> JointState:
         """Joint state as the firmware believes it; gravity and rates of ideal sensors at the base's origin."""
-        return self._joint_state(self.control.joint.copy(), self.control.joint_velocity.copy())
+        return self._joint_state(measured=True)
 
     def setpoint_js(self) -> JointState:
         """Joint setpoint of the firmware."""
-        return self._joint_state(self.control.setpoint.copy(), np.zeros(7))
+        return self._joint_state(measured=False)
 
-    def _joint_state(self, q: Floats, qd: Floats) -> JointState:
-        base, c = self._base.rows(self._tick, 1)[0], self.control
-        torque = joint_torques(self.firmware, c.torque)
-        felt = base.gravity[0] - base.motion[0, 2]  # an accelerometer cannot tell one from the other
-        rates = base.motion[0, :2].copy()
-        return JointState(self.time, q, qd, torque, c.motor.copy(), felt, 0.0, rates)
+    def _joint_state(self, *, measured: bool) -> JointState:
+        control = self._state_numbers[1], self._whole_numbers
+        base = self._base.rows(self._tick, 1)[0]
+        return joint_state(self.time, self._parameters[1], control, base, measured=measured)
 
     def operating_state(self) -> OperatingState:
         """CRTK's operating state."""
@@ -194,7 +192,7 @@ class CablePlant:
 
     def telemetry(self) -> Mapping[str, Floats]:
         """Latest sample of every column of `columns`."""
-        return sample(self, self._base.rows(self._tick, 1)[0])
+        return Sample(self, self._state_numbers[1].copy(), self._base.rows(self._tick, 1)[0])
 
     # what a Plant obeys
 
@@ -298,12 +296,11 @@ class CablePlant:
 
     def rig_counts(self, q: Floats) -> Floats:
         """Counts of the external encoders at true joint positions (..., 3)."""
-        return np.round(q * self.rig.counts)
+        return rounded_counts(self.rig, q)
 
     def rig_positions(self, counts: Floats) -> Floats:
         """Joint positions that the rig reports, (..., 3) [rad, rad, m]; NaN before it is registered."""
-        positions: Floats = self.rig.registered + (counts - self.rig_zero) / self.rig.counts
-        return positions
+        return reported_positions(self.rig, self.rig_zero, counts)
 
     def resume_at(self, tick: int, rig_zero: Floats, *, is_homed: bool) -> None:
         """Take up a life that was put away: the state's arrays have been written, the arm is disabled."""
