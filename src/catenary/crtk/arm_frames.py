@@ -1,6 +1,5 @@
 """A served arm's state as frames and their numbers: joints, jaws, poses, velocity; written once for each change."""
 
-import numpy as np
 
 from catenary.arrays import Floats
 from catenary.crtk.frames import Frame, OperatingStateFrames, joint_state_frame, pose_frame, twist_frame
@@ -41,8 +40,7 @@ class ArmFrames:
         n = len(arm.names)
         self.n = n
         self._first, self._child, self._jaws_name = first, child, jaws
-        self._jaws = first + _ROWS * n  # both jaws together, of each row
-        self.tool = self._jaws + _ROWS  # see tool_numbers
+        self.tool = first + _ROWS * n  # see tool_numbers
         own = self.tool + SIZE
         self.columns = {name: own + k * n for k, name in enumerate(columns)}
         self.end = own + n * len(columns)
@@ -58,20 +56,21 @@ class ArmFrames:
         """Where a row of the joints' numbers begins."""
         return self._first + number * self.n
 
-    def opening(self, row: int) -> int:
-        """Where the sum of both jaws of a row is."""
-        return self._jaws + row
-
     def joints(self, begin: int) -> Frame:
         """Give the frame of its joint states, `MEASURED` or `SETPOINT`."""
         return joint_state_frame(self.arm.names, self.row(begin), self.n)
 
     def jaws(self, begin: int) -> Frame:
         """Give the frame of the opening of its jaws, jaw1 + jaw2, with the mean of both efforts."""
-        content, (position, velocity, effort), _ = joint_state_frame(
-            (self._jaws_name,), self.opening(begin), 1
+        content, parts, _ = joint_state_frame((self._jaws_name,), self.row(begin) + self.n - JAWS, self.n)
+        factors = 1.0, 1.0, 1.0 / JAWS
+        return Frame(
+            content,
+            tuple(
+                part._replace(factor=factor, plus=part.source + 1)
+                for part, factor in zip(parts, factors, strict=True)
+            ),
         )
-        return Frame(content, (position, velocity, effort._replace(factor=1.0 / JAWS)))
 
     def pose(self, begin: int) -> Frame:
         """Give the frame of where its tool is, in the base. The arm has kinematics."""
@@ -101,10 +100,9 @@ class ArmFrames:
             self._see(numbers)
         self._shown = arm.changes
         measured, setpoint = arm.measured, arm.setpoint
-        np.concatenate(
-            (measured.q, measured.qd, measured.tau, setpoint.q, setpoint.qd, setpoint.tau), out=self._flat
-        )
-        np.add(*self._last, out=self._openings)
+        q, qd, tau, q_set, qd_set, tau_set = self._rows
+        q[:], qd[:], tau[:] = measured.q, measured.qd, measured.tau
+        q_set[:], qd_set[:], tau_set[:] = setpoint.q, setpoint.qd, setpoint.tau
         if arm.tool is not None:
             arm.tool.numbers.write(self._joints, self._of_tool)
         if self._known:
@@ -115,8 +113,6 @@ class ArmFrames:
     def _see(self, numbers: Floats) -> None:
         """Keep views of the numbers: one takes as long to make as to fill."""
         self._numbers = numbers
-        self._flat = numbers[self._first : self._jaws]
-        self._joints = self._flat.reshape(_ROWS, self.n)
-        self._openings = numbers[self._jaws : self.tool]
+        self._joints = numbers[self._first : self.tool].reshape(_ROWS, self.n)
+        self._rows = tuple(self._joints)
         self._of_tool = numbers[self.tool : self.tool + SIZE]
-        self._last = (self._joints[:, -JAWS], self._joints[:, -1])

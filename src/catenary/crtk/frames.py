@@ -35,6 +35,7 @@ class Numbers(NamedTuple):
     source: int  # the first of them among the numbers that are written
     many: int
     factor: float = 1.0  # from those numbers to the message's
+    plus: int | None = None  # the first of others that are added to them before
 
 
 class Frame(NamedTuple):

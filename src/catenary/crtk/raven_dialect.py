@@ -13,7 +13,7 @@ from catenary.crtk.conversions import joint_values, pose_of
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.names import RAVEN, CrtkTopic
 from catenary.crtk.outlet import Outlet
-from catenary.crtk.raven_state_maker import LEVELS, OWN, raven_state_frame, write_levels
+from catenary.crtk.raven_state_maker import LEVELS, OWN, RavenLevels, raven_state_frame
 from catenary.crtk.served_arm import ServedArm
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError
@@ -70,12 +70,12 @@ class RavenDialect:
         whole = raven_state_frame(frames, 0, self._leader.plant.period)
         spoken.append(Spoken(outlets["ravenstate", None], whole))
         self._broadcast = Broadcast(transport, spoken, tuple(frames.values()), end)
-        self._levels = self._broadcast.numbers[:LEVELS]
+        self._levels = RavenLevels(self._arms, self._broadcast.numbers[:LEVELS])
         self._joint_states = outlets["joint_states", None]
 
     def publish(self, now: int) -> None:
         """Publish the arms' states, stamped `now` [ns], where anybody listens."""
-        write_levels(self._arms, self._levels)
+        self._levels.write()
         self._broadcast.send(now)
         if self._slow is None or not 0 <= now - self._slow < SLOW:
             self._slow = now

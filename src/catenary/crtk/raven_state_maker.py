@@ -5,11 +5,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.crtk.arm_frames import MEASURED, SETPOINT, ArmFrames
+from catenary.crtk.arm_frames import JAWS, MEASURED, SETPOINT, ArmFrames
 from catenary.crtk.frames import Frame, NumberFields, Numbers, frame_of
 from catenary.crtk.message import header, message_class
 from catenary.crtk.served_arm import ServedArm
 from catenary.crtk.tool_numbers import POSITIONS_0, ROTATIONS_0
+from catenary.plant import OperatingState
 from catenary.recording.topics import Arm
 
 _DEGREES = 180.0 / np.pi  # every position and velocity is multiplied by it, metres too
@@ -49,7 +50,8 @@ def _arm(fields: NumberFields, place: int, arm: ArmFrames) -> list[Numbers]:
         "jpos_d": (arm.row(SETPOINT), _DEGREES),
     }
     rows |= {name: (arm.columns[name], factor) for name, factor in OWN.items()}
-    parts = [fields.numbers("grasp_d", arm.opening(SETPOINT), first=place)]
+    jaw = arm.row(SETPOINT) + arm.n - JAWS
+    parts = [fields.numbers("grasp_d", jaw, first=place)._replace(plus=jaw + 1)]
     for name, (source, factor) in rows.items():
         # an arm has eight channels; the fourth is unused
         parts.append(fields.numbers(name, source, 3, first=8 * place, factor=factor))
@@ -62,10 +64,19 @@ def _arm(fields: NumberFields, place: int, arm: ArmFrames) -> list[Numbers]:
     return parts
 
 
-def write_levels(arms: Mapping[Arm, ServedArm], out: Floats) -> None:
-    """Write run level and sublevel, (2,), of the arm that is furthest."""
-    level = 0
-    for arm in arms.values():
-        if arm.machine.can_change:
-            level = max(level, arm.machine.run_level(arm.state))
-    out[:] = level, _HOMING if level == 1 else 0
+class RavenLevels:
+    """Run level and sublevel of a robot: those of the arm that is furthest."""
+
+    def __init__(self, arms: Mapping[Arm, ServedArm], out: Floats) -> None:
+        """Keep them among the numbers that are written, (2,)."""
+        self._arms = [arm for arm in arms.values() if arm.machine.can_change]
+        self._out = out
+        self._told: list[OperatingState] = []
+
+    def write(self) -> None:
+        """Write them, if a state has changed."""
+        states = [arm.state for arm in self._arms]
+        if states != self._told:
+            self._told = states
+            level = max((arm.machine.run_level(arm.state) for arm in self._arms), default=0)
+            self._out[:] = level, _HOMING if level == 1 else 0

@@ -82,7 +82,7 @@ class Server:
         ]
         # state commands first: what was sent after a `resume` is obeyed in the same tick
         self._sources.sort(key=lambda source: source.topic.type != COMMAND)
-        self._waiting = tuple((source, source.waiting) for source in self._sources)
+        self._arrivals = 0  # messages that were looked at
         self.outlets = {
             (topic.verb, topic.arm): Outlet(transport, topic) for topic in wanted if topic.direction == "out"
         }
@@ -99,12 +99,13 @@ class Server:
         """Read the commands that have come, move the arms by a tick, publish."""
         now = self.transport.now()
         self.transport.poll()
-        for source, waiting in self._waiting:
-            if not waiting():
-                continue
-            for message in source.take(now):
-                self.commands += 1
-                self._obey(source.topic, message, now)
+        arrivals = self.transport.arrivals()
+        if arrivals != self._arrivals:
+            self._arrivals = arrivals
+            for source in self._sources:
+                for message in source.take(now):
+                    self.commands += 1
+                    self._obey(source.topic, message, now)
         for arm in self.arms.values():
             arm.reports_time = now
             arm.advance()

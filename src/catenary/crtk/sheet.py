@@ -43,11 +43,13 @@ class Sheet:
             self.replace(k, frame.content)
             for part in frame.numbers:
                 end = part.place + part.many * np.dtype(part.kind).itemsize
-                if part.source < 0 or part.source + part.many > size or end > len(frame.content):
+                sources = [part.source, part.source if part.plus is None else part.plus]
+                if min(sources) < 0 or max(sources) + part.many > size or end > len(frame.content):
                     raise InputError(f"frame {k}: {part} of {size} numbers, {len(frame.content)} bytes")
-                runs.append((begins[k] + part.place, KINDS.index(part.kind), part.source, part.many))
+                plus = -1 if part.plus is None else part.plus
+                runs.append((begins[k] + part.place, KINDS.index(part.kind), part.source, part.many, plus))
                 factors.append(part.factor)
-        self._runs = np.array(runs, dtype=np.int64).reshape(len(runs), 4)
+        self._runs = np.array(runs, dtype=np.int64).reshape(len(runs), 5)
         self._factors = np.array(factors, dtype=float)
 
     def replace(self, topic: int, content: bytes | bytearray) -> None:
@@ -88,7 +90,7 @@ def write_frames(
     Args:
         memory: Where the frames lie.
         topics: (t, 4) frames.
-        runs: (r, 4) place in memory, kind, first number, count.
+        runs: (r, 5) place in memory, kind, first number, count, first number to add or -1.
         factors: (r,) from numbers to those of the message.
         numbers: What is written.
         seconds: Of the stamp.
@@ -104,7 +106,10 @@ def write_frames(
     for r in range(len(runs)):
         place, kind, source, count = runs[r, 0], runs[r, 1], runs[r, 2], runs[r, 3]
         for i in range(count):
-            value = numbers[source + i] * factors[r]
+            value = numbers[source + i]
+            if runs[r, 4] >= 0:
+                value += numbers[runs[r, 4] + i]
+            value *= factors[r]
             if kind == 0:
                 double[0] = value
                 for k in range(8):

@@ -134,6 +134,10 @@ class Transport(Protocol):
         """Run callbacks and services for what has come; wait for the first up to `timeout` [s]; give how many ran."""
         ...
 
+    def arrivals(self) -> int:
+        """How many messages have come so far, of all subscriptions: where it is as before, none of them has any."""
+        ...
+
     def spin(self) -> None:
         """Poll until the transport is closed or its network is told to end it."""
         ...
@@ -194,6 +198,10 @@ class PollingTransport:
         """Run callbacks and services for what has come."""
         self.require_open()
         return self.inbox.run(timeout)
+
+    def arrivals(self) -> int:
+        """How many messages have come so far."""
+        return self.inbox.arrivals
 
     def spin(self) -> None:
         """Poll until the transport is closed."""
