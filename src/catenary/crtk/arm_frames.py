@@ -1,6 +1,5 @@
 """A served arm's state as frames and their numbers: joints, jaws, poses, velocity; written once for each change."""
 
-
 from catenary.arrays import Floats
 from catenary.crtk.frames import Frame, OperatingStateFrames, joint_state_frame, pose_frame, twist_frame
 from catenary.crtk.served_arm import ServedArm
