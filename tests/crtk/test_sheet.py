@@ -43,6 +43,13 @@ def test_numbers_lie_where_struct_puts_them_wherever_that_is(parts):
     assert [bytes(sheet.frame(k)) for k in range(len(frames))] == expected
 
 
+def test_numbers_may_be_sums_of_two_before_they_are_scaled():
+    sheet = Sheet([Frame(bytes(40), (Numbers(16, "<f8", 0, 2, 0.5, plus=2),))], 4)
+    sheet.numbers[:] = 0.1, -0.7, 0.3, 2.0
+    sheet.write(NOW)
+    assert struct.unpack_from("<2d", sheet.frame(0), 16) == ((0.1 + 0.3) * 0.5, (-0.7 + 2.0) * 0.5)
+
+
 def test_another_content_takes_the_place_and_its_own_length():
     sheet = Sheet([Frame(b"a" * 20, room=24), Frame(b"b" * 20)], 0)
     sheet.replace(0, b"c" * 24)

@@ -43,11 +43,9 @@ class ArmFrames:
         own = self.tool + SIZE
         self.columns = {name: own + k * n for k, name in enumerate(columns)}
         self.end = own + n * len(columns)
-        declared = {column.name for column in arm.plant.columns if column.width == n}
-        self._known = [(name, slice(at, at + n)) for name, at in self.columns.items() if name in declared]
+        self._known = {column.name for column in arm.plant.columns if column.width == n}
         self._states = OperatingStateFrames()
         self._shown = -1  # change that the numbers show
-        self._numbers: Floats | None = None
 
     # what they look like
 
@@ -90,13 +88,21 @@ class ArmFrames:
         """Give its operating state as a frame."""
         return self._states.frame(self.arm.state)
 
-    def write(self, numbers: Floats) -> None:
-        """Write its numbers among those of all arms, if they have changed."""
+    def keep(self, numbers: Floats) -> None:
+        """Take the numbers of all arms, to write its own among them."""
+        joints = numbers[self._first : self.tool].reshape(_ROWS, self.n)
+        # a view takes as long to make as to fill
+        self._joints, self._rows = joints, tuple(joints)
+        self._of_tool = numbers[self.tool : self.tool + SIZE]
+        self._own = [
+            (name, numbers[at : at + self.n]) for name, at in self.columns.items() if name in self._known
+        ]
+
+    def write(self) -> None:
+        """Write its numbers, if they have changed."""
         arm = self.arm
-        if self._shown == arm.changes and self._numbers is numbers:
+        if self._shown == arm.changes:
             return
-        if self._numbers is not numbers:
-            self._see(numbers)
         self._shown = arm.changes
         measured, setpoint = arm.measured, arm.setpoint
         q, qd, tau, q_set, qd_set, tau_set = self._rows
@@ -104,14 +110,7 @@ class ArmFrames:
         q_set[:], qd_set[:], tau_set[:] = setpoint.q, setpoint.qd, setpoint.tau
         if arm.tool is not None:
             arm.tool.numbers.write(self._joints, self._of_tool)
-        if self._known:
+        if self._own:
             telemetry = arm.plant.telemetry()
-            for name, place in self._known:
-                numbers[place] = telemetry[name]
-
-    def _see(self, numbers: Floats) -> None:
-        """Keep views of the numbers: one takes as long to make as to fill."""
-        self._numbers = numbers
-        self._joints = numbers[self._first : self.tool].reshape(_ROWS, self.n)
-        self._rows = tuple(self._joints)
-        self._of_tool = numbers[self.tool : self.tool + SIZE]
+            for name, out in self._own:
+                out[:] = telemetry[name]

@@ -41,6 +41,8 @@ class Broadcast:
         # operating states have no numbers: their frames are replaced
         self._states = [(k, one.state_of) for k, one in enumerate(spoken) if one.state_of is not None]
         self._told: list[bytearray | None] = [None] * len(self._states)
+        for arm in arms:
+            arm.keep(self.numbers)
         self._write(0)  # what is compiled on first use is compiled here, not when the first client comes
         self._bundle.send()
 
@@ -57,7 +59,7 @@ class Broadcast:
 
     def _write(self, stamp: int) -> None:
         for arm in self._arms:
-            arm.write(self.numbers)
+            arm.write()
         for i, (topic, arm) in enumerate(self._states):
             state = arm.operating_state()
             if state is not self._told[i]:

@@ -15,7 +15,7 @@ import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from catenary.crtk.bundle import Bundle
 from catenary.crtk.frames import LENGTH, SEQ, SEQ_AT, SEQ_MOST
@@ -209,7 +209,7 @@ class Ros1Transport(PollingTransport):
     def bundle(self, publishers: Sequence[Publisher], sheet: Sheet) -> Bundle:
         """Give what sends frames into all sockets at once."""
         self.require_open()
-        lent = [publisher.lend() for publisher in publishers if isinstance(publisher, Ros1Publisher)]
+        lent = [publisher.lend() for publisher in cast(Sequence[Ros1Publisher], publishers)]
         bundle: Bundle = importlib.import_module("catenary.crtk.ros1_bundle").SocketBundle(lent, sheet)
         return bundle
 

@@ -157,6 +157,7 @@ class Link:
             sockets, place = self._socket_of
             sockets[place] = -1
         self._end_connection()
+        vars(self._connection).pop("close", None)  # else the two would hold each other for ever
 
     def flush(self) -> bool:
         """Send what waits; whether that was all."""
