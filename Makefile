@@ -22,7 +22,7 @@ help:
 	@echo "make lint        format, lint, types, import order"
 	@echo "make bench       speed of kernels, deployed models, the control loop, recording and the simulator, beside other libraries"
 	@echo "make bench-ros1  messages between two processes over ROS 1, where it is installed"
-	@echo "make bench-serving  a served robot and a client that hears every topic: rate, loss, latency, processor time, memory (10 minutes)"
+	@echo "make bench-serving  a served robot and a client that hears every topic, by sockets and by rospy: rate, loss, latency, processor time, memory (20 minutes)"
 	@echo "make bench-bags  six hours in a ROS 1 bag to Parquet, beside one object per message (5 GB of disk, 10 minutes)"
 	@echo "make dvrk-table  the table of docs/calibration.md, from recordings of a real arm (CATENARY_DATA)"
 	@echo "make table1      table I of the calibration paper on six simulated robots (15 minutes), into results/"

@@ -11,12 +11,15 @@ its `self`. So another process may load it.
 
 import ctypes
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
 from llvmlite import binding
+from numpy.typing import NDArray
 
 from catenary.array_layout import DATA, ArrayKind, empty_address, known_layout
+from catenary.errors import InputError
 
 METH_FASTCALL = 0x0080  # methodobject.h
 # what is in the array that comes with every call; then a function's own words
@@ -110,6 +113,49 @@ def load_call(
     given.kept = engine, kept, method, otherwise, numbers
     function: Callable[..., Any] = make(("PyCFunction_NewEx", api))(method, given, __name__)
     return function
+
+
+def refusing(expected: str) -> Callable[..., None]:
+    """Give what raises InputError with a message, for arguments that machine code does not take."""
+
+    def refuse(*_: object) -> None:
+        raise InputError(expected)
+
+    return refuse
+
+
+def call_with(
+    address: int,
+    own: Sequence[NDArray[Any]],
+    kinds: Sequence[ArrayKind],
+    otherwise: Callable[..., Any],
+) -> Callable[..., None]:
+    """Give a function of Python's that runs machine code on arrays of its own and some that it is given.
+
+    Args:
+        address: Where the machine code lies, a function of C's that takes where the arrays lie (`compiled.address_of`).
+        own: Come first; kept.
+        kinds: The arrays that it is given.
+        otherwise: Called with any other arguments.
+    """
+    words = address, *(array.ctypes.data for array in own)
+    return load_call(_passing_on(len(own), tuple(kinds), known_layout()), kinds, otherwise, words, kept=own)
+
+
+@cache
+def _passing_on(own: int, kinds: tuple[ArrayKind, ...], _: bool) -> bytes:
+    """Write a call of the machine code at word 0, with the words behind it and the arrays."""
+    from llvmlite import ir
+
+    from catenary.llvm_code import ADDRESS
+
+    def write(builder: Any, data: list[Any], word: Callable[[int], Any]) -> None:
+        given = [builder.inttoptr(word(1 + k), ADDRESS) for k in range(own)]
+        given += [builder.bitcast(array, ADDRESS) for array in data]
+        kind = ir.FunctionType(ir.VoidType(), [ADDRESS] * len(given)).as_pointer()
+        builder.call(builder.inttoptr(word(0), kind), given)
+
+    return compile_call(kinds, write)
 
 
 def _by_address(

@@ -1,7 +1,8 @@
 """`catenary serve` over ROS 1 beside a client that hears every topic: rate, loss, latency, processor time, memory.
 
 `make bench-serving`, or `python -m tests.benchmarks.serving --seconds 600`; needs rospy and its master, and starts a
-master of its own. Percentiles, since a maximum measures the machine.
+master of its own. Percentiles, since a maximum measures the machine. Two listeners, one after the other: one that reads
+its sockets and nothing else (socket_listener.py), and one of catenary's own clients, by rospy.
 """
 
 import argparse
@@ -38,17 +39,20 @@ for one in heard:
 command.publish(message_class("crtk_msgs/StringStamped")(string=sys.argv[3]))
 time.sleep(0.2)
 timed.take()
-begin, end, counts, latency, stamps = time.monotonic(), float(sys.argv[2]), [0] * len(heard), [], []
-seqs, sent = [], 0
+begin, end, counts, latency = time.monotonic(), float(sys.argv[2]), [0] * len(heard), []
+seqs, lost, sent, cpu = [None] * len(heard), 0, 0, time.process_time()
 step = np.zeros(7)
 rate = transport.rate(100.0)
 while time.monotonic() - begin < end:
     for i, one in enumerate(heard):
         for message, arrived in one.take():
             counts[i] += 1
+            seq = message[0].seq
+            if seqs[i] is not None:
+                lost += seq - seqs[i] - 1
+            seqs[i] = seq
             if one is timed:
                 latency.append(arrived - message.header.stamp)
-                seqs.append(message.header.seq)
                 last = message.position[0]
                 if sent == 0:
                     first = last
@@ -64,11 +68,13 @@ for message, _ in timed.take():
 forth, rest = divmod(sent, 2000)
 expected = 1e-5 * min(rest, 2000 - rest)
 print(json.dumps({
-    "hertz": len(latency) / wall, "messages": sum(counts), "lost": int(seqs[-1] - seqs[0] + 1 - len(seqs)),
+    "hertz": len(latency) / wall, "messages": sum(counts), "lost": lost,
     "commands": sent, "command_error": abs(last - first - expected),
-    "overflowed": sum(one.overflowed for one in heard),
+    "listener_cores": (time.process_time() - cpu) / wall, "overflowed": sum(one.overflowed for one in heard),
     **{f"p{100 * q:g}_ms": float(np.quantile(latency, q)) / 1e6 for q in (0.5, 0.9, 0.99, 0.999)}}))
 """
+
+LISTENERS = {"sockets": "from benchmarks.socket_listener import main; main()", "rospy": CLIENT}
 
 
 def memory(pid: int) -> float:
@@ -79,7 +85,7 @@ def memory(pid: int) -> float:
     return float("nan")
 
 
-def measure(dialect: str, seconds: float) -> dict[str, Any]:
+def measure(dialect: str, listener: str, seconds: float) -> dict[str, Any]:
     """Serve a homed robot to one client that hears everything and commands at 100 Hz."""
     wanted = [(topic.name, topic.type) for topic in topics(dialect) if topic.direction == "out"]  # type: ignore[arg-type]
     serve = ("serve", "--homed", "--json", "--dialect", dialect)
@@ -91,22 +97,25 @@ def measure(dialect: str, seconds: float) -> dict[str, Any]:
         server.line()
         served = {json.loads(server.line())["lost_ticks"]}
         resume = "resume" if dialect == "raven" else "enable"
-        with Program(master, CLIENT, json.dumps(wanted), str(seconds), resume) as client:
+        with Program(master, LISTENERS[listener], json.dumps(wanted), str(seconds), resume) as client:
             rows = [(memory(server.process.pid), json.loads(server.line()))]
             end = time.monotonic() + seconds
             while time.monotonic() < end:
                 row = json.loads(server.line())
                 rows.append((memory(server.process.pid), row))
             found = json.loads(client.line())
+            client.finish()
         server.interrupt()
         server.finish()
     settled = rows[min(10, len(rows) // 4) :]
     cores = sorted(row["cpu"] for _, row in settled)
     return {
         "seconds": seconds,
-        "topics": len(wanted),
         **found,
+        # medians and quiet seconds: other programs, and the listener itself, slow a server down
         "server_cores": cores[len(cores) // 2],
+        "server_cores_p10": cores[len(cores) // 10],
+        "server_cores_p90": cores[len(cores) * 9 // 10],
         "server_hertz": sum(row["rate_hz"] for _, row in settled) / len(settled),
         "ticks_lost": rows[-1][1]["lost_ticks"] - min(served),
         "overflowed_at_server": rows[-1][1]["overflowed"],
@@ -120,15 +129,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--dialect", choices=("raven", "crtk"), action="append")
+    parser.add_argument("--listener", choices=tuple(LISTENERS), action="append")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     try:
         make_rospy_importable()
     except MissingPackageError as error:
         sys.exit(str(error))
-    tables = {one: measure(one, options.seconds) for one in options.dialect or ("raven", "crtk")}
+    tables = {
+        f"{dialect}, {listener}": measure(dialect, listener, options.seconds)
+        for listener in options.listener or LISTENERS
+        for dialect in options.dialect or ("raven", "crtk")
+    }
     for title, row in tables.items():
-        print(f"dialect {title}")
+        print(title)
         for key, value in row.items():
             print(f"  {key:22}{value:14.4g}")
     if options.json is not None:

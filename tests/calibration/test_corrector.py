@@ -7,7 +7,6 @@ from numpy.testing import assert_array_equal
 
 from catenary import llvm_calls
 from catenary.arrays import Floats
-from catenary.calibration import tick_calls
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.linear import Linear
 from catenary.calibration.model import CalibrationModel
@@ -186,8 +185,7 @@ def test_arrays_of_another_size_are_refused(sizes: tuple[int, int, int, int]) ->
 
 @pytest.mark.parametrize("known", [True, False], ids=["looked at by machine code", "looked at in Python"])
 def test_arrays_of_another_type_or_layout_are_copied(known: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (llvm_calls, tick_calls):
-        monkeypatch.setattr(module, "known_layout", lambda: known)
+    monkeypatch.setattr(llvm_calls, "known_layout", lambda: known)
     plain, corrector = model(history=1, rate_hz=1000.0), Corrector(model(history=1, rate_hz=1000.0))
     q, signals = np.ascontiguousarray(SIGNALS[:, :3]), SIGNALS
     expected, flags = Corrector(plain).run(q, signals)

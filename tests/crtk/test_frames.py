@@ -2,20 +2,23 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from catenary.crtk.clock import SECOND
 from catenary.crtk.frames import (
     LENGTH,
     SEQ,
     SEQ_AT,
     STAMP,
-    JointStateFrame,
+    Frame,
+    NumberFields,
     OperatingStateFrames,
     frame_of,
-    number_view,
+    joint_state_frame,
     pose_frame,
     stamp_bytes,
     twist_frame,
 )
 from catenary.crtk.message import header, message_class
+from catenary.crtk.sheet import Sheet
 from catenary.crtk.wire import codec
 from catenary.errors import InputError
 from catenary.plant import OperatingState
@@ -31,20 +34,27 @@ def decoded(type_name, frame):
     return codec(type_name).decode(bytes(frame[LENGTH.size :]))
 
 
-def test_a_filled_joint_state_is_read_as_it_was_written():
+def written(frame, numbers):
+    """A frame with its numbers."""
+    sheet = Sheet([frame], len(numbers))
+    sheet.numbers[:] = numbers
+    sheet.write(NOW)
+    return sheet.frame(0)
+
+
+def test_a_joint_state_is_read_as_it_was_written():
     names = ("shoulder", "elbow", "insertion")
-    frame = JointStateFrame(names, "base")
-    q, qd, tau = np.random.default_rng(SEED).normal(size=(3, 3))
-    frame.fill(q, qd, tau)
-    message = decoded("sensor_msgs/JointState", frame.bytes)
+    numbers = np.random.default_rng(SEED).normal(size=12)
+    message = decoded("sensor_msgs/JointState", written(joint_state_frame(names, 2, 3, "base"), numbers))
     assert message.name == names
     assert message.header.frame_id == "base"
-    for read, written in ((message.position, q), (message.velocity, qd), (message.effort, tau)):
-        assert_array_equal(read, written)
+    assert message.header.stamp == NOW
+    for k, read in enumerate((message.position, message.velocity, message.effort)):
+        assert_array_equal(read, numbers[2 + 3 * k : 5 + 3 * k])
 
 
 def test_a_stamp_and_a_seq_are_read_as_they_were_written():
-    frame = JointStateFrame(("a",)).bytes
+    frame = bytearray(joint_state_frame(("a",), 0, 1).content)
     frame[STAMP] = stamp_bytes(NOW)
     SEQ.pack_into(frame, SEQ_AT, 42)
     message = decoded("sensor_msgs/JointState", frame)
@@ -52,24 +62,22 @@ def test_a_stamp_and_a_seq_are_read_as_they_were_written():
 
 
 @pytest.mark.parametrize("child", [None, "tool"])
-def test_a_filled_pose_is_read_as_it_was_written(child):
-    frame = pose_frame("base", child)
+def test_a_pose_is_read_as_it_was_written(child):
     numbers = np.random.default_rng(SEED).normal(size=7)
-    frame.fill(*numbers)
+    frame = written(pose_frame(0, "base", child), numbers)
     if child is None:
-        message = decoded("geometry_msgs/PoseStamped", frame.bytes)
+        message = decoded("geometry_msgs/PoseStamped", frame)
         read = (*message.pose.position, *message.pose.orientation)
     else:
-        message = decoded("geometry_msgs/TransformStamped", frame.bytes)
+        message = decoded("geometry_msgs/TransformStamped", frame)
         assert message.child_frame_id == "tool"
         read = (*message.transform.translation, *message.transform.rotation)
     assert_array_equal(read, numbers)
 
 
-def test_a_filled_twist_is_read_as_it_was_written():
-    frame, numbers = twist_frame("base"), np.random.default_rng(SEED).normal(size=6)
-    frame.fill(*numbers)
-    twist = decoded("geometry_msgs/TwistStamped", frame.bytes).twist
+def test_a_twist_is_read_as_it_was_written():
+    numbers = np.random.default_rng(SEED).normal(size=6)
+    twist = decoded("geometry_msgs/TwistStamped", written(twist_frame(0, "base"), numbers)).twist
     assert_array_equal([*twist.linear, *twist.angular], numbers)
 
 
@@ -79,24 +87,30 @@ def test_every_operating_state_has_a_frame_of_its_own():
         assert decoded("crtk_msgs/OperatingState", frames.frame(state))[1:] == state
 
 
-def test_a_view_of_fields_writes_them_and_nothing_else():
+def test_numbers_of_fields_are_written_and_nothing_else():
     name = "raven_2/raven_state"
-    message = message_class(name)(header(NOW, "frame"), last_seq=3, dt=1_000_000)
-    frame = frame_of(name, message)
-    view = number_view(frame, name, message, ("tau", "mpos"))
-    view[:] = np.arange(32.0).reshape(2, 16)
-    number_view(frame, name, message, ("grasp_d",))[0] = 7.0, 8.0
-    read = decoded(name, frame)
-    assert_array_equal(read.tau, np.arange(16))
-    assert_array_equal(read.mpos, np.arange(16, 32))
-    assert_array_equal(read.grasp_d, [7, 8])
-    assert (read.last_seq, read.dt, read.hdr.stamp) == (3, 1_000_000, NOW)
-    assert not read.jpos.any()
+    message = message_class(name)(header(0, "frame"), last_seq=3, dt=SECOND // 1000)
+    fields = NumberFields(name, message)
+    parts = (
+        fields.numbers("tau", 0, 3, first=8, factor=2.0),
+        fields.numbers("encVals", 3, 2, factor=10.0),
+        fields.numbers("grasp_d", 5),
+    )
+    numbers = np.array([0.5, -1.0, 2.0, 1.29, -1.29, 7.0])
+    read = decoded(name, written(Frame(bytes(frame_of(name, message)), parts), numbers))
+    expected = message_class(name)(
+        header(NOW, "frame"),
+        last_seq=3,
+        dt=SECOND // 1000,
+        tau=np.array([0.0] * 8 + [1.0, -2.0, 4.0] + [0.0] * 5),
+        encVals=np.array([12, -12] + [0] * 14),  # truncated towards zero
+        grasp_d=np.array([7.0, 0.0]),
+    )
+    assert codec(name).encode(read, 0) == codec(name).encode(expected, 0)
 
 
-@pytest.mark.parametrize("names", [("tau", "jpos"), ("mpos_d", "jpos_d", "grasp_d")])
-def test_fields_that_do_not_follow_each_other_are_refused(names):
-    message = message_class("raven_2/raven_state")()
-    frame = frame_of("raven_2/raven_state", message)
-    with pytest.raises(InputError, match="follow each other"):
-        number_view(frame, "raven_2/raven_state", message, names)
+@pytest.mark.parametrize(("name", "first"), [("dt", 0), ("no_such", 0), ("tau", 14), ("runlevel", 1)])
+def test_fields_that_do_not_hold_so_many_numbers_are_refused(name, first):
+    kind = "raven_2/raven_state"
+    with pytest.raises(InputError, match=f"a field {name} of at least"):
+        NumberFields(kind, message_class(kind)()).numbers(name, 0, 3 if first == 14 else 1, first=first)

@@ -23,12 +23,6 @@ def test_both_jaws_turn_the_tool_by_half_their_difference():
     assert_allclose(pose.rotation, forward_kinematics(model, [*Q[:5], 0.2]).rotation, atol=1e-12)
 
 
-def test_a_velocity_is_the_derivative_of_the_pose():
-    tool, qd, h = ToolPose(load_robot("raven2_full"), JOINTS), np.linspace(-0.3, 0.3, 7), 1e-6
-    moved = tool.pose(Q + h * qd).position - tool.pose(Q - h * qd).position
-    assert_allclose(tool.velocity(Q, qd)[:3], moved / (2 * h), atol=1e-8)  # central difference
-
-
 def test_a_model_of_the_robots_own_joints_needs_no_jaws():
     model = load_robot("raven2")
     q = Q[:3]

@@ -2,10 +2,9 @@ import mujoco
 import numpy as np
 import pinocchio
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 from catenary.dynamics.kinematics import (
-    FrameKernel,
     forward_kinematics,
     frame_poses,
     jacobian,
@@ -181,11 +180,3 @@ def test_wrong_arguments_are_refused_with_a_reason() -> None:
 def test_a_model_without_inertia_has_kinematics() -> None:
     model = load_robot("raven2_full")
     assert jacobian(model, np.full(6, 0.3)).shape == (6, 6)
-
-
-@pytest.mark.parametrize("name", ["raven2_full", "planar_3r"])
-def test_the_kernel_for_loops_gives_what_frame_poses_gives(name):
-    model = load_robot(name)
-    q = np.random.default_rng(3).uniform(0.1, 0.5, (2, model.n))
-    for found, expected in zip(FrameKernel(model, 2)(q), frame_poses(model, q), strict=True):
-        assert_array_equal(found, expected)

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.array_layout import ArrayKind, known_layout
+from catenary.array_layout import ArrayKind
 from catenary.arrays import Floats
 from catenary.calibration.kernels import Integers
 from catenary.calibration.tick import JOINTS, ROBOT_JOINTS, SIGNALS, tick, tick_state
 from catenary.compiled import address_of, array_at
 from catenary.errors import InputError
-from catenary.llvm_calls import Write, compile_call, load_call
+from catenary.llvm_calls import call_with
 
 NO_END = 2**40  # of arrays whose sizes no one asks for
 POINTERS = ("int64", "float64", "float64", "float64", "float64", "boolean")
@@ -66,28 +66,7 @@ def _call(
         function(layout, memory, *copies, result, flags)
         out[:], inside[:] = result, flags  # type: ignore[index]
 
-    words = address, layout.ctypes.data, memory.ctypes.data
-    return load_call(_code(tuple(kinds), known_layout()), kinds, by_copies, words, kept=(layout, memory))
-
-
-@cache
-def _code(kinds: tuple[ArrayKind, ...], _: bool) -> bytes:
-    return compile_call(kinds, _passing_on())
-
-
-def _passing_on() -> Write:
-    """Write a call of the machine code at word 0, with words 1 and 2 and the arrays."""
-    from llvmlite import ir
-
-    from catenary.llvm_code import ADDRESS
-
-    def write(builder: Any, data: list[Any], word: Callable[[int], Any]) -> None:
-        given = [builder.inttoptr(word(k), ADDRESS) for k in (1, 2)]
-        given += [builder.bitcast(array, ADDRESS) for array in data]
-        kind = ir.FunctionType(ir.VoidType(), [ADDRESS] * len(given)).as_pointer()
-        builder.call(builder.inttoptr(word(0), kind), given)
-
-    return write
+    return call_with(address, (layout, memory), kinds, by_copies)
 
 
 @cache

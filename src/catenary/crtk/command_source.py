@@ -60,7 +60,6 @@ class CommandSource:
         self._since: dict[str, int] = {}  # [ns] when programs were first seen to be connected
         self._waits = topic.name in beginning.published
         self._subscription = transport.subscribe(topic.name, topic.type)
-        self.waiting = self._subscription.__len__  # asked every millisecond, of two dozen topics
         self._missed = 0
 
     def take(self, now: int) -> list[Message]:

@@ -9,15 +9,17 @@ import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.crtk import cartesian_commands
-from catenary.crtk.arm_frames import JAWS, ArmFrames
+from catenary.crtk.arm_frames import JAWS, MEASURED, SETPOINT, ArmFrames
+from catenary.crtk.broadcast import Broadcast, Spoken
 from catenary.crtk.conversions import joint_values, pose_of
-from catenary.crtk.frames import stamp_bytes
+from catenary.crtk.frames import Frame, stamp_bytes
 from catenary.crtk.message import Message
 from catenary.crtk.moves import joint_move, straight_move
 from catenary.crtk.names import CrtkTopic, topics
 from catenary.crtk.outlet import Outlet
 from catenary.crtk.served_arm import ServedArm
 from catenary.crtk.state_machine import why_not_obeyed
+from catenary.crtk.transport import Transport
 from catenary.errors import InputError
 from catenary.plant import OperatingState
 from catenary.recording.topics import Arm
@@ -26,11 +28,16 @@ from catenary.spatial import Pose, rotation_vector
 NOT_MEASURED = ("measured_cf",)  # nothing measures forces at the tool
 NOT_TAKEN = ("servo_cf",)
 BUSY_EVERY = 100  # ticks between two operating states of an arm that is busy
-_JOINT_VERBS = (
-    (("measured_js", "setpoint_js"), ArmFrames.joints),
-    (("jaw/measured_js", "jaw/setpoint_js"), ArmFrames.jaws),
-)
-_POSE_VERBS = ("measured_cp", "setpoint_cp")
+# what is said in every tick, verb by verb
+_SAID: dict[str, Callable[[ArmFrames], Frame]] = {
+    "measured_js": lambda frames: frames.joints(MEASURED),
+    "setpoint_js": lambda frames: frames.joints(SETPOINT),
+    "jaw/measured_js": lambda frames: frames.jaws(MEASURED),
+    "jaw/setpoint_js": lambda frames: frames.jaws(SETPOINT),
+    "measured_cp": lambda frames: frames.pose(MEASURED),
+    "setpoint_cp": lambda frames: frames.pose(SETPOINT),
+    "measured_cv": lambda frames: frames.twist(),
+}
 
 
 class CrtkDialect:
@@ -48,29 +55,35 @@ class CrtkDialect:
             topic for topic in topics("crtk") if topic.arm in arms and _has(arms[topic.arm], topic.verb)
         )
         self._told: dict[Arm, tuple[OperatingState, int]] = {}
-        self._frames = {name: ArmFrames(arm) for name, arm in arms.items()}
+        self._frames: dict[Arm, ArmFrames] = {}
 
     # what it says
 
-    def publish(self, outlets: dict[tuple[str, Arm | None], Outlet], now: int) -> None:
-        """Publish the arms' states, stamped `now` [ns], where anybody listens."""
-        stamp = stamp_bytes(now)
+    def begin(self, transport: Transport, outlets: dict[tuple[str, Arm | None], Outlet]) -> None:
+        """Prepare to publish."""
+        spoken, end = [], 0
         for name, arm in self._arms.items():
-            frames = self._frames[name]
-            self._publish_state(name, arm, outlets["operating_state", name], stamp)
-            for verbs, filled in _JOINT_VERBS:
-                _send([outlets.get((verb, name)) for verb in verbs], filled, frames, stamp)
-            if arm.tool is not None:
-                _send([outlets[verb, name] for verb in _POSE_VERBS], ArmFrames.poses, frames, stamp)
-                speed = outlets["measured_cv", name]
-                if speed.heard:
-                    speed.send(frames.twist(), stamp)
+            frames = self._frames[name] = ArmFrames(arm, end)
+            end = frames.end
+            spoken += [
+                Spoken(outlets[verb, name], frame_of(frames))
+                for verb, frame_of in _SAID.items()
+                if (verb, name) in outlets
+            ]
+        self._broadcast = Broadcast(transport, spoken, tuple(self._frames.values()), end)
+        self._states = [(name, arm, outlets["operating_state", name]) for name, arm in self._arms.items()]
 
-    def _publish_state(self, name: Arm, arm: ServedArm, outlet: Outlet, stamp: bytes) -> None:
+    def publish(self, now: int) -> None:
+        """Publish the arms' states, stamped `now` [ns], where anybody listens."""
+        for name, arm, outlet in self._states:
+            self._publish_state(name, arm, outlet, now)
+        self._broadcast.send(now)
+
+    def _publish_state(self, name: Arm, arm: ServedArm, outlet: Outlet, now: int) -> None:
         told, tick = self._told.get(name, (None, 0))
         if arm.state != told or (arm.state.is_busy and arm.tick - tick >= BUSY_EVERY):
             self._told[name] = arm.state, arm.tick
-            outlet.send(self._frames[name].operating_state(), stamp)
+            outlet.send(self._frames[name].operating_state(), stamp_bytes(now))
 
     # what it obeys
 
@@ -104,22 +117,6 @@ def _has(arm: ServedArm, verb: str) -> bool:
     if verb.endswith(("_cp", "_cr", "_cv")):
         return arm.tool is not None
     return True
-
-
-def _send(
-    outlets: list[Outlet | None],
-    filled: Callable[[ArmFrames], tuple[bytearray, bytearray]],
-    frames: ArmFrames,
-    stamp: bytes,
-) -> None:
-    """Send what was measured and what was set, where anybody listens."""
-    measured, setpoint = outlets
-    if measured is not None and setpoint is not None and (measured.heard or setpoint.heard):
-        first, second = filled(frames)
-        if measured.heard:
-            measured.send(first, stamp)
-        if setpoint.heard:
-            setpoint.send(second, stamp)
 
 
 def _numbers(arm: ServedArm, message: Message, field: str = "position") -> Floats:

@@ -1,17 +1,16 @@
-"""Messages that a robot sends every millisecond, kept as ROS 1's bytes: only what changes is written into them.
+"""Messages that a robot sends every millisecond, as ROS 1's bytes in which only stamps and numbers change.
 
 A frame is a message with its length in front, as it goes over a socket. A server sends the same few messages for ever,
-and in each only a stamp and some numbers differ, so making each anew takes more of a tick than all the physics. All of
-them begin with a header; its `seq` is written by the publisher (`Publisher.publish_frame`).
+and in each only a stamp and some numbers differ, so making each anew takes more of a tick than all the physics. A frame
+says where its numbers lie, and which they are of all that a server writes (`sheet.Sheet`). All of them begin with a
+header; its `seq` is written by whoever sends them.
 """
 
 import struct
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catenary.arrays import Floats
 from catenary.crtk.clock import SECOND
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.wire import codec
@@ -21,8 +20,30 @@ from catenary.recording.messages import NUMBERS, TIMES, Field, fields
 
 LENGTH = struct.Struct("<I")
 SEQ, SEQ_AT, SEQ_MOST = struct.Struct("<I"), 4, 2**32 - 1  # where a frame holds its header's seq
-STAMP = slice(8, 16)  # and its stamp
+STAMP_AT = 8
+STAMP = slice(STAMP_AT, STAMP_AT + 8)  # and its stamp
 _STAMP = struct.Struct("<II")
+_DOUBLE = 8  # bytes
+KINDS = ("<f8", "<f4", "<i4")  # types of numbers that are written
+
+
+class Numbers(NamedTuple):
+    """Numbers of a frame that change from tick to tick."""
+
+    place: int  # byte of the frame at which they begin
+    kind: str  # one of KINDS; whole numbers are truncated
+    source: int  # the first of them among the numbers that are written
+    many: int
+    factor: float = 1.0  # from those numbers to the message's
+    plus: int | None = None  # the first of others that are added to them before
+
+
+class Frame(NamedTuple):
+    """A message, and what of it changes."""
+
+    content: bytes
+    numbers: tuple[Numbers, ...] = ()
+    room: int = 0  # bytes that another content may have, where that is more
 
 
 def stamp_bytes(stamp: int) -> bytes:
@@ -31,7 +52,7 @@ def stamp_bytes(stamp: int) -> bytes:
 
 
 def frame_of(type_name: str, message: Message) -> bytearray:
-    """Give a message of a type as a frame.
+    """Give a message of a type with its length in front.
 
     Raises:
         InputError: A value does not fit its field.
@@ -40,58 +61,41 @@ def frame_of(type_name: str, message: Message) -> bytearray:
     return bytearray(LENGTH.pack(len(data)) + data)
 
 
-class JointStateFrame:
-    """A sensor_msgs/JointState of the same joints for ever."""
+def joint_state_frame(names: tuple[str, ...], source: int, step: int, frame_id: str = "") -> Frame:
+    """Give a sensor_msgs/JointState of the same joints for ever.
 
-    __slots__ = ("_effort", "_position", "_velocity", "bytes")
-
-    def __init__(self, names: tuple[str, ...], frame_id: str = "") -> None:
-        """Prepare for joints."""
-        n = len(names)
-        zeros = np.zeros(n)
-        message = message_class("sensor_msgs/JointState")(header(0, frame_id), names, zeros, zeros, zeros)
-        self.bytes = frame_of("sensor_msgs/JointState", message)
-        # the numbers come last: three times a count and n of them
-        places = (len(self.bytes) - k * (4 + 8 * n) + 4 for k in (3, 2, 1))
-        self._position, self._velocity, self._effort = (
-            np.frombuffer(self.bytes, "<f8", n, place) for place in places
-        )
-
-    def fill(self, q: Floats | float, qd: Floats | float, tau: Floats | float) -> None:
-        """Write positions, velocities and efforts, each (n,), or a number of a single joint."""
-        self._position[:] = q
-        self._velocity[:] = qd
-        self._effort[:] = tau
+    Args:
+        names: The joints.
+        source: Where the positions begin among the numbers that are written.
+        step: From there to the velocities, and from those to the efforts.
+        frame_id: Of its header.
+    """
+    n = len(names)
+    zeros = np.zeros(n)
+    message = message_class("sensor_msgs/JointState")(header(0, frame_id), names, zeros, zeros, zeros)
+    content = bytes(frame_of("sensor_msgs/JointState", message))
+    # the numbers come last: three times a count and n of them
+    size = LENGTH.size + _DOUBLE * n
+    begin = len(content) - 3 * size + LENGTH.size
+    return Frame(content, tuple(Numbers(begin + k * size, "<f8", source + k * step, n) for k in range(3)))
 
 
-class NumbersFrame:
-    """A message that ends in numbers, all of which change: a pose, a velocity."""
-
-    __slots__ = ("_pack", "_place", "bytes")
-
-    def __init__(self, type_name: str, message: Message, count: int) -> None:
-        """Prepare a message whose last `count` numbers change."""
-        numbers = struct.Struct(f"<{count}d")
-        self.bytes = frame_of(type_name, message)
-        self._place = len(self.bytes) - numbers.size
-        self._pack = numbers.pack_into
-
-    def fill(self, *numbers: float) -> None:
-        """Write the numbers."""
-        self._pack(self.bytes, self._place, *numbers)
-
-
-def pose_frame(frame_id: str, child: str | None = None) -> NumbersFrame:
-    """Give a frame of poses: x, y, z [m], unit quaternion x, y, z, w; a TransformStamped where there is a child."""
+def pose_frame(source: int, frame_id: str, child: str | None = None) -> Frame:
+    """Give a PoseStamped, or a TransformStamped where there is a child: x, y, z [m], unit quaternion x, y, z, w."""
     name = "geometry_msgs/PoseStamped" if child is None else "geometry_msgs/TransformStamped"
     named = {} if child is None else {"child_frame_id": child}
-    return NumbersFrame(name, message_class(name)(header(0, frame_id), **named), 7)
+    return _ends_in_numbers(name, message_class(name)(header(0, frame_id), **named), source, 7)
 
 
-def twist_frame(frame_id: str) -> NumbersFrame:
-    """Give a frame of velocities, three numbers [m/s] and three [rad/s]."""
+def twist_frame(source: int, frame_id: str) -> Frame:
+    """Give a TwistStamped: three numbers [m/s] and three [rad/s]."""
     name = "geometry_msgs/TwistStamped"
-    return NumbersFrame(name, message_class(name)(header(0, frame_id)), 6)
+    return _ends_in_numbers(name, message_class(name)(header(0, frame_id)), source, 6)
+
+
+def _ends_in_numbers(type_name: str, message: Message, source: int, count: int) -> Frame:
+    content = bytes(frame_of(type_name, message))
+    return Frame(content, (Numbers(len(content) - _DOUBLE * count, "<f8", source, count),))
 
 
 class OperatingStateFrames:
@@ -109,27 +113,35 @@ class OperatingStateFrames:
         return found
 
 
-def number_view(frame: bytearray, type_name: str, message: Message, names: tuple[str, ...]) -> NDArray[Any]:
-    """Give a view of fields in a message's frame, one row for each: (len(names), width of a field).
+class NumberFields:
+    """Where the numbers of a message's fields lie in its frame."""
 
-    Args:
-        frame: As `frame_of` made it.
-        type_name: A type whose fields behind the header are numbers, times, or arrays of numbers of fixed length.
-        message: What the frame was made of; its header says where the numbers begin.
-        names: Fields that follow each other, of the same type and width.
+    def __init__(self, type_name: str, message: Message) -> None:
+        """Take a message of a type whose fields behind the header are numbers, times, or arrays of fixed length."""
+        self._name = type_name
+        head, *rest = fields(type_name)
+        place = LENGTH.size + len(codec(head.type).encode(message[0], 0))
+        self._fields: dict[str, tuple[int, Field]] = {}
+        for field in rest:
+            self._fields[field.name] = place, field
+            place += _size(field)
 
-    Raises:
-        InputError: They do not.
-    """
-    head, *rest = fields(type_name)
-    begin = [field.name for field in rest].index(names[0])
-    chosen = rest[begin : begin + len(names)]
-    kinds = {(field.type, field.length) for field in chosen}
-    if tuple(field.name for field in chosen) != names or len(kinds) != 1:
-        raise InputError(f"{type_name}: {', '.join(names)} are no fields of one type that follow each other")
-    place = LENGTH.size + len(codec(head.type).encode(message[0], 0)) + sum(map(_size, rest[:begin]))
-    kind, width = np.dtype(NUMBERS[chosen[0].type]), chosen[0].length or 1
-    return np.ndarray((len(names), width), kind, frame, place)
+    def numbers(
+        self, name: str, source: int, count: int = 1, *, first: int = 0, factor: float = 1.0
+    ) -> Numbers:
+        """Give `count` numbers of a field, from its `first` on.
+
+        Raises:
+            InputError: There is no such field of numbers, or it has fewer.
+        """
+        place, field = self._fields.get(name, (0, Field(name, "", 0)))
+        kind = NUMBERS.get(field.type)
+        if kind not in KINDS or first + count > (field.length or 1):
+            raise InputError(
+                f"{self._name}: expected a field {name} of at least {first + count} numbers, each one of "
+                f"{', '.join(KINDS)}"
+            )
+        return Numbers(place + first * np.dtype(kind).itemsize, kind, source, count, factor)
 
 
 def _size(field: Field) -> int:

@@ -153,7 +153,7 @@ class LoopbackPublisher:
         # also for nobody: what is wrong is refused here and now
         self._send(self._encode(message, self._sent))
 
-    def publish_frame(self, frame: bytearray) -> None:
+    def publish_frame(self, frame: bytearray | memoryview) -> None:
         """Send a message in ROS 1's bytes."""
         self._count()
         SEQ.pack_into(frame, SEQ_AT, self._sent & SEQ_MOST)

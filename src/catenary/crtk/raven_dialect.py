@@ -6,16 +6,17 @@ import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.crtk import cartesian_commands
-from catenary.crtk.arm_frames import JAWS, ArmFrames
+from catenary.crtk.arm_frames import JAWS, MEASURED, SETPOINT, ArmFrames
+from catenary.crtk.broadcast import Broadcast, Spoken
 from catenary.crtk.clock import SECOND
 from catenary.crtk.conversions import joint_values, pose_of
-from catenary.crtk.frames import stamp_bytes
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.names import RAVEN, CrtkTopic
 from catenary.crtk.outlet import Outlet
-from catenary.crtk.raven_state_maker import RavenStateMaker
+from catenary.crtk.raven_state_maker import LEVELS, OWN, RavenLevels, raven_state_frame
 from catenary.crtk.served_arm import ServedArm
 from catenary.crtk.state_machine import why_not_obeyed
+from catenary.crtk.transport import Transport
 from catenary.errors import InputError
 from catenary.recording.topics import Arm
 from catenary.spatial import Pose, rotation_from_quaternion, rotation_vector
@@ -23,9 +24,6 @@ from catenary.spatial import Pose, rotation_from_quaternion, rotation_vector
 _JointState = message_class("sensor_msgs/JointState")
 SLOW = round(SECOND / 33.0)  # [ns] between two messages on /joint_states: at most 33 Hz
 _CHILD = "tool"
-_ARM_VERBS = (
-    "operating_state", "measured_js", "setpoint_js", "grasp_measured_js", "measured_cp", "setpoint_cp",
-)  # fmt: skip
 # rviz's model of the arms; each twice: as measured, and as set with a 2 behind
 _RVIZ = ("shoulder", "elbow", "insertion", "tool_roll", "wrist_joint", "grasper_joint_1", "grasper_joint_2")
 _RVIZ_NAMES = tuple(f"{name}_{side}{what}" for what in ("", "2") for side in "LR" for name in _RVIZ)
@@ -52,40 +50,38 @@ class RavenDialect:
         self.topics = RAVEN
         self._arms = arms
         self._leader = next((arm for arm in arms.values() if arm.machine.can_change), arms["gold"])
-        self._state_of = RavenStateMaker(arms, self._leader.plant.period)
         self._slow: int | None = None
-        self._frames = {arm: ArmFrames(arm, child=_CHILD, jaws="grasp") for arm in arms.values()}
-        self._by_arm: list[tuple[ServedArm, ArmFrames, list[Outlet]]] | None = None
 
     # what it says
 
-    def publish(self, outlets: dict[tuple[str, Arm | None], Outlet], now: int) -> None:
+    def begin(self, transport: Transport, outlets: dict[tuple[str, Arm | None], Outlet]) -> None:
+        """Prepare to publish."""
+        frames: dict[Arm, ArmFrames] = {}
+        end = LEVELS
+        for name, arm in self._arms.items():
+            frames[name] = ArmFrames(arm, end, child=_CHILD, jaws="grasp", columns=tuple(OWN))
+            end = frames[name].end
+        spoken = []
+        for name, arm_frames in frames.items():
+            spoken += _spoken_of(
+                arm_frames, {verb: outlet for (verb, arm), outlet in outlets.items() if arm == name}
+            )
+        leader = next(one for one in frames.values() if one.arm is self._leader)
+        spoken.append(Spoken(outlets["operating_state", None], leader.state(), leader))
+        whole = raven_state_frame(frames, 0, self._leader.plant.period)
+        spoken.append(Spoken(outlets["ravenstate", None], whole))
+        self._broadcast = Broadcast(transport, spoken, tuple(frames.values()), end)
+        self._levels = RavenLevels(self._arms, self._broadcast.numbers[:LEVELS])
+        self._joint_states = outlets["joint_states", None]
+
+    def publish(self, now: int) -> None:
         """Publish the arms' states, stamped `now` [ns], where anybody listens."""
-        stamp = stamp_bytes(now)
-        for arm, frames, told in self._told(outlets):
-            _publish_arm(arm, frames, told, stamp)
-        outlet = outlets["operating_state", None]
-        if outlet.heard:
-            outlet.send(self._frames[self._leader].operating_state(), stamp)
-        outlet = outlets["ravenstate", None]
-        if outlet.heard:
-            outlet.send(self._state_of.frame(), stamp)
-        outlet = outlets["joint_states", None]
+        self._levels.write()
+        self._broadcast.send(now)
         if self._slow is None or not 0 <= now - self._slow < SLOW:
             self._slow = now
-            if outlet.heard:
-                outlet.publish(_JointState(header(now), _RVIZ_NAMES, self._rviz()))
-
-    def _told(
-        self, outlets: dict[tuple[str, Arm | None], Outlet]
-    ) -> list[tuple[ServedArm, ArmFrames, list[Outlet]]]:
-        """Arms with their frames and outlets, in the order of `_ARM_VERBS`; looked up once."""
-        if self._by_arm is None:
-            self._by_arm = [
-                (arm, self._frames[arm], [outlets[verb, name] for verb in _ARM_VERBS])
-                for name, arm in self._arms.items()
-            ]
-        return self._by_arm
+            if self._joint_states.heard:
+                self._joint_states.publish(_JointState(header(now), _RVIZ_NAMES, self._rviz()))
 
     def _rviz(self) -> Floats:
         gold, green = self._arms["gold"], self._arms["green"]
@@ -131,24 +127,18 @@ class RavenDialect:
             )
 
 
-def _publish_arm(arm: ServedArm, frames: ArmFrames, outlets: list[Outlet], stamp: bytes) -> None:
-    state, measured_js, setpoint_js, grasp, measured_cp, setpoint_cp = outlets
-    if state.heard:
-        state.send(frames.operating_state(), stamp)
-    if measured_js.heard or setpoint_js.heard:
-        measured, setpoint = frames.joints()
-        if measured_js.heard:
-            measured_js.send(measured, stamp)
-        if setpoint_js.heard:
-            setpoint_js.send(setpoint, stamp)
-    if grasp.heard:
-        grasp.send(frames.jaws()[0], stamp)
-    if arm.tool is not None and (measured_cp.heard or setpoint_cp.heard):
-        measured, setpoint = frames.poses()
-        if measured_cp.heard:
-            measured_cp.send(measured, stamp)
-        if setpoint_cp.heard:
-            setpoint_cp.send(setpoint, stamp)
+def _spoken_of(frames: ArmFrames, outlets: dict[str, Outlet]) -> list[Spoken]:
+    """What is said of one arm, by the verbs of its topics."""
+    spoken = [
+        Spoken(outlets["operating_state"], frames.state(), frames),
+        Spoken(outlets["measured_js"], frames.joints(MEASURED)),
+        Spoken(outlets["setpoint_js"], frames.joints(SETPOINT)),
+        Spoken(outlets["grasp_measured_js"], frames.jaws(MEASURED)),
+    ]
+    if frames.arm.tool is not None:
+        spoken.append(Spoken(outlets["measured_cp"], frames.pose(MEASURED)))
+        spoken.append(Spoken(outlets["setpoint_cp"], frames.pose(SETPOINT)))
+    return spoken
 
 
 def _numbers(arm: ServedArm, message: Message) -> tuple[Floats, bool]:

@@ -13,15 +13,26 @@ import importlib
 import importlib.util
 import sys
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
+from catenary.crtk.bundle import Bundle
 from catenary.crtk.frames import LENGTH, SEQ, SEQ_AT, SEQ_MOST
 from catenary.crtk.inbox import Callback, Origin, Request, Subscription
 from catenary.crtk.message import Message, message_class
 from catenary.crtk.ros1_master import master_uri
-from catenary.crtk.transport import DEPTH, QUEUE, Connections, Handler, PollingTransport, absolute, other_type
+from catenary.crtk.sheet import Sheet
+from catenary.crtk.transport import (
+    DEPTH,
+    QUEUE,
+    Connections,
+    Handler,
+    PollingTransport,
+    Publisher,
+    absolute,
+    other_type,
+)
 from catenary.crtk.wire import codec
 from catenary.errors import MissingPackageError, TransportError
 from catenary.recording.messages import current_name, service_md5_sum
@@ -88,7 +99,7 @@ class Ros1Publisher:
             data = self._encode(message, self._sent)
             self._publication.send(LENGTH.pack(len(data)) + data)
 
-    def publish_frame(self, frame: bytearray) -> None:
+    def publish_frame(self, frame: bytearray | memoryview) -> None:
         """Send a message in ROS 1's bytes."""
         if self._closed:
             raise TransportError(f"publisher of {self.topic} is closed")
@@ -96,6 +107,12 @@ class Ros1Publisher:
         if self._latch or self._publication.connections:
             SEQ.pack_into(frame, SEQ_AT, self._sent & SEQ_MOST)
             self._publication.send(bytes(frame))
+
+    def lend(self) -> tuple[Any, int]:
+        """Give what sends, and how many messages it has sent, to a bundle, which sends from now on."""
+        if self._closed:
+            raise TransportError(f"publisher of {self.topic} is closed")
+        return self._publication, self._sent
 
     def close(self) -> None:
         """Publish no more."""
@@ -188,6 +205,13 @@ class Ros1Transport(PollingTransport):
         publication = _links().publish_topic(topic, type_name, latch=latch, queue=queue)
         self._publishers[topic] = Ros1Publisher(publication, current_name(type_name), latch=latch)
         return self._publishers[topic]
+
+    def bundle(self, publishers: Sequence[Publisher], sheet: Sheet) -> Bundle:
+        """Give what sends frames into all sockets at once."""
+        self.require_open()
+        lent = [publisher.lend() for publisher in cast(Sequence[Ros1Publisher], publishers)]
+        bundle: Bundle = importlib.import_module("catenary.crtk.ros1_bundle").SocketBundle(lent, sheet)
+        return bundle
 
     def subscribe(
         self, topic: str, type_name: str, callback: Callback | None = None, *, depth: int = DEPTH

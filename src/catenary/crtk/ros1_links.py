@@ -11,6 +11,7 @@ import socket
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -19,6 +20,7 @@ import rospy
 from rospy.impl.registration import Registration, get_topic_manager
 from rospy.topics import _PublisherImpl, _SubscriberImpl, _TopicImpl
 
+from catenary.crtk.sheet import Whole
 from catenary.recording.messages import full_definition, md5_sum, service_md5_sum
 
 _logger = logging.getLogger(__name__)
@@ -77,6 +79,10 @@ class Link:
         self._lock = threading.Lock()
         self._waiting: deque[bytes] = deque()
         self._begun = False  # the first of them is partly sent
+        self._end_connection = connection.close
+        connection.close = self.close  # rospy calls it too
+        self._is_closed = False
+        self._socket_of: tuple[Whole, int] | None = None
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
@@ -114,7 +120,44 @@ class Link:
                 self._waiting.append(data[sent:])
                 self._begun = sent > 0
                 self._publication.sender.add(self)
+                self._publication.sender.changes = object()
         return True
+
+    def lend_socket(self, sockets: Whole, place: int) -> None:
+        """Write the socket's number into an array, and -1 before it is closed: another may get that number then.
+
+        Whoever sends by that array does so without giving up Python's lock, so nobody closes a socket meanwhile.
+        """
+        self._socket_of = sockets, place
+        sockets[place] = self._connection.fileno()
+        if self._is_closed:  # just now, perhaps before it knew of the array
+            sockets[place] = -1
+
+    def keep(self, data: bytes) -> None:
+        """Have the rest of a message sent that somebody else has begun to send."""
+        with self._lock:
+            self._waiting.append(data)
+            self._begun = True
+        self._publication.sender.add(self)
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether messages wait to be sent before any other."""
+        return bool(self._waiting)
+
+    def count(self, size: int, messages: int) -> None:
+        """Count bytes and messages that somebody else has sent, for rospy's statistics."""
+        self._connection.stat_bytes += size
+        self._connection.stat_num_msg += messages
+
+    def close(self) -> None:
+        """End the connection."""
+        self._is_closed = True
+        if self._socket_of is not None:
+            sockets, place = self._socket_of
+            sockets[place] = -1
+        self._end_connection()
+        vars(self._connection).pop("close", None)  # else the two would hold each other for ever
 
     def flush(self) -> bool:
         """Send what waits; whether that was all."""
@@ -149,6 +192,8 @@ class Sender:
     """Thread that sends what sockets did not take at once, for all topics of a process."""
 
     def __init__(self) -> None:
+        # another one whenever a connection has come or gone, or has begun to wait, anywhere in the process
+        self.changes = object()
         self._links: set[Link] = set()
         self._changed = threading.Condition()
         threading.Thread(target=self._run, name="ROS sender", daemon=True).start()
@@ -194,37 +239,55 @@ class Publication(_PublisherImpl):  # type: ignore[misc]
     """Publisher of a topic towards rospy, with links in the place of its connections."""
 
     def __init__(self, topic: str, data_class: type, *, latch: bool, queue: int) -> None:
+        self.sender = sender()
         super().__init__(topic, data_class)
         self.is_latch = latch
         self.overflowed = 0
-        self.sender = sender()
+        self.latched: bytes | None = None
+        self.settle: Callable[[], None] | None = None  # has what a bundle sent counted
         self._queue = queue
-        self._latched: bytes | None = None
+
+    @property
+    def connections(self) -> list[Link]:
+        """Links; rospy never changes the list, it makes another one, unless it has closed them all."""
+        return self._links
+
+    @connections.setter
+    def connections(self, links: list[Link]) -> None:
+        self._links = links
+        self.sender.changes = object()
+
+    def get_stats(self) -> Any:
+        """Give what rospy tells of its connections."""
+        if self.settle is not None:
+            self.settle()
+        return super().get_stats()
 
     def add_connection(self, c: Any) -> bool:
         """Connect a peer, and give it the latched message: once, even if another is published meanwhile."""
         link = Link(c, self, self._queue)
         with self.publock:
             added = bool(_TopicImpl.add_connection(self, link))
-            if added and self._latched is not None:
+            if added and self.latched is not None:
                 try:
-                    link.write_data(self._latched)
+                    link.write_data(self.latched)
                 except rospy.exceptions.TransportTerminated as error:
-                    self._end(link, error)
+                    self.end(link, error)
         return added
 
     def send(self, frame: bytes) -> None:
         """Send a message, with its length in front, to all peers."""
         with self.publock:
             if self.is_latch:
-                self._latched = frame
+                self.latched = frame
             for link in self.connections:
                 try:
                     link.write_data(frame)
                 except rospy.exceptions.TransportTerminated as error:
-                    self._end(link, error)
+                    self.end(link, error)
 
-    def _end(self, link: Link, error: Exception) -> None:
+    def end(self, link: Link, error: Exception) -> None:
+        """Close a link that an error has ended."""
         _logger.debug("%s: %s left: %s", self.resolved_name, link.endpoint_id, error)
         link.close()
 

@@ -42,7 +42,7 @@ class Ros2Publisher:
             raise TransportError(f"publisher of {self.topic} is closed")
         self._handle.publish(to_ros2(self.type_name, message))
 
-    def publish_frame(self, frame: bytearray) -> None:
+    def publish_frame(self, frame: bytearray | memoryview) -> None:
         """Send a message in ROS 1's bytes, which ROS 2 does not know: by way of a message."""
         self.publish(codec(self.type_name).decode(bytes(memoryview(frame)[LENGTH.size :])))
 

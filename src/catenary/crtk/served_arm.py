@@ -65,7 +65,6 @@ class ServedArm:
         self._move: tuple[Trajectory, int] | None = None
         self._plan: Iterator[Trajectory | None] | None = None
         self._was_ready = self._is_known = False
-        self._tool_poses: tuple[Floats, Floats] | None = None
         self._takes_positions = "servo_jp" in plant.supports
         self.refresh()
 
@@ -180,20 +179,12 @@ class ServedArm:
             return
         self._is_known = True
         self.changes += 1
-        self._tool_poses = None
         self.measured: JointState = self.plant.measured_js()
         self.setpoint: JointState = self.plant.setpoint_js()
         state = self.plant.operating_state()
         self.state: OperatingState = (
             state._replace(is_busy=True) if self.is_moving and state.state == "ENABLED" else state
         )
-
-    def tool_poses(self) -> tuple[Floats, Floats]:
-        """Give the tool's rotations (2, 3, 3) and positions (2, 3) [m] in the base: as measured, and as set."""
-        if self._tool_poses is None:
-            assert self.tool is not None
-            self._tool_poses = self.tool.poses(np.array((self.measured.q, self.setpoint.q)))
-        return self._tool_poses
 
     def _act(self) -> None:
         increments = self.increments.next(self.tick)

@@ -28,7 +28,11 @@ class Speaker(Protocol):
 
     topics: tuple[CrtkTopic, ...]
 
-    def publish(self, outlets: dict[tuple[str, Arm | None], Outlet], now: int) -> None:
+    def begin(self, transport: Transport, outlets: dict[tuple[str, Arm | None], Outlet]) -> None:
+        """Prepare to publish by outlets, verb by verb; called once, before `publish`."""
+        ...
+
+    def publish(self, now: int) -> None:
         """Publish the arms' states, stamped `now` [ns]."""
         ...
 
@@ -78,10 +82,11 @@ class Server:
         ]
         # state commands first: what was sent after a `resume` is obeyed in the same tick
         self._sources.sort(key=lambda source: source.topic.type != COMMAND)
-        self._waiting = tuple((source, source.waiting) for source in self._sources)
+        self._arrivals = 0  # messages that were looked at
         self.outlets = {
             (topic.verb, topic.arm): Outlet(transport, topic) for topic in wanted if topic.direction == "out"
         }
+        dialect.begin(transport, self.outlets)
         self._encoders = encoders
         self._heard = (*self.outlets.values(), *(() if encoders is None else encoders.outlets))
         self._watched = beginning.time
@@ -94,17 +99,18 @@ class Server:
         """Read the commands that have come, move the arms by a tick, publish."""
         now = self.transport.now()
         self.transport.poll()
-        for source, waiting in self._waiting:
-            if not waiting():
-                continue
-            for message in source.take(now):
-                self.commands += 1
-                self._obey(source.topic, message, now)
+        arrivals = self.transport.arrivals()
+        if arrivals != self._arrivals:
+            self._arrivals = arrivals
+            for source in self._sources:
+                for message in source.take(now):
+                    self.commands += 1
+                    self._obey(source.topic, message, now)
         for arm in self.arms.values():
             arm.reports_time = now
             arm.advance()
         if self.ticks % self._every == 0:
-            self._dialect.publish(self.outlets, self._stamps.next(now))
+            self._dialect.publish(self._stamps.next(now))
         if self._encoders is not None:
             self._encoders.publish(now)
         self.ticks += 1

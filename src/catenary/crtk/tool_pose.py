@@ -3,8 +3,9 @@
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.crtk.tool_numbers import ToolNumbers
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
-from catenary.dynamics.kinematics import FrameKernel, JacobianKernel, frame_poses
+from catenary.dynamics.kinematics import frame_poses
 from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.errors import InputError
 from catenary.robots.model import RobotModel
@@ -35,22 +36,13 @@ class ToolPose:
         if self.has_jaws:
             self._to_model[-1] = 0.0
             self._to_model[-1, -2:] = -0.5, 0.5
-        self._kernel, self._jacobian = FrameKernel(model, 2), JacobianKernel(model)
         frame_0 = model.frames.get("frame0")
         self._frame_0 = None if frame_0 is None else frame_0.pose
-
-    def poses(self, q: Floats) -> tuple[Floats, Floats]:
-        """Give rotations (2, 3, 3) and positions (2, 3) [m] of the tool in the base, at joints (2, n); unchecked."""
-        return self._kernel(q @ self._to_model.T)
+        self.numbers = ToolNumbers(model, self._to_model, self._frame_0)
 
     def pose(self, q: Floats) -> Pose:
         """Give the tool's pose in the base frame, at joints (n,)."""
         return Pose(*frame_poses(self.model, self._to_model @ q))
-
-    def velocity(self, q: Floats, qd: Floats) -> Floats:
-        """Give the tool's velocity and angular velocity (6,) in base axes [m/s, rad/s]; unchecked."""
-        moved: Floats = self._jacobian(self._to_model @ q) @ (self._to_model @ qd)
-        return moved
 
     def joints(self, pose: Pose, near: Floats) -> Floats:
         """Give joints (n,) that bring the tool to a pose, the nearest to some, with their opening of the jaws.
@@ -94,13 +86,6 @@ class ToolPose:
         near: Floats = np.linalg.pinv(self._to_model) @ (0.5 * (lower + upper))
         place = self.pose(near)
         self.path(place.rotation[np.newaxis], place.position[np.newaxis], near)
-
-    def in_frame_0(self, rotations: Floats, positions: Floats) -> tuple[Floats, Floats]:
-        """Give poses in the mechanism's frame 0, in which a RAVEN-II's own raven_state has them."""
-        if self._frame_0 is None:
-            return rotations, positions
-        turn = self._frame_0.rotation
-        return turn.T @ rotations, (positions - self._frame_0.position) @ turn
 
     def from_frame_0(self, vectors: Floats) -> Floats:
         """Give directions (3,) or rotations' columns of frame 0 in base axes."""

@@ -11,12 +11,14 @@ Callbacks and services run where `poll` is called, in that thread and nowhere el
 import logging
 import re
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, Protocol, Self
 
+from catenary.crtk.bundle import Bundle
 from catenary.crtk.clock import Clock, Rate, WallClock
 from catenary.crtk.inbox import Callback, Inbox, Subscription
 from catenary.crtk.message import Message
+from catenary.crtk.sheet import Sheet
 from catenary.errors import InputError, TransportError
 
 Handler = Callable[[Message], Message]
@@ -54,7 +56,7 @@ class Publisher(Protocol):
         """
         ...
 
-    def publish_frame(self, frame: bytearray) -> None:
+    def publish_frame(self, frame: bytearray | memoryview) -> None:
         """Send a message that is in ROS 1's bytes already, its length in front; it begins with a header.
 
         The header's `seq` is written into it; what else is in it is the caller's affair and is not looked at.
@@ -87,6 +89,13 @@ class Transport(Protocol):
         Raises:
             InputError: No such name or type.
             TransportError: The topic carries another type, or this transport publishes it already, or is closed.
+        """
+        ...
+
+    def bundle(self, publishers: Sequence[Publisher], sheet: Sheet) -> Bundle:
+        """Give what sends a sheet's frames, each by a publisher of this transport, together.
+
+        From now on nothing else is published on these topics.
         """
         ...
 
@@ -123,6 +132,10 @@ class Transport(Protocol):
 
     def poll(self, timeout: float = 0.0) -> int:
         """Run callbacks and services for what has come; wait for the first up to `timeout` [s]; give how many ran."""
+        ...
+
+    def arrivals(self) -> int:
+        """How many messages have come so far, of all subscriptions: where it is as before, none of them has any."""
         ...
 
     def spin(self) -> None:
@@ -186,10 +199,18 @@ class PollingTransport:
         self.require_open()
         return self.inbox.run(timeout)
 
+    def arrivals(self) -> int:
+        """How many messages have come so far."""
+        return self.inbox.arrivals
+
     def spin(self) -> None:
         """Poll until the transport is closed."""
         while not self.inbox.closed:
             self.inbox.run(0.1)
+
+    def bundle(self, publishers: Sequence[Publisher], sheet: Sheet) -> Bundle:
+        """Give what sends frames one after the other."""
+        return Bundle(publishers, sheet)
 
     def now(self) -> int:
         """Time [ns]."""

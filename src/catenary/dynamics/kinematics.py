@@ -8,7 +8,6 @@ from catenary.compiled import compiled
 from catenary.dynamics.coordinates import place_tree, to_robot_columns
 from catenary.dynamics.recursion import place_links
 from catenary.dynamics.vectors import add, cross, row, times
-from catenary.errors import InputError
 from catenary.robots.model import Frame, RobotModel, Tree
 from catenary.spatial import Pose
 
@@ -50,30 +49,6 @@ def frame_poses(model: RobotModel, q: ArrayLike, frame: str | None = None) -> tu
     else:
         rotation, position = rotations[..., target.link, :, :], positions[..., target.link, :]
     return rotation @ target.pose.rotation, rotation @ target.pose.position + position
-
-
-class FrameKernel:
-    """`frame_poses` of N configurations at a time, in a loop: nothing is checked, nothing but the result is made."""
-
-    def __init__(self, model: RobotModel, count: int, frame: str | None = None) -> None:
-        """Prepare for `count` configurations at a time.
-
-        Raises:
-            InputError: No frame of that name, or the frame does not move.
-        """
-        target, n = model.frame(frame), len(model.link_names)
-        if target.link < 0:
-            raise InputError(f'robot "{model.name}": frame "{frame}" does not move with the joints')
-        self._numbers = model.tree, model.coupling, model.offset
-        self._links = np.empty((count, n, 3, 3)), np.empty((count, n, 3))
-        self._link, self._pose = target.link, target.pose
-
-    def __call__(self, q: Floats) -> tuple[Floats, Floats]:
-        """Give R_base_frame (N, 3, 3) and the frame's origin (N, 3) [m] at coordinates (N, n) [rad or m]."""
-        rotations, positions = self._links
-        _link_poses_rows(*self._numbers, q, rotations, positions)
-        rotation = rotations[:, self._link]
-        return rotation @ self._pose.rotation, rotation @ self._pose.position + positions[:, self._link]
 
 
 def link_poses(model: RobotModel, q: ArrayLike) -> tuple[Floats, Floats]:
@@ -133,27 +108,6 @@ def jacobian(
     out = np.zeros((len(rows), 6, model.n))
     _jacobian_rows(model.tree, model.coupling, model.offset, rows, target.link, offset, out)
     return out[0] if single else out
-
-
-class JacobianKernel:
-    """`jacobian` of a frame's origin, in a loop: nothing is checked, nothing but the result is made."""
-
-    def __init__(self, model: RobotModel, frame: str | None = None) -> None:
-        """Prepare.
-
-        Raises:
-            InputError: No frame of that name.
-        """
-        target = model.frame(frame)
-        self._numbers = model.tree, model.coupling, model.offset
-        self._link, self._point, self._n = target.link, np.array(target.pose.position), model.n
-
-    def __call__(self, q: Floats) -> Floats:
-        """Give J (6, n) at coordinates (n,) [rad or m]."""
-        out = np.zeros((1, 6, self._n))
-        _jacobian_rows(*self._numbers, q[np.newaxis], self._link, self._point, out)
-        columns: Floats = out[0]
-        return columns
 
 
 def _point_in_link(frame: Frame, point: ArrayLike | None) -> Floats:

@@ -12,8 +12,7 @@ from catenary.dynamics import line_text, sines
 from catenary.dynamics.kernel_files import forget, keep_with_digest, kept_with_digest, private_folder
 from catenary.dynamics.line_text import expected_arrays, llvm_operations, widths_of
 from catenary.dynamics.tracing import Line
-from catenary.errors import InputError
-from catenary.llvm_calls import compile_call, load_call, processor
+from catenary.llvm_calls import compile_call, load_call, processor, refusing
 
 _log = logging.getLogger(__name__)
 _loaded: dict[str, Callable[..., Any]] = {}  # by digest
@@ -38,16 +37,9 @@ def llvm_kernel(
     if digest not in _loaded:
         code = _machine_code(f"{stem}-{digest}.o", line, shape, folder)
         _loaded[digest] = load_call(
-            code, _kinds(line, shape), _refusing(expected_arrays(line, shape)), gives=True
+            code, _kinds(line, shape), refusing(expected_arrays(line, shape)), gives=True
         )
     return _loaded[digest]
-
-
-def _refusing(expected: str) -> Callable[..., None]:
-    def refuse(*_: object) -> None:
-        raise InputError(expected)
-
-    return refuse
 
 
 def _digest(line: Line, shape: tuple[int, ...]) -> str:

@@ -102,7 +102,8 @@ class BaseTimeline:
         number, start = divmod(first, self.BLOCK)
         if number != self._number:
             ticks = np.arange(number * self.BLOCK, (number + 1) * self.BLOCK, dtype=float)
-            self._block = self.base.sample(ticks * self._period)
+            rows = self.base.sample(ticks * self._period)
+            self._block = BaseSamples._make(np.ascontiguousarray(part, dtype=float) for part in rows)
             self._number = number
         gravity, motion = self._block
         if len(gravity) == 1:

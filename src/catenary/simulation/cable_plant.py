@@ -23,7 +23,7 @@ from catenary.simulation.cable_parameters import (
     varied,
 )
 from catenary.simulation.cable_physics import new_state, unstretched_rotors
-from catenary.simulation.columns import COLUMNS, sample
+from catenary.simulation.columns import COLUMNS, Sample, reported_positions, rounded_counts
 from catenary.simulation.firmware import (
     BRAKES,
     GUARDED,
@@ -33,13 +33,14 @@ from catenary.simulation.firmware import (
     STOPPED,
     TORQUE,
     TickLog,
-    joint_torques,
     new_control,
     read_encoders_of,
 )
 from catenary.simulation.homing import home, registered_zero
+from catenary.simulation.joint_report import joint_state
 from catenary.simulation.packed import LOG, arm_of, control_of, log_of, pack, pack_tree
 from catenary.simulation.payload import with_payload
+from catenary.simulation.tick_call import TickArrays, TickCall, tick_call
 from catenary.simulation.ticks import run_ticks
 
 JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")
@@ -98,6 +99,7 @@ class CablePlant:
         self._whole_numbers = np.concatenate([a for a in new_control() if a.dtype == np.int64])
         self.state = arm_of(self._state_numbers[0])
         self.control = control_of(self._state_numbers[1], self._whole_numbers)
+        self._tick_call: TickCall | None = None  # made at the first tick, for these very arrays
         self._tick = 0
         self._state: StateName = "DISABLED"
         self._fault = ""
@@ -113,10 +115,11 @@ class CablePlant:
         twin = object.__new__(CablePlant)
         memo[id(self)] = twin
         for name, value in vars(self).items():
-            if name not in ("state", "control"):
+            if name not in ("state", "control", "_tick_call"):
                 setattr(twin, name, deepcopy(value, memo))
         twin.state = arm_of(twin._state_numbers[0])
         twin.control = control_of(twin._state_numbers[1], twin._whole_numbers)
+        twin._tick_call = None
         return twin
 
     # what a Plant says about itself
@@ -137,6 +140,7 @@ class CablePlant:
     def cable(self, cable: Cable) -> None:
         self._cable = cable
         self._parameters = pack(cable), self._parameters[1]
+        self._tick_call = None
 
     @property
     def firmware(self) -> Firmware:
@@ -147,6 +151,7 @@ class CablePlant:
     def firmware(self, firmware: Firmware) -> None:
         self._firmware = firmware
         self._parameters = self._parameters[0], pack(firmware)
+        self._tick_call = None
 
     @property
     def lower(self) -> Floats:
@@ -175,18 +180,15 @@ class CablePlant:
 
     def measured_js(self) -> JointState:
         """Joint state as the firmware believes it; gravity and rates of ideal sensors at the base's origin."""
-        return self._joint_state(self.control.joint.copy(), self.control.joint_velocity.copy())
+        return self._joint_state(measured=True)
 
     def setpoint_js(self) -> JointState:
         """Joint setpoint of the firmware."""
-        return self._joint_state(self.control.setpoint.copy(), np.zeros(7))
+        return self._joint_state(measured=False)
 
-    def _joint_state(self, q: Floats, qd: Floats) -> JointState:
-        base, c = self._base.rows(self._tick, 1)[0], self.control
-        torque = joint_torques(self.firmware, c.torque)
-        felt = base.gravity[0] - base.motion[0, 2]  # an accelerometer cannot tell one from the other
-        rates = base.motion[0, :2].copy()
-        return JointState(self.time, q, qd, torque, c.motor.copy(), felt, 0.0, rates)
+    def _joint_state(self, *, measured: bool) -> JointState:
+        control, base = (self._state_numbers[1], self._whole_numbers), self._base.rows(self._tick, 1)[0]
+        return joint_state(self.time, self._parameters[1], control, base, measured=measured)
 
     def operating_state(self) -> OperatingState:
         """CRTK's operating state."""
@@ -194,7 +196,7 @@ class CablePlant:
 
     def telemetry(self) -> Mapping[str, Floats]:
         """Latest sample of every column of `columns`."""
-        return sample(self, self._base.rows(self._tick, 1)[0])
+        return Sample(self, self._state_numbers[1].copy(), self._base.rows(self._tick, 1)[0])
 
     # what a Plant obeys
 
@@ -259,7 +261,12 @@ class CablePlant:
             NotReadyError: An axis that homes met no stop; the arm is then in FAULT.
         """
         row = self._wanted if self._homing is None else self._next_homing_row(self._homing)
-        self._advance(row[None, :], NO_LOG)
+        if self._tick_call is None:
+            self._tick_call = tick_call(self._arrays(), self.substeps)
+        base, _ = self._base.rows(self._tick, 1)
+        self._tick_call(row, base.gravity, base.motion)
+        self._tick += 1
+        self._watch_stop()
         self._wanted[:] = np.nan
         if self._rig_seen is not None:
             self._rig_seen.append(self.rig_counts(self.state.q))
@@ -298,12 +305,11 @@ class CablePlant:
 
     def rig_counts(self, q: Floats) -> Floats:
         """Counts of the external encoders at true joint positions (..., 3)."""
-        return np.round(q * self.rig.counts)
+        return rounded_counts(self.rig, q)
 
     def rig_positions(self, counts: Floats) -> Floats:
         """Joint positions that the rig reports, (..., 3) [rad, rad, m]; NaN before it is registered."""
-        positions: Floats = self.rig.registered + (counts - self.rig_zero) / self.rig.counts
-        return positions
+        return reported_positions(self.rig, self.rig_zero, counts)
 
     def resume_at(self, tick: int, rig_zero: Floats, *, is_homed: bool) -> None:
         """Take up a life that was put away: the state's arrays have been written, the arm is disabled."""
@@ -326,25 +332,24 @@ class CablePlant:
         done = 0
         while done < len(rows):
             base, count = self._base.rows(self._tick, len(rows) - done)
-            ran = run_ticks(
-                self._tree.parent,
-                self._tree.prismatic,
-                self._tree_numbers,
-                *self._parameters,
-                *self._state_numbers,
-                self._whole_numbers,
-                rows[done : done + count],
-                base.gravity,
-                base.motion,
-                self.substeps,
-                log[done:],
-            )
-            done += ran
-            self._tick += ran
-            if self.control.flags[STOPPED]:
-                why = f"the software e-stop tripped at {self.time:.3f} s: a motor's command was too large"
-                self._set_state("FAULT", f": {why}")
+            given = rows[done : done + count], base.gravity, base.motion, self.substeps, log[done:]
+            ran = run_ticks(*self._arrays(), *given)
+            done, self._tick = done + ran, self._tick + ran
+            if self._watch_stop():
                 return
+
+    def _arrays(self) -> TickArrays:
+        """What compiled ticks read and write."""
+        numbers = self._tree_numbers, *self._parameters, *self._state_numbers
+        return self._tree.parent, self._tree.prismatic, *numbers, self._whole_numbers
+
+    def _watch_stop(self) -> bool:
+        """Whether the software e-stop has tripped."""
+        tripped = bool(self.control.flags[STOPPED])
+        if tripped:
+            why = f"the software e-stop tripped at {self.time:.3f} s: a motor's command was too large"
+            self._set_state("FAULT", f": {why}")
+        return tripped
 
     def _next_homing_row(self, homing: Iterator[Floats]) -> Floats:
         try:

@@ -1,11 +1,15 @@
 """What a simulated arm reports besides its joint state: the columns of its telemetry."""
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from catenary.arrays import Floats
 from catenary.plant import Column
 from catenary.simulation.base_motion import BaseSamples, imu_reading
+from catenary.simulation.cable_parameters import Rig
+from catenary.simulation.packed import CONTROL, CONTROL_WHOLE, control_of
 
 if TYPE_CHECKING:
     from catenary.simulation.cable_plant import CablePlant
@@ -29,25 +33,71 @@ COLUMNS = (
 )
 
 
-def sample(plant: "CablePlant", base: BaseSamples) -> Mapping[str, Floats]:
-    """Latest sample of every column; `base` is how the base moves now, one row."""
-    c = plant.control
-    counts = plant.rig_counts(plant.state.q)
-    specific_force, rate = imu_reading(base)
-    return {
-        "encVals": c.counts.copy(),
-        "mpos": c.motor.copy(),
-        "mvel": c.motor_velocity.copy(),
-        "jpos": c.joint.copy(),
-        "jvel": c.joint_velocity.copy(),
-        "jpos_d": c.setpoint.copy(),
-        "mpos_d": c.motor_setpoint.copy(),
-        "tau": c.torque.copy(),
-        "dac_val": c.dac.copy(),
-        "encoffsets": c.offset.copy(),
-        "joint_enc": counts,
-        "ext_jpos": plant.rig_positions(counts),
-        "q_true": plant.state.q.copy(),
-        "accelerometer": specific_force[0].copy(),  # an ideal one at the base's origin, in base axes
-        "gyroscope": rate[0].copy(),
-    }
+_CONTROL = {
+    "encVals": "counts",
+    "mpos": "motor",
+    "mvel": "motor_velocity",
+    "jpos": "joint",
+    "jvel": "joint_velocity",
+    "jpos_d": "setpoint",
+    "mpos_d": "motor_setpoint",
+    "tau": "torque",
+    "dac_val": "dac",
+    "encoffsets": "offset",
+}  # field of the firmware's state
+
+
+def _place(field: str) -> slice:
+    """Where a field of the firmware's state lies among its numbers."""
+    numbers = control_of(np.arange(CONTROL, dtype=float), np.zeros(CONTROL_WHOLE, dtype=np.int64))
+    first = int(getattr(numbers, field)[0])
+    return slice(first, first + 7)
+
+
+_PLACES = {column: _place(field) for column, field in _CONTROL.items()}
+
+
+class Sample(Mapping[str, Floats]):
+    """Every column at one instant; each is worked out when it is asked for, which most are not in most ticks."""
+
+    def __init__(self, plant: "CablePlant", control: Floats, base: BaseSamples) -> None:
+        """Take the firmware's numbers, which it keeps, and how the base moves now, one row."""
+        self._control, self._base = control, base
+        self._q, self._rig, self._zero = plant.state.q.copy(), plant.rig, plant.rig_zero
+
+    def __getitem__(self, name: str) -> Floats:
+        """Give a column."""
+        place = _PLACES.get(name)
+        return self._control[place] if place is not None else _OTHERS[name](self)
+
+    def __iter__(self) -> Iterator[str]:
+        """Give the columns' names."""
+        return (column.name for column in COLUMNS)
+
+    def __len__(self) -> int:
+        """How many columns there are."""
+        return len(COLUMNS)
+
+    def _counts(self) -> Floats:
+        return rounded_counts(self._rig, self._q)
+
+
+_OTHERS: dict[str, Callable[[Any], Floats]] = {
+    "joint_enc": lambda of: of._counts(),
+    "ext_jpos": lambda of: reported_positions(of._rig, of._zero, of._counts()),
+    "q_true": lambda of: of._q,
+    # an ideal one at the base's origin, in base axes
+    "accelerometer": lambda of: imu_reading(of._base)[0][0].copy(),
+    "gyroscope": lambda of: imu_reading(of._base)[1][0].copy(),
+}
+
+
+def rounded_counts(rig: Rig, q: Floats) -> Floats:
+    """Counts of the external encoders at true joint positions (..., 3)."""
+    return np.round(q * rig.counts)
+
+
+def reported_positions(rig: Rig, zero: Floats, counts: Floats) -> Floats:
+    """Joint positions that the rig reports, (..., 3) [rad, rad, m]; NaN before it is registered."""
+    positions: Floats = rig.registered + (counts - zero) / rig.counts
+    return positions

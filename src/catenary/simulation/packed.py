@@ -16,7 +16,8 @@ from catenary.simulation.cable_parameters import Cable, Firmware
 from catenary.simulation.cable_physics import ArmState
 from catenary.simulation.firmware import ControlState, TickLog
 
-ARM, CONTROL, CONTROL_WHOLE, LOG = 38, 84, 17, 66  # numbers in each
+# numbers in each
+TREE, CABLE, FIRMWARE, ARM, CONTROL, CONTROL_WHOLE, LOG = 84, 118, 110, 38, 84, 17, 66
 
 
 def pack(arrays: tuple[Any, ...]) -> Floats:
@@ -31,7 +32,7 @@ def pack_tree(tree: Tree) -> Floats:
 
 @inlined
 def tree_of(parent: NDArray[np.int64], prismatic: NDArray[np.bool_], flat: Floats) -> Tree:
-    """A tree of three joints from its long array (84,)."""
+    """A tree of three joints from its long array (TREE,)."""
     return Tree(
         parent,
         prismatic,
@@ -46,7 +47,7 @@ def tree_of(parent: NDArray[np.int64], prismatic: NDArray[np.bool_], flat: Float
 
 @inlined
 def cable_of(flat: Floats) -> Cable:
-    """An arm's parameters from their long array (118,)."""
+    """An arm's parameters from their long array (CABLE,)."""
     return Cable(
         flat[0:3],
         flat[3:6],
@@ -90,7 +91,7 @@ def cable_of(flat: Floats) -> Cable:
 
 @inlined
 def firmware_of(flat: Floats) -> Firmware:
-    """A firmware's parameters from their long array (110,)."""
+    """A firmware's parameters from their long array (FIRMWARE,)."""
     return Firmware(
         flat[0:7],
         flat[7:10],
