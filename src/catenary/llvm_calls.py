@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from catenary.array_layout import DATA, ArrayKind, empty_address, known_layout
 from catenary.errors import InputError
 
-METH_FASTCALL = 0x0080  # methodobject.h
+METH_FASTCALL, METH_KEYWORDS = 0x0080, 0x0002  # methodobject.h
 # what is in the array that comes with every call; then a function's own words
 ARRAY_TYPE, NONE, OTHERWISE, CALL, COUNT_UP, NUMBERS, EMPTY, WORDS = range(8)
 NAME = "into"
@@ -57,9 +57,9 @@ def compile_call(kinds: Sequence[ArrayKind], write: Write, *, gives: bool = Fals
 
     Args:
         kinds: The arrays that it takes.
-        gives: Whether a call that lacks the last array, of float64, makes one and returns it.
+        gives: Whether a call returns the last array, of float64, and makes it where it is lacking.
         write: Writes what it does, given a builder, where the arrays' numbers begin, and a function that gives the
-            words of `load_call` by their number, as whole numbers.
+            words of `Machine.call` by their number, as whole numbers.
     """
     machine = _target_machine()
     module = binding.parse_assembly(str(_module(kinds, write, gives)))
@@ -72,47 +72,44 @@ def compile_call(kinds: Sequence[ArrayKind], write: Write, *, gives: bool = Fals
     return content
 
 
-def load_call(
-    code: bytes,
-    kinds: Sequence[ArrayKind],
-    otherwise: Callable[..., Any],
-    words: Sequence[int] = (),
-    kept: object = None,
-    *,
-    gives: bool = False,
-) -> Callable[..., Any]:
-    """Give a function of Python's that runs machine code of `compile_call` on some arrays.
+class Machine:
+    """Machine code of `compile_call`, loaded."""
 
-    It returns None, or the array that it made.
+    def __init__(self, code: bytes, kinds: Sequence[ArrayKind], *, gives: bool = False) -> None:
+        """Load it; kinds of arrays and `gives` as `compile_call` was told."""
+        self._kinds, self._gives = tuple(kinds), gives
+        self._engine = binding.create_mcjit_compiler(binding.parse_assembly(""), _target_machine())
+        self._engine.add_object_file(binding.ObjectFileRef.from_data(code))
+        self._engine.finalize_object()
+        self._address = self._engine.get_function_address(NAME)
 
-    Args:
-        code: From `compile_call`, of the same kinds of arrays.
-        kinds: The arrays that it takes.
-        otherwise: Called with any other arguments.
-        words: Whole numbers that it takes besides, addresses for instance.
-        kept: What must not be freed before it.
-        gives: As `compile_call` was told.
-    """
-    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), _target_machine())
-    engine.add_object_file(binding.ObjectFileRef.from_data(code))
-    engine.finalize_object()
-    address = engine.get_function_address(NAME)
-    given = np.zeros(WORDS + len(words), dtype=np.uint64).view(_Given)
-    given[WORDS:] = words
-    if not known_layout():
-        given.kept = engine, kept
-        return _by_address(address, kinds, otherwise, given, gives)
-    api = ctypes.pythonapi
-    numbers = np.dtype("float64")
-    given[[ARRAY_TYPE, NONE, OTHERWISE, NUMBERS]] = id(np.ndarray), id(None), id(otherwise), id(numbers)
-    given[EMPTY] = empty_address()
-    for place, of_python in ((CALL, api.PyObject_Vectorcall), (COUNT_UP, api.Py_IncRef)):
-        given[place] = ctypes.cast(of_python, ctypes.c_void_p).value or 0
-    method = _Method(NAME.encode(), address, METH_FASTCALL, None)
-    make = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.POINTER(_Method), ctypes.py_object, ctypes.py_object)
-    given.kept = engine, kept, method, otherwise, numbers
-    function: Callable[..., Any] = make(("PyCFunction_NewEx", api))(method, given, __name__)
-    return function
+    def call(
+        self, otherwise: Callable[..., Any], words: Sequence[int] = (), kept: object = None
+    ) -> Callable[..., Any]:
+        """Give a function of Python's that runs it on some arrays.
+
+        Args:
+            otherwise: Called with any other arguments, and with those that are given by name.
+            words: Whole numbers that the machine code takes besides, addresses for instance.
+            kept: What must not be freed before the function.
+        """
+        given = np.zeros(WORDS + len(words), dtype=np.uint64).view(_Given)
+        given[WORDS:] = words
+        if not known_layout():
+            given.kept = self._engine, kept
+            return _by_address(self._address, self._kinds, otherwise, given, self._gives)
+        api, numbers = ctypes.pythonapi, np.dtype("float64")
+        given[[ARRAY_TYPE, NONE, OTHERWISE, NUMBERS]] = id(np.ndarray), id(None), id(otherwise), id(numbers)
+        given[EMPTY] = empty_address()
+        for place, of_python in ((CALL, api.PyObject_Vectorcall), (COUNT_UP, api.Py_IncRef)):
+            given[place] = ctypes.cast(of_python, ctypes.c_void_p).value or 0
+        method = _Method(NAME.encode(), self._address, METH_FASTCALL | METH_KEYWORDS, None)
+        make = ctypes.PYFUNCTYPE(
+            ctypes.py_object, ctypes.POINTER(_Method), ctypes.py_object, ctypes.py_object
+        )
+        given.kept = self._engine, kept, method, otherwise, numbers
+        function: Callable[..., Any] = make(("PyCFunction_NewEx", api))(method, given, __name__)
+        return function
 
 
 def refusing(expected: str) -> Callable[..., None]:
@@ -129,21 +126,25 @@ def call_with(
     own: Sequence[NDArray[Any]],
     kinds: Sequence[ArrayKind],
     otherwise: Callable[..., Any],
-) -> Callable[..., None]:
+    *,
+    gives: bool = False,
+) -> Callable[..., Any]:
     """Give a function of Python's that runs machine code on arrays of its own and some that it is given.
 
     Args:
         address: Where the machine code lies, a function of C's that takes where the arrays lie (`compiled.address_of`).
         own: Come first; kept.
         kinds: The arrays that it is given.
-        otherwise: Called with any other arguments.
+        otherwise: Called with any other arguments, and with those that are given by name.
+        gives: Whether a call returns the last array, of float64, and makes it where it is lacking.
     """
     words = address, *(array.ctypes.data for array in own)
-    return load_call(_passing_on(len(own), tuple(kinds), known_layout()), kinds, otherwise, words, kept=own)
+    machine = _passing_on(len(own), tuple(kinds), gives, known_layout())
+    return machine.call(otherwise, words, kept=own)
 
 
 @cache
-def _passing_on(own: int, kinds: tuple[ArrayKind, ...], _: bool) -> bytes:
+def _passing_on(own: int, kinds: tuple[ArrayKind, ...], gives: bool, _: bool) -> Machine:
     """Write a call of the machine code at word 0, with the words behind it and the arrays."""
     from llvmlite import ir
 
@@ -155,7 +156,7 @@ def _passing_on(own: int, kinds: tuple[ArrayKind, ...], _: bool) -> bytes:
         kind = ir.FunctionType(ir.VoidType(), [ADDRESS] * len(given)).as_pointer()
         builder.call(builder.inttoptr(word(0), kind), given)
 
-    return compile_call(kinds, write)
+    return Machine(compile_call(kinds, write, gives=gives), kinds, gives=gives)
 
 
 def _by_address(
@@ -165,14 +166,14 @@ def _by_address(
     run = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(ctypes.c_void_p))(address)
     places = ctypes.c_void_p * len(kinds)
 
-    def into(*arrays: object) -> Any:
-        made = np.empty(kinds[-1].shape) if gives and len(arrays) == len(kinds) - 1 else None
-        taken = arrays if made is None else (*arrays, made)
+    def into(*arrays: object, **named: object) -> Any:
+        makes = gives and len(arrays) == len(kinds) - 1
+        taken = (*arrays, np.empty(kinds[-1].shape)) if makes else arrays
         addresses = [kind.address(array) for kind, array in zip(kinds, taken, strict=False)]
-        if len(taken) != len(kinds) or 0 in addresses:
-            return otherwise(*arrays)
+        if named or len(taken) != len(kinds) or 0 in addresses:
+            return otherwise(*arrays, **named)
         run(given.ctypes.data, places(*addresses))
-        return made
+        return taken[-1] if gives else None
 
     return into
 
@@ -192,7 +193,8 @@ def _target_machine() -> Any:
 
 
 def _module(kinds: Sequence[ArrayKind], write: Write, gives: bool) -> Any:
-    """Write the function: `PyObject *into(PyObject *self, PyObject *const *arguments, Py_ssize_t count)`.
+    """Write the function: `PyObject *into(PyObject *self, PyObject *const *arguments, Py_ssize_t count,
+    PyObject *names)`.
 
     Where arrays do not lie as they should, `void into(const uint64_t *given, void *const *data)`.
     """
@@ -203,7 +205,7 @@ def _module(kinds: Sequence[ArrayKind], write: Write, gives: bool) -> Any:
     module = ir.Module(name=NAME)
     module.triple = binding.get_process_triple()
     if known_layout():
-        signature = ir.FunctionType(ADDRESS, [ADDRESS, ADDRESS.as_pointer(), WORD])
+        signature = ir.FunctionType(ADDRESS, [ADDRESS, ADDRESS.as_pointer(), WORD, ADDRESS])
         _Text(ir.Function(module, signature, name=NAME), kinds).of_objects(write, gives)
     else:
         signature = ir.FunctionType(ir.VoidType(), [ADDRESS, ADDRESS.as_pointer()])
@@ -237,19 +239,21 @@ class _Text:
     def of_objects(self, write: Write, gives: bool) -> None:
         """Write what takes Python's objects, looks at them, and gives one."""
         builder, last = self.builder, len(self.kinds) - 1
-        _, arguments, count = self.function.args
+        _, arguments, count, names = self.function.args
         self.given = self.code.load_field(builder, self.given, DATA, self.code.ADDRESS)
         body, other = (self.function.append_basic_block(name) for name in ("body", "other"))
         whole = fits = builder.icmp_signed("==", count, self.code.WORD(len(self.kinds)))
         if gives:
             fits = builder.or_(whole, builder.icmp_signed("==", count, self.code.WORD(last)))
+        nothing = self.ir.Constant(self.code.ADDRESS, None)
+        fits = builder.and_(fits, builder.icmp_unsigned("==", names, nothing))
         builder.cbranch(fits, body, other)
         builder.position_at_end(body)
         inputs = [self.data_at(k, other) for k in range(last)]
         if gives:
             with builder.if_else(whole) as (taken, made):
                 with taken:
-                    ours = self.data_at(last, other), self.counted(NONE)
+                    ours = self.data_at(last, other), self.counted(self.argument(last))
                     by_caller = builder.block
                 with made:
                     array = self.new_array()
@@ -263,15 +267,13 @@ class _Text:
                 phi.add_incoming(value, by_caller)
                 phi.add_incoming(fresh, by_us)
         else:
-            out, result = self.data_at(last, other), self.counted(NONE)
+            out = self.data_at(last, other)
+            result = self.counted(self.from_this_process(NONE, self.code.ADDRESS))
         write(builder, [*inputs, out], self.word)
         builder.ret(result)
         builder.position_at_end(other)
-        call, none = (
-            self.from_this_process(OTHERWISE, self.code.ADDRESS),
-            self.ir.Constant(self.code.ADDRESS, None),
-        )
-        builder.ret(self.call(CALL, self.code.ADDRESS, call, arguments, count, none))
+        call = self.from_this_process(OTHERWISE, self.code.ADDRESS)
+        builder.ret(self.call(CALL, self.code.ADDRESS, call, arguments, count, names))
 
     def argument(self, k: int) -> Any:
         """Give an argument."""
@@ -297,9 +299,8 @@ class _Text:
         kind = self.ir.FunctionType(result, [value.type for value in taken]).as_pointer()
         return self.builder.call(self.from_this_process(place, kind), taken)
 
-    def counted(self, place: int) -> Any:
-        """Give an object of this process, counted once more."""
-        thing = self.from_this_process(place, self.code.ADDRESS)
+    def counted(self, thing: Any) -> Any:
+        """Give an object, counted once more."""
         self.call(COUNT_UP, self.ir.VoidType(), thing)
         return thing
 
@@ -310,9 +311,8 @@ class _Text:
         shape = self.ir.GlobalVariable(self.function.module, content.type, "shape")
         shape.linkage, shape.global_constant, shape.initializer = "internal", True, content
         dimensions, places = self.code.INT(len(sizes)), builder.bitcast(shape, self.code.ADDRESS)
-        array = self.call(
-            EMPTY, self.code.ADDRESS, dimensions, places, self.counted(NUMBERS), self.code.INT(0)
-        )
+        numbers = self.counted(self.from_this_process(NUMBERS, self.code.ADDRESS))
+        array = self.call(EMPTY, self.code.ADDRESS, dimensions, places, numbers, self.code.INT(0))
         none = builder.icmp_unsigned("==", array, self.ir.Constant(self.code.ADDRESS, None))
         with builder.if_then(none, likely=False):
             builder.ret(array)

@@ -74,6 +74,7 @@ def single_calls(robot: RandomRobot, folder: Path) -> dict[str, Table]:
         "Pinocchio": partial(pinocchio.computeGeneralizedGravity, pin, data, q),
         "Pinocchio, gravity set each call": set_and_compute,
         **{f"kernel.into, {k.backend}": partial(k.into, q, gravity, tau) for k in kernels.values()},
+        "kernel, llvm": partial(kernels["llvm"], q, gravity, tau),
         "kernel, llvm, new array": partial(kernels["llvm"], q, gravity),
     }
     generated = casadi_gravity(model, q, gravity, tau, folder)

@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 from catenary.dynamics import kernels
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.dynamics.kernels import (
+    Backend,
     forward_kinematics_kernel,
     gravity_kernel,
     inverse_dynamics_kernel,
@@ -131,6 +132,30 @@ def test_many_configurations_go_through_the_kernel(monkeypatch: pytest.MonkeyPat
     assert_allclose(gravity_torque(m, q, g), plain, rtol=0.0, atol=1e-12)
     assert_allclose(mass_matrix(m, q), matrices, rtol=0.0, atol=1e-12)
     assert kernels.MANY > 1000  # fewer are done before a kernel is compiled
+
+
+@pytest.mark.parametrize("backend", ["llvm", "c"])
+def test_kernels_take_any_layout_and_names(backend: Backend) -> None:
+    kernel = gravity_kernel(load_robot("raven2"), backend=backend)
+    q, g, out = np.array([0.5, 1.6, 0.4]), np.array([0.3, -0.2, -9.81]), np.empty(3)
+    expected = kernel(q, g)
+    assert_allclose(expected, gravity_torque(load_robot("raven2"), q, g), rtol=1e-12)
+    apart = np.repeat(q, 2)[::2]
+    for given in (
+        kernel(list(q), list(g)),
+        kernel(apart, g),
+        kernel(q=q, gravity=g),
+        kernel(apart, gravity=g),
+    ):  # type: ignore[arg-type]
+        assert (given == expected).all()
+    assert kernel(q, g, out) is out
+    assert (out == expected).all()
+    out[:] = 0.0
+    assert kernel(apart, g, out=out) is out
+    assert (out == expected).all()
+    for wrong in ({"q": q}, {"q": q, "gravity": g, "tau": out}):
+        with pytest.raises(TypeError):
+            kernel(**wrong)
 
 
 @pytest.mark.parametrize("wrong", [2, 4])

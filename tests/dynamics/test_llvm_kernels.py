@@ -13,7 +13,7 @@ from catenary.array_layout import known_layout
 from catenary.dynamics import kernel_files, llvm_kernels
 from catenary.dynamics.kernel_files import kept_with_digest
 from catenary.dynamics.kernels import gravity_kernel, gravity_module
-from catenary.dynamics.llvm_kernels import llvm_kernel
+from catenary.dynamics.llvm_kernels import llvm_kernel, llvm_machine
 from catenary.dynamics.traced import gravity_line, mass_matrix_line
 from catenary.dynamics.tracing import evaluate
 from catenary.errors import InputError
@@ -39,22 +39,26 @@ def folder(tmp_path: Path) -> Iterator[Path]:
 @pytest.fixture(scope="module")
 def both_ways():
     """Calls that look at arrays in machine code, and in Python."""
-    by_machine_code = llvm_kernel("robot", LINE, (3,))
+    by_machine_code = made("robot", LINE, (3,))
     with pytest.MonkeyPatch.context() as patch:
         for module in (llvm_calls, llvm_kernels):
             patch.setattr(module, "known_layout", lambda: False)
-        return {"by machine code": by_machine_code, "in Python": llvm_kernel("robot", LINE, (3,))}
+        return {"by machine code": by_machine_code, "in Python": made("robot", LINE, (3,))}
+
+
+def made(stem: str, line, shape: tuple[int, ...], folder: Path | None = None):
+    return llvm_kernel(line, shape, llvm_machine(stem, line, shape, folder))
 
 
 def again(folder: Path):
     """Load as another process would."""
     llvm_kernels._loaded.clear()
-    return llvm_kernel("robot", LINE, (3,), folder)
+    return made("robot", LINE, (3,), folder)
 
 
 def torque(call) -> np.ndarray:
     out = np.empty(3)
-    assert call(Q, GRAVITY, out) is None
+    assert call(Q, GRAVITY, out) is out
     return out
 
 
@@ -67,7 +71,7 @@ def test_calls_give_what_the_operations_give(folder: Path, seed: int) -> None:
     model = random_robot(seed).model
     rng = np.random.default_rng(1)
     for line, shape in ((gravity_line(model), (model.n,)), (mass_matrix_line(model), (model.n, model.n))):
-        call, out = llvm_kernel("robot", line, shape, folder), np.empty(shape)
+        call, out = made("robot", line, shape, folder), np.empty(shape)
         for size in (1.0, 1e7):  # also beyond the quick sines
             given = {"q": size * rng.normal(size=model.n), "gravity": rng.normal(size=3)}
             inputs = {name: given[name] for name, _ in line.inputs}
@@ -133,7 +137,7 @@ def test_a_call_without_output_gives_a_new_array(both_ways, way: str) -> None:
 def test_new_arrays_have_the_shape_of_the_result(folder: Path, monkeypatch, way: str) -> None:
     for module in (llvm_calls, llvm_kernels):
         monkeypatch.setattr(module, "known_layout", lambda: way == "by machine code")
-    M = llvm_kernel("robot", mass_matrix_line(ROBOT), (3, 3), folder)(Q)
+    M = made("robot", mass_matrix_line(ROBOT), (3, 3), folder)(Q)
     assert_allclose(M, M.T, rtol=1e-12)
     assert_allclose(M.ravel(), evaluate(mass_matrix_line(ROBOT), q=Q), rtol=1e-12)
 

@@ -105,8 +105,8 @@ def c_name(text: str) -> str:
 def extension_source(module: str, line: Line, shape: tuple[int, ...]) -> str:
     """Write a CPython extension module with one function, `into(INPUT..., out)`; see kernels.py.
 
-    It takes NumPy arrays of float64, contiguous, of the sizes it was made for, and refuses any other. Without `out` it
-    gives a new array.
+    It takes NumPy arrays of float64, contiguous, of the sizes it was made for, and refuses any other. It
+    returns `out`, and makes it where it is lacking.
     """
     widths = widths_of(line)
     count = len(widths)
@@ -152,8 +152,8 @@ def extension_source(module: str, line: Line, shape: tuple[int, ...]) -> str:
             f"  out = count == {count} ? PyArray_SimpleNew({len(shape)}, size_out, NPY_DOUBLE) : arguments[{count}];",
             "  if (out == NULL) return NULL;",
             f"  kernel_line({', '.join(data)});",
-            f"  if (count == {count}) return out;",
-            "  Py_RETURN_NONE;",
+            f"  if (count == {count + 1}) Py_INCREF(out);",
+            "  return out;",
             "}",
             "",
             "static PyMethodDef methods[] = {",

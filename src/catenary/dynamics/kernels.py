@@ -6,16 +6,19 @@ two the first time; afterwards the machine code is found in the user's cache (ke
 
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
+from inspect import Parameter, Signature
 from itertools import pairwise
 from types import ModuleType
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.llvm_kernels import llvm_kernel
+from catenary.dynamics.line_text import widths_of
+from catenary.dynamics.llvm_kernels import llvm_kernel, llvm_machine
 from catenary.dynamics.traced import (
     forward_kinematics_line,
     gravity_line,
@@ -32,35 +35,61 @@ _known: WeakKeyDictionary[RobotModel, dict[str, "Quantity"]] = WeakKeyDictionary
 
 
 class Kernel:
-    """Machine code for one quantity of one robot: `into(INPUT..., out)`, which returns nothing and takes no memory.
+    """Machine code for one quantity of one robot: `into(INPUT..., out)`, which takes no memory, and returns `out`.
 
     Without `out` it gives a new array. It takes contiguous arrays of float64, refuses any other, and looks at no value;
-    any number of threads may call it. Calling the kernel itself takes inputs of any layout, and costs 0.1 us more.
+    any number of threads may call it. Calling the kernel itself takes inputs of any layout, also by name.
     """
 
-    __slots__ = ("backend", "into", "shape")
+    # a call is the machine code's own: a method in Python would take longer than most torques
+    __slots__ = ("__call__", "backend", "into", "shape")
 
     def __init__(self, quantity: "Quantity", backend: Backend) -> None:
         """Compile a kernel, or find it compiled; `self.backend` is "llvm" where there is no C compiler."""
-        self.shape = quantity.shape
+        stem, line, self.shape = quantity.stem, quantity.line, quantity.shape
         self.backend: Backend = "llvm"
-        self.into: Callable[..., Any]
+        self.into: Callable[..., Floats]
+        self.__call__: Callable[..., Floats]
         if backend == "c":
             from catenary.dynamics.c_compiler import (
                 load_extension,
             )  # what it imports takes longer than a kernel
 
-            extension = load_extension(quantity.stem, quantity.line, quantity.shape)
+            extension = load_extension(stem, line, self.shape)
             if extension is not None:
                 self.backend, self.into = "c", extension.into
+                self.__call__ = _or(self.into, _by_copies(self.into, line, self.shape))
                 return
-        self.into = llvm_kernel(quantity.stem, quantity.line, quantity.shape)
+        machine = llvm_machine(stem, line, self.shape)
+        self.into = llvm_kernel(line, self.shape, machine)
+        self.__call__ = machine.call(_by_copies(self.into, line, self.shape))
 
-    def _by_copies(self, *inputs: Floats, out: Floats | None) -> Floats:
-        """Do the same with copies of inputs that are no contiguous arrays of float64."""
-        result = np.empty(self.shape) if out is None else out
-        self.into(*(np.ascontiguousarray(array, dtype=float) for array in inputs), result)
-        return result
+
+def _by_copies(into: Callable[..., Floats], line: Line, shape: tuple[int, ...]) -> Callable[..., Floats]:
+    """Give a call that copies inputs which are no contiguous arrays of float64, and takes names."""
+    given = [Parameter(name, Parameter.POSITIONAL_OR_KEYWORD) for name in widths_of(line)]
+    signature = Signature([*given, Parameter("out", Parameter.POSITIONAL_OR_KEYWORD, default=None)])
+
+    def call(*arguments: Floats, **named: Floats) -> Floats:
+        bound = signature.bind(*arguments, **named)
+        bound.apply_defaults()
+        *inputs, out = bound.args
+        copies = [np.ascontiguousarray(array, dtype=float) for array in inputs]
+        return into(*copies, np.empty(shape) if out is None else out)
+
+    return call
+
+
+def _or(into: Callable[..., Floats], otherwise: Callable[..., Floats]) -> Callable[..., Floats]:
+    """Give a call that does something else where `into` refuses."""
+
+    def call(*arguments: Floats, **named: Floats) -> Floats:
+        if not named:
+            with suppress(InputError):
+                return into(*arguments)
+        return otherwise(*arguments, **named)
+
+    return call
 
 
 class GravityKernel(Kernel):
@@ -68,19 +97,14 @@ class GravityKernel(Kernel):
 
     __slots__ = ()
 
-    def __call__(self, q: Floats, gravity: Floats, out: Floats | None = None) -> Floats:
-        """Torques (n,) [Nm|N] that hold the arm still at q (n,) [rad|m] under gravity (3,) [m/s2].
+    if TYPE_CHECKING:
 
-        NaN in gives NaN in every torque that depends on it.
-        """
-        try:
-            if out is None:
-                new: Floats = self.into(q, gravity)
-                return new
-            self.into(q, gravity, out)
-        except InputError:
-            return self._by_copies(q, gravity, out=out)
-        return out
+        def __call__(self, q: Floats, gravity: Floats, out: Floats | None = None) -> Floats:
+            """Torques (n,) [Nm|N] that hold the arm still at q (n,) [rad|m] under gravity (3,) [m/s2].
+
+            NaN in gives NaN in every torque that depends on it.
+            """
+            ...
 
 
 class MassMatrixKernel(Kernel):
@@ -88,16 +112,11 @@ class MassMatrixKernel(Kernel):
 
     __slots__ = ()
 
-    def __call__(self, q: Floats, out: Floats | None = None) -> Floats:
-        """Mass matrix (n, n) at q (n,) [rad|m]."""
-        try:
-            if out is None:
-                new: Floats = self.into(q)
-                return new
-            self.into(q, out)
-        except InputError:
-            return self._by_copies(q, out=out)
-        return out
+    if TYPE_CHECKING:
+
+        def __call__(self, q: Floats, out: Floats | None = None) -> Floats:
+            """Mass matrix (n, n) at q (n,) [rad|m]."""
+            ...
 
 
 class InverseDynamicsKernel(Kernel):
@@ -105,18 +124,13 @@ class InverseDynamicsKernel(Kernel):
 
     __slots__ = ()
 
-    def __call__(
-        self, q: Floats, qd: Floats, qdd: Floats, gravity: Floats, out: Floats | None = None
-    ) -> Floats:
-        """Torques (n,) [Nm|N]: M(q) qdd + C(q, qd) qd + g(q)."""
-        try:
-            if out is None:
-                new: Floats = self.into(q, qd, qdd, gravity)
-                return new
-            self.into(q, qd, qdd, gravity, out)
-        except InputError:
-            return self._by_copies(q, qd, qdd, gravity, out=out)
-        return out
+    if TYPE_CHECKING:
+
+        def __call__(
+            self, q: Floats, qd: Floats, qdd: Floats, gravity: Floats, out: Floats | None = None
+        ) -> Floats:
+            """Torques (n,) [Nm|N]: M(q) qdd + C(q, qd) qd + g(q)."""
+            ...
 
 
 class ForwardKinematicsKernel(Kernel):
@@ -124,16 +138,11 @@ class ForwardKinematicsKernel(Kernel):
 
     __slots__ = ()
 
-    def __call__(self, q: Floats, out: Floats | None = None) -> Floats:
-        """Rows of (R_base_frame, origin [m]), (3, 4), at q (n,) [rad|m]."""
-        try:
-            if out is None:
-                new: Floats = self.into(q)
-                return new
-            self.into(q, out)
-        except InputError:
-            return self._by_copies(q, out=out)
-        return out
+    if TYPE_CHECKING:
+
+        def __call__(self, q: Floats, out: Floats | None = None) -> Floats:
+            """Rows of (R_base_frame, origin [m]), (3, 4), at q (n,) [rad|m]."""
+            ...
 
 
 def gravity_kernel(model: RobotModel, *, backend: Backend = "llvm") -> GravityKernel:

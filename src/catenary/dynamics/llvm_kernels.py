@@ -8,24 +8,29 @@ from typing import Any
 
 from catenary import array_layout, llvm_calls
 from catenary.array_layout import ArrayKind, known_layout
+from catenary.arrays import Floats
 from catenary.dynamics import line_text, sines
 from catenary.dynamics.kernel_files import forget, keep_with_digest, kept_with_digest, private_folder
 from catenary.dynamics.line_text import expected_arrays, llvm_operations, widths_of
 from catenary.dynamics.tracing import Line
-from catenary.llvm_calls import compile_call, load_call, processor, refusing
+from catenary.llvm_calls import Machine, compile_call, processor, refusing
 
 _log = logging.getLogger(__name__)
-_loaded: dict[str, Callable[..., Any]] = {}  # by digest
+_loaded: dict[str, Machine] = {}  # by digest
 
 
-def llvm_kernel(
-    stem: str, line: Line, shape: tuple[int, ...], folder: Path | None = None
-) -> Callable[..., Any]:
-    """Compile a line of operations, or find it compiled, as `into(INPUT..., out)`.
+def llvm_kernel(line: Line, shape: tuple[int, ...], machine: Machine) -> Callable[..., Floats]:
+    """Give `into(INPUT..., out)` of a line's machine code, which returns `out`, and makes it where it is lacking.
 
-    It takes contiguous arrays of float64 of one configuration each, refuses any other, and returns None; without `out`
-    it gives a new array. The machine code is loaded only if it holds, to the byte, what LLVM gave: its digest lies
-    beside it.
+    It takes contiguous arrays of float64 of one configuration each, and refuses any other.
+    """
+    return machine.call(refusing(expected_arrays(line, shape)))
+
+
+def llvm_machine(stem: str, line: Line, shape: tuple[int, ...], folder: Path | None = None) -> Machine:
+    """Compile a line of operations, or find it compiled.
+
+    The machine code is loaded only if it holds, to the byte, what LLVM gave: its digest lies beside it.
 
     Args:
         stem: What the files' names begin with; letters, digits and hyphens.
@@ -36,9 +41,7 @@ def llvm_kernel(
     digest = _digest(line, shape)
     if digest not in _loaded:
         code = _machine_code(f"{stem}-{digest}.o", line, shape, folder)
-        _loaded[digest] = load_call(
-            code, _kinds(line, shape), refusing(expected_arrays(line, shape)), gives=True
-        )
+        _loaded[digest] = Machine(code, _kinds(line, shape), gives=True)
     return _loaded[digest]
 
 

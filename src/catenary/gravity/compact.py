@@ -7,7 +7,7 @@ model's symbols (symbols.py), not by its numbers; a parameter without effect on 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -276,16 +276,14 @@ class CompactKernel(Kernel):
 
     __slots__ = ()
 
-    def __call__(self, q: Floats, gravity: Floats, out: Floats | None = None) -> Floats:
-        """Z (n, p) at q (n,) [rad|m] under gravity (3,) [m/s2]; NaN in gives NaN in every entry that depends on it."""
-        try:
-            if out is None:
-                new: Floats = self.into(q, gravity)
-                return new
-            self.into(q, gravity, out)
-        except InputError:
-            return self._by_copies(q, gravity, out=out)
-        return out
+    if TYPE_CHECKING:
+
+        def __call__(self, q: Floats, gravity: Floats, out: Floats | None = None) -> Floats:
+            """Z (n, p) at q (n,) [rad|m] under gravity (3,) [m/s2].
+
+            NaN in gives NaN in every entry that depends on it.
+            """
+            ...
 
 
 def _effects(model: RobotModel, wanted: Sequence[tuple[int, int]]) -> list[bool]:
