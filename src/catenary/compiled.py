@@ -141,21 +141,23 @@ def send_bytes(socket: int, address: int, size: int) -> int:
     raise TypeError("addresses are for compiled functions")
 
 
-def array_at(pointer: Any, size: int) -> Any:
-    """Give the array of a size at a pointer; for compiled functions that `address_of` compiles."""
+def array_at(pointer: Any, size: int | tuple[int, ...]) -> Any:
+    """Give the array of a size or shape at a pointer; for compiled functions that `address_of` compiles."""
     raise TypeError("pointers are for compiled functions")
 
 
-def address_of(function: Callable[..., None], *pointers: str) -> int:
-    """Compile a function of pointers, cached on disk, and give where its machine code lies: a function of C's.
+def address_of(function: Callable[..., None], *pointers: str, in_memory: bool = False) -> int:
+    """Compile a function of pointers, and give where its machine code lies: a function of C's.
 
     Args:
         function: What to compile; it must not raise. It takes the arrays by `array_at`.
         pointers: Numba's names of the types that its arguments point to.
+        in_memory: Do not cache the machine code on disk.
     """
     numba = start_numba()
     kinds = [numba.types.CPointer(getattr(numba.types, name)) for name in pointers]
-    made = numba.cfunc(numba.types.void(*kinds), cache=True, error_model="numpy")(function)
+    compile_for = numba.cfunc(numba.types.void(*kinds), cache=not in_memory, error_model="numpy")
+    made = compile_for(function)
     _addressed.append(made)
     return int(made.address)
 

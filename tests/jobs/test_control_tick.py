@@ -1,3 +1,4 @@
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -83,6 +84,27 @@ def test_a_tick_is_its_parts_one_after_the_other_to_the_bit(corrected: bool) -> 
     assert np.isfinite(sent).all()
     assert were_inside > 0
     assert (limits.limited, limits.not_finite) == (tick.limits.limited, tick.limits.not_finite)
+
+
+def test_a_copy_goes_on_apart() -> None:
+    pd, limits = JointPD(np.ones(3), np.ones(3)), limits_of(3)
+    tick = ControlTick(ROBOT, pd, limits, corrector_of(np.random.default_rng(3)))
+    pairs = list(states(30))
+    for pair in pairs[:10]:
+        tick.torque(*pair)
+    twin = deepcopy(tick)
+    assert twin.q_calibrated.tobytes() == tick.q_calibrated.tobytes()
+    later = [tick.torque(*pair) for pair in pairs[10:]]
+    assert np.array_equal(later, [twin.torque(*pair) for pair in pairs[10:]])
+    assert twin.limits is not limits
+
+
+def test_arrays_of_another_type_or_layout_are_copied() -> None:
+    pd = JointPD(np.ones(3), np.ones(3))
+    ((state, reference),) = states(1)
+    expected = ControlTick(ROBOT, pd).torque(state, reference)
+    apart = state._replace(q=np.repeat(state.q, 2)[::2], gravity=list(state.gravity))
+    assert np.array_equal(ControlTick(ROBOT, pd).torque(apart, reference), expected)
 
 
 def test_reset_forgets_torques_and_positions() -> None:

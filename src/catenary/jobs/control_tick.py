@@ -1,7 +1,7 @@
 """What `run_loop` does between measuring and sending, as one compiled call: correct, hold, servo, limit."""
 
 from collections.abc import Sequence
-from functools import partial
+from copy import deepcopy
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from catenary.array_layout import ArrayKind
 from catenary.arrays import Floats
 from catenary.calibration import kernels as predictors
 from catenary.calibration import layers
 from catenary.calibration import tick as calibration_tick
 from catenary.calibration.corrector import Corrector
+from catenary.compiled import address_of, array_at
 from catenary.control import limits as torque_limits
 from catenary.control import pd as joint_pd
 from catenary.control.limits import TorqueLimits
@@ -21,37 +23,30 @@ from catenary.control.pd import JointPD
 from catenary.dynamics.kernels import gravity_module
 from catenary.dynamics.numba_files import load_source, seal
 from catenary.errors import InputError
-from catenary.exact_calls import Exact
+from catenary.llvm_calls import call_with, refusing
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
 from catenary.trajectories.reference import Reference
 
 CALLED = (calibration_tick, predictors, layers, torque_limits, joint_pd)
 SOURCE = '''\
-"""A control tick in one call."""
-# of {digest}, for arrays of {sizes}
-import numpy as np
+"""A control tick of arrays at addresses."""
+# of {digest}
 
 
-@exact(*kinds, result=bool)
-def tick(gains, rows, last, counts, layout, memory, work, inside, q, qd, tau, gravity, q_ref, qd_ref, sent, dt):
-    if others((gains, rows, last, counts, layout, memory, work, inside)) or others(
-        (q, qd, tau, gravity, q_ref, qd_ref, sent)
-    ):
-        return False
-    gains, rows, last, counts, layout, memory, work, inside = as_arrays(
-        (gains, rows, last, counts, layout, memory, work, inside)
-    )
-    q, qd, tau, gravity, q_ref, qd_ref, sent = as_arrays((q, qd, tau, gravity, q_ref, qd_ref, sent))
+def tick({names}):
+    {arrays}
     calibrated, torque, holding, feedback = work[0], work[1], work[2], work[3]
     {correct}
     pd(gains, calibrated, qd, q_ref, qd_ref, feedback, torque)
     hold(calibrated, gravity, holding)
     for j in range(len(torque)):
         torque[j] += holding[j]
-    limit(rows, last, counts, torque, q, dt, sent)
-    return True
+    limit(rows, last, counts, torque, q, dt[0], sent)
 '''
+OWN = ("gains", "rows", "last", "counts", "layout", "memory", "work", "inside", "dt")
+TAKEN = ("q", "qd", "tau", "gravity", "q_ref", "qd_ref", "sent")
+NUMBERS = {"float64": "float64", "int64": "int64", "bool": "boolean"}  # numba's names of NumPy's types
 CORRECT = "tick_state(layout, memory, q, qd, tau, calibrated, inside)"
 COPY = "calibrated[:] = q"
 
@@ -94,22 +89,38 @@ class ControlTick:
             )
         if not 0.0 < rate_hz < np.inf:
             raise InputError(f"rate_hz: expected a positive rate, got {rate_hz}")
-        self._corrector, self._dt = corrector, 1.0 / rate_hz
+        self._made_of, self._corrector = (model, pd, limits, corrector, rate_hz), corrector
         arrays: tuple[NDArray[np.int64], Floats] = np.zeros(1, dtype=np.int64), np.zeros(1)
         if corrector is not None:
             corrector.prepare(model.joint_names, model.joint_units, rate_hz)
             arrays = corrector.robot_arrays
         self._work, self.inside = np.empty((4, n)), np.ones(n, dtype=bool)
-        constant = (pd.gains.rows, *self.limits.arrays, *arrays, self._work, self.inside)
-        module = _module(model, constant, with_correction=corrector is not None)
-        self._tick = partial(module.tick, *constant)
-        zero = np.zeros(n)
-        reference = Reference(zero, zero, zero)
-        self.torque(
-            JointState(0.0, zero, zero, zero, np.zeros(0), np.zeros(3), np.inf), reference
-        )  # compiles
-        seal(module)
-        self.reset(zero)
+        own = (
+            pd.gains.rows,
+            *self.limits.arrays,
+            *arrays,
+            self._work,
+            self.inside,
+            np.array([1.0 / rate_hz]),
+        )
+        self._own: tuple[NDArray[Any], ...] = own
+        shapes = [(n,), (n,), (n,), (3,), (n,), (n,), (n,)]
+        kinds = [
+            ArrayKind("float64", shape, writable=name == "sent")
+            for name, shape in zip(TAKEN, shapes, strict=True)
+        ]
+        address = _address(model, own, kinds, with_correction=corrector is not None)
+        self._tick = call_with(address, own, kinds, refusing("control tick: other arrays"), gives=True)
+        self.reset(np.zeros(n))
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "ControlTick":
+        """Give a tick of its own: the machine code knows where these arrays lie."""
+        model, pd, limits, corrector, rate_hz = self._made_of
+        pd, limits, corrector = deepcopy(pd, memo), deepcopy(limits, memo), deepcopy(corrector, memo)
+        twin = ControlTick(model, pd, limits, corrector, rate_hz=rate_hz)
+        for here, there in zip(self._own, twin._own, strict=True):
+            there[...] = here
+        return twin
 
     @property
     def q_calibrated(self) -> Floats:
@@ -129,44 +140,51 @@ class ControlTick:
         Raises:
             InputError: The state or reference is of another number of joints.
         """
-        sent = np.empty(len(self.inside))
         # as many names as there are: to gather them in a tuple takes as long as the tick
         q, qd, tau, gravity = state.q, state.qd, state.tau, state.gravity
-        if self._tick(q, qd, tau, gravity, reference.q, reference.qd, sent, self._dt):
-            return sent
-        seen = q, qd, tau, gravity, reference.q, reference.qd
-        copies = [
-            np.ascontiguousarray(values, dtype=float) for values in seen
-        ]  # were of another type or layout
-        if self._tick(*copies, sent, self._dt):
-            return sent
-        shapes = ", ".join(str(np.shape(values)) for values in seen)
-        raise InputError(
-            f"control tick: expected q, qd, tau, gravity, q_ref and qd_ref of a robot of {len(sent)} joints, "
-            f"got arrays of {shapes}"
-        )
+        try:
+            sent: Floats = self._tick(q, qd, tau, gravity, reference.q, reference.qd)
+        except InputError:
+            sent = self._torque_of_copies((q, qd, tau, gravity, reference.q, reference.qd))
+        return sent
+
+    def _torque_of_copies(self, seen: tuple[Floats, ...]) -> Floats:
+        """Do the same with copies of arrays of another type or layout."""
+        try:
+            sent: Floats = self._tick(*(np.ascontiguousarray(values, dtype=float) for values in seen))
+        except InputError:
+            shapes = ", ".join(str(np.shape(values)) for values in seen)
+            raise InputError(
+                f"control tick: expected q, qd, tau, gravity, q_ref and qd_ref of a robot of {len(self.inside)} "
+                f"joints, got arrays of {shapes}"
+            ) from None
+        return sent
 
 
-def _kind(array: NDArray[Any], *, writable: bool) -> Exact:
-    return Exact(array.dtype.name, array.shape, writable=writable)
-
-
-def _module(model: RobotModel, constant: Sequence[NDArray[Any]], *, with_correction: bool) -> Any:
+def _address(
+    model: RobotModel, own: Sequence[NDArray[Any]], kinds: Sequence[ArrayKind], *, with_correction: bool
+) -> int:
     gravity = gravity_module(model)
     # numba does not see edits of what it calls: the digest makes another module of them
     texts = [Path(str(module.__file__)).read_bytes() for module in CALLED]
     digest = sha256(gravity.__name__.encode() + b"".join(texts)).hexdigest()[:32]
-    state = [Exact("float64", (size,), writable=False) for size in (model.n,) * 3 + (3,) + (model.n,) * 2]
-    kinds = [_kind(array, writable=False) for array in constant]
-    kinds += [*state, Exact("float64", (model.n,), writable=True)]
+    names, shapes = (*OWN, *TAKEN), [array.shape for array in own] + [kind.shape for kind in kinds]
+    lines = [f"{name} = array_at({name}, {shape})" for name, shape in zip(names, shapes, strict=True)]
+    source = SOURCE.format(
+        digest=digest,
+        names=", ".join(names),
+        arrays="\n    ".join(lines),
+        correct=CORRECT if with_correction else COPY,
+    )
     given = {
-        "kinds": [*kinds, float],
+        "array_at": array_at,
         "hold": gravity.into,
         "pd": joint_pd.pd,
         "limit": torque_limits.limit,
         "tick_state": calibration_tick.tick_state,
     }
-    source = SOURCE.format(
-        digest=digest, sizes=[array.shape for array in constant], correct=CORRECT if with_correction else COPY
-    )
-    return load_source("control-tick", source, given)
+    module = load_source("control-tick", source, given)
+    types = [array.dtype.name for array in own] + [kind.dtype for kind in kinds]
+    address = address_of(module.tick, *(NUMBERS[name] for name in types), in_memory=module.__file__ is None)
+    seal(module)
+    return address
