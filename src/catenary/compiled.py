@@ -14,6 +14,8 @@ from functools import cache, update_wrapper
 from types import ModuleType
 from typing import Any, TypeVar, cast
 
+import numpy as np
+
 Function = TypeVar("Function", bound=Callable[..., object])
 Array = TypeVar("Array")
 _inlined: list[Callable[..., object]] = []
@@ -151,11 +153,11 @@ def address_of(function: Callable[..., None], *pointers: str, in_memory: bool = 
 
     Args:
         function: What to compile; it must not raise. It takes the arrays by `array_at`.
-        pointers: Numba's names of the types that its arguments point to.
+        pointers: NumPy's names of the types that its arguments point to.
         in_memory: Do not cache the machine code on disk.
     """
     numba = start_numba()
-    kinds = [numba.types.CPointer(getattr(numba.types, name)) for name in pointers]
+    kinds = [numba.types.CPointer(numba.from_dtype(np.dtype(name))) for name in pointers]
     compile_for = numba.cfunc(numba.types.void(*kinds), cache=not in_memory, error_model="numpy")
     made = compile_for(function)
     _addressed.append(made)

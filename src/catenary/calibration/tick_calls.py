@@ -20,7 +20,7 @@ from catenary.errors import InputError
 from catenary.llvm_calls import call_with
 
 NO_END = 2**40  # of arrays whose sizes no one asks for
-POINTERS = ("int64", "float64", "float64", "float64", "float64", "boolean")
+POINTERS = ("int64", "float64", "float64", "float64", "float64", "bool")
 
 
 def tick_call(layout: Integers, memory: Floats) -> Callable[..., None]:

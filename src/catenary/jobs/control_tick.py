@@ -46,7 +46,6 @@ def tick({names}):
 '''
 OWN = ("gains", "rows", "last", "counts", "layout", "memory", "work", "inside", "dt")
 TAKEN = ("q", "qd", "tau", "gravity", "q_ref", "qd_ref", "sent")
-NUMBERS = {"float64": "float64", "int64": "int64", "bool": "boolean"}  # numba's names of NumPy's types
 CORRECT = "tick_state(layout, memory, q, qd, tau, calibrated, inside)"
 COPY = "calibrated[:] = q"
 
@@ -185,6 +184,6 @@ def _address(
     }
     module = load_source("control-tick", source, given)
     types = [array.dtype.name for array in own] + [kind.dtype for kind in kinds]
-    address = address_of(module.tick, *(NUMBERS[name] for name in types), in_memory=module.__file__ is None)
+    address = address_of(module.tick, *types, in_memory=module.__file__ is None)
     seal(module)
     return address

@@ -19,7 +19,7 @@ from catenary.simulation.packed import ARM, CABLE, CONTROL, CONTROL_WHOLE, FIRMW
 from catenary.simulation.ticks import run_ticks
 
 _KINDS = tuple(ArrayKind("float64", shape, writable=False) for shape in ((7,), (1, 3), (1, 3, 3)))
-_POINTERS = ("int64", "boolean", *["float64"] * 5, "int64", "int64", *["float64"] * len(_KINDS))
+_POINTERS = ("int64", "bool", *["float64"] * 5, "int64", "int64", *["float64"] * len(_KINDS))
 TickCall = Callable[[Floats, Floats, Floats], None]
 Whole = NDArray[np.int64]
 # the first arguments of `run_ticks`: parent, prismatic, tree, cable, firmware, the arm's state, the control's two
