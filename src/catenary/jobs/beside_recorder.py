@@ -16,10 +16,9 @@ from catenary.jobs.simulated_arm import SIDES
 from catenary.recording.journal import About
 from catenary.recording.recorder import Recorder
 from catenary.recording.topics import Arm, raven_topics
+from catenary.simulation.columns import CONTROL_FIELDS
 
-_PER_AXIS = (
-    "encVals", "mpos", "mvel", "jpos", "jvel", "jpos_d", "mpos_d", "tau", "dac_val", "encoffsets",
-)  # fmt: skip
+_PER_AXIS = tuple(CONTROL_FIELDS)
 _ENCODERS = ("joint_enc", "ext_jpos")
 _MEASURED = ("measured_js", "measured_js_velocity", "measured_js_effort")
 COLLECT = 0.02  # [s] between two looks at what came over the wire

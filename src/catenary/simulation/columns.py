@@ -32,8 +32,8 @@ COLUMNS = (
     Column("gyroscope", "rad/s", 3),
 )
 
-
-_CONTROL = {
+# name in telemetry: field of the firmware's state
+CONTROL_FIELDS = {
     "encVals": "counts",
     "mpos": "motor",
     "mvel": "motor_velocity",
@@ -44,7 +44,7 @@ _CONTROL = {
     "tau": "torque",
     "dac_val": "dac",
     "encoffsets": "offset",
-}  # field of the firmware's state
+}
 
 
 def _place(field: str) -> slice:
@@ -54,7 +54,7 @@ def _place(field: str) -> slice:
     return slice(first, first + 7)
 
 
-_PLACES = {column: _place(field) for column, field in _CONTROL.items()}
+_PLACES = {column: _place(field) for column, field in CONTROL_FIELDS.items()}
 
 
 class Sample(Mapping[str, Floats]):

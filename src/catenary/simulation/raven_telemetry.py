@@ -9,22 +9,13 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import frame_poses
 from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.columns import CONTROL_FIELDS
 from catenary.simulation.firmware import TickLog, joint_torques
 
 CHANNELS = np.array([0, 1, 2, 4, 5, 6, 7])
 RUNNING = 3  # run level: pedal down
-# name in telemetry: field of a tick's log
-PER_AXIS = {
-    "encVals": "counts",
-    "mpos": "motor",
-    "mvel": "motor_velocity",
-    "jpos": "joint",
-    "jvel": "joint_velocity",
-    "jpos_d": "setpoint",
-    "mpos_d": "motor_setpoint",
-    "tau": "torque",
-    "dac_val": "dac",
-}
+# name in telemetry: field of a tick's log, which has no offsets of the encoders
+PER_AXIS = {name: field for name, field in CONTROL_FIELDS.items() if name != "encoffsets"}
 COLUMNS = (
     *PER_AXIS,
     "encoffsets",
