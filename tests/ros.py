@@ -144,6 +144,12 @@ class Program:
         """Press Ctrl-C."""
         self.process.send_signal(signal.SIGINT)
 
+    def stand_still(self, seconds: float) -> None:
+        """Have it do nothing at all for a while."""
+        self.process.send_signal(signal.SIGSTOP)
+        time.sleep(seconds)
+        self.process.send_signal(signal.SIGCONT)
+
     def finish(self, seconds: float = 60.0) -> tuple[str, str]:
         """Wait for its end; give what it has printed since, and its errors."""
         return self.process.communicate(timeout=seconds)

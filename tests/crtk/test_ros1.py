@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import signal
 import time
 import xmlrpc.client
 from collections.abc import Callable, Iterator
@@ -166,9 +165,7 @@ def test_a_peer_that_stands_still_delays_nobody_and_gets_whole_messages_afterwar
         with Program(master, TALKER, "talker", "50", "10000") as talker:
             assert talker.line() == "connected"
             time.sleep(0.3)
-            os.kill(stalled.process.pid, signal.SIGSTOP)
-            time.sleep(1.5)
-            os.kill(stalled.process.pid, signal.SIGCONT)
+            stalled.stand_still(1.5)
             time.sleep(0.5)
             talker.say("end")
             sent, overflowed, longest = talker.line().split()

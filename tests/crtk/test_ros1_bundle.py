@@ -1,7 +1,5 @@
 """Frames sent into many sockets at once: what becomes of slow, ended and late peers, and of other users of a socket."""
 
-import os
-import signal
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,6 +20,18 @@ from catenary.crtk.sheet import Sheet
 STATE, JS = "crtk_msgs/OperatingState", "sensor_msgs/JointState"
 transport = Ros1Transport(sys.argv[1])
 """
+# one topic that somebody hears
+HEARD = (
+    OPEN
+    + """
+publisher = transport.publisher("/t0", JS)
+sheet = Sheet([joint_state_frame(("a",), 0, 0)], 1)
+bundle = transport.bundle([publisher], sheet)
+sheet.heard[:] = True
+while not transport.connections("/t0").subscribers:
+    time.sleep(0.01)
+"""
+)
 # sends a number that grows on many topics, until a line comes; then says how many it sent and what slow peers missed
 TALKER = (
     OPEN
@@ -104,9 +114,7 @@ def test_a_peer_that_stands_still_delays_nobody_and_gets_whole_messages_afterwar
         with Program(master, TALKER, "talker", "2", "400", "50") as talker:
             assert talker.line() == "connected"
             time.sleep(0.3)
-            os.kill(stalled.process.pid, signal.SIGSTOP)
-            time.sleep(1.5)
-            os.kill(stalled.process.pid, signal.SIGCONT)
+            stalled.stand_still(1.5)
             time.sleep(0.5)
             talker.say("end")
             sent, overflowed, longest = talker.line().split()
@@ -178,15 +186,9 @@ def test_no_frame_goes_into_a_file_that_got_the_number_of_a_closed_socket(
 ) -> None:
     """Connections are closed by rospy's threads at any time, and their numbers are given to whatever is opened next."""
     code = (
-        OPEN
+        HEARD
         + """
 import os
-publisher = transport.publisher("/t0", JS)
-sheet = Sheet([joint_state_frame(("a",), 0, 0)], 1)
-bundle = transport.bundle([publisher], sheet)
-sheet.heard[:] = True
-while not transport.connections("/t0").subscribers:
-    time.sleep(0.01)
 sheet.write(1)
 bundle.send()
 (link,) = publisher._publication.connections
@@ -207,14 +209,8 @@ print(sum(os.fstat(one).st_size for one in held), len(transport.connections("/t0
 
 def test_rospys_statistics_count_what_was_sent_together(master: Master) -> None:
     code = (
-        OPEN
+        HEARD
         + """
-publisher = transport.publisher("/t0", JS)
-sheet = Sheet([joint_state_frame(("a",), 0, 0)], 1)
-bundle = transport.bundle([publisher], sheet)
-sheet.heard[:] = True
-while not transport.connections("/t0").subscribers:
-    time.sleep(0.01)
 (before,) = publisher._publication.get_stats()[2]
 for _ in range(10):
     bundle.send()
