@@ -64,17 +64,34 @@ def test_as_batch_refuses_rows_of_another_width(values):
         as_batch("q", values, 3)
 
 
-def test_finite_numbers_whose_sum_overflows_are_accepted_without_a_warning():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        refuse_non_finite("q", np.full(4, 1e308))
+FEW_AND_MANY = pytest.mark.parametrize("pairs", [1, 4, 400])  # they are added up in different ways
 
 
-def test_opposite_infinities_are_refused_without_a_warning():
+@FEW_AND_MANY
+def test_finite_numbers_whose_sum_overflows_are_accepted_without_a_warning(pairs):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with pytest.raises(InputError, match="2 of 2"):
-            refuse_non_finite("q", np.array([np.inf, -np.inf]))
+        refuse_non_finite("q", np.full((pairs, 2), 1e308))
+
+
+@FEW_AND_MANY
+def test_opposite_infinities_are_refused_without_a_warning(pairs):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(InputError, match=rf"q\[0, 0\] is inf.*{2 * pairs} of {2 * pairs}"):
+            refuse_non_finite("q", np.tile([np.inf, -np.inf], (pairs, 1)))
+
+
+def test_an_array_that_cannot_be_written_is_copied():
+    given = frozen(np.arange(3.0))
+    array = as_array("q", given, (3,))
+    assert array.flags.writeable
+    assert_array_equal(array, given)
+
+
+def test_an_array_that_is_as_it_should_be_is_not_copied():
+    given = np.arange(3.0)
+    assert as_array("q", given, (None,)) is given
 
 
 def test_a_frozen_array_is_a_copy_that_cannot_be_written():

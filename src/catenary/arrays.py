@@ -1,5 +1,6 @@
 """Checks at the public door: what comes in is a finite float64 array of the shape that was asked for."""
 
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from catenary.errors import InputError
 
 Floats = NDArray[np.float64]
+_FLOAT64 = np.dtype(np.float64)
+_FEW = 64  # numbers that Python adds up sooner than NumPy is called
 
 
 def as_array(name: str, values: ArrayLike, shape: tuple[int | None, ...], *, finite: bool = True) -> Floats:
@@ -22,9 +25,10 @@ def as_array(name: str, values: ArrayLike, shape: tuple[int | None, ...], *, fin
     Raises:
         InputError: Not numbers, another shape, NaN or infinity.
     """
-    array = _as_floats(name, values, _shape_text(shape))
-    if array.ndim != len(shape) or any(
-        n is not None and n != m for n, m in zip(shape, array.shape, strict=True)
+    array = _as_floats(name, values, shape)
+    if array.shape != shape and (
+        array.ndim != len(shape)
+        or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True))
     ):
         raise InputError(f"{name}: expected shape {_shape_text(shape)}, got {array.shape}")
     if finite:
@@ -38,7 +42,7 @@ def as_batch(name: str, values: ArrayLike, width: int) -> tuple[Floats, bool]:
     Raises:
         InputError: Another shape, NaN or infinity.
     """
-    array = _as_floats(name, values, f"({width},)")
+    array = _as_floats(name, values, (width,))
     if array.ndim not in (1, 2) or array.shape[-1] != width:
         raise InputError(f"{name}: expected shape ({width},) or (N, {width}), got {array.shape}")
     refuse_non_finite(name, array)
@@ -48,9 +52,14 @@ def as_batch(name: str, values: ArrayLike, width: int) -> tuple[Floats, bool]:
 
 def refuse_non_finite(name: str, array: NDArray[Any]) -> None:
     """Raise when an array holds NaN or infinity, and say where the first one is."""
-    with np.errstate(all="ignore"):  # the sum may overflow, or meet inf - inf
-        if np.isfinite(np.sum(array)):  # one pass; a finite sum has only finite terms
+    # one pass; a finite sum has only finite terms, and may itself overflow, or meet inf - inf
+    if array.size <= _FEW:
+        if isfinite(sum(array.ravel().tolist())):
             return
+    else:
+        with np.errstate(all="ignore"):
+            if np.isfinite(np.sum(array)):
+                return
     bad = np.argwhere(~np.isfinite(array))
     if len(bad) == 0:  # a scalar has one place, of no indices
         return  # the sum itself overflowed
@@ -69,8 +78,10 @@ def frozen(array: NDArray[Any]) -> NDArray[Any]:
     return copy
 
 
-def _as_floats(name: str, values: ArrayLike, expected: str) -> Floats:
+def _as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> Floats:
     """Give a C-contiguous float64 array; text and complex numbers, which NumPy would convert, are refused."""
+    if type(values) is np.ndarray and values.dtype is _FLOAT64 and values.flags.carray:
+        return values
     try:
         raw = np.asarray(values)
         if raw.dtype.kind in "SUc":
@@ -79,7 +90,7 @@ def _as_floats(name: str, values: ArrayLike, expected: str) -> Floats:
         # compiled code would be compiled once more for read-only arrays, such as a model's own limits
         return array if array.flags.writeable else array.copy()
     except (TypeError, ValueError) as error:
-        raise InputError(f"{name}: expected numbers of shape {expected}, got {values!r}") from error
+        raise InputError(f"{name}: expected numbers of shape {_shape_text(shape)}, got {values!r}") from error
 
 
 def _shape_text(shape: tuple[int | None, ...]) -> str:

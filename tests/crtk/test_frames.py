@@ -53,6 +53,16 @@ def test_a_joint_state_is_read_as_it_was_written():
         assert_array_equal(read, numbers[2 + 3 * k : 5 + 3 * k])
 
 
+@pytest.mark.parametrize("parts", ["", "q", "t", "qv", "qt", "vt"])
+def test_a_joint_state_may_have_some_of_its_numbers_only(parts):
+    numbers = np.random.default_rng(SEED).normal(size=9)
+    frame = joint_state_frame(("shoulder", "elbow"), 1, 3, parts=parts)
+    message = decoded("sensor_msgs/JointState", written(frame, numbers))
+    for k, (part, read) in enumerate(zip("qvt", message[2:], strict=True)):
+        begin = 1 + 3 * k
+        assert_array_equal(read, numbers[begin : begin + 2] if part in parts else [])
+
+
 def test_a_stamp_and_a_seq_are_read_as_they_were_written():
     frame = bytearray(joint_state_frame(("a",), 0, 1).content)
     frame[STAMP] = stamp_bytes(NOW)

@@ -86,6 +86,29 @@ def test_closing_the_inbox_wakes_who_waits(wait: str) -> None:
     assert not waiting.is_alive()
 
 
+def test_closing_the_inbox_wakes_all_who_wait_for_one_topic() -> None:
+    inbox = Inbox()
+    one = subscription(inbox)
+    waiting = [threading.Thread(target=one.take, args=(600.0,)) for _ in range(3)]
+    for thread in waiting:
+        thread.start()
+    inbox.close()
+    for thread in waiting:
+        thread.join(60.0)
+        assert not thread.is_alive()
+
+
+def test_whoever_waits_for_one_topic_is_not_given_what_comes_on_another() -> None:
+    inbox, got = Inbox(), []
+    one, other = subscription(inbox), subscription(inbox)
+    waiting = threading.Thread(target=lambda: got.extend(one.take(600.0)))
+    waiting.start()
+    other.push("not this", 0)
+    one.push("this", 1)
+    waiting.join(60.0)
+    assert [received.message for received in got] == ["this"]
+
+
 def test_four_threads_lose_and_repeat_nothing() -> None:
     inbox = Inbox()
     one = subscription(inbox, depth=10_000)

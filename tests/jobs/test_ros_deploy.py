@@ -2,7 +2,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.calibration.model import CalibrationModel
 from catenary.crtk.client import CrtkClient
@@ -11,7 +11,7 @@ from catenary.crtk.loopback import Loopback
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
-from catenary.jobs.ros_deploy import CalibratedTopics
+from catenary.jobs.ros_deploy import LATE, CalibratedTopics
 from catenary.plant import MotionLog
 from catenary.recording.topics import JOINTS
 from catenary.robots.catalog import load_robot
@@ -130,6 +130,52 @@ def test_latency_is_from_arrival_to_publication(model: CalibrationModel) -> None
     latency = deployed.topics.report().latency
     assert latency is not None
     assert_allclose(latency.max, 0.004, rtol=1e-6)
+
+
+def test_one_that_does_not_keep_up_publishes_less_not_later(model: CalibrationModel) -> None:
+    deployed = Deployed(model)
+    for _ in range(60):
+        deployed.client.wait()  # nobody looks
+    deployed.topics.step()
+    report = deployed.topics.report()
+    assert report.latency is not None
+    assert report.latency.max <= LATE
+    assert (report.published, report.late) == (round(LATE / 0.001) + 1, 39)
+    stamps = [received.message.header.stamp for received in deployed.heard["measured_js"].take()]
+    assert stamps[-1] == max(stamps)
+    deployed.ticks(5)
+    assert deployed.topics.report().late == 39  # it keeps up again
+
+
+def test_newest_is_published_however_late_it_is(model: CalibrationModel) -> None:
+    deployed = Deployed(model)
+    deployed.client.wait()
+    deployed.robot.clock.robots.clear()
+    deployed.robot.clock.sleep(0.05)
+    assert deployed.topics.step() == 1
+
+
+def test_a_model_with_previous_positions_sees_those_that_came_too_late() -> None:
+    rng = np.random.default_rng(2)
+    q = START[:3] + np.array([0.2, 0.2, 0.02]) * rng.uniform(-1.0, 1.0, (400, 3))
+    before = np.vstack([q[:1], q[:-1]])
+    log = MotionLog(
+        name="run", joint_names=JOINTS[:3], joint_units=("rad", "rad", "m"), q_nominal=q,
+        q_encoder=q + 0.1 * (q - before), ok=np.ones(400, dtype=bool), time=np.arange(400) / 1000.0,
+    )  # fmt: skip
+    model = fitted(log, kind="linear", inputs=POSITIONS, history=1)
+    last = []
+    for looks in (True, False):
+        deployed = Deployed(model)
+        for k in range(60):
+            deployed.robot.robot.plant.servo_jp(START + 1e-3 * k)
+            deployed.client.wait()
+            if looks:
+                deployed.topics.step()
+        deployed.topics.step()
+        last.append(deployed.heard["measured_js"].take()[-1].message)
+    assert_array_equal(last[0].position, last[1].position)
+    assert last[0].header.stamp == last[1].header.stamp
 
 
 def test_robot_without_the_models_joints_is_refused() -> None:

@@ -61,7 +61,9 @@ def frame_of(type_name: str, message: Message) -> bytearray:
     return bytearray(LENGTH.pack(len(data)) + data)
 
 
-def joint_state_frame(names: tuple[str, ...], source: int, step: int, frame_id: str = "") -> Frame:
+def joint_state_frame(
+    names: tuple[str, ...], source: int, step: int, frame_id: str = "", *, parts: str = "qvt"
+) -> Frame:
     """Give a sensor_msgs/JointState of the same joints for ever.
 
     Args:
@@ -69,15 +71,25 @@ def joint_state_frame(names: tuple[str, ...], source: int, step: int, frame_id: 
         source: Where the positions begin among the numbers that are written.
         step: From there to the velocities, and from those to the efforts.
         frame_id: Of its header.
+        parts: Which it has: positions q, velocities v, efforts t; the others are left empty.
     """
     n = len(names)
-    zeros = np.zeros(n)
-    message = message_class("sensor_msgs/JointState")(header(0, frame_id), names, zeros, zeros, zeros)
-    content = bytes(frame_of("sensor_msgs/JointState", message))
-    # the numbers come last: three times a count and n of them
-    size = LENGTH.size + _DOUBLE * n
-    begin = len(content) - 3 * size + LENGTH.size
-    return Frame(content, tuple(Numbers(begin + k * size, "<f8", source + k * step, n) for k in range(3)))
+    given = [part in parts for part in "qvt"]
+    values = [np.zeros(n if there else 0) for there in given]
+    content = bytes(
+        frame_of(
+            "sensor_msgs/JointState",
+            message_class("sensor_msgs/JointState")(header(0, frame_id), names, *values),
+        )
+    )
+    # they come last, each behind its count
+    place, numbers = len(content) - sum(LENGTH.size + value.nbytes for value in values), []
+    for k, there in enumerate(given):
+        place += LENGTH.size
+        if there:
+            numbers.append(Numbers(place, "<f8", source + k * step, n))
+            place += _DOUBLE * n
+    return Frame(content, tuple(numbers))
 
 
 def pose_frame(source: int, frame_id: str, child: str | None = None) -> Frame:

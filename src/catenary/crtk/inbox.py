@@ -42,7 +42,9 @@ class Inbox:
     """Order in which messages of all topics, and requests, came in. Any thread may put in."""
 
     def __init__(self) -> None:
-        self.changed = threading.Condition()
+        self.lock = threading.RLock()
+        self.changed = threading.Condition(self.lock)  # a job has come, or it was closed
+        self._waiting: list[threading.Condition] = []  # what else its end wakes
         self._jobs: deque[Callable[[], None]] = deque()
         self.arrivals = 0  # messages that have come in, of all subscriptions
         self.closed = False
@@ -74,12 +76,21 @@ class Inbox:
             job()
         return done
 
+    def wait_for(self, came: threading.Condition, seconds: float, so: Callable[[], object]) -> None:
+        """Wait, with the lock held, until `came` is told that it is so, or this is closed, or time is up."""
+        self._waiting.append(came)
+        try:
+            came.wait_for(lambda: so() or self.closed, seconds)
+        finally:
+            self._waiting.remove(came)
+
     def close(self) -> None:
         """Wake whoever waits, and forget what has not been run."""
-        with self.changed:
+        with self.lock:
             self.closed = True
             self._jobs.clear()
-            self.changed.notify_all()
+            for condition in (self.changed, *self._waiting):
+                condition.notify_all()
 
 
 class Subscription:
@@ -117,6 +128,8 @@ class Subscription:
         self._latched: dict[str, tuple[object, Any]] = {}
         self._behind_seq = 4 if has_header(type_name) else 0  # a publisher counts a latched message anew
         self._inbox = inbox
+        # its own: a message of another topic wakes nobody who waits for this one
+        self._came = threading.Condition(inbox.lock)
         self._decode = decode
         self._callback = callback
         self._waiting: deque[tuple[Any, int, str, bool, bool]] = deque()
@@ -132,7 +145,7 @@ class Subscription:
 
         With an origin, `data` are ROS 1's bytes.
         """
-        with self._inbox.changed:
+        with self._inbox.lock:
             if self._closed:
                 return
             process, first, renewed = "", False, False
@@ -154,7 +167,7 @@ class Subscription:
             elif self._callback is not None:
                 self._inbox.put(self._hand_over)
             self._inbox.arrivals += 1  # last: who sees it finds the message
-            self._inbox.changed.notify_all()
+            self._came.notify_all()
 
     def take(self, timeout: float = 0.0) -> list[Received]:
         """Give what has come since the last time, oldest first; wait for the first up to `timeout` [s].
@@ -172,11 +185,9 @@ class Subscription:
         """
         if self._callback is not None:
             raise InputError(f"subscription of {self.topic}: its messages go to its callback, in poll()")
-        with self._inbox.changed:
+        with self._inbox.lock:
             if timeout > 0.0:
-                self._inbox.changed.wait_for(
-                    lambda: self._waiting or self._closed or self._inbox.closed, timeout
-                )
+                self._inbox.wait_for(self._came, timeout, lambda: self._waiting or self._closed)
             raw, self._waiting = self._waiting, deque()
         found = []
         for data, arrived, process, first, renewed in raw:
@@ -191,16 +202,16 @@ class Subscription:
 
     def close(self) -> None:
         """Receive no more, and forget what waits."""
-        with self._inbox.changed:
+        with self._inbox.lock:
             self._closed = True
             self._waiting.clear()
-            self._inbox.changed.notify_all()
+            self._came.notify_all()
             leave, self._leave = self._leave, None
         if leave is not None:
             leave()
 
     def _hand_over(self) -> None:
-        with self._inbox.changed:
+        with self._inbox.lock:
             if not self._waiting:
                 return  # closed meanwhile
             raw = self._waiting.popleft()

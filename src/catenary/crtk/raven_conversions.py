@@ -21,6 +21,7 @@ CHANNELS: Mapping[Arm, tuple[int, ...]] = {
     "gold": (0, 1, 2, 4, 5, 6, 7),
     "green": (8, 9, 10, 12, 13, 14, 15),
 }
+_PLACES = {arm: np.array(places) for arm, places in CHANNELS.items()}
 
 
 def raven_state_message(columns: Mapping[str, Floats], stamp: int, *, frame_id: str = "") -> Message:
@@ -58,11 +59,13 @@ def raven_state_message(columns: Mapping[str, Floats], stamp: int, *, frame_id: 
 
 def raven_state_columns(message: Message) -> dict[str, Floats]:
     """Give raven_state's fields in SI, each (width,)."""
-    found = {}
-    for name, column in _COLUMNS.items():
-        values = np.atleast_1d(np.asarray(getattr(message, name), dtype=np.float64))
-        found[name] = values / SECOND if name == "dt" else values * column.to_si
-    return found
+    return {name: raven_state_column(message, name) for name in _COLUMNS}
+
+
+def raven_state_column(message: Message, name: str) -> Floats:
+    """Give one of raven_state's fields in SI, (width,)."""
+    values = np.atleast_1d(np.asarray(getattr(message, name), dtype=np.float64))
+    return values / SECOND if name == "dt" else values * _COLUMNS[name].to_si
 
 
 def arm_channels(values: Floats, arm: Arm) -> Floats:
@@ -73,4 +76,4 @@ def arm_channels(values: Floats, arm: Arm) -> Floats:
     """
     if arm not in CHANNELS:
         raise InputError(f'arm "{arm}": expected {" or ".join(CHANNELS)}')
-    return as_array("channels", values, (16,), finite=False)[list(CHANNELS[arm])]
+    return as_array("channels", values, (16,), finite=False).take(_PLACES[arm])

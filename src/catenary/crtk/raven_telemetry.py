@@ -6,7 +6,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.crtk.latest import Latest
-from catenary.crtk.raven_conversions import arm_channels, raven_state_columns
+from catenary.crtk.raven_conversions import arm_channels, raven_state_column, raven_state_columns
 from catenary.crtk.transport import Transport
 from catenary.plant import Column
 from catenary.recording.synchronise import CALIBRATED, COUPLING, JOINT_TORQUE
@@ -39,17 +39,16 @@ class RavenTelemetry:
         encoders = [topic.columns[0] for topic in (EXT_JPOS, JOINT_ENC) if topic.name in there]
         self._declared = tuple(column.name for column in encoders)
         self.columns = tuple(Column(c.name, _unit(c), c.width) for c in (*RAVENSTATE.columns, *encoders))
-        self._decoded_at: int | None = None
-        self._columns: dict[str, Floats] = {}
 
     def arm_values(self, name: str) -> Floats:
         """Seven joints' numbers of a field of 16 channels."""
-        return arm_channels(self._state()[name], self._arm)
+        return arm_channels(raven_state_column(self.latest.message(), name), self._arm)
 
     def sample(self) -> Mapping[str, Floats]:
         """Latest sample of every column, the receiver's own."""
-        found = {name: values.copy() for name, values in self._state().items()}
-        return found | {name: self.encoder(name) for name in self._declared}
+        return raven_state_columns(self.latest.message()) | {
+            name: self.encoder(name) for name in self._declared
+        }
 
     def encoder(self, name: str) -> Floats:
         """Latest reading of an encoder column, (3,); NaN where it is silent."""
@@ -62,12 +61,6 @@ class RavenTelemetry:
         """Receive no more."""
         for latest in (self.latest, *self._encoders.values()):
             latest.close()
-
-    def _state(self) -> dict[str, Floats]:
-        message = self.latest.message()
-        if self.latest.arrived != self._decoded_at:
-            self._columns, self._decoded_at = raven_state_columns(message), self.latest.arrived
-        return self._columns
 
 
 def _unit(column: TopicColumn) -> str:

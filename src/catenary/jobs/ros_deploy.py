@@ -9,7 +9,8 @@ Published below the arm's namespace (/arm1 gold, /arm2 green; never swapped), `c
 - `gravity_torque` (sensor_msgs/JointState, effort) on request: what holds the positioning joints still.
 
 Nothing is published while the robot is not homed: its joint positions mean nothing then. After a silence the model
-begins anew, as its previous positions belong to another motion.
+begins anew, as its previous positions belong to another motion. Where this program does not keep up, it publishes less,
+not later: of messages that have waited too long all go into the model, and the newest is published.
 """
 
 from dataclasses import dataclass
@@ -22,19 +23,17 @@ from catenary.calibration.model import CalibrationModel
 from catenary.control.realtime import Durations, Timing
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.clock import SECOND
-from catenary.crtk.conversions import joint_state_message, pose_message
 from catenary.crtk.inbox import Received
-from catenary.crtk.message import message_class
 from catenary.crtk.names import JOINT_STATE, NAMESPACES, POSE, TRANSFORM
-from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError, TransportError
-from catenary.gravity.torque import gravity_kernel
+from catenary.jobs.calibrated_messages import CalibratedMessages
 from catenary.plant import JointState
 from catenary.recording.topics import Arm
 from catenary.robots.catalog import load_robot
 
 DEPTH = 100  # messages that wait: 0.1 s; older ones are worth nothing
 WAIT = 0.05  # [s] for the next message
+LATE = 0.02  # [s] after it came, a message is published only where it is the newest
 
 
 def calibrated_namespace(arm: Arm) -> str:
@@ -51,6 +50,7 @@ class WireReport:
     published: int
     rate_hz: float | None  # of the robot's messages, by their stamps; None before two of them
     latency: Timing | None  # [s] from a message's arrival until ours was handed over
+    late: int  # messages that were corrected, but not published: newer ones had come meanwhile
     missed: int  # messages that came faster than they were corrected
     silences: int  # times that nothing came for longer than the client's limit
     longest_silence: float  # [s]
@@ -67,6 +67,7 @@ class WireReport:
             "published": self.published,
             "rate_hz": self.rate_hz,
             "latency_us": latency,
+            "late": self.late,
             "missed": self.missed,
             "silences": self.silences,
             "longest_silence_s": self.longest_silence,
@@ -109,39 +110,29 @@ class CalibratedTopics:
                 f"deploy: knows a RAVEN-II's kinematics only; the robot's joints are {', '.join(client.joint_names)}"
             )
         right = "" if client.arm == "gold" else "_right"
-        self._robot = load_robot(f"raven2_full{right}")
-        self._gravity = gravity_kernel(load_robot(f"raven2{right}")) if gravity_torque else None
-        transport, place = client.transport, calibrated_namespace(client.arm)
-        self._pose_type = TRANSFORM if client.dialect == "raven" else POSE
-        self._publishers = {
-            "measured_js": transport.publisher(f"{place}/measured_js", JOINT_STATE),
-            "measured_cp": transport.publisher(f"{place}/measured_cp", self._pose_type),
-            "is_valid": transport.publisher(f"{place}/is_valid", "std_msgs/Bool"),
-        }
-        if self._gravity is not None:
-            self._publishers["gravity_torque"] = transport.publisher(f"{place}/gravity_torque", JOINT_STATE)
+        self._speech = CalibratedMessages(
+            client.transport,
+            calibrated_namespace(client.arm),
+            names,
+            load_robot(f"raven2_full{right}"),
+            pose_type=TRANSFORM if client.dialect == "raven" else POSE,
+            positioning=load_robot(f"raven2{right}") if gravity_torque else None,
+        )
         n = len(names)
         self._out, self._inside = np.empty(n), np.empty(n, dtype=bool)
-        self._compile()
-        self._latency = Durations()
-        self._messages = transport.subscribe(client.measured_topic, JOINT_STATE, depth=DEPTH)
-        self._begin = self._last = transport.now()
-        self._is_silent = False
-        self._came = self._published = self._not_homed = self._silences = 0
-        self._longest = 0.0
-        self._outside = np.zeros(len(self._places))
-        self._stamps: tuple[int, int, int] | None = None  # first, last [ns] and number of an unbroken run
-
-    def _compile(self) -> None:
-        """Run once, before messages wait, what is compiled on first use."""
-        rest = np.zeros(len(self._out))
-        forward_kinematics(self._robot, np.zeros(self._robot.n))
+        rest = np.zeros(n)
         self._corrector.correct_state(
             JointState(0.0, rest, rest, rest, rest, np.zeros(3), np.inf), self._out, self._inside
         )
         self._corrector.reset()
-        if self._gravity is not None:
-            self._gravity(rest[:3], np.zeros(3), np.empty(3))
+        self._latency = Durations()
+        self._messages = client.transport.subscribe(client.measured_topic, JOINT_STATE, depth=DEPTH)
+        self._begin = self._last = client.transport.now()
+        self._is_silent = False
+        self._came = self._published = self._late = self._not_homed = self._silences = 0
+        self._longest = 0.0
+        self._outside = np.zeros(len(self._places))
+        self._stamps: tuple[int, int, int] | None = None  # first, last [ns] and number of an unbroken run
 
     @property
     def is_silent(self) -> bool:
@@ -151,14 +142,15 @@ class CalibratedTopics:
     def step(self, timeout: float = 0.0) -> int:
         """Correct and publish what has come; wait for the first up to `timeout` [s]; give how many were published."""
         before = self._published
-        for received in self._messages.take(timeout):
+        came = self._messages.take(timeout)
+        for received in came:
             if self._note_silence(received.time):  # another motion begins, perhaps another robot's
                 self._corrector.reset()
                 self._stamps = None
             self._is_silent = False
             self._last = received.time
             self._came += 1
-            self._correct(received)
+            self._correct(received, is_newest=received is came[-1])
         self._note_silence(self._client.transport.now())
         return self._published - before
 
@@ -180,6 +172,7 @@ class CalibratedTopics:
             published=self._published,
             rate_hz=rate,
             latency=self._latency.timing(),
+            late=self._late,
             missed=self._messages.overflowed,
             silences=self._silences,
             longest_silence=self._longest,
@@ -191,8 +184,7 @@ class CalibratedTopics:
     def close(self) -> None:
         """End its topics; the client stays."""
         self._messages.close()
-        for publisher in self._publishers.values():
-            publisher.close()
+        self._speech.close()
 
     def _note_silence(self, now: int) -> bool:
         """Whether there has been a silence until `now` [ns]; each is counted once, when it is noticed."""
@@ -205,8 +197,8 @@ class CalibratedTopics:
             self._is_silent = True
         return True
 
-    def _correct(self, received: Received) -> None:
-        stamp = received.message.header.stamp
+    def _correct(self, received: Received, *, is_newest: bool) -> None:
+        stamp, now = received.message.header.stamp, self._client.transport.now
         if not self._is_homed():
             self._not_homed += 1
             self._corrector.reset()
@@ -215,26 +207,14 @@ class CalibratedTopics:
         self._stamps = (first, stamp, count + 1)
         state = self._client.state_of(received.message)
         self._corrector.correct_state(state, self._out, self._inside)
+        if not is_newest and now() - received.time > LATE * SECOND:
+            self._late += 1
+            return
         inside = self._inside[self._places]
         self._outside += ~inside
-        self._publish(state, stamp, bool(inside.all()))
+        self._speech.publish(stamp, self._out, state, is_valid=bool(inside.all()))
         self._published += 1
-        self._latency.add(max(0, self._client.transport.now() - received.time) / SECOND)
-
-    def _publish(self, state: JointState, stamp: int, is_valid: bool) -> None:
-        names, q = self._client.joint_names, self._out
-        # a RAVEN-II may report no velocities; a JointState then has none
-        qd, tau = (values if np.isfinite(values).all() else () for values in (state.qd, state.tau))
-        self._publishers["measured_js"].publish(joint_state_message(names, stamp, q, qd, tau))
-        tool = np.array([*q[:5], 0.5 * (q[6] - q[5])])
-        child = "calibrated_tool" if self._pose_type == TRANSFORM else None
-        pose = forward_kinematics(self._robot, tool)
-        self._publishers["measured_cp"].publish(pose_message(pose, stamp, "base", child=child))
-        self._publishers["is_valid"].publish(message_class("std_msgs/Bool")(is_valid))
-        if self._gravity is not None:
-            effort = np.empty(3)
-            self._gravity(np.ascontiguousarray(q[:3]), state.gravity, effort)
-            self._publishers["gravity_torque"].publish(joint_state_message(names[:3], stamp, effort=effort))
+        self._latency.add(max(0, now() - received.time) / SECOND)
 
     def _is_homed(self) -> bool:
         try:
