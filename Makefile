@@ -22,7 +22,7 @@ help:
 	@echo "make lint        format, lint, types, import order"
 	@echo "make bench       speed of kernels, deployed models, the control loop, recording and the simulator, beside other libraries"
 	@echo "make bench-ros1  messages between two processes over ROS 1, where it is installed"
-	@echo "make bench-serving  a served robot and a client that hears every topic, by sockets and by rospy: rate, loss, latency, processor time, memory (20 minutes)"
+	@echo "make bench-serving  a served robot and a client that hears every topic, by sockets and by rospy: rate, loss, latency, processor time, memory; a model deployed beside it (25 minutes)"
 	@echo "make bench-bags  six hours in a ROS 1 bag to Parquet, beside one object per message (5 GB of disk, 10 minutes)"
 	@echo "make dvrk-table  the table of docs/calibration.md, from recordings of a real arm (CATENARY_DATA)"
 	@echo "make table1      table I of the calibration paper on six simulated robots (15 minutes), into results/"
@@ -62,6 +62,7 @@ bench-ros1: $(VENV)/.development
 
 bench-serving: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.serving --seconds 300 --json build/benchmarks/serving.json
+	$(BIN)/python -m tests.benchmarks.deployed --seconds 60 --json build/benchmarks/deployed.json
 
 bench-bags: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.bag_extraction --json build/benchmarks/bag_extraction.json

@@ -302,7 +302,8 @@ def test_a_deployed_model_is_heard_and_shown_beside_gravity(
 
     # how many, how fast and how late depends on who else uses the machine of the tests
     assert report["published"] > 0
-    assert report["published"] + report["late"] == report["messages"]
+    # Ctrl-C may come in the middle of one
+    assert report["messages"] - report["published"] - report["late"] in (0, 1)
     assert report["not_homed"] == 0
     assert report["rate_hz"] < 210.0
     assert report["latency_us"]["median"] > 0.0

@@ -144,14 +144,14 @@ class _Topic:
             self._subscriptions = [one for one in self._subscriptions if one is not subscription]
             return not self._subscriptions
 
-    def _receive(self, raw: Any) -> None:
+    def _receive(self, data: bytes, time: int, connection: Any) -> None:
         with self._lock:
-            origin = self._origin(raw._connection_header)
+            origin = self._origin(connection.header)
             if origin.is_latching:
                 name = origin.process.partition(" ")[0]
-                self._latched[name] = raw.data, raw.time, origin
+                self._latched[name] = data, time, origin
             for subscription in self._subscriptions:
-                subscription.push(raw.data, raw.time, origin)
+                subscription.push(data, time, origin)
 
     def _origin(self, head: dict[str, str]) -> Origin:
         """Where a message came from; rospy makes a connection's header anew when it has connected again."""

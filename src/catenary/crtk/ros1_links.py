@@ -9,7 +9,6 @@ import logging
 import select
 import socket
 import threading
-import time
 from collections import deque
 from collections.abc import Callable
 from functools import cache
@@ -20,6 +19,7 @@ import rospy
 from rospy.impl.registration import Registration, get_topic_manager
 from rospy.topics import _PublisherImpl, _SubscriberImpl, _TopicImpl
 
+from catenary.crtk.ros1_receiver import Stream, Take
 from catenary.crtk.sheet import Whole
 from catenary.recording.messages import full_definition, md5_sum, service_md5_sum
 
@@ -27,15 +27,14 @@ _logger = logging.getLogger(__name__)
 
 
 class RawMessage(genpy.Message):  # type: ignore[misc]  # rospy is not typed
-    """A message as bytes, with the time [ns] at which it came."""
+    """A message as bytes."""
 
-    __slots__ = ("data", "time")
+    __slots__ = ("data",)
     _slot_types: tuple[str, ...] = ()
     _has_header = False  # rospy would count in it; the codec does
 
     def __init__(self, data: bytes = b"") -> None:
         self.data = data
-        self.time = 0
 
     def serialize(self, buffer: Any) -> None:
         """Write the bytes."""
@@ -44,7 +43,6 @@ class RawMessage(genpy.Message):  # type: ignore[misc]  # rospy is not typed
     def deserialize(self, data: bytes) -> "RawMessage":
         """Keep the bytes."""
         self.data = bytes(data)
-        self.time = time.time_ns()
         return self
 
 
@@ -292,6 +290,26 @@ class Publication(_PublisherImpl):  # type: ignore[misc]
         link.close()
 
 
+class _Reception(_SubscriberImpl):  # type: ignore[misc]
+    """Subscriber to a topic towards rospy, whose connections are read by the receiver."""
+
+    def __init__(self, topic: str, data_class: type, take: Take) -> None:
+        super().__init__(topic, data_class)
+        self._take = take
+
+    def add_connection(self, c: Any) -> bool:
+        """Connect to a publisher; its thread has not begun yet."""
+        Stream(c, self._take if self.statistics_logger is None else self._count_and_take)
+        return bool(super().add_connection(c))
+
+    def _count_and_take(self, data: bytes, time: int, connection: Any) -> None:
+        """Take a message where rospy's statistics are asked for (/enable_statistics)."""
+        logger = self.statistics_logger
+        if logger is not None:
+            logger.callback(self.data_class(data), connection.callerid_pub, connection.stat_bytes)
+        self._take(data, time, connection)
+
+
 def publish_topic(topic: str, type_name: str, *, latch: bool, queue: int) -> Publication:
     """Begin to publish; `end_topic` ends it."""
     made = Publication(topic, raw_class(type_name), latch=latch, queue=queue)
@@ -299,11 +317,10 @@ def publish_topic(topic: str, type_name: str, *, latch: bool, queue: int) -> Pub
     return made
 
 
-def subscribe_topic(topic: str, type_name: str, callback: Any) -> Any:
-    """Begin to receive; `callback` gets RawMessages, in rospy's threads."""
-    made = _SubscriberImpl(topic, raw_class(type_name))
+def subscribe_topic(topic: str, type_name: str, take: Take) -> Any:
+    """Begin to receive; `take` gets each message, in the receiver's thread."""
+    made = _Reception(topic, raw_class(type_name), take)
     made.set_tcp_nodelay(True)  # a tick's message must not wait for the next one's
-    made.add_callback(callback, None)
     _add(made, get_topic_manager().subs, Registration.SUB)
     return made
 
