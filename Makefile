@@ -20,7 +20,7 @@ help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
 	@echo "make test        set up, run all tests"
 	@echo "make lint        format, lint, types, import order"
-	@echo "make bench       speed of kernels, deployed models, the control loop, recording and the simulator, beside other libraries"
+	@echo "make bench       speed of kernels, deployed models, the control loop, recording, extraction and the simulator, beside other libraries"
 	@echo "make bench-ros1  messages between two processes over ROS 1, where it is installed"
 	@echo "make bench-serving  a served robot and a client that hears every topic, by sockets and by rospy: rate, loss, latency, processor time, memory; a model deployed beside it (25 minutes)"
 	@echo "make bench-bags  six hours in a ROS 1 bag to Parquet, beside one object per message (5 GB of disk, 10 minutes)"
@@ -52,6 +52,7 @@ bench: $(VENV)/.benchmarks
 	$(BIN)/python -m tests.benchmarks.inference --json build/benchmarks/inference.json
 	$(BIN)/python -m tests.benchmarks.control_tick --json build/benchmarks/control_tick.json
 	$(BIN)/python -m tests.benchmarks.recording_tick --json build/benchmarks/recording_tick.json
+	$(BIN)/python -m tests.benchmarks.extraction --json build/benchmarks/extraction.json
 	$(BIN)/python -m tests.benchmarks.mujoco_plant --json build/benchmarks/mujoco_plant.json
 	$(BIN)/python -m tests.benchmarks.kernels --json build/benchmarks/kernels.json
 	$(BIN)/python -m tests.benchmarks.regressor --json build/benchmarks/regressor.json

@@ -5,6 +5,7 @@ from pathlib import Path
 from shutil import copytree
 from typing import TYPE_CHECKING
 
+import hypothesis
 import numba
 import pytest
 
@@ -25,6 +26,14 @@ def pytest_configure() -> None:
     for path in sorted((ROOT / "src").rglob("*.py")):
         sources.update(path.read_bytes())
     numba.config.CACHE_DIR = str(ROOT / ".cache" / "numba" / sources.hexdigest()[:16])
+    # an example is not wrong because it takes long: many compile something, and the machine may be busy
+    hypothesis.settings.register_profile(
+        "patient",
+        hypothesis.settings(),
+        deadline=None,
+        suppress_health_check=[hypothesis.HealthCheck.too_slow],
+    )
+    hypothesis.settings.load_profile("patient")
     # robots' own kernels: none of the user's are read or left behind
     os.environ["XDG_CACHE_HOME"] = str(ROOT / ".cache")
 
@@ -40,9 +49,12 @@ def random_robots() -> "list[RandomRobot]":
 @pytest.fixture(scope="session")
 def ros_master(tmp_path_factory: pytest.TempPathFactory) -> "Iterator[Master]":
     """ROS 1's master for the process of the tests, which can have one node; skips where there is no ROS 1."""
+    from catenary.crtk import ros1_master
+    from patience import PATIENCE
     from ros import running_master
 
     with running_master(tmp_path_factory.mktemp("ros")) as master, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ros1_master, "PATIENCE", PATIENCE)  # this machine may be busy, and the master late
         for name in ("ROS_MASTER_URI", "ROS_IP", "ROS_LOG_DIR", "ROS_HOME"):
             patch.setenv(name, master.environment[name])
         yield master

@@ -1,11 +1,11 @@
 """A ROS 1 master of the tests' own, and programs that talk over it; skips, saying so, where ROS 1 is not installed."""
 
 import os
+import random
 import signal
 import socket
 import subprocess
 import sys
-import time
 import xmlrpc.client
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +16,7 @@ import pytest
 
 from catenary.crtk.ros1 import make_rospy_importable
 from catenary.errors import MissingPackageError
+from patience import PATIENCE, until
 
 ROOT = Path(__file__).parents[1]
 MASTER = (
@@ -23,6 +24,8 @@ MASTER = (
     "import rosmaster; rosmaster.rosmaster_main(['rosmaster', '--core', '-p', sys.argv[1]])"
 )
 
+# programs wait for the master's answers longer than a robot's should
+PATIENT = f"from catenary.crtk import ros1_master; ros1_master.PATIENCE = {PATIENCE}\n"
 NODE = "catenary_test"  # of the process of the tests, which can be one node only
 
 
@@ -36,10 +39,17 @@ def require_ros1() -> None:
 
 
 def free_port() -> int:
-    """A port that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    """A port that nobody listens on, and that the system gives to nobody who asks for any."""
+    first, last = map(int, Path("/proc/sys/net/ipv4/ip_local_port_range").read_text().split())
+    ports = [port for port in range(5000, 65536) if not first <= port <= last]
+    while True:
+        port = random.SystemRandom().choice(ports)
+        with socket.socket() as probe:
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                continue
+        return port
 
 
 class Master:
@@ -69,15 +79,17 @@ class Master:
                 stdout=output,
                 stderr=subprocess.STDOUT,
             )
-        end = time.monotonic() + 20.0
-        while True:
-            try:
-                with xmlrpc.client.ServerProxy(self.uri) as server:
-                    server.getPid("/tests")
-                return
-            except OSError:
-                assert time.monotonic() < end, f"the master did not start: {self._output.read_text()}"
-                time.sleep(0.05)
+        until(self._answers, every=0.05)
+
+    def _answers(self) -> bool:
+        assert self._process is not None
+        assert self._process.poll() is None, f"the master did not start: {self._output.read_text()}"
+        try:
+            with xmlrpc.client.ServerProxy(self.uri) as server:
+                server.getPid("/tests")
+        except OSError:
+            return False
+        return True
 
     def kill(self) -> None:
         """End it as a crash would."""
@@ -109,7 +121,7 @@ class Program:
 
     def __init__(self, master: Master, code: str, *arguments: str, **environment: str) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-u", "-c", code, *arguments],
+            [sys.executable, "-u", "-c", PATIENT + code, *arguments],
             env={**master.environment, **environment},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -144,12 +156,15 @@ class Program:
         """Press Ctrl-C."""
         self.process.send_signal(signal.SIGINT)
 
-    def stand_still(self, seconds: float) -> None:
-        """Have it do nothing at all for a while."""
+    @contextmanager
+    def standing_still(self) -> Iterator[None]:
+        """Have it do nothing at all meanwhile."""
         self.process.send_signal(signal.SIGSTOP)
-        time.sleep(seconds)
-        self.process.send_signal(signal.SIGCONT)
+        try:
+            yield
+        finally:
+            self.process.send_signal(signal.SIGCONT)
 
-    def finish(self, seconds: float = 60.0) -> tuple[str, str]:
+    def finish(self, seconds: float = 300.0) -> tuple[str, str]:
         """Wait for its end; give what it has printed since, and its errors."""
         return self.process.communicate(timeout=seconds)

@@ -8,7 +8,10 @@ import subprocess
 import sys
 import termios
 import time
+from collections.abc import Callable
 from typing import Any
+
+from patience import PATIENCE, until
 
 
 class Typist:
@@ -28,24 +31,46 @@ class Typist:
         )
         self.seen = b""
 
+    def __enter__(self) -> "Typist":
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.process.kill()
+        self.process.communicate()
+        os.close(self.master)
+        os.close(self.slave)
+
     def type(self, key: bytes, times: int = 1, every: float = 0.04) -> None:
         """Press a key, and hold it as a terminal does."""
         for _ in range(times):
             os.write(self.master, key)
             time.sleep(every)
 
-    def wait_for(self, text: bytes, seconds: float = 120.0) -> None:
+    def hold(self, key: bytes, so: Callable[[], object]) -> None:
+        """Hold a key until something is so."""
+
+        def is_so() -> object:
+            os.write(self.master, key)
+            self._read(0.0)
+            return so()
+
+        until(is_so, every=0.04)
+
+    def wait_for(self, text: bytes, seconds: float = 2.0 * PATIENCE) -> None:
         """Read until something was shown."""
         end = time.monotonic() + seconds
         while text not in self.seen:
             assert time.monotonic() < end, self.seen[-2000:]
-            if select.select([self.master], [], [], 0.1)[0]:
-                self.seen += os.read(self.master, 65536)
+            self._read(0.1)
+
+    def _read(self, seconds: float) -> None:
+        if select.select([self.master], [], [], seconds)[0]:
+            self.seen += os.read(self.master, 65536)
 
     def end(self) -> dict[str, Any]:
         """Wait for its end with exit code 0; give the JSON that it printed then."""
         self.wait_for(b'"state"')
-        self.wait_for(b"\n}", 10.0)
-        assert self.process.wait(30.0) == 0
+        self.wait_for(b"\n}")
+        assert self.process.wait(PATIENCE) == 0
         content: dict[str, Any] = json.loads(self.seen[self.seen.rindex(b"\x1b[?1049l") + 8 :])
         return content

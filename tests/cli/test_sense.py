@@ -1,3 +1,4 @@
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from unittest.mock import patch
@@ -7,7 +8,18 @@ import pytest
 from catenary.gravity.mounting import load_mounting
 from catenary.jobs.sense import read_still
 from command_line import catenary, refusal
+from oracles.manual_time import BoardTime
 from oracles.simulated_board import SimulatedBoard
+
+
+@pytest.fixture
+def board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SimulatedBoard]:
+    """A level board that speaks at 100 Hz."""
+    board = SimulatedBoard(tmp_path / "board", gyroscope=False)
+    time = BoardTime(board, lambda: board.line((0.0, 0.0, 9.81 + 0.001 * (board.count % 7))), board.hello)
+    time.rule(monkeypatch, "catenary.jobs.sense")
+    yield board
+    board.close()
 
 
 def test_a_simulated_sensor_is_shown_with_its_tilt():
@@ -48,38 +60,31 @@ def test_a_simulated_tumble_writes_a_mounting_file_that_sense_takes(tmp_path: Pa
     assert catenary("sense", "--simulated", "--mounting", path, "--duration", "1").code == 0
 
 
-def test_a_board_is_read_over_its_port(tmp_path: Path):
-    board = SimulatedBoard(tmp_path / "board", gyroscope=False)
-    board.speak(lambda t: (0.0, 0.0, 9.81 + 0.001 * (round(100 * t) % 7)))
+def test_a_board_is_read_over_its_port(board: SimulatedBoard):
     data = catenary("sense", "--port", board.link, "--duration", "0.5", "--json").json
-    board.close()
     assert data["gravity"] == pytest.approx([0.0, 0.0, -9.81], abs=0.02)
     assert data["faults"] == {}
-    assert data["link"]["samples"] > 30
+    assert data["link"]["samples"] == 60  # and of a tenth of a second before
     assert data["link"]["damaged"] == 0
 
 
-def test_a_tumble_of_a_board_asks_for_each_attitude_and_refuses_one_that_never_moved(tmp_path: Path):
-    board = SimulatedBoard(tmp_path / "board", gyroscope=False)
-    board.speak(lambda t: (0.0, 0.0, 9.81 + 0.001 * (round(100 * t) % 7)))
+def test_a_tumble_of_a_board_asks_for_each_attitude_and_refuses_one_that_never_moved(
+    board: SimulatedBoard, tmp_path: Path
+):
     quick = partial(read_still, seconds=0.15)
     with (
         patch("catenary.cli.sense._enter_pressed", return_value=True),
         patch("catenary.jobs.sense.read_still", quick),
     ):
         outcome = catenary("sense", "--port", board.link, "--tumble", "--out", tmp_path / "m.toml")
-    board.close()
     assert outcome.code == 2
     assert "12/12" in outcome.err
     assert "all directions are parallel" in outcome.err
     assert not (tmp_path / "m.toml").exists()
 
 
-def test_a_tumble_without_a_keyboard_is_refused(tmp_path: Path):
-    board = SimulatedBoard(tmp_path / "board")
-    board.speak()
+def test_a_tumble_without_a_keyboard_is_refused(board: SimulatedBoard):
     assert "standard input has ended" in refusal("sense", "--port", board.link, "--tumble")
-    board.close()
 
 
 @pytest.mark.parametrize(

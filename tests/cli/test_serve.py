@@ -2,7 +2,15 @@ import json
 
 import pytest
 
+from catenary.jobs import serve
 from command_line import catenary
+from oracles.manual_time import ManualTime
+
+
+@pytest.fixture(autouse=True)
+def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ticks take no time, and time passes between them only."""
+    monkeypatch.setattr(serve, "time", ManualTime())
 
 
 def test_serving_prints_a_line_a_second_and_sums_up():
@@ -11,7 +19,8 @@ def test_serving_prints_a_line_a_second_and_sums_up():
     lines = [json.loads(line) for line in result.out.splitlines()]
     assert [line["final"] for line in lines] == [False, True]
     assert lines[-1]["states"] == {"gold": "PAUSED homed", "green": "parked"}
-    assert lines[-1]["rate_hz"] > 100.0  # whatever else the machine does
+    assert lines[-1]["rate_hz"] == pytest.approx(1000.0, rel=1e-3)
+    assert lines[-1]["lost_ticks"] == 0
 
 
 def test_a_person_reads_state_and_rate():

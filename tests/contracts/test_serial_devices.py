@@ -1,6 +1,5 @@
 """What every board on a serial line must live through: noise, cut lines, counters' ends, lost lines, unplugging."""
 
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Protocol
@@ -15,6 +14,7 @@ from catenary.gravity.samples import Mailbox
 from oracles.simulated_board import SimulatedBoard
 from oracles.simulated_encoders import SimulatedEncoders
 from oracles.simulated_port import SimulatedPort
+from patience import PATIENCE, until
 
 
 class Bench(Protocol):
@@ -38,7 +38,7 @@ class AccelerometerBench:
         self.board.count = 65_531
         self.device = SerialAccelerometer(str(link), Mailbox())
         self.board.hello()
-        self.device.wait_ready()
+        self.device.wait_ready(PATIENCE)
 
     def line(self) -> bytes:
         return self.board.line()
@@ -95,13 +95,6 @@ def bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Bench]:
     bench = request.param(tmp_path / "board")
     yield bench
     bench.close()
-
-
-def until(condition, seconds=5.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not happen in time"
-        time.sleep(0.002)
 
 
 def send(bench, count):

@@ -20,6 +20,7 @@ from catenary.crtk.sheet import Sheet
 from catenary.crtk.transport import Spinner, Transport
 from catenary.errors import CatenaryError, InputError, TransportError
 from oracles import fake_rclpy
+from patience import PATIENCE, until
 from ros import NODE
 
 JOINT_STATE = "sensor_msgs/JointState"
@@ -53,9 +54,9 @@ def text(data: str) -> Any:
     return message_class(TEXT)(data=data)
 
 
-def eventually(claim: Callable[[], object], transport: Transport, seconds: float = 5.0) -> None:
+def eventually(claim: Callable[[], object], transport: Transport) -> None:
     """Poll until the claim is true."""
-    end = time.monotonic() + seconds
+    end = time.monotonic() + PATIENCE
     while not claim():
         assert time.monotonic() < end, "did not come true"
         transport.poll(0.01)
@@ -65,7 +66,7 @@ def connected(transport: Transport, topic: str, subscribers: int = 1) -> None:
     eventually(lambda: len(transport.connections(topic).subscribers) >= subscribers, transport)
 
 
-def taken(subscription: Any, count: int, seconds: float = 5.0) -> list[Received]:
+def taken(subscription: Any, count: int, seconds: float = PATIENCE) -> list[Received]:
     """That many messages, and a moment for more that should not come."""
     got: list[Received] = []
     end = time.monotonic() + seconds
@@ -176,7 +177,7 @@ def test_a_spinner_runs_callbacks_in_a_thread_of_its_own(transport: Transport, t
     connected(transport, topic)
     with Spinner(transport):
         publisher.publish(text("a"))
-        assert done.wait(5.0)
+        assert done.wait(PATIENCE)
 
 
 def test_the_oldest_gives_way_and_is_counted_when_nobody_takes(transport: Transport, topic: str) -> None:
@@ -196,9 +197,7 @@ def test_callbacks_get_what_is_left_after_an_overflow(transport: Transport, topi
     connected(transport, topic)
     for i in range(10):
         publisher.publish(text(str(i)))
-    end = time.monotonic() + 5.0
-    while subscription.overflowed < 7 and time.monotonic() < end:
-        time.sleep(0.01)
+    until(lambda: subscription.overflowed >= 7)
     eventually(lambda: len(got) == 3, transport)
     assert got == ["7", "8", "9"]
 
@@ -333,7 +332,7 @@ def test_a_service_answers(transport: Transport, topic: str) -> None:
 
     transport.service(topic, "std_srvs/Trigger", press)
     with Spinner(transport):
-        assert transport.call(topic, "std_srvs/Trigger") == (True, "pressed")
+        assert transport.call(topic, "std_srvs/Trigger", timeout=PATIENCE) == (True, "pressed")
     assert len(threads) == 1
 
 
@@ -344,10 +343,11 @@ def test_a_service_that_fails_says_why(transport: Transport, topic: str) -> None
     transport.service(topic, "std_srvs/Trigger", press)
     with Spinner(transport):
         if isinstance(transport, Ros2Transport):  # which can tell it by the response only
-            assert transport.call(topic, "std_srvs/Trigger") == (False, "the button is stuck")
+            answer = transport.call(topic, "std_srvs/Trigger", timeout=PATIENCE)
+            assert answer == (False, "the button is stuck")
             return
         with pytest.raises(TransportError, match="the button is stuck"):
-            transport.call(topic, "std_srvs/Trigger")
+            transport.call(topic, "std_srvs/Trigger", timeout=PATIENCE)
 
 
 def test_calling_what_nobody_offers_is_refused(transport: Transport, topic: str) -> None:
@@ -388,9 +388,7 @@ def test_poll_gives_how_many_callbacks_ran(transport: Transport, topic: str) -> 
     assert transport.poll() == 0
     publisher.publish(text("a"))
     publisher.publish(text("b"))
-    end = time.monotonic() + 5.0
-    while len(subscription) < 2 and time.monotonic() < end:
-        time.sleep(0.01)
+    until(lambda: len(subscription) >= 2)
     assert transport.poll() == 2
 
 

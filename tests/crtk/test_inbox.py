@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from catenary.crtk.inbox import Inbox, Received, Request, Subscription
 from catenary.errors import FileFormatError
+from patience import PATIENCE
 
 
 def subscription(inbox: Inbox, **options: Any) -> Subscription:
@@ -79,10 +80,12 @@ def test_closing_a_subscription_silences_its_callback() -> None:
 def test_closing_the_inbox_wakes_who_waits(wait: str) -> None:
     inbox = Inbox()
     one = subscription(inbox)
-    waiting = threading.Thread(target=lambda: one.take(60.0) if wait == "take" else inbox.run(60.0))
+    longer = 10.0 * PATIENCE
+    waiting = threading.Thread(target=lambda: one.take(longer) if wait == "take" else inbox.run(longer))
+    waiting.daemon = True
     waiting.start()
     inbox.close()
-    waiting.join(5.0)
+    waiting.join(PATIENCE)
     assert not waiting.is_alive()
 
 

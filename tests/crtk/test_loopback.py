@@ -9,6 +9,7 @@ from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
 from catenary.crtk.transport import Spinner
 from catenary.errors import InputError, TransportError
+from patience import PATIENCE
 
 TEXT = "std_msgs/String"
 
@@ -47,13 +48,13 @@ def test_messages_are_stamped_by_the_networks_clock() -> None:
     assert client.now() == 8 * SECOND
 
 
-def test_a_thousand_seconds_at_a_thousand_hertz_pass_without_waiting() -> None:
+def test_ten_seconds_at_a_thousand_hertz_pass_without_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(time, "sleep", lambda seconds: pytest.fail("it waited"))
     robot, _ = pair(clock=ManualClock())
-    rate, begin = robot.rate(1000.0), time.monotonic()
+    rate = robot.rate(1000.0)
     for _ in range(10_000):
         rate.sleep()
     assert robot.clock.elapsed() == 10 * SECOND
-    assert time.monotonic() - begin < 5.0
 
 
 def test_a_name_that_is_taken_is_refused_until_it_is_free() -> None:
@@ -126,7 +127,7 @@ def test_threads_exchange_messages_without_loss() -> None:
         sender = threading.Thread(target=lambda: [say.publish(text(str(i))) for i in range(900)])
         sender.start()
         got: list[int] = []
-        end = time.monotonic() + 10.0
+        end = time.monotonic() + PATIENCE
         while len(got) < 900 and time.monotonic() < end:
             got += [int(one.message.data) for one in heard.take(0.05)]
         sender.join()
@@ -147,5 +148,5 @@ def test_a_spinner_survives_a_callback_that_fails(caplog: pytest.LogCaptureFixtu
     with Spinner(robot):
         say.publish(text("bad"))
         say.publish(text("good"))
-        assert got.wait(5.0)
+        assert got.wait(PATIENCE)
     assert "the callback is broken" in caplog.text

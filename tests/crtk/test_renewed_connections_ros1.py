@@ -11,6 +11,7 @@ from catenary.crtk.server import Server
 from catenary.jobs.serve import Serving, make_server
 from catenary.simulation.cable_plant import JOINTS, UNITS
 from oracles.cable_arms import homed_plant
+from patience import PATIENCE
 from ros import NODE, Master, Program
 
 CLIENT = """
@@ -66,15 +67,14 @@ class Served:
         self.client = client
         client.line()
 
-    def until(self, claim: Callable[[], object], seconds: float = 20.0) -> None:
-        end = time.monotonic() + seconds
+    def until(self, claim: Callable[[], object]) -> None:
+        end = time.monotonic() + PATIENCE
         while not claim():
             assert time.monotonic() < end, "did not come true"
-            self.run(0.005)
+            self.run(5)
 
-    def run(self, seconds: float) -> None:
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
+    def run(self, ticks: int) -> None:
+        for _ in range(ticks):
             self.server.tick()
             time.sleep(0.001)
 
@@ -102,11 +102,11 @@ def test_commands_that_were_obeyed_are_not_obeyed_again_when_tcp_connections_are
     served.until(lambda: served.state == "ENABLED")
     served.say("move 0.001")
     served.until(lambda: len(served.heard["servo_jr"]))
-    served.run(0.1)
+    served.run(100)
     served.plant.state_command("pause")
     served.say("break")
     served.until(lambda: served.heard["state_command"].repeated and served.heard["servo_jr"].repeated)
-    served.run(0.3)
+    served.run(300)
     assert served.state == "PAUSED"
     served.say("resume")  # a new one
     served.until(lambda: served.state == "ENABLED")
@@ -122,6 +122,6 @@ def test_what_was_said_while_tcp_connections_were_broken_is_not_obeyed(served):
     served.heard["state_command"].take()
     served.say("break resume")
     served.until(lambda: len(served.heard["state_command"]))
-    served.run(0.3)
+    served.run(300)
     assert served.state == "PAUSED"
     assert any(kind.endswith("after a break") for kind in served.server.reports.kinds)

@@ -2,9 +2,10 @@
 
 import contextlib
 import os
-import time
+import subprocess
+import sys
 import xmlrpc.client
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,19 +14,22 @@ from catenary.crtk.message import message_class
 from catenary.crtk.wire import codec
 from catenary.recording.messages import MESSAGES, full_definition, md5_sum
 from oracles.random_messages import random_message
+from patience import until
 from ros import Master, Program, free_port, require_ros1, running_master
 
 pytestmark = pytest.mark.slow
 
 OPEN = """
 import sys, time
+from patience import PATIENCE
 from catenary.crtk.ros1 import Ros1Transport
 from catenary.crtk.message import message_class, header
 from catenary.errors import TransportError
 T = "crtk_msgs/StringStamped"
 transport = Ros1Transport(sys.argv[1])
 """
-# publishes 1, 2, 3, ... until a line comes; then says how many it has sent, and what slow peers missed
+# publishes 1, 2, 3, ... until a line comes; then says how many it has sent, and what slow peers missed. Meanwhile it says
+# what it was asked to tell: that the master comes and goes, or that a peer has begun to miss messages
 TALKER = (
     OPEN
     + """
@@ -36,15 +40,17 @@ while not transport.connections("/count").subscribers:
 end = threading.Event()
 threading.Thread(target=lambda: (sys.stdin.readline(), end.set()), daemon=True).start()
 print("connected")
-rate, sent, longest = transport.rate(1000.0), 0, 0.0
+rate, sent, last = transport.rate(1000.0), 0, None
 pad = "x" * int(sys.argv[3])
+tell = {"": lambda: None, "master": transport.is_up, "overflow": lambda: publisher.overflowed > 0}[sys.argv[4]]
 while not end.is_set():
     sent += 1
-    begin = time.monotonic()
     publisher.publish(message_class(T)(header(transport.now()), f"{sent} {pad}"))
-    longest = max(longest, time.monotonic() - begin)
+    if tell() != last:
+        last = tell()
+        print(sys.argv[4], last, sent)
     rate.sleep()
-print(sent, publisher.overflowed, longest)
+print(sent, publisher.overflowed)
 sys.stdin.readline()
 """
 )
@@ -79,40 +85,43 @@ def numbers(listener: Program) -> list[int]:
     return [int(word) for word in listener.line().split()]
 
 
-def wait_until(claim: Callable[[], object], seconds: float = 10.0) -> None:
-    end = time.monotonic() + seconds
-    while not claim():
-        assert time.monotonic() < end, "did not come true"
-        time.sleep(0.05)
+def hear_to(last: int, listener: Program, came: list[int]) -> None:
+    """Add what comes until that number, or a later one, has come."""
+    until(lambda: (came and came[-1] >= last) or came.extend(numbers(listener)), every=0.05)
 
 
 def test_a_second_at_a_thousand_hertz_arrives_whole_between_processes(master: Master) -> None:
     with Program(master, LISTENER, "listener") as listener:
         assert listener.line() == "listening"
-        with Program(master, TALKER, "talker", "100", "10") as talker:
+        # a machine on which the listener stands still for seconds is not what this is about
+        with Program(master, TALKER, "talker", "10000", "10", "") as talker:
             assert talker.line() == "connected"
-            time.sleep(1.0)
+            came: list[int] = []
+            hear_to(1000, listener, came)
             talker.say("end")
-            sent, overflowed, _ = talker.line().split()
-            time.sleep(0.3)
-            assert numbers(listener) == list(range(1, int(sent) + 1))
-            assert overflowed == "0"
-            assert int(sent) > 500
+            sent, overflowed = map(int, talker.line().split())
+            hear_to(sent, listener, came)
+            assert came == list(range(1, sent + 1))
+            assert overflowed == 0
 
 
 def test_a_master_that_dies_is_noticed_and_loses_no_message(own_master: Master) -> None:
     with Program(own_master, LISTENER, "listener") as listener:
         assert listener.line() == "listening"
-        with Program(own_master, TALKER, "talker", "100", "10") as talker:
+        with Program(own_master, TALKER, "talker", "10000", "10", "master") as talker:
             assert talker.line() == "connected"
+            assert talker.line().startswith("master True")
             own_master.kill()
-            time.sleep(0.7)
+            assert talker.line().startswith("master False")
             own_master.start()
-            time.sleep(1.0)
+            *told, sent = talker.line().split()
+            assert told == ["master", "True"]
+            came: list[int] = []
+            hear_to(int(sent) + 100, listener, came)
             talker.say("end")
             sent = int(talker.line().split()[0])
-            time.sleep(0.3)
-            assert numbers(listener) == list(range(1, sent + 1))
+            hear_to(sent, listener, came)
+            assert came == list(range(1, sent + 1))
 
 
 def test_a_returned_master_knows_topics_and_services_again(own_master: Master) -> None:
@@ -144,39 +153,47 @@ with Spinner(transport):
         own_master.start()
         assert robot.line() == "up again"
         # a program that comes only now finds the robot, and the robot finds it
-        with Program(own_master, TALKER, "talker", "100", "10") as talker:
+        with Program(own_master, TALKER, "talker", "100", "10", "") as talker:
             assert talker.line() == "connected"
             assert int(robot.line()) >= 1
         client = (
             OPEN
             + """
 heard = transport.subscribe("/said", T)
-print(heard.take(5.0)[0].message.string, transport.call("/button", "std_srvs/Trigger").success)
+print(heard.take(PATIENCE)[0].message.string)
+print(transport.call("/button", "std_srvs/Trigger", timeout=PATIENCE).success)
 """
         )
         with Program(own_master, client, "client") as late:
-            assert late.line() == "before True"
+            assert late.line() == "before"
+            assert late.line() == "True"
 
 
 def test_a_peer_that_stands_still_delays_nobody_and_gets_whole_messages_afterwards(master: Master) -> None:
     with Program(master, LISTENER, "stalled") as stalled, Program(master, LISTENER, "listener") as listener:
         assert stalled.line() == listener.line() == "listening"
         # 10 kB a message: the system's sockets are soon full
-        with Program(master, TALKER, "talker", "50", "10000") as talker:
+        with Program(master, TALKER, "talker", "50", "10000", "overflow") as talker:
             assert talker.line() == "connected"
-            time.sleep(0.3)
-            stalled.stand_still(1.5)
-            time.sleep(0.5)
+            assert talker.line().startswith("overflow False")
+            whole: list[int] = []
+            broken: list[int] = []
+            hear_to(1, listener, whole)
+            hear_to(1, stalled, broken)
+            with stalled.standing_still():
+                *told, sent = talker.line().split()  # whoever waited for that peer would not come to say it
+                assert told == ["overflow", "True"]
+                hear_to(int(sent) + 100, listener, whole)
             talker.say("end")
-            sent, overflowed, longest = talker.line().split()
-            time.sleep(0.5)
-            whole, broken = numbers(listener), numbers(stalled)
-            assert whole == list(range(whole[0], int(sent) + 1))
+            sent, overflowed = map(int, talker.line().split())
+            hear_to(sent, listener, whole)
+            hear_to(sent, stalled, broken)
             assert broken == sorted(set(broken))
-            assert int(overflowed) > 0
-            assert broken[-1] == int(sent)
-            assert int(sent) - broken[0] + 1 - len(broken) == int(overflowed)
-            assert float(longest) < 1.0  # the peer stood still for one and a half
+            assert broken[-1] == sent
+            # both peers' misses are counted; the quick one's, too, where the machine let it wait
+            missed = sum(sent - came[0] + 1 - len(came) for came in (whole, broken))
+            assert missed == overflowed > 0
+            assert whole == sorted(set(whole))
 
 
 def test_a_name_that_runs_already_is_refused_and_goes_on(master: Master) -> None:
@@ -201,9 +218,9 @@ def test_a_publisher_that_crashes_and_comes_back_is_heard_again(master: Master) 
     with Program(master, LISTENER, "listener") as listener:
         assert listener.line() == "listening"
         for _ in range(2):
-            with Program(master, TALKER, "talker", "100", "10") as talker:
+            with Program(master, TALKER, "talker", "100", "10", "") as talker:
                 assert talker.line() == "connected"
-                wait_until(lambda: numbers(listener)[:1])
+                until(lambda: numbers(listener), every=0.05)
                 talker.process.kill()
 
 
@@ -284,18 +301,30 @@ def test_the_environments_namespace_and_the_programs_arguments_change_no_name(ma
 
 def test_without_a_master_the_error_comes_within_three_seconds() -> None:
     require_ros1()
+    # what is waited for at most, which is no longer on a machine that is busy
     code = f"""
-import time
+import threading
 from catenary.crtk.ros1 import Ros1Transport
 from catenary.errors import TransportError
-begin = time.monotonic()
+limits, join = [], threading.Thread.join
+def joined(thread, timeout=None):
+    limits.append(timeout)
+    join(thread, timeout)
+threading.Thread.join = joined
 try:
     Ros1Transport("robot", "http://127.0.0.1:{free_port()}")
 except TransportError as error:
-    print(time.monotonic() - begin < 3.0, error)
+    print(0.0 < sum(limits) <= 3.0, error)
 """
-    with Program(Master(Path(os.devnull)), code) as robot:
-        assert robot.line().startswith("True no ROS master at http://127.0.0.1:")
+    # with the product's own limits
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=Master(Path(os.devnull)).environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.startswith("True no ROS master at http://127.0.0.1:")
 
 
 def test_one_process_has_one_node(master: Master) -> None:
@@ -380,9 +409,9 @@ rospy.spin()
         OPEN
         + """
 subscription = transport.subscribe("/tf", "geometry_msgs/TransformStamped")
-((m, _),) = subscription.take(5.0)
+((m, _),) = subscription.take(PATIENCE)
 print(m.header.stamp, m.child_frame_id, m.transform.translation.x, m.transform.rotation.w)
-print(*transport.call("/button", "std_srvs/Trigger"))
+print(*transport.call("/button", "std_srvs/Trigger", timeout=PATIENCE))
 """
     )
     with Program(master, code, "rospy") as talker:

@@ -15,12 +15,16 @@ from catenary.recording.messages import md5_sum
 from ros import NODE, Master
 
 TYPE = "crtk_msgs/StringStamped"
+LIMIT = 30.0  # [s] for what does not wait for a strange peer; rospy waits for one for a minute
 
 
 @pytest.fixture
-def node(ros_master: Master) -> Iterator[Ros1Transport]:
-    """A node with a latched topic."""
+def node(ros_master: Master, monkeypatch: pytest.MonkeyPatch) -> Iterator[Ros1Transport]:
+    """A node with a latched topic, which waits for a peer's first bytes for longer than anything here takes."""
     with Ros1Transport(NODE) as transport:
+        from catenary.crtk.ros1_handshakes import begins_as_ros  # imports rospy
+
+        monkeypatch.setattr(begins_as_ros, "__defaults__", (600.0,))
         transport.publisher("/said", TYPE, latch=True).publish(message_class(TYPE)(string="hello"))
         yield transport
 
@@ -50,7 +54,7 @@ def handshake() -> bytes:
 
 def heard(place: tuple[str, int], parts: list[bytes]) -> str:
     """What a subscriber gets that sends its handshake in parts."""
-    with socket.create_connection(place, 3.0) as connection:
+    with socket.create_connection(place, LIMIT) as connection:
         for part in parts:
             connection.sendall(part)
             time.sleep(0.05)
@@ -72,7 +76,7 @@ def test_a_peer_that_does_not_say_what_it_wants_keeps_nobody_out(node, ros_maste
 
 
 def test_a_peer_that_speaks_http_is_left(node, ros_master):
-    with socket.create_connection(address(ros_master), 3.0) as strange:
+    with socket.create_connection(address(ros_master), LIMIT) as strange:
         strange.sendall(b"POST / HTTP/1.1\r\n\r\n")
         with contextlib.suppress(ConnectionResetError):  # also an end: it had sent more than anybody read
             assert strange.recv(1) == b""

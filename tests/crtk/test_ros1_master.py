@@ -1,34 +1,51 @@
+import math
 import socket
-import time
+import threading
 
 import pytest
 
-from catenary.crtk.ros1_master import Master, master_uri
+from catenary.crtk import ros1_master
+from catenary.crtk.ros1_master import PATIENCE, Master, master_uri
 from catenary.errors import TransportError
 from ros import free_port
 
 
-def test_an_absent_master_is_told_within_three_seconds_with_what_to_do() -> None:
+@pytest.fixture
+def limits(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """How long it is waited at most [s], each time: on a machine that is busy as on any other."""
+    found: list[float] = []
+    ours, join = threading.current_thread(), threading.Thread.join
+
+    def joined(thread: threading.Thread, timeout: float | None = None) -> None:
+        if (
+            threading.current_thread() is ours
+        ):  # and not another test's node, which asks its master all the time
+            found.append(math.inf if timeout is None else timeout)
+        join(thread, timeout)
+
+    monkeypatch.setattr(threading.Thread, "join", joined)
+    monkeypatch.setattr(ros1_master, "PATIENCE", PATIENCE)  # which other tests lengthen
+    return found
+
+
+def test_an_absent_master_is_told_within_three_seconds_with_what_to_do(limits: list[float]) -> None:
     uri = f"http://127.0.0.1:{free_port()}"
-    begin = time.monotonic()
     with pytest.raises(TransportError, match=rf"no ROS master at {uri}.*roscore.*ROS_MASTER_URI"):
         Master(uri, "/tests").pid()
-    assert time.monotonic() - begin < 3.0
+    assert 0.0 < sum(limits) <= 3.0
 
 
-def test_a_master_that_accepts_and_keeps_silent_is_told_within_three_seconds() -> None:
+def test_a_master_that_accepts_and_keeps_silent_is_told_within_three_seconds(limits: list[float]) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
-        begin = time.monotonic()
         with pytest.raises(TransportError, match="no ROS master"):
             Master(f"http://127.0.0.1:{server.getsockname()[1]}", "/tests").pid()
-        assert time.monotonic() - begin < 3.0
+        assert 0.0 < sum(limits) <= 3.0
 
 
-def test_a_host_that_does_not_exist_is_told_within_three_seconds() -> None:
-    begin = time.monotonic()
+def test_a_host_that_does_not_exist_is_told_within_three_seconds(limits: list[float]) -> None:
     with pytest.raises(TransportError, match=r"no ROS master at http://robot\.invalid:11311"):
         Master("http://robot.invalid:11311", "/tests").pid()
-    assert time.monotonic() - begin < 3.0
+    assert 0.0 < sum(limits) <= 3.0
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from catenary.errors import InputError, MissingPackageError
 from catenary.recording.messages import MESSAGES
 from oracles import fake_rclpy
 from oracles.random_messages import assert_same, random_message
+from patience import PATIENCE
 
 IN_ROS2 = [name for name in MESSAGES if not name.startswith("raven_2/")]
 
@@ -101,7 +102,7 @@ def test_a_latched_message_reaches_a_late_program(rclpy: None) -> None:
         state = robot.publisher("/operating_state", "crtk_msgs/operating_state", latch=True)
         state.publish(message_class("crtk_msgs/OperatingState")(state="ENABLED"))
         heard = client.subscribe("/operating_state", "crtk_msgs/OperatingState")
-        assert heard.take(5.0)[0].message.state == "ENABLED"
+        assert heard.take(PATIENCE)[0].message.state == "ENABLED"
         assert robot.connections("/operating_state") == ((), ("/client",))
         assert client.connections("/operating_state") == (("/robot",), ())
 

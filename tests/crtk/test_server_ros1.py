@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from patience import PATIENCE
 from ros import Master, Program, running_master
 
 SERVE = "import sys; from catenary.cli.main import main; sys.argv[0] = 'catenary'; main()"
@@ -15,22 +16,26 @@ import json, sys, time
 import numpy as np
 from catenary.crtk.message import message_class, header
 from catenary.crtk.ros1 import Ros1Transport
+from patience import PATIENCE, until
 JointState = message_class("sensor_msgs/JointState")
 Command = message_class("crtk_msgs/StringStamped")
 transport = Ros1Transport(sys.argv[1])
-def until(condition, seconds=20.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.002)
 class Latest:
-    '''Last message of a topic, and all stamps.'''
+    '''Last message of a topic, and all stamps and sequence numbers.'''
     def __init__(self, topic, kind):
-        self.subscription, self.stamps, self.message = transport.subscribe(topic, kind, depth=100000), [], None
+        self.subscription, self.message = transport.subscribe(topic, kind, depth=100000), None
+        self.stamps, self.numbers = [], []
     def __call__(self):
         for message, _ in self.subscription.take():
             self.message = message
             self.stamps.append(message.header.stamp)
+            self.numbers.append(message.header.seq)
+        return self.message
+    def after(self, ticks):
+        '''Last message once so many more have come: a robot sends one a tick.'''
+        self()
+        count = len(self.stamps) + ticks
+        until(lambda: self() and len(self.stamps) >= count)
         return self.message
 def commander(topic, kind):
     publisher = transport.publisher(topic, kind, latch=True)  # as UW's and CRTK's clients do
@@ -47,15 +52,22 @@ state = Latest("/arm1/operating_state", "crtk_msgs/operating_state")
 jr = commander("/arm1/servo_jr", "sensor_msgs/JointState")
 command = commander("/arm1/state_command", "crtk_msgs/StringStamped")
 until(lambda: measured() and setpoint() and state())
-def position(latest):
-    time.sleep(0.15)
-    return np.array(latest().position)
+def position(latest, ticks=150):
+    return np.array(latest.after(ticks).position)
 def send(values, count=1):
     for _ in range(count):
         jr.publish(JointState(position=values))
         time.sleep(0.002)
+def obeyed(values, count):
+    '''Where increments lead. They are obeyed in their order: what is behind them is when they are done.'''
+    start = position(setpoint)
+    send(values, count)
+    send(behind)
+    until(lambda: abs(setpoint().position[1] - start[1] - behind[1]) < 1e-12)
+    return (position(setpoint) - start - behind[:7]).tolist()
 found = {"before": state().state}
 shoulder = np.zeros(15); shoulder[0] = np.deg2rad(0.003)
+behind = np.zeros(15); behind[1] = 1e-4
 paused = position(setpoint)
 send(shoulder, 20)
 found["paused"] = float(np.abs(position(setpoint) - paused).max())
@@ -63,28 +75,27 @@ command.publish(Command(string="resume"))
 until(lambda: state().state == "ENABLED")
 commands = [("hundred", shoulder, 100), ("NaN", np.full(15, np.nan), 3), ("short", np.full(6, 1e-3), 3)]
 for name, values, count in [*commands, ("grasp", np.array([1e-3]), 1), ("seven", shoulder[:7], 10)]:
-    start = position(setpoint)
-    send(values, count)
-    found[name] = (position(setpoint) - start).tolist()
-target, count = measured().position[0] + np.deg2rad(3.0), 0
-while abs(target - measured().position[0]) > np.deg2rad(0.5) and count < 3000:
-    step = np.zeros(15); step[0] = np.clip(target - measured().position[0], -1.0, 1.0) * 5e-3
-    step[0] = np.clip(step[0], -np.deg2rad(5.0) / 500, np.deg2rad(5.0) / 500)
+    found[name] = obeyed(values, count)
+target = measured().position[0] + np.deg2rad(3.0)
+def steps_there():
+    away = target - measured().position[0]
+    step = np.zeros(15)
+    step[0] = np.clip(5e-3 * away, -np.deg2rad(5.0) / 500, np.deg2rad(5.0) / 500)
     send(step)
-    count += 1
-found["reached"] = bool(abs(target - measured().position[0]) < np.deg2rad(0.6))
+    return abs(away) < np.deg2rad(0.5)
+until(steps_there)
+found["reached"] = True
 command.publish(Command(string="pause"))
 until(lambda: state().state == "PAUSED")
-measured.stamps.clear()
-time.sleep(1.0); measured()
+measured.after(1000)
 found["increase"] = bool((np.diff(measured.stamps) > 0).all())
-found["hertz"] = (len(measured.stamps) - 1) / (1e-9 * (measured.stamps[-1] - measured.stamps[0]))
+found["steps"] = sorted({int(step) for step in np.diff(measured.numbers)})
 command.publish(Command(string="resume"))  # and lives on, with this latched
 until(lambda: state().state == "ENABLED")
 print(json.dumps(found))
 sys.stdin.readline()
 until(lambda: transport.connections("/arm1/state_command").subscribers)
-time.sleep(2.0)
+measured.after(2000)
 print(json.dumps(state().state))
 sys.stdin.readline()
 """
@@ -101,31 +112,35 @@ pose = Latest(place + "measured_cp", "geometry_msgs/PoseStamped")
 command = commander(place + "state_command", "crtk_msgs/StringStamped")
 servo_jp, move_jp = (commander(place + verb, "sensor_msgs/JointState") for verb in ("servo_jp", "move_jp"))
 move_cp = commander(place + "move_cp", "geometry_msgs/PoseStamped")
-until(lambda: state() and setpoint() and pose(), 5.0)
+until(lambda: state() and setpoint() and pose())
 found = {"before": state().state, "age": (transport.now() - setpoint().header.stamp) * 1e-9}
 command.publish(Command(string="enable"))
 until(lambda: state().state == "ENABLED")
 command.publish(Command(string="home"))
 found["homed"] = state().is_homed
 start = np.array(setpoint().position); goal = start.copy()
+def at(goal):
+    return np.abs(np.array(setpoint().position) - goal).max() < 1e-9
 for k in range(250):
     goal[0] = start[0] + np.deg2rad(2.0) * (1.0 - np.cos(2 * np.pi * k / 500))
     servo_jp.publish(JointState(position=goal)); time.sleep(0.002)
-time.sleep(0.1)
-found["servo_jp"] = float(np.abs(np.array(setpoint().position) - goal).max())
+until(lambda: at(goal))
+found["servo_jp"] = True
 def moved(publisher, message):
     begin, known = transport.now(), len(state.stamps)
     publisher.publish(message)
     until(lambda: state() and len(state.stamps) > known and state.stamps[-1] > begin and not state().is_busy)
     return 1e-9 * (transport.now() - begin)
 goal = start + [0.1, 0.0, 0.01, 0.0, 0.0, 0.0, 0.0]
-found["took"] = moved(move_jp, JointState(position=goal)); time.sleep(0.05)
-found["move_jp"] = float(np.abs(np.array(setpoint().position) - goal).max())
-there = pose_of(Latest.__call__(pose))
+found["took"] = moved(move_jp, JointState(position=goal))
+until(lambda: at(goal))
+found["move_jp"] = True
 aim = Latest(place + "setpoint_cp", "geometry_msgs/PoseStamped"); until(aim)
 here = pose_of(aim())
-moved(move_cp, pose_message(here._replace(position=here.position + [0.0, 0.0, -0.01]), 0, "")); time.sleep(0.05)
-found["move_cp"] = (pose_of(aim()).position - here.position).tolist()
+down = here.position + [0.0, 0.0, -0.01]
+moved(move_cp, pose_message(here._replace(position=down), 0, ""))
+until(lambda: np.abs(pose_of(aim()).position - down).max() < 1e-6)
+found["move_cp"] = True
 command.publish(Command(string="disable"))
 until(lambda: state().state == "DISABLED")
 print(json.dumps(found))
@@ -162,8 +177,8 @@ def test_a_client_like_uws_moves_the_robot_and_its_latched_resume_does_not_wake_
             assert found[name] == pytest.approx(expected, abs=1e-12), name
         assert found["reached"]
         assert found["increase"]
-        # the machine of the tests may be busy; that no tick is lost on a free one, the benchmark shows
-        assert found["hertz"] > 500.0
+        # not one is missing; that a thousand come in a second where the machine is free, the benchmark shows
+        assert found["steps"] == [1]
         server.interrupt()
         output, errors = server.finish()
         assert server.process.returncode == 0
@@ -180,12 +195,12 @@ def test_a_client_like_crtks_enables_servos_and_moves(tmp_path: Path):
         with Program(master, CRTK, "client") as client:
             found = json.loads(client.line())
         assert found["before"] == "DISABLED"
-        assert found["age"] < 0.5
+        assert 0.0 <= found["age"] < PATIENCE  # time of day
         assert found["homed"]
-        assert found["servo_jp"] < 1e-9
-        assert found["move_jp"] < 1e-9
+        assert found["servo_jp"]
+        assert found["move_jp"]
         assert found["took"] > 0.2  # it waited for the move, not for a state from before
-        assert found["move_cp"] == pytest.approx([0.0, 0.0, -0.01], abs=1e-6)
+        assert found["move_cp"]
 
 
 LISTEN = (
@@ -194,7 +209,7 @@ LISTEN = (
 state = Latest("/operating_state", "crtk_msgs/operating_state")
 until(state)
 from catenary.crtk.names import BUTTON, BUTTON_TYPE
-answer = transport.call(BUTTON, BUTTON_TYPE)
+answer = transport.call(BUTTON, BUTTON_TYPE, timeout=PATIENCE)
 print(json.dumps([state().state, answer.success, answer.message]))
 """
 )
@@ -219,7 +234,7 @@ def test_without_a_master_serving_ends_with_its_uri(tmp_path: Path):
     require_ros1()
     master = Master(tmp_path)
     with Program(master, SERVE, "serve") as server:
-        _, errors = server.finish(60.0)
+        _, errors = server.finish()
         assert server.process.returncode == 2
         assert master.uri in errors
 
@@ -247,10 +262,12 @@ WATCH = (
     + """
 setpoint = Latest("/arm1/setpoint_js", "sensor_msgs/JointState")
 until(setpoint)
-time.sleep(0.5)  # what waits of increments is done within 0.25 s
-first = setpoint().position[0]
-time.sleep(0.5)
-print(json.dumps(setpoint().position[0] - first))
+def rests():  # what waits of increments is done within 250 ticks
+    first = setpoint.message.position[0]
+    return setpoint.after(300).position[0] == first
+until(rests)
+first = setpoint.message.position[0]
+print(json.dumps(setpoint.after(500).position[0] - first))
 """
 )
 

@@ -15,6 +15,7 @@ from catenary.gravity.samples import Kind, Mailbox
 from catenary.gravity.sensor_checks import SensorRules
 from catenary.gravity.vector import Status
 from oracles.simulated_board import SimulatedBoard, framed
+from patience import PATIENCE, until
 
 
 @pytest.fixture
@@ -22,13 +23,6 @@ def board(tmp_path: Path) -> Iterator[SimulatedBoard]:
     board = SimulatedBoard(tmp_path / "board")
     yield board
     board.close()
-
-
-def until(condition, seconds=5.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not happen in time"
-        time.sleep(0.002)
 
 
 def opened(board, mailbox=None, **options):
@@ -70,7 +64,7 @@ def test_the_board_is_asked_for_its_hello(board):
     with opened(board) as device:
         until(lambda: b"?" in board.asked())
         board.hello()
-        assert device.wait_ready(2.0).sensor == "simulated"
+        assert device.wait_ready(PATIENCE).sensor == "simulated"
 
 
 def test_samples_of_an_unknown_unit_are_left_out(board):
@@ -157,7 +151,7 @@ def test_closing_ends_the_thread(board):
     device = opened(board)
     device.close()
     assert not device.is_connected
-    assert not device._line.is_reading
+    until(lambda: not device._line.is_reading)
 
 
 def test_gravity_lives_through_unplugging_and_plugging_in_again(board):
@@ -172,8 +166,7 @@ def test_gravity_lives_through_unplugging_and_plugging_in_again(board):
     with opened(board, mailbox) as device:
         until(lambda: said().status is Status.LIVE)
         board.unplug()
-        until(lambda: said().status is Status.FALLBACK)
-        assert Fault.INTERRUPTED in said().faults
+        until(lambda: (now := said()).status is Status.FALLBACK and Fault.INTERRUPTED in now.faults)
         board.plug()
         until(lambda: said().status is Status.LIVE)
         assert_allclose(said().gravity, [-0.5, 0.0, -9.8], atol=0.1)

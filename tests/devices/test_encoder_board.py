@@ -13,16 +13,10 @@ from catenary.devices.encoder_rig import EncoderRig
 from catenary.errors import SensorError
 from homing_counts import homing_counts
 from oracles.simulated_encoders import SimulatedEncoders
+from patience import until
 
 RIG = EncoderRig()
 AWAY, STOPS = np.array([3000.0, 26_000.0, 100_000.0]), np.array([0.0, 30_000.0, 112_000.0])
-
-
-def until(condition, seconds=5.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not happen in time"
-        time.sleep(0.0005)
 
 
 class Bench:
@@ -46,7 +40,7 @@ class Bench:
         self.now += self.period
         before = self.heard
         self.board.write(data)
-        until(lambda: self.heard > before)
+        until(lambda: self.heard > before, every=0.0005)
 
     def send(self, *rows) -> None:
         for row in rows:

@@ -1,4 +1,3 @@
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -7,6 +6,7 @@ import pytest
 from catenary.devices.serial_line import SerialLine
 from catenary.errors import SensorError
 from oracles.simulated_port import SimulatedPort
+from patience import until
 
 
 @pytest.fixture
@@ -14,13 +14,6 @@ def port(tmp_path: Path) -> Iterator[SimulatedPort]:
     port = SimulatedPort(tmp_path / "port")
     yield port
     port.close()
-
-
-def until(condition, seconds=5.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not happen in time"
-        time.sleep(0.002)
 
 
 def test_lines_come_whole_with_the_time_at_which_they_came(port):
@@ -79,7 +72,7 @@ def test_closing_ends_the_thread_and_needs_no_start(port):
     line.start()
     assert line.is_reading
     line.close()
-    assert not line.is_reading
+    until(lambda: not line.is_reading)
     assert not line.is_connected
 
 

@@ -24,7 +24,7 @@ publisher = transport.publisher("/imu/data_raw", "sensor_msgs/Imu")
 vectors = transport.subscribe("/gravity", "geometry_msgs/Vector3Stamped")
 states = transport.subscribe("/gravity/status", "crtk_msgs/StringStamped")
 rate, status = transport.rate(100.0), ""
-for _ in range(4000):
+while True:
     force, turn = xyz(*(np.array([1.7, 0.0, 9.66]) + 0.01 * rng.normal(size=3))), xyz(*(0.001 * rng.normal(size=3)))
     publisher.publish(imu(header(transport.now(), "imu"), angular_velocity=turn, linear_acceleration=force))
     rate.sleep()
@@ -68,7 +68,7 @@ def test_counts_are_heard_and_no_positions_before_homing(master, tmp_path: Path)
         while not ending.wait(0.01):
             board.send([6366, 17825, 76000])
 
-    thread = threading.Thread(target=speak)
+    thread = threading.Thread(target=speak, daemon=True)
     thread.start()
     command = ("encoders", "--port", str(board.link), "--json")
     with Program(master, COMMAND, *command) as node, Program(master, LISTENER) as listener:

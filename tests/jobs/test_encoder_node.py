@@ -1,4 +1,3 @@
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,9 +9,12 @@ from catenary.crtk.conversions import joint_values, operating_state_message
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.devices.encoder_board import EncoderBoard
 from catenary.errors import InputError
+from catenary.jobs import encoder_node
 from catenary.jobs.encoder_node import STATE_TOPIC, EncoderNode, publish_encoders
 from catenary.plant import OperatingState
+from oracles.manual_time import ManualTime
 from oracles.simulated_encoders import SimulatedEncoders
+from patience import until
 
 JOINTS = ("shoulder", "elbow", "insertion")
 AWAY, STOPS = np.array([3000.0, 26_000.0, 100_000.0]), np.array([0.0, 30_000.0, 112_000.0])
@@ -38,10 +40,7 @@ class Rig:
         self.now += 0.01
         before = self.driver.tally.rows
         self.board.send(row)
-        end = time.monotonic() + 5.0
-        while self.driver.tally.rows == before:
-            assert time.monotonic() < end, "the row did not come"
-            time.sleep(0.0005)
+        until(lambda: self.driver.tally.rows > before, every=0.0005)
         self.node.step()
 
     def tell(self, homed: bool, busy: bool) -> None:
@@ -97,14 +96,13 @@ def test_positions_end_when_the_counts_are_lost(rig):
     rig.home()
     rig.positions.take()
     lost = AWAY + np.array([40_000.0, 0.0, 0.0])
+    tally = rig.driver.tally
     for _ in range(10):
+        before = tally.rows + tally.rejected
         rig.board.send(lost)
+        until(lambda before=before: tally.rows + tally.rejected > before, every=0.0005)
         rig.now += 0.01
-        time.sleep(0.005)
-    end = time.monotonic() + 5.0
-    while not rig.driver.tally.losses:
-        assert time.monotonic() < end
-        time.sleep(0.001)
+    assert tally.losses == 1
     rig.node.step()
     assert rig.positions.take() == []
     assert "home the robot again" in rig.node.status(1.0).reading.reason
@@ -118,7 +116,8 @@ def test_a_robot_that_homes_again_is_registered_anew(rig):
     assert rig.positions.take() == []
 
 
-def test_publishing_ends_after_its_duration_with_a_status(rig):
+def test_publishing_ends_after_its_duration_with_a_status(rig, monkeypatch):
+    monkeypatch.setattr(encoder_node, "time", ManualTime())
     shown = []
     final = publish_encoders(rig.node, duration=1.2, show=shown.append)
     assert len(shown) == 1

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import threading
 import tty
 from pathlib import Path
 
@@ -11,6 +12,7 @@ class SimulatedPort:
 
     def __init__(self, link: Path) -> None:
         self.link = link
+        self._lock = threading.RLock()  # a board may speak in a thread while a test pulls its plug
         self._ends: tuple[int, int] | None = None
         self.plug()
 
@@ -18,27 +20,28 @@ class SimulatedPort:
         ours, theirs = os.openpty()
         tty.setraw(theirs)
         os.set_blocking(ours, False)
-        self._ends = ours, theirs
-        self.link.unlink(missing_ok=True)
-        self.link.symlink_to(os.ttyname(theirs))
+        with self._lock:
+            self._ends = ours, theirs
+            self.link.unlink(missing_ok=True)
+            self.link.symlink_to(os.ttyname(theirs))
 
     def unplug(self) -> None:
-        self.link.unlink(missing_ok=True)
-        for end in self._ends or ():
-            os.close(end)
-        self._ends = None
+        with self._lock:
+            self.link.unlink(missing_ok=True)
+            for end in self._ends or ():
+                os.close(end)
+            self._ends = None
 
     def write(self, data: bytes) -> None:
-        if self._ends is not None:
-            with contextlib.suppress(BlockingIOError):  # nobody reads: a board's bytes are lost, too
+        with self._lock, contextlib.suppress(BlockingIOError):  # nobody reads: a board's bytes are lost, too
+            if self._ends is not None:
                 os.write(self._ends[0], data)
 
     def asked(self) -> bytes:
         """What the host has sent."""
-        try:
+        with self._lock, contextlib.suppress(BlockingIOError):
             return os.read(self._ends[0], 1000) if self._ends else b""
-        except BlockingIOError:
-            return b""
+        return b""
 
     def close(self) -> None:
         self.unplug()

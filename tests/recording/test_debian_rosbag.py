@@ -39,7 +39,7 @@ with rosbag.Bag(sys.argv[1]) as bag:
 
 def by_debian(*arguments: str) -> str:
     """Output of a program that must succeed."""
-    done = subprocess.run([PYTHON, *arguments], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([PYTHON, *arguments], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     return done.stdout
 

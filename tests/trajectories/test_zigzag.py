@@ -97,9 +97,10 @@ def test_speed_is_in_rows_per_second() -> None:
 
 def test_finest_published_path_takes_well_under_a_second() -> None:
     zigzag_rows("J1", 1.0)  # compiles
-    start = time.perf_counter()
+    start = time.thread_time()
     zigzag_rows("J2-J3", 1 / 6)
-    assert time.perf_counter() - start < 0.5  # 3 ms on an idle machine
+    # of this thread's own processor time, and 150 times what it takes: no other program makes it as long as that
+    assert time.thread_time() - start < 0.5
 
 
 def test_default_box_is_the_published_one() -> None:

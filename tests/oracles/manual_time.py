@@ -1,0 +1,80 @@
+"""Stand-ins for the module `time` where a program paces itself: time passes only while it sleeps.
+
+So how often a loop ran, and what it had heard by then, do not depend on what else the machine does.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from catenary.crtk.clock import SECOND, ManualClock
+from catenary.devices.serial_line import SerialLine
+from oracles.simulated_port import SimulatedPort
+from patience import until
+
+START = 1_700_000_000 * SECOND  # [ns]
+
+
+class ManualTime(ManualClock):
+    """What programs use of `time`, and of a transport's clock."""
+
+    def __init__(self) -> None:
+        super().__init__(START)
+
+    def monotonic(self) -> float:
+        return self.now() / SECOND
+
+    perf_counter = monotonic
+
+    def process_time(self) -> float:
+        return 0.0
+
+
+class BoardTime(ManualTime):
+    """While somebody sleeps, a board sends a line every 10 ms, and its driver has taken it in before time goes on.
+
+    It does so for every board that is opened meanwhile in this process; `greet` is what one says when its port is opened.
+    """
+
+    def __init__(
+        self, board: SimulatedPort, line: Callable[[], bytes], greet: Callable[[], Any] = lambda: None
+    ) -> None:
+        super().__init__()
+        self._board, self._line, self._greet = board, line, greet
+        self._heard = 0  # lines
+        self._period = SECOND // 100
+        self._next = self.now() + self._period
+
+    def sleep(self, seconds: float) -> None:
+        end = self.now() + max(0, round(seconds * SECOND))
+        while self._next <= end:
+            super().sleep((self._next - self.now()) / SECOND)
+            self._next += self._period
+            heard = self._heard
+            self._board.write(self._line())
+            until(lambda heard=heard: self._heard > heard, every=0.0002)
+        super().sleep((end - self.now()) / SECOND)
+
+    def rule(self, patch: pytest.MonkeyPatch, *modules: str) -> None:
+        """Take the place of `time` in modules, and of the clock of devices."""
+        from catenary.devices.accelerometer import SerialAccelerometer
+        from catenary.devices.encoder_board import EncoderBoard
+
+        for module in modules:
+            patch.setattr(f"{module}.time", self)
+        for device in (SerialAccelerometer, EncoderBoard):
+            patch.setitem(device.__init__.__kwdefaults__, "clock", self.monotonic)
+        begin = SerialLine.__init__
+
+        def counting(
+            line: SerialLine, port: str, take: Callable[[list[str], float], None], **options: Any
+        ) -> None:
+            def taken(lines: list[str], arrival: float) -> None:
+                take(lines, arrival)
+                self._heard += len(lines)
+
+            begin(line, port, taken, **options)
+            self._greet()
+
+        patch.setattr(SerialLine, "__init__", counting)

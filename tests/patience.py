@@ -1,0 +1,37 @@
+"""How long tests wait for what must happen: a machine that is busy is late, and not wrong.
+
+A test waits for a condition, never for a time in which it hopes that something has happened. What never happens is told
+after PATIENCE. Programs under test have limits of their own, for real robots on machines of their own; where such a limit
+is not what a test is about, it is lengthened.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+PATIENCE = 60.0  # [s]
+
+
+def until(claim: Callable[[], object], *, every: float = 0.002, seconds: float = PATIENCE) -> None:
+    """Wait until a claim is true, looking every so often [s]."""
+    end = time.monotonic() + seconds
+    while not claim():
+        assert time.monotonic() < end, f"it did not come true in {seconds:g} s"
+        time.sleep(every)
+
+
+def longer_limits() -> Iterator[tuple[Any, str, Any]]:
+    """What limits how long others may take: objects, names of their attributes, and longer ones."""
+    from catenary.crtk import client, command_source, confirmation, ros1_master
+
+    connect = client.CrtkClient.__init__
+    yield ros1_master, "PATIENCE", PATIENCE  # for the master's answers
+    yield confirmation, "COMMAND_TIMEOUT", PATIENCE  # for a robot's new state
+    yield command_source, "OLDEST", round(1e9 * PATIENCE)  # of a stamped command on its way
+    yield connect, "__kwdefaults__", {**(connect.__kwdefaults__ or {}), "connect_timeout": PATIENCE}
+
+
+def lengthen_limits() -> None:
+    """Give this program longer limits, until it ends."""
+    for place, name, value in longer_limits():
+        setattr(place, name, value)
