@@ -38,8 +38,10 @@ help:
 demo: $(VENV)/.package
 	$(BIN)/catenary demo --out demo
 
+# one more at a time than there are processors, up to four: many tests wait for other processes
+test: WORKERS := $(shell n=$$(nproc); echo $$((n < 4 ? n + 1 : 4)))
 test: $(VENV)/.development
-	$(BIN)/python -m pytest -rs -n auto --maxprocesses 4 --dist loadfile
+	$(BIN)/python -m pytest -rs -n $(WORKERS) --dist loadfile
 
 lint: $(VENV)/.development
 	$(BIN)/ruff format --check .
