@@ -26,6 +26,16 @@ MASTER = (
 
 # programs wait for the master's answers longer than a robot's should
 PATIENT = f"from catenary.crtk import ros1_master; ros1_master.PATIENCE = {PATIENCE}\n"
+# what programs of the tests begin with: a node of their first argument's name
+OPEN = """
+import sys, time
+from patience import PATIENCE
+from catenary.crtk.ros1 import Ros1Transport
+from catenary.crtk.message import message_class, header
+from catenary.errors import TransportError
+T = "crtk_msgs/StringStamped"
+transport = Ros1Transport(sys.argv[1])
+"""
 NODE = "catenary_test"  # of the process of the tests, which can be one node only
 
 

@@ -1,4 +1,4 @@
-"""Ros1Transport between processes, and against rospy as it comes; what holds for every transport is in contracts."""
+"""Ros1Transport between processes; what holds for every transport is in contracts, rospy's own classes in test_ros1_rospy."""
 
 import contextlib
 import os
@@ -10,24 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from catenary.crtk.message import message_class
-from catenary.crtk.wire import codec
-from catenary.recording.messages import MESSAGES, full_definition, md5_sum
-from oracles.random_messages import random_message
 from patience import until
-from ros import Master, Program, free_port, require_ros1, running_master
+from ros import OPEN, Master, Program, free_port, require_ros1, running_master
 
 pytestmark = pytest.mark.slow
 
-OPEN = """
-import sys, time
-from patience import PATIENCE
-from catenary.crtk.ros1 import Ros1Transport
-from catenary.crtk.message import message_class, header
-from catenary.errors import TransportError
-T = "crtk_msgs/StringStamped"
-transport = Ros1Transport(sys.argv[1])
-"""
 # publishes 1, 2, 3, ... until a line comes; then says how many it has sent, and what slow peers missed. Meanwhile it says
 # what it was asked to tell: that the master comes and goes, or that a peer has begun to miss messages
 TALKER = (
@@ -350,106 +337,3 @@ attempt("robot")
         assert "cannot be other" in robot.line()
         assert "cannot be robot of http://127.0.0.1:1" in robot.line()
         assert robot.line() == "opened"
-
-
-ROSPY = """
-from catenary.crtk.ros1 import make_rospy_importable
-make_rospy_importable()
-import rospy, sys
-from sensor_msgs.msg import JointState, Imu
-from geometry_msgs.msg import TransformStamped
-from std_srvs.srv import Trigger, TriggerResponse
-rospy.init_node(sys.argv[1])
-"""
-
-
-def test_rospys_own_classes_read_what_is_sent(master: Master) -> None:
-    code = (
-        ROSPY
-        + """
-def tell(m):
-    print(m.header.stamp.to_nsec(), m.header.frame_id, *m.name, *m.position, len(m.velocity), *m.effort)
-rospy.Subscriber("/js", JointState, tell)
-print("listening")
-rospy.spin()
-"""
-    )
-    sender = (
-        OPEN
-        + """
-publisher = transport.publisher("/js", "sensor_msgs/JointState", latch=True)
-publisher.publish(message_class("sensor_msgs/JointState")(
-    header(1_700_000_000_123_456_789, "base"), ("a", "b"), (0.25, -1.5), (), [3, 4]))
-sys.stdin.readline()
-"""
-    )
-    with Program(master, code, "rospy") as listener:
-        assert listener.line() == "listening"
-        with Program(master, sender, "robot"):
-            assert listener.line() == "1700000000123456789 base a b 0.25 -1.5 0 3.0 4.0"
-
-
-def test_what_rospys_own_classes_send_is_read(master: Master) -> None:
-    code = (
-        ROSPY
-        + """
-publisher = rospy.Publisher("/tf", TransformStamped, queue_size=10, latch=True)
-message = TransformStamped()
-message.header.stamp = rospy.Time(1_700_000_000, 123_456_789)
-message.child_frame_id = "tool"
-message.transform.translation.x = 0.5
-message.transform.rotation.w = 1.0
-publisher.publish(message)
-rospy.Service("/button", Trigger, lambda request: TriggerResponse(True, "pressed"))
-print("sent")
-rospy.spin()
-"""
-    )
-    reader = (
-        OPEN
-        + """
-subscription = transport.subscribe("/tf", "geometry_msgs/TransformStamped")
-((m, _),) = subscription.take(PATIENCE)
-print(m.header.stamp, m.child_frame_id, m.transform.translation.x, m.transform.rotation.w)
-print(*transport.call("/button", "std_srvs/Trigger", timeout=PATIENCE))
-"""
-    )
-    with Program(master, code, "rospy") as talker:
-        assert talker.line() == "sent"
-        with Program(master, reader, "client") as client:
-            assert client.line() == "1700000000123456789 tool 0.5 1.0"
-            assert client.line() == "True pressed"
-
-
-def test_rospy_calls_a_service(master: Master) -> None:
-    server = (
-        OPEN
-        + """
-response = message_class("std_srvs/TriggerResponse")
-transport.service("/button", "std_srvs/Trigger", lambda request: response(success=True, message="ours"))
-print("serving")
-transport.spin()
-"""
-    )
-    code = ROSPY + 'print(rospy.ServiceProxy("/button", Trigger)().message)\n'
-    with Program(master, server, "robot") as robot:
-        assert robot.line() == "serving"
-        with Program(master, code, "rospy") as client:
-            assert client.line() == "ours"
-
-
-@pytest.mark.parametrize("name", MESSAGES)
-def test_genpy_reads_and_writes_the_same_bytes(name: str) -> None:
-    require_ros1()
-    import genpy.dynamic
-    import numpy as np
-
-    theirs = genpy.dynamic.generate_dynamic(name, full_definition(name))[name]
-    assert theirs._md5sum == md5_sum(name)
-    data = codec(name).encode(random_message(name, np.random.default_rng(5)), 6)
-    from io import BytesIO
-
-    buffer = BytesIO()
-    theirs().deserialize(data).serialize(buffer)
-    assert buffer.getvalue() == data
-    assert isinstance(codec(name).decode(buffer.getvalue()), message_class(name))
