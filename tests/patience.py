@@ -28,7 +28,8 @@ def longer_limits() -> Iterator[tuple[Any, str, Any]]:
     yield ros1_master, "PATIENCE", PATIENCE  # for the master's answers
     yield confirmation, "COMMAND_TIMEOUT", PATIENCE  # for a robot's new state
     yield command_source, "OLDEST", round(1e9 * PATIENCE)  # of a stamped command on its way
-    yield connect, "__kwdefaults__", {**(connect.__kwdefaults__ or {}), "connect_timeout": PATIENCE}
+    longer = {"connect_timeout": PATIENCE, "stale_after": PATIENCE}
+    yield connect, "__kwdefaults__", {**(connect.__kwdefaults__ or {}), **longer}
 
 
 def lengthen_limits() -> None:

@@ -4,7 +4,6 @@
 takes what is published, as a program that uses it would.
 """
 
-import argparse
 import json
 import sys
 import tempfile
@@ -16,10 +15,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # `ros`, as pytest finds it
 
-from benchmarks.serving import SERVE, memory
+from benchmarks.programs import CATENARY, cpu_seconds, memory, options, tell
 from catenary.calibration.files import save_model
-from catenary.crtk.ros1 import make_rospy_importable
-from catenary.errors import MissingPackageError
 from catenary.plant import MotionLog
 from recordings import fitted
 from ros import Program, running_master
@@ -51,23 +48,17 @@ def write_model(file: Path, kind: str) -> None:
     save_model(fitted(log, kind=kind, inputs=inputs), {}, file)
 
 
-def cpu_seconds(pid: int) -> float:
-    """Processor time of a process [s]."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / 100.0
-
-
 def measure(kind: str, seconds: float) -> dict[str, Any]:
     """Deploy a model beside a homed robot."""
     with (
         tempfile.TemporaryDirectory() as folder,
         running_master(Path(folder)) as master,
-        Program(master, SERVE, "serve", "--homed", "--json") as server,
+        Program(master, CATENARY, "serve", "--homed", "--json") as server,
     ):
         write_model(Path(folder) / "arm.npz", kind)
         server.line()
         deploy = ("deploy", str(Path(folder) / "arm.npz"), "--ros", "1", "--gravity-torque", "--json")
-        with Program(master, LISTENER) as listener, Program(master, SERVE, *deploy) as deployed:
+        with Program(master, LISTENER) as listener, Program(master, CATENARY, *deploy) as deployed:
             listener.line()
             time.sleep(1.0)
             pid = deployed.process.pid
@@ -90,23 +81,8 @@ def measure(kind: str, seconds: float) -> dict[str, Any]:
 
 def main() -> None:
     """Measure, print, and write JSON where `--json FILE` says."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=20.0)
-    parser.add_argument("--kind", choices=("linear", "neural"), action="append")
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-    try:
-        make_rospy_importable()
-    except MissingPackageError as error:
-        sys.exit(str(error))
-    tables = {kind: measure(kind, options.seconds) for kind in options.kind or ("linear", "neural")}
-    for title, row in tables.items():
-        print(title)
-        for key, value in row.items():
-            print(f"  {key:22}{value:14.4g}")
-    if options.json is not None:
-        options.json.parent.mkdir(parents=True, exist_ok=True)
-        options.json.write_text(json.dumps(tables, indent=2))
+    given = options(__doc__, kind=("linear", "neural"))
+    tell({kind: measure(kind, given.seconds) for kind in given.kind}, given.json)
 
 
 if __name__ == "__main__":

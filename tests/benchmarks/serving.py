@@ -5,7 +5,6 @@ master of its own. Percentiles, since a maximum measures the machine. Two listen
 its sockets and nothing else (socket_listener.py), and one of catenary's own clients, by rospy.
 """
 
-import argparse
 import json
 import sys
 import tempfile
@@ -15,12 +14,10 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # `ros`, as pytest finds it
 
+from benchmarks.programs import CATENARY, memory, options, tell
 from catenary.crtk.names import topics
-from catenary.crtk.ros1 import make_rospy_importable
-from catenary.errors import MissingPackageError
 from ros import Program, running_master
 
-SERVE = "import sys; from catenary.cli.main import main; sys.argv[0] = 'catenary'; main()"
 CLIENT = """
 import json, sys, time
 import numpy as np
@@ -77,14 +74,6 @@ print(json.dumps({
 LISTENERS = {"sockets": "from benchmarks.socket_listener import main; main()", "rospy": CLIENT}
 
 
-def memory(pid: int) -> float:
-    """Resident memory of a process [MB]."""
-    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
-        if line.startswith("VmRSS"):
-            return int(line.split()[1]) / 1024
-    return float("nan")
-
-
 def measure(dialect: str, listener: str, seconds: float) -> dict[str, Any]:
     """Serve a homed robot to one client that hears everything and commands at 100 Hz."""
     wanted = [(topic.name, topic.type) for topic in topics(dialect) if topic.direction == "out"]  # type: ignore[arg-type]
@@ -92,7 +81,7 @@ def measure(dialect: str, listener: str, seconds: float) -> dict[str, Any]:
     with (
         tempfile.TemporaryDirectory() as folder,
         running_master(Path(folder)) as master,
-        Program(master, SERVE, *serve) as server,
+        Program(master, CATENARY, *serve) as server,
     ):
         server.line()
         served = {json.loads(server.line())["lost_ticks"]}
@@ -126,28 +115,13 @@ def measure(dialect: str, listener: str, seconds: float) -> dict[str, Any]:
 
 def main() -> None:
     """Measure, print, and write JSON where `--json FILE` says."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=20.0)
-    parser.add_argument("--dialect", choices=("raven", "crtk"), action="append")
-    parser.add_argument("--listener", choices=tuple(LISTENERS), action="append")
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-    try:
-        make_rospy_importable()
-    except MissingPackageError as error:
-        sys.exit(str(error))
+    given = options(__doc__, dialect=("raven", "crtk"), listener=tuple(LISTENERS))
     tables = {
-        f"{dialect}, {listener}": measure(dialect, listener, options.seconds)
-        for listener in options.listener or LISTENERS
-        for dialect in options.dialect or ("raven", "crtk")
+        f"{dialect}, {listener}": measure(dialect, listener, given.seconds)
+        for listener in given.listener
+        for dialect in given.dialect
     }
-    for title, row in tables.items():
-        print(title)
-        for key, value in row.items():
-            print(f"  {key:22}{value:14.4g}")
-    if options.json is not None:
-        options.json.parent.mkdir(parents=True, exist_ok=True)
-        options.json.write_text(json.dumps(tables, indent=2))
+    tell(tables, given.json)
 
 
 if __name__ == "__main__":

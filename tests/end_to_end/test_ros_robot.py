@@ -70,7 +70,9 @@ def robot(master: Master, state: str = "ready") -> Program:
 def test_robot_is_homed_recorded_fitted_and_corrected(
     ros_master: Master, transport: Ros1Transport, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(CrtkClient.__init__.__kwdefaults__, "stale_after", PATIENCE)
+    # the machine of the tests may be busy, and the robot late
+    for longer in longer_limits():
+        monkeypatch.setattr(*longer)
     with robot(ros_master, "fresh"):
         project = Project(tmp_path / "project", ProjectSettings(connection="ros1"))
         arm = RosRobot(transport, AnswerYes(), simulated=True, patience=PATIENCE)
@@ -131,7 +133,6 @@ def test_served_robot_is_calibrated_to_its_report(
     # the machine of the tests may be busy, and the robot late
     for longer in longer_limits():
         monkeypatch.setattr(*longer)
-    monkeypatch.setitem(CrtkClient.__init__.__kwdefaults__, "stale_after", PATIENCE)
     monkeypatch.setattr(network, "make_transport", lambda ros, name: Ros1Transport(NODE))
     monkeypatch.setattr(calibrate, "excitation", lambda project: (motion, "a stroll"))
     monkeypatch.setattr(calibrate, "models_for", lambda robot, seed: QUICK_MODELS)

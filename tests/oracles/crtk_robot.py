@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from catenary.crtk.clock import SECOND, ManualClock
 from catenary.crtk.conversions import (
     Stamps,
     joint_state_message,
@@ -20,6 +19,7 @@ from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError
 from catenary.plant import Plant
 from catenary.recording.topics import EXT_JPOS, JOINT_ENC, Arm
+from oracles.ticking_clock import TickingClock
 
 _IN_RAVENSTATE = (
     "encVals",
@@ -127,23 +127,16 @@ class CrtkRobot:
             self.refused.append(str(error))
 
 
-class RobotClock(ManualClock):
+class RobotClock(TickingClock):
     """Time that passes only in sleeps, and then makes its robots tick every millisecond."""
 
     def __init__(self, period: float = 0.001) -> None:
-        super().__init__()
+        super().__init__(period)
         self.robots: list[CrtkRobot] = []
-        self._period = round(period * SECOND)
-        self._next = self.now() + self._period
 
-    def sleep(self, seconds: float) -> None:
-        end = self.now() + max(0, round(seconds * SECOND))
-        while self._next <= end:
-            super().sleep((self._next - self.now()) / SECOND)
-            self._next += self._period
-            for robot in self.robots:
-                robot.tick()
-        super().sleep((end - self.now()) / SECOND)
+    def tick(self) -> None:
+        for robot in self.robots:
+            robot.tick()
 
 
 class RobotOnLoopback:

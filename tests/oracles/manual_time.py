@@ -8,19 +8,20 @@ from typing import Any
 
 import pytest
 
-from catenary.crtk.clock import SECOND, ManualClock
+from catenary.crtk.clock import SECOND
 from catenary.devices.serial_line import SerialLine
 from oracles.simulated_port import SimulatedPort
+from oracles.ticking_clock import TickingClock
 from patience import until
 
 START = 1_700_000_000 * SECOND  # [ns]
 
 
-class ManualTime(ManualClock):
+class ManualTime(TickingClock):
     """What programs use of `time`, and of a transport's clock."""
 
     def __init__(self) -> None:
-        super().__init__(START)
+        super().__init__(0.01, START)
 
     def monotonic(self) -> float:
         return self.now() / SECOND
@@ -43,18 +44,11 @@ class BoardTime(ManualTime):
         super().__init__()
         self._board, self._line, self._greet = board, line, greet
         self._heard = 0  # lines
-        self._period = SECOND // 100
-        self._next = self.now() + self._period
 
-    def sleep(self, seconds: float) -> None:
-        end = self.now() + max(0, round(seconds * SECOND))
-        while self._next <= end:
-            super().sleep((self._next - self.now()) / SECOND)
-            self._next += self._period
-            heard = self._heard
-            self._board.write(self._line())
-            until(lambda heard=heard: self._heard > heard, every=0.0002)
-        super().sleep((end - self.now()) / SECOND)
+    def tick(self) -> None:
+        heard = self._heard
+        self._board.write(self._line())
+        until(lambda: self._heard > heard, every=0.0002)
 
     def rule(self, patch: pytest.MonkeyPatch, *modules: str) -> None:
         """Take the place of `time` in modules, and of the clock of devices."""

@@ -35,8 +35,6 @@ class Latest:
 
     def message(self) -> Message:
         """Newest message, or None before the first."""
-        if not len(self._subscription):  # as nearly always when asked again in a tick
-            return self._message
         for received in self._subscription.take():
             self._message, self.arrived = received
         return self._message

@@ -21,7 +21,6 @@ CHANNELS: Mapping[Arm, tuple[int, ...]] = {
     "gold": (0, 1, 2, 4, 5, 6, 7),
     "green": (8, 9, 10, 12, 13, 14, 15),
 }
-_PLACES = {arm: np.array(places) for arm, places in CHANNELS.items()}
 
 
 def raven_state_message(columns: Mapping[str, Floats], stamp: int, *, frame_id: str = "") -> Message:
@@ -76,4 +75,4 @@ def arm_channels(values: Floats, arm: Arm) -> Floats:
     """
     if arm not in CHANNELS:
         raise InputError(f'arm "{arm}": expected {" or ".join(CHANNELS)}')
-    return as_array("channels", values, (16,), finite=False).take(_PLACES[arm])
+    return as_array("channels", values, (16,), finite=False).take(CHANNELS[arm])
