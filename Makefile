@@ -71,38 +71,38 @@ bench-bags: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.bag_extraction --json build/benchmarks/bag_extraction.json
 
 dvrk-table: $(VENV)/.package
-	$(BIN)/python -m catenary.reproduce.dvrk_joint_errors $(CATENARY_DATA)
+	$(BIN)/python -m papers.dvrk_joint_errors $(CATENARY_DATA)
 
 table1: $(VENV)/.package
-	$(BIN)/python -m catenary.reproduce.table1 results
+	$(BIN)/python -m papers.table1 results
 
 refit: $(VENV)/.package
-	$(BIN)/python -m catenary.reproduce.plant_refit src/catenary/simulation/data/raven2.toml 4 results
+	$(BIN)/python -m papers.plant_refit src/catenary/simulation/data/raven2.toml 4 results
 
 plant-check: $(VENV)/.package
-	$(BIN)/python -m catenary.reproduce.plant_check results
+	$(BIN)/python -m papers.plant_check results
 
 raven-identification: $(VENV)/.package
-	$(BIN)/python -m catenary.reproduce.raven_identification results
+	$(BIN)/python -m papers.raven_identification results
 
 dual-arm: $(VENV)/.benchmarks
-	$(BIN)/python -m catenary.reproduce.dual_arm results
+	$(BIN)/python -m papers.dual_arm results
 
 gravity-static: $(VENV)/.package
-	$(BIN)/python -m catenary.reproduce.gravity_static results
+	$(BIN)/python -m papers.gravity_static results
 
 gravity-figures: gravity-static
-	$(BIN)/python -m catenary.reproduce.gravity_tracking results
-	$(BIN)/python -m catenary.reproduce.gravity_joint_3 results
-	$(BIN)/python -m catenary.reproduce.gravity_passive results
-	$(BIN)/python -m catenary.reproduce.gravity_step results
-	$(BIN)/python -m catenary.reproduce.gravity_sustained results
-	$(BIN)/python -m catenary.reproduce.gravity_coupling results
-	$(BIN)/python -m catenary.reproduce.gravity_sensing results
-	$(BIN)/python -m catenary.reproduce.gravity_faults results
+	$(BIN)/python -m papers.gravity_tracking results
+	$(BIN)/python -m papers.gravity_joint_3 results
+	$(BIN)/python -m papers.gravity_passive results
+	$(BIN)/python -m papers.gravity_step results
+	$(BIN)/python -m papers.gravity_sustained results
+	$(BIN)/python -m papers.gravity_coupling results
+	$(BIN)/python -m papers.gravity_sensing results
+	$(BIN)/python -m papers.gravity_faults results
 
 tutorial: $(VENV)/.package
-	$(BIN)/python -m catenary.reproduce.tutorial_two_link docs/images
+	$(BIN)/python -m papers.tutorial_two_link docs/images
 
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed: apt install python3 python3-venv"; exit 1; }

@@ -14,12 +14,12 @@ import numpy as np
 
 from catenary.calibration.files import save_model
 from catenary.calibration.fit import PLAY_SHARES, FitOptions
-from catenary.jobs.calibration import FitRun, evaluate_calibration, fit_calibration
-from catenary.jobs.simulated_recording import record_simulated
 from catenary.recording.logs import write_parquet
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import zigzag
+from catenary.workflows.fit import FitRun, evaluate_calibration, fit_calibration
+from catenary.workflows.simulated_recording import record_simulated
 
 folder = Path(tempfile.mkdtemp())
 rng = np.random.default_rng(0)

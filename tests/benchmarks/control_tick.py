@@ -1,10 +1,6 @@
 """A whole tick of the control loop on a plant that takes no time: state, correction, PD, limits."""
 
 import numpy as np
-from tests.benchmarks.inference import INPUTS, JOINTS, model_of
-from tests.benchmarks.measure import ROUNDS, tell
-from tests.oracles.calibration_models import random_network, random_predictor
-from tests.oracles.mass_plant import MassPlant
 
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
@@ -13,6 +9,10 @@ from catenary.control.loop import run_loop
 from catenary.control.pd import JointPD
 from catenary.plant import JointState
 from catenary.trajectories.reference import Reference, Trajectory
+from tests.benchmarks.inference import INPUTS, JOINTS, model_of
+from tests.benchmarks.measure import ROUNDS, tell
+from tests.oracles.calibration_models import random_network, random_predictor
+from tests.oracles.mass_plant import MassPlant
 
 N = INPUTS // 2
 SECONDS = 5.0

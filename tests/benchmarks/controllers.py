@@ -3,7 +3,6 @@
 from functools import partial
 
 import numpy as np
-from tests.benchmarks.measure import side_by_side, tell
 
 from catenary.control.controller import Controller
 from catenary.control.elastic import ElasticPD
@@ -13,6 +12,7 @@ from catenary.control.pd import JointPD
 from catenary.plant import JointState
 from catenary.robots.catalog import load_robot
 from catenary.trajectories.reference import Reference
+from tests.benchmarks.measure import side_by_side, tell
 
 KP, KD, SPRINGS = [454.0, 362.0, 57e3], [12.0, 9.6, 4564.0], [264.0, 507.0, 71e3]
 

@@ -9,13 +9,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tests.benchmarks.measure import tell
-from tests.oracles.raven_recording import record_minutes
-
 from catenary.recording.bag import write_bag
 from catenary.recording.extract import extract
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.synchronise import synchronise
+from tests.benchmarks.measure import tell
+from tests.oracles.raven_recording import record_minutes
 
 MINUTES = 17
 

@@ -8,14 +8,14 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from tests.benchmarks.inference_peers import Fitted, peers, session_call, session_of
-from tests.benchmarks.measure import Call, side_by_side, tell
-from tests.oracles.calibration_models import random_model, random_network, random_predictor
 
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.onnx import to_onnx
+from tests.benchmarks.inference_peers import Fitted, peers, session_call, session_of
+from tests.benchmarks.measure import Call, side_by_side, tell
+from tests.oracles.calibration_models import random_model, random_network, random_predictor
 
 INPUTS, JOINTS = 16, 3
 ROUNDS, CALLS = 5, 1000  # scikit-learn takes a hundred times as long as we

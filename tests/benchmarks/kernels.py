@@ -12,13 +12,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pinocchio
-from tests.benchmarks.casadi_gravity import casadi_gravity
-from tests.benchmarks.measure import Call, side_by_side, tell
-from tests.benchmarks.pinocchio_loop import cpp_loop
-from tests.benchmarks.robots import pinocchio_robot, robots
-from tests.oracles.calibration_models import random_model, random_network
-from tests.oracles.mujoco_trees import mujoco_model
-from tests.oracles.random_trees import RandomRobot
 
 from catenary.calibration.corrector import Corrector
 from catenary.control.limits import TorqueLimits
@@ -31,10 +24,17 @@ from catenary.dynamics.kernels import (
     write_gravity_torques,
     write_mass_matrices,
 )
-from catenary.jobs.control_tick import ControlTick
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
 from catenary.trajectories.reference import Reference
+from catenary.workflows.control_tick import ControlTick
+from tests.benchmarks.casadi_gravity import casadi_gravity
+from tests.benchmarks.measure import Call, side_by_side, tell
+from tests.benchmarks.pinocchio_loop import cpp_loop
+from tests.benchmarks.robots import pinocchio_robot, robots
+from tests.oracles.calibration_models import random_model, random_network
+from tests.oracles.mujoco_trees import mujoco_model
+from tests.oracles.random_trees import RandomRobot
 
 MANY = 100_000
 ROUNDS = 5

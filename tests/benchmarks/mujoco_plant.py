@@ -1,7 +1,6 @@
 """Ticks of the MuJoCo plant through the protocol: measure, command torques, wait."""
 
 import numpy as np
-from tests.benchmarks.measure import Call, side_by_side, tell
 
 from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.gravity.torque import gravity_torque
@@ -9,6 +8,7 @@ from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import FixedBase, RockingBase
 from catenary.simulation.joint_hardware import JointHardware
 from catenary.simulation.mujoco_plant import MujocoPlant
+from tests.benchmarks.measure import Call, side_by_side, tell
 
 BASES = {"still base": FixedBase(), "rocking base": RockingBase(mean=0.1, amplitude=0.2, frequency=0.5)}
 DRIVES = {

@@ -8,11 +8,11 @@ import time
 from pathlib import Path
 
 import numpy as np
-from tests.benchmarks.measure import tell
-from tests.oracles.raven_recording import telemetry
 
 from catenary.recording.recorder import Recorder
 from catenary.recording.topics import encode, raven_topics
+from tests.benchmarks.measure import tell
+from tests.oracles.raven_recording import telemetry
 
 TICKS = 3000
 ROUNDS = 5

@@ -4,13 +4,13 @@ from functools import partial
 
 import numpy as np
 import pinocchio
-from tests.benchmarks.measure import Call, side_by_side, tell
-from tests.benchmarks.robots import pinocchio_robot, robots
 
 from catenary.gravity.compact import compact_regressor
 from catenary.gravity.estimator import GravityEstimator
 from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
 from catenary.robots.model import RobotModel
+from tests.benchmarks.measure import Call, side_by_side, tell
+from tests.benchmarks.robots import pinocchio_robot, robots
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 

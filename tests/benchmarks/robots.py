@@ -2,12 +2,12 @@
 
 import numpy as np
 import pinocchio
-from tests.oracles.random_trees import RandomRobot, random_inertia
 
 from catenary.robots.assembly import Coordinate, Link, assemble
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
+from tests.oracles.random_trees import RandomRobot, random_inertia
 
 # modified DH of the Franka Panda (Franka Emika, Robot and interface specifications): a [m], d [m], alpha [deg]
 PANDA = (

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from catenary import llvm_calls
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.linear import Linear
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
+from catenary.kernels import llvm_calls
 from catenary.plant import JointState
 from oracles.calibration_models import random_model
 

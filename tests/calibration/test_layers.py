@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose
 from catenary.calibration import layers
 from catenary.calibration.kernels import in_lines
 from catenary.calibration.layers import BLOCK, LINE, LOGISTIC, TANH, bend, layer, lines
-from catenary.compiled import compiled, fma, in_memory, instructions
+from catenary.kernels.compiled import compiled, fma, in_memory, instructions
 
 GUARD = 7.0
 

@@ -5,8 +5,8 @@ from unittest.mock import patch
 
 import pytest
 
-from catenary.gravity.mounting import load_mounting
-from catenary.jobs.sense import read_still
+from catenary.sensing.mounting import load_mounting
+from catenary.workflows.sense import read_still
 from command_line import catenary, refusal
 from oracles.manual_time import BoardTime
 from oracles.simulated_board import SimulatedBoard
@@ -17,7 +17,7 @@ def board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Simulated
     """A level board that speaks at 100 Hz."""
     board = SimulatedBoard(tmp_path / "board", gyroscope=False)
     time = BoardTime(board, lambda: board.line((0.0, 0.0, 9.81 + 0.001 * (board.count % 7))), board.hello)
-    time.rule(monkeypatch, "catenary.jobs.sense")
+    time.rule(monkeypatch, "catenary.workflows.sense")
     yield board
     board.close()
 
@@ -74,7 +74,7 @@ def test_a_tumble_of_a_board_asks_for_each_attitude_and_refuses_one_that_never_m
     quick = partial(read_still, seconds=0.15)
     with (
         patch("catenary.cli.sense._enter_pressed", return_value=True),
-        patch("catenary.jobs.sense.read_still", quick),
+        patch("catenary.workflows.sense.read_still", quick),
     ):
         outcome = catenary("sense", "--port", board.link, "--tumble", "--out", tmp_path / "m.toml")
     assert outcome.code == 2

@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from catenary.jobs import serve
+from catenary.workflows import serve
 from command_line import catenary
 from oracles.manual_time import ManualTime
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from catenary.control.loop import GravitySource
-from catenary.gravity.imu import SensedGravity
-from catenary.gravity.samples import Mailbox
-from catenary.gravity.vector import FixedGravity, Status, tilted_gravity
+from catenary.sensing.imu import SensedGravity
+from catenary.sensing.samples import Mailbox
+from catenary.sensing.vector import FixedGravity, Status, tilted_gravity
 from catenary.simulation.base_motion import FixedBase, RockingBase
 from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
 

@@ -7,11 +7,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.control.loop import Tick, run_loop
 from catenary.control.pd import JointPD
 from catenary.errors import SensorError
-from catenary.gravity.faults import Fault
-from catenary.gravity.imu import SensedGravity
-from catenary.gravity.mounting import Mounting
-from catenary.gravity.samples import Mailbox
-from catenary.gravity.vector import FixedGravity, GravityReading, Status, tilted_gravity
+from catenary.sensing.faults import Fault
+from catenary.sensing.imu import SensedGravity
+from catenary.sensing.mounting import Mounting
+from catenary.sensing.samples import Mailbox
+from catenary.sensing.vector import FixedGravity, GravityReading, Status, tilted_gravity
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
 from catenary.trajectories.reference import Reference, Trajectory

@@ -13,8 +13,8 @@ from catenary.crtk.latest import ImuTopic, published_gravity
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
 from catenary.errors import InputError, NotReadyError, TransportError
-from catenary.gravity.mounting import Mounting
 from catenary.recording.topics import JOINTS
+from catenary.sensing.mounting import Mounting
 from catenary.simulation.cable_plant import UNITS, CablePlant
 from oracles.cable_arms import homed_plant
 from oracles.crtk_robot import CrtkRobot, RobotOnLoopback

@@ -8,12 +8,12 @@ from numpy.testing import assert_allclose
 
 from catenary.devices.accelerometer import SerialAccelerometer
 from catenary.errors import SensorError
-from catenary.gravity.faults import Fault
-from catenary.gravity.imu import SensedGravity
-from catenary.gravity.mounting import Mounting
-from catenary.gravity.samples import Kind, Mailbox
-from catenary.gravity.sensor_checks import SensorRules
-from catenary.gravity.vector import Status
+from catenary.sensing.checks import SensorRules
+from catenary.sensing.faults import Fault
+from catenary.sensing.imu import SensedGravity
+from catenary.sensing.mounting import Mounting
+from catenary.sensing.samples import Kind, Mailbox
+from catenary.sensing.vector import Status
 from oracles.simulated_board import SimulatedBoard, framed
 from patience import PATIENCE, until
 

@@ -23,9 +23,9 @@ from catenary.dynamics.traced import (
     inverse_dynamics_line,
     mass_matrix_line,
 )
-from catenary.dynamics.tracing import evaluate
 from catenary.errors import InputError, MissingInertiaError
 from catenary.gravity.torque import gravity_torque
+from catenary.kernels.tracing import evaluate
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from oracles.catalogue import robots_with_inertia

@@ -15,10 +15,10 @@ from catenary.gravity.regressor import (
     standard_labels,
 )
 from catenary.gravity.torque import gravity_torque
-from catenary.gravity.vector import LEVEL
 from catenary.robots.assembly import Coordinate, Link, assemble
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
+from catenary.sensing.vector import LEVEL
 from catenary.spatial import identity_pose
 from oracles.random_trees import RandomRobot, random_inertia, random_pose, random_robot
 

@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.dynamics.tracing import evaluate
 from catenary.errors import InputError, MissingInertiaError
 from catenary.gravity.compact import compact_regressor
 from catenary.gravity.regressor import gravity_parameters, gravity_regressor
+from catenary.kernels.tracing import evaluate
 from catenary.robots.assembly import Coordinate, Link, assemble
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from catenary.gravity.vector import tilted_gravity
 from catenary.monitor.sample import Sample
 from catenary.monitor.screen import monitor_lines, plain_line
 from catenary.plant import OperatingState
+from catenary.sensing.vector import tilted_gravity
 
 JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")
 UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")

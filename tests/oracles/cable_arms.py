@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.compiled import compiled
+from catenary.kernels.compiled import compiled
 from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import Cable, CableArm, load_cable_arm
 from catenary.simulation.cable_physics import (

@@ -12,10 +12,10 @@ from catenary.identification.identification import Identification, identify
 from catenary.identification.options import IdentifyOptions
 from catenary.identification.payload import estimate_payload
 from catenary.identification.samples import prepare
-from catenary.jobs.identification import identify_files, part_of
 from catenary.plant import MotionLog
 from catenary.recording.torque_logs import read_torque_log
 from catenary.robots.catalog import load_robot
+from catenary.workflows.identify import identify_files, part_of
 
 WEIGHT = ("20", [0.024, 0.535, 0.0])  # where the weight of 105 g was, in the public model's frame 20
 

@@ -6,11 +6,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from catenary.errors import InputError
-from catenary.gravity.faults import Fault
-from catenary.gravity.imu import FOLLOW, RECOVER, SensedGravity
-from catenary.gravity.mounting import Mounting
-from catenary.gravity.samples import Kind, Mailbox
-from catenary.gravity.vector import Status
+from catenary.sensing.faults import Fault
+from catenary.sensing.imu import FOLLOW, RECOVER, SensedGravity
+from catenary.sensing.mounting import Mounting
+from catenary.sensing.samples import Kind, Mailbox
+from catenary.sensing.vector import Status
 from catenary.simulation.base_motion import FixedBase, RockingBase, imu_reading
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.sensors import (

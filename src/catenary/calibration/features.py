@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.compiled import compiled
 from catenary.errors import InputError
+from catenary.kernels.compiled import compiled
 from catenary.plant import MotionLog
 
 GROUPS = ("q", "tau", "qd")  # per-joint quantities of a log; `q` is q_nominal

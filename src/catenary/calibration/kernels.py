@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration.layers import LINE, bend, layer, lines
-from catenary.compiled import borrowed, compiled, inlined
+from catenary.kernels.compiled import borrowed, compiled, inlined
 
 CONSTANT, LINEAR, QUADRATIC, NETWORK = range(4)
 Integers = NDArray[np.int64]

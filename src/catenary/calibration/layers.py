@@ -15,8 +15,8 @@ from typing import Any
 from llvmlite import binding, ir
 
 from catenary.arrays import Floats
-from catenary.compiled import inlined, instructions
-from catenary.llvm_code import INT, NUMBER, WORD, Several, constant_like, fused
+from catenary.kernels.compiled import inlined, instructions
+from catenary.kernels.llvm_code import INT, NUMBER, WORD, Several, constant_like, fused
 
 LINE = 8  # floats of a processor's cache line, and of the widest registers
 # Lines that are summed at once: processors have 16 registers of half a line, those with AVX-512 32 of a whole one.

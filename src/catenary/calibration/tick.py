@@ -14,8 +14,8 @@ from catenary.calibration.kernels import (
 )
 from catenary.calibration.layers import lines
 from catenary.calibration.model import CalibrationModel, JointGroup
-from catenary.compiled import borrowed, compiled, inlined
 from catenary.errors import InputError
+from catenary.kernels.compiled import borrowed, compiled, inlined
 
 # what the first integers of a layout mean; `_AT`: where something begins, in the layout itself or in the memory
 (JOINTS, SIGNALS, POSITIONS, PLAYS, FEATURES, HISTORY, DECIMATION, GIVES_POSITION, GROUPS) = range(9)

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.array_layout import ArrayKind
 from catenary.arrays import Floats
 from catenary.calibration.kernels import Integers
 from catenary.calibration.tick import JOINTS, ROBOT_JOINTS, SIGNALS, tick, tick_state
-from catenary.compiled import address_of, array_at
 from catenary.errors import InputError
-from catenary.llvm_calls import call_with
+from catenary.kernels.array_layout import ArrayKind
+from catenary.kernels.compiled import address_of, array_at
+from catenary.kernels.llvm_calls import call_with
 
 NO_END = 2**40  # of arrays whose sizes no one asks for
 POINTERS = ("int64", "float64", "float64", "float64", "float64", "bool")

@@ -14,8 +14,8 @@ from catenary.errors import InputError
 if TYPE_CHECKING:
     from catenary.crtk.latest import ImuTopic
     from catenary.crtk.transport import Transport
-    from catenary.jobs.project import Project
-    from catenary.jobs.project_robot import ProjectRobot
+    from catenary.workflows.project import Project
+    from catenary.workflows.project_robot import ProjectRobot
 
 Ros = Annotated[
     int | None,
@@ -62,9 +62,9 @@ def ros_transport(version: int, name: str = "catenary") -> "Iterator[Transport]"
 @contextmanager
 def robot_of(project: "Project", yes: bool, simulated: bool) -> "Iterator[ProjectRobot]":
     """The robot that a project is about: its simulated one, or one on ROS."""
-    from catenary.jobs.guide import AnswerYes
-    from catenary.jobs.ros_robot import RosRobot
-    from catenary.jobs.simulated_robot import SimulatedRobot
+    from catenary.workflows.guide import AnswerYes
+    from catenary.workflows.ros_robot import RosRobot
+    from catenary.workflows.simulated_robot import SimulatedRobot
 
     connection = project.settings.connection
     if connection == "simulation":
@@ -88,11 +88,11 @@ def record_others(
     project: "Project", name: str, seconds: float, *, simulated: bool, tell: Callable[[float], None]
 ) -> list[dict[str, Any]]:
     """Record a robot that somebody else moves."""
-    from catenary.jobs.ros_recording import record_topics
-    from catenary.jobs.ros_robot import arm_of, required
     from catenary.recording.journal import About
     from catenary.recording.synchronise import ROBOT
     from catenary.recording.topics import raven_topics
+    from catenary.workflows.ros_recording import record_topics
+    from catenary.workflows.ros_robot import arm_of, required
 
     arm = arm_of(project)
     topics = raven_topics(arm, state_rate=project.settings.state_rate_hz)
@@ -121,7 +121,7 @@ def deploy_beside(
     """Correct a robot's messages as they come, and publish them corrected."""
     from catenary.calibration.files import load_model
     from catenary.crtk.client import CrtkClient
-    from catenary.jobs.ros_deploy import CalibratedTopics
+    from catenary.workflows.ros_deploy import CalibratedTopics
 
     if arm not in ("gold", "green"):
         raise InputError(f'--arm "{arm}": expected gold or green')

@@ -23,7 +23,7 @@ def check(
     The exit code is 1 when something is wrong. Robots are catalogue names, .toml, .urdf, .xml and .mjcf files;
     models are .npz; recordings .npz, .parquet or RAVEN-II's published .csv.
     """
-    from catenary.jobs.check import check_file
+    from catenary.workflows.check import check_file
 
     finding = check_file(file, units=None if units is None else words(units))
     if as_json:

@@ -44,7 +44,7 @@ def gravity_source(
     if gravity is None and imu is None:
         return None
     from catenary.crtk.latest import ImuTopic, published_gravity
-    from catenary.gravity.mounting import Mounting, load_mounting
+    from catenary.sensing.mounting import Mounting, load_mounting
 
     if gravity is not None:
         return published_gravity(gravity)

@@ -80,15 +80,15 @@ def monitor(
     source = gravity_source(ros, gravity, imu, mounting)
     with ExitStack() as stack:
         if log is not None:
-            from catenary.jobs.watch import watch_log
             from catenary.recording.logs import read_log
+            from catenary.workflows.watch import watch_log
 
             name, samples = log.name, watch_log(read_log(log), model=model, every=1.0 / hertz, speed=speed)
         else:
             import numpy as np
 
-            from catenary.jobs.operator_motion import random_motion
-            from catenary.jobs.watch import watch_robot
+            from catenary.workflows.operator_motion import random_motion
+            from catenary.workflows.watch import watch_robot
 
             print("preparing the robot ...", file=sys.stderr, flush=True)
             opened = stack.enter_context(

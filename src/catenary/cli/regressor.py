@@ -10,7 +10,7 @@ from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
-    from catenary.jobs.regressor import RegressorReport
+    from catenary.workflows.regressor import RegressorReport
 
 
 def regressor(
@@ -25,8 +25,8 @@ def regressor(
 
     Example: catenary regressor planar_3r --compact
     """
-    from catenary.jobs.regressor import describe_regressor
     from catenary.robots.catalog import load_robot
+    from catenary.workflows.regressor import describe_regressor
 
     if latex and as_json:
         raise InputError("regressor: give one of --latex and --json")
@@ -61,7 +61,7 @@ def _print_compact(report: "RegressorReport") -> None:
 
 def _print_identifiability(report: "RegressorReport") -> None:
     from catenary.gravity.regressor import standard_labels
-    from catenary.jobs.regressor import WORDS
+    from catenary.workflows.regressor import WORDS
 
     names = standard_labels(report.model)
     level, tilted = report.bases["level"], report.bases["tilted"]

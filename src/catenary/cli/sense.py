@@ -14,10 +14,10 @@ from catenary.cli.terminal import print_fact, print_json, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.gravity.mounting import Mounting
-    from catenary.gravity.vector import GravityReading
-    from catenary.jobs.sense import Feed, SenseSummary, StillReading
-    from catenary.jobs.tumble import Step, TumbleOutcome
+    from catenary.sensing.mounting import Mounting
+    from catenary.sensing.vector import GravityReading
+    from catenary.workflows.sense import Feed, SenseSummary, StillReading
+    from catenary.workflows.tumble import Step, TumbleOutcome
 
 _SHOWN_EVERY = 0.1  # [s] on a terminal
 _LINE_EVERY = 1.0  # [s] in a file or pipe
@@ -59,7 +59,7 @@ def sense(
 
     Example: catenary sense --simulated --tilt-deg 10 5 --duration 2
     """
-    from catenary.gravity.mounting import Mounting, load_mounting
+    from catenary.sensing.mounting import Mounting, load_mounting
 
     if (port is None) is not simulated:
         raise InputError("sense: give one of --port and --simulated")
@@ -91,10 +91,10 @@ def _opened(
     """The sensor, and its mounting with its ranges; no feed for a simulated tumble, which is many sensors."""
     from dataclasses import replace
 
-    from catenary.gravity.samples import Mailbox
-    from catenary.jobs.sense import SerialFeed, SimulatedFeed
+    from catenary.sensing.samples import Mailbox
     from catenary.simulation.base_motion import FixedBase
     from catenary.simulation.sensors import SensorModel, SimulatedSensor
+    from catenary.workflows.sense import SerialFeed, SimulatedFeed
 
     if port is not None:
         from catenary.devices.accelerometer import SerialAccelerometer
@@ -120,9 +120,9 @@ def _opened(
 
 
 def _watch(feed: "Feed", mounting: "Mounting", duration: float | None, hanging: bool, as_json: bool) -> None:
-    from catenary.gravity.imu import SensedGravity
-    from catenary.gravity.sensor_checks import SensorRules
-    from catenary.jobs.sense import watch
+    from catenary.sensing.checks import SensorRules
+    from catenary.sensing.imu import SensedGravity
+    from catenary.workflows.sense import watch
 
     rules = SensorRules(max_tilt=math.pi) if hanging else SensorRules()
     source = SensedGravity(feed.mailbox, mounting, angular=feed.has_gyroscope, rules=rules)
@@ -171,7 +171,7 @@ def _display(as_json: bool) -> "Iterator[Callable[[GravityReading, float], None]
 def _lines(reading: "GravityReading") -> list[str]:
     import numpy as np
 
-    from catenary.gravity.vector import tilt_angle, tilt_of
+    from catenary.sensing.vector import tilt_angle, tilt_of
 
     x, y, z = reading.gravity
     roll, pitch = np.degrees(tilt_of(reading.gravity))
@@ -204,9 +204,9 @@ def _print_summary(summary: "SenseSummary") -> None:
 
 
 def _tumble(feed: "Feed | None", start: "Mounting", rate: float, seed: int, out: Path, as_json: bool) -> None:
-    from catenary.gravity.mounting import save_mounting
-    from catenary.jobs.tumble import STEPS, run_tumble, simulated_reader
+    from catenary.sensing.mounting import save_mounting
     from catenary.simulation.sensors import SensorModel
+    from catenary.workflows.tumble import STEPS, run_tumble, simulated_reader
 
     if feed is None:
         outcome = run_tumble(simulated_reader(SensorModel(rate, mounting=start), seed=seed), start=start)
@@ -221,8 +221,8 @@ def _tumble(feed: "Feed | None", start: "Mounting", rate: float, seed: int, out:
 
 
 def _by_hand(feed: "Feed") -> "Callable[[Step], StillReading]":
-    from catenary.jobs.sense import read_still
-    from catenary.jobs.tumble import STEPS
+    from catenary.workflows.sense import read_still
+    from catenary.workflows.tumble import STEPS
 
     def read(step: "Step") -> "StillReading":
         print(

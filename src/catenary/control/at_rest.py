@@ -13,8 +13,8 @@ from typing import Any
 from catenary.arrays import Floats
 from catenary.control import pd
 from catenary.dynamics.kernels import gravity_module, inverse_dynamics_module
-from catenary.dynamics.numba_files import load_source, seal
-from catenary.exact_calls import Exact
+from catenary.kernels.exact_calls import Exact
+from catenary.kernels.numba_files import load_source, seal
 from catenary.robots.model import RobotModel
 
 HEAD = '''\

@@ -13,7 +13,6 @@ from scipy.optimize import minimize
 from scipy.stats import qmc
 
 from catenary.arrays import Floats, as_array
-from catenary.compiled import compiled
 from catenary.control.at_rest import ELASTIC_PD, torque_at_rest
 from catenary.control.gravity_pd import nominal_gravity
 from catenary.control.pd import Damping, Gains, fits, pd_term
@@ -21,9 +20,10 @@ from catenary.dynamics.loop_kernels import new_workspace
 from catenary.errors import InputError
 from catenary.gravity.holding import copy_gravity, holding_torque
 from catenary.gravity.torque import gravity_torque
-from catenary.gravity.vector import STANDARD_GRAVITY
+from catenary.kernels.compiled import compiled
 from catenary.plant import AT_REST, JointState
 from catenary.robots.model import RobotModel, Tree
+from catenary.sensing.vector import STANDARD_GRAVITY
 from catenary.trajectories.reference import Reference
 
 Compensation = Literal["constant", "online", "biased"]

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.compiled import compiled
 from catenary.control.at_rest import GRAVITY_PD, HOLD, torque_at_rest
 from catenary.control.pd import Damping, Gains, fits, pd_term
 from catenary.dynamics.loop_kernels import new_workspace
 from catenary.errors import InputError
 from catenary.gravity.holding import HoldingKernel, copy_gravity, holding_torque
+from catenary.kernels.compiled import compiled
 from catenary.plant import AT_REST, JointState
 from catenary.robots.model import RobotModel, Tree
 from catenary.trajectories.reference import Reference

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.compiled import compiled
 from catenary.control.at_rest import INERTIA_PD, torque_at_rest
 from catenary.control.gravity_pd import nominal_gravity
 from catenary.control.pd import Gains, fits, pd_term
 from catenary.dynamics.loop_kernels import new_workspace, newton_euler_torque
 from catenary.errors import InputError
 from catenary.gravity.holding import copy_gravity
+from catenary.kernels.compiled import compiled
 from catenary.plant import AT_REST, JointState
 from catenary.robots.model import RobotModel, Tree
 from catenary.trajectories.reference import Reference

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
-from catenary.compiled import compiled
 from catenary.errors import InputError
+from catenary.kernels.compiled import compiled
 
 
 class TorqueLimits:

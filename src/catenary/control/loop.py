@@ -17,8 +17,8 @@ from catenary.control.limits import TorqueLimits
 from catenary.control.realtime import Durations, RealTime
 from catenary.control.report import GravityTally, LoopReport, Tally
 from catenary.errors import InputError, LimitError, SensorError
-from catenary.gravity.vector import GravityReading, Status
 from catenary.plant import JointState, Plant, require_ready
+from catenary.sensing.vector import GravityReading, Status
 from catenary.trajectories.reference import Reference, Trajectory
 
 Flags = NDArray[np.bool_]

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.compiled import compiled, inlined
 from catenary.errors import InputError
+from catenary.kernels.compiled import compiled, inlined
 from catenary.plant import JointState
 from catenary.trajectories.reference import Reference
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.compiled import compiled
 from catenary.control.realtime import Timing
-from catenary.gravity.faults import Fault
-from catenary.gravity.vector import GravityReading, Status
+from catenary.kernels.compiled import compiled
+from catenary.sensing.faults import Fault
+from catenary.sensing.vector import GravityReading, Status
 
 Flags = NDArray[np.bool_]
 

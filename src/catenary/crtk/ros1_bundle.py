@@ -13,11 +13,11 @@ from collections.abc import Sequence
 import numpy as np
 import rospy
 
-from catenary.compiled import compiled_quick, send_bytes
 from catenary.crtk.bundle import Bundle
 from catenary.crtk.frames import SEQ_AT
 from catenary.crtk.ros1_links import Link, Publication, sender
 from catenary.crtk.sheet import COUNT, HEARD, PLACE, SIZE, Bytes, Sheet, Whole
+from catenary.kernels.compiled import compiled_quick, send_bytes
 
 # columns of the table of links: topic, whether messages wait before the next one, bytes that the socket took of this
 # tick's message, bytes and messages that it took since they were counted

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.compiled import compiled_quick
 from catenary.crtk.clock import SECOND
 from catenary.crtk.frames import KINDS, STAMP_AT, Frame
 from catenary.errors import InputError
+from catenary.kernels.compiled import compiled_quick
 
 Bytes = NDArray[np.uint8]
 Whole = NDArray[np.int64]

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.compiled import compiled_quick, inlined
 from catenary.dynamics.coordinates import place_tree, to_tree
 from catenary.dynamics.recursion import place_links
 from catenary.dynamics.vectors import Vector, add, cross, row, times
+from catenary.kernels.compiled import compiled_quick, inlined
 from catenary.robots.model import RobotModel, Tree
 from catenary.spatial import Pose
 

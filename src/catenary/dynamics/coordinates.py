@@ -8,8 +8,8 @@ terms, so the Coriolis matrix goes the same way. Called from compiled code, one 
 import math
 
 from catenary.arrays import Floats
-from catenary.compiled import inlined
 from catenary.dynamics.recursion import place_joints
+from catenary.kernels.compiled import inlined
 from catenary.robots.model import Tree
 
 

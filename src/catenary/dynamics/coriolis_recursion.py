@@ -17,7 +17,6 @@ with the sums over the links that both joints carry of: mass m, first moment h, 
 origin, momentum p, and D = B + m ((c . cd) 1 - cd c^T), c a link's centre of mass and cd its velocity.
 """
 
-from catenary.compiled import inlined
 from catenary.dynamics.vectors import (
     Numbers,
     Vector,
@@ -32,6 +31,7 @@ from catenary.dynamics.vectors import (
     times,
     transpose_times,
 )
+from catenary.kernels.compiled import inlined
 from catenary.robots.model import Tree
 
 

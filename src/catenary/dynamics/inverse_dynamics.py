@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
-from catenary.compiled import compiled
 from catenary.dynamics.coordinates import place_tree, to_robot, to_robot_matrix, to_tree
 from catenary.dynamics.coriolis_recursion import coriolis_recursion
 from catenary.dynamics.recursion import newton_euler_recursion, place_links
 from catenary.errors import InputError
+from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
 
 _ZERO = (0.0, 0.0, 0.0)

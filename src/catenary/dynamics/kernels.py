@@ -17,16 +17,16 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.line_text import widths_of
-from catenary.dynamics.llvm_kernels import llvm_kernel, llvm_machine
 from catenary.dynamics.traced import (
     forward_kinematics_line,
     gravity_line,
     inverse_dynamics_line,
     mass_matrix_line,
 )
-from catenary.dynamics.tracing import Line
 from catenary.errors import InputError
+from catenary.kernels.line_text import widths_of
+from catenary.kernels.llvm_kernels import llvm_kernel, llvm_machine
+from catenary.kernels.tracing import Line
 from catenary.robots.model import RobotModel
 
 MANY = 50_000  # configurations from which compiling for one robot is worth its while
@@ -51,7 +51,7 @@ class Kernel:
         self.into: Callable[..., Floats]
         self.__call__: Callable[..., Floats]
         if backend == "c":
-            from catenary.dynamics.c_compiler import (
+            from catenary.kernels.c_compiler import (
                 load_extension,
             )  # what it imports takes longer than a kernel
 
@@ -225,7 +225,7 @@ def write_rows(module: ModuleType, inputs: tuple[Floats, ...], out: Floats, thre
     else:
         _in_threads(module.rows, inputs, out, threads)
     if not hasattr(module, "sealed"):
-        from catenary.dynamics.numba_files import seal
+        from catenary.kernels.numba_files import seal
 
         seal(module)
         module.sealed = True  # type: ignore[attr-defined]
@@ -257,8 +257,8 @@ class Quantity:
     def module(self) -> ModuleType:
         """The module for compiled functions and for many rows; see numba_source.py."""
         if self.loaded is None:
-            from catenary.dynamics.numba_files import load_source  # numba: kernels for Python go without
-            from catenary.dynamics.numba_source import numba_module
+            from catenary.kernels.numba_files import load_source  # numba: kernels for Python go without
+            from catenary.kernels.numba_source import numba_module
 
             written = numba_module(self.stem, self.line, self.shape)
             self.loaded = load_source(self.stem, written.source, written.given)

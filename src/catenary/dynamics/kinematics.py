@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
-from catenary.compiled import compiled
 from catenary.dynamics.coordinates import place_tree, to_robot_columns
 from catenary.dynamics.recursion import place_links
 from catenary.dynamics.vectors import add, cross, row, times
+from catenary.kernels.compiled import compiled
 from catenary.robots.model import Frame, RobotModel, Tree
 from catenary.spatial import Pose
 

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.compiled import compiled, inlined
 from catenary.dynamics.coordinates import place_tree, to_robot, to_tree
 from catenary.dynamics.recursion import newton_euler_recursion
+from catenary.kernels.compiled import compiled, inlined
 from catenary.robots.model import RobotModel, Tree
 
 

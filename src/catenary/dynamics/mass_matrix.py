@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_batch
-from catenary.compiled import compiled
 from catenary.dynamics.coordinates import place_tree, to_robot_matrix
 from catenary.dynamics.kernels import MANY, write_mass_matrices
 from catenary.dynamics.recursion import composite_body_recursion
+from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
 
 

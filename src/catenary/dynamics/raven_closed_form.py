@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.compiled import compiled, inlined
 from catenary.dynamics.vectors import Vector, column, dot, row, scale, times, transpose_times
+from catenary.kernels.compiled import compiled, inlined
 
 # The robot's own software refuses a wrist this near the RCM, where small motions of the tool need large ones
 # of the joints: r2_kinematics.cpp, Lw

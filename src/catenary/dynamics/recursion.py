@@ -15,7 +15,6 @@ Sys. Meas. Control 102 (1980); M. Walker, D. Orin, "Efficient dynamic computer s
 mechanisms", same journal 104 (1982); R. Featherstone, Rigid Body Dynamics Algorithms, Springer 2008.
 """
 
-from catenary.compiled import inlined
 from catenary.dynamics.vectors import (
     Numbers,
     Vector,
@@ -30,6 +29,7 @@ from catenary.dynamics.vectors import (
     times,
     transpose_times,
 )
+from catenary.kernels.compiled import inlined
 from catenary.robots.model import Tree
 
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
-from catenary.compiled import compiled, inlined
 from catenary.dynamics.coordinates import place_tree, to_tree
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.vectors import Numbers, add, cross, dot, put, row, scale, times, transpose_times
+from catenary.kernels.compiled import compiled, inlined
 from catenary.robots.model import RobotModel, Tree
 
 PER_LINK = 10

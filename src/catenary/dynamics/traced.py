@@ -22,8 +22,8 @@ from catenary.dynamics.recursion import (
     place_joints,
     place_links,
 )
-from catenary.dynamics.tracing import Line, Term, Trace
 from catenary.dynamics.vectors import add, cross, dot, row, scale, times, transpose_times
+from catenary.kernels.tracing import Line, Term, Trace
 from catenary.robots.model import RobotModel, Tree
 
 Terms = NDArray[np.object_]

@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from catenary.compiled import inlined
+from catenary.kernels.compiled import inlined
 
 Vector = tuple[Any, Any, Any]  # three numbers: floats, or symbols when a recursion is traced
 Numbers = NDArray[Any]  # an array of such numbers

@@ -19,8 +19,8 @@ from catenary.gravity.regressor import (
     standard_gravity_regressor,
     standard_labels,
 )
-from catenary.gravity.vector import LEVEL, STANDARD_GRAVITY
 from catenary.robots.model import RobotModel
+from catenary.sensing.vector import LEVEL, STANDARD_GRAVITY
 
 # by 30 deg about a horizontal axis 40 deg from x: along nothing that a robot's axes are likely to lie along
 TILTED = (

@@ -3,7 +3,7 @@
 import math
 
 from catenary.arrays import Floats
-from catenary.compiled import inlined
+from catenary.kernels.compiled import inlined
 
 
 @inlined

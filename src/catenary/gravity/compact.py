@@ -13,11 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_batch, frozen
-from catenary.compiled import compiled, inlined
 from catenary.dynamics.coordinates import place_tree
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.kernels import MANY, Backend, Kernel, Quantity, quantity_of, write_rows
-from catenary.dynamics.tracing import Line
 from catenary.errors import InputError
 from catenary.gravity.compact_line import compact_line
 from catenary.gravity.entries import SHORT, Terms, mass_entries, moment_entries, terms_text
@@ -41,6 +39,8 @@ from catenary.gravity.symbols import (
     monomials,
     symbols_of,
 )
+from catenary.kernels.compiled import compiled, inlined
+from catenary.kernels.tracing import Line
 from catenary.robots.model import RobotModel, Tree
 
 LEVEL = np.array([0.0, 0.0, -1.0])  # gravity on a level base, in units of g_c

@@ -4,8 +4,8 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_batch
 from catenary.gravity.torque import gravity_torque
-from catenary.gravity.vector import LEVEL
 from catenary.robots.model import RobotModel
+from catenary.sensing.vector import LEVEL
 
 
 def gravity_delta(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.compiled import compiled
 from catenary.errors import InputError
 from catenary.gravity.cholesky import factorise, solve_lower, solve_upper
 from catenary.gravity.compact import CompactRegressor, compact_regressor
 from catenary.gravity.regressor import require_parameters
+from catenary.kernels.compiled import compiled
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
 

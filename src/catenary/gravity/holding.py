@@ -3,10 +3,10 @@
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.compiled import compiled, inlined
 from catenary.dynamics.coordinates import place_tree, to_robot
 from catenary.dynamics.loop_kernels import new_workspace, newton_euler_torque, workspace_of
 from catenary.dynamics.recursion import gravity_recursion
+from catenary.kernels.compiled import compiled, inlined
 from catenary.robots.model import RobotModel, Tree
 
 

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
-from catenary.compiled import compiled
 from catenary.dynamics.coordinates import place_tree
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.recursion import place_links
@@ -23,6 +22,7 @@ from catenary.gravity.regressor_recursion import (
     standard_recursion,
     turn_links,
 )
+from catenary.kernels.compiled import compiled
 from catenary.robots.model import BASE, RobotModel, Tree
 
 STANDARD = ("m", "mx", "my", "mz")  # mass, and first moment about the frame's origin

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.compiled import inlined
 from catenary.dynamics.vectors import (
     Numbers,
     Vector,
@@ -25,6 +24,7 @@ from catenary.dynamics.vectors import (
     scale,
     times,
 )
+from catenary.kernels.compiled import inlined
 from catenary.robots.model import Tree
 
 Indices = NDArray[np.int64]

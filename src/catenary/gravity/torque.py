@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_batch
-from catenary.compiled import compiled
 from catenary.dynamics.coordinates import place_tree, to_robot
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.kernels import MANY, GravityKernel, gravity_kernel, write_gravity_torques
 from catenary.dynamics.recursion import first_moments, gravity_recursion
+from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
 
 __all__ = ["GravityKernel", "gravity_kernel", "gravity_torque", "potential_energy"]

@@ -7,11 +7,11 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
-from catenary.gravity.vector import LEVEL
 from catenary.identification.base_parameters import BaseParameters, base_parameters
 from catenary.identification.columns import Parameters
 from catenary.identification.options import Terms
 from catenary.robots.model import RobotModel
+from catenary.sensing.vector import LEVEL
 
 MARGIN = 0.05  # of a coordinate's range kept clear of its limits
 CANDIDATES = 20  # poses to choose each static one from

@@ -6,9 +6,9 @@ from typing import Literal, get_args
 import numpy as np
 
 from catenary.errors import InputError
-from catenary.gravity.vector import LEVEL
 from catenary.robots.actuation import Actuation, SignalFilter, Weighting, default_actuation
 from catenary.robots.model import RobotModel
+from catenary.sensing.vector import LEVEL
 
 Terms = Literal["full", "static"]
 NOMINAL_GRAVITY: tuple[float, float, float] = tuple(LEVEL.tolist())  # [m/s2]

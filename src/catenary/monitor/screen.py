@@ -3,8 +3,8 @@
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.gravity.vector import tilt_of
 from catenary.monitor.sample import Sample
+from catenary.sensing.vector import tilt_of
 
 BAR = 12  # characters of a joint's range
 _WIDTH = {"reported": 10, "calibrated": 11, "set": 10, "encoder": 10, "torque": 9, "gravity": 9}

@@ -9,7 +9,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.compiled import compiled
+from catenary.kernels.compiled import compiled
 
 KIND, CONNECTION, TIME, HEADER, DATA, END = range(6)  # columns of a chunk's records
 _SHORTEST = 8  # [B] of a record: two lengths

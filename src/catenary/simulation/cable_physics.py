@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.compiled import inlined
 from catenary.dynamics.recursion import composite_body_recursion, newton_euler_recursion, place_joints
+from catenary.kernels.compiled import inlined
 from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import Cable
 from catenary.transmission.coupling import joint_forces, winding_of

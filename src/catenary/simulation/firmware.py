@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.compiled import compiled, inlined
+from catenary.kernels.compiled import compiled, inlined
 from catenary.simulation.cable_parameters import Firmware
 from catenary.simulation.cable_physics import ArmState
 from catenary.transmission.coupling import joint_forces, joints_of, tensions_for, winding_of

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
-from catenary.compiled import inlined
 from catenary.errors import InputError
+from catenary.kernels.compiled import inlined
 from catenary.robots.model import RobotModel
 
 

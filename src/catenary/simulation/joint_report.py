@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.compiled import compiled_quick
+from catenary.kernels.compiled import compiled_quick
 from catenary.plant import JointState
 from catenary.simulation.base_motion import BaseSamples
 from catenary.simulation.packed import control_of, firmware_of

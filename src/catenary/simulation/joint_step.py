@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.compiled import compiled, inlined
+from catenary.kernels.compiled import compiled, inlined
 from catenary.simulation.joint_hardware import JointNumbers, PackedJoints, joints_of
 
 # rows of a step's work: where it began, where a stage looks and at last the end, accelerations of the four stages

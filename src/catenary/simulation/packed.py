@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.compiled import inlined
+from catenary.kernels.compiled import inlined
 from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import Cable, Firmware
 from catenary.simulation.cable_physics import ArmState

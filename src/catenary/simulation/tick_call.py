@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.array_layout import ArrayKind
 from catenary.arrays import Floats
-from catenary.compiled import address_of, array_at
-from catenary.llvm_calls import call_with, refusing
+from catenary.kernels.array_layout import ArrayKind
+from catenary.kernels.compiled import address_of, array_at
+from catenary.kernels.llvm_calls import call_with, refusing
 from catenary.simulation.packed import ARM, CABLE, CONTROL, CONTROL_WHOLE, FIRMWARE, LOG, TREE
 from catenary.simulation.ticks import run_ticks
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.compiled import compiled
+from catenary.kernels.compiled import compiled
 from catenary.simulation.cable_physics import link_dynamics, new_work, physics_step
 from catenary.simulation.firmware import (
     BRAKES,

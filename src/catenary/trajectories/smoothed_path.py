@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
-from catenary.compiled import compiled
 from catenary.errors import InputError
+from catenary.kernels.compiled import compiled
 from catenary.trajectories.reference import Reference
 
 PEAK = 1.5  # largest value of w: acceleration / (velocity change / blend)

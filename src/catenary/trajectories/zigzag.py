@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
-from catenary.compiled import compiled
 from catenary.errors import InputError
+from catenary.kernels.compiled import compiled
 from catenary.spatial import rotation_about_x, rotation_about_z
 from catenary.trajectories.calibration_box import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.trajectories.smoothed_path import SmoothedPath

@@ -7,8 +7,8 @@ winding_j = m_j / ratio_j is what a motor winds up, in units of its joint:
 with `coupling` = (c01 [rad/rad], c02 [m/rad], c12 [m/rad]). [RAVEN-II source, fwd_cable_coupling]
 """
 
-from catenary.compiled import inlined
 from catenary.dynamics.vectors import Numbers, Vector
+from catenary.kernels.compiled import inlined
 
 
 @inlined

@@ -1,6 +1,6 @@
 """What hours of motion do to a cable: it sets, and it loses stiffness."""
 
-from catenary.compiled import inlined
+from catenary.kernels.compiled import inlined
 
 LARGEST_LOSS = 0.3  # of the stiffness
 

@@ -1,6 +1,6 @@
 """The cable as a spring behind a backlash."""
 
-from catenary.compiled import inlined
+from catenary.kernels.compiled import inlined
 
 
 @inlined

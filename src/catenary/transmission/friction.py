@@ -1,7 +1,7 @@
 """Coulomb friction by impulses: what would move less than friction allows stands still, exactly."""
 
-from catenary.compiled import inlined
 from catenary.dynamics.vectors import Numbers
+from catenary.kernels.compiled import inlined
 
 
 @inlined

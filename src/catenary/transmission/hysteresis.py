@@ -2,7 +2,7 @@
 
 import math
 
-from catenary.compiled import inlined
+from catenary.kernels.compiled import inlined
 
 
 @inlined

@@ -1,0 +1,383 @@
+"""catenary excite, record, extract, deploy, calibrate, demo: one project folder, step by step or in one go."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from catenary.cli.beside_robot import (
+    Ros,
+    Simulated,
+    Yes,
+    deploy_beside,
+    record_others,
+    robot_of,
+)
+from catenary.cli.gravity_source import GravityTopicName, ImuTopicName, gravity_source
+from catenary.cli.options import AsJson, MountingFile
+from catenary.cli.project_options import (
+    Direction,
+    Folder,
+    Hours,
+    Payload,
+    Seed,
+    Side,
+    Sparsity,
+    StateRate,
+    Tilt,
+    open_project,
+    require_project,
+)
+from catenary.cli.terminal import print_json, print_notes, print_table, progress_bar, words
+from catenary.errors import InputError
+
+if TYPE_CHECKING:
+    from catenary.workflows.calibrate import CalibrationResult
+    from catenary.workflows.project import Project
+
+
+def excite(
+    project: Folder,
+    direction: Direction = None,
+    sparsity: Sparsity = None,
+    seed: Seed = None,
+    base_tilt_deg: Tilt = None,
+    payload: Payload = None,
+    side: Side = None,
+    state_rate: StateRate = None,
+    ros: Ros = None,
+    yes: Yes = False,
+    simulated: Simulated = False,
+    as_json: AsJson = False,
+) -> None:
+    """Drive the robot along the calibration zig-zag and record it.
+
+    Writes recordings/train; homes first if needed.
+    """
+    from catenary.workflows.calibrate import TRAIN, excitation
+
+    opened = open_project(
+        project, seed, base_tilt_deg, payload, side, direction, sparsity, None, state_rate, ros
+    )
+    motion, what = excitation(opened)
+    with robot_of(opened, yes, simulated) as robot:
+        with _progress("homing", opened):
+            robot.home(opened)
+        with _progress("excite", opened) as tell:
+            was_run = robot.record(opened, TRAIN, motion, what, after="home", progress=tell)
+    _say(
+        opened, f"recorded {motion.duration:.0f} s as {TRAIN}", was_run, as_json, {"seconds": motion.duration}
+    )
+
+
+def record(
+    project: Folder,
+    hours: Hours = None,
+    name: Annotated[str, typer.Option("--name", help="Of the recording.")] = "test",
+    ros: Ros = None,
+    no_motion: Annotated[
+        bool, typer.Option("--no-motion", help="With --ros: record the robot while somebody else moves it.")
+    ] = False,
+    yes: Yes = False,
+    simulated: Simulated = False,
+    as_json: AsJson = False,
+) -> None:
+    """Drive the robot along a random motion and record it.
+
+    Writes recordings/NAME; after `catenary excite`.
+    """
+    from catenary.workflows.calibrate import TRAIN, random_motion
+
+    if not name.isidentifier() or name == TRAIN:
+        raise InputError(f'--name "{name}": expected letters, digits and _, and another name than {TRAIN}')
+    if not no_motion:
+        require_project(project)
+    opened = open_project(project, hours=hours, ros=ros)
+    seconds = 60.0 * opened.settings.test_minutes
+    if no_motion:
+        if opened.settings.connection == "simulation":
+            raise InputError("--no-motion: nobody else moves a simulated robot; it goes with --ros")
+        with _progress("record") as tell:
+            topics = record_others(opened, name, seconds, simulated=simulated, tell=tell)
+        what = f"recorded {seconds:.0f} s as {name}"
+        _say(opened, what, True, as_json, {"seconds": seconds, "topics": topics})
+        return
+    motion, what = random_motion(opened, seconds)
+    with robot_of(opened, yes, simulated) as robot, _progress("record", opened) as tell:
+        was_run = robot.record(opened, name, motion, what, after=TRAIN, progress=tell)
+    _say(opened, f"recorded {seconds:.0f} s as {name}", was_run, as_json, {"seconds": seconds})
+
+
+def extract(
+    project: Folder,
+    bag: Annotated[str | None, typer.Option("--bag", help="Also write bags: ros1 or mcap.")] = None,
+    csv: Annotated[bool, typer.Option("--csv", help="Also write the published 252-column CSV.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Extract and synchronise the project's recordings.
+
+    Writes a motion log NAME.parquet for each, and a report beside it.
+    """
+    from catenary.recording.bag import write_group_bags
+    from catenary.recording.raven_csv import write_raven_csv
+    from catenary.recording.source import open_recording
+    from catenary.workflows.project_recordings import extract_recording, motion_log_path
+
+    if bag not in (None, "ros1", "mcap"):
+        raise InputError(f'--bag "{bag}": expected ros1 or mcap')
+    require_project(project)
+    opened = open_project(project)
+    names = sorted(p.name for p in (opened.folder / "recordings").glob("*") if p.is_dir())
+    if not names:
+        raise InputError(f"{project}: holds no recordings; run catenary excite first")
+    found: dict[str, Any] = {}
+    for name in names:
+        with _progress(f"extract {name}"):
+            extract_recording(opened, name)
+            report = _read(opened.folder / f"{name}.synchronised.json")
+            found[name] = {"log": str(motion_log_path(opened, name)), **report}
+            if bag is not None:
+                written = write_group_bags(
+                    open_recording(opened.folder / "recordings" / name),
+                    opened.folder / "bags" / name,
+                    "ros1" if bag == "ros1" else "mcap",
+                )
+                found[name]["bags"] = [str(path) for path in written]
+            if csv:
+                table = opened.folder / f"{name}.csv"
+                folder = opened.folder / "extracted" / name
+                write_raven_csv(folder, table, arm="gold" if opened.settings.side == "left" else "green")
+                found[name]["csv"] = str(table)
+    if as_json:
+        print_json(found)
+        return
+    for name, report in found.items():
+        rows = [
+            [t["topic"], str(t["messages"]), f"{t['rate']:.1f}", f"{1e3 * t['longest_gap']:.0f}"]
+            for t in report["topics"]
+        ]
+        print_table(
+            f"{name}: {report['rows']} rows", ["topic", "messages", "rate [Hz]", "longest gap [ms]"], rows
+        )
+        print_notes(report["problems"] + report["stopped_encoders"])
+        print(f"log: {report['log']}\n")
+
+
+def deploy(
+    model: Annotated[
+        Path, typer.Argument(metavar="MODEL", help="A calibration model of the project's robot.")
+    ],
+    project: Annotated[
+        Path | None, typer.Argument(metavar="PROJECT", help="Folder of the project; none with --ros.")
+    ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option("--seconds", help="How long it runs. [default: 20; with --ros until Ctrl-C]"),
+    ] = None,
+    real_time: Annotated[bool, typer.Option("--real-time/--fast", help="Keep time with the clock.")] = True,
+    ros: Annotated[
+        int | None,
+        typer.Option("--ros", metavar="1|2", help="Beside a robot on ROS: publish its messages corrected."),
+    ] = None,
+    arm: Annotated[str, typer.Option("--arm", help="With --ros: gold (left) or green.")] = "gold",
+    rate: Annotated[
+        float, typer.Option("--rate", metavar="HZ", help="With --ros: of the robot's messages.")
+    ] = 1000.0,
+    gravity_torque: Annotated[
+        bool, typer.Option("--gravity-torque", help="With --ros: publish what holds the joints still.")
+    ] = False,
+    gravity: GravityTopicName = None,
+    imu: ImuTopicName = None,
+    mounting: MountingFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run a model in a robot's loop, or beside one on ROS.
+
+    Tells latency, valid range, and error while it runs.
+    """
+    source = gravity_source(ros, gravity, imu, mounting)
+    if ros is not None:
+        if project is not None:
+            raise InputError("--ros: works beside whatever moves the robot; give no project")
+        length = float("inf") if seconds is None else seconds
+        deploy_beside(
+            model,
+            ros,
+            arm=arm,
+            seconds=length,
+            rate_hz=rate,
+            gravity_torque=gravity_torque,
+            imu=source,
+            as_json=as_json,
+        )
+        return
+    if project is None:
+        raise InputError("deploy: give the folder of a project, or --ros 1 for a robot")
+    seconds = 20.0 if seconds is None else seconds
+    from catenary.calibration.files import load_model
+    from catenary.simulation.plant_state import restore_plant
+    from catenary.workflows.calibrate import TRAIN, random_motion
+    from catenary.workflows.deploy import deploy_on_simulated
+    from catenary.workflows.simulated_robot import left_at, make_plant
+
+    loaded, _ = load_model(model)
+    require_project(project)
+    opened = open_project(project)
+    plant = make_plant(opened.settings)
+    left = left_at(opened, TRAIN)
+    restore_plant(plant, left if left.is_file() else left_at(opened, "home"))
+    plant.state_command("enable")
+    motion, _ = random_motion(opened, seconds, 1)
+    with _progress(f"{seconds:g} s at 1 kHz"):
+        result = deploy_on_simulated(plant, loaded, motion, real_time=real_time)
+    if as_json:
+        print_json(result.as_data())
+        return
+    print(result.loop)
+    rows = [
+        [name, unit, f"{raw:.3f}", f"{rmse:.3f}"]
+        for name, unit, raw, rmse in zip(
+            result.joint_names, result.units, result.raw_rmse, result.rmse, strict=True
+        )
+    ]
+    print_table("RMSE while the loop ran", ["joint", "unit", "reported", "corrected"], rows)
+
+
+def calibrate(
+    project: Folder,
+    train: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[DATA...]", help="Recordings to train on, in place of a robot."),
+    ] = None,
+    test: Annotated[
+        list[Path] | None,
+        typer.Option("--test", metavar="DATA", help="Recording to test on; may be repeated."),
+    ] = None,
+    units: Annotated[
+        str | None,
+        typer.Option("--units", metavar="U,U,...", help="rad or m per joint, where recordings do not say."),
+    ] = None,
+    direction: Direction = None,
+    sparsity: Sparsity = None,
+    hours: Hours = None,
+    seed: Seed = None,
+    base_tilt_deg: Tilt = None,
+    payload: Payload = None,
+    side: Side = None,
+    state_rate: StateRate = None,
+    ros: Ros = None,
+    yes: Yes = False,
+    simulated: Simulated = False,
+    as_json: AsJson = False,
+) -> None:
+    """Calibrate a robot in one go, from homing to a report.
+
+    Home, excite, record, extract, fit, evaluate, deploy, report; done steps are not repeated. Without recordings
+    it drives a simulated RAVEN-II, or with --ros a real one; with them it fits every model to them and tests on --test.
+    """
+    from catenary.workflows.calibrate import calibrate_recordings, calibrate_robot
+    from catenary.workflows.fit import FitRun
+
+    opened = open_project(
+        project, seed, base_tilt_deg, payload, side, direction, sparsity, hours, state_rate, ros
+    )
+    with _steps() as tell:
+        if train:
+            run = FitRun(units=words(units) if units else None)
+            result = calibrate_recordings(opened, train, test or [], run, progress=tell)
+        elif test:
+            raise InputError(
+                "--test: goes with recordings to train on; without, the simulated robot records its own"
+            )
+        else:
+            with robot_of(opened, yes, simulated) as robot:
+                result = calibrate_robot(opened, robot, progress=tell)
+    _conclude(result, as_json)
+
+
+def demo(
+    out: Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Where to put the results.")] = Path(
+        "demo"
+    ),
+    seed: Seed = None,
+    as_json: AsJson = False,
+) -> None:
+    """Calibrate a simulated RAVEN-II in two minutes.
+
+    A short zig-zag, a short test, the whole pipeline and a page.
+    """
+    from catenary.workflows.calibrate import calibrate_robot
+    from catenary.workflows.project import Project, ProjectSettings
+
+    settings = ProjectSettings(seed=seed, sparsities=(1 / 2, 1 / 3), test_minutes=5.0)
+    with _steps() as tell:
+        result = calibrate_robot(Project(out, settings), progress=tell)
+    _conclude(result, as_json)
+
+
+def _conclude(result: "CalibrationResult", as_json: bool) -> None:
+    if as_json:
+        print_json(result.summary())
+        return
+    header, rows = result.table()
+    print_table("RMSE on a recording that no model saw (per cent of the fixed offset)", header, rows)
+    deployed = result.deployment
+    if deployed is not None and deployed["compute_us"]:
+        compute = deployed["compute_us"]
+        print(
+            f"1 kHz loop: {deployed['ticks']} ticks, compute median {compute['median']:.1f} us, "
+            f"p99.9 {compute['p999']:.0f} us, {deployed['overruns']} overruns"
+        )
+    if not result.repeated:
+        print("nothing to do: every step had been done")
+    print(f"page:  {result.page}\nmodel: {result.model_path}")
+
+
+def _say(project: "Project", what: str, was_run: bool, as_json: bool, content: Any) -> None:
+    if as_json:
+        print_json({"project": str(project.folder), "run": was_run, **content})
+    else:
+        print(f"{project.folder}: {what}" + ("" if was_run else " before; nothing to do"))
+
+
+def _read(path: Path) -> Any:
+    import json
+
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+@contextmanager
+def _progress(label: str, project: "Project | None" = None) -> Iterator[Callable[[float], None]]:
+    if project is not None and project.settings.connection != "simulation":
+        yield lambda _: None  # a bar would hide what the person beside the robot is asked
+        return
+    with progress_bar(label) as tell:
+        yield tell
+
+
+@contextmanager
+def _steps() -> Iterator[Callable[[str], Callable[[float], None]]]:
+    """A line per step on standard error as it begins, and in a terminal a bar for the one that runs."""
+    import sys
+    import time
+
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    begin = time.monotonic()
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("", total=None)
+
+        def step(name: str) -> Callable[[float], None]:
+            if console.is_terminal:
+                console.print(f"[{time.monotonic() - begin:4.0f} s] {name}", markup=False)
+            else:
+                print(f"[{time.monotonic() - begin:4.0f} s] {name}", file=sys.stderr, flush=True)
+            bar.reset(task, total=None, description=name)
+            return lambda done: bar.update(task, total=1.0, completed=done)
+
+        yield step

@@ -1,0 +1,309 @@
+"""catenary fit and evaluate."""
+
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from catenary.cli.options import AsJsonNotTables, Report
+from catenary.cli.terminal import numbers, print_json, print_notes, print_table, progress_bar, words
+from catenary.errors import InputError
+
+if TYPE_CHECKING:
+    from catenary.calibration.evaluate import Evaluation
+    from catenary.workflows.fit import FitResult
+
+Recordings = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="DATA",
+        help="Recordings: .npz with q_des, q_act, ok in rad and m, .parquet logs, or RAVEN-II's published .csv.",
+    ),
+]
+LARGEST = sys.float_info.max
+LARGEST_SEED = 2**32 - 1  # that scikit-learn takes
+Seed = Annotated[
+    int, typer.Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Of everything random.")
+]
+MaxError = Annotated[
+    str | None,
+    typer.Option(
+        "--max-error", metavar="E,E,...", help="Leave out rows with a larger error, per joint in deg and mm."
+    ),
+]
+
+
+def fit(
+    data: Recordings,
+    model: Annotated[
+        str, typer.Option("--model", metavar="KIND", help="offset, linear, polynomial or neural.")
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="MODEL", help="File to write the model to, e.g. arm.npz.")
+    ],
+    preset: Annotated[
+        str | None,
+        typer.Option(
+            "--preset",
+            metavar="NAME",
+            help="Of neural: paper (Peng et al.'s network) or best (ours). [default: paper]",
+        ),
+    ] = None,
+    inputs: Annotated[
+        str | None,
+        typer.Option(
+            "--inputs",
+            metavar="SIGNALS",
+            help="What the model takes: groups q, tau, qd, all, or signals such as q:J1; per joint as "
+            "'J1=q:J1,tau:J1;J2=q'. [default: q, and tau if recorded]",
+        ),
+    ] = None,
+    history: Annotated[
+        int, typer.Option("--history", metavar="K", min=0, help="Also take the K previous commands.")
+    ] = 0,
+    play: Annotated[
+        str | None,
+        typer.Option(
+            "--play",
+            metavar="SHARES",
+            help="Also take play states (memory of a cable's slack) as wide as these shares of each joint's "
+            "motion: 0.01,0.05,0.2, 'on' for ours, 'off'. [default: off; on for preset best]",
+        ),
+    ] = None,
+    target: Annotated[
+        str,
+        typer.Option(
+            "--target",
+            metavar="WHAT",
+            help="What to learn: error, the joint error, or position, the joint position end to end.",
+        ),
+    ] = "error",
+    units: Annotated[
+        str | None,
+        typer.Option("--units", metavar="U,U,...", help="rad or m per joint, where files do not say."),
+    ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            "--robot", metavar="ROBOT", help="Catalogue name or file of the robot: joint names and units."
+        ),
+    ] = None,
+    held_out: Annotated[
+        float | None,
+        typer.Option(
+            "--held-out", metavar="SHARE", help="Keep this last share of each recording for a test."
+        ),
+    ] = None,
+    folds: Annotated[
+        int,
+        typer.Option(
+            "--folds", metavar="N", min=0, help="Blocks of time for the cross-validation; 0 for none."
+        ),
+    ] = 5,
+    max_error: MaxError = None,
+    ridge: Annotated[
+        float | None,
+        typer.Option(
+            "--ridge",
+            metavar="R",
+            min=0.0,
+            max=LARGEST,
+            help="Ridge penalty of linear and polynomial models. [default: 0; 10 with memory]",
+        ),
+    ] = None,
+    seed: Seed = 0,
+    report: Report = None,
+    as_json: AsJsonNotTables = False,
+) -> None:
+    """Fit a calibration model; tell its error on unseen data.
+
+    Example: catenary fit run1.npz --model linear --history 6 --out arm.npz
+    """
+    from catenary.calibration.files import card_path, save_model
+    from catenary.calibration.fit import PLAY_SHARES, FitOptions
+    from catenary.workflows.fit import FitRun, fit_calibration
+
+    shares = None if play is None else _play_shares(play, PLAY_SHARES)
+    options = FitOptions(
+        kind=model,  # type: ignore[arg-type]  # FitOptions refuses what it does not know
+        preset=preset,  # type: ignore[arg-type]
+        inputs=None if inputs is None else _inputs(inputs),
+        history=history,
+        play=shares,
+        target=target,  # type: ignore[arg-type]
+        ridge=ridge,
+        seed=seed,
+    )
+    names, joint_units = _joints_of(robot)
+    run = FitRun(
+        units=words(units) if units is not None else joint_units,
+        joint_names=names,
+        robot=robot,
+        max_error=None if max_error is None else numbers("--max-error", max_error),
+        held_out=held_out,
+        folds=folds,
+    )
+    _refuse_to_write("--out", out, [*data, *([Path(robot)] if robot else [])])
+    if report is not None:
+        if report.absolute() in (out.absolute(), card_path(out).absolute()):
+            raise InputError(f"--report {report}: the model and its card are written there")
+        _refuse_to_overwrite("--report", report, data)
+    with progress_bar(f"fitting {model}") as progress:
+        result = fit_calibration(data, options, run, progress=progress)
+    save_model(result.model, result.card, out)
+    if as_json:
+        print_json(_fit_summary(out, card_path(out), result))
+    else:
+        _print_fit(out, card_path(out), result)
+    if report is not None:  # last: whatever goes wrong with it, the model is there
+        _write_fit_report(report, result)
+        if not as_json:
+            print(f"page:  {report}")
+
+
+def evaluate(
+    model: Annotated[Path, typer.Argument(metavar="MODEL", help="A model that catenary fit wrote.")],
+    data: Recordings,
+    window: Annotated[
+        float | None,
+        typer.Option(
+            "--window", metavar="S", help="Length of a time window in s. [default: a tenth of the data]"
+        ),
+    ] = None,
+    max_error: MaxError = None,
+    report: Report = None,
+    as_json: AsJsonNotTables = False,
+) -> None:
+    """Tell a model's error on recordings, before and after.
+
+    RMSE and maximum per joint in deg and mm, and RMSE per window of time.
+
+    Example: catenary evaluate arm.npz run2.npz --report run2.html
+    """
+    from catenary.workflows.calibration_report import window_table, write_calibration_report
+    from catenary.workflows.fit import evaluate_calibration, evaluation_summary
+
+    if report is not None:
+        _refuse_to_overwrite("--report", report, [model, *data])
+    result = evaluate_calibration(
+        model,
+        data,
+        max_error=None if max_error is None else numbers("--max-error", max_error),
+        window=window,
+    )
+    if as_json:
+        print_json(evaluation_summary(result))
+    else:
+        print_notes(result.notes)
+        _print_errors("RMSE and largest error per joint", result.evaluation)
+        table = window_table(result.evaluation)
+        print_table("RMSE of the model over time", table.header, table.rows)
+    if report is not None:
+        tested_on = ", ".join(source.name for source in result.evaluation.data.sources)
+        if result.seen_in_training:
+            tested_on += f" (no test: the model was fitted to {', '.join(result.seen_in_training)})"
+        write_calibration_report(
+            report, result.model, result.card, result.evaluation, tested_on=tested_on, notes=result.notes
+        )
+        if not as_json:
+            print(f"page: {report}")
+
+
+def _print_fit(out: Path, card: Path, result: "FitResult") -> None:
+    from catenary.workflows.calibration_report import spread_table
+
+    print_notes(result.notes)
+    if result.spread:
+        table = spread_table(result.spread)
+        print_table("RMSE on blocks of time that the fit did not see", table.header, table.rows)
+    if result.held_out is not None:
+        _print_errors("RMSE and largest error on the held-out part", result.held_out)
+    print(f"model: {out}\ncard:  {card}")
+
+
+def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
+    held_out = result.held_out
+    return {
+        "model": str(out),
+        "card": str(card),
+        "kind": result.model.kind,
+        "preset": result.model.preset,
+        "rows": len(result.data),
+        "inputs": list(result.model.features.names),
+        "cross_validation": [asdict(joint) for joint in result.spread],
+        "held_out": None if held_out is None else [asdict(joint) for joint in held_out.joints],
+        "notes": list(result.notes),
+    }
+
+
+def _write_fit_report(path: Path, result: "FitResult") -> None:
+    from catenary.calibration.evaluate import evaluate as evaluate_rows
+    from catenary.workflows.calibration_report import write_calibration_report
+
+    tested_on, evaluation = "the held-out part of each recording", result.held_out
+    if evaluation is None:
+        tested_on = "the data that it was fitted to; the cross-validation below is the honest error"
+        evaluation = evaluate_rows(result.model, result.data)
+    write_calibration_report(
+        path,
+        result.model,
+        result.card,
+        evaluation,
+        tested_on=tested_on,
+        spread=result.spread,
+        notes=result.notes,
+    )
+
+
+def _print_errors(title: str, evaluation: "Evaluation") -> None:
+    from catenary.workflows.calibration_report import error_table
+
+    table = error_table(evaluation)
+    print_table(title, table.header, table.rows)
+
+
+def _refuse_to_write(option: str, path: Path, read: Sequence[Path]) -> None:
+    """Refuse, before minutes of work, a file that could not be written after them."""
+    if path.is_dir():
+        raise InputError(f"{option} {path}: is a folder, expected a file to write")
+    if not path.parent.is_dir():
+        raise InputError(f"{option} {path}: folder {path.parent} does not exist")
+    if not os.access(path.parent, os.W_OK):
+        raise InputError(f"{option} {path}: folder {path.parent} cannot be written to")
+    _refuse_to_overwrite(option, path, read)
+
+
+def _refuse_to_overwrite(option: str, path: Path, read: Sequence[Path]) -> None:
+    if path.exists() and any(each.exists() and path.samefile(each) for each in read):
+        raise InputError(f"{option} {path}: is a file that is read here; expected another")
+
+
+def _play_shares(text: str, ours: tuple[float, ...]) -> tuple[float, ...]:
+    if text in ("on", "off"):
+        return ours if text == "on" else ()
+    return numbers("--play", text)
+
+
+def _inputs(text: str) -> tuple[str, ...] | dict[str, tuple[str, ...]]:
+    if "=" not in text:
+        return words(text)
+    per_joint = {}
+    for part in text.split(";"):
+        joint, equals, chosen = part.partition("=")
+        if not equals or not words(chosen):
+            raise InputError(f"--inputs: expected 'JOINT=signal,signal;JOINT=...', got {part!r}")
+        per_joint[joint.strip()] = words(chosen)
+    return per_joint
+
+
+def _joints_of(robot: str | None) -> tuple[tuple[str, ...] | None, tuple[str, ...] | None]:
+    if robot is None:
+        return None, None
+    from catenary.robots.catalog import load_robot
+
+    model = load_robot(robot)
+    return model.joint_names, model.joint_units

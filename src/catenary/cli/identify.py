@@ -1,0 +1,299 @@
+"""catenary identify, excitation, payload."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from catenary.cli.options import AsJsonNotTables
+from catenary.cli.terminal import print_json, print_notes, print_table
+from catenary.errors import InputError
+
+Logs = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="LOG",
+        help="Recordings: .npz with q, dq, tau and fs or t in rad, m, s, Nm, N; or .parquet logs.",
+    ),
+]
+Gravity = Annotated[
+    str | None,
+    typer.Option("--gravity", metavar="X,Y,Z", help="In base axes, m/s2. [default: 0,0,-9.81]"),
+]
+CutOff = Annotated[
+    float | None,
+    typer.Option("--cutoff-hz", metavar="F", help="Cut-off of the filter. [default: the robot file's]"),
+]
+
+
+def identify(
+    logs: Logs,
+    robot: Annotated[
+        str, typer.Option("--robot", metavar="ROBOT", help="Catalogue name or file; needs no inertia.")
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FILE", help="File to write the parameters to, e.g. arm.npz.")
+    ],
+    test: Annotated[
+        list[Path] | None, typer.Option("--test", metavar="LOG", help="A recording to judge by; repeatable.")
+    ] = None,
+    terms: Annotated[
+        str, typer.Option("--terms", metavar="WHAT", help="full dynamics, or static: poses at rest.")
+    ] = "full",
+    cutoff_hz: CutOff = None,
+    period: Annotated[
+        int | None,
+        typer.Option(
+            "--period", metavar="N", min=1, help="Samples of the motion's period. [default: the robot file's]"
+        ),
+    ] = None,
+    weighting: Annotated[
+        str | None,
+        typer.Option(
+            "--weighting",
+            metavar="HOW",
+            help="Weight of the axes: none, range or spread of the torque, residual. [default: the robot file's]",
+        ),
+    ] = None,
+    consistent: Annotated[
+        bool, typer.Option("--consistent", help="Only parameters that bodies and friction can have.")
+    ] = False,
+    blocks: Annotated[
+        float | None,
+        typer.Option(
+            "--blocks", metavar="S", help="Hold out every second block of S seconds (static: S rows)."
+        ),
+    ] = None,
+    rows: Annotated[
+        str | None,
+        typer.Option("--rows", metavar="A:B", help="Rows of the recordings to fit. [default: all]"),
+    ] = None,
+    gravity: Gravity = None,
+    urdf: Annotated[
+        Path | None,
+        typer.Option("--urdf", metavar="FILE", help="Also write the robot as URDF; needs --consistent."),
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", metavar="PAGE", help="Also write a self-contained HTML page.")
+    ] = None,
+    as_json: AsJsonNotTables = False,
+) -> None:
+    """Identify an arm's dynamics from recordings of it.
+
+    Example: catenary identify psm_one.npz --robot dvrk_psm --test another_day.npz --out psm.npz
+    """
+    from catenary.identification.files import card_path, save_identification
+    from catenary.identification.options import IdentifyOptions
+    from catenary.workflows.identification_report import absolute_table, excitation_facts, residual_table
+    from catenary.workflows.identify import identify_files
+
+    options = IdentifyOptions(
+        terms=terms,  # type: ignore[arg-type]  # IdentifyOptions refuses what it does not know
+        gravity=_gravity(gravity),
+        cutoff_hz=cutoff_hz,
+        period_samples=period,
+        weighting=weighting,  # type: ignore[arg-type]
+        consistent=consistent,
+        blocks=blocks,
+    )
+    tests = test or []
+    if urdf is not None and not consistent:
+        raise InputError(
+            "--urdf: only a physically consistent fit gives each link an inertia; add --consistent"
+        )
+    _refuse_to_overwrite([out, card_path(out), report, urdf], [*logs, *tests, Path(robot)])
+    result = identify_files(logs, robot, options, tests=tests, rows=None if rows is None else _rows(rows))
+    found = result.identification
+    save_identification(found, result.card, out)
+    if urdf is not None:
+        from catenary.robots.urdf_export import write_urdf
+
+        write_urdf(found.robot(), urdf)
+    if as_json:
+        print_json({**result.summary(), "file": str(out), "card": str(card_path(out))})
+    else:
+        print_notes(result.notes)
+        table = residual_table(found)
+        print_table("Residual over torque (RMS) per axis", table.header, table.rows, left=1)
+        table = absolute_table(found)
+        print_table("RMS residual", table.header, table.rows)
+        for name, text in excitation_facts(found)[:2]:
+            print(f"{name}: {text}")
+        print(f"parameters: {out}\ncard:  {card_path(out)}")
+    if report is not None:  # last: whatever goes wrong with it, the parameters are there
+        from catenary.workflows.identification_report import write_identification_report
+
+        write_identification_report(report, result)
+        if not as_json:
+            print(f"page:  {report}")
+
+
+def _gravity(text: str | None) -> tuple[float, float, float]:
+    from catenary.cli.terminal import numbers
+    from catenary.identification.options import NOMINAL_GRAVITY
+
+    if text is None:
+        return NOMINAL_GRAVITY
+    values = numbers("--gravity", text)
+    if len(values) != 3:
+        raise InputError(f"--gravity: expected three numbers, got {text!r}")
+    return values[0], values[1], values[2]
+
+
+def _rows(text: str) -> tuple[int, int]:
+    first, colon, last = text.partition(":")
+    try:
+        if not colon:
+            raise ValueError
+        return int(first), int(last)
+    except ValueError:
+        raise InputError(f"--rows: expected FIRST:LAST, such as 921:6791, got {text!r}") from None
+
+
+def _refuse_to_overwrite(written: list[Path | None], read: list[Path]) -> None:
+    targets = [path.absolute() for path in written if path is not None]
+    for path in targets:
+        if path in [p.absolute() for p in read]:
+            raise InputError(f"{path}: is read; it will not be overwritten")
+        if targets.count(path) > 1:
+            raise InputError(f"{path}: two outputs would be written there")
+
+
+def excitation(
+    robot: Annotated[str, typer.Argument(metavar="ROBOT", help="Catalogue name or file; needs no inertia.")],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FILE", help="File to write: .npz or .csv of t, q, dq, ddq.")
+    ],
+    static: Annotated[
+        int | None, typer.Option("--static", metavar="N", min=1, help="N poses to hold.")
+    ] = None,
+    fourier: Annotated[
+        bool, typer.Option("--fourier", help="One period of a Fourier motion. [default]")
+    ] = False,
+    period: Annotated[float, typer.Option("--period-s", metavar="S", help="Of the motion.")] = 10.0,
+    harmonics: Annotated[int, typer.Option("--harmonics", metavar="N", help="Of the motion, 3 or more.")] = 5,
+    rate: Annotated[
+        float, typer.Option("--rate-hz", metavar="F", help="Rows of the motion per second.")
+    ] = 200.0,
+    trials: Annotated[
+        int, typer.Option("--trials", metavar="N", min=1, help="Motions to choose from; more show more.")
+    ] = 300,
+    lower: Annotated[
+        str | None, typer.Option("--lower", metavar="Q,Q,...", help="Limits to stay within, rad and m.")
+    ] = None,
+    upper: Annotated[str | None, typer.Option("--upper", metavar="Q,Q,...", help="The same, upper.")] = None,
+    velocity: Annotated[
+        str | None, typer.Option("--velocity", metavar="V,V,...", help="The same, rad/s and m/s.")
+    ] = None,
+    gravity: Gravity = None,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of everything random.")] = 0,
+    as_json: AsJsonNotTables = False,
+) -> None:
+    """Design poses or a motion that show an arm's dynamics.
+
+    Example: catenary excitation panda --static 40 --out poses.npz
+    """
+    import numpy as np
+
+    from catenary.cli.terminal import numbers
+    from catenary.identification.excitation import fourier_motion, room_of, static_poses
+    from catenary.robots.catalog import load_robot
+    from catenary.workflows.excitation import write_excitation
+
+    if static is not None and fourier:
+        raise InputError("excitation: give one of --static and --fourier")
+    _refuse_to_overwrite([out], [Path(robot)])
+    model = load_robot(robot)
+    limits = {
+        name: None if text is None else numbers(f"--{name}", text)
+        for name, text in (("lower", lower), ("upper", upper), ("velocity", velocity))
+    }
+    if static is not None and velocity is None:
+        limits["velocity"] = (1.0,) * model.n  # poses are held: how fast they are reached is the robot's
+    room = room_of(model, lower=limits["lower"], upper=limits["upper"], velocity=limits["velocity"])
+    rng = np.random.default_rng(seed)
+    if static is not None:
+        design = static_poses(model, static, room, rng, gravity=_gravity(gravity))
+    else:
+        design = fourier_motion(
+            model,
+            room,
+            rng,
+            period=period,
+            harmonics=harmonics,
+            rate=rate,
+            trials=trials,
+            gravity=_gravity(gravity),
+        )
+    write_excitation(design, model, out)
+    if as_json:
+        print_json(
+            {
+                "robot": model.name,
+                "terms": design.terms,
+                "rows": len(design.q),
+                "n_base": design.n_base,
+                "condition": design.condition,
+                "seed": seed,
+                "file": str(out),
+            }
+        )
+        return
+    what = "poses" if design.terms == "static" else f"rows, {design.time[-1]:g} s"
+    print(f"{model.name}: {len(design.q)} {what}")
+    print(f"condition: {design.condition:.4g} for {design.n_base} base parameters\nfile: {out}")
+
+
+def payload(
+    logs: Logs,
+    model: Annotated[
+        Path, typer.Option("--model", metavar="FILE", help="Parameters that catenary identify wrote.")
+    ],
+    at: Annotated[
+        tuple[str, float, float, float] | None,
+        typer.Option("--at", metavar="FRAME X Y Z", help="Where it is, in m in a frame. [default: anywhere]"),
+    ] = None,
+    unloaded: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--unloaded", metavar="LOG", help="A recording without it, of the same day; repeatable."
+        ),
+    ] = None,
+    cutoff_hz: CutOff = None,
+    as_json: AsJsonNotTables = False,
+) -> None:
+    """Tell what an arm carries beyond what it was identified with.
+
+    Example: catenary payload loaded.npz --model psm.npz --at pitch 0.024 0.535 0
+    """
+    from catenary.workflows.payload import payload_of_files
+
+    result = payload_of_files(
+        logs,
+        model,
+        at=None if at is None else (at[0], at[1:]),
+        unloaded=unloaded or [],
+        cutoff_hz=cutoff_hz,
+    )
+    if as_json:
+        print_json(result.summary())
+        return
+    print_notes(result.notes)
+    best = result.payload
+    if not best.detected:
+        print(f"no payload (confidence {best.confidence:.3f} that there is one)")
+    else:
+        print(f"payload on {best.link} (confidence {best.confidence:.3f})")
+    if best.mass is not None:
+        print(f"mass: {1000 * best.mass:.1f} g, standard deviation {1000 * (best.mass_std or 0.0):.1f} g")
+    if best.moment is not None and best.moment_std is not None:
+        print(
+            f"mass times place in {best.link}: {', '.join(f'{v:.4f}' for v in best.moment)} kg m, standard deviations "
+            f"{', '.join(f'{v:.4f}' for v in best.moment_std)}"
+        )
+    if result.candidates:
+        print_table(
+            "Other links, by what they explain of the residual",
+            ["link", "explained"],
+            [[c.link, f"{100 * c.explained:.1f} %"] for c in result.candidates],
+        )

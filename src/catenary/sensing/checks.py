@@ -1,0 +1,313 @@
+"""Which samples of a sensor may be believed; those that may not are named by their fault."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.errors import InputError
+from catenary.sensing.faults import Fault
+from catenary.sensing.vector import STANDARD_GRAVITY
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class SensorRules:
+    """What is believed of a sensor; the defaults fit a base that people tilt, rock or drive about."""
+
+    max_step: float = 1.2  # [m/s2] between a sample and what those before foretell
+    max_rate_step: float = 0.3  # [rad/s] the same of angular rates
+    max_rate: float = 4.0  # [rad/s] at which the base may turn; rocking by 20 degrees at 1 Hz is 2.2
+    max_acceleration: float = 6.0  # [m/s2] of the base: gravity and this bound every reading's length
+    rest_lower: float = 9.0  # [m/s2] length of what is read at rest
+    rest_upper: float = 10.6  # [m/s2]
+    max_tilt: float = math.radians(120.0)  # [rad] from level, when samples begin; pi for a base that may hang
+    stuck_samples: int = 10  # identical ones that make a sensor stuck; 0 believes a sensor without any noise
+    confirm: int = 5  # good samples in a row before a sensor is believed, at first or after a fault
+    accept_jump_after: float = 0.5  # [s] for which a jump that nothing explains must last to be believed
+    future: float = 0.005  # [s] by which a stamp may lie ahead
+
+    def __post_init__(self) -> None:
+        for name in (
+            "max_step",
+            "max_rate_step",
+            "max_rate",
+            "max_acceleration",
+            "rest_lower",
+            "max_tilt",
+            "confirm",
+        ):
+            if not getattr(self, name) > 0:
+                raise InputError(f"sensor rules: {name}: expected more than 0, got {getattr(self, name)}")
+        for name in ("stuck_samples", "accept_jump_after", "future"):
+            if not getattr(self, name) >= 0:
+                raise InputError(f"sensor rules: {name}: expected 0 or more, got {getattr(self, name)}")
+        if not self.rest_lower < self.rest_upper:
+            raise InputError(
+                f"sensor rules: rest_lower {self.rest_lower}: expected less than rest_upper {self.rest_upper}"
+            )
+
+
+class RawCheck:
+    """What can be told from a reading alone and the one before, in the sensor's own axes."""
+
+    # closer than that is no second measurement, and parabolas through it would be noise
+    CLOSEST = 1e-4  # [s]
+    ABSURD = 1e5  # in any unit: as good as infinite
+
+    def __init__(self, rules: SensorRules, full_range: float, faults: tuple[Fault, Fault, Fault]) -> None:
+        """Take the range of an axis, and what to call readings that are not finite, stuck or saturated."""
+        self._rules = rules
+        # what lies far beyond the range does not come from a sensor that is at its end: another unit, or a spike
+        self._end, self._beyond = 0.995 * full_range, 1.05 * full_range
+        self._not_finite, self._stuck, self._saturated = faults
+        self._newest = -math.inf
+        self._last: Vector = (math.nan, math.nan, math.nan)
+        self._same = 1
+
+    def fault(self, stamp: float, vector: Vector, now: float) -> Fault:
+        """What is wrong with a reading, NONE if nothing is."""
+        if not math.isfinite(stamp) or stamp > now + self._rules.future:
+            return Fault.STAMP_FUTURE
+        if stamp < self._newest:
+            return Fault.STAMP_BACKWARDS
+        if stamp - self._newest < self.CLOSEST:
+            return Fault.STAMP_REPEATED
+        x, y, z = vector
+        largest = max(abs(x), abs(y), abs(z))
+        if not (math.isfinite(x + y + z) and largest < self.ABSURD):
+            return self._not_finite
+        self._newest = stamp
+        self._same = self._same + 1 if vector == self._last else 1
+        self._last = vector
+        if self._same >= self._rules.stuck_samples > 0:
+            return self._stuck
+        if self._end <= largest <= self._beyond:
+            return self._saturated
+        return Fault.NONE
+
+
+class GravityCheck:
+    """Whether readings can be gravity seen from a base, and how they go on from those before.
+
+    Works on free-fall acceleration in base axes. What no base can do is rejected until the readings come back:
+    mistakes of a sensor (opposite sign, swapped axes, another unit), and jumps from one sample to the next. Another
+    gravity than the last believed is accepted after a while where it may be true: after a gap or other faults.
+    """
+
+    STEADY = 0.3  # [m/s2] standard deviation of readings at rest, noise included
+    MEMORY = 0.15  # [s] over which it is taken
+    REST = 0.5  # [s] for which it must hold
+    MEAN = 1.0  # [s] over which the accelerations of a base that moves average out
+    GAP = 0.05  # [s] without samples, in which a base may have gone anywhere
+    FEW = 3  # bad samples in a row that are a spike, after which the next good one is believed at once
+
+    def __init__(self, rules: SensorRules) -> None:
+        self._rules = rules
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew, as if nothing had been received."""
+        self.reference: Floats | None = None  # gravity as last believed, turned along with the gyroscope
+        self._last = np.zeros(3)
+        self.last_stamp = -math.inf
+        self._bad, self._good, self._fault = 0, 0, Fault.NONE
+        self._jump_since = math.inf
+        self._impossible = False
+        self._mean, self._variance = np.zeros(3), 0.0
+        self._long_mean = np.zeros(3)
+        self.steady_since = math.inf
+
+    @property
+    def is_steady(self) -> bool:
+        """The readings, believed or not, have stood still for a while."""
+        return self.last_stamp - self.steady_since >= self.REST
+
+    def fault(self, stamp: float, gravity: Floats, expected: Floats, rate: Floats | None) -> Fault:
+        """What is wrong with a reading.
+
+        Args:
+            stamp: [s].
+            gravity: (3,) the reading.
+            expected: (3,) what the believed ones before it foretell; not used before there are any.
+            rate: (3,) angular velocity [rad/s], where it is known.
+        """
+        rules = self._rules
+        dt = stamp - self.last_stamp
+        step = _norm(gravity - self._last) if math.isfinite(dt) else math.inf
+        self._watch_rest(stamp, gravity, dt, step)
+        self._last, self.last_stamp = gravity, stamp
+        length = _norm(gravity)
+        fault = self._length_fault(length)
+        if self.reference is None:
+            return self._begin(gravity, length, step, fault)
+        if self._bad > 0 and rate is not None and dt < 0.1:
+            self.reference = self.reference - dt * _cross(rate, self.reference)
+        # after a fault the prediction is old: gravity as last believed is what to come back to
+        wanted = expected if self._bad == 0 else self.reference
+        if fault is Fault.NONE and _norm(gravity - wanted) <= rules.max_step:
+            self._good += 1
+            if self._bad > self.FEW and self._good < rules.confirm:
+                return self._fault  # one good sample may be luck
+            return self._believe(gravity)
+        self._bad += 1
+        self._good = 0
+        if fault is Fault.NONE:
+            fault = explain(gravity, wanted)
+        if self._bad == 1:
+            self._impossible = fault is Fault.NONE and dt < self.GAP
+        if fault is not Fault.NONE:
+            self._jump_since = math.inf  # a mistake does not become true by lasting
+            if fault is Fault.MAGNITUDE and self._bad <= self.FEW and not self.is_steady:
+                fault = Fault.SPIKE
+        else:
+            if step > rules.max_step or self._jump_since == math.inf:
+                self._jump_since = stamp
+            if not self._impossible and stamp - self._jump_since >= rules.accept_jump_after:
+                return self._believe(gravity)
+            fault = Fault.SPIKE if self._bad <= self.FEW else Fault.JUMP
+        self._fault = fault
+        return fault
+
+    def _believe(self, gravity: Floats) -> Fault:
+        self._bad, self._jump_since = 0, math.inf
+        self.reference = gravity
+        return Fault.NONE
+
+    def _begin(self, gravity: Floats, length: float, step: float, fault: Fault) -> Fault:
+        """Believe the first samples once a few in a row are alike, and of gravity's length."""
+        rules = self._rules
+        if fault is Fault.NONE and not rules.rest_lower <= length <= rules.rest_upper:
+            fault = Fault.MAGNITUDE
+        if fault is Fault.NONE and gravity[2] > -math.cos(rules.max_tilt) * length:
+            fault = Fault.UPSIDE_DOWN
+        if fault is not Fault.NONE:
+            self._good = 0
+            return fault
+        self._good = self._good + 1 if step <= rules.max_step else 1
+        if self._good >= rules.confirm:
+            self._believe(gravity)
+        return Fault.NONE
+
+    def _length_fault(self, length: float) -> Fault:
+        rules = self._rules
+        if abs(length - STANDARD_GRAVITY) <= rules.max_acceleration:
+            mean = _norm(self._mean if self.is_steady else self._long_mean)
+            return Fault.NONE if rules.rest_lower <= mean <= rules.rest_upper else Fault.MAGNITUDE
+        if 0.85 <= length <= 1.15:
+            return Fault.UNIT_G
+        if 850.0 <= length <= 1150.0:
+            return Fault.UNIT_CM
+        return Fault.GRAVITY_STRIPPED if length < 2.5 else Fault.MAGNITUDE
+
+    def _watch_rest(self, stamp: float, gravity: Floats, dt: float, step: float) -> None:
+        """Running means and variance, to know when the readings stand still, and what gravity is in the mean."""
+        if not 0.0 < dt < self.REST or step > self._rules.max_step:
+            self._long_mean = gravity
+        else:
+            self._long_mean = self._long_mean + (gravity - self._long_mean) * (
+                1.0 - math.exp(-dt / self.MEAN)
+            )
+        if not 0.0 < dt < self.REST:
+            self._mean, self._variance, self.steady_since = gravity, 0.0, stamp
+            return
+        share = 1.0 - math.exp(-dt / self.MEMORY)
+        off = gravity - self._mean
+        self._mean = self._mean + share * off
+        self._variance = (1.0 - share) * (self._variance + share * float(off @ off))
+        if self._variance > self.STEADY**2:
+            self.steady_since = math.inf
+        elif self.steady_since == math.inf:
+            self.steady_since = stamp
+
+
+class RateCheck:
+    """Whether angular rates can be those of a base, and how they go on from those before."""
+
+    def __init__(self, rules: SensorRules) -> None:
+        self._rules = rules
+        self._last = np.zeros(3)
+        self._alike = 0  # samples in a row, each near the one before
+        self._doubted = False
+        self.believed = False  # the last one; the first few are waited for, which is no fault
+
+    def fault(self, rate: Floats, expected: Floats | None) -> Fault:
+        """What is wrong with a rate (3,) [rad/s], given what those before foretell, None where they are too old."""
+        rules = self._rules
+        self._alike = self._alike + 1 if _norm(rate - self._last) <= rules.max_rate_step else 0
+        self._last = rate
+        self.believed = False
+        if _norm(rate) > rules.max_rate:
+            self._alike, self._doubted = 0, True
+            return Fault.RATE_TOO_FAST
+        near = expected is not None and _norm(rate - expected) <= rules.max_rate_step
+        # a few that agree with each other are believed whatever was before
+        if near or self._alike >= rules.confirm:
+            self.believed, self._doubted = True, False
+            return Fault.NONE
+        self._doubted |= expected is not None
+        return Fault.RATE_SPIKE if self._doubted else Fault.NONE
+
+
+class ForetoldSwing:
+    """How far gravity should swing by what a gyroscope says, to be compared with how far it does.
+
+    The same high-pass and the same mean as GravityCheck's of the readings themselves: of a sensor that is right both
+    give the same, however small and fast the base rocks, and one that turns while gravity stands still is wrong.
+    """
+
+    LARGE = 0.3  # [m/s2] standard deviation; by turning steadily about the horizontal 0.2 rad/s make it
+    LEAN = 0.5  # share of the rate about the horizontal below which it is a turntable, on which gravity leans outwards
+
+    def __init__(self) -> None:
+        self._last = -math.inf
+        self._swing, self._variance = np.zeros(3), 0.0
+
+    def add(self, stamp: float, rate: Floats, gravity: Floats | None) -> None:
+        """Take a rate (3,) [rad/s], and gravity (3,) as last believed, None where it is not known."""
+        dt = stamp - self._last
+        self._last = stamp
+        if gravity is None or not 0.0 < dt < GravityCheck.REST:
+            self._swing, self._variance = np.zeros(3), 0.0
+            return
+        change = _cross(gravity, rate)  # of a vector that stands still, seen from axes that turn
+        if _norm(change) < self.LEAN * _norm(rate) * _norm(gravity):
+            change = np.zeros(3)
+        share = 1.0 - math.exp(-dt / GravityCheck.MEMORY)
+        self._swing = (1.0 - share) * (self._swing + dt * change)
+        self._variance += share * (float(self._swing @ self._swing) - self._variance)
+
+    @property
+    def is_large(self) -> bool:
+        """Gravity should have moved by more than it may where it stands still."""
+        return self._variance > self.LARGE**2
+
+
+def explain(gravity: Floats, wanted: Floats) -> Fault:
+    """Which mistake of a sensor turns the gravity that is wanted into the one that is read, if any does.
+
+    A mistake explains a reading when it brings it five times nearer.
+    """
+    off = _norm(gravity - wanted)
+    if 5.0 * _norm(gravity + wanted) < off:
+        return Fault.WRONG_SIGN
+    a, b = np.abs(gravity), np.abs(wanted)
+    if 5.0 * _norm(np.sort(a) - np.sort(b)) < off:
+        # magnitudes agree in some order: each axis holds another one's number, or the wrong sign of it
+        for order in _ORDERS:
+            if 5.0 * _norm(a[order] - b) < off:
+                return Fault.AXES_SWAPPED
+    return Fault.NONE
+
+
+_ORDERS = [np.array(p) for p in ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0))]
+
+
+def _norm(v: Floats) -> float:
+    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

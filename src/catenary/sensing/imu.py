@@ -1,0 +1,296 @@
+"""The gravity vector from an accelerometer, or from an accelerometer and a gyroscope, on the robot's base."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.errors import InputError
+from catenary.sensing.checks import ForetoldSwing, GravityCheck, RateCheck, RawCheck, SensorRules
+from catenary.sensing.fallback import SlowAttitude, SmoothTransfer, as_fallback
+from catenary.sensing.faults import Fault
+from catenary.sensing.local_fit import LocalFit
+from catenary.sensing.mounting import Mounting
+from catenary.sensing.samples import Kind, Mailbox, Sample
+from catenary.sensing.vector import LEVEL, GravityReading, Status
+
+# how fast gravity, angular velocity and acceleration of the base may change as measured [m/s3, rad/s2, rad/s3]:
+# ten times what rocking by 10 degrees at 1 Hz takes; and how fast they come back from a fault
+FOLLOW = (100.0, 50.0, 400.0)
+RECOVER = (10.0, 5.0, 40.0)
+_TAKEN_AT_ONCE = 64  # samples in a tick: a queue that built up does not hold the tick up
+_MEMORY = 0.1  # [s] for which a fault is reported after the sample that showed it
+_PAUSE = 0.5  # [s] between reads, after which they begin anew
+_FORGET = 1.0  # [s] without samples, after which a sensor is met anew
+
+
+class SensedGravity:
+    """Gravity, angular velocity and angular acceleration of a base, from samples in a mailbox; a GravitySource.
+
+    Each tick takes what came, checks it (sensor_checks), fits a parabola through the last few samples of each kind
+    (local_fit) and reads it now, so that neither filtering nor the wait between samples delays what is said. The
+    sensor's place is accounted for: with p its position from the base's origin,
+
+        gravity = gravity at the sensor + alpha x p + omega x (omega x p)
+
+    in which gravity is free-fall acceleration, g minus the acceleration of that point. Angular terms need a
+    gyroscope; an accelerometer alone cannot tell them.
+
+    Before anything is believed gravity is that of a level base (NOMINAL). When samples stop or are all wrong, the
+    parabola is followed for a moment, then held (STALE); at the age limit the fallback takes its place: `hold`
+    gravity as of the newest sample, `fade` to gravity along the mean direction of the last seconds, `static`, that
+    of a level base, or `stop`. Angular terms end at the age limit in all of them. Nothing ever leaps
+    (SmoothTransfer). `read` raises nothing. A robot that shall stop without a sensor (`stop`) also stops when none
+    was heard for a second.
+    """
+
+    def __init__(
+        self,
+        mailbox: Mailbox,
+        mounting: Mounting | None = None,
+        *,
+        angular: bool = True,
+        fallback: str = "fade",
+        cutoff_hz: float = 35.0,
+        stale_after: float = 0.05,
+        age_limit: float = 0.2,
+        attitude_time: float = 2.0,
+        start_limit: float = 1.0,
+        rules: SensorRules | None = None,
+        feed: Callable[[float], None] | None = None,
+    ) -> None:
+        """Take samples from a mailbox.
+
+        Args:
+            mailbox: Where samples come in.
+            mounting: Of the sensor; at the base's origin, in its axes and without bias when None.
+            angular: A gyroscope is there; without, angular rates are left aside.
+            fallback: hold, fade, static or stop.
+            cutoff_hz: Half power of the low-pass; must leave five samples to 2.5 / cutoff_hz seconds.
+            stale_after: Age of the newest sample from which it counts as held [s].
+            age_limit: Age from which the fallback takes its place [s].
+            attitude_time: Time constant of the mean direction that `fade` goes to [s].
+            start_limit: Time without any believed sample after which `stop` stops [s].
+            rules: What is believed.
+            feed: Called with the time before samples are taken: what has no thread of its own delivers then.
+
+        Raises:
+            InputError: A fallback that there is none, times that are not 0 < stale_after <= age_limit.
+        """
+        if not 0.0 < stale_after <= age_limit < math.inf:
+            raise InputError(
+                f"stale_after {stale_after}, age_limit {age_limit}: expected 0 < stale_after <= age_limit [s]"
+            )
+        for name, value in (("attitude_time", attitude_time), ("start_limit", start_limit)):
+            if not 0.0 < value < math.inf:
+                raise InputError(f"{name}: expected more than 0 s, got {value}")
+        self.mailbox, self.mounting = mailbox, Mounting() if mounting is None else mounting
+        self.angular, self.fallback = angular, as_fallback(fallback)
+        self._rules = SensorRules() if rules is None else rules
+        self._stale_after, self._age_limit, self._start_limit = stale_after, age_limit, start_limit
+        self._feed = feed
+        m, r = self.mounting, self._rules
+        self._raw = RawCheck(r, m.acceleration_range, (Fault.NOT_FINITE, Fault.STUCK, Fault.SATURATED))
+        self._raw_rate = RawCheck(
+            r, m.rate_range, (Fault.RATE_NOT_FINITE, Fault.RATE_STUCK, Fault.RATE_SATURATED)
+        )
+        self._check, self._check_rate, self._swing = GravityCheck(r), RateCheck(r), ForetoldSwing()
+        self._force, self._rate = LocalFit(cutoff_hz), LocalFit(cutoff_hz)
+        self._attitude = SlowAttitude(attitude_time)
+        self._transfer = SmoothTransfer(np.array(FOLLOW), np.array(RECOVER))
+        self._seen: dict[Fault, float] = {}  # when each fault showed last
+        self._heard = -math.inf  # when the newest sample was taken in, whatever it was worth
+        self._targets, self._held = np.zeros((3, 3)), LEVEL.copy()
+        self._last_time, self._first_time = math.nan, math.nan
+        self._gaps = 0  # after which the parabola of gravity began anew
+        self._mode: tuple[Status, bool, int] = (Status.NOMINAL, False, 0)
+        self._dropped = 0
+        self._warm_up()
+
+    def read(self, time: float) -> GravityReading:
+        """Gravity and the turning of the base at a time [s], on the clock of the samples' stamps."""
+        if not math.isfinite(time):
+            time = 0.0 if math.isnan(self._last_time) else self._last_time
+        if not time - self._last_time < _PAUSE:
+            self._begin(time)
+        else:
+            if self._feed is not None:
+                self._feed(time)
+            self._take(time, _TAKEN_AT_ONCE)
+        live, turning = self._status(time), self._turning(time)
+        self._aim(time, live, turning)
+        changed = (live, turning, self._gaps) != self._mode
+        self._mode = (live, turning, self._gaps)
+        out = np.empty((3, 3))
+        dt = min(max(time - self._last_time, 0.0), 0.02)
+        self._last_time = time
+        self._transfer.follow(self._targets, dt, out, changed=changed)
+        nominal = live is Status.NOMINAL or (live is Status.FALLBACK and self.fallback == "static")
+        age = math.inf if nominal or self._force.newest == -math.inf else max(0.0, time - self._force.newest)
+        return GravityReading(out[0], age, out[1:], live, self._faults(time, live, turning))
+
+    def reset(self) -> None:
+        """Forget what was believed: the base was moved, or the sensor put right, while nobody looked."""
+        self._check.forget()
+        self._force.clear()
+        self._rate.clear()
+        self._mode, self._last_time = (Status.NOMINAL, False, 0), math.nan
+
+    def _begin(self, time: float) -> None:
+        """Begin to be read, or again after a pause: what piled up meanwhile is no fault, and nothing is to be eased."""
+        self._first_time = self._last_time = time
+        if self._feed is not None:
+            self._feed(time)
+        self._take(time, len(self.mailbox))
+        self._dropped = self.mailbox.dropped
+        self._seen.clear()
+        self._transfer.restart()
+
+    def _take(self, now: float, most: int) -> None:
+        if self.mailbox.dropped != self._dropped:
+            self._dropped = self.mailbox.dropped
+            self._seen[Fault.SAMPLES_LOST] = now
+        for _ in range(most):
+            sample = self.mailbox.take()
+            if sample is None:
+                return
+            self._heard = now
+            if sample.kind is Kind.ANGULAR_RATE:
+                fault = self._take_rate(sample, now) if self.angular else Fault.NONE
+            else:
+                fault = self._take_force(sample, now)
+            if fault is not Fault.NONE:
+                self._seen[fault] = now
+
+    def _take_force(self, sample: Sample, now: float) -> Fault:
+        stamp, vector, kind = sample
+        fault = self._raw.fault(stamp, vector, now)
+        if fault is Fault.NONE and now - stamp > self._age_limit:
+            fault = Fault.STAMP_OLD
+        if fault is not Fault.NONE:
+            return fault
+        gravity = self.mounting.gravity(np.array(vector), kind)
+        if stamp - self._force.newest > _FORGET and self._force.newest > -math.inf and self._meet_anew(stamp):
+            self._check.forget()
+            self._force.clear()
+        rate = self._rate.at(stamp)[0].copy() if self._rate_is_fresh(stamp) else None
+        expected = self._force.at(min(stamp, self._force.newest + self._horizon))[0]
+        fault = self._check.fault(stamp, gravity, expected, rate)
+        if fault is Fault.NONE and self._check.reference is not None:
+            if stamp - self._force.newest > 0.5 * self._force.window:
+                self._force.clear()  # a parabola over a gap would be a guess
+                self._gaps += 1
+            self._force.add(stamp, *gravity)
+            self._attitude.add(stamp, gravity)
+        return fault
+
+    def _meet_anew(self, stamp: float) -> bool:
+        """Whether nothing at all came since; wrong samples keep their reason to be doubted."""
+        return stamp - self._check.last_stamp > _FORGET
+
+    def _take_rate(self, sample: Sample, now: float) -> Fault:
+        stamp, vector, _ = sample
+        fault = self._raw_rate.fault(stamp, vector, now)
+        if fault is Fault.NONE and now - stamp > self._age_limit:
+            fault = Fault.STAMP_OLD
+        if fault is not Fault.NONE:
+            return fault
+        rate = self.mounting.rate(np.array(vector))
+        expected = self._rate.at(min(stamp, self._rate.newest + self._horizon))[0]
+        fault = self._check_rate.fault(rate, expected if self._rate_is_fresh(stamp) else None)
+        self._swing.add(stamp, rate, self._check.reference)
+        if fault is Fault.NONE and self._check.is_steady and self._swing.is_large:
+            fault = Fault.RATE_CONTRADICTS
+        if fault is not Fault.NONE or not self._check_rate.believed:
+            return fault
+        if stamp - self._rate.newest > 0.5 * self._rate.window:
+            self._rate.clear()
+        self._rate.add(stamp, *rate)
+        return Fault.NONE
+
+    @property
+    def _horizon(self) -> float:
+        """How far beyond the newest sample a parabola is followed [s]; further it would run away."""
+        return 0.6 * self._force.window
+
+    def _rate_is_fresh(self, time: float) -> bool:
+        return time - self._rate.newest <= self._stale_after
+
+    def _turning(self, time: float) -> bool:
+        """Whether angular terms are known: held with gravity, given up at the age limit."""
+        fit = self._rate
+        return self.angular and fit.span >= 0.6 * fit.window and time - fit.newest <= self._age_limit
+
+    def _status(self, time: float) -> Status:
+        if self._force.newest == -math.inf:
+            started = self.fallback != "stop" or time - self._first_time <= self._start_limit
+            waiting = self._mode[0] is Status.NOMINAL and started
+            return Status.NOMINAL if waiting else self._fallen()
+        age = time - self._force.newest
+        if age <= self._stale_after:
+            return Status.LIVE
+        return Status.STALE if age <= self._age_limit else self._fallen()
+
+    def _fallen(self) -> Status:
+        return Status.STOP if self.fallback == "stop" else Status.FALLBACK
+
+    def _aim(self, time: float, status: Status, turning: bool) -> None:
+        """Write where gravity, angular velocity and angular acceleration should be."""
+        targets = self._targets
+        targets[1:] = 0.0
+        if status is Status.NOMINAL:
+            targets[0] = LEVEL
+            return
+        if status is Status.LIVE or status is Status.STALE:
+            if turning:
+                targets[1:] = self._rate.at(min(time, self._rate.newest + self._horizon))
+            targets[0] = self._force.at(min(time, self._force.newest + self._horizon))[0]
+            _move_to_origin(targets, self.mounting.position)
+        elif self.fallback == "fade":
+            targets[0] = self._attitude.gravity()
+        elif self.fallback == "static":
+            targets[0] = LEVEL
+        else:
+            self._hold_newest()
+            targets[0] = self._held
+
+    def _hold_newest(self) -> None:
+        """Take gravity at the newest sample for what is held: what a parabola says of later is a guess, and noisier."""
+        newest = self._force.newest
+        if newest == -math.inf:
+            return
+        held = np.zeros((3, 3))
+        if self.angular and self._rate.span >= 0.6 * self._rate.window and self._rate_is_fresh(newest):
+            held[1:] = self._rate.at(min(newest, self._rate.newest + self._horizon))
+        held[0] = self._force.at(newest)[0]
+        _move_to_origin(held, self.mounting.position)
+        self._held[:] = held[0]
+
+    def _faults(self, time: float, status: Status, turning: bool) -> Fault:
+        faults = Fault.NONE
+        for fault, seen in self._seen.items():
+            if time - seen <= _MEMORY:
+                faults |= fault
+        silent = time - self._heard > self._stale_after
+        if status is not Status.LIVE and silent and time - self._first_time > self._stale_after:
+            faults |= Fault.NOTHING_RECEIVED if self._heard == -math.inf else Fault.INTERRUPTED
+        if status is Status.LIVE and self.angular and not self._rate_is_fresh(time):
+            faults |= Fault.RATES_INTERRUPTED
+        return faults
+
+    def _warm_up(self) -> None:
+        """Compile what ticks run."""
+        fit, transfer = LocalFit(1.0), SmoothTransfer(np.array(FOLLOW), np.array(RECOVER))
+        for k in range(6):
+            fit.add(0.4 * k, 0.0, 0.0, 0.0)
+        transfer.follow(fit.at(2.0)[[0, 0, 0]], 0.001, np.empty((3, 3)), changed=False)
+
+
+def _move_to_origin(targets: Floats, position: Floats) -> None:
+    """Add what turning does between the sensor and the base's origin: alpha x p + omega x (omega x p)."""
+    (wx, wy, wz), (ax, ay, az), (px, py, pz) = targets[1], targets[2], position
+    cx, cy, cz = wy * pz - wz * py, wz * px - wx * pz, wx * py - wy * px
+    targets[0, 0] += ay * pz - az * py + wy * cz - wz * cy
+    targets[0, 1] += az * px - ax * pz + wz * cx - wx * cz
+    targets[0, 2] += ax * py - ay * px + wx * cy - wy * cx

@@ -1,0 +1,168 @@
+"""How a sensor is mounted and what it reads wrong: the mounting file."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from catenary.arrays import Floats, as_array, frozen
+from catenary.config import Settings, load_toml
+from catenary.errors import ConfigError, FileFormatError, InputError
+from catenary.sensing.samples import Kind
+from catenary.spatial import as_rotation
+
+Vector = tuple[float, float, float]
+_ZERO = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Mounting:
+    """From what a sensor reads to the base: true = (reading - bias) / scale in its axes, R_base_imu to the base's.
+
+    `position` is where the sensor is, seen from the base's origin, in base axes.
+    """
+
+    rotation: Floats = field(default_factory=lambda: np.eye(3))  # (3, 3) R_base_imu
+    position: Floats = field(default_factory=lambda: np.zeros(3))  # (3,) [m]
+    bias: Floats = field(default_factory=lambda: np.zeros(3))  # (3,) of the accelerometer [m/s2]
+    scale: Floats = field(default_factory=lambda: np.ones(3))  # (3,) of the accelerometer
+    rate_bias: Floats = field(default_factory=lambda: np.zeros(3))  # (3,) of the gyroscope [rad/s]
+    acceleration_range: float = np.inf  # [m/s2] of each axis, as the sensor is set
+    rate_range: float = np.inf  # [rad/s]
+    sensor: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rotation", frozen(as_rotation("mounting rotation", self.rotation)))
+        for name in ("position", "bias", "scale", "rate_bias"):
+            object.__setattr__(self, name, frozen(as_array(f"mounting {name}", getattr(self, name), (3,))))
+        if not (self.scale > 0.0).all():
+            raise InputError(f"mounting scale: expected positive factors, got {self.scale.tolist()}")
+        for name in ("acceleration_range", "rate_range"):
+            if not getattr(self, name) > 0.0:
+                raise InputError(f"mounting {name}: expected more than 0, got {getattr(self, name)}")
+
+    def gravity(self, reading: Floats, kind: Kind) -> Floats:
+        """Free-fall acceleration (..., 3) in base axes at the sensor, of accelerometer readings (..., 3) [m/s2]."""
+        force = (reading - self.bias) / self.scale
+        turned: Floats = force @ self.rotation.T
+        return turned if kind is Kind.FREE_FALL else -turned
+
+    def rate(self, reading: Floats) -> Floats:
+        """Angular velocity (..., 3) in base axes, of gyroscope readings (..., 3) [rad/s]."""
+        turned: Floats = (reading - self.rate_bias) @ self.rotation.T
+        return turned
+
+
+class SensorSection(Settings):
+    """What the sensor is."""
+
+    name: str = ""
+    range_m_s2: float | None = None
+    range_rad_s: float | None = None
+
+
+class AccelerometerSection(Settings):
+    """What the accelerometer reads wrong."""
+
+    bias_m_s2: Vector = _ZERO
+    scale: Vector = (1.0, 1.0, 1.0)
+
+
+class GyroscopeSection(Settings):
+    """What the gyroscope reads wrong."""
+
+    bias_rad_s: Vector = _ZERO
+
+
+class MountingSection(Settings):
+    """Where the sensor is, and how it is turned."""
+
+    rotation: tuple[Vector, Vector, Vector]  # R_base_imu, by rows
+    position_m: Vector = _ZERO
+
+
+class TumbleSection(Settings):
+    """How well the file's numbers were determined; not used by anything."""
+
+    readings: int
+    residual_m_s2: float | None = None
+    rotation_residual_deg: float | None = None
+    remarks: tuple[str, ...] = ()
+
+
+class MountingFile(Settings):
+    """A mounting file."""
+
+    sensor: SensorSection = SensorSection()
+    accelerometer: AccelerometerSection = AccelerometerSection()
+    gyroscope: GyroscopeSection = GyroscopeSection()
+    mounting: MountingSection
+    tumble: TumbleSection | None = None
+
+
+def load_mounting(path: Path | str) -> Mounting:
+    """Read a mounting file.
+
+    Raises:
+        ConfigError: Missing, not TOML, or a key that is unknown, missing or wrong.
+    """
+    content = load_toml(Path(path), MountingFile)
+    try:
+        return Mounting(
+            rotation=np.array(content.mounting.rotation),
+            position=np.array(content.mounting.position_m),
+            bias=np.array(content.accelerometer.bias_m_s2),
+            scale=np.array(content.accelerometer.scale),
+            rate_bias=np.array(content.gyroscope.bias_rad_s),
+            acceleration_range=np.inf if content.sensor.range_m_s2 is None else content.sensor.range_m_s2,
+            rate_range=np.inf if content.sensor.range_rad_s is None else content.sensor.range_rad_s,
+            sensor=content.sensor.name,
+        )
+    except InputError as error:
+        raise ConfigError(f"{path}: {error}") from error
+
+
+def save_mounting(path: Path | str, mounting: Mounting, tumble: TumbleSection | None = None) -> None:
+    """Write a mounting file.
+
+    Raises:
+        FileFormatError: It cannot be written.
+    """
+    lines = [
+        "# How a sensor of gravity is mounted: true = (reading - bias) / scale, turned by R_base_imu",
+        "",
+    ]
+    lines += ["[sensor]", f"name = {_text(mounting.sensor)}"]
+    if np.isfinite(mounting.acceleration_range):
+        lines.append(f"range_m_s2 = {float(mounting.acceleration_range)!r}")
+    if np.isfinite(mounting.rate_range):
+        lines.append(f"range_rad_s = {float(mounting.rate_range)!r}")
+    lines += ["", "[accelerometer]", f"bias_m_s2 = {_row(mounting.bias)}", f"scale = {_row(mounting.scale)}"]
+    lines += ["", "[gyroscope]", f"bias_rad_s = {_row(mounting.rate_bias)}"]
+    lines += [
+        "",
+        "[mounting]",
+        "rotation = [  # R_base_imu: takes vectors in the sensor's axes to the base's",
+    ]
+    lines += [f"    {_row(row)}," for row in mounting.rotation]
+    lines += ["]", f"position_m = {_row(mounting.position)}  # of the sensor from the base's origin"]
+    if tumble is not None:
+        lines += ["", "[tumble]", f"readings = {tumble.readings}"]
+        for name in ("residual_m_s2", "rotation_residual_deg"):
+            value = getattr(tumble, name)
+            if value is not None:
+                lines.append(f"{name} = {float(value)!r}")
+        lines.append(f"remarks = [{', '.join(_text(remark) for remark in tumble.remarks)}]")
+    try:
+        Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _row(values: Floats) -> str:
+    return "[" + ", ".join(repr(float(v)) for v in values) + "]"
+
+
+def _text(value: str) -> str:
+    escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else " " for c in escaped) + '"'

@@ -1,0 +1,236 @@
+"""Bias, scale and mounting of an accelerometer, from readings at rest in several attitudes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import least_squares
+
+from catenary.arrays import Floats, as_array
+from catenary.errors import InputError
+from catenary.sensing.mounting import Mounting
+from catenary.sensing.vector import STANDARD_GRAVITY
+
+FEWEST = 6  # readings: bias and scale are six numbers
+_NEAR = np.cos(np.radians(55.0))  # a reading this near an axis covers that side
+_SIDES = ("+x up", "-x up", "+y up", "-y up", "+z up", "-z up")
+_MAX_BIAS, _MAX_SCALE = (
+    3.0,
+    0.2,
+)  # [m/s2], relative: beyond is no accelerometer that a tumble should put right
+_GOOD = 0.1  # [m/s2] residual of readings that were at rest
+_PARALLEL = 0.005  # of two directions 8 degrees apart: (1 - cos) / (1 + cos)
+_FLAT = 0.002  # of three directions, level and tilted by 8 degrees about two axes
+_ALIGNED = 30.0  # [deg] between what was expected and what was found
+_UNITS = {"g": 9.80665, "cm/s2": 0.01, "mg": 0.00980665}  # [m/s2]
+
+
+@dataclass(frozen=True)
+class Tumble:
+    """What a tumble found; true = (reading - bias) / scale."""
+
+    bias: Floats  # (3,) [m/s2]
+    scale: Floats  # (3,)
+    residual: (
+        float  # [m/s2] RMS of the corrected lengths minus standard gravity; NaN when nothing is left over
+    )
+    missing: tuple[str, ...]  # sides of the sensor that never were up
+    faults: tuple[str, ...]  # why the numbers must not be used, in words
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """How a sensor is turned against other axes."""
+
+    rotation: Floats  # (3, 3) from the sensor's axes to those in which `up` was told
+    residual_deg: float  # RMS angle between what is told and what is read
+    faults: tuple[str, ...]
+
+
+def fit_tumble(readings: ArrayLike) -> Tumble:
+    """Bias and scale of an accelerometer from readings at rest in attitudes that nobody need know.
+
+    Minimises sum_i (|(y_i - b) / s| - g)^2 over bias b and scale s, both (3,): at rest specific force has gravity's
+    length in every attitude. [Frosio, Pedersini, Borghese 2009, Autocalibration of MEMS accelerometers, without
+    their cross-axis terms]
+
+    Six attitudes, each side up once, are enough for the numbers; more leave a residual that tells how good they are.
+
+    Args:
+        readings: (N, 3) means at rest [m/s2], N >= 6.
+
+    Raises:
+        InputError: Fewer than six readings, or another shape.
+    """
+    y = as_array("readings", readings, (None, 3))
+    if len(y) < FEWEST:
+        raise InputError(f"tumble: expected at least {FEWEST} readings at rest, got {len(y)}")
+    faults = _length_faults(y)
+    directions = y / np.maximum(np.linalg.norm(y, axis=1, keepdims=True), 1e-12)
+    missing = tuple(
+        side
+        for k, side in enumerate(_SIDES)
+        if not (directions[:, k // 2] * (1.0 if k % 2 == 0 else -1.0) >= _NEAR).any()
+    )
+    if missing:
+        faults.append(f"too little spread: no reading with {', '.join(missing)}")
+    if faults:
+        return Tumble(np.zeros(3), np.ones(3), float("nan"), missing, tuple(faults))
+
+    def off(p: Floats) -> Floats:
+        lengths: Floats = np.linalg.norm((y - p[:3]) / p[3:], axis=1)
+        return lengths - STANDARD_GRAVITY
+
+    solution = least_squares(
+        off, np.r_[np.zeros(3), np.ones(3)], x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14
+    )
+    bias, scale = solution.x[:3], solution.x[3:]
+    residual = float(np.sqrt(np.mean(solution.fun**2))) if len(y) > FEWEST else float("nan")
+    if np.abs(bias).max() > _MAX_BIAS or np.abs(scale - 1.0).max() > _MAX_SCALE:
+        faults.append(
+            f"bias {np.round(bias, 2).tolist()} m/s2, scale {np.round(scale, 3).tolist()}: beyond {_MAX_BIAS:g} m/s2 "
+            f"and 1 ± {_MAX_SCALE:g}: was it at rest, and is its unit right?"
+        )
+    if residual > _GOOD:
+        faults.append(
+            f"residual {residual:.3f} m/s2, expected below {_GOOD:g}: it was moved during a reading"
+        )
+    return Tumble(bias, scale, residual, missing, tuple(faults))
+
+
+def align(
+    readings: ArrayLike, up: ArrayLike, *, tumble: Tumble | None = None, expected: ArrayLike | None = None
+) -> Alignment:
+    """How the sensor is turned, from readings at rest whose direction of up is known in other axes.
+
+    The rotation that brings the readings nearest to `up` (Kabsch's solution of Wahba's problem), once each is
+    corrected and of length one. Two directions that are not parallel are enough; with three that are not in one
+    plane, a sensor whose axes are mirrored is found out: its sign or the order of its axes is wrong.
+
+    Args:
+        readings: (N, 3) means at rest [m/s2], N >= 2.
+        up: (N, 3) where up was, in the axes to which the rotation leads: (0, 0, 1) for a level base.
+        tumble: Corrects the readings.
+        expected: (3, 3) rotation that is roughly expected, to tell a wrong sign from swapped axes; the same axes
+            when None, in which case other rotations are no fault.
+
+    Raises:
+        InputError: Other shapes, or directions that are all parallel.
+    """
+    y = as_array("readings", readings, (None, 3))
+    told = as_array("up", up, (len(y), 3))
+    rough = np.eye(3) if expected is None else as_array("expected", expected, (3, 3))
+    force = y if tumble is None else (y - tumble.bias) / tumble.scale
+    lengths, told_lengths = np.linalg.norm(force, axis=1), np.linalg.norm(told, axis=1)
+    if len(y) < 2 or not (lengths > 0.0).all() or not (told_lengths > 0.0).all():
+        raise InputError(
+            f"align: expected at least two readings and directions that are not zero, got {len(y)}"
+        )
+    force, told = force / lengths[:, None], told / told_lengths[:, None]
+    U, sizes, Vt = np.linalg.svd(told.T @ force)
+    if sizes[1] < _PARALLEL * sizes[0]:
+        raise InputError(
+            "align: all directions are parallel: tilt the base by 10 degrees or more, or turn it over"
+        )
+    mirrored = np.linalg.det(U @ Vt) < 0.0
+    rotation: Floats = U @ np.diag([1.0, 1.0, -1.0 if mirrored else 1.0]) @ Vt
+    residual = _angle_deg(told, force @ rotation.T)
+    faults: list[str] = []
+    if mirrored and sizes[2] > _FLAT * sizes[0]:
+        orthogonal = U @ Vt  # the mirror that fits
+        if _rotation_deg(-orthogonal @ rough.T) <= _ALIGNED:
+            faults.append("wrong sign: at rest it reads +g downwards; specific force points up")
+        else:
+            faults.append(f"wrong axes: {_axes_text(rough.T @ orthogonal)}: not right-handed")
+    elif len(y) >= 2 and np.mean(np.sum(told * (force @ rough.T), axis=1)) < -0.5:
+        # two directions cannot show a mirror, but all of them upside down do
+        faults.append("wrong sign: at rest it reads +g downwards; specific force points up")
+    elif expected is not None and _rotation_deg(rotation @ rough.T) > _ALIGNED:
+        faults.append(
+            f"wrong axes: {_axes_text(rough.T @ rotation)}: turned by {_rotation_deg(rotation @ rough.T):.0f} deg "
+            "from what was expected"
+        )
+    elif residual > 5.0:
+        faults.append(f"readings and attitudes differ by {residual:.1f} deg: were the attitudes as told?")
+    return Alignment(rotation, residual, tuple(faults))
+
+
+def level_and_tilts(
+    level: ArrayLike, roll: ArrayLike, pitch: ArrayLike | None = None
+) -> tuple[Floats, Floats]:
+    """Readings and directions of up for `align`, of a base that stood level, then tilted by angles nobody measured.
+
+    Rolled about its x axis, positive (y side up), it has up in its y-z plane; pitched about its y axis, positive
+    (x side down), in its x-z plane. How far follows from the angle between the readings.
+
+    Args:
+        level: (3,) reading on the level base.
+        roll: (3,) reading after the roll.
+        pitch: (3,) reading after a pitch from level; with it a mirrored sensor is found out.
+
+    Returns:
+        Readings (N, 3) and up (N, 3) in base axes.
+    """
+    rows = [as_array("level", level, (3,)), as_array("roll", roll, (3,))]
+    ups = [np.array([0.0, 0.0, 1.0])]
+    angle = _between(rows[0], rows[1])
+    ups.append(np.array([0.0, np.sin(angle), np.cos(angle)]))
+    if pitch is not None:
+        rows.append(as_array("pitch", pitch, (3,)))
+        angle = _between(rows[0], rows[2])
+        ups.append(np.array([-np.sin(angle), 0.0, np.cos(angle)]))
+    return np.array(rows), np.array(ups)
+
+
+def tumbled_mounting(
+    tumble: Tumble, alignment: Alignment | None, *, start: Mounting | None = None
+) -> Mounting:
+    """The mounting that sources of gravity load: what was found, the rest as it was."""
+    old = Mounting() if start is None else start
+    return Mounting(
+        rotation=old.rotation if alignment is None else alignment.rotation,
+        position=old.position,
+        bias=tumble.bias,
+        scale=tumble.scale,
+        rate_bias=old.rate_bias,
+        acceleration_range=old.acceleration_range,
+        rate_range=old.rate_range,
+        sensor=old.sensor,
+    )
+
+
+def _length_faults(y: Floats) -> list[str]:
+    length = float(np.median(np.linalg.norm(y, axis=1)))
+    if abs(length - STANDARD_GRAVITY) <= _MAX_BIAS:
+        return []
+    off = {unit: abs(length * factor / STANDARD_GRAVITY - 1.0) for unit, factor in _UNITS.items()}
+    unit = min(off, key=lambda name: off[name])
+    if off[unit] < 0.05:
+        return [f"readings are of length {length:.4g}: they seem to be in {unit}, expected m/s2"]
+    if length < 1.0:
+        return [f"readings are of length {length:.3g} m/s2: the driver takes gravity away"]
+    return [f"readings are of length {length:.3g}, expected about {STANDARD_GRAVITY} m/s2"]
+
+
+def _axes_text(matrix: Floats) -> str:
+    """Where each of the sensor's axes was found, by the nearest axis."""
+    parts: Sequence[str] = [
+        f"{'xyz'[j]} reads {'-' if matrix[k, j] < 0.0 else '+'}{'xyz'[k]}"
+        for j in range(3)
+        for k in [int(np.argmax(np.abs(matrix[:, j])))]
+    ]
+    return ", ".join(parts)
+
+
+def _between(a: Floats, b: Floats) -> float:
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+def _angle_deg(a: Floats, b: Floats) -> float:
+    angles = [_between(p, q) for p, q in zip(a, b, strict=True)]
+    return float(np.degrees(np.sqrt(np.mean(np.square(angles)))))
+
+
+def _rotation_deg(matrix: Floats) -> float:
+    return float(np.degrees(np.arccos(np.clip((np.trace(matrix) - 1.0) / 2.0, -1.0, 1.0))))

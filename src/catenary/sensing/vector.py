@@ -1,0 +1,82 @@
+"""The gravity vector in the base frame: what a source says of it, and sources that measure nothing."""
+
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array, frozen
+from catenary.errors import InputError
+from catenary.plant import AT_REST
+from catenary.sensing.faults import Fault
+
+STANDARD_GRAVITY = 9.81  # [m/s2], as everywhere in this package
+LEVEL = frozen(np.array([0.0, 0.0, -STANDARD_GRAVITY]))  # on a level base
+
+
+class Status(Enum):
+    """How far a gravity vector may be trusted."""
+
+    NOMINAL = "nominal"  # nothing was measured: that of a level base, or one that was told
+    LIVE = "live"  # measured
+    STALE = "stale"  # nothing new: the last one, held
+    FALLBACK = "fallback"  # older than the age limit: what was configured for that case
+    STOP = "stop"  # older than the age limit, and configured to stop the robot
+
+
+class GravityReading(NamedTuple):
+    """What a source of gravity says at one instant; the arrays are the receiver's own."""
+
+    gravity: Floats  # (3,) [m/s2] in base axes: g - a, a the acceleration of the base's origin
+    age: float  # [s] since it was measured; inf when it is nominal
+    base_rates: Floats  # (2, 3) angular velocity and acceleration of the base, in its axes [rad/s, rad/s2]
+    status: Status
+    faults: Fault
+
+
+class FixedGravity:
+    """A gravity vector that was told, of a base that stands still; a GravitySource."""
+
+    def __init__(self, gravity: ArrayLike = LEVEL) -> None:
+        """Take the vector, (3,) [m/s2] in base axes, downwards.
+
+        Raises:
+            InputError: Another shape, NaN or infinity.
+        """
+        self.gravity = frozen(as_array("gravity", gravity, (3,)))
+
+    def read(self, time: float) -> GravityReading:
+        """The vector; its age is infinite, since nothing is measured."""
+        return GravityReading(self.gravity.copy(), np.inf, AT_REST, Status.NOMINAL, Fault.NONE)
+
+
+def tilted_gravity(roll: float, pitch: float) -> Floats:
+    """Gravity in a base turned from level by roll about x, then by pitch about its own y [rad], (3,) [m/s2].
+
+    R_world_base = Rx(roll) Ry(pitch), so gravity is R_world_base^T (0, 0, -g).
+    """
+    r, p = as_array("roll and pitch", [roll, pitch], (2,))
+    vector: Floats = STANDARD_GRAVITY * np.array([np.cos(r) * np.sin(p), -np.sin(r), -np.cos(r) * np.cos(p)])
+    return vector
+
+
+def tilt_of(gravity: ArrayLike) -> tuple[float, float]:
+    """Roll about x, within 90 degrees, then pitch about the base's y [rad], of which this is the gravity.
+
+    Gravity does not tell how a base is turned about the vertical.
+
+    Raises:
+        InputError: The vector is zero.
+    """
+    x, y, z = as_array("gravity", gravity, (3,))
+    length = float(np.sqrt(x * x + y * y + z * z))
+    if length == 0.0:
+        raise InputError("gravity: expected a vector that is not zero")
+    return float(np.arcsin(np.clip(-y / length, -1.0, 1.0))), float(np.arctan2(x, -z))
+
+
+def tilt_angle(gravity: ArrayLike) -> float:
+    """Angle between this gravity and that of a level base [rad]; NaN of a vector that is zero."""
+    x, y, z = as_array("gravity", gravity, (3,))
+    return float(np.arctan2(np.hypot(x, y), -z)) if x or y or z else float("nan")

@@ -1,0 +1,245 @@
+"""Say what a file is and what is wrong with it: robot, calibration model, or recording."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from zipfile import is_zipfile
+
+import numpy as np
+
+from catenary.calibration.evaluate import DISPLAY
+from catenary.calibration.files import load_model
+from catenary.errors import FileFormatError
+from catenary.identification.files import load_identification
+from catenary.plant import MotionLog
+from catenary.recording.importers import read_arrays
+from catenary.recording.logs import read_log
+from catenary.robots.catalog import load_robot, robot_names
+from catenary.robots.model import RobotModel
+from catenary.workflows.calibration_report import shortened
+
+ROBOT_ENDINGS = (".toml", ".urdf", ".xml", ".mjcf")
+LONG_GAP = 10.0  # times the median step between stamps
+
+
+@dataclass
+class Finding:
+    """What a file is, its facts, and its faults."""
+
+    kind: str  # "robot", "calibration model", "identified dynamics" or "recording"
+    facts: list[tuple[str, str]] = field(default_factory=list)
+    faults: list[str] = field(default_factory=list)  # make it unfit for its use, or its numbers doubtful
+    remarks: list[str] = field(default_factory=list)  # worth knowing
+
+    def as_data(self) -> dict[str, Any]:
+        """Give it as plain data."""
+        return {"kind": self.kind, "facts": dict(self.facts), "faults": self.faults, "remarks": self.remarks}
+
+
+def check_file(source: str, *, units: Sequence[str] | None = None) -> Finding:
+    """Find out what a file (or a catalogue name) is, and what is wrong with it.
+
+    Args:
+        source: A file, or a robot's name in the catalogue.
+        units: "rad" or "m" per joint, for a recording that does not state them.
+
+    Raises:
+        FileFormatError: No such file, unknown kind, or it cannot be read at all; the message says why.
+        InputError: A recording or robot whose numbers cannot be used; the message says which.
+    """
+    path = Path(source)
+    if source in robot_names():
+        return check_robot(load_robot(source))
+    if path.is_dir():
+        raise FileFormatError(f"{path}: is a folder, expected a file")
+    if path.suffix.lower() in ROBOT_ENDINGS:
+        return check_robot(load_robot(source))
+    # a model may have any name; a recording's says what it is
+    if path.is_file() and is_zipfile(path) and "structure" in (arrays := read_arrays(path)):
+        return _check_identification(path) if "combination" in arrays else _check_model(path)
+    if path.suffix in (".npz", ".parquet", ".csv"):
+        return check_recording(read_log(path, units=units))
+    if not path.exists():
+        raise FileFormatError(
+            f"{source}: no such file, and no robot of that name; robots: {', '.join(robot_names())}"
+        )
+    raise FileFormatError(
+        f'{source}: ending "{path.suffix}" is none that catenary reads: robots ({", ".join(ROBOT_ENDINGS)}), '
+        "models (.npz), recordings (.npz, .parquet, .csv)"
+    )
+
+
+def check_robot(model: RobotModel) -> Finding:
+    """Look a robot over: inertia, limits, what its file holds that the model leaves out."""
+    finding = Finding("robot")
+    joints = []
+    for name, unit, low, high in zip(
+        model.joint_names, model.joint_units, model.lower, model.upper, strict=True
+    ):
+        shown, scale = DISPLAY[unit]
+        limits = (
+            "no limits"
+            if np.isinf(low) and np.isinf(high)
+            else f"{scale * low:g} to {scale * high:g} {shown}"
+        )
+        joints.append(f"{name} [{unit}] {limits}")
+    finding.facts = [
+        ("name", model.name),
+        ("joints", "; ".join(joints)),
+        ("links", ", ".join(model.link_names)),
+        ("frames", ", ".join(model.frames)),
+        ("tip", model.tip),
+        ("moving mass", f"{model.tree.mass.sum():g} kg"),
+        ("massless links", ", ".join(model.massless) or "none"),
+        ("sources", "; ".join(model.sources) or "none stated"),
+    ]
+    if model.actuation is not None and model.missing_inertia == model.link_names:
+        # a table that states friction and filters but no inertia at all is there to be identified
+        finding.remarks.append(
+            "kinematics only, to be identified (catenary identify): torques and masses are refused until then"
+        )
+    elif model.missing_inertia:
+        finding.faults.append(
+            f"no inertia for {', '.join(model.missing_inertia)}: kinematics work, torques and masses are refused"
+        )
+    for link, mass, tensor in zip(model.link_names, model.tree.mass, model.tree.inertia, strict=True):
+        moments = np.linalg.eigvalsh(tensor)
+        if mass > 0.0 and moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-6) + 1e-12:
+            finding.faults.append(
+                f"inertia of {link}: principal moments {', '.join(f'{m:.3g}' for m in moments)} kg m2; no body has "
+                "one larger than the sum of the others"
+            )
+    unbound = [
+        n for n, low, high in zip(model.joint_names, model.lower, model.upper, strict=True) if low >= high
+    ]
+    finding.faults += [f"limits of {name}: the lower one is not below the upper" for name in unbound]
+    finding.remarks += list(model.notes)
+    return finding
+
+
+def check_recording(log: MotionLog) -> Finding:
+    """Look a recording over: rows, rate, gaps, stamps, joints, errors."""
+    finding = Finding("recording")
+    finding.facts = [
+        ("rows", f"{len(log):,}, {int(log.ok.sum()):,} with a trusted measurement"),
+        ("joints", ", ".join(f"{n} [{u}]" for n, u in zip(log.joint_names, log.joint_units, strict=True))),
+        ("robot", log.robot or "not stated"),
+        ("simulated", "yes" if log.simulated else "not said"),
+        ("sha256", log.sha256 or "unknown"),
+    ]
+    if log.time is not None:
+        _check_time(finding, log)
+    for j, (name, unit) in enumerate(zip(log.joint_names, log.joint_units, strict=True)):
+        shown, scale = DISPLAY[unit]
+        q = scale * log.q_nominal[:, j]
+        fact = f"{q.min():.2f} to {q.max():.2f} {shown}"
+        if log.q_encoder is not None and log.ok.any():
+            error = scale * (log.q_encoder - log.q_nominal)[log.ok, j]
+            fact += f", error RMS {np.sqrt(np.mean(error**2)):.3f}, largest {np.abs(error).max():.2f} {shown}"
+            middle = np.median(error)
+            spread = 1.4826 * float(np.median(np.abs(error - middle)))
+            wild = int((np.abs(error - middle) > 10.0 * max(spread, 1e-9)).sum())
+            if wild:
+                finding.faults.append(
+                    f"{name}: {wild} errors lie beyond 10 robust standard deviations ({10 * spread:.2g} {shown}): "
+                    "measurement failures?"
+                )
+        finding.facts.append((name, fact))
+        if q.min() == q.max():
+            finding.remarks.append(f"{name} never moves")
+    if log.q_encoder is None:
+        finding.faults.append("no measured joint positions (q_encoder): it cannot be calibrated from")
+    elif not log.ok.any():
+        finding.faults.append("ok is set on no row: it cannot be calibrated from")
+    elif not log.ok.all():
+        finding.remarks.append(
+            f"{int((~log.ok).sum())} rows without a trusted measurement serve as history only"
+        )
+    finding.remarks += log.notes
+    return finding
+
+
+def _check_time(finding: Finding, log: MotionLog) -> None:
+    time = log.time
+    if time is None or len(time) < 2:
+        return
+    steps = np.diff(time)
+    forward = steps[steps > 0.0]
+    repeated, back = int((steps == 0.0).sum()), int((steps < 0.0).sum())
+    if len(forward):
+        median = float(np.median(forward))
+        finding.facts.append(("duration", f"{forward.sum():.1f} s, median step {median:.4g} s"))
+        gaps = int((forward > LONG_GAP * median).sum())
+        if gaps:
+            finding.remarks.append(
+                f"{gaps} gaps longer than {LONG_GAP:g} median steps, the longest {forward.max():.3g} s"
+            )
+    if repeated:
+        finding.faults.append(f"{repeated} repeated time stamps")
+    if back > 3:
+        finding.faults.append(
+            f"time goes back {back} times: stamps are shuffled, or many recordings were joined"
+        )
+
+
+def _check_identification(path: Path) -> Finding:
+    result, card = load_identification(path)
+    finding = Finding("identified dynamics")
+    finding.facts = [
+        ("robot", result.model.name),
+        ("terms", result.options.terms),
+        ("base parameters", f"{result.base.count}, condition {result.condition:.4g}"),
+        ("physically consistent", "no" if result.phi is None else "yes"),
+        *(
+            (f"{r.log}, {r.verdict or 'fitted'}", ", ".join(f"{v:.3f}" for v in r.relative_rms))
+            for r in (*result.training, *result.tests)
+        ),
+        ("version", ", ".join(f"{k} {v}" for k, v in card["version"].items())),
+    ]
+    finding.faults = [f"fails on {r.log}" for r in result.tests if r.verdict == "fails"]
+    finding.remarks = list(card["notes"])
+    return finding
+
+
+def _check_model(path: Path) -> Finding:
+    model, card = load_model(path)
+    finding = Finding("calibration model")
+    finding.facts = [
+        ("kind", model.kind + (f", preset {model.preset}" if model.preset else "")),
+        ("robot", card["robot"] or "not stated"),
+        ("simulated", "yes: fitted to simulated recordings" if card["simulated"] else "no"),
+        (
+            "joints",
+            ", ".join(f"{n} [{u}]" for n, u in zip(model.joint_names, model.joint_units, strict=True)),
+        ),
+        ("inputs", f"{len(model.features.names)}: {shortened(model.features.names)}"),
+        ("target", model.target),
+        ("fitted to", ", ".join(f"{s['name']} (sha256 {str(s['sha256'])[:12]})" for s in card["data"])),
+        ("rows", str(card["rows"])),
+        ("seed", str(card["run"]["seed"])),
+        ("version", ", ".join(f"{k} {v}" for k, v in card["version"].items())),
+    ]
+    for joint in (card["errors"]["cross_validation"] or {"joints": []})["joints"]:
+        finding.facts.append(
+            (
+                joint["joint"],
+                f"RMSE {joint['rmse_mean']:.3f} ± {joint['rmse_sd']:.3f} {joint['unit']} on unseen blocks of time "
+                f"(fixed offset {joint['offset_rmse_mean']:.3f})",
+            )
+        )
+        # two ways to sum the same offset differ in their last digits
+        if joint["rmse_mean"] > joint["offset_rmse_mean"] * (1.0 + 1e-9):
+            finding.faults.append(
+                f"{joint['joint']}: worse than the fixed offset on blocks of time it did not see"
+            )
+    for joint in card["errors"]["held_out"] or []:
+        finding.facts.append(
+            (
+                f"{joint['name']}, held out",
+                f"RMSE {joint['rmse']:.3f} {joint['unit']} on the last part of the recordings, which it did not see "
+                f"(fixed offset {joint['offset_rmse']:.3f})",
+            )
+        )
+    finding.remarks = list(card["notes"])
+    return finding

@@ -1,0 +1,236 @@
+"""Watch a sensor of gravity for a while, and say what it measured and what was wrong."""
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.control.report import GravityReport, GravityTally
+from catenary.devices.accelerometer import SerialAccelerometer
+from catenary.errors import InputError, SensorError
+from catenary.sensing.imu import SensedGravity
+from catenary.sensing.samples import Kind, Mailbox
+from catenary.sensing.vector import GravityReading, Status, tilt_angle, tilt_of
+from catenary.simulation.sensors import SimulatedSensor
+
+_READ_EVERY = 0.005  # [s]
+_SETTLE = 0.1  # [s] for the first samples
+_STILL = 0.15  # [m/s2] standard deviation of an axis at rest: three times a cheap sensor's noise
+
+
+class Feed(Protocol):
+    """Where samples come from, and the clock that they are stamped with."""
+
+    @property
+    def mailbox(self) -> Mailbox: ...  # noqa: D102
+
+    def now(self) -> float:
+        """Time [s]."""
+        ...
+
+    def wait(self, seconds: float) -> None:
+        """Let time go by."""
+        ...
+
+    @property
+    def has_gyroscope(self) -> bool: ...  # noqa: D102
+
+    def link(self) -> dict[str, Any]:
+        """What the line says about itself."""
+        ...
+
+
+class SimulatedFeed:
+    """A simulated sensor, in its own time or, when paced, in real time."""
+
+    def __init__(self, sensor: SimulatedSensor, *, paced: bool = False) -> None:
+        self._sensor, self._paced, self._time = sensor, paced, 0.0
+
+    @property
+    def mailbox(self) -> Mailbox:
+        """Where its samples come in."""
+        return self._sensor.mailbox
+
+    def now(self) -> float:
+        """Simulated time [s]."""
+        return self._time
+
+    def wait(self, seconds: float) -> None:
+        """Let time go by, and the sensor take its samples."""
+        self._time += seconds
+        self._sensor.advance(self._time)
+        if self._paced:
+            time.sleep(seconds)
+
+    @property
+    def has_gyroscope(self) -> bool:
+        """Samples of angular rates come, too."""
+        return self._sensor.model.has_gyroscope
+
+    def link(self) -> dict[str, Any]:
+        """Nothing: there is no line."""
+        return {}
+
+
+class SerialFeed:
+    """A board on a serial line."""
+
+    def __init__(self, device: SerialAccelerometer) -> None:
+        self._device = device
+
+    @property
+    def mailbox(self) -> Mailbox:
+        """Where its samples come in."""
+        return self._device.mailbox
+
+    def now(self) -> float:
+        """The clock that stamps are on [s]."""
+        return time.monotonic()
+
+    def wait(self, seconds: float) -> None:
+        """Sleep."""
+        time.sleep(seconds)
+
+    @property
+    def has_gyroscope(self) -> bool:
+        """Samples of angular rates come, too."""
+        return self._device.hello is not None and self._device.hello.has_gyroscope
+
+    def link(self) -> dict[str, Any]:
+        """Counts of what came over the line."""
+        return asdict(self._device.counts)
+
+
+@dataclass(frozen=True)
+class SenseSummary:
+    """What a sensor measured over a while; of base axes."""
+
+    duration: float  # [s]
+    reading: GravityReading  # the last
+    mean: Floats  # (3,) [m/s2] while it was live; NaN when it never was
+    spread: Floats  # (3,) [m/s2] standard deviation
+    gravity: GravityReport  # readings by status, faults, messages
+    link: dict[str, Any]
+
+    @property
+    def was_live(self) -> bool:
+        """Something was measured, and believed."""
+        return "live" in self.gravity.ticks
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data, in SI and degrees where the name says so."""
+        roll, pitch = tilt_of(self.reading.gravity)
+        return {
+            "duration_s": self.duration,
+            "status": self.reading.status.value,
+            "gravity": self.reading.gravity,
+            "magnitude": float(np.linalg.norm(self.reading.gravity)),
+            "age_s": self.reading.age,
+            "tilt_deg": {
+                "roll": np.degrees(roll),
+                "pitch": np.degrees(pitch),
+                "from_level": np.degrees(tilt_angle(self.reading.gravity)),
+            },
+            "angular_velocity": self.reading.base_rates[0],
+            "angular_acceleration": self.reading.base_rates[1],
+            "mean": self.mean,
+            "standard_deviation": self.spread,
+            "readings": dict(self.gravity.ticks),
+            "faults": dict(self.gravity.faults),
+            "messages": list(self.gravity.messages),
+            "largest_age_s": self.gravity.largest_age,
+            "link": self.link,
+        }
+
+
+def watch(
+    feed: Feed,
+    source: SensedGravity,
+    duration: float,
+    *,
+    show: Callable[[GravityReading, float], None] = lambda reading, time: None,
+) -> SenseSummary:
+    """Read a source every 5 ms.
+
+    Args:
+        feed: What delivers to the source's mailbox.
+        source: The estimator.
+        duration: [s]; infinity goes on until Ctrl-C, and then sums up.
+        show: Called with each reading and the time since the start [s].
+
+    Raises:
+        InputError: The duration is no positive number.
+    """
+    if not duration > 0.0:
+        raise InputError(f"duration: expected more than 0 s, got {duration}")
+    tally = GravityTally()
+    sums, count = np.zeros((2, 3)), 0
+    feed.wait(_SETTLE)
+    begin = feed.now()
+    reading = source.read(begin)
+    try:
+        while feed.now() - begin < duration:
+            feed.wait(_READ_EVERY)
+            reading = source.read(feed.now())
+            tally.add(reading)
+            if reading.status is Status.LIVE:
+                sums += [reading.gravity, reading.gravity**2]
+                count += 1
+            show(reading, feed.now() - begin)
+    except KeyboardInterrupt:
+        pass  # the person has seen enough
+    mean, square = sums / count if count else np.full((2, 3), np.nan)
+    return SenseSummary(
+        duration=feed.now() - begin,
+        reading=reading,
+        mean=mean,
+        spread=np.sqrt(np.maximum(square - mean**2, 0.0)),
+        gravity=tally.report(),
+        link=feed.link(),
+    )
+
+
+@dataclass(frozen=True)
+class StillReading:
+    """Means of a sensor at rest, in its own axes."""
+
+    force: Floats  # (3,) [m/s2]
+    rate: Floats | None  # (3,) [rad/s]
+
+
+def read_still(feed: Feed, *, seconds: float = 1.0, patience: float = 20.0) -> StillReading:
+    """Wait until the sensor stands still for a while, and give its means.
+
+    Raises:
+        SensorError: No samples, or it never stood still.
+    """
+    while feed.mailbox.take() is not None:
+        pass  # from before
+    begin, noise = feed.now(), np.full(3, np.nan)
+    forces: list[Floats] = []
+    rates: list[Floats] = []
+    start = begin
+    while feed.now() - begin < patience:
+        feed.wait(0.02)
+        while (sample := feed.mailbox.take()) is not None:
+            vector = np.array(sample.vector)
+            if sample.kind is Kind.ANGULAR_RATE:
+                rates.append(vector)
+            elif np.isfinite(vector).all():
+                forces.append(vector if sample.kind is Kind.SPECIFIC_FORCE else -vector)
+        if feed.now() - start < seconds:
+            continue
+        if forces:
+            noise = np.std(forces, axis=0)
+            if len(forces) >= 10 and (noise <= _STILL).all():
+                return StillReading(np.mean(forces, axis=0), np.mean(rates, axis=0) if rates else None)
+        forces, rates, start = [], [], feed.now()
+    if not np.isfinite(noise).all():
+        raise SensorError(f"no samples within {patience:g} s")
+    raise SensorError(
+        f"the sensor did not stand still within {patience:g} s: its readings vary by {noise.max():.2f} m/s2, "
+        f"expected below {_STILL:g}"
+    )

@@ -1,0 +1,145 @@
+"""The tumble: a sensor by hand on each of its sides, then mounted on a base that is level, rolled, pitched."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.sensing.mounting import Mounting, TumbleSection
+from catenary.sensing.samples import Mailbox
+from catenary.sensing.tumble import align, fit_tumble, level_and_tilts, tumbled_mounting
+from catenary.sensing.vector import STANDARD_GRAVITY
+from catenary.simulation.base_motion import BaseSamples
+from catenary.simulation.sensors import SensorModel, SimulatedSensor
+from catenary.workflows.sense import SimulatedFeed, StillReading, read_still
+
+
+class Step(NamedTuple):
+    """One attitude."""
+
+    name: str
+    instruction: str
+    up: tuple[
+        float, float, float
+    ]  # in the sensor's printed axes, or, when mounted, where a demonstration has it
+    mounted: bool = False
+
+
+_HALF = 0.57735  # 1 / sqrt(3)
+SIDES = (
+    Step("+x up", "hold the sensor still with its x axis up", (1, 0, 0)),
+    Step("-x up", "turn it over: x axis down", (-1, 0, 0)),
+    Step("+y up", "its y axis up", (0, 1, 0)),
+    Step("-y up", "its y axis down", (0, -1, 0)),
+    Step("+z up", "its z axis up", (0, 0, 1)),
+    Step("-z up", "its z axis down", (0, 0, -1)),
+)
+SLANTED = (
+    Step("slanted 1", "slanted, any way you like", (_HALF, _HALF, _HALF)),
+    Step("slanted 2", "slanted another way", (-_HALF, _HALF, -_HALF)),
+    Step("slanted 3", "slanted a third way", (_HALF, -_HALF, -_HALF)),
+)
+MOUNTED = (
+    Step("level", "mount it on the robot's base; base level", (0, 0, 1), mounted=True),
+    Step(
+        "rolled",
+        "tilt the base about its x axis by 10 degrees or more, y side up",
+        (0, 0.34202, 0.93969),
+        mounted=True,
+    ),
+    Step(
+        "pitched",
+        "level again, then tilt it about its y axis by 10 degrees or more, x side down",
+        (-0.34202, 0, 0.93969),
+        mounted=True,
+    ),
+)
+STEPS = (*SIDES, *SLANTED, *MOUNTED)
+
+
+@dataclass(frozen=True)
+class TumbleOutcome:
+    """What a tumble gave: a mounting, and why it must not be used if there are faults."""
+
+    mounting: Mounting
+    section: TumbleSection
+    faults: tuple[str, ...]
+
+
+def run_tumble(read: Callable[[Step], StillReading], *, start: Mounting | None = None) -> TumbleOutcome:
+    """Go through all attitudes and work out bias, scale, rotation and the gyroscope's bias.
+
+    The sides show a wrong sign or order of axes against those printed on the sensor; the slanted attitudes leave a
+    residual; the mounted ones give the rotation, from the base's level and two tilts that nobody needs to measure.
+
+    Args:
+        read: Gives the reading of an attitude, once it is there.
+        start: What is known already: position, ranges, name.
+
+    Raises:
+        SensorError: From `read`.
+        InputError: The base was not tilted.
+    """
+    readings = {step.name: read(step) for step in STEPS}
+    by_hand = np.array([readings[s.name].force for s in (*SIDES, *SLANTED)])
+    sides = np.array([s.up for s in SIDES], dtype=float)
+    fit = fit_tumble(by_hand)
+    faults = list(fit.faults)
+    if (
+        not fit.faults or fit.missing
+    ):  # a unit that is wrong says nothing about axes; sides that are missing may
+        faults += [f"on its sides: {f}" for f in align(by_hand[:6], sides, expected=np.eye(3)).faults]
+    mounted = [readings[s.name].force for s in MOUNTED]
+    corrected = [(y - fit.bias) / fit.scale for y in mounted]
+    rows, up = level_and_tilts(*corrected)
+    rough = align(rows[:2], up[:2]).rotation  # two directions never show a mirror; the third then does
+    alignment = align(rows, up, expected=rough)
+    if not faults and alignment.faults:  # the sensor is right, so the base was tilted otherwise
+        faults += [
+            f"on the base: was it tilted as told, y side up, then x side down? {f}" for f in alignment.faults
+        ]
+    rates = [r.rate for r in readings.values() if r.rate is not None]
+    mounting = tumbled_mounting(fit, alignment, start=start)
+    if rates:
+        mounting = replace(mounting, rate_bias=np.mean(rates, axis=0))
+    section = TumbleSection(
+        readings=len(readings),
+        residual_m_s2=None if np.isnan(fit.residual) else fit.residual,
+        rotation_residual_deg=alignment.residual_deg,
+        remarks=tuple(faults),
+    )
+    return TumbleOutcome(mounting, section, tuple(faults))
+
+
+class StillBase:
+    """A base at rest under a gravity (3,) [m/s2] in its axes."""
+
+    def __init__(self, gravity: Floats) -> None:
+        self._gravity = gravity
+
+    def sample(self, times: Floats) -> BaseSamples:
+        """One row for all times."""
+        return BaseSamples(self._gravity[None, :], np.zeros((1, 3, 3)))
+
+
+def simulated_reader(model: SensorModel, *, seed: int = 0) -> Callable[[Step], StillReading]:
+    """What reads a simulated sensor in each attitude, as a person would bring it there.
+
+    Args:
+        model: The sensor; by hand it is held by its own axes, mounted it is turned as its mounting says.
+        seed: Of its noise.
+    """
+
+    def read(step: Step) -> StillReading:
+        up = np.array(step.up, dtype=float)
+        gravity = -STANDARD_GRAVITY * up / np.linalg.norm(up)
+        if not step.mounted:
+            gravity = model.mounting.rotation @ gravity
+        sensor = SimulatedSensor(
+            StillBase(gravity), Mailbox(), model, seed=seed + [s.name for s in STEPS].index(step.name)
+        )
+        return read_still(SimulatedFeed(sensor))
+
+    return read

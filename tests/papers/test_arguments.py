@@ -1,0 +1,76 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from papers import arguments
+from papers.arguments import folder_and_robots, folder_argument
+
+SCRIPTS = [
+    path for path in Path(arguments.__file__).parent.glob("*.py") if "if __name__ ==" in path.read_text()
+]
+USUAL = (None, 1, 2)
+
+
+def said(capsys: pytest.CaptureFixture[str], *given: str) -> str:
+    """What a refusal says; it ends with 2."""
+    with pytest.raises(SystemExit) as end:
+        folder_and_robots("About.", USUAL, given)
+    assert end.value.code == 2
+    return capsys.readouterr().err
+
+
+def test_a_folder_is_read(tmp_path: Path) -> None:
+    assert folder_argument("About.", [str(tmp_path / "new")]) == tmp_path / "new"
+
+
+def test_robots_are_the_usual_ones_unless_named(tmp_path: Path) -> None:
+    assert folder_and_robots("About.", USUAL, [str(tmp_path)]) == (tmp_path, USUAL)
+    assert folder_and_robots("About.", USUAL, [str(tmp_path), "nominal", "7"]) == (tmp_path, (None, 7))
+
+
+def test_help_tells_what_the_script_does_and_runs_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        folder_and_robots("What it does.\n\nHow.", USUAL, ["--help"])
+    assert end.value.code == 0
+    out = capsys.readouterr().out
+    assert "What it does." in out
+    assert "nominal 1 2" in out
+    assert "How." not in out
+
+
+@pytest.mark.parametrize(
+    ("given", "word"),
+    [
+        ((), "folder"),
+        (("results", "--fast"), "--fast"),
+        (("results", "first"), "expected nominal, or a seed"),
+        (("results", "-1"), "-1"),
+    ],
+)
+def test_what_is_no_argument_is_refused(
+    given: tuple[str, ...], word: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert word in said(capsys, *given)
+
+
+def test_a_file_is_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").touch()
+    assert "is a file" in said(capsys, str(tmp_path / "file"))
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
+def test_every_script_has_this_door(script: Path) -> None:
+    text = script.read_text()
+    assert "papers.arguments import" in text
+    assert "sys.argv" not in text
+
+
+def test_a_script_names_itself_and_refuses_an_unknown_option(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "papers.tutorial_two_link", str(tmp_path), "--nonsense"]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ended.returncode == 2
+    assert "python -m papers.tutorial_two_link" in ended.stderr
+    assert "--nonsense" in ended.stderr
+    assert list(tmp_path.iterdir()) == []

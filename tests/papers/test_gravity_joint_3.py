@@ -1,0 +1,31 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.simulation.cable_parameters import load_cable_arm
+from papers.gravity_joint_3 import VARIATIONS, Variation, main, varied_joint_3
+
+
+def test_only_joint_3_is_varied() -> None:
+    nominal = load_cable_arm().cable
+    rough = varied_joint_3(Variation("", friction=4.0)).cable
+    assert_allclose(rough.link_friction / nominal.link_friction, [1.0, 1.0, 4.0])
+    assert_allclose(rough.coupling, nominal.coupling)
+    wound = varied_joint_3(Variation("", coupling=0.7)).cable
+    # c01 is joint 2's
+    assert_allclose(wound.coupling / nominal.coupling, [1.0, 0.7, 0.7])
+    assert_allclose(wound.rotor_friction, nominal.rotor_friction)
+
+
+@pytest.mark.slow
+def test_compensation_does_not_make_joint_3_worse_under_more_friction(tmp_path: Path) -> None:
+    runs = [run for _, run in main(tmp_path, VARIATIONS[1:2], ("z",), ("relative",))]
+    error = {run.controller: run.rms_error[2] for run in runs}
+    assert max(error["sg"], error["dg"]) < 1.001 * error["pd"]
+    content = json.loads((tmp_path / "gravity_joint_3.json").read_text())
+    assert content["simulated"] is True
+    assert {row["variation"] for row in content["results"]} == {"friction times 4"}
+    assert np.isfinite([row["rms_error"] for row in content["results"]]).all()

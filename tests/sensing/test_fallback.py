@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from catenary.errors import InputError
+from catenary.sensing.fallback import SlowAttitude, SmoothTransfer, as_fallback
+from catenary.sensing.vector import LEVEL, tilted_gravity
+
+
+def transfer(follow=100.0, recover=10.0):
+    return SmoothTransfer(np.array([follow]), np.array([recover]))
+
+
+@settings(deadline=None)  # the first call compiles
+@given(seed=st.integers(0, 500))
+def test_nothing_leaps_whatever_the_targets_do(seed):
+    rng = np.random.default_rng(seed)
+    smooth, out, last = transfer(), np.empty((1, 3)), None
+    for _ in range(200):
+        smooth.follow(30.0 * rng.normal(size=(1, 3)), 0.001, out, changed=bool(rng.integers(2)))
+        assert np.isfinite(out).all()
+        if last is not None:
+            assert np.linalg.norm(out - last) <= 0.11 + 1e-9
+        last = out.copy()
+
+
+def test_targets_that_move_slowly_are_followed_exactly():
+    smooth, out = transfer(), np.empty((1, 3))
+    for k in range(100):
+        target = np.full((1, 3), 0.05 * k)
+        smooth.follow(target, 0.001, out, changed=False)
+        assert_allclose(out, target)
+    assert smooth.settled
+
+
+def test_another_source_is_approached_at_the_rate_of_recovery():
+    smooth, out = transfer(), np.empty((1, 3))
+    smooth.follow(np.zeros((1, 3)), 0.001, out, changed=False)
+    for k in range(1, 500):
+        smooth.follow(np.array([[3.0, 0.0, 0.0]]), 0.001, out, changed=k == 1)
+        assert_allclose(out[0], [min(3.0, 0.01 * k), 0.0, 0.0], atol=1e-9)
+
+
+def test_the_first_target_is_taken_as_it_is():
+    smooth, out = transfer(), np.empty((1, 3))
+    smooth.follow(np.full((1, 3), 9.0), 0.001, out, changed=True)
+    assert_allclose(out, 9.0)
+
+
+def test_the_mean_direction_of_a_rocking_base_is_where_it_rocks_about():
+    slow = SlowAttitude(2.0)
+    for t in np.arange(0.0, 10.0, 0.01):
+        slow.add(t, tilted_gravity(0.3 + 0.1 * np.sin(2.0 * np.pi * t), 0.0))
+    # 1 Hz through a low-pass of 2 s keeps 1 / (2 pi 2) of 0.1 rad
+    assert_allclose(slow.gravity(), tilted_gravity(0.3, 0.0), atol=9.81 * 0.1 / 12.0)
+    assert np.linalg.norm(slow.gravity()) == pytest.approx(9.81)
+
+
+def test_without_samples_the_mean_direction_is_down():
+    assert_allclose(SlowAttitude(1.0).gravity(), LEVEL)
+
+
+def test_fallbacks_that_there_are_not_are_refused_with_the_choices():
+    with pytest.raises(InputError, match='"freeze": expected one of hold, fade, static, stop'):
+        as_fallback("freeze")

@@ -1,0 +1,25 @@
+import pytest
+
+from catenary.sensing.faults import Fault
+
+
+@pytest.mark.parametrize("fault", list(Fault))
+def test_every_fault_has_a_message_of_its_own(fault):
+    assert len(fault.message) > 20
+    assert sum(other.message == fault.message for other in Fault) == 1
+
+
+def test_faults_that_come_together_are_told_together():
+    both = Fault.STUCK | Fault.INTERRUPTED
+    assert set(both.names) == {"stuck", "interrupted"}
+    assert Fault.STUCK.message in both.message
+    assert Fault.INTERRUPTED.message in both.message
+
+
+def test_no_fault_has_nothing_to_say():
+    assert Fault.NONE.message == ""
+    assert Fault.NONE.names == ()
+
+
+def test_a_driver_that_strips_gravity_is_told_so():
+    assert "driver takes gravity away" in Fault.GRAVITY_STRIPPED.message

@@ -1,0 +1,328 @@
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.errors import InputError
+from catenary.sensing.checks import SensorRules
+from catenary.sensing.faults import Fault
+from catenary.sensing.imu import FOLLOW, RECOVER, SensedGravity
+from catenary.sensing.mounting import Mounting
+from catenary.sensing.samples import Kind, Mailbox
+from catenary.sensing.vector import LEVEL, Status, tilted_gravity
+
+TILTED = tilted_gravity(0.2, -0.1)
+NOISELESS = SensorRules(stuck_samples=0)
+
+
+class Base:
+    """An accelerometer, and a gyroscope, that a test writes samples for; read every millisecond."""
+
+    def __init__(self, *, angular=False, **options):
+        self.mailbox = Mailbox()
+        options.setdefault("rules", NOISELESS)
+        self.source = SensedGravity(self.mailbox, angular=angular, **options)
+        self.angular = angular
+        self.time = 0.0
+
+    def run(self, seconds, gravity=None, rate=None, *, kind=Kind.FREE_FALL, hz=100.0):
+        """Let time go by, with samples of gravity(t); give the readings."""
+        readings = []
+        every = round(1000.0 / hz)
+        for _ in range(round(seconds * 1000)):
+            tick = round(self.time * 1000)
+            if gravity is not None and tick % every == 0:
+                value = gravity(self.time) if callable(gravity) else gravity
+                self.mailbox.put(self.time, value, kind)
+                if self.angular and rate is not None:
+                    self.mailbox.put(
+                        self.time, rate(self.time) if callable(rate) else rate, Kind.ANGULAR_RATE
+                    )
+            readings.append(self.source.read(self.time))
+            self.time = (tick + 1) / 1000.0
+        return readings
+
+
+def steps(readings):
+    return np.linalg.norm(np.diff([r.gravity for r in readings], axis=0), axis=1)
+
+
+def test_before_anything_is_received_gravity_is_that_of_a_level_base():
+    readings = Base().run(0.3)
+    for reading in readings:
+        assert_array_equal(reading.gravity, LEVEL)
+        assert_array_equal(reading.base_rates, np.zeros((2, 3)))
+        assert (reading.status, reading.age) == (Status.NOMINAL, math.inf)
+    assert readings[-1].faults is Fault.NOTHING_RECEIVED
+
+
+@pytest.mark.parametrize(("kind", "sign"), [(Kind.FREE_FALL, 1.0), (Kind.SPECIFIC_FORCE, -1.0)])
+def test_both_ways_to_say_acceleration_give_gravity(kind, sign):
+    last = Base().run(1.0, sign * TILTED, kind=kind)[-1]
+    assert_allclose(last.gravity, TILTED, atol=1e-9)
+    assert (last.status, last.faults) == (Status.LIVE, Fault.NONE)
+
+
+def test_age_is_the_time_since_the_newest_sample():
+    ages = [r.age for r in Base().run(1.0, TILTED)[-20:]]
+    assert_allclose(ages, np.tile(np.arange(10) * 0.001, 2), atol=1e-9)
+
+
+def test_what_was_measured_before_the_first_read_is_known_at_once():
+    base = Base()
+    for k in range(2000):
+        base.mailbox.put(-20.0 + 0.01 * k, TILTED, Kind.FREE_FALL)
+    first = base.source.read(0.0)
+    assert_allclose(first.gravity, TILTED)
+    assert (first.status, first.faults) == (Status.LIVE, Fault.NONE)
+
+
+def test_tilting_by_hand_is_followed_without_delay():
+    def gravity(t):
+        return tilted_gravity(0.3 * math.sin(2.0 * math.pi * 0.5 * t), 0.1)
+
+    base = Base()
+    base.run(1.0, gravity)
+    for k, reading in enumerate(base.run(2.0, gravity)):
+        # 0.5 Hz is followed to 0.1 %, half a millisecond would be 0.005 m/s2
+        assert_allclose(reading.gravity, gravity(1.0 + 0.001 * k), atol=0.004)
+
+
+def test_turning_and_its_acceleration_come_from_the_gyroscope():
+    w = 2.0 * math.pi
+
+    def rate(t):
+        return [0.0, 0.0, 0.2 + 0.5 * math.sin(w * t)]  # about the vertical
+
+    base = Base(angular=True)
+    base.run(1.0, LEVEL, rate, hz=200.0)
+    for k, reading in enumerate(base.run(1.0, LEVEL, rate, hz=200.0)):
+        t = 1.0 + 0.001 * k
+        assert_allclose(reading.base_rates[0], rate(t), atol=0.002)
+        assert_allclose(reading.base_rates[1], [0.0, 0.0, 0.5 * w * math.cos(w * t)], atol=0.1)  # 3 % of 3.1
+
+
+def test_a_sensor_away_from_the_origin_feels_the_turning_and_the_origin_does_not():
+    position, omega = np.array([0.3, 0.0, 0.1]), np.array([0.0, 0.0, 2.0])
+    at_sensor = LEVEL - np.cross(omega, np.cross(omega, position))  # outwards by omega^2 0.3 m = 1.2 m/s2
+    base = Base(angular=True, mounting=Mounting(position=position))
+    last = base.run(1.5, at_sensor, omega)[-1]
+    assert_allclose(last.gravity, LEVEL, atol=1e-6)
+    assert_allclose(last.base_rates, [omega, np.zeros(3)], atol=1e-6)
+
+
+def test_an_interrupted_sensor_is_held_then_falls_back():
+    base = Base(stale_after=0.05, age_limit=0.2)
+    base.run(1.0, TILTED)
+    readings = base.run(0.5)
+    statuses = [r.status for r in readings]
+    # the last sample was taken 10 ms before they stopped
+    assert statuses[:40] == [Status.LIVE] * 40
+    assert statuses[41:189] == [Status.STALE] * 148
+    assert statuses[191:] == [Status.FALLBACK] * 309
+    assert readings[100].faults is Fault.INTERRUPTED
+    assert readings[100].age == pytest.approx(0.11)
+    assert_allclose(readings[150].gravity, TILTED, atol=1e-9)
+
+
+@pytest.mark.parametrize(("fallback", "expected"), [("hold", TILTED), ("fade", TILTED), ("static", LEVEL)])
+def test_each_fallback_goes_where_it_says_without_a_leap(fallback, expected):
+    base = Base(fallback=fallback)
+    base.run(1.0, TILTED)
+    readings = base.run(2.0)
+    assert_allclose(readings[-1].gravity, expected, atol=1e-6)
+    assert steps(readings).max() <= RECOVER[0] * 0.001 + 1e-9
+    assert readings[-1].age == (math.inf if fallback == "static" else pytest.approx(2.009))
+
+
+def test_hold_keeps_the_last_vector_of_a_rocking_base_and_fade_its_mean():
+    def gravity(t):
+        return tilted_gravity(0.25 + 0.1 * math.sin(2.0 * math.pi * t), 0.0)
+
+    ends = {}
+    for fallback in ("hold", "fade"):
+        base = Base(fallback=fallback)
+        base.run(4.25, gravity)  # to the end of its swing
+        ends[fallback] = base.run(2.0)[-1].gravity
+    assert_allclose(ends["hold"], tilted_gravity(0.35, 0.0), atol=0.05)
+    assert_allclose(ends["fade"], tilted_gravity(0.25, 0.0), atol=0.1)
+
+
+def test_hold_keeps_gravity_of_the_newest_sample_and_not_what_a_parabola_made_of_it():
+    def gravity(t):
+        return tilted_gravity(0.1 * math.sin(2.0 * math.pi * t), 0.0)
+
+    base = Base(fallback="hold")
+    base.run(2.001, gravity)  # upright, where it moves fastest: 6 m/s3 by 0.1 rad at 1 Hz
+    assert_allclose(base.run(2.0)[-1].gravity, gravity(2.0), atol=0.01)
+
+
+def test_what_is_held_is_gravity_at_the_origin_of_a_base_that_turned():
+    position, omega = np.array([0.3, 0.0, 0.1]), np.array([0.0, 0.0, 2.0])
+    at_sensor = LEVEL - np.cross(omega, np.cross(omega, position))
+    base = Base(angular=True, fallback="hold", mounting=Mounting(position=position))
+    base.run(1.5, at_sensor, omega)
+    assert_allclose(base.run(2.0)[-1].gravity, LEVEL, atol=1e-6)
+
+
+@pytest.mark.parametrize(("amplitude", "frequency"), [(0.02, 2.0), (0.03, 1.0), (0.01, 5.0), (0.2, 0.5)])
+def test_a_gyroscope_that_agrees_with_small_quick_rocking_is_believed(amplitude, frequency):
+    w = 2.0 * math.pi * frequency
+
+    def gravity(t):
+        return tilted_gravity(amplitude * math.sin(w * t), 0.0)
+
+    def rate(t):
+        return [amplitude * w * math.cos(w * t), 0.0, 0.0]
+
+    base = Base(angular=True)
+    base.run(1.0, gravity, rate, hz=200.0)
+    readings = base.run(3.0, gravity, rate, hz=200.0)
+    assert {r.faults for r in readings} == {Fault.NONE}
+    said = np.array([r.base_rates[0, 0] for r in readings])
+    assert_allclose(
+        said, [rate(1.0 + 0.001 * k)[0] for k in range(3000)], atol=0.15 * amplitude * w
+    )  # 5 Hz is near the cut-off
+
+
+@pytest.mark.parametrize(
+    "rate", [[0.3, 0.0, 0.0], [0.0, -1.0, 1.0], lambda t: [2.0 * math.sin(2.0 * math.pi * t), 0.0, 0.0]]
+)
+def test_a_gyroscope_that_turns_while_gravity_stands_still_is_not_believed(rate):
+    base = Base(angular=True)
+    base.run(1.5, LEVEL, rate, hz=200.0)
+    readings = base.run(1.0, LEVEL, rate, hz=200.0)
+    assert all(Fault.RATE_CONTRADICTS in r.faults for r in readings)
+    assert_array_equal(readings[-1].base_rates, np.zeros((2, 3)))
+
+
+@pytest.mark.parametrize("fallback", ["hold", "fade", "static", "stop"])
+def test_no_base_is_believed_to_go_on_turning_without_a_sensor(fallback):
+    base = Base(angular=True, fallback=fallback)
+    base.run(1.0, LEVEL, [0.0, 0.0, 1.0])
+    assert_array_equal(base.run(2.0)[-1].base_rates, np.zeros((2, 3)))
+
+
+def test_stop_asks_for_a_stop_at_the_age_limit():
+    base = Base(fallback="stop")
+    base.run(1.0, TILTED)
+    statuses = [r.status for r in base.run(0.3)]
+    assert Status.STOP not in statuses[:189]
+    assert statuses[-1] is Status.STOP
+
+
+def test_stop_asks_for_a_stop_when_nothing_is_heard_at_the_start():
+    statuses = [r.status for r in Base(fallback="stop", start_limit=0.5).run(0.6)]
+    assert statuses[:500] == [Status.NOMINAL] * 500
+    assert statuses[-1] is Status.STOP
+
+
+def test_recovery_is_as_smooth_as_the_loss():
+    base = Base(fallback="static")
+    base.run(1.0, TILTED)
+    base.run(1.5)
+    readings = base.run(2.0, TILTED)
+    assert_allclose(readings[-1].gravity, TILTED, atol=1e-6)
+    assert readings[-1].status is Status.LIVE
+    assert steps(readings).max() <= RECOVER[0] * 0.001 + 1e-9
+
+
+def test_a_base_that_was_moved_while_the_sensor_was_away_is_believed():
+    base = Base()
+    base.run(1.0, LEVEL)
+    base.run(3.0)
+    assert_allclose(base.run(1.5, tilted_gravity(0.5, 0.4))[-1].gravity, tilted_gravity(0.5, 0.4), atol=1e-6)
+
+
+def test_without_rates_where_a_gyroscope_should_be_gravity_goes_on():
+    base = Base(angular=True)
+    last = base.run(1.0, TILTED)[-1]
+    assert last.status is Status.LIVE
+    assert last.faults is Fault.RATES_INTERRUPTED
+
+
+def test_rates_in_degrees_contradict_gravity_as_soon_as_the_base_moves_a_little():
+    w = 2.0 * math.pi * 2.0
+
+    def gravity(t):
+        return tilted_gravity(0.003 * math.sin(w * t), 0.0)
+
+    def degrees(t):
+        return [math.degrees(0.003 * w * math.cos(w * t)), 0.0, 0.0]
+
+    base = Base(angular=True)
+    base.run(1.0, gravity, degrees, hz=200.0)
+    assert all(Fault.RATE_CONTRADICTS in r.faults for r in base.run(1.0, gravity, degrees, hz=200.0))
+
+
+def test_a_gyroscope_may_turn_about_the_vertical_while_gravity_stands_still():
+    assert not Base(angular=True).run(1.5, LEVEL, [0.0, 0.0, 0.5])[-1].faults
+
+
+def test_samples_that_were_lost_are_told():
+    base = Base()
+    base.run(0.5, TILTED)
+    for k in range(3000):
+        base.mailbox.put(base.time - 0.004 + 1e-6 * k, TILTED, Kind.FREE_FALL)
+    assert Fault.SAMPLES_LOST in base.source.read(base.time).faults
+
+
+def test_a_clock_that_lags_is_told():
+    base = Base()
+    base.run(0.5, lambda t: TILTED)
+    for k in range(5):
+        base.mailbox.put(base.time + 0.002 * k, TILTED, Kind.FREE_FALL)
+    last = base.source.read(base.time + 1.0)
+    assert last.status is not Status.LIVE
+    base.mailbox.put(base.time + 0.1, TILTED, Kind.FREE_FALL)
+    assert Fault.STAMP_OLD in base.source.read(base.time + 1.001).faults
+
+
+@pytest.mark.parametrize("time", [math.nan, math.inf, -math.inf, -5.0])
+def test_a_time_that_makes_no_sense_raises_nothing(time):
+    base = Base()
+    base.run(0.5, TILTED)
+    assert np.isfinite(base.source.read(time).gravity).all()
+    assert np.isfinite(Base().source.read(time).gravity).all()
+
+
+def test_garbage_never_raises_nor_makes_gravity_leap():
+    rng = np.random.default_rng(0)
+    base = Base(angular=True, rules=SensorRules())
+    base.run(1.0, lambda t: TILTED + 0.01 * rng.normal(size=3), lambda t: 0.001 * rng.normal(size=3))
+
+    def garbage(t):
+        return rng.choice([0.0, 1.0, -9.81, 9.81, 1e300, -1e300, math.nan, math.inf, 30.0], 3)
+
+    with np.errstate(all="raise", under="ignore"):
+        readings = base.run(2.0, garbage, garbage, hz=1000.0)
+    assert np.isfinite([r.gravity for r in readings]).all()
+    assert np.isfinite([r.base_rates for r in readings]).all()
+    assert steps(readings).max() <= (FOLLOW[0] + RECOVER[0]) * 0.001 + 1e-9
+
+
+def test_reset_forgets_a_jump_that_was_not_believed():
+    base = Base()
+    base.run(1.0, LEVEL)
+    moved = tilted_gravity(0.4, 0.25)
+    assert Fault.JUMP in base.run(2.0, moved)[-1].faults
+    base.source.reset()
+    last = base.run(2.0, moved)[-1]
+    assert_allclose(last.gravity, moved, atol=1e-6)
+    assert not last.faults
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"fallback": "freeze"}, "fallback"),
+        ({"stale_after": 0.3}, "stale_after"),
+        ({"age_limit": math.inf}, "age_limit"),
+        ({"cutoff_hz": 0.0}, "cutoff_hz"),
+        ({"attitude_time": 0.0}, "attitude_time"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(options, said):
+    with pytest.raises(InputError, match=said):
+        SensedGravity(Mailbox(), **options)

@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import Rotation
+
+from catenary.errors import InputError
+from catenary.sensing.vector import LEVEL, FixedGravity, Status, tilt_angle, tilt_of, tilted_gravity
+
+ANGLE = st.floats(-1.5, 1.5)
+
+
+def test_a_level_base_feels_gravity_straight_down():
+    assert_array_equal(tilted_gravity(0.0, 0.0), LEVEL)
+
+
+@given(roll=ANGLE, pitch=ANGLE)
+def test_tilted_gravity_is_the_vertical_seen_from_a_base_that_rolled_then_pitched(roll, pitch):
+    R_world_base = Rotation.from_euler("XY", [roll, pitch]).as_matrix()
+    assert_allclose(tilted_gravity(roll, pitch), R_world_base.T @ [0.0, 0.0, -9.81], atol=1e-13)
+
+
+@given(roll=ANGLE, pitch=st.floats(-3.1, 3.1))
+def test_tilt_is_read_back_from_gravity(roll, pitch):
+    assert_allclose(tilt_of(tilted_gravity(roll, pitch)), (roll, pitch), atol=1e-9)  # asin near 86 degrees
+
+
+@given(roll=ANGLE, pitch=ANGLE)
+def test_tilt_angle_is_the_angle_to_the_vertical(roll, pitch):
+    cosine = np.cos(roll) * np.cos(pitch)
+    assert_allclose(np.cos(tilt_angle(tilted_gravity(roll, pitch))), cosine, atol=1e-12)
+
+
+def test_a_fixed_source_says_what_it_was_told_and_that_nothing_was_measured():
+    reading = FixedGravity([1.0, 2.0, -9.0]).read(3.0)
+    assert_array_equal(reading.gravity, [1.0, 2.0, -9.0])
+    assert_array_equal(reading.base_rates, np.zeros((2, 3)))
+    assert reading.age == np.inf
+    assert reading.status is Status.NOMINAL
+    assert not reading.faults
+
+
+def test_readings_of_a_fixed_source_are_the_receivers_own():
+    source = FixedGravity()
+    source.read(0.0).gravity[:] = 0.0
+    assert_array_equal(source.read(1.0).gravity, LEVEL)
+
+
+@pytest.mark.parametrize("gravity", [[0.0, 1.0], [0.0, 0.0, np.nan]])
+def test_vectors_that_are_none_are_refused(gravity):
+    with pytest.raises(InputError, match="gravity"):
+        FixedGravity(gravity)
+
+
+def test_no_vector_has_no_tilt():
+    with pytest.raises(InputError, match="not zero"):
+        tilt_of([0.0, 0.0, 0.0])
+    assert np.isnan(tilt_angle([0.0, 0.0, 0.0]))

@@ -1,0 +1,78 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.errors import InputError, SensorError
+from catenary.sensing.imu import SensedGravity
+from catenary.sensing.samples import Mailbox
+from catenary.sensing.vector import tilted_gravity
+from catenary.simulation.base_motion import FixedBase, RockingBase
+from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
+from catenary.workflows.sense import SimulatedFeed, read_still, watch
+
+
+def feed(base, *faults, model=None):
+    return SimulatedFeed(SimulatedSensor(base, Mailbox(), model or SensorModel(), faults=faults, seed=2))
+
+
+def test_a_summary_says_what_was_measured():
+    source_feed = feed(FixedBase(0.3, -0.2))
+    summary = watch(source_feed, SensedGravity(source_feed.mailbox), 3.0)
+    assert summary.was_live
+    assert set(summary.gravity.ticks) == {"live"}
+    assert summary.gravity.faults == {}
+    assert_allclose(summary.mean, tilted_gravity(0.3, -0.2), atol=0.01)  # noise of 0.04 over 600 samples
+    assert (summary.spread < 0.06).all()
+    data = summary.as_data()
+    assert data["tilt_deg"]["roll"] == pytest.approx(np.degrees(0.3), abs=0.7)
+    assert data["tilt_deg"]["pitch"] == pytest.approx(np.degrees(-0.2), abs=0.7)
+
+
+def test_a_summary_names_what_was_wrong():
+    source_feed = feed(FixedBase(), InjectedFault("unit_g", 1.0))
+    summary = watch(source_feed, SensedGravity(source_feed.mailbox), 2.0)
+    assert summary.gravity.faults["unit_g"] > 100
+    assert any("in g, not m/s2" in message for message in summary.gravity.messages)
+
+
+def test_a_sensor_that_never_can_be_believed_is_not_live():
+    source_feed = feed(FixedBase(), InjectedFault("gravity_stripped", 0.0))
+    summary = watch(source_feed, SensedGravity(source_feed.mailbox), 0.5)
+    assert not summary.was_live
+    assert np.isnan(summary.mean).all()
+
+
+def test_ctrl_c_sums_up():
+    source_feed, seen = feed(FixedBase()), []
+
+    def interrupt(reading, time):
+        seen.append(time)
+        if time >= 0.5:
+            raise KeyboardInterrupt
+
+    summary = watch(source_feed, SensedGravity(source_feed.mailbox), np.inf, show=interrupt)
+    assert summary.duration == pytest.approx(0.5)
+    assert summary.was_live
+
+
+def test_no_time_is_refused():
+    with pytest.raises(InputError, match="duration"):
+        watch(feed(FixedBase()), SensedGravity(Mailbox()), 0.0)
+
+
+def test_a_sensor_at_rest_gives_its_means():
+    reading = read_still(feed(FixedBase(0.2, 0.1)))
+    assert_allclose(reading.force, -tilted_gravity(0.2, 0.1), atol=0.02)
+    assert_allclose(reading.rate, 0.0, atol=1e-3)
+
+
+def test_a_sensor_that_moves_is_refused_with_how_much():
+    with pytest.raises(
+        SensorError, match=r"did not stand still within 3 s: its readings vary by [0-9.]+ m/s2"
+    ):
+        read_still(feed(RockingBase(0.0, 0.3, 1.0)), patience=3.0)
+
+
+def test_a_sensor_that_says_nothing_is_refused():
+    with pytest.raises(SensorError, match="no samples within 2 s"):
+        read_still(feed(FixedBase(), InjectedFault("drop_out", 0.0)), patience=2.0)
