@@ -9,14 +9,14 @@ from typer.core import TyperGroup
 
 # module of this package and function; in the order in which `catenary --help` lists them
 _FUNCTIONS = {
-    "calibrate": ("pipeline", "calibrate"),
+    "calibrate": ("calibrate", "calibrate"),
     "home": ("home", "home"),
-    "excite": ("pipeline", "excite"),
-    "record": ("pipeline", "record"),
-    "extract": ("pipeline", "extract"),
-    "fit": ("calibration", "fit"),
-    "evaluate": ("calibration", "evaluate"),
-    "deploy": ("pipeline", "deploy"),
+    "excite": ("calibrate", "excite"),
+    "record": ("calibrate", "record"),
+    "extract": ("calibrate", "extract"),
+    "fit": ("fit", "fit"),
+    "evaluate": ("fit", "evaluate"),
+    "deploy": ("calibrate", "deploy"),
     "goto": ("motion", "goto"),
     "random": ("motion", "random"),
     "follow": ("motion", "follow"),
@@ -25,9 +25,9 @@ _FUNCTIONS = {
     "gravity": ("gravity", "gravity"),
     "track": ("gravity", "track"),
     "hold": ("gravity", "hold"),
-    "identify": ("identification", "identify"),
-    "excitation": ("identification", "excitation"),
-    "payload": ("identification", "payload"),
+    "identify": ("identify", "identify"),
+    "excitation": ("identify", "excitation"),
+    "payload": ("identify", "payload"),
     "check": ("check", "check"),
     "fk": ("robots", "fk"),
     "ik": ("robots", "ik"),
@@ -39,7 +39,7 @@ _FUNCTIONS = {
     "serve": ("serve", "serve"),
     "button": ("serve", "button"),
     "robots": ("robots", "robots"),
-    "demo": ("pipeline", "demo"),
+    "demo": ("calibrate", "demo"),
 }
 _COMPLETE = {
     "home",
