@@ -13,12 +13,13 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 
-.PHONY: demo test lint bench bench-ros1 bench-serving bench-bags dvrk-table clean help
+.PHONY: demo test test-slow lint bench bench-ros1 bench-serving bench-bags dvrk-table clean help
 .PHONY: dual-arm gravity-figures gravity-static plant-check raven-identification refit table1 tutorial
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
-	@echo "make test        set up, run all tests"
+	@echo "make test        set up, run the tests (4 minutes on two idle processors)"
+	@echo "make test-slow   the tests that take long: hours simulated, endurance, other programs"
 	@echo "make lint        format, lint, types, import order"
 	@echo "make bench       speed of kernels, deployed models, the control loop, recording, extraction and the simulator, beside other libraries"
 	@echo "make bench-ros1  messages between two processes over ROS 1, where it is installed"
@@ -39,9 +40,14 @@ demo: $(VENV)/.package
 	$(BIN)/catenary demo --out demo
 
 # one more at a time than there are processors, up to four: many tests wait for other processes
-test: WORKERS := $(shell n=$$(nproc); echo $$((n < 4 ? n + 1 : 4)))
+WORKERS = $(shell n=$$(nproc); echo $$((n < 4 ? n + 1 : 4)))
+PYTEST = $(BIN)/python -m pytest -rs -n $(WORKERS) --dist loadfile
+
 test: $(VENV)/.development
-	$(BIN)/python -m pytest -rs -n $(WORKERS) --dist loadfile
+	$(PYTEST) -m "not slow"
+
+test-slow: $(VENV)/.development
+	$(PYTEST) -m slow
 
 lint: $(VENV)/.development
 	$(BIN)/ruff format --check .
