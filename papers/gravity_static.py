@@ -26,7 +26,7 @@ from catenary import __version__
 from catenary.arrays import Floats
 from catenary.control.controller import SplitController
 from catenary.control.loop import Tick, run_loop
-from catenary.json_text import json_text
+from catenary.files import json_text
 from catenary.page import Block, Heading, Picture, Table, Text, picture, write_page
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.in_turn import Rest

@@ -30,12 +30,12 @@ from catenary.control.estimated_gravity_pd import EstimatedGravityPD
 from catenary.control.loop import Tick, run_loop
 from catenary.control.pd import JointPD
 from catenary.errors import ExcitationError
+from catenary.files import json_text
 from catenary.gravity.compact import CompactRegressor, compact_regressor
 from catenary.gravity.torque import gravity_torque
 from catenary.identification.base_parameters import gravity_base_parameters
 from catenary.identification.identification import identify
 from catenary.identification.options import IdentifyOptions
-from catenary.json_text import json_text
 from catenary.page import Block, Heading, Table, Text, write_page
 from catenary.plant import JointState, MotionLog
 from catenary.robots.catalog import load_robot

@@ -12,7 +12,7 @@ from catenary.calibration.files import card_path, load_model, save_model
 from catenary.calibration.fit import FitOptions
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
-from catenary.recording.hashing import sha256_of
+from catenary.files import sha256_of
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import zigzag

@@ -7,10 +7,10 @@ import numpy as np
 
 from catenary import __version__
 from catenary.arrays import Floats
+from catenary.files import json_text
 from catenary.identification.identification import Identification
 from catenary.identification.residuals import LogResidual
 from catenary.identification.samples import Samples
-from catenary.json_text import json_text
 from catenary.page import Block, Facts, Heading, Listing, Picture, Remarks, Table, Text, picture, write_page
 from catenary.workflows.identify import IdentifyResult
 
