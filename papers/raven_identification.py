@@ -40,9 +40,9 @@ from catenary.page import Block, Heading, Table, Text, write_page
 from catenary.plant import JointState, MotionLog
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
-from catenary.sensing.vector import LEVEL
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_plant import CablePlant
+from catenary.spatial import LEVEL
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.trajectories.zigzag import zigzag
 from catenary.workflows.gravity_track import pd_share

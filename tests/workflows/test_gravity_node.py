@@ -8,8 +8,8 @@ from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.errors import InputError
 from catenary.sensing.imu import SensedGravity
+from catenary.sensing.mailbox import Mailbox
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.samples import Mailbox
 from catenary.sensing.vector import tilted_gravity
 from catenary.spatial import rotation_about_z
 from catenary.workflows.gravity_node import GravityNode, publish_gravity

@@ -14,8 +14,8 @@ from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.crtk.transport import Transport
+    from catenary.sensing.mailbox import Mailbox
     from catenary.sensing.mounting import Mounting
-    from catenary.sensing.samples import Mailbox
     from catenary.workflows.encoder_node import EncoderStatus
     from catenary.workflows.gravity_node import GravityStatus
 
@@ -112,8 +112,8 @@ def gravity_node(
     from catenary.crtk.network import make_transport
     from catenary.sensing.checks import SensorRules
     from catenary.sensing.imu import SensedGravity
+    from catenary.sensing.mailbox import Mailbox
     from catenary.sensing.mounting import Mounting, load_mounting
-    from catenary.sensing.samples import Mailbox
     from catenary.workflows.gravity_node import GravityNode, publish_gravity
 
     if sum(source is not None for source in (imu, accel, vector, port)) != 1:
