@@ -107,9 +107,7 @@ def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
 
 
 def test_help_of_a_command_imports_no_other_command() -> None:
-    others = {
-        f"catenary.cli.{name}" for name in ("calibrate", "gravity", "monitor", "teleop", "identify")
-    }
+    others = {f"catenary.cli.{name}" for name in ("calibrate", "gravity", "monitor", "teleop", "identify")}
     assert not modules_of("goto", "--help") & others
 
 
