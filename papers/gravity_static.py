@@ -27,7 +27,7 @@ from catenary.arrays import Floats
 from catenary.control.controller import SplitController
 from catenary.control.loop import Tick, run_loop
 from catenary.control.measures import pd_share
-from catenary.json_text import json_text
+from catenary.files import json_text
 from catenary.reports.page import Block, Heading, Picture, Table, Text, picture, write_page
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.in_turn import Rest

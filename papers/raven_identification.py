@@ -31,12 +31,12 @@ from catenary.control.loop import Tick, run_loop
 from catenary.control.measures import pd_share
 from catenary.control.pd import JointPD
 from catenary.errors import ExcitationError
+from catenary.files import json_text
 from catenary.gravity.base_parameters import base_parameters
 from catenary.gravity.compact import CompactRegressor, compact_regressor
 from catenary.gravity.torque import gravity_torque
 from catenary.identification.identification import identify
 from catenary.identification.options import IdentifyOptions
-from catenary.json_text import json_text
 from catenary.plant import JointState, MotionLog
 from catenary.reports.page import Block, Heading, Table, Text, write_page
 from catenary.robots.catalog import load_robot

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from catenary import __version__
-from catenary.json_text import json_text
+from catenary.files import json_text
 from catenary.reports.page import Block, Heading, Table, settings_facts, write_page
 
 

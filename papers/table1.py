@@ -16,7 +16,7 @@ from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit import FitOptions, choose_inputs, fit
-from catenary.json_text import json_text
+from catenary.files import json_text
 from catenary.plant import MotionLog
 from catenary.reports.page import Block, Heading, Table, Text, write_page
 from catenary.reports.project import TABLE_1

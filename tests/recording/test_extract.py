@@ -8,10 +8,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from rosbags.highlevel import AnyReader
 
 from catenary.errors import FileFormatError, InputError
+from catenary.files import sha256_of
 from catenary.recording import extract as extract_module
 from catenary.recording.bag import write_bag, write_group_bags
 from catenary.recording.extract import TopicFile, extract, topic_file
-from catenary.recording.hashing import sha256_of
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.topics import EXT_JPOS, GREEN_MEASURED_JS, RAVENSTATE, raven_topics
 from oracles.raven_recording import ABOUT, START_NS, encoder, nominal, record

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.hashing import sha256_of
+from catenary.files import sha256_of
 from catenary.recording.importers import read_arrays, read_command_log
 
 ROWS = 5

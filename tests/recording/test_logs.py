@@ -10,8 +10,8 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from catenary.errors import FileFormatError, InputError
+from catenary.files import sha256_of
 from catenary.plant import MotionLog
-from catenary.recording.hashing import sha256_of
 from catenary.recording.logs import FORMAT, read_log, write_parquet
 from recordings import recording
 

@@ -18,8 +18,8 @@ from catenary.calibration.offset import Constant
 from catenary.calibration.polynomial import Quadratic
 from catenary.calibration.valid_range import ValidRange
 from catenary.errors import FileFormatError, InputError
+from catenary.files import write_atomically
 from catenary.recording.importers import read_arrays
-from catenary.whole_file import write_whole
 
 FORMAT = "catenary.calibration.1"
 Arrays = dict[str, NDArray[Any]]
@@ -64,8 +64,8 @@ def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
         arrays |= {f"{i}.predictor.{key}": values for key, values in _to_arrays(group.predictor).items()}
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)
-    write_whole(path, buffer.getvalue())
-    write_whole(card_path(path), text.encode())
+    write_atomically(path, buffer.getvalue())
+    write_atomically(card_path(path), text.encode())
 
 
 def load_model(path: Path) -> tuple[CalibrationModel, Card]:

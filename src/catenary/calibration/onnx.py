@@ -23,8 +23,7 @@ from catenary.calibration.neural import Network
 from catenary.calibration.offset import Constant
 from catenary.calibration.polynomial import Quadratic
 from catenary.errors import InputError, MissingPackageError
-from catenary.json_text import json_text
-from catenary.whole_file import write_whole
+from catenary.files import json_text, write_atomically
 
 FORMAT = "catenary.onnx.1"
 OPSET = 17  # all operators that occur have float64 kernels in runtimes since 2022
@@ -107,7 +106,7 @@ def save_onnx(model: CalibrationModel, card: Card, path: Path, *, decimation: in
     """
     made = to_onnx(model, card, decimation=decimation)
     _import_onnx().checker.check_model(made, full_check=True)
-    write_whole(path, made.SerializeToString(deterministic=True))
+    write_atomically(path, made.SerializeToString(deterministic=True))
     return made
 
 

@@ -133,7 +133,7 @@ def _on_screen(
 def _in_lines(samples: "Iterator[Sample]", seconds: float | None, as_json: bool) -> None:
     import json
 
-    from catenary.json_text import json_text
+    from catenary.files import json_text
     from catenary.monitor.screen import plain_line
 
     begin: float | None = None  # of the first sample

@@ -190,7 +190,7 @@ def _from_topic(
 
 def _json_line(status: "EncoderStatus | GravityStatus", *, final: bool = False) -> None:
     """One JSON document on one line, so that a program can read them as they come."""
-    from catenary.json_text import json_text
+    from catenary.files import json_text
 
     data = json.loads(json_text(status.as_data()))
     print(json.dumps({"final": data} if final else data), flush=True)

@@ -54,7 +54,7 @@ def human(value: float, unit: str, digits: int) -> str:
 
 def print_json(content: Any) -> None:
     """Print one JSON document on standard output."""
-    from catenary.json_text import json_text
+    from catenary.files import json_text
 
     print(json_text(content))
 

@@ -11,6 +11,7 @@ import numpy as np
 from catenary import __version__
 from catenary.arrays import Floats
 from catenary.errors import FileFormatError, InputError
+from catenary.files import write_atomically
 from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.columns import Parameters
 from catenary.identification.identification import Identification
@@ -18,7 +19,6 @@ from catenary.identification.options import IdentifyOptions
 from catenary.identification.residuals import LogResidual, Verdict
 from catenary.recording.importers import read_arrays
 from catenary.robots.model_record import robot_from_record, robot_record
-from catenary.whole_file import write_whole
 
 FORMAT = "catenary.identification.1"
 Card = dict[str, Any]
@@ -116,8 +116,8 @@ def save_identification(result: Identification, card: Card, path: Path) -> None:
         arrays["phi"] = result.phi
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)
-    write_whole(path, buffer.getvalue())
-    write_whole(card_path(path), text.encode())
+    write_atomically(path, buffer.getvalue())
+    write_atomically(card_path(path), text.encode())
 
 
 def load_identification(path: Path) -> tuple[Identification, Card]:

@@ -13,8 +13,8 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from catenary.errors import FileFormatError, InputError
+from catenary.files import sha256_of
 from catenary.recording.bag_chunks import Block
-from catenary.recording.hashing import sha256_of
 from catenary.recording.journal import About
 from catenary.recording.layout import Encoding
 from catenary.recording.messages import md5_sum

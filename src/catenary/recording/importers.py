@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.errors import FileFormatError, InputError
+from catenary.files import sha256_of
 from catenary.plant import MotionLog
-from catenary.recording.hashing import sha256_of
 
 # joints of the RAVEN-II and of the da Vinci PSM: two turning ones, the insertion, the tool's
 CABLE_ARM_UNITS = ("rad", "rad", "m", "rad", "rad", "rad")

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.errors import FileFormatError, InputError
+from catenary.files import sha256_of
 from catenary.plant import MotionLog
-from catenary.recording.hashing import sha256_of
 from catenary.recording.importers import read_command_log
 
 FORMAT = "catenary.motion_log.1"

@@ -6,8 +6,8 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.errors import FileFormatError, InputError
+from catenary.files import sha256_of
 from catenary.plant import MotionLog
-from catenary.recording.hashing import sha256_of
 from catenary.recording.importers import numbers_of, read_arrays
 from catenary.recording.logs import read_parquet
 from catenary.robots.model import RobotModel

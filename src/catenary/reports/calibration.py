@@ -9,7 +9,7 @@ from catenary import __version__
 from catenary.calibration.card import Card
 from catenary.calibration.evaluate import Evaluation, Spread
 from catenary.calibration.model import CalibrationModel
-from catenary.json_text import json_text
+from catenary.files import json_text
 from catenary.reports.joint_picture import joint_picture
 from catenary.reports.page import Block, Facts, Heading, Listing, Remarks, Table, Text, write_page
 

@@ -7,11 +7,11 @@ import numpy as np
 
 from catenary import __version__
 from catenary.arrays import Floats
+from catenary.files import json_text
 from catenary.identification.files import Card
 from catenary.identification.identification import Identification
 from catenary.identification.residuals import LogResidual
 from catenary.identification.samples import Samples
-from catenary.json_text import json_text
 from catenary.reports.page import (
     Block,
     Facts,

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats
 from catenary.errors import UnsupportedModelError
+from catenary.files import write_atomically
 from catenary.robots.model import BASE, RobotModel
 from catenary.spatial import Pose
-from catenary.whole_file import write_whole
 
 UNLIMITED = 1e3  # URDF's <limit> has no infinity [m, rad/s, m/s, Nm, N]
 
@@ -25,7 +25,7 @@ def write_urdf(model: RobotModel, path: Path) -> None:
         UnsupportedModelError: A coupling that URDF cannot say.
         FileFormatError: The file cannot be written.
     """
-    write_whole(path, urdf_text(model).encode())
+    write_atomically(path, urdf_text(model).encode())
 
 
 def urdf_text(model: RobotModel) -> str:

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from catenary.errors import FileFormatError
+from catenary.files import write_atomically
 from catenary.identification.excitation import Excitation
 from catenary.robots.model import RobotModel
-from catenary.whole_file import write_whole
 
 
 def write_excitation(design: Excitation, model: RobotModel, path: Path) -> None:
@@ -29,11 +29,11 @@ def write_excitation(design: Excitation, model: RobotModel, path: Path) -> None:
             joint_names=np.array(model.joint_names),
             units=np.array(model.joint_units),
         )
-        write_whole(path, buffer.getvalue())
+        write_atomically(path, buffer.getvalue())
     elif path.suffix == ".csv":
         header = ["t", *(f"{kind}:{name}" for kind in ("q", "dq", "ddq") for name in model.joint_names)]
         rows = np.column_stack([design.time, design.q, design.qd, design.qdd])
         lines = [",".join(header), *(",".join(repr(float(v)) for v in row) for row in rows)]
-        write_whole(path, ("\n".join(lines) + "\n").encode())
+        write_atomically(path, ("\n".join(lines) + "\n").encode())
     else:
         raise FileFormatError(f'{path}: ending "{path.suffix}": expected .npz or .csv')

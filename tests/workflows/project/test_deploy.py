@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError, LimitError, NotReadyError
-from catenary.json_text import json_text
+from catenary.files import json_text
 from catenary.recording.logs import read_log
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.plant_state import restore_plant

@@ -12,7 +12,7 @@ from catenary.calibration.files import card_path, load_model, save_model
 from catenary.calibration.fit import FitOptions
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
-from catenary.recording.hashing import sha256_of
+from catenary.files import sha256_of
 from catenary.reports.calibration import percent
 from catenary.reports.project import write_project_report
 from catenary.trajectories.reference import Trajectory

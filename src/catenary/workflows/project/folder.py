@@ -14,7 +14,7 @@ from typing import Any
 
 from catenary import __version__
 from catenary.errors import ConfigError, FileFormatError, InputError
-from catenary.json_text import json_text
+from catenary.files import json_text
 from catenary.trajectories.sinusoids import TURN_TIME
 from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY
 
