@@ -1,31 +1,35 @@
-"""A whole tick of the control loop on a plant that takes no time: state, correction, PD, limits."""
+"""A whole tick of `run_loop` on a Panda-sized arm whose plant takes no time: state, correction, controller, limits."""
+
+from dataclasses import replace
 
 import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
+from catenary.control.controller import Controller
+from catenary.control.gravity_pd import GravityPD
 from catenary.control.limits import TorqueLimits
 from catenary.control.loop import run_loop
 from catenary.control.pd import JointPD
 from catenary.plant import JointState
 from catenary.trajectories.reference import Reference, Trajectory
-from tests.benchmarks.inference import INPUTS, JOINTS, model_of
 from tests.benchmarks.measure import ROUNDS, tell
-from tests.oracles.calibration_models import random_network, random_predictor
+from tests.benchmarks.robots import robots
+from tests.oracles.calibration_models import random_model, random_network
 from tests.oracles.mass_plant import MassPlant
 
-N = INPUTS // 2
+N = 7
 SECONDS = 5.0
 
 
-class Instant(MassPlant):
-    """Stands still, and takes commands without a thought."""
+class StillPlant(MassPlant):
+    """Stands still, and takes commands without doing anything."""
 
-    def __init__(self) -> None:
+    def __init__(self, base_rates: Floats) -> None:
         super().__init__(np.zeros(N))
         self.joint_units = tuple("m" if j % 3 == 2 else "rad" for j in range(N))
-        zero = np.zeros(N)
-        self.reported = JointState(0.0, zero, zero, zero, np.zeros(0), np.array([0.0, 0.0, -9.81]), np.inf)
+        zero, down = np.zeros(N), np.array([0.0, 0.0, -9.81])
+        self.reported = JointState(0.0, zero, zero, zero, np.zeros(0), down, 0.0, base_rates)
 
     def measured_js(self) -> JointState:
         return self.reported
@@ -47,15 +51,18 @@ class Rest(Trajectory):
         return self.reference
 
 
-def main() -> None:
-    """Time the tick with several models, in simulated and in real time."""
+def network_corrector() -> Corrector:
+    """A network of positions and torques of all joints, with two layers of a hundred."""
     rng = np.random.default_rng(0)
-    predictors = {
-        "no model": None,
-        f"linear {INPUTS}-{JOINTS}": random_predictor("linear", INPUTS, JOINTS, rng),
-        f"network {INPUTS}-100-100-{JOINTS}": random_network((INPUTS, 100, 100, JOINTS), "tanh", rng),
-    }
-    pd = JointPD(np.full(N, 100.0), np.full(N, 10.0))
+    model = random_model("linear", rng.normal(size=(2000, 2 * N)), rng, joints=N, torques=N)
+    network = random_network((2 * N, 100, 100, N), "tanh", rng)
+    return Corrector(replace(model, groups=(replace(model.groups[0], predictor=network),)))
+
+
+def main() -> None:
+    """Time ticks in simulated and in real time."""
+    kp, kd = np.full(N, 100.0), np.full(N, 10.0)
+    gravity_pd = GravityPD(robots()["Panda-like, 7 joints"].model, kp, kd)
     limits = TorqueLimits(
         np.full(N, 9.0),
         slew=np.full(N, 1e3),
@@ -63,19 +70,26 @@ def main() -> None:
         upper=np.full(N, 3.0),
         taper=np.full(N, 0.1),
     )
+    at_rest, turning, corrector = np.zeros((2, 3)), np.full((2, 3), 0.1), network_corrector()
+    cases: dict[str, tuple[Controller, Corrector | None, Floats]] = {
+        "PD": (JointPD(kp, kd), None, at_rest),
+        "PD and gravity": (gravity_pd, None, at_rest),
+        f"PD and gravity, network {2 * N}-100-100-{N}": (gravity_pd, corrector, at_rest),
+        "the same on a base that turns": (gravity_pd, corrector, turning),
+    }
     tables: dict[str, dict[str, dict[str, float]]] = {
         "compute time of a tick, us": {},
         "1 kHz real time, us": {},
     }
-    for name, predictor in predictors.items():
-        corrector = None if predictor is None else Corrector(model_of(predictor, rng))
-        runs = [run_loop(Instant(), pd, Rest(), limits=limits, corrector=corrector) for _ in range(ROUNDS)]
+    for name, (controller, correct, rates) in cases.items():
+        plant = StillPlant(rates)
+        runs = [run_loop(plant, controller, Rest(), limits=limits, corrector=correct) for _ in range(ROUNDS)]
         times = [run.compute for run in runs if run.compute is not None]
         tables["compute time of a tick, us"][name] = {
             key: 1e6 * float(np.median([getattr(t, key) for t in times]))
             for key in ("median", "p99", "p999", "max")
         }
-        real = run_loop(Instant(), pd, Rest(), limits=limits, corrector=corrector, real_time=True)
+        real = run_loop(plant, controller, Rest(), limits=limits, corrector=correct, real_time=True)
         assert real.compute is not None
         assert real.jitter is not None
         assert real.overruns is not None

@@ -5,7 +5,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -13,9 +12,6 @@ import mujoco
 import numpy as np
 import pinocchio
 
-from catenary.calibration.corrector import Corrector
-from catenary.control.limits import TorqueLimits
-from catenary.control.pd import JointPD
 from catenary.dynamics.kernels import (
     forward_kinematics_kernel,
     gravity_kernel,
@@ -24,15 +20,11 @@ from catenary.dynamics.kernels import (
     write_gravity_torques,
     write_mass_matrices,
 )
-from catenary.plant import JointState
 from catenary.robots.model import RobotModel
-from catenary.trajectories.reference import Reference
-from catenary.workflows.control_tick import ControlTick
 from tests.benchmarks.casadi_gravity import casadi_gravity
 from tests.benchmarks.measure import Call, side_by_side, tell
 from tests.benchmarks.pinocchio_loop import cpp_loop
 from tests.benchmarks.robots import pinocchio_robot, robots
-from tests.oracles.calibration_models import random_model, random_network
 from tests.oracles.mujoco_trees import mujoco_model
 from tests.oracles.random_trees import RandomRobot
 
@@ -146,51 +138,6 @@ def many(model: RobotModel, rng: np.random.Generator, folder: Path) -> Table:
     return table
 
 
-def control_tick() -> Table:
-    """Time a tick with gravity, PD, limits, and a network of 16-100-100-3."""
-    rng = np.random.default_rng(0)
-    robot = robots()["torso and two arms, 19 joints"].model
-    arm = robots()["Panda-like, 7 joints"].model
-    names = robot.joint_names[:8]
-    model = random_model("linear", rng.normal(size=(2000, 16)), rng, joints=8, torques=8)
-    network = random_network((16, 100, 100, 3), "tanh", rng)
-    model = replace(
-        model,
-        offset=model.offset[:3],
-        groups=(replace(model.groups[0], joints=(0, 1, 2), predictor=network),),
-    )
-
-    def named(text: str) -> str:
-        group, _, joint = text.partition(":")
-        return f"{group}:{names[int(joint[1:])]}"
-
-    features = replace(model.features, signals=tuple(map(named, model.features.signals)))
-    model = replace(model, joint_names=names[:3], joint_units=("rad",) * 3, features=features)
-    contenders: dict[str, Call] = {}
-    for title, body, corrector in (
-        ("7 joints, no correction", arm, None),
-        ("19 joints, no correction", robot, None),
-        ("19 joints, network 16-100-100-3", robot, Corrector(model)),
-    ):
-        n = body.n
-        limits = TorqueLimits(
-            np.full(n, 90.0),
-            slew=np.full(n, 1e3),
-            lower=np.full(n, -3.0),
-            upper=np.full(n, 3.0),
-            taper=np.full(n, 0.1),
-        )
-        tick = ControlTick(body, JointPD(np.full(n, 100.0), np.full(n, 10.0)), limits, corrector)
-        q, qd, tau = 0.1 * rng.normal(size=(3, n))
-        state = JointState(
-            0.0, q.copy(), qd.copy(), tau.copy(), np.zeros(0), np.array([0.0, 0.0, -9.81]), 0.0
-        )
-        contenders[title] = partial(tick.torque, state, Reference(np.zeros(n), np.zeros(n), np.zeros(n)))
-        contenders[title]()
-        assert tick.inside.all()
-    return side_by_side(contenders)
-
-
 def start_up() -> Table:
     """Time new processes [s], with an empty cache and with a filled one; CPU time, as others may be busy."""
     use = "import numpy as np, catenary; from catenary.gravity.torque import gravity_kernel; "
@@ -258,7 +205,6 @@ def main() -> None:
             for title, table in single_calls(arm, Path(folder)).items():
                 tables[f"{name}: {title}"] = table
             tables[f"{name}: {MANY} configurations"] = many(arm.model, np.random.default_rng(1), Path(folder))
-        tables["control tick"] = control_tick()
         tables["start-up"] = start_up()
     tell(tables)
 

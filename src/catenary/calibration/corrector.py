@@ -80,11 +80,6 @@ class Corrector:
         vars(self).update(state)  # a copy has a memory of its own, and so calls
         self._make_calls()
 
-    @property
-    def robot_arrays(self) -> tuple[NDArray[np.int64], Floats]:
-        """Layout and memory that `tick_state` takes, once `prepare` has been told of a robot; not copies."""
-        return self._robot_layout, self._memory
-
     def reset(self) -> None:
         """Forget all previous ticks: another motion begins."""
         clear(self._layout, self._memory)

@@ -23,12 +23,12 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.bag_types import check_ros1_type, check_ros2_type
 from catenary.recording.journal import About, JournalTopic
 from catenary.recording.layout import Encoding, blank_messages
 from catenary.recording.messages import MESSAGES, current_name, full_definition, md5_sum, ros2_name, typestore
 from catenary.recording.salvage import SalvageReader, about_of
 from catenary.recording.topics import ABOUT_TOPIC, ABOUT_TYPE, topic_named
+from catenary.recording.type_checks import check_ros1_type, check_ros2_type
 
 if TYPE_CHECKING:
     from catenary.recording.source import Source

@@ -11,7 +11,7 @@ from zlib import crc32
 from catenary.errors import FileFormatError
 from catenary.recording.journal import FOOTER, HEAD, HEADER, MAGIC, MARKER, MAX_RECORD, About, JournalTopic
 from catenary.recording.layout import Encoding
-from catenary.recording.messages import MESSAGES, current_name, md5_sum
+from catenary.recording.type_checks import check_ros1_type
 
 
 class _Record(NamedTuple):
@@ -55,7 +55,7 @@ class JournalReader:
         self.topics = tuple(JournalTopic(t["name"], t["type"]) for t in self._header["topics"])
         self.about: About | None = About.from_mapping(self._header)
         for topic in self._header["topics"]:
-            _check_type(path, topic)
+            check_ros1_type(path, topic["name"], topic["type"], topic["md5"], topic["definition"])
 
     @property
     def problems(self) -> list[str]:
@@ -183,12 +183,3 @@ def _next_record(content: mmap.mmap, position: int) -> int | None:
             return position
         position += 1
     return None
-
-
-def _check_type(path: Path, topic: Mapping[str, Any]) -> None:
-    name = current_name(topic["type"])
-    if name in MESSAGES and topic["md5"] != md5_sum(name):
-        raise FileFormatError(
-            f"{path}: topic {topic['name']}: {topic['type']} has md5 sum {topic['md5']}, "
-            f"expected {md5_sum(name)}; its definition there:\n{topic['definition']}"
-        )

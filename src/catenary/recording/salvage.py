@@ -24,11 +24,11 @@ from catenary.recording.bag_chunks import (
     chunk_records,
     gather,
 )
-from catenary.recording.bag_types import check_ros1_type, check_ros2_type
 from catenary.recording.journal import About, JournalTopic
 from catenary.recording.layout import Encoding
 from catenary.recording.messages import current_name
 from catenary.recording.topics import ABOUT_TOPIC
+from catenary.recording.type_checks import check_ros1_type, check_ros2_type
 
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
 MCAP_MAGIC = b"\x89MCAP0\r\n"
