@@ -89,7 +89,7 @@ def go_to_joints(
         progress: Called with the share done.
 
     Raises:
-        LimitError, NotReadyError, UnsupportedCommandError, InputError: As `workflows.robot.motion.move_to`; nothing moved.
+        LimitError, NotReadyError, UnsupportedCommandError, InputError: As `robot.motion.move_to`; nothing moved.
     """
     goal = as_array("q", q, (None,))
     names = robot.plant.joint_names[: len(goal)] if joints is None else tuple(joints)
@@ -177,7 +177,7 @@ def follow(
 
     Raises:
         LimitError: The motion leaves limits or speeds, or its start is far away; nothing has moved.
-        NotReadyError, UnsupportedCommandError, InputError: As `workflows.robot.motion.run_trajectory`.
+        NotReadyError, UnsupportedCommandError, InputError: As `robot.motion.run_trajectory`.
     """
     names, motion, way = planned(robot, file, blend=blend, largest_velocity=largest_velocity)
     for name, unit, far in zip(names, file.joint_units, way, strict=True):
