@@ -31,9 +31,9 @@ from catenary.control.loop import Tick, run_loop
 from catenary.control.pd import JointPD
 from catenary.errors import ExcitationError
 from catenary.files import json_text
-from catenary.gravity.base_parameters import base_parameters
 from catenary.gravity.compact import CompactRegressor, compact_regressor
 from catenary.gravity.torque import gravity_torque
+from catenary.identification.base_parameters import gravity_base_parameters
 from catenary.identification.identification import identify
 from catenary.identification.options import IdentifyOptions
 from catenary.page import Block, Heading, Table, Text, write_page
@@ -274,7 +274,10 @@ def experiment(
                     regressor, fit.s, count=max(2, count // 3), robot=robot
                 )
     return Results(
-        {"level base": base_parameters(model, LEVEL).rank, "three bases": base_parameters(model, None).rank},
+        {
+            "level base": gravity_base_parameters(model, LEVEL).count,
+            "three bases": gravity_base_parameters(model, None).count,
+        },
         fits,
         errors,
         held,

@@ -7,10 +7,9 @@ from catenary.control.gravity_pd import GravityPD
 from catenary.control.loop import run_loop
 from catenary.control.pd import JointPD
 from catenary.errors import InputError
-from catenary.gravity.carried_load import CarriedLoad
+from catenary.gravity.payload import CarriedLoad, Payload
 from catenary.plant import JointState
 from catenary.robots.catalog import load_robot
-from catenary.simulation.payload import Payload, carrying
 from catenary.trajectories.reference import Reference
 from oracles.hanging_plant import HangingPlant, Poses
 
@@ -32,7 +31,7 @@ def test_the_torque_is_that_of_a_robot_that_is_so_much_heavier() -> None:
     load = CarriedLoad(ARM)
     carries = Carrying(GravityPD(ARM, KP, KD), load)
     load.attach(1.3, "left_hand", PLACE)
-    heavier = GravityPD(carrying(ARM, Payload(1.3, "left_hand", PLACE)), KP, KD)
+    heavier = GravityPD(Payload(1.3, "left_hand", PLACE).on(ARM), KP, KD)
     for _ in range(10):
         state, reference = random_tick()
         assert_allclose(carries.torque(state, reference), heavier.torque(state, reference), atol=1e-9)
@@ -57,7 +56,7 @@ def test_without_a_load_the_torques_are_the_controllers_to_the_bit() -> None:
 
 def test_a_load_that_is_announced_in_a_running_loop_makes_the_arm_sag_no_more() -> None:
     model, pose = load_robot("planar_3r"), np.array([0.3, -0.5, 0.7])
-    loaded = carrying(model, Payload(0.8))
+    loaded = Payload(0.8).on(model)
     upright = np.array([0.0, 0.0, -9.81])
     sag = {}
     for announced in (False, True):

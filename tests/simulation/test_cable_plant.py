@@ -9,9 +9,8 @@ from catenary.gravity.torque import gravity_torque
 from catenary.plant import OperatingState
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import BaseTimeline, FixedBase, RockingBase
-from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.cable_plant import PAYLOAD_PLACE, CablePlant
 from catenary.simulation.columns import COLUMNS
-from catenary.simulation.payload import PAYLOAD_PLACE
 from oracles.cable_arms import homed_plant, smooth_motion
 
 GRAVITY = np.array([0.0, 0.0, -9.81])

@@ -20,7 +20,7 @@ from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
 from catenary.gravity.cholesky import factorise, solve_lower, solve_upper
 from catenary.gravity.estimator import Observed, as_speeds, regressor_with_effect
-from catenary.gravity.load_directions import PER_LOAD, load_directions
+from catenary.gravity.payload import PER_LOAD, load_directions
 from catenary.gravity.regressor import require_parameters
 from catenary.kernels.compiled import compiled
 from catenary.plant import JointState

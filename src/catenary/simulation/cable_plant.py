@@ -39,13 +39,13 @@ from catenary.simulation.firmware import (
 from catenary.simulation.homing import home, registered_zero
 from catenary.simulation.joint_report import joint_state
 from catenary.simulation.packed import LOG, arm_of, control_of, log_of, pack, pack_tree
-from catenary.simulation.payload import with_payload
 from catenary.simulation.tick_call import TickArrays, TickCall, tick_call
 from catenary.simulation.ticks import run_ticks
 
 JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")
 UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
 NO_LOG = np.empty((0, LOG))
+PAYLOAD_PLACE = np.array([0.0, 0.0, -0.47])  # [m] in the insertion's frame: the tool's wrist
 
 
 class CablePlant:
@@ -91,7 +91,8 @@ class CablePlant:
         self._base = BaseTimeline(FixedBase() if base is None else base, PERIOD)
         self.model: RobotModel = load_robot("raven2_full" if side == "left" else "raven2_full_right")
         self.rig = self.arm.rig
-        self._tree = with_payload(load_robot("raven2" if side == "left" else "raven2_right"), payload)
+        positioning = load_robot("raven2" if side == "left" else "raven2_right")
+        self._tree = positioning.with_payload("insertion", payload, PAYLOAD_PLACE).tree
         self._tree_numbers = pack_tree(self._tree)
         self._cable, self._firmware = self.arm.cable, self.arm.firmware
         self._parameters = pack(self._cable), pack(self._firmware)

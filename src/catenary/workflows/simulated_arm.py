@@ -17,6 +17,7 @@ from catenary.control.gains import (
 )
 from catenary.control.limits import TorqueLimits
 from catenary.errors import UnsupportedModelError
+from catenary.gravity.payload import Payload
 from catenary.plant import Plant
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
@@ -25,7 +26,6 @@ from catenary.simulation.cable_parameters import POSITIONING, CableArm, Firmware
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.joint_hardware import JointHardware
 from catenary.simulation.mujoco_plant import MujocoPlant
-from catenary.simulation.payload import Payload
 from catenary.simulation.positioning import PositioningArm
 
 SIDES = {"raven2": "left", "raven2_right": "right"}

@@ -6,10 +6,9 @@ from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
 from catenary.gravity.compact import compact_regressor
-from catenary.gravity.load_directions import load_directions
+from catenary.gravity.payload import Payload, load_directions
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
-from catenary.simulation.payload import Payload, carrying
 from oracles.random_trees import random_robot
 
 
@@ -22,7 +21,7 @@ def test_a_body_on_any_link_asks_for_the_torque_that_the_directions_say(seed: in
     mass, place = 1.7, rng.normal(size=3)
     directions = load_directions(regressor, frame)
     q, gravity = rng.normal(size=model.n), rng.normal(size=3)
-    loaded = carrying(model, Payload(mass, frame, place))
+    loaded = Payload(mass, frame, place).on(model)
     more = gravity_torque(loaded, q, gravity) - gravity_torque(model, q, gravity)
     assert_allclose(regressor.Z(q, gravity) @ directions @ np.array([mass, *(mass * place)]), more, atol=1e-9)
 
@@ -30,9 +29,7 @@ def test_a_body_on_any_link_asks_for_the_torque_that_the_directions_say(seed: in
 def test_a_frames_own_place_on_its_link_counts() -> None:
     model = load_robot("dual_arm_19")
     regressor = compact_regressor(model)
-    before, after = (
-        regressor.parameters(robot) for robot in (model, carrying(model, Payload(2.0, "left_hand")))
-    )
+    before, after = (regressor.parameters(robot) for robot in (model, Payload(2.0, "left_hand").on(model)))
     directions = load_directions(regressor, "left_hand")
     assert_allclose(2.0 * directions[:, 0], after - before, atol=1e-12)
 
