@@ -1,4 +1,4 @@
-"""What is whole in a bag that was cut off: its index comes last, so readers that need one refuse the file."""
+"""Bags read from their first byte to their last, without the index at their end, which a bag that was cut off lacks."""
 
 import bz2
 import json
@@ -27,12 +27,13 @@ from catenary.recording.bag_chunks import (
 from catenary.recording.journal import About, JournalTopic
 from catenary.recording.layout import Encoding
 from catenary.recording.messages import current_name
-from catenary.recording.topics import ABOUT_TOPIC
+from catenary.recording.topics import ABOUT_TOPIC, require_topics
 from catenary.recording.type_checks import check_ros1_type, check_ros2_type
 
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
 MCAP_MAGIC = b"\x89MCAP0\r\n"
-_MESSAGE, _CHUNK, _CONNECTION = 2, 5, 7  # record types of a ROS 1 bag [wiki.ros.org/Bags/Format/2.0]
+# record types of a ROS 1 bag [wiki.ros.org/Bags/Format/2.0]
+_MESSAGE, _BAG_HEADER, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 5, 6, 7
 _SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _DATA_END = 3, 4, 5, 6, 15  # of MCAP [mcap.dev/spec]
 _CHUNK_HEAD = 60  # [B] before a chunk's records, at most; a shorter one holds none
 _U16, _U32, _U64 = Struct("<H"), Struct("<I"), Struct("<Q")
@@ -41,11 +42,11 @@ _UNPACK = {b"none": bytes, b"bz2": bz2.decompress, b"lz4": lz4_decompress}
 Read = TypeVar("Read")
 
 
-class SalvageReader:
-    """Reads the messages of a cut-off `.bag` or `.mcap` from its beginning.
+class BagStream:
+    """Reads a ROS 1 bag, or an MCAP file that was cut off, from its beginning, in the order it was recorded in.
 
     It reads up to the last whole message, or the last whole chunk where chunks are compressed. `problems` says
-    where that was.
+    where that was; a bag without its index has one, too.
     """
 
     def __init__(self, path: Path) -> None:
@@ -57,16 +58,18 @@ class SalvageReader:
         self.path = path
         self.problems: list[str] = []
         with path.open("rb") as file:
-            self._ros1 = file.read(len(ROS1_MAGIC)) == ROS1_MAGIC
+            self.has_blocks = file.read(len(ROS1_MAGIC)) == ROS1_MAGIC  # `blocks` can read it: a ROS 1 bag
             file.seek(0)
-            if not self._ros1 and file.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
-                raise FileFormatError(f"{path}: begins neither as a ROS 1 bag nor as MCAP")
-        self.encoding: Encoding = "ros1" if self._ros1 else "cdr"
+            if not self.has_blocks and file.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
+                raise FileFormatError(
+                    f"{path}: cannot be read: begins neither as a ROS 1 bag nor as MCAP; "
+                    "nothing in it can be saved"
+                )
+        self.encoding: Encoding = "ros1" if self.has_blocks else "cdr"
         self.about: About | None = None
         self._types: dict[str, str] = {}
         self.counts: dict[str, int] = {}
-        self._wanted: frozenset[str] | None = None
-        if self._ros1:
+        if self.has_blocks:
             for found in self._guarded(lambda file, size: self._bag(file, size, self._bag_counts)):
                 self._count(*found)
         else:
@@ -80,29 +83,40 @@ class SalvageReader:
         else:
             self.counts[name] = self.counts.get(name, 0) + number
 
+    def whole_text(self) -> str:
+        """Say in words what can still be read."""
+        if not self.counts:
+            return "no whole message is in it, nothing can be saved"
+        found = ", ".join(f"{count} messages of {topic}" for topic, count in self.counts.items())
+        return f"{found} can be saved: extract(..., salvage=True) reads them"
+
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
-        """Give topic, arrival stamp [ns] and bytes of every whole message."""
+        """Yield topic, arrival stamp [ns] and bytes of every whole message of these topics, or of all.
+
+        Raises:
+            FileFormatError: A topic is not in the bag.
+        """
+        require_topics(self.path, topics, self._types)
         self.problems.clear()
         for message in self._whole():
             if message[0] != ABOUT_TOPIC and (topics is None or message[0] in topics):
                 yield message
 
-    def blocks(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
-        """Give topic, arrival stamps [ns] (N,) and messages of every chunk of a ROS 1 bag, without an object for each.
+    def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
+        """Yield topic, arrival stamps [ns] (N,) and messages of every chunk of a ROS 1 bag, no object for each.
 
         Within a topic messages keep their order.
         """
         self.problems.clear()
-        self._wanted = None if topics is None else frozenset(topics)
-        yield from self._guarded(lambda file, size: self._bag(file, size, self._bag_blocks))
 
-    @property
-    def has_blocks(self) -> bool:
-        """Whether `blocks` can read it."""
-        return self._ros1
+        def gathered(chunk: bytes, names: dict[int, str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
+            for name, own in self._bag_topics(chunk, names, topics):
+                yield name, own[:, TIME], gather(chunk, own)
+
+        yield from self._guarded(lambda file, size: self._bag(file, size, gathered))
 
     def _whole(self) -> Iterator[tuple[str, int, bytes]]:
-        if self._ros1:
+        if self.has_blocks:
             return self._guarded(lambda file, size: self._bag(file, size, self._bag_messages))
         return self._guarded(lambda file, size: self._mcap(file, size, {}))
 
@@ -110,7 +124,7 @@ class SalvageReader:
         """Read up to what is damaged, which becomes a problem."""
         with self.path.open("rb") as file:
             size = file.seek(0, 2)
-            file.seek(len(ROS1_MAGIC) if self._ros1 else len(MCAP_MAGIC))
+            file.seek(len(ROS1_MAGIC) if self.has_blocks else len(MCAP_MAGIC))
             try:
                 yield from read(file, size)
             except (error, KeyError, ValueError, OSError, EOFError, RuntimeError) as problem:
@@ -124,8 +138,9 @@ class SalvageReader:
     def _bag(
         self, file: BinaryIO, size: int, read_chunk: Callable[[bytes, dict[int, str]], Iterator[Read]]
     ) -> Iterator[Read]:
-        """Give what `read_chunk` makes of every chunk."""
+        """Yield what `read_chunk` makes of every chunk."""
         names: dict[int, str] = {}
+        missing = None  # records that the bag's header promises behind the chunks
         while file.tell() < size:
             start = file.tell()
             head = _sized(file, size)
@@ -136,11 +151,18 @@ class SalvageReader:
                     yield from read_chunk(file.read(), names)
                 self._cut_off(size - start)
                 return
-            if values[b"op"][0] == _CHUNK:
+            kind = values[b"op"][0]
+            if kind == _BAG_HEADER and _U64.unpack(values[b"index_pos"])[0]:
+                missing = _U32.unpack(values[b"conn_count"])[0] + _U32.unpack(values[b"chunk_count"])[0]
+            elif kind in (_CHUNK_INFO, _CONNECTION) and missing is not None:
+                missing -= 1
+            elif kind == _CHUNK:
                 unpack = _UNPACK.get(values[b"compression"])
                 if unpack is None:
                     raise ValueError(f"unknown compression {values[b'compression'].decode(errors='replace')}")
                 yield from read_chunk(unpack(data), names)
+        if missing != 0:
+            self.problems.append(f"{self.path}: lacks its index, or part of it: it was cut off or not closed")
 
     def _bag_messages(self, chunk: bytes, names: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:
         for row in chunk_records(chunk).tolist():
@@ -149,19 +171,14 @@ class SalvageReader:
             else:
                 self._bag_connection(chunk, row, names)
 
-    def _bag_blocks(
-        self, chunk: bytes, names: dict[int, str]
-    ) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
-        for name, own in self._bag_topics(chunk, names):
-            if name != ABOUT_TOPIC:
-                yield name, own[:, TIME], gather(chunk, own)
-
     def _bag_counts(self, chunk: bytes, names: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:
         for name, own in self._bag_topics(chunk, names):
             yield name, len(own), chunk[own[0, DATA] : own[0, END]]
 
-    def _bag_topics(self, chunk: bytes, names: dict[int, str]) -> Iterator[tuple[str, Records]]:
-        """Give the records of each topic's messages."""
+    def _bag_topics(
+        self, chunk: bytes, names: dict[int, str], wanted: Collection[str] | None = None
+    ) -> Iterator[tuple[str, Records]]:
+        """Yield the records of each topic's messages."""
         records = chunk_records(chunk)
         is_message = records[:, KIND] == _MESSAGE
         damaged = np.flatnonzero(records[:, KIND] < 0)
@@ -172,7 +189,7 @@ class SalvageReader:
         numbers = messages[:, CONNECTION]
         topics = {number: names[number] for number in dict.fromkeys(numbers.tolist())}
         for name in dict.fromkeys(topics.values()):
-            if self._wanted is None or name in self._wanted:
+            if wanted is None or name in wanted:
                 ours = [number for number, topic in topics.items() if topic == name]
                 own = messages
                 if len(ours) == 1 < len(topics):  # nearly always: one program publishes a topic
