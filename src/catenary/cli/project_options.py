@@ -11,7 +11,7 @@ from catenary.cli.terminal import roll_and_pitch, words
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.workflows.project import Project
+    from catenary.workflows.project.folder import Project
 
 Folder = Annotated[
     Path, typer.Argument(metavar="PROJECT", help="Folder of the project; made if it is not there.")
@@ -51,7 +51,7 @@ def open_project(
     ros: int | None = None,
 ) -> "Project":
     """Open a project with the settings it has, changed by what was typed."""
-    from catenary.workflows.project import Project, ProjectSettings, project_settings
+    from catenary.workflows.project.folder import Project, ProjectSettings, project_settings
 
     settings = project_settings(folder) or ProjectSettings()
     if tilt is not None:
@@ -68,7 +68,7 @@ def open_project(
 
 def require_project(folder: Path) -> None:
     """Refuse a folder in which nothing was begun, so that a mistyped name makes no new project."""
-    from catenary.workflows.project import SETTINGS
+    from catenary.workflows.project.folder import SETTINGS
 
     if not (folder / SETTINGS).is_file():
         raise InputError(f"{folder}: is no project; begin one with catenary home, excite or calibrate")

@@ -11,6 +11,7 @@ from zlib import crc32
 from catenary.errors import FileFormatError
 from catenary.recording.journal import FOOTER, HEAD, HEADER, MAGIC, MARKER, MAX_RECORD, About, JournalTopic
 from catenary.recording.layout import Encoding
+from catenary.recording.topics import require_topics
 from catenary.recording.type_checks import check_ros1_type
 
 
@@ -71,12 +72,9 @@ class JournalReader:
         Raises:
             FileFormatError: A topic is not in the recording.
         """
-        missing = [name for name in topics or () if name not in (topic.name for topic in self.topics)]
-        if missing:
-            there = ", ".join(topic.name for topic in self.topics)
-            raise FileFormatError(f"{self.path}: no topic {', '.join(missing)}; it has {there}")
-        report = self.report = JournalReport(messages={topic.name: 0 for topic in self.topics})
         names = [topic.name for topic in self.topics]
+        require_topics(self.path, topics, names)
+        report = self.report = JournalReport(messages=dict.fromkeys(names, 0))
         wanted = [topics is None or name in topics for name in names]
         expected: int | None = None  # number of the next record
         for file in self._files:
