@@ -16,7 +16,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.control.pd import Damping
-from catenary.page import Block, Table, Text
+from catenary.reports.page import Block, Table, Text
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
 from papers.arguments import folder_argument
 from papers.gravity_tracking import CONTROLLERS, LABELS, Run, run_controllers

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats
 from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
-from catenary.page import Table
+from catenary.reports.page import Table
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.sensing.checks import SensorRules

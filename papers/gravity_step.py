@@ -22,7 +22,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.control.loop import GravitySource, Tick, run_loop
-from catenary.page import Block, Picture, Table, Text, picture
+from catenary.reports.page import Block, Picture, Table, Text, picture
 from catenary.sensing.faults import Fault
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.samples import Mailbox
@@ -33,10 +33,10 @@ from catenary.simulation.sensors import SimulatedSensor
 from catenary.trajectories.in_turn import InTurn, Rest
 from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
-from catenary.workflows.controllers import make_controller
-from catenary.workflows.gravity_motion import RAVEN_START
-from catenary.workflows.gravity_track import with_approach
-from catenary.workflows.simulated_arm import raven_arm
+from catenary.workflows.gravity.controllers import make_controller
+from catenary.workflows.gravity.motions import RAVEN_START
+from catenary.workflows.gravity.simulated_arm import raven_arm
+from catenary.workflows.gravity.track import with_approach
 from papers.arguments import folder_argument
 from papers.raven_base import Z0, turned_base
 from papers.results import shown, write_results

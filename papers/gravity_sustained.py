@@ -25,14 +25,14 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.gravity.torque import gravity_torque
-from catenary.page import Block, Picture, Table, Text, picture
+from catenary.reports.page import Block, Picture, Table, Text, picture
 from catenary.robots.catalog import load_robot
 from catenary.sensing.vector import LEVEL
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
 from catenary.transmission.coupling import winding_of
-from catenary.workflows.gravity_motion import RAVEN_START
-from catenary.workflows.simulated_arm import raven_gains
+from catenary.workflows.gravity.motions import RAVEN_START
+from catenary.workflows.gravity.simulated_arm import raven_gains
 from papers.arguments import folder_argument
 from papers.gravity_step import ACCELERATION, ALONG, ONSET, CuedBase, Response, respond
 from papers.plant_targets import joint_1_friction

@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.reports.project import TABLE_1
 from catenary.simulation.cable_parameters import Cable, CableArm
-from catenary.workflows.paper_table import SIX_HOURS_LINEAR, TABLE_1
+from papers.calibration_paper import SIX_HOURS_LINEAR
 
 TARGETS = {"raw": TABLE_1["raw"], "fixed offset": TABLE_1["fixed offset"], "linear": TABLE_1["linear"]}
 LAST_HOUR = SIX_HOURS_LINEAR[1]  # RMSE of the linear model [deg, deg, mm]

@@ -28,6 +28,7 @@ from catenary.arrays import Floats
 from catenary.calibration.model import CalibrationModel
 from catenary.control.estimated_gravity_pd import EstimatedGravityPD
 from catenary.control.loop import Tick, run_loop
+from catenary.control.measures import pd_share
 from catenary.control.pd import JointPD
 from catenary.errors import ExcitationError
 from catenary.files import json_text
@@ -36,8 +37,8 @@ from catenary.gravity.torque import gravity_torque
 from catenary.identification.base_parameters import gravity_base_parameters
 from catenary.identification.identification import identify
 from catenary.identification.options import IdentifyOptions
-from catenary.page import Block, Heading, Table, Text, write_page
 from catenary.plant import JointState, MotionLog
+from catenary.reports.page import Block, Heading, Table, Text, write_page
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.sensing.vector import LEVEL
@@ -45,8 +46,7 @@ from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.trajectories.zigzag import zigzag
-from catenary.workflows.gravity_track import pd_share
-from catenary.workflows.simulated_arm import raven_arm
+from catenary.workflows.gravity.simulated_arm import raven_arm
 from catenary.workflows.simulated_recording import record_simulated
 from papers.arguments import folder_argument
 from papers.plant_evaluation import linear_model

@@ -12,7 +12,7 @@ from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.crtk.names import find_topic
 from catenary.crtk.wire import codec
-from catenary.workflows.serve import Serving, make_server
+from catenary.nodes.serve import Serving, make_server
 from oracles.cable_arms import homed_plant
 
 LENGTH = 4  # bytes in front of a message

@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.simulation.cable_parameters import load_cable_arm
-from catenary.workflows.simulated_arm import raven_gains
+from catenary.workflows.gravity.simulated_arm import raven_gains
 from papers.gravity_sustained import (
     CASES,
     Change,

@@ -7,9 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.arrays import Floats
+from catenary.reports.project import TABLE_1
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
-from catenary.workflows.paper_table import SIX_HOURS_LINEAR, TABLE_1
 from papers import plant_refit
+from papers.calibration_paper import SIX_HOURS_LINEAR
 from papers.plant_evaluation import Hour
 from papers.plant_pd_share import PDShare
 from papers.plant_refit import fit_drift, fit_friction, fit_table_1, write_arm

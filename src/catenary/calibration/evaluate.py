@@ -12,8 +12,7 @@ from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.progress import Progress, part_of, silent
 from catenary.errors import InputError
-
-DISPLAY = {"rad": ("deg", 180.0 / np.pi), "m": ("mm", 1000.0)}  # what people read
+from catenary.units import DISPLAY
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ from catenary.errors import InputError
 if TYPE_CHECKING:
     from catenary.crtk.latest import ImuTopic
     from catenary.crtk.transport import Transport
-    from catenary.workflows.project import Project
-    from catenary.workflows.project_robot import ProjectRobot
+    from catenary.workflows.project.folder import Project
+    from catenary.workflows.project.robot import ProjectRobot
 
 
 @dataclass(frozen=True)
@@ -68,9 +68,9 @@ def ros_transport(version: int, name: str = "catenary") -> "Iterator[Transport]"
 @contextmanager
 def robot_of(project: "Project", access: RobotAccess) -> "Iterator[ProjectRobot]":
     """Open the robot that a project is about: its simulated one, or one on ROS."""
-    from catenary.workflows.guide import AnswerYes
-    from catenary.workflows.ros_robot import RosRobot
-    from catenary.workflows.simulated_robot import SimulatedRobot
+    from catenary.workflows.project.ros_robot import RosRobot
+    from catenary.workflows.project.simulated_robot import SimulatedRobot
+    from catenary.workflows.robot.guide import AnswerYes
 
     connection = project.settings.connection
     if connection == "simulation":
@@ -92,8 +92,8 @@ def record_others(
     from catenary.recording.journal import About
     from catenary.recording.synchronise import ROBOT
     from catenary.recording.topics import raven_topics
-    from catenary.workflows.ros_recording import record_topics
-    from catenary.workflows.ros_robot import arm_of, required
+    from catenary.workflows.project.ros_robot import arm_of, required
+    from catenary.workflows.robot.topic_recorder import record_topics
 
     arm = arm_of(project)
     topics = raven_topics(arm, state_rate=project.settings.state_rate_hz)
@@ -122,7 +122,7 @@ def deploy_beside(
     """Correct a robot's messages as they come, and publish them corrected."""
     from catenary.calibration.files import load_model
     from catenary.crtk.client import CrtkClient
-    from catenary.workflows.ros_deploy import CalibratedTopics
+    from catenary.nodes.deploy import CalibratedTopics
 
     if arm not in ("gold", "green"):
         raise InputError(f'--arm "{arm}": expected gold or green')

@@ -22,8 +22,8 @@ from catenary.cli.terminal import print_json, print_notes, print_table, progress
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.workflows.calibrate import CalibrationResult
-    from catenary.workflows.project import Project
+    from catenary.workflows.project.calibrate import CalibrationResult
+    from catenary.workflows.project.folder import Project
 
 
 def excite(
@@ -36,7 +36,7 @@ def excite(
 
     Writes recordings/train; homes first if needed.
     """
-    from catenary.workflows.calibrate import TRAIN, excitation
+    from catenary.workflows.project.calibrate import TRAIN, excitation
 
     opened = open_project(project, arm, ros=access.ros)
     motion, what = excitation(opened)
@@ -64,7 +64,7 @@ def record(
 
     Writes recordings/NAME; after `catenary excite`.
     """
-    from catenary.workflows.calibrate import TRAIN, random_motion
+    from catenary.workflows.project.calibrate import TRAIN, random_motion
 
     if not name.isidentifier() or name == TRAIN:
         raise InputError(f'--name "{name}": expected letters, digits and _, and another name than {TRAIN}')
@@ -99,7 +99,7 @@ def extract(
     from catenary.recording.bag import write_group_bags
     from catenary.recording.raven_csv import write_raven_csv
     from catenary.recording.source import open_recording
-    from catenary.workflows.project_recordings import extract_recording, motion_log_path
+    from catenary.workflows.project.recordings import extract_recording, motion_log_path
 
     if bag not in (None, "ros1", "mcap"):
         raise InputError(f'--bag "{bag}": expected ros1 or mcap')
@@ -189,9 +189,9 @@ def deploy(
     seconds = 20.0 if seconds is None else seconds
     from catenary.calibration.files import load_model
     from catenary.simulation.plant_state import restore_plant
-    from catenary.workflows.calibrate import TRAIN, random_motion
-    from catenary.workflows.deploy import deploy_on_simulated
-    from catenary.workflows.simulated_robot import left_at, make_plant
+    from catenary.workflows.project.calibrate import TRAIN, random_motion
+    from catenary.workflows.project.deploy import deploy_on_simulated
+    from catenary.workflows.project.simulated_robot import left_at, make_plant
 
     loaded, _ = load_model(model)
     require_project(project)
@@ -238,8 +238,8 @@ def calibrate(
     Home, excite, record, extract, fit, evaluate, deploy, report; done steps are not repeated. Without recordings
     it drives a simulated RAVEN-II, or with --ros a real one; with them it fits every model to them and tests on --test.
     """
-    from catenary.workflows.calibrate import calibrate_recordings, calibrate_robot
     from catenary.workflows.fit import FitRun
+    from catenary.workflows.project.calibrate import calibrate_recordings, calibrate_robot
 
     opened = open_project(project, arm, hours=hours, ros=access.ros)
     with _steps() as tell:
@@ -265,8 +265,8 @@ def demo(
 
     A short zig-zag, a short test, the whole pipeline and a page.
     """
-    from catenary.workflows.calibrate import calibrate_robot
-    from catenary.workflows.project import Project, ProjectSettings
+    from catenary.workflows.project.calibrate import calibrate_robot
+    from catenary.workflows.project.folder import Project, ProjectSettings
 
     settings = ProjectSettings(seed=seed, sparsities=(1 / 2, 1 / 3), test_minutes=5.0)
     with _steps() as tell:

@@ -56,7 +56,7 @@ def export(
 def _c(robot: str, out: Path, model: Path | None, rate_hz: float, as_json: bool) -> None:
     from catenary.calibration.files import load_model
     from catenary.robots.catalog import load_robot
-    from catenary.workflows.export import c_header, write_header
+    from catenary.workflows.c_header import c_header, write_header
 
     calibration = None if model is None else load_model(model)[0]
     header = c_header(load_robot(robot), calibration, rate_hz=rate_hz)
@@ -70,7 +70,7 @@ def _c(robot: str, out: Path, model: Path | None, rate_hz: float, as_json: bool)
 
 
 def _onnx(model: Path, out: Path, rate_hz: float | None, as_json: bool) -> None:
-    from catenary.workflows.export_onnx import export_onnx
+    from catenary.workflows.onnx_file import export_onnx
 
     summary = export_onnx(model, out, rate_hz=rate_hz)
     if as_json:

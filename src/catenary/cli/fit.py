@@ -171,7 +171,7 @@ def evaluate(
 
     Example: catenary evaluate arm.npz run2.npz --report run2.html
     """
-    from catenary.workflows.calibration_report import window_table, write_calibration_report
+    from catenary.reports.calibration import window_table, write_calibration_report
     from catenary.workflows.fit import evaluate_calibration, evaluation_summary
 
     if report is not None:
@@ -201,7 +201,7 @@ def evaluate(
 
 
 def _print_fit(out: Path, card: Path, result: "FitResult") -> None:
-    from catenary.workflows.calibration_report import spread_table
+    from catenary.reports.calibration import spread_table
 
     print_notes(result.notes)
     if result.spread:
@@ -229,7 +229,7 @@ def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
 
 def _write_fit_report(path: Path, result: "FitResult") -> None:
     from catenary.calibration.evaluate import evaluate as evaluate_rows
-    from catenary.workflows.calibration_report import write_calibration_report
+    from catenary.reports.calibration import write_calibration_report
 
     tested_on, evaluation = "the held-out part of each recording", result.held_out
     if evaluation is None:
@@ -247,7 +247,7 @@ def _write_fit_report(path: Path, result: "FitResult") -> None:
 
 
 def _print_errors(title: str, evaluation: "Evaluation") -> None:
-    from catenary.workflows.calibration_report import error_table
+    from catenary.reports.calibration import error_table
 
     table = error_table(evaluation)
     print_table(title, table.header, table.rows)

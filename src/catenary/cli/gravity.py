@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from catenary.simulation.base_motion import MovingBase
-    from catenary.workflows.simulated_arm import SimulatedArm
+    from catenary.workflows.gravity.simulated_arm import SimulatedArm
 
 Simulated = Annotated[
     str,
@@ -79,7 +79,7 @@ class Conditions:
         import numpy as np
 
         from catenary.simulation.base_motion import FixedBase, RockingBase
-        from catenary.workflows.simulated_arm import simulated_arm
+        from catenary.workflows.gravity.simulated_arm import simulated_arm
 
         for name in ("base_tilt_deg", "rock_deg", "rock_hz"):
             values = getattr(self, name)
@@ -119,7 +119,7 @@ def gravity(
 
     from catenary.robots.catalog import load_robot
     from catenary.sensing.vector import LEVEL, tilted_gravity
-    from catenary.workflows.gravity_torques import gravity_torques
+    from catenary.workflows.gravity.torques import gravity_torques
 
     if tilt_deg is not None and vector is not None:
         raise InputError("gravity: give one of --tilt-deg and --gravity")
@@ -201,10 +201,10 @@ def track(
     """
     import numpy as np
 
-    from catenary.workflows.controllers import make_controller
-    from catenary.workflows.gravity_motion import make_motion
-    from catenary.workflows.gravity_report import tracking_table, write_tracking_report
-    from catenary.workflows.gravity_track import track as run
+    from catenary.reports.gravity import tracking_table, write_tracking_report
+    from catenary.workflows.gravity.controllers import make_controller
+    from catenary.workflows.gravity.motions import make_motion
+    from catenary.workflows.gravity.track import track as run
 
     _check_report(report)
     arm = conditions.arm(robot)
@@ -262,10 +262,10 @@ def hold(
 
     Example: catenary hold raven2 --base-tilt-deg 0 180 --seconds 2
     """
-    from catenary.workflows.controllers import make_hold
-    from catenary.workflows.gravity_hold import hold as run
-    from catenary.workflows.gravity_motion import hold_start
-    from catenary.workflows.gravity_report import holding_table, write_holding_report
+    from catenary.reports.gravity import holding_table, write_holding_report
+    from catenary.workflows.gravity.controllers import make_hold
+    from catenary.workflows.gravity.hold import hold as run
+    from catenary.workflows.gravity.motions import hold_start
 
     _check_report(report)
     arm = conditions.arm(robot)

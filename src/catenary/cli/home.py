@@ -15,7 +15,7 @@ from catenary.cli.terminal import human, print_json, print_table
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.workflows.homing import Homing
+    from catenary.workflows.robot.homing import Homing
 
 
 def home(
@@ -55,8 +55,8 @@ def home(
         raise InputError(
             "--payload and --side are of a project's robot; without one say --robot raven2_right"
         )
-    from catenary.workflows.guide import AnswerYes
-    from catenary.workflows.homing import home_operated
+    from catenary.workflows.robot.guide import AnswerYes
+    from catenary.workflows.robot.homing import home_operated
 
     chosen = PacedRobot(
         robot=robot or "raven2",

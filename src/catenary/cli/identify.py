@@ -80,7 +80,7 @@ def identify(
     """
     from catenary.identification.files import card_path, save_identification
     from catenary.identification.options import IdentifyOptions
-    from catenary.workflows.identification_report import absolute_table, excitation_facts, residual_table
+    from catenary.reports.identification import absolute_table, excitation_facts, residual_table
     from catenary.workflows.identify import identify_files
 
     options = IdentifyOptions(
@@ -117,9 +117,11 @@ def identify(
             print(f"{name}: {text}")
         print(f"parameters: {out}\ncard:  {card_path(out)}")
     if report is not None:  # last: whatever goes wrong with it, the parameters are there
-        from catenary.workflows.identification_report import write_identification_report
+        from catenary.reports.identification import write_identification_report
 
-        write_identification_report(report, result)
+        write_identification_report(
+            report, found, result.card, result.tests or result.training, notes=result.notes
+        )
         if not as_json:
             print(f"page:  {report}")
 

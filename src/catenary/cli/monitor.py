@@ -59,14 +59,14 @@ def monitor(
     with ExitStack() as stack:
         if log is not None:
             from catenary.recording.logs import read_log
-            from catenary.workflows.watch import watch_log
+            from catenary.workflows.robot.watch import watch_log
 
             name, samples = log.name, watch_log(read_log(log), model=model, every=1.0 / hertz, speed=speed)
         else:
             import numpy as np
 
-            from catenary.workflows.operator_motion import random_motion
-            from catenary.workflows.watch import watch_robot
+            from catenary.workflows.robot.operator_motion import random_motion
+            from catenary.workflows.robot.watch import watch_robot
 
             print("preparing the robot ...", file=sys.stderr, flush=True)
             opened = stack.enter_context(open_robot(robot, moves=False, imu=source))

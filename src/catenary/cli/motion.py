@@ -13,7 +13,7 @@ from catenary.cli.terminal import human, numbers, print_json, print_notes, print
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.workflows.operator_motion import MotionSummary
+    from catenary.workflows.robot.operator_motion import MotionSummary
 
 AsJson = Annotated[bool, Option("--json", help="Print JSON, in rad and m.")]
 
@@ -48,7 +48,7 @@ def goto(
     """
     import numpy as np
 
-    from catenary.workflows.operator_motion import go_to_joints, joints_at
+    from catenary.workflows.robot.operator_motion import go_to_joints, joints_at
 
     if sum(option is not None for option in (q_deg, q, position_mm)) != 1:
         raise InputError("goto: give one of --q-deg, --q and --position-mm")
@@ -80,7 +80,7 @@ def random(
     """
     import numpy as np
 
-    from catenary.workflows.operator_motion import run_random
+    from catenary.workflows.robot.operator_motion import run_random
 
     with (
         open_robot(robot) as opened,
@@ -118,9 +118,9 @@ def follow(
     """
     import numpy as np
 
-    from catenary.workflows.followed_file import read_followed_file
-    from catenary.workflows.operator_motion import LARGEST_VELOCITY
-    from catenary.workflows.operator_motion import follow as follow_file
+    from catenary.workflows.robot.followed_file import read_followed_file
+    from catenary.workflows.robot.operator_motion import LARGEST_VELOCITY
+    from catenary.workflows.robot.operator_motion import follow as follow_file
 
     motion = read_followed_file(file, rows_per_second=rows_per_second)
     print_notes(motion.notes)

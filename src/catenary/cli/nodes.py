@@ -15,10 +15,10 @@ from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.crtk.transport import Transport
+    from catenary.nodes.encoders import EncoderStatus
+    from catenary.nodes.gravity import GravityStatus
     from catenary.sensing.mounting import Mounting
     from catenary.sensing.samples import Mailbox
-    from catenary.workflows.encoder_node import EncoderStatus
-    from catenary.workflows.gravity_node import GravityStatus
 
 
 def encoders(
@@ -49,7 +49,7 @@ def encoders(
     from catenary.crtk.network import make_transport
     from catenary.devices.encoder_board import EncoderBoard
     from catenary.devices.encoder_rig import EncoderRig
-    from catenary.workflows.encoder_node import EncoderNode, publish_encoders
+    from catenary.nodes.encoders import EncoderNode, publish_encoders
 
     rig = EncoderRig(bits=bits, direction=np.array(numbers("--direction", direction)))
     with make_transport(ros, "catenary_encoders") as transport, EncoderBoard(port, rig, baud=baud) as board:
@@ -106,11 +106,11 @@ def gravity_node(
     Example: catenary gravity-node --ros 1 --imu /imu/data_raw --mounting mounting.toml
     """
     from catenary.crtk.network import make_transport
+    from catenary.nodes.gravity import GravityNode, publish_gravity
     from catenary.sensing.checks import SensorRules
     from catenary.sensing.imu import SensedGravity
     from catenary.sensing.mounting import Mounting, load_mounting
     from catenary.sensing.samples import Mailbox
-    from catenary.workflows.gravity_node import GravityNode, publish_gravity
 
     if sum(source is not None for source in (imu, accel, vector, port)) != 1:
         raise InputError("gravity-node: give one of --imu, --accel, --vector and --port")

@@ -10,7 +10,7 @@ from catenary.cli.terminal import roll_and_pitch, words
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.workflows.project import Project
+    from catenary.workflows.project.folder import Project
 
 Folder = Annotated[Path, Argument(metavar="PROJECT", help="Folder of the project; made if it is not there.")]
 Seed = Annotated[
@@ -53,7 +53,7 @@ def open_project(
     folder: Path, arm: ArmOptions | None = None, *, hours: float | None = None, ros: int | None = None
 ) -> "Project":
     """Open a project with the settings it has, changed by what was typed."""
-    from catenary.workflows.project import Project, ProjectSettings, project_settings
+    from catenary.workflows.project.folder import Project, ProjectSettings, project_settings
 
     if ros not in (None, 1, 2):
         raise InputError(f"--ros {ros}: expected 1 or 2")
@@ -74,7 +74,7 @@ def open_project(
 
 def require_project(folder: Path) -> None:
     """Refuse a folder in which nothing was begun, so that a mistyped name makes no new project."""
-    from catenary.workflows.project import SETTINGS
+    from catenary.workflows.project.folder import SETTINGS
 
     if not (folder / SETTINGS).is_file():
         raise InputError(f"{folder}: is no project; begin one with catenary home, excite or calibrate")

@@ -14,7 +14,7 @@ from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.crtk.latest import ImuTopic
-    from catenary.workflows.operated_robot import OperatedRobot
+    from catenary.workflows.robot.operated_robot import OperatedRobot
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,8 @@ def open_robot(
         NotReadyError: Nobody said that the workspace is clear.
         TransportError: The robot is not there.
     """
-    from catenary.workflows.guide import clear_workspace
-    from catenary.workflows.operated_robot import robot_over, simulated_robot
+    from catenary.workflows.robot.guide import clear_workspace
+    from catenary.workflows.robot.operated_robot import robot_over, simulated_robot
 
     robot, tilt, seed, simulated = chosen.robot, chosen.base_tilt_deg, chosen.robot_seed, chosen.simulated
     yes = isinstance(chosen, MovedRobot) and chosen.yes
@@ -113,7 +113,7 @@ def recorded(robot: "OperatedRobot", folder: Path | None) -> "Iterator[Callable[
     if folder is None:
         yield lambda: None
         return
-    from catenary.workflows.beside_recorder import BesideRecorder
+    from catenary.workflows.robot.beside_recorder import BesideRecorder
 
     recorder = BesideRecorder(robot, folder)
     try:

@@ -14,7 +14,7 @@ from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.crtk.server import Server
-    from catenary.workflows.serve import Status, Wishes
+    from catenary.nodes.serve import Status, Wishes
 
 
 def serve(
@@ -60,8 +60,8 @@ def serve(
     Example: catenary serve --ros none --homed --duration 2
     """
     from catenary.crtk.network import make_transport
-    from catenary.workflows.serve import NODE, Serving, Wishes, make_server
-    from catenary.workflows.serve import serve as run
+    from catenary.nodes.serve import NODE, Serving, Wishes, make_server
+    from catenary.nodes.serve import serve as run
 
     if dialect not in ("raven", "crtk"):
         raise InputError(f'--dialect "{dialect}": expected raven or crtk')
