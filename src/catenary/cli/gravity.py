@@ -118,7 +118,8 @@ def gravity(
     import numpy as np
 
     from catenary.robots.catalog import load_robot
-    from catenary.sensing.vector import LEVEL, tilted_gravity
+    from catenary.sensing.vector import tilted_gravity
+    from catenary.spatial import LEVEL
     from catenary.workflows.gravity.torques import gravity_torques
 
     if tilt_deg is not None and vector is not None:

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from catenary.crtk.transport import Transport
     from catenary.nodes.encoders import EncoderStatus
     from catenary.nodes.gravity import GravityStatus
+    from catenary.sensing.mailbox import Mailbox
     from catenary.sensing.mounting import Mounting
-    from catenary.sensing.samples import Mailbox
 
 
 def encoders(
@@ -109,8 +109,8 @@ def gravity_node(
     from catenary.nodes.gravity import GravityNode, publish_gravity
     from catenary.sensing.checks import SensorRules
     from catenary.sensing.imu import SensedGravity
+    from catenary.sensing.mailbox import Mailbox
     from catenary.sensing.mounting import Mounting, load_mounting
-    from catenary.sensing.samples import Mailbox
 
     if sum(source is not None for source in (imu, accel, vector, port)) != 1:
         raise InputError("gravity-node: give one of --imu, --accel, --vector and --port")

@@ -91,7 +91,7 @@ def _opened(
     """The sensor, and its mounting with its ranges; no feed for a simulated tumble, which is many sensors."""
     from dataclasses import replace
 
-    from catenary.sensing.samples import Mailbox
+    from catenary.sensing.mailbox import Mailbox
     from catenary.simulation.base_motion import FixedBase
     from catenary.simulation.sensors import SensorModel, SimulatedSensor
     from catenary.workflows.sense import SerialFeed, SimulatedFeed
