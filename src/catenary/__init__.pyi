@@ -25,6 +25,7 @@ from catenary.dynamics.regressor import torque_regressor as torque_regressor
 from catenary.errors import CatenaryError as CatenaryError
 from catenary.gravity.compact import compact_regressor as compact_regressor
 from catenary.gravity.estimator import GravityEstimator as GravityEstimator
+from catenary.gravity.export import export_function as export_function
 from catenary.gravity.regressor import gravity_regressor as gravity_regressor
 from catenary.gravity.torque import gravity_torque as gravity_torque
 from catenary.gravity.torque import potential_energy as potential_energy
