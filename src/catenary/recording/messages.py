@@ -194,7 +194,7 @@ def typestore(ros: int = 1) -> Typestore:
     refuse `raven_state` and `encVals`: readers of MCAP take the definition from the file.
     """
     types: Typesdict = {}
-    for name, text in MESSAGES.items():
+    for name, text in (*MESSAGES.items(), *_HALVES.items()):
         if ros == 2 and name == "std_msgs/Header":
             text = text.replace("uint32 seq\n", "")
         types.update(get_types_from_msg(text, name))
