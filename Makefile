@@ -64,7 +64,6 @@ bench: $(VENV)/.benchmarks
 	$(BIN)/python -m tests.benchmarks.mujoco_plant --json build/benchmarks/mujoco_plant.json
 	$(BIN)/python -m tests.benchmarks.kernels --json build/benchmarks/kernels.json
 	$(BIN)/python -m tests.benchmarks.regressor --json build/benchmarks/regressor.json
-	$(BIN)/python -m tests.benchmarks.controllers --json build/benchmarks/controllers.json
 
 bench-ros1: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.ros1_throughput --json build/benchmarks/ros1_throughput.json

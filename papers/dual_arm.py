@@ -28,12 +28,12 @@ from catenary.control.pd import JointPD
 from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.gravity.compact import compact_regressor
 from catenary.gravity.estimator import GravityEstimator
+from catenary.gravity.payload import Payload
 from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.simulation.joint_hardware import JointHardware
 from catenary.simulation.mujoco_plant import MujocoPlant
-from catenary.simulation.payload import Payload
 from catenary.trajectories.smoothed_path import SmoothedPath
 from papers.arguments import folder_argument
 

@@ -8,7 +8,7 @@ import numpy as np
 from catenary import __version__
 from catenary.arrays import Floats
 from catenary.files import json_text
-from catenary.page import Block, Heading, Picture, Table, Text, picture, write_page
+from catenary.reports.page import Block, Heading, Picture, Table, Text, picture, write_page
 from papers.dual_arm import LIMBS, PICK_UP, TIMELINE, WINDOWS, Case, Summary
 
 DRAWN_EVERY = 20  # ticks

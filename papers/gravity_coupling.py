@@ -35,17 +35,17 @@ from catenary.arrays import Floats
 from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
 from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.gravity.torque import gravity_torque
-from catenary.page import Block, Picture, Table, Text, picture
+from catenary.reports.page import Block, Picture, Table, Text, picture
 from catenary.robots.catalog import load_robot
 from catenary.sensing.checks import SensorRules
 from catenary.sensing.imu import SensedGravity
+from catenary.sensing.mailbox import Mailbox
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.samples import Mailbox
 from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.sensors import SensorModel, SimulatedSensor
-from catenary.workflows.gravity_motion import RAVEN_START
-from catenary.workflows.simulated_arm import raven_gains, raven_motor_inertia
+from catenary.workflows.gravity.motions import RAVEN_START
+from catenary.workflows.gravity.simulated_arm import raven_gains, raven_motor_inertia
 from papers.arguments import folder_argument
 from papers.raven_base import Z0, turned_base
 from papers.results import shown, write_results

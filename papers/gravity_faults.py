@@ -24,20 +24,21 @@ from catenary.arrays import Floats
 from catenary.control.loop import Tick, run_loop
 from catenary.control.report import GravityReport, LoopReport
 from catenary.errors import SensorError
-from catenary.page import Block, Picture, Table, Text, picture
+from catenary.reports.page import Block, Picture, Table, Text, picture
 from catenary.sensing.fallback import FALLBACKS
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.samples import Mailbox
+from catenary.sensing.mailbox import Mailbox
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.sensors import FAULT_KINDS, InjectedFault, SimulatedSensor
 from catenary.trajectories.in_turn import Rest
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.smoothed_path import SmoothedPath
-from catenary.workflows.controllers import make_controller
-from catenary.workflows.gravity_motion import RAVEN_START
-from catenary.workflows.gravity_track import DISPLAY, with_approach
-from catenary.workflows.simulated_arm import raven_arm
+from catenary.units import DISPLAY
+from catenary.workflows.gravity.controllers import make_controller
+from catenary.workflows.gravity.motions import RAVEN_START
+from catenary.workflows.gravity.simulated_arm import raven_arm
+from catenary.workflows.gravity.track import with_approach
 from papers.arguments import folder_argument
 from papers.raven_base import turned_base
 from papers.results import shown, write_results

@@ -24,16 +24,16 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats
 from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.gravity.torque import gravity_torque
-from catenary.page import Block, Picture, Table, Text, picture
+from catenary.reports.page import Block, Picture, Table, Text, picture
 from catenary.robots.catalog import load_robot
-from catenary.sensing.vector import LEVEL
 from catenary.simulation.cable_plant import CablePlant
+from catenary.spatial import LEVEL
 from catenary.trajectories.reference import Reference
-from catenary.workflows.controllers import make_hold
-from catenary.workflows.gravity_hold import hold
-from catenary.workflows.gravity_motion import HOLD_START
-from catenary.workflows.gravity_track import DISPLAY
-from catenary.workflows.simulated_arm import SimulatedArm, raven_arm, rigid_arm
+from catenary.units import DISPLAY
+from catenary.workflows.gravity.controllers import make_hold
+from catenary.workflows.gravity.hold import hold
+from catenary.workflows.gravity.motions import HOLD_START
+from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm, rigid_arm
 from papers.arguments import folder_argument
 from papers.raven_base import turned_base
 from papers.results import shown, write_results

@@ -26,13 +26,15 @@ from catenary import __version__
 from catenary.arrays import Floats
 from catenary.control.controller import SplitController
 from catenary.control.loop import Tick, run_loop
+from catenary.control.measures import pd_share
 from catenary.files import json_text
-from catenary.page import Block, Heading, Picture, Table, Text, picture, write_page
+from catenary.reports.page import Block, Heading, Picture, Table, Text, picture, write_page
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.in_turn import Rest
-from catenary.workflows.controllers import make_controller, make_hold
-from catenary.workflows.gravity_track import DISPLAY, pd_share, with_approach
-from catenary.workflows.simulated_arm import SimulatedArm, raven_arm
+from catenary.units import DISPLAY
+from catenary.workflows.gravity.controllers import make_controller, make_hold
+from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
+from catenary.workflows.gravity.track import with_approach
 from papers.arguments import folder_and_robots
 from papers.raven_base import turned_base
 

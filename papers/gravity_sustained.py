@@ -25,14 +25,14 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.gravity.torque import gravity_torque
-from catenary.page import Block, Picture, Table, Text, picture
+from catenary.reports.page import Block, Picture, Table, Text, picture
 from catenary.robots.catalog import load_robot
-from catenary.sensing.vector import LEVEL
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
+from catenary.spatial import LEVEL
 from catenary.transmission.coupling import winding_of
-from catenary.workflows.gravity_motion import RAVEN_START
-from catenary.workflows.simulated_arm import raven_gains
+from catenary.workflows.gravity.motions import RAVEN_START
+from catenary.workflows.gravity.simulated_arm import raven_gains
 from papers.arguments import folder_argument
 from papers.gravity_step import ACCELERATION, ALONG, ONSET, CuedBase, Response, respond
 from papers.plant_targets import joint_1_friction
@@ -68,13 +68,13 @@ class Change(NamedTuple):
 
 def without_friction(arm: CableArm) -> CableArm:
     """The arm without any friction of its positioning joints."""
-    return arm._replace(cable=arm.cable._replace(**{name: np.zeros(3) for name in FRICTION}))
+    return arm._replace(cable=arm.cable.replace(**{name: np.zeros(3) for name in FRICTION}))
 
 
 def with_believed_drives(arm: CableArm) -> CableArm:
     """The arm with the ratios and the coupling that its firmware believes in."""
     return arm._replace(
-        cable=arm.cable._replace(ratio_error=np.zeros(3), coupling=arm.firmware.coupling.copy())
+        cable=arm.cable.replace(ratio_error=np.zeros(3), coupling=arm.firmware.coupling.copy())
     )
 
 

@@ -27,17 +27,18 @@ from catenary.arrays import Floats
 from catenary.control.controller import SplitController
 from catenary.control.gravity_pd import GravityPD
 from catenary.control.pd import Damping
-from catenary.page import Block, Heading, Picture, Table, Text, picture
 from catenary.plant import AT_REST, JointState
+from catenary.reports.page import Block, Heading, Picture, Table, Text, picture
 from catenary.simulation.base_motion import MovingBase
 from catenary.simulation.cable_parameters import CableArm
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.cartesian import AMPLITUDE, CYCLES, PERIOD, CartesianSinusoids
 from catenary.trajectories.reference import Reference
-from catenary.workflows.controllers import make_controller
-from catenary.workflows.gravity_motion import RAVEN_START
-from catenary.workflows.gravity_track import DISPLAY, track
-from catenary.workflows.simulated_arm import SimulatedArm, raven_arm
+from catenary.units import DISPLAY
+from catenary.workflows.gravity.controllers import make_controller
+from catenary.workflows.gravity.motions import RAVEN_START
+from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
+from catenary.workflows.gravity.track import track
 from papers.arguments import folder_and_robots
 from papers.raven_base import rocking_base, turned_base
 from papers.results import shown, spread, write_results

@@ -19,7 +19,7 @@ from catenary.simulation.cable_parameters import CableArm
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import DIRECTIONS, Direction, zigzag
-from catenary.workflows.calibrate import POSITIONING_INPUTS
+from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from catenary.workflows.simulated_recording import record_simulated
 
 SPARSITIES = (1 / 2, 1 / 3, 1 / 4)

@@ -9,9 +9,9 @@ import numpy as np
 from catenary import __version__
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
-from catenary.page import Block, Heading, Remarks, Table, write_page
+from catenary.reports.page import Block, Heading, Remarks, Table, write_page
 from catenary.simulation.cable_parameters import CableArm
-from catenary.workflows.paper_table import (
+from papers.calibration_paper import (
     HOMINGS_J3,
     HOMINGS_LINEAR_J1,
     HOMINGS_LINEAR_J2,

@@ -28,25 +28,25 @@ from catenary.arrays import Floats
 from catenary.calibration.model import CalibrationModel
 from catenary.control.estimated_gravity_pd import EstimatedGravityPD
 from catenary.control.loop import Tick, run_loop
+from catenary.control.measures import pd_share
 from catenary.control.pd import JointPD
 from catenary.errors import ExcitationError
 from catenary.files import json_text
-from catenary.gravity.base_parameters import base_parameters
 from catenary.gravity.compact import CompactRegressor, compact_regressor
 from catenary.gravity.torque import gravity_torque
+from catenary.identification.base_parameters import gravity_base_parameters
 from catenary.identification.identification import identify
 from catenary.identification.options import IdentifyOptions
-from catenary.page import Block, Heading, Table, Text, write_page
 from catenary.plant import JointState, MotionLog
+from catenary.reports.page import Block, Heading, Table, Text, write_page
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
-from catenary.sensing.vector import LEVEL
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_plant import CablePlant
+from catenary.spatial import LEVEL
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.trajectories.zigzag import zigzag
-from catenary.workflows.gravity_track import pd_share
-from catenary.workflows.simulated_arm import raven_arm
+from catenary.workflows.gravity.simulated_arm import raven_arm
 from catenary.workflows.simulated_recording import record_simulated
 from papers.arguments import folder_argument
 from papers.plant_evaluation import linear_model
@@ -124,7 +124,7 @@ def hold_poses(
     assert log.time is not None
     assert log.tau is not None
     assert log.q_encoder is not None
-    mechanism = plant.rig.registered - plant.rig_zero / plant.rig.counts  # what registration adds
+    mechanism = plant.rig.registered - plant.encoders.zero / plant.rig.counts  # what registration adds
     positions: dict[Positions, Floats] = {"reported": log.q_nominal, "true": log.q_encoder - mechanism}
     if model is not None:
         positions["calibrated"] = model.calibrate(log) - mechanism
@@ -274,7 +274,10 @@ def experiment(
                     regressor, fit.s, count=max(2, count // 3), robot=robot
                 )
     return Results(
-        {"level base": base_parameters(model, LEVEL).rank, "three bases": base_parameters(model, None).rank},
+        {
+            "level base": gravity_base_parameters(model, LEVEL).count,
+            "three bases": gravity_base_parameters(model, None).count,
+        },
         fits,
         errors,
         held,

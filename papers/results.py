@@ -8,7 +8,7 @@ import numpy as np
 
 from catenary import __version__
 from catenary.files import json_text
-from catenary.page import Block, Heading, Table, settings_facts, write_page
+from catenary.reports.page import Block, Heading, Table, settings_facts, write_page
 
 
 def shown(title: str, table: Table) -> list[Block]:

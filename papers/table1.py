@@ -17,13 +17,13 @@ from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit import FitOptions, choose_inputs, fit
 from catenary.files import json_text
-from catenary.page import Block, Heading, Table, Text, write_page
 from catenary.plant import MotionLog
+from catenary.reports.page import Block, Heading, Table, Text, write_page
+from catenary.reports.project import TABLE_1
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import zigzag
-from catenary.workflows.calibrate import RAVEN_INPUTS
-from catenary.workflows.paper_table import TABLE_1
+from catenary.workflows.project.calibrate import RAVEN_INPUTS
 from catenary.workflows.simulated_recording import record_simulated
 from papers.arguments import folder_and_robots
 

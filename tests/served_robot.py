@@ -12,10 +12,10 @@ from catenary.crtk.message import message_class
 from catenary.crtk.names import Dialect, find_topic
 from catenary.crtk.serving.parked_arm import ParkedArm
 from catenary.crtk.serving.server import Server
+from catenary.nodes.serve import Serving, make_server
 from catenary.plant import Plant
 from catenary.recording.topics import Arm
 from catenary.simulation.cable_plant import JOINTS, UNITS
-from catenary.workflows.serve import Serving, make_server
 from oracles.cable_arms import homed_plant
 
 BEGIN = 1_700_000_000 * 10**9  # [ns]

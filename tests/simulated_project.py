@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from catenary.calibration.fit import FitOptions
-from catenary.workflows.calibrate import BEST, TEST, TRAIN, excitation, random_motion
-from catenary.workflows.project import Project, ProjectSettings
-from catenary.workflows.project_recordings import extract_recording
-from catenary.workflows.simulated_robot import SimulatedRobot
+from catenary.workflows.project.calibrate import BEST, TEST, TRAIN, excitation, random_motion
+from catenary.workflows.project.folder import Project, ProjectSettings
+from catenary.workflows.project.recordings import extract_recording
+from catenary.workflows.project.simulated_robot import SimulatedRobot
 
 SHORT = ProjectSettings(seed=1, sparsities=(1.0,), test_minutes=0.25)
 POSITIONS = ("q:shoulder", "q:elbow", "q:insertion")

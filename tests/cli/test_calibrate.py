@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 import simulated_arm
-from catenary.workflows import calibrate
+from catenary.workflows.project import calibrate
 from command_line import catenary, refusal
 from simulated_project import QUICK_MODELS
 

@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from catenary.workflows import serve
+from catenary.nodes import serve
 from command_line import catenary
 from oracles.manual_time import ManualTime
 

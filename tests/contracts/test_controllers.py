@@ -1,6 +1,7 @@
 """What every controller must do."""
 
 from copy import deepcopy
+from functools import cache
 
 import numpy as np
 import pytest
@@ -47,12 +48,18 @@ CONTROLLERS = {
     "elastic, online": lambda: ElasticPD(ARM, KP, KD, SPRINGS, compensation="online"),
     "elastic, biased": lambda: ElasticPD(ARM, KP, KD, SPRINGS),
 }
+BY_THE_MODEL = [name for name in CONTROLLERS if name.startswith(("passive", "inertia", "elastic", "pd and"))]
 TURNING = np.array([[0.1, -0.2, 0.3], [1.0, 2.0, -0.5]])  # of the base [rad/s, rad/s2]
+
+
+@cache
+def made(name: str) -> SplitController:
+    return CONTROLLERS[name]()
 
 
 @pytest.fixture(params=CONTROLLERS)
 def controller(request: pytest.FixtureRequest) -> SplitController:
-    return CONTROLLERS[request.param]()
+    return deepcopy(made(request.param))
 
 
 def state(values: Floats) -> JointState:
@@ -113,6 +120,29 @@ def test_read_only_arrays_are_taken(controller: SplitController) -> None:
         if isinstance(values, np.ndarray):
             values.setflags(write=False)
     np.testing.assert_array_equal(controller.torque(measured, wanted), expected)
+
+
+@pytest.mark.parametrize("controller", BY_THE_MODEL, indirect=True)
+def test_arrays_of_any_layout_are_taken(controller: SplitController) -> None:
+    measured, wanted = state(np.array([0.1, 0.2, 0.3])), reference(np.array([0.2, 0.1, 0.3]))
+    expected = deepcopy(controller).torque(measured, wanted)
+    strided = measured._replace(q=np.repeat(measured.q, 2)[::2], gravity=np.repeat(measured.gravity, 3)[::3])
+    np.testing.assert_array_equal(controller.torque(strided, wanted), expected)
+
+
+@pytest.mark.parametrize(
+    "controller",
+    [
+        n
+        for n in CONTROLLERS
+        if "static" not in n and n.startswith(("passive", "inertia", "elastic", "pd and"))
+    ],
+    indirect=True,
+)
+def test_a_base_whose_turning_is_not_known_gives_no_torque(controller: SplitController) -> None:
+    measured = state(np.array([0.1, 0.2, 0.3]))
+    measured.base_rates[0, 1] = np.nan
+    assert np.isnan(controller.torque(measured, reference(np.array([0.2, 0.1, 0.3])))).any()
 
 
 def test_robot_of_another_size_is_refused(controller: SplitController) -> None:

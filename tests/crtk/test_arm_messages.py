@@ -10,8 +10,8 @@ from catenary.crtk.conversions import pose_of
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.names import find_topic
 from catenary.dynamics.kinematics import forward_kinematics, relative_pose
+from catenary.nodes.serve import Serving, make_server
 from catenary.recording.topics import Arm
-from catenary.workflows.serve import Serving, make_server
 from oracles.cable_arms import homed_plant
 
 ARMS: tuple[Arm, ...] = ("gold", "green")

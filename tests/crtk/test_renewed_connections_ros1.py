@@ -8,8 +8,8 @@ import pytest
 from catenary.crtk.ros1.transport import Ros1Transport
 from catenary.crtk.serving.parked_arm import ParkedArm
 from catenary.crtk.serving.server import Server
+from catenary.nodes.serve import Serving, make_server
 from catenary.simulation.cable_plant import JOINTS, UNITS
-from catenary.workflows.serve import Serving, make_server
 from oracles.cable_arms import homed_plant
 from patience import PATIENCE
 from ros import NODE, Master, Program

@@ -9,8 +9,8 @@ from catenary.crtk.conversions import command_message
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.errors import InputError, NotReadyError, TransportError
+from catenary.nodes.serve import Serving, make_server
 from catenary.simulation.cable_plant import CablePlant
-from catenary.workflows.serve import Serving, make_server
 from oracles.cable_arms import homed_plant
 from served_robot import BEGIN, JointState, ServedRobot
 

@@ -12,15 +12,15 @@ from catenary.crtk import network
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.ros1.transport import Ros1Transport
 from catenary.errors import TransportError
+from catenary.nodes.deploy import CalibratedTopics
 from catenary.recording.logs import read_log
 from catenary.trajectories.waypoints import follow_waypoints
-from catenary.workflows import calibrate
 from catenary.workflows.fit import FitRun, fit_calibration
-from catenary.workflows.guide import AnswerYes
-from catenary.workflows.project import Project, ProjectSettings
-from catenary.workflows.project_recordings import extract_recording, motion_log_path
-from catenary.workflows.ros_deploy import CalibratedTopics
-from catenary.workflows.ros_robot import RosRobot
+from catenary.workflows.project import calibrate
+from catenary.workflows.project.folder import Project, ProjectSettings
+from catenary.workflows.project.recordings import extract_recording, motion_log_path
+from catenary.workflows.project.ros_robot import RosRobot
+from catenary.workflows.robot.guide import AnswerYes
 from command_line import catenary
 from oracles.encoded_plant import OFFSET, START
 from patience import PATIENCE, longer_limits, until

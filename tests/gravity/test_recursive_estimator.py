@@ -9,11 +9,11 @@ from catenary.control.loop import run_loop
 from catenary.control.pd import JointPD
 from catenary.errors import InputError
 from catenary.gravity.compact import compact_regressor
+from catenary.gravity.payload import Payload
 from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import JointState
 from catenary.robots.catalog import load_robot
-from catenary.simulation.payload import Payload, carrying
 from oracles.hanging_plant import HangingPlant, Poses
 from oracles.random_trees import random_robot
 
@@ -84,7 +84,7 @@ def test_a_load_on_a_known_carrier_is_told_in_its_first_pose() -> None:
     rng = np.random.default_rng(3)
     middle, half = 0.5 * (model.lower + model.upper), 0.3 * (model.upper - model.lower)
     rest = np.zeros(model.n)
-    loaded = carrying(model, Payload(2.0, "right_hand", (0.03, 0.0, -0.02)))
+    loaded = Payload(2.0, "right_hand", (0.03, 0.0, -0.02)).on(model)
     off = {}
     for carriers in ((), ("left_hand", "right_hand")):
         estimator = RecursiveGravityEstimator(

@@ -2,14 +2,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.recursion import place_joints, place_links
+from catenary.dynamics.recursion import place_joints
 from catenary.gravity.compact import compact_regressor
-from catenary.gravity.regressor import gravity_regressor, standard_gravity_regressor
+from catenary.gravity.regressor import gravity_regressor
 from catenary.gravity.regressor_recursion import (
     compact_recursion,
     full_recursion,
     spread_of,
-    standard_recursion,
     turn_links,
 )
 from oracles.plain_numbers import empty, symbols, values
@@ -36,12 +35,6 @@ def test_recursions_run_on_numbers_that_only_add_and_multiply(
     full = empty(*gravity_regressor(m, q, gravity).shape)
     full_recursion(m.tree, symbols(x), turned, axis, down, spread, full)
     assert_allclose(values(full), gravity_regressor(m, q, gravity), atol=1e-12)
-
-    base_rotation, base_position = empty(n + 1, 3, 3), empty(n + 1, 3)
-    place_links(m.tree, rotation, position, base_rotation, base_position)
-    standard = empty(m.n, 4 * n)
-    standard_recursion(m.tree, base_rotation, base_position, axis, down, spread, standard)
-    assert_allclose(values(standard), standard_gravity_regressor(m, q, gravity), atol=1e-12)
 
     regressor = compact_regressor(m)
     compact = empty(m.n, len(regressor.expressions))

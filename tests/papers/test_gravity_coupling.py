@@ -11,8 +11,8 @@ from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import RockingBase
 from catenary.trajectories.in_turn import Rest
-from catenary.workflows.gravity_motion import RAVEN_START
-from catenary.workflows.simulated_arm import rigid_arm
+from catenary.workflows.gravity.motions import RAVEN_START
+from catenary.workflows.gravity.simulated_arm import rigid_arm
 from papers.gravity_coupling import (
     BASE_DEG,
     Linear,

@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
-from catenary.workflows.gravity_motion import RAVEN_START
-from catenary.workflows.simulated_arm import raven_gains
+from catenary.workflows.gravity.motions import RAVEN_START
+from catenary.workflows.gravity.simulated_arm import raven_gains
 from papers.gravity_step import CuedBase, Response, main
 from papers.raven_base import Z0
 

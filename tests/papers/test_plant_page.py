@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catenary.page import Table
+from catenary.reports.page import Table
 from catenary.simulation.cable_parameters import load_cable_arm
 from papers import plant_page
 from papers.plant_page import Fitted, Section, verdict, write_plant_page

@@ -7,9 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.arrays import Floats
+from catenary.reports.project import TABLE_1
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
-from catenary.workflows.paper_table import SIX_HOURS_LINEAR, TABLE_1
 from papers import plant_refit
+from papers.calibration_paper import SIX_HOURS_LINEAR
 from papers.plant_evaluation import Hour
 from papers.plant_pd_share import PDShare
 from papers.plant_refit import fit_drift, fit_friction, fit_table_1, write_arm
@@ -45,7 +46,7 @@ def test_fitted_numbers_are_written_and_everything_else_stays(tmp_path: Path) ->
     for free, factor in zip(PARAMETERS, factors, strict=True):
         old, new = getattr(before.cable, free.field), getattr(after.cable, free.field)
         assert_allclose(new[free.joint], factor * old[free.joint], rtol=1e-5)  # six digits are written
-    for name in set(before.cable._fields) - FITTED:
+    for name in set(before.cable.fields) - FITTED:
         assert_allclose(getattr(after.cable, name), getattr(before.cable, name), rtol=0)
     assert [entry.origin for entry in after.file.cable.values()] == [
         entry.origin for entry in before.file.cable.values()

@@ -3,9 +3,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.arrays import Floats
-from catenary.gravity.base_parameters import base_parameters
 from catenary.gravity.compact import compact_regressor
 from catenary.gravity.torque import gravity_torque
+from catenary.identification.base_parameters import gravity_base_parameters
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import FixedBase
@@ -46,8 +46,8 @@ def test_poses_show_all_that_torques_can_tell_unless_joint_1_stands_upright() ->
     for base in (*BASES.values(), upright):
         poses = ideal(base, 0)
         fit = fit_compact(REGRESSOR, BELIEF, [poses], "true", "base")
-        assert fit.rank == base_parameters(ARM, poses.gravity).rank
-    every = base_parameters(ARM, None).rank
+        assert fit.rank == gravity_base_parameters(ARM, poses.gravity).count
+    every = gravity_base_parameters(ARM, None).count
     assert fit_compact(REGRESSOR, BELIEF, [ideal(BASES["level"], 0)], "true", "level").rank == every
     assert fit_compact(REGRESSOR, BELIEF, [ideal(upright, 0)], "true", "upright").rank == every - 2
 

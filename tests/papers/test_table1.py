@@ -1,6 +1,6 @@
 import numpy as np
 
-from catenary.workflows.paper_table import TABLE_1
+from catenary.reports.project import TABLE_1
 from papers.table1 import MODELS, RobotResult, gains, table
 
 

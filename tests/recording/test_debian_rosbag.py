@@ -11,7 +11,6 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from catenary.recording import source
 from catenary.recording.bag import write_bag
 from catenary.recording.extract import extract
 from catenary.recording.journal_reader import JournalReader
@@ -95,14 +94,9 @@ def test_rosbag_reads_the_numbers_that_we_wrote(ours: Path, tmp_path: Path) -> N
     np.testing.assert_allclose(table.column("jpos:gold_shoulder").to_numpy(), shoulder, rtol=1e-12)
 
 
-@pytest.mark.parametrize("streamed", [False, True], ids=["by its index", "streamed"])
 @pytest.mark.parametrize("compression", ["none", "bz2", "lz4"])
-def test_a_bag_of_rosbags_extracts_to_the_same_messages(
-    ours: Path, tmp_path: Path, compression: str, streamed: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_bag_of_rosbags_extracts_to_the_same_messages(ours: Path, tmp_path: Path, compression: str) -> None:
     by_debian("-c", REWRITE, str(ours), str(tmp_path / "theirs.bag"), compression)
-    if streamed:
-        monkeypatch.setattr(source, "STREAMED", 0)
     mine, theirs = (
         extract([path], tmp_path / name) for name, path in (("x", ours), ("y", tmp_path / "theirs.bag"))
     )

@@ -19,7 +19,7 @@ from patience import PATIENCE, until
 
 TOPICS = (JournalTopic("/a", "std_msgs/String"), JournalTopic("/b", "std_msgs/Header"))
 ABOUT = About("raven2", True, 5, {"speed": 1.5})
-KILLS = 20
+KILLS = 10
 
 
 def _write(folder: Path, messages: int = 50, **options: int) -> list[tuple[str, int, bytes]]:

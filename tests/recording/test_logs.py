@@ -47,48 +47,31 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "run.parquet"
 
 
-@pytest.mark.parametrize("key", ["q_nominal", "q_encoder", "qd", "tau", "time", "ok"])
-def test_arrays_come_back_bit_for_bit(path: Path, key: str) -> None:
-    log = full_log()
-    write_parquet(log, path)
-    back, expected = getattr(read_log(path), key), getattr(log, key)
-    assert back.dtype == expected.dtype
-    assert back.tobytes() == expected.tobytes()
+ARRAYS = ("q_nominal", "q_encoder", "qd", "tau", "time", "ok")
+SAID = ("joint_names", "joint_units", "robot", "simulated", "units_assumed", "notes", "signal_units")
 
 
 @pytest.mark.parametrize(
-    "key", ["joint_names", "joint_units", "robot", "simulated", "units_assumed", "notes", "signal_units"]
+    "log", [full_log(), replace(full_log(), simulated=True, joint_names=("left:J1", "left:J2", "left:J3"))]
 )
-def test_what_is_said_about_the_log_comes_back(path: Path, key: str) -> None:
-    log = full_log()
+def test_a_log_comes_back_bit_for_bit(path: Path, log: MotionLog) -> None:
     write_parquet(log, path)
-    assert getattr(read_log(path), key) == getattr(log, key)
-
-
-def test_signals_come_back_bit_for_bit(path: Path) -> None:
-    log = full_log()
-    write_parquet(log, path)
-    signals = read_log(path).signals
-    assert list(signals) == ["temperature", "current"]
-    for name, values in signals.items():
+    back = read_log(path)
+    for key in ARRAYS:
+        assert getattr(back, key).dtype == getattr(log, key).dtype
+        assert getattr(back, key).tobytes() == getattr(log, key).tobytes()
+    for key in SAID:
+        assert getattr(back, key) == getattr(log, key)
+    assert list(back.signals) == ["temperature", "current"]
+    for name, values in back.signals.items():
         assert_array_equal(values, log.signals[name])
+    assert (back.name, back.sha256) == ("run", sha256_of(path))
 
 
 def test_minimal_log_comes_back_without_what_it_lacks(path: Path) -> None:
     write_parquet(replace(recording(np.random.default_rng(0), rows=4), q_encoder=None, time=None), path)
     log = read_log(path)
     assert (log.q_encoder, log.time, log.qd, log.tau, dict(log.signals)) == (None, None, None, None, {})
-
-
-def test_simulated_log_says_so_when_read_again(path: Path) -> None:
-    write_parquet(replace(full_log(), simulated=True), path)
-    assert read_log(path).simulated
-
-
-def test_log_names_its_file_and_the_files_hash(path: Path) -> None:
-    write_parquet(full_log(), path)
-    log = read_log(path)
-    assert (log.name, log.sha256) == ("run", sha256_of(path))
 
 
 def test_schema_states_the_unit_of_every_column(path: Path) -> None:
@@ -105,11 +88,6 @@ def test_schema_states_the_unit_of_every_column(path: Path) -> None:
         "temperature": "K",
         "current": "A",
     }
-
-
-def test_joint_whose_name_holds_a_colon_comes_back(path: Path) -> None:
-    write_parquet(replace(full_log(), joint_names=("left:J1", "left:J2", "left:J3")), path)
-    assert read_log(path).joint_names == ("left:J1", "left:J2", "left:J3")
 
 
 def test_folder_that_looks_like_a_partition_adds_no_column(tmp_path: Path) -> None:
@@ -132,60 +110,58 @@ def test_signal_with_the_name_of_a_column_is_refused(path: Path, name: str) -> N
         write_parquet(replace(full_log(), signals={name: np.zeros(8)}), path)
 
 
-@pytest.mark.parametrize("name", ["ok", "q_nominal:J2", "q_encoder:J1", "tau:J3"])
-def test_missing_column_is_named(path: Path, name: str) -> None:
-    with pytest.raises(FileFormatError, match=rf"run.parquet: column.* {name}.* missing"):
-        read_log(rewritten(path, lambda table: table.drop_columns([name])))
+def without(*names: str) -> Any:
+    return lambda table: table.drop_columns(list(names))
 
 
-def test_log_without_any_command_is_refused(path: Path) -> None:
-    names = [f"q_nominal:J{i}" for i in (1, 2, 3)]
-    with pytest.raises(FileFormatError, match="q_nominal:<joint> are missing for J1, J2, J3"):
-        read_log(rewritten(path, lambda table: table.drop_columns(names)))
+def with_column(name: str, values: Any) -> Any:
+    """Table with another column of that name."""
+
+    def change(table: pa.Table) -> pa.Table:
+        if name not in table.column_names:
+            return table.append_column(name, pa.array(values))
+        return table.set_column(table.column_names.index(name), name, pa.array(values))
+
+    return change
 
 
-def test_column_of_texts_is_refused_by_name(path: Path) -> None:
-    with pytest.raises(FileFormatError, match="column comment holds string, expected numbers"):
-        read_log(rewritten(path, lambda table: table.append_column("comment", pa.array(["a"] * 8))))
+def with_metadata(about: bytes) -> Any:
+    return lambda table: table.replace_schema_metadata({"catenary": about})
 
 
-def test_ok_of_numbers_is_refused(path: Path) -> None:
-    def numbers(table: pa.Table) -> pa.Table:
-        i = table.column_names.index("ok")
-        return table.set_column(i, "ok", pa.array(np.full(8, np.nan)))
-
-    with pytest.raises(FileFormatError, match="column ok holds double, expected true or false"):
-        read_log(rewritten(path, numbers))
+def of_a_later_version(table: pa.Table) -> pa.Table:
+    about = json.loads(table.schema.metadata[b"catenary"]) | {"format": "catenary.motion_log.9"}
+    return table.replace_schema_metadata({"catenary": json.dumps(about)})
 
 
-def test_empty_cell_in_a_command_is_refused_with_its_row(path: Path) -> None:
-    def emptied(table: pa.Table) -> pa.Table:
-        i = table.column_names.index("q_nominal:J1")
-        return table.set_column(i, "q_nominal:J1", pa.array([0.0, None, *np.zeros(6)]))
-
-    with pytest.raises(InputError, match="q_nominal is nan at row 1"):
-        read_log(rewritten(path, emptied))
-
-
-def test_foreign_parquet_is_refused(path: Path) -> None:
-    pq.write_table(pa.table({"q_nominal:J1": np.zeros(3)}), path)
-    with pytest.raises(FileFormatError, match=r"run.parquet: is Parquet but no catenary motion log"):
-        read_log(path)
-
-
-@pytest.mark.parametrize("about", [b"\xff\xfe", b"not json", b"[]", b"{}", b'{"joint_names": 3}'])
-def test_damaged_schema_is_refused(path: Path, about: bytes) -> None:
-    with pytest.raises(FileFormatError, match=r"run.parquet: is Parquet but no catenary motion log"):
-        read_log(rewritten(path, lambda table: table.replace_schema_metadata({"catenary": about})))
-
-
-def test_format_of_another_version_is_refused_by_number(path: Path) -> None:
-    def later(table: pa.Table) -> pa.Table:
-        about = json.loads(table.schema.metadata[b"catenary"]) | {"format": "catenary.motion_log.9"}
-        return table.replace_schema_metadata({"catenary": json.dumps(about)})
-
-    with pytest.raises(FileFormatError, match=r"format 'catenary.motion_log.9', expected"):
-        read_log(rewritten(path, later))
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        *[
+            (without(name), rf"run.parquet: column.* {name}.* missing")
+            for name in ("ok", "q_nominal:J2", "q_encoder:J1", "tau:J3")
+        ],
+        (
+            without("q_nominal:J1", "q_nominal:J2", "q_nominal:J3"),
+            "q_nominal:<joint> are missing for J1, J2, J3",
+        ),
+        (with_column("comment", ["a"] * 8), "column comment holds string, expected numbers"),
+        (with_column("ok", np.full(8, np.nan)), "column ok holds double, expected true or false"),
+        (with_column("q_nominal:J1", [0.0, None, *np.zeros(6)]), "q_nominal is nan at row 1"),
+        *[
+            (with_metadata(about), "run.parquet: is Parquet but no catenary motion log")
+            for about in (b"\xff\xfe", b"not json", b"[]", b"{}", b'{"joint_names": 3}')
+        ],
+        (
+            lambda _: pa.table({"q_nominal:J1": np.zeros(3)}),
+            "run.parquet: is Parquet but no catenary motion log",
+        ),
+        (of_a_later_version, "format 'catenary.motion_log.9', expected"),
+    ],
+)
+def test_a_changed_file_is_refused_by_what_is_wrong(path: Path, change: Any, said: str) -> None:
+    with pytest.raises((FileFormatError, InputError), match=said):
+        read_log(rewritten(path, change))
 
 
 def test_truncated_parquet_is_refused_wherever_it_ends(path: Path) -> None:
@@ -195,9 +171,6 @@ def test_truncated_parquet_is_refused_wherever_it_ends(path: Path) -> None:
         path.write_bytes(whole[:end])
         with pytest.raises(FileFormatError, match=r"run.parquet: cannot be read as Parquet"):
             read_log(path)
-
-
-def test_random_bytes_are_refused(path: Path) -> None:
     path.write_bytes(np.random.default_rng(3).bytes(1000))
     with pytest.raises(FileFormatError, match=r"run.parquet: cannot be read as Parquet"):
         read_log(path)
@@ -248,18 +221,12 @@ def test_command_log_is_read_with_given_names_and_units(tmp_path: Path) -> None:
     assert (log.joint_units, log.joint_names) == (("m", "rad"), ("slide", "turn"))
 
 
-def test_ten_thousand_rows_are_written_and_read_again(path: Path) -> None:
-    log = recording(np.random.default_rng(0), rows=10_000)
-    write_parquet(log, path)
-    assert_array_equal(read_log(path).q_encoder, log.q_encoder)
-
-
 def test_flipped_bits_are_noticed_unless_the_numbers_are_the_same(path: Path) -> None:
     log = full_log()
     write_parquet(log, path)
     whole, rng = path.read_bytes(), np.random.default_rng(4)
     footer = len(whole) - 8 - int.from_bytes(whole[-8:-4], "little")
-    for place in rng.integers(4, footer, size=400):
+    for place in rng.integers(4, footer, size=120):
         damaged = bytearray(whole)
         damaged[place] ^= 1 << int(rng.integers(8))
         path.write_bytes(damaged)

@@ -9,7 +9,6 @@ from catenary.recording.messages import (
     fields,
     full_definition,
     md5_sum,
-    parse_fields,
     ros2_name,
     service_md5_sum,
     typestore,
@@ -53,11 +52,6 @@ def test_an_unknown_service_is_refused_with_the_choices() -> None:
 
 
 @pytest.mark.parametrize("name", MESSAGES)
-def test_rosbags_computes_the_same_sum(name: str) -> None:
-    assert typestore(1).generate_msgdef(ros2_name(name))[1] == md5_sum(name)
-
-
-@pytest.mark.parametrize("name", MESSAGES)
 def test_full_definition_holds_every_type_within(name: str) -> None:
     definition = full_definition(name)
     for part in (f for f in MESSAGES if any(field.type == f for field in fields(name))):
@@ -75,21 +69,6 @@ def test_raven_state_has_964_bytes_after_its_header() -> None:
 def test_old_and_ros2_names_lead_to_the_same_type() -> None:
     assert current_name("crtk_msgs/msg/operating_state") == "crtk_msgs/OperatingState"
     assert ros2_name("crtk_msgs/operating_state") == "crtk_msgs/msg/OperatingState"
-
-
-def test_comments_and_constants_are_no_fields() -> None:
-    assert [
-        f.name for f in parse_fields("# a line\nint32 LIMIT=4\nHeader header # behind\nfloat32[] x\n")
-    ] == [
-        "header",
-        "x",
-    ]
-
-
-@pytest.mark.parametrize("text", ["int32", "int32 two words", "int32[ x"])
-def test_a_line_that_is_no_field_is_refused(text: str) -> None:
-    with pytest.raises(FileFormatError, match="expected"):
-        parse_fields(text)
 
 
 def test_an_unknown_type_is_refused_with_the_choices() -> None:

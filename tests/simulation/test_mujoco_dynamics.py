@@ -8,10 +8,10 @@ from numpy.testing import assert_allclose
 from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
 from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.errors import MissingPackageError
+from catenary.gravity.payload import Payload
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from catenary.simulation.mujoco_dynamics import MujocoDynamics
-from catenary.simulation.payload import Payload, carrying
 from oracles.catalogue import robots_with_inertia
 from oracles.tree_poses import frame_pose
 
@@ -88,7 +88,7 @@ def test_without_mujoco_one_is_told_how_to_get_it(monkeypatch):
 def test_payload_pulls_like_a_link_of_a_point_mass():
     model = load_robot("planar_3r")
     q, place = np.array([0.3, -0.5, 0.8]), np.array([0.05, 0.0, 0.1])
-    loaded = carrying(model, Payload(2.0, "hand", place))
+    loaded = Payload(2.0, "hand", place).on(model)
     empty, gravity = mass_matrix(model, q), np.array([0.0, 0.0, -9.81])
 
     # M grows by m J' J, with the Jacobian of the place by finite differences

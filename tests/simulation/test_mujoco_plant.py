@@ -9,13 +9,13 @@ from scipy.integrate import solve_ivp
 from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
 from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.errors import InputError, LimitError, NotReadyError
+from catenary.gravity.payload import Payload
 from catenary.gravity.torque import gravity_torque, potential_energy
 from catenary.robots.assembly import Coordinate, Link, LinkInertia, assemble
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import FixedBase, RockingBase
 from catenary.simulation.joint_hardware import JointHardware
 from catenary.simulation.mujoco_plant import PERIOD, MujocoPlant
-from catenary.simulation.payload import Payload, carrying
 from catenary.spatial import identity_pose
 from oracles.catalogue import robots_with_inertia
 
@@ -264,7 +264,7 @@ def test_payload_taken_up_and_put_down_again_needs_its_own_torque():
     plant = enabled(model, start=q)
     assert_allclose(ticks(plant, 100, gravity_torque(model, q, LEVEL))[-1], q, atol=1e-12)
     plant.attach(payload)
-    heavy = carrying(model, payload)
+    heavy = payload.on(model)
     assert_allclose(ticks(plant, 100, gravity_torque(heavy, q, LEVEL))[-1], q, atol=1e-12)
     plant.detach()
     assert plant.payload is None

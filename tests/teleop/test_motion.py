@@ -4,7 +4,8 @@ from numpy.testing import assert_allclose
 
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.robots.catalog import load_robot
-from catenary.teleop.motion import DEAD_MAN, JOINT_SPEED, RAMP, TeleopMotion
+from catenary.teleop.dead_man import RAMP, TIMEOUT
+from catenary.teleop.motion import JOINT_SPEED, TeleopMotion
 
 PERIOD = 0.001
 START = np.array([0.8, 1.5, 0.4])
@@ -30,7 +31,7 @@ def held(motion: TeleopMotion, key: str, seconds: float, q: np.ndarray, after: f
 def test_motion_stops_a_quarter_of_a_second_after_the_last_repeat() -> None:
     path = held(raven_motion(), "q", 1.0, START, after=1.0)
     moving = np.flatnonzero(np.diff(path[:, 0]))
-    assert moving[-1] * PERIOD <= 1.0 + DEAD_MAN + RAMP + PERIOD
+    assert moving[-1] * PERIOD <= 1.0 + TIMEOUT + RAMP + PERIOD
 
 
 def test_a_held_key_reaches_its_speed_and_moves_its_joint_alone() -> None:

@@ -6,8 +6,8 @@ import pytest
 from catenary.errors import InputError
 from catenary.identification.files import save_identification
 from catenary.identification.options import IdentifyOptions
+from catenary.reports.identification import excitation_facts, parameter_table, residual_table
 from catenary.robots.catalog import load_robot
-from catenary.workflows.identification_report import excitation_facts, parameter_table, residual_table
 from catenary.workflows.identify import identify_files, part_of
 from catenary.workflows.payload import payload_of_files
 from moving_arm import recorded, write_npz

@@ -23,7 +23,7 @@ def arm_on_a_vertical_axis() -> RobotModel:
 
 def test_tilting_tells_the_first_link_of_an_arm_on_a_vertical_axis() -> None:
     report = describe_regressor(arm_on_a_vertical_axis())
-    assert (report.bases["level"].rank, report.bases["tilted"].rank) == (2, 4)
+    assert (report.bases["level"].count, report.bases["tilted"].count) == (2, 4)
     added = report.added_by_tilting()
     assert [label.split(" ")[0] for label in added] == ["mx(turn)", "my(turn)"]
     assert f"tilting the base adds 2: {'; '.join(added)}" in report.sentences()
@@ -44,7 +44,8 @@ def test_values_hold_the_arm() -> None:
     held = gravity_torque(arm, q, gravity)
     values = report.base_values("level")
     assert values is not None
-    assert_allclose(report.bases["level"].regressor(q, gravity) @ values, held, atol=1e-9)
+    level, rest = report.bases["level"], np.zeros((1, 3))
+    assert_allclose(level.regressor(q[None], rest, rest, gravity)[0] @ values, held, atol=1e-9)
     assert_allclose(report.compact.Z(q, gravity) @ report.compact_values, held, atol=1e-12)
 
 

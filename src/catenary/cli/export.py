@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from catenary.cli.terminal import print_fact, print_json, print_notes
 
@@ -11,29 +11,26 @@ from catenary.cli.terminal import print_fact, print_json, print_notes
 def export(
     what: Annotated[
         str,
-        typer.Argument(
-            metavar="WHAT", help="With --c a robot, as fk takes it; with --onnx a calibration model."
-        ),
+        Argument(metavar="WHAT", help="With --c a robot, as fk takes it; with --onnx a calibration model."),
     ],
     c: Annotated[
-        Path | None, typer.Option("--c", metavar="OUT", help="C header of a robot to write, e.g. arm.h.")
+        Path | None, Option("--c", metavar="OUT", help="C header of a robot to write, e.g. arm.h.")
     ] = None,
     onnx: Annotated[
-        Path | None, typer.Option("--onnx", metavar="OUT", help="ONNX graph to write, e.g. arm.onnx.")
+        Path | None, Option("--onnx", metavar="OUT", help="ONNX graph to write, e.g. arm.onnx.")
     ] = None,
     model: Annotated[
-        Path | None,
-        typer.Option("--model", metavar="CALIBRATION", help="Calibration model for the C header."),
+        Path | None, Option("--model", metavar="CALIBRATION", help="Calibration model for the C header.")
     ] = None,
     rate_hz: Annotated[
         float | None,
-        typer.Option(
+        Option(
             "--rate-hz",
             metavar="HZ",
             help="Of the loop that the model will run in. [default: 1000 in C, the training rows' in ONNX]",
         ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
+    as_json: Annotated[bool, Option("--json", help="Print JSON instead of text.")] = False,
 ) -> None:
     """Write a robot as C, or a model as an ONNX graph.
 
@@ -59,7 +56,7 @@ def export(
 def _c(robot: str, out: Path, model: Path | None, rate_hz: float, as_json: bool) -> None:
     from catenary.calibration.files import load_model
     from catenary.robots.catalog import load_robot
-    from catenary.workflows.export import c_header, write_header
+    from catenary.workflows.c_header import c_header, write_header
 
     calibration = None if model is None else load_model(model)[0]
     header = c_header(load_robot(robot), calibration, rate_hz=rate_hz)
@@ -73,7 +70,7 @@ def _c(robot: str, out: Path, model: Path | None, rate_hz: float, as_json: bool)
 
 
 def _onnx(model: Path, out: Path, rate_hz: float | None, as_json: bool) -> None:
-    from catenary.workflows.export_onnx import export_onnx
+    from catenary.workflows.onnx_file import export_onnx
 
     summary = export_onnx(model, out, rate_hz=rate_hz)
     if as_json:

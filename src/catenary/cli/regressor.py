@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Option
 
 from catenary.cli.robots import Robot
 from catenary.cli.terminal import print_fact, print_json, print_table
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 def regressor(
     robot: Robot,
     compact: Annotated[
-        bool, typer.Option("--compact", help="Print the compact form, as formulas with values.")
+        bool, Option("--compact", help="Print the compact form, as formulas with values.")
     ] = False,
-    latex: Annotated[bool, typer.Option("--latex", help="Print the compact form for LaTeX.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON: kg and kg m.")] = False,
+    latex: Annotated[bool, Option("--latex", help="Print the compact form for LaTeX.")] = False,
+    as_json: Annotated[bool, Option("--json", help="Print JSON: kg and kg m.")] = False,
 ) -> None:
     """Print what gravity torques tell of a robot's masses.
 
@@ -64,14 +64,13 @@ def _print_identifiability(report: "RegressorReport") -> None:
     from catenary.workflows.regressor import WORDS
 
     names = standard_labels(report.model)
-    level, tilted = report.bases["level"], report.bases["tilted"]
     rows = [
         [name, WORDS[on_level], WORDS[on_tilted], value, "kg" if name.startswith("m(") else "kg m"]
         for name, value, on_level, on_tilted in zip(
             names,
             _texts(report.standard_values, len(names)),
-            level.identifiable,
-            tilted.identifiable,
+            report.identifiable("level"),
+            report.identifiable("tilted"),
             strict=True,
         )
     ]
@@ -85,14 +84,15 @@ def _print_identifiability(report: "RegressorReport") -> None:
         "What torques tell",
         ["base", "combinations", "of", "condition number"],
         [
-            [name, str(base.rank), str(len(names)), f"{base.condition:.3g}"]
+            [name, str(base.count), str(len(names)), f"{base.condition:.3g}"]
             for name, base in report.bases.items()
         ],
     )
+    labels = report.combinations("level")
     combinations = [
         [f"b{k + 1}", label, value]
         for k, (label, value) in enumerate(
-            zip(level.labels, _texts(report.base_values("level"), level.rank), strict=True)
+            zip(labels, _texts(report.base_values("level"), len(labels)), strict=True)
         )
     ]
     print_table("Combinations on a level base", ["", "", "value"], combinations, left=2)

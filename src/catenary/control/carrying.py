@@ -3,7 +3,7 @@
 from catenary.arrays import Floats
 from catenary.control.controller import Controller
 from catenary.errors import InputError
-from catenary.gravity.carried_load import CarriedLoad
+from catenary.gravity.payload import CarriedLoad
 from catenary.plant import JointState
 from catenary.trajectories.reference import Reference
 

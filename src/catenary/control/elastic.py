@@ -5,7 +5,7 @@ and experiments", Automatica 41 (2005); P. Tomei, "A simple PD controller for ro
 Automatic Control 36 (1991).
 """
 
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,17 +13,14 @@ from scipy.optimize import minimize
 from scipy.stats import qmc
 
 from catenary.arrays import Floats, as_array
-from catenary.control.at_rest import ELASTIC_PD, torque_at_rest
-from catenary.control.gravity_pd import nominal_gravity
-from catenary.control.pd import Damping, Gains, fits, pd_term
-from catenary.dynamics.loop_kernels import new_workspace
+from catenary.control.controller import gravity_and_rates, nominal_gravity
+from catenary.control.pd import Damping, JointPD
+from catenary.dynamics.kernels import holding_kernel
 from catenary.errors import InputError
-from catenary.gravity.holding import copy_gravity, holding_torque
 from catenary.gravity.torque import gravity_torque
-from catenary.kernels.compiled import compiled
-from catenary.plant import AT_REST, JointState
-from catenary.robots.model import RobotModel, Tree
-from catenary.sensing.vector import STANDARD_GRAVITY
+from catenary.plant import JointState
+from catenary.robots.model import RobotModel
+from catenary.spatial import STANDARD_GRAVITY
 from catenary.trajectories.reference import Reference
 
 Compensation = Literal["constant", "online", "biased"]
@@ -74,10 +71,8 @@ class ElasticPD:
             InputError: Something of another shape or range, or gravity changes faster than springs and gains can
                 follow; the message says by how much.
         """
-        model.require_inertia()
         self.model = model
-        self._gains = Gains(kp, kd, damping, model.n)
-        self.kp, self.kd = self._gains.kp, self._gains.kd
+        self.pd = JointPD(kp, kd, damping=damping, n=model.n)
         self.stiffness = as_array("stiffness", stiffness, (model.n,))
         if compensation not in get_args(Compensation):
             raise InputError(
@@ -85,48 +80,29 @@ class ElasticPD:
             )
         self.compensation = compensation
         self.gravity = nominal_gravity(gravity)
-        self.margin = stiffness_margin(model, self.kp, self.stiffness, gravity=self.gravity)
+        self.margin = stiffness_margin(model, self.pd.kp, self.stiffness, gravity=self.gravity)
         self.margin.require(model.name)
-        self.feedback, self.feedforward = np.zeros(model.n), np.zeros(model.n)
-        self._arrays: tuple[Any, ...] = (
-            model.tree,
-            model.coupling,
-            model.offset,
-            self._gains.rows,
-            self.stiffness,
-            new_workspace(model),
-            np.zeros((4, model.n)),
-            np.empty(3),
-            np.empty((2, 3)),
-            self.feedback,
-            self.feedforward,
-        )
-        self._at_rest = torque_at_rest(
-            model,
-            ELASTIC_PD.format(biased=compensation == "biased", online=compensation != "constant"),
-            gains=self._gains.rows,
-            stiffness=self.stiffness,
-            work=np.zeros((2, model.n)),
-            feedback=self.feedback,
-            feedforward=self.feedforward,
-        )
+        self._holding_torque = holding_kernel(model)
+        self.feedback, self.feedforward = self.pd.feedback, np.zeros(model.n)
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
-        """Torques (n,) [Nm|N] at the motors, as seen at the joints; NaN where something that they depend on is.
+        """Return torques (n,) [Nm|N] at the motors, as seen at the joints; NaN where something they depend on is.
 
         Raises:
             InputError: The robot has another number of joints than the model.
         """
-        tau = np.empty(len(self.feedback))
-        fixed = self.gravity
-        gravity, rates = (state.gravity, state.base_rates) if fixed is None else (fixed, AT_REST)
-        if self._at_rest(state.q, state.qd, reference.q, reference.qd, gravity, rates, tau):
-            return tau
-        moving: tuple[Any, ...] = state.q, state.qd, reference.q, reference.qd, gravity, rates
-        way = get_args(Compensation).index(self.compensation)
-        everything = (*self._arrays, way, *moving, tau)
-        if not _elastic_pd(*everything):
-            raise InputError(f"elastic PD: the model has {len(tau)} joints, the robot {len(state.q)}")
+        if len(reference.q) != self.model.n:
+            raise InputError(f"elastic PD: the model has {self.model.n} joints, the robot {len(state.q)}")
+        gravity, omega, alpha = gravity_and_rates(state, self.gravity)
+        at_reference = self._holding_torque(reference.q, gravity, omega, alpha)
+        wind_up = at_reference / self.stiffness
+        tau = self.pd.torque(state, reference._replace(q=reference.q + wind_up))
+        if self.compensation == "constant":
+            self.feedforward[:] = at_reference
+        else:
+            q = state.q - wind_up if self.compensation == "biased" else state.q
+            self.feedforward[:] = self._holding_torque(q, gravity, omega, alpha)
+        tau += self.feedforward
         return tau
 
 
@@ -236,45 +212,3 @@ def _direction(u: float, v: float) -> Floats:
     z, angle = 2.0 * u - 1.0, 2.0 * np.pi * v
     r = np.sqrt(max(0.0, 1.0 - z * z))
     return np.array([r * np.cos(angle), r * np.sin(angle), z])
-
-
-@compiled
-def _elastic_pd(
-    tree: Tree,
-    coupling: Floats,
-    offset: Floats,
-    gains: Floats,
-    stiffness: Floats,
-    flat: Floats,
-    rows: Floats,
-    gravity_here: Floats,
-    rates_here: Floats,
-    feedback: Floats,
-    feedforward: Floats,
-    compensation: int,
-    theta: Floats,
-    theta_d: Floats,
-    q_ref: Floats,
-    qd_ref: Floats,
-    gravity: Floats,
-    base_rates: Floats,
-    tau: Floats,
-) -> bool:
-    n = len(tau)
-    if not fits(n, theta, theta_d, q_ref, qd_ref):
-        return False
-    q_here, wanted, at, zero = rows[0], rows[1], rows[2], rows[3]
-    for j in range(n):
-        q_here[j] = q_ref[j]
-    copy_gravity(gravity, base_rates, gravity_here, rates_here)
-    holding_torque(tree, coupling, offset, q_here, gravity_here, rates_here, zero, flat, wanted)
-    for j in range(n):
-        wind_up = wanted[j] / stiffness[j]
-        feedback[j] = pd_term(gains, j, theta[j], theta_d[j], q_ref[j] + wind_up, qd_ref[j])
-        at[j] = theta[j] - wind_up if compensation == 2 else theta[j]
-        feedforward[j] = wanted[j]
-    if compensation != 0:
-        holding_torque(tree, coupling, offset, at, gravity_here, rates_here, zero, flat, feedforward)
-    for j in range(n):
-        tau[j] = feedback[j] + feedforward[j]
-    return True

@@ -121,6 +121,11 @@ _JAW = ("measured_js", "setpoint_js", "servo_jp", "servo_jr", "servo_jf", "move_
 NAMESPACES: dict[Arm, str] = {"gold": "/arm1", "green": "/arm2"}  # of a RAVEN-II that speaks `crtk`
 
 
+def calibrated_namespace(arm: Arm) -> str:
+    """Return what is in front of the topics of an arm's deployed calibration model."""
+    return f"{NAMESPACES[arm]}/calibrated"
+
+
 def crtk_topics(namespace: str, arm: Arm | None = None, *, rate: float = FAST) -> tuple[CrtkTopic, ...]:
     """Topics of one arm in the present convention; jaw verbs are called `jaw/measured_js` and so on.
 

@@ -20,7 +20,7 @@ from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
 from catenary.gravity.cholesky import factorise, solve_lower, solve_upper
 from catenary.gravity.estimator import Observed, as_speeds, regressor_with_effect
-from catenary.gravity.load_directions import PER_LOAD, load_directions
+from catenary.gravity.payload import PER_LOAD, load_directions
 from catenary.gravity.regressor import require_parameters
 from catenary.kernels.compiled import compiled
 from catenary.plant import JointState
@@ -107,7 +107,7 @@ class RecursiveGravityEstimator:
         self._load_work = np.empty((2, self._loads.shape[1], max(p, self._loads.shape[1])))
         self._information = np.zeros((p, p))
         self._kernel = self.regressor.kernel()
-        self._Z, self._work = np.empty((n, p)), np.empty(p * p + p + n)
+        self._work = np.empty(p * p + p + n)
         self._clock = np.array([np.nan, np.nan, 0.0])  # resting since, last torque taken, torques taken
 
     @property
@@ -135,7 +135,7 @@ class RecursiveGravityEstimator:
         if not (len(q) == len(qd) == len(tau) == n):
             raise InputError(f"gravity estimator: is for {n} joints, the robot has {len(q)}")
         return _take(
-            self._kernel(q, gravity, self._Z),
+            self._kernel(q, gravity),
             self._work,
             self._rows,
             self._prior,

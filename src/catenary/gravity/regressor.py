@@ -13,13 +13,12 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.coordinates import place_tree
 from catenary.dynamics.inverse_dynamics import gravity_rows
-from catenary.dynamics.recursion import place_links
+from catenary.dynamics.regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
 from catenary.gravity.regressor_recursion import (
     Spread,
     full_recursion,
     spread_of,
-    standard_recursion,
     turn_links,
 )
 from catenary.kernels.compiled import compiled
@@ -55,9 +54,12 @@ def gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Fl
     Raises:
         InputError: An argument has another shape or is not finite.
     """
+    rows, single = as_batch("q", q, model.n)
+    gravities = gravity_rows(gravity, len(rows))
     n = len(model.tree.parent)
-    width = 3 * n * (n + 1) + int(model.tree.prismatic.sum())
-    return _rows(model, q, gravity, width, full=True)
+    out = np.empty((len(rows), model.n, 3 * n * (n + 1) + int(model.tree.prismatic.sum())))
+    _regressor_rows(model.tree, model.coupling, model.offset, spread_of(model.coupling), rows, gravities, out)
+    return out[0] if single else out
 
 
 def gravity_parameters(model: RobotModel) -> GravityParameters:
@@ -93,7 +95,8 @@ def gravity_parameters(model: RobotModel) -> GravityParameters:
 def standard_gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
     """Regressor of every link's mass and first moment (m, m c), with Z s = g.
 
-    The torque of gravity alone; inertia does not enter. Its columns are dependent: see base_parameters.py.
+    The columns of (m, m c) of `torque_regressor` at
+    rest. They are dependent: see identification/base_parameters.py.
 
     Args:
         model: The robot; it needs no inertia.
@@ -107,7 +110,10 @@ def standard_gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLi
     Raises:
         InputError: An argument has another shape or is not finite.
     """
-    return _rows(model, q, gravity, 4 * len(model.tree.parent), full=False)
+    rest = np.zeros(np.shape(q))
+    Y = torque_regressor(model, q, rest, rest, gravity)
+    links = Y.reshape(*Y.shape[:-1], len(model.link_names), PER_LINK)
+    return links[..., : len(STANDARD)].reshape(*Y.shape[:-1], -1)
 
 
 def standard_gravity_parameters(model: RobotModel) -> GravityParameters:
@@ -165,18 +171,8 @@ def require_parameters(name: str, values: ArrayLike, labels: Sequence[str]) -> F
     return array
 
 
-def _rows(model: RobotModel, q: ArrayLike, gravity: ArrayLike, width: int, *, full: bool) -> Floats:
-    rows, single = as_batch("q", q, model.n)
-    gravities = gravity_rows(gravity, len(rows))
-    out = np.empty((len(rows), model.n, width))
-    spread = spread_of(model.coupling)
-    compute = _full_rows if full else _standard_rows
-    compute(model.tree, model.coupling, model.offset, spread, rows, gravities, out)
-    return out[0] if single else out
-
-
 @compiled
-def _full_rows(
+def _regressor_rows(
     tree: Tree, coupling: Floats, offset: Floats, spread: Spread, q: Floats, gravity: Floats, out: Floats
 ) -> None:
     n = len(tree.parent)
@@ -188,20 +184,3 @@ def _full_rows(
         turn_links(tree, rotation, base_rotation, axis)
         row = gravity[k if len(gravity) > 1 else 0]
         full_recursion(tree, work[0], base_rotation, axis, (row[0], row[1], row[2]), spread, out[k])
-
-
-@compiled
-def _standard_rows(
-    tree: Tree, coupling: Floats, offset: Floats, spread: Spread, q: Floats, gravity: Floats, out: Floats
-) -> None:
-    n = len(tree.parent)
-    work = np.empty((3, n))
-    rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))
-    base_rotation, base_position = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3))
-    turned, axis = np.empty((n, 3, 3)), np.empty((n, 3))
-    for k in range(len(q)):
-        place_tree(tree, coupling, offset, q[k], work, rotation, position)
-        place_links(tree, rotation, position, base_rotation, base_position)
-        turn_links(tree, rotation, turned, axis)
-        row = gravity[k if len(gravity) > 1 else 0]
-        standard_recursion(tree, base_rotation, base_position, axis, (row[0], row[1], row[2]), spread, out[k])

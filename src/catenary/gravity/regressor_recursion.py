@@ -14,7 +14,6 @@ from catenary.arrays import Floats
 from catenary.dynamics.vectors import (
     Numbers,
     Vector,
-    add,
     column,
     cross,
     dot,
@@ -124,48 +123,6 @@ def _load_carriers(
                 r = spread.coordinate[s]
                 regressor[r, target] = regressor[r, target] + spread.weight[s] * torque
         k = tree.parent[k]
-
-
-@inlined
-def standard_recursion(
-    tree: Tree,
-    base_rotation: Numbers,
-    base_position: Numbers,
-    axis: Numbers,
-    gravity: Vector,
-    spread: Spread,
-    regressor: Numbers,
-) -> None:
-    """Write the regressor of every link's mass and first moment (m, m c) about its frame's origin.
-
-    Args:
-        tree: The robot's tree.
-        base_rotation: (n_tree, 3, 3) R_base_i.
-        base_position: (n_tree, 3) origins in the base frame [m].
-        axis: (n_tree, 3) joint axes in the base frame.
-        gravity: Free-fall acceleration in the base frame [m/s2].
-        spread: How the tree's joints move with the robot's coordinates.
-        regressor: (n, 4 n_tree) written; link i has columns 4 i to 4 i + 3.
-    """
-    for r in range(regressor.shape[0]):
-        for c in range(regressor.shape[1]):
-            regressor[r, c] = 0.0
-    for i in range(len(tree.parent)):
-        k = i
-        while k >= 0:
-            z = row(axis, k)
-            lever = add(row(base_position, i), scale(-1.0, row(base_position, k)))
-            for c in range(4):
-                if tree.prismatic[k]:
-                    effort = -dot(gravity, z) if c == 0 else 0.0
-                elif c == 0:
-                    effort = dot(z, cross(gravity, lever))
-                else:
-                    effort = dot(z, cross(gravity, column(base_rotation, i, c - 1)))
-                for s in range(spread.start[k], spread.start[k + 1]):
-                    r = spread.coordinate[s]
-                    regressor[r, 4 * i + c] = regressor[r, 4 * i + c] + spread.weight[s] * effort
-            k = tree.parent[k]
 
 
 @inlined

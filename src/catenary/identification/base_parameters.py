@@ -1,21 +1,37 @@
 """The parameters that torques can show at all: a smallest set of combinations of the links' and the actuation's.
 
 Columns of the regressor are dependent for every motion, because most of a link's inertia moves like its
-neighbours'. Numerically (Gautier, "Numerical calculation of the base inertial parameters of robots", J. Robotic
-Systems 8(4), 1991): QR with column pivoting of the regressor over random motions picks independent columns, and says
-how the others are combined from them. So tau = Y_b beta, beta = phi_b + K phi_d.
+neighbours'. Over random motions an independent set of columns is found, and how the others are combined from them:
+tau = Y_b beta, beta = phi_b + K phi_d. [Gautier, Khalil 1990, "Direct calculation of minimum set of inertial
+parameters of serial robots"; Gautier 1991, "Numerical calculation of the base inertial parameters of robots",
+J. Robotic Systems 8(4)] Whatever data are taken in the same gravity tell these combinations, and nothing else.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from catenary.arrays import Floats
-from catenary.identification.columns import Parameters
+from catenary.arrays import Floats, as_array
+from catenary.errors import InputError
+from catenary.identification.columns import FIRST_MOMENTS, Parameters
+from catenary.robots.model import RobotModel
+from catenary.spatial import LEVEL, STANDARD_GRAVITY
 
 RANDOM_ROWS = 400
-DEPENDENT = 1e-8  # of the largest pivot; random motion leaves a gap of eight decades around it
+DEPENDENT = 1e-8  # of the largest column; random motion leaves a gap of eight decades around it
+ROUNDING = 1e-9  # of the largest entry of `combination`
+# by 30 deg about a horizontal axis 40 deg from x: along nothing that a robot's axes are likely to lie along
+TILTED = (
+    float(STANDARD_GRAVITY * np.sin(np.deg2rad(30)) * np.sin(np.deg2rad(40))),
+    float(-STANDARD_GRAVITY * np.sin(np.deg2rad(30)) * np.cos(np.deg2rad(40))),
+    float(-STANDARD_GRAVITY * np.cos(np.deg2rad(30))),
+)
+Identifiability = Literal["alone", "combined", "none"]  # by itself; with others; not at all
+Columns = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -23,8 +39,9 @@ class BaseParameters:
     """Which columns stay, and what each of them stands for: beta = combination @ phi."""
 
     parameters: Parameters
-    columns: NDArray[np.int64]  # (b,) of the whole regressor, ascending
+    columns: Columns  # (b,) of the whole regressor
     combination: Floats  # (b, k)
+    condition: float = np.nan  # of Y_b over the motion they were found on, columns scaled; NaN from a file
 
     @property
     def count(self) -> int:
@@ -41,17 +58,30 @@ class BaseParameters:
         """SI units of the columns' own parameters."""
         return tuple(self.parameters.units[c] for c in self.columns)
 
+    @cached_property
+    def identifiable(self) -> tuple[Identifiability, ...]:
+        """Which of all parameters (k,) torques tell by themselves, in combination with others, or not at all."""
+        return tuple(_identifiable(self.combination, c) for c in range(self.combination.shape[1]))
+
     def regressor(self, q: Floats, qd: Floats, qdd: Floats, gravity: Floats) -> Floats:
-        """Matrix (N, n, b) of tau = Y_b beta."""
+        """Return the matrix (N, n, b) of tau = Y_b beta at motions (N, n)."""
         return self.parameters.regressor(q, qd, qdd, gravity)[:, :, self.columns]
 
-    def describe(self, index: int) -> str:
-        """Write one base parameter as the sum it is."""
-        text = self.names[index]
-        for column in np.flatnonzero(np.abs(self.combination[index]) > 1e-9):
-            if column != self.columns[index]:
-                factor = self.combination[index, column]
-                text += f" {'+' if factor > 0.0 else '-'} {abs(factor):.5g} {self.parameters.names[column]}"
+    def describe(self, index: int, names: Sequence[str] | None = None, digits: int = 5) -> str:
+        """Return one base parameter as the sum that it is: mx(elbow) + 0.4 m(hand).
+
+        Args:
+            index: Which one.
+            names: (k,) of all parameters; their own when None.
+            digits: Of the factors.
+        """
+        names = self.parameters.names if names is None else names
+        text = names[int(self.columns[index])]
+        for c in np.flatnonzero(self.combination[index]):
+            if c != self.columns[index]:
+                factor = self.combination[index, c]
+                size = f"{abs(factor):.{digits}g}"
+                text += f" {'+' if factor > 0.0 else '-'} {'' if size == '1' else f'{size} '}{names[int(c)]}"
         return text
 
 
@@ -61,7 +91,7 @@ def base_parameters(
     recorded: tuple[Floats, Floats, Floats],
     rng: np.random.Generator,
 ) -> BaseParameters:
-    """Find them on random and recorded motion together.
+    """Find the base parameters on random and recorded motion together, the best conditioned columns first.
 
     Args:
         parameters: All parameters.
@@ -81,25 +111,107 @@ def base_parameters(
     ]
     some = np.linspace(0, len(recorded[0]) - 1, min(len(recorded[0]), RANDOM_ROWS)).astype(np.int64)
     motion = [np.concatenate([a, b[some]]) for a, b in zip(random, recorded, strict=True)]
-    Y = parameters.regressor(motion[0], motion[1], motion[2], gravity)
-    Y = Y.reshape(-1, Y.shape[2])
-    size_of = np.linalg.norm(Y, axis=0)
-    seen = size_of > DEPENDENT * size_of.max()
-    scale = np.where(seen, size_of, 1.0)
+    Y = parameters.regressor(motion[0], motion[1], motion[2], gravity).reshape(-1, len(parameters.names))
+    return _reduced(parameters, Y, None)
 
-    from scipy.linalg import qr
 
-    R, order = qr(Y * (seen / scale), mode="r", pivoting=True)
-    pivots = np.abs(np.diag(R))
-    rank = int((pivots > DEPENDENT * pivots[0]).sum())
-    chosen = np.sort(order[:rank])
+def gravity_base_parameters(model: RobotModel, gravity: ArrayLike | None = LEVEL) -> BaseParameters:
+    """Find the combinations of masses and first moments that torques of gravity alone tell.
+
+    Columns are taken in an order that puts each combination on the link next to the base: first moments from the
+    base outwards, across the joint's axis before along it, masses last.
+
+    Args:
+        model: The robot; it needs no inertia. Links declared massless have no parameters.
+        gravity: (3,) free-fall acceleration that all data are taken in [m/s2]; None for directions that vary.
+
+    Raises:
+        InputError: Gravity has another shape, is not finite or zero.
+    """
+    parameters = Parameters(model, "static", actuated=False)
+    rng = np.random.default_rng(0)
+    q = random_configurations(model, max(40, 8 * len(model.tree.parent)), rng)
+    if gravity is None:
+        directions = rng.normal(size=(len(q), 3))
+        field = STANDARD_GRAVITY * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    else:
+        field = as_array("gravity", gravity, (3,))
+        if not np.linalg.norm(field) > 0.0:
+            raise InputError(
+                "gravity is zero: expected an acceleration, without it no parameter has an effect"
+            )
+    rest = np.zeros_like(q)
+    Y = parameters.regressor(q, rest, rest, field).reshape(-1, len(parameters.names))
+    return _reduced(parameters, Y, _outwards(parameters))
+
+
+def random_configurations(model: RobotModel, count: int, rng: np.random.Generator) -> Floats:
+    """Draw configurations (count, n) within the joint limits, [-pi, pi] rad or [-1, 1] m where there are none."""
+    free = np.where(np.array(model.joint_units) == "rad", np.pi, 1.0)
+    lower = np.where(np.isfinite(model.lower), model.lower, -free)
+    upper = np.where(np.isfinite(model.upper), model.upper, free)
+    return rng.uniform(lower, upper, size=(count, model.n))
+
+
+def _reduced(parameters: Parameters, Y: Floats, order: Sequence[int] | None) -> BaseParameters:
+    """Reduce a regressor over many rows (N, k) to independent columns, in an order of preference if there is one."""
+    k = Y.shape[1]
+    size = np.linalg.norm(Y, axis=0)
+    seen = size > DEPENDENT * size.max(initial=0.0)
+    unit = Y * (seen / np.where(seen, size, 1.0))
+    chosen = _independent(unit, order) if seen.any() else np.array([], dtype=np.int64)
     # how the other columns are combined from the chosen ones: least squares is exact for dependent columns
-    others = np.setdiff1d(np.arange(Y.shape[1]), chosen)
-    ordered = np.hstack([Y[:, chosen] / scale[chosen], Y[:, others] / scale[others]])
-    K = np.linalg.lstsq(ordered[:, :rank], ordered[:, rank:], rcond=None)[0]
-    combination = np.zeros((rank, Y.shape[1]))
-    combination[np.arange(rank), chosen] = 1.0
-    combination[:, others] = K * scale[others] / scale[chosen][:, None]
-    combination[:, ~seen] = 0.0
-    combination[np.abs(combination) < 1e-10] = 0.0  # rounding
-    return BaseParameters(parameters, chosen, combination)
+    rest = np.setdiff1d(np.arange(k), chosen)
+    combination = np.zeros((len(chosen), k))
+    combination[np.arange(len(chosen)), chosen] = 1.0
+    condition = 1.0
+    if len(chosen):
+        condition = float(np.linalg.cond(unit[:, chosen]))
+        K = np.linalg.lstsq(unit[:, chosen], unit[:, rest], rcond=None)[0]
+        combination[:, rest] = K * size[rest] / size[chosen][:, None]
+        combination[np.abs(combination) < ROUNDING * np.abs(combination).max()] = 0.0
+    return BaseParameters(parameters, chosen, combination, condition)
+
+
+def _independent(unit: Floats, order: Sequence[int] | None) -> Columns:
+    """Choose independent columns: by QR with pivoting, or in an order, each one that those before it do not give."""
+    if order is None:
+        from scipy.linalg import qr
+
+        R, pivoted = qr(unit, mode="r", pivoting=True)
+        pivots = np.abs(np.diag(R))
+        return np.sort(pivoted[: int((pivots > DEPENDENT * pivots[0]).sum())]).astype(np.int64)
+    basis: list[Floats] = []
+    chosen: list[int] = []
+    for c in order:
+        rest = unit[:, c]
+        for b in basis * 2:  # twice: once leaves rounding of the order of the columns' dependence
+            rest = rest - (b @ rest) * b
+        left = float(np.linalg.norm(rest))
+        if left > DEPENDENT:
+            basis.append(rest / left)
+            chosen.append(c)
+    return np.array(chosen, dtype=np.int64)
+
+
+def _outwards(parameters: Parameters) -> list[int]:
+    """Return the columns of masses and first moments in the order of `gravity_base_parameters`."""
+    across: list[int] = []
+    along: list[int] = []
+    masses: list[int] = []
+    for place, link in enumerate(parameters.links):
+        mass = FIRST_MOMENTS * place
+        masses.append(mass)
+        for axis, share in enumerate(np.abs(parameters.model.tree.axis[link])):
+            (along if share > 0.999 else across).append(mass + 1 + axis)
+    return across + along + masses
+
+
+def _identifiable(combination: Floats, parameter: int) -> Identifiability:
+    """Tell whether a parameter alone is in the span of the combinations."""
+    if not combination[:, parameter].any():
+        return "none"
+    # a row that is this parameter and no other
+    alone = np.eye(combination.shape[1])[parameter]
+    weights = np.linalg.lstsq(combination.T, alone, rcond=None)[0]
+    return "alone" if float(np.abs(weights @ combination - alone).max()) < 1e-6 else "combined"

@@ -20,6 +20,7 @@ class Parameters:
 
     model: RobotModel
     terms: Terms
+    actuated: bool = True  # with the parameters of friction, rotors and springs
 
     @cached_property
     def links(self) -> tuple[int, ...]:
@@ -34,6 +35,8 @@ class Parameters:
     @cached_property
     def actuation(self) -> tuple[ActuationTerm, ...]:
         """The parameters beside those of the links."""
+        if not self.actuated:
+            return ()
         return actuation_terms(actuation_of(self.model), static=self.terms == "static")
 
     @cached_property

@@ -26,7 +26,7 @@ VISIBLE = 0.02  # smallest singular value, columns scaled to one, of a direction
 
 
 @dataclass(frozen=True)
-class Payload:
+class PayloadEstimate:
     """A point mass on a link; `mass` or `moment` is None where the recordings cannot tell it."""
 
     link: str
@@ -45,7 +45,7 @@ def estimate_payload(
     *,
     at: tuple[str, ArrayLike] | None = None,
     unloaded: Sequence[Samples] = (),
-) -> Payload:
+) -> PayloadEstimate:
     """Find a payload in recordings of a robot whose dynamics were identified without it.
 
     What torques are left, weighted by the training residual of each axis, is fitted by the torques of a point mass.
@@ -75,7 +75,7 @@ def estimate_payload(
 
 def payload_candidates(
     result: Identification, loaded: Sequence[Samples], *, unloaded: Sequence[Samples] = ()
-) -> tuple[Payload, ...]:
+) -> tuple[PayloadEstimate, ...]:
     """What every link would have to carry, in the order of how much of the residual it explains."""
     found = [_fit(result, loaded, unloaded, link, None) for link in result.base.parameters.links]
     return tuple(sorted(found, key=lambda payload: -payload.explained))
@@ -109,7 +109,7 @@ def _fit(
     unloaded: Sequence[Samples],
     link: int,
     place: Floats | None,
-) -> Payload:
+) -> PayloadEstimate:
     name = result.model.link_names[link]
     Y, y = _rows(result, loaded, link)
     if unloaded:
@@ -118,7 +118,7 @@ def _fit(
         baseline = _least_squares(_flat(before @ directions), y_before.reshape(-1))
         y = y - Y @ directions @ baseline
     if not np.abs(Y).max() > 0.0:
-        return Payload(name, None, None, None, None, False, 0.0, 0.0)
+        return PayloadEstimate(name, None, None, None, None, False, 0.0, 0.0)
     if place is not None:
         column = point_mass(place)
         mass = float(_least_squares(_flat(Y @ column[:, None]), y.reshape(-1))[0])
@@ -148,7 +148,7 @@ def _fit(
     deviation[hidden] = np.nan
     if place is None:
         moment = np.where(hidden[1:], np.nan, moment)
-    return Payload(
+    return PayloadEstimate(
         name,
         mass if told else None,
         float(deviation[0]) if told else None,

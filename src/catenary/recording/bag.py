@@ -1,4 +1,4 @@
-"""ROS 1 bags and MCAP, written from a journal and read, without ROS.
+"""ROS 1 bags and MCAP, written without ROS.
 
 Bags get the index by which they are read when they are closed; until then they bear another name (`.part`), so that
 a bag that is there is whole. A bag has no place for the robot's name, the seed and whether it was simulated: they
@@ -7,122 +7,30 @@ RAVEN's group take every message in a bag for one of that topic.
 """
 
 import logging
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Collection, Mapping
 from pathlib import Path
-from struct import error as StructError
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from rosbags.interfaces import Connection
-from rosbags.rosbag1 import Reader as Reader1
-from rosbags.rosbag1 import ReaderError as ReaderError1
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import Reader as Reader2
-from rosbags.rosbag2 import ReaderError as ReaderError2
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
-from catenary.errors import FileFormatError, InputError
-from catenary.recording.bag_types import check_ros1_type, check_ros2_type
-from catenary.recording.journal import About, JournalTopic
-from catenary.recording.layout import Encoding, blank_messages
+from catenary.errors import InputError
+from catenary.recording.journal import About
+from catenary.recording.layout import blank_messages
 from catenary.recording.messages import MESSAGES, current_name, full_definition, md5_sum, ros2_name, typestore
-from catenary.recording.salvage import SalvageReader, about_of
+from catenary.recording.source import Source
 from catenary.recording.topics import ABOUT_TOPIC, ABOUT_TYPE, topic_named
-
-if TYPE_CHECKING:
-    from catenary.recording.source import Source
 
 log = logging.getLogger(__name__)
 BagKind = Literal["ros1", "mcap"]
 MAX_MESSAGES = 500_000  # of a bag: readers hold about 170 bytes of index per message in memory
 ROS2_VERSION: Literal[8] = 8  # of metadata.yaml, as ROS 2 Jazzy reads it
 
-# what rosbags raises over a file that ends too early or holds something else
-_UNREADABLE = (
-    ReaderError1,
-    ReaderError2,
-    OSError,
-    StructError,
-    ValueError,
-    TypeError,
-    KeyError,
-    IndexError,
-    EOFError,
-)
-
-
-class BagReader:
-    """Reads a ROS 1 bag, an MCAP file, or a ROS 2 bag (folder)."""
-
-    def __init__(self, path: Path) -> None:
-        """Read the topics, and check their types against ours.
-
-        Raises:
-            FileFormatError: No such file, cut off (the message says what can be saved), another kind of file, or
-                types that are not ours.
-        """
-        self.path = path
-        self.encoding: Encoding = "ros1" if path.suffix == ".bag" else "cdr"
-        self.problems: list[str] = []
-        self.about: About | None = None
-        with ExitStack() as stack:
-            connections = self._open(stack).connections
-            self.counts: dict[str, int] = {}
-            for connection in connections:
-                self._check(connection)
-                if connection.topic != ABOUT_TOPIC:
-                    self.counts[connection.topic] = self.counts.get(connection.topic, 0) + connection.msgcount
-            self.topics = tuple(
-                JournalTopic(topic, next(current_name(c.msgtype) for c in connections if c.topic == topic))
-                for topic in self.counts
-            )
-            for _, _, data in self._raw((ABOUT_TOPIC,)):
-                self.about = about_of(data, self.encoding)
-
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
-        """Give topic, arrival stamp [ns] and bytes of the messages of these topics, or of all, as they arrived.
-
-        Raises:
-            FileFormatError: A topic is not in the bag, or the bag is damaged.
-        """
-        missing = [topic for topic in topics or () if topic not in self.counts]
-        if missing:
-            raise FileFormatError(
-                f"{self.path}: no topic {', '.join(missing)}; it has {', '.join(self.counts) or 'none'}"
-            )
-        yield from self._raw(self.counts if topics is None else topics)
-
-    def _raw(self, topics: Collection[str]) -> Iterator[tuple[str, int, bytes]]:
-        with ExitStack() as stack:
-            reader = self._open(stack)
-            connections = [c for c in reader.connections if c.topic in topics]
-            if not connections:
-                return
-            try:
-                for connection, stamp, data in reader.messages(connections):
-                    yield connection.topic, stamp, data
-            except _UNREADABLE as error:
-                raise FileFormatError(f"{self.path}: is damaged: {error}; {_saved(self.path)}") from error
-
-    def _open(self, stack: ExitStack) -> Reader1 | Reader2:
-        try:
-            if self.encoding == "ros1":
-                return stack.enter_context(Reader1(self.path))
-            return stack.enter_context(Reader2(self.path))
-        except _UNREADABLE as error:
-            raise FileFormatError(f"{self.path}: cannot be read: {error}; {_saved(self.path)}") from error
-
-    def _check(self, connection: Connection) -> None:
-        text = connection.msgdef.data
-        if self.encoding == "ros1":
-            check_ros1_type(self.path, connection.topic, connection.msgtype, connection.digest, text)
-        else:
-            check_ros2_type(self.path, connection.topic, connection.msgtype, text)
-
 
 def write_bag(
-    source: "Source", path: Path, kind: BagKind = "ros1", *, topics: Collection[str] | None = None
+    source: Source, path: Path, kind: BagKind = "ros1", *, topics: Collection[str] | None = None
 ) -> tuple[Path, ...]:
     """Write a recording as one bag: a `.bag` file, or a ROS 2 bag with MCAP in it, which is a folder.
 
@@ -139,7 +47,7 @@ def write_bag(
     return _write(source, kind, {t.name: path for t in source.topics if topics is None or t.name in topics})
 
 
-def write_group_bags(source: "Source", folder: Path, kind: BagKind = "ros1") -> tuple[Path, ...]:
+def write_group_bags(source: Source, folder: Path, kind: BagKind = "ros1") -> tuple[Path, ...]:
     """Write a recording as RAVEN's group does, one bag per topic, for programs that read all of a bag.
 
     They are record_ravenstate, record_CRTKmeasurejs and record_ext_jenc, with nothing in them but /ravenstate,
@@ -163,7 +71,7 @@ def write_group_bags(source: "Source", folder: Path, kind: BagKind = "ros1") -> 
 
 
 def _write(
-    source: "Source", kind: BagKind, targets: Mapping[str, Path], about: Path | None = None
+    source: Source, kind: BagKind, targets: Mapping[str, Path], about: Path | None = None
 ) -> tuple[Path, ...]:
     """Write topics into their targets, and what the recording is of into each, or into a bag `about` alone."""
     unknown = [t for t in source.topics if t.name in targets and current_name(t.type) not in MESSAGES]
@@ -197,7 +105,7 @@ def _write(
 class _Bag:
     """A bag that is being written, and those that follow when it grows too long."""
 
-    def __init__(self, path: Path, kind: BagKind, source: "Source", about: About | None) -> None:
+    def __init__(self, path: Path, kind: BagKind, source: Source, about: About | None) -> None:
         self.types: dict[str, str] = {}
         self._first, self._kind, self._about = path, kind, about
         self._same = source.encoding == ("ros1" if kind == "ros1" else "cdr")
@@ -283,22 +191,3 @@ class _Bag:
     def _about_message(self, about: About) -> bytes | memoryview:
         message = blank_messages(ABOUT_TYPE, 1, {"data": about.as_json()}, {}).tobytes()
         return message if self._kind == "ros1" else self._store.ros1_to_cdr(message, ros2_name(ABOUT_TYPE))
-
-
-def _saved(path: Path) -> str:
-    """What could still be read from a file that cannot be opened, in words."""
-    if path.is_dir():
-        files: Sequence[Path] = sorted(path.glob("*.mcap"))
-    else:
-        files = (path,)
-    try:
-        counts: dict[str, int] = {}
-        for file in files:
-            for topic, count in SalvageReader(file).counts.items():
-                counts[topic] = counts.get(topic, 0) + count
-    except (FileFormatError, OSError):
-        return "nothing in it can be saved"
-    if not counts:
-        return "no whole message is in it, nothing can be saved"
-    found = ", ".join(f"{count} messages of {topic}" for topic, count in counts.items())
-    return f"{found} can be saved: read it with SalvageReader"

@@ -39,6 +39,12 @@ class Block(Sequence[bytes]):
         return self.data[end - self.lengths[index] : end].tobytes()
 
     @classmethod
+    def of(cls, messages: Sequence[bytes]) -> "Block":
+        """Return a block of these messages."""
+        lengths = np.fromiter(map(len, messages), dtype=np.int64, count=len(messages))
+        return cls(np.frombuffer(b"".join(messages), dtype=np.uint8), lengths)
+
+    @classmethod
     def joined(cls, blocks: Sequence["Block"]) -> "Block":
         """All messages of several."""
         if len(blocks) == 1:

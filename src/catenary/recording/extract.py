@@ -1,7 +1,7 @@
 """Recordings into Parquet: a file per topic, a column per number, in SI, in bounded memory."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
 from catenary.recording.bag_chunks import Block
+from catenary.recording.bag_stream import BagStream
 from catenary.recording.journal import About
 from catenary.recording.layout import Encoding
 from catenary.recording.messages import md5_sum
-from catenary.recording.salvage import SalvageReader
 from catenary.recording.source import Source, open_recordings
 from catenary.recording.topics import TOPICS, Topic, decode, topic_named, wrong_type
 
@@ -57,7 +57,7 @@ def extract(
         InputError: The folder holds an extraction already, or the files are of different recordings.
     """
     sources: Sequence[Source]
-    sources = [SalvageReader(path) for path in paths] if salvage else open_recordings(paths)
+    sources = [BagStream(path) for path in paths] if salvage else open_recordings(paths)
     if folder.is_dir() and any(folder.glob("*.parquet")):
         raise InputError(f"{folder}: holds an extraction already; give another folder, or empty this one")
     about = _one_about(sources)
@@ -74,17 +74,10 @@ def extract(
     try:
         for source in sources:
             here = {t.name: wanted[t.name] for t in source.topics if t.name in wanted}
-            if isinstance(source, SalvageReader) and source.has_blocks:
-                for name, arrivals, block in source.blocks(tuple(here)):
-                    if name not in writers:
-                        writers[name] = _TopicWriter(folder, here[name], metadata)
-                    writers[name].add_block(arrivals, block, source.encoding)
-            else:
-                for name, stamp, data in source.messages(tuple(here)):
-                    writer = writers.get(name)
-                    if writer is None:
-                        writer = writers[name] = _TopicWriter(folder, here[name], metadata)
-                    writer.add(stamp, data, source.encoding)
+            for name, arrivals, block in _blocks(source, tuple(here)):
+                if name not in writers:
+                    writers[name] = _TopicWriter(folder, here[name], metadata)
+                writers[name].add(arrivals, block, source.encoding)
             for writer in writers.values():
                 writer.write()  # the next file may be in another encoding
             problems += source.problems
@@ -170,20 +163,11 @@ class _TopicWriter:
         about = {**metadata, "topic": topic.name, "type": topic.type, "md5": md5_sum(topic.type)}
         self._schema = pa.schema(fields, metadata={"catenary": json.dumps(about)})
         self._writer: pq.ParquetWriter | None = None
-        self._arrivals: list[int] = []
-        self._data: list[bytes] = []
         self._blocks: list[tuple[NDArray[np.int64], Block]] = []
         self._rows = 0  # in the blocks
         self._encoding: Encoding = "ros1"
 
-    def add(self, arrival: int, data: bytes, encoding: Encoding) -> None:
-        self._arrivals.append(arrival)
-        self._data.append(data)
-        self._encoding = encoding
-        if len(self._data) >= ROW_GROUP:
-            self.write()
-
-    def add_block(self, arrivals: NDArray[np.int64], block: Block, encoding: Encoding) -> None:
+    def add(self, arrivals: NDArray[np.int64], block: Block, encoding: Encoding) -> None:
         self._blocks.append((arrivals, block))
         self._rows += len(block)
         self._encoding = encoding
@@ -192,15 +176,11 @@ class _TopicWriter:
 
     def write(self) -> None:
         """Write what was added since the last time."""
-        if self._blocks:
-            messages = Block.joined([block for _, block in self._blocks])
-            self._write(np.concatenate([arrivals for arrivals, _ in self._blocks]), messages)
-            self._blocks, self._rows = [], 0
-        if self._data:
-            self._write(np.array(self._arrivals, dtype=np.int64), self._data)
-            self._arrivals, self._data = [], []
-
-    def _write(self, arrivals: NDArray[np.int64], messages: Sequence[bytes]) -> None:
+        if not self._blocks:
+            return
+        messages = Block.joined([block for _, block in self._blocks])
+        arrivals = np.concatenate([arrivals for arrivals, _ in self._blocks])
+        self._blocks, self._rows = [], 0
         samples = decode(self.topic, messages, self._encoding)
         arrays = [pa.array(samples.stamp), pa.array(arrivals)]
         for column in self.topic.columns:
@@ -237,6 +217,24 @@ class _TopicWriter:
         if self._writer is not None:
             self._writer.close()
         self._part.unlink(missing_ok=True)
+
+
+def _blocks(source: Source, topics: Sequence[str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
+    """Yield topic, arrival stamps [ns] and messages, as many at once as the source has or a row group holds."""
+    if isinstance(source, BagStream) and source.has_blocks:
+        yield from source.blocks(topics)
+        return
+    waiting: dict[str, tuple[list[int], list[bytes]]] = {name: ([], []) for name in topics}
+    for name, stamp, data in source.messages(topics):
+        stamps, messages = waiting[name]
+        stamps.append(stamp)
+        messages.append(data)
+        if len(messages) == ROW_GROUP:
+            yield name, np.array(stamps), Block.of(messages)
+            waiting[name] = [], []
+    for name, (stamps, messages) in waiting.items():
+        if messages:
+            yield name, np.array(stamps), Block.of(messages)
 
 
 def _choose(sources: Sequence[Source], topics: Sequence[str] | None) -> tuple[dict[str, Topic], list[str]]:

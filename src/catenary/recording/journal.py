@@ -19,7 +19,7 @@ from typing import Any, Literal, NamedTuple, NoReturn, Self
 from zlib import crc32
 
 from catenary.errors import InputError, RecordingError
-from catenary.recording.messages import definition, full_definition, md5_sum
+from catenary.recording.messages import fields, full_definition, md5_sum
 
 MAGIC = b"catenary journal 1\n"
 HEAD = Struct(
@@ -105,7 +105,7 @@ class JournalWriter:
         if not 0 < len(topics) < FOOTER or len({t.name for t in topics}) != len(topics):
             raise InputError(f"{folder}: expected topics that differ, got {[t.name for t in topics]}")
         for topic in topics:
-            definition(topic.type)  # an unknown type is refused before anything is written
+            fields(topic.type)  # an unknown type is refused before anything is written
         if any(folder.glob("*.journal")):
             raise InputError(f"{folder}: holds a recording already, which is never overwritten")
         self.folder = folder

@@ -11,7 +11,8 @@ from zlib import crc32
 from catenary.errors import FileFormatError
 from catenary.recording.journal import FOOTER, HEAD, HEADER, MAGIC, MARKER, MAX_RECORD, About, JournalTopic
 from catenary.recording.layout import Encoding
-from catenary.recording.messages import MESSAGES, current_name, md5_sum
+from catenary.recording.topics import require_topics
+from catenary.recording.type_checks import check_ros1_type
 
 
 class _Record(NamedTuple):
@@ -55,7 +56,7 @@ class JournalReader:
         self.topics = tuple(JournalTopic(t["name"], t["type"]) for t in self._header["topics"])
         self.about: About | None = About.from_mapping(self._header)
         for topic in self._header["topics"]:
-            _check_type(path, topic)
+            check_ros1_type(path, topic["name"], topic["type"], topic["md5"], topic["definition"])
 
     @property
     def problems(self) -> list[str]:
@@ -71,12 +72,9 @@ class JournalReader:
         Raises:
             FileFormatError: A topic is not in the recording.
         """
-        missing = [name for name in topics or () if name not in (topic.name for topic in self.topics)]
-        if missing:
-            there = ", ".join(topic.name for topic in self.topics)
-            raise FileFormatError(f"{self.path}: no topic {', '.join(missing)}; it has {there}")
-        report = self.report = JournalReport(messages={topic.name: 0 for topic in self.topics})
         names = [topic.name for topic in self.topics]
+        require_topics(self.path, topics, names)
+        report = self.report = JournalReport(messages=dict.fromkeys(names, 0))
         wanted = [topics is None or name in topics for name in names]
         expected: int | None = None  # number of the next record
         for file in self._files:
@@ -183,12 +181,3 @@ def _next_record(content: mmap.mmap, position: int) -> int | None:
             return position
         position += 1
     return None
-
-
-def _check_type(path: Path, topic: Mapping[str, Any]) -> None:
-    name = current_name(topic["type"])
-    if name in MESSAGES and topic["md5"] != md5_sum(name):
-        raise FileFormatError(
-            f"{path}: topic {topic['name']}: {topic['type']} has md5 sum {topic['md5']}, "
-            f"expected {md5_sum(name)}; its definition there:\n{topic['definition']}"
-        )

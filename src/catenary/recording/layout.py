@@ -125,24 +125,19 @@ def layout_of(name: str, data: bytes, encoding: Encoding) -> np.dtype[np.void]:
 def read_messages(
     name: str, messages: Sequence[bytes], encoding: Encoding
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.void]]]:
-    """Give messages as structured arrays, one for each shape that occurs, with the positions they came from.
+    """Yield messages as structured arrays, one for each shape that occurs, with the positions they came from.
 
     Raises:
         FileFormatError: A message is not of this type.
     """
-    if isinstance(messages, Block):
-        lengths = messages.lengths
-    else:
-        lengths = np.fromiter(map(len, messages), dtype=np.int64, count=len(messages))
-    left = np.arange(len(messages))
+    block = messages if isinstance(messages, Block) else Block.of(messages)
+    left = np.arange(len(block))
     while len(left):
-        layout = layout_of(name, bytes(messages[left[0]]), encoding)
-        same_length = left[lengths[left] == layout.itemsize]
-        if len(same_length) < len(messages):
-            records = _records(b"".join([messages[i] for i in same_length]), layout, len(same_length))
-        else:
-            whole = messages.data.data if isinstance(messages, Block) else b"".join(messages)
-            records = _records(whole, layout, len(messages))
+        layout = layout_of(name, block[left[0]], encoding)
+        same_length = left[block.lengths[left] == layout.itemsize]
+        whole = len(same_length) == len(block)
+        data = block.data.data if whole else b"".join([block[i] for i in same_length])
+        records = _records(data, layout, len(same_length))
         same = np.ones(len(records), dtype=bool)
         for count in (n for n in layout.names or () if n.startswith(COUNT)):
             same &= records[count] == records[count][0]

@@ -5,14 +5,11 @@ from pathlib import Path
 from typing import Protocol
 
 from catenary.errors import FileFormatError
-from catenary.recording.bag import BagReader
+from catenary.recording.bag_stream import BagStream
 from catenary.recording.journal import About, JournalTopic
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.layout import Encoding
-from catenary.recording.salvage import SalvageReader
-
-# [B] from which a ROS 1 bag is read without its index, which takes 170 B a message in memory
-STREAMED = 64 * 2**20
+from catenary.recording.mcap_reader import McapReader
 
 
 class Source(Protocol):
@@ -28,7 +25,7 @@ class Source(Protocol):
     def problems(self) -> list[str]: ...  # noqa: D102  complete once all messages were read
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
-        """Give topic, arrival stamp [ns] and bytes of the messages of these topics, or of all."""
+        """Yield topic, arrival stamp [ns] and bytes of the messages of these topics, or of all."""
         ...
 
 
@@ -42,11 +39,14 @@ def open_recording(path: Path) -> Source:
         raise FileFormatError(f"{path}: no such recording")
     if path.suffix == ".journal" or (path.is_dir() and any(path.glob("*.journal"))):
         return JournalReader(path)
-    if path.suffix == ".bag" and path.is_file() and path.stat().st_size >= STREAMED:
-        streamed = SalvageReader(path)  # chunk by chunk, in the order in which messages were recorded
-        return BagReader(path) if streamed.problems else streamed  # which says what is wrong
-    if path.suffix in (".bag", ".mcap") or (path.is_dir() and (path / "metadata.yaml").is_file()):
-        return BagReader(path)
+    if path.suffix == ".bag" and path.is_file():
+        bag = BagStream(path)
+        if bag.problems:
+            problem = bag.problems[0].removeprefix(f"{path}: ")
+            raise FileFormatError(f"{path}: cannot be read: {problem}; {bag.whole_text()}")
+        return bag
+    if path.suffix == ".mcap" or (path.is_dir() and (path / "metadata.yaml").is_file()):
+        return McapReader(path)
     raise FileFormatError(
         f"{path}: expected a folder of .journal files, a .bag, an .mcap or a folder with metadata.yaml"
     )

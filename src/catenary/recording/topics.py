@@ -9,6 +9,7 @@ carries the green arm, arm2 the gold one. `ravenstate_100hz` is published withou
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -272,6 +273,18 @@ def decode(topic: Topic, messages: Sequence[bytes], encoding: Encoding = "ros1")
             else:
                 out[column.name][where] = np.multiply(values, column.to_si, dtype=np.float64)
     return Samples(stamp, out)
+
+
+def require_topics(where: Path | str, asked: Iterable[str] | None, there: Iterable[str]) -> None:
+    """Refuse a topic that is not in a recording.
+
+    Raises:
+        FileFormatError: One is not; the message says which there are.
+    """
+    there = list(there)
+    missing = [name for name in asked or () if name not in there]
+    if missing:
+        raise FileFormatError(f"{where}: no topic {', '.join(missing)}; it has {', '.join(there) or 'none'}")
 
 
 def wrong_type(topic: Topic, found: str) -> FileFormatError | None:

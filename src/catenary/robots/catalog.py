@@ -10,6 +10,8 @@ from xml.etree import ElementTree
 from catenary.errors import FileFormatError
 from catenary.robots.model import RobotModel
 
+RAVEN_SIDES = {"raven2": "left", "raven2_right": "right"}  # which arm of a RAVEN-II a robot is
+
 
 def robot_names() -> tuple[str, ...]:
     """Names of the robots that come with the package."""

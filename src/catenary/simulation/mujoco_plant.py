@@ -8,13 +8,13 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError, LimitError, NotReadyError, UnsupportedCommandError
+from catenary.gravity.payload import Payload
 from catenary.plant import STATE_COMMANDS, Column, JointState, OperatingState, StateCommand, StateName
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase, imu_reading
 from catenary.simulation.joint_hardware import JointHardware, joint_numbers, pack_joints
 from catenary.simulation.joint_step import MOTION, Z0, ZD0, begin_step, end_stage, finish_step, servo_torques
 from catenary.simulation.mujoco_dynamics import MujocoDynamics
-from catenary.simulation.payload import Payload, carrying
 from catenary.simulation.stiffness_check import require_stable
 
 PERIOD = 1e-3  # [s]
@@ -277,7 +277,7 @@ class MujocoPlant:
 
     def _take_up(self, payload: Payload | None) -> None:
         """Compile the robot with what it carries; masses are constants to MuJoCo."""
-        dynamics = MujocoDynamics(self.model if payload is None else carrying(self.model, payload))
+        dynamics = MujocoDynamics(self.model if payload is None else payload.on(self.model))
         self._dynamics, self._payload = dynamics, payload
         self._joints = joint_numbers(self.model, self._hardware, dynamics.dof, dynamics.at)
         self._packed = pack_joints(self._joints)

@@ -1,1 +1,1 @@
-"""A robot moved from the keyboard of any terminal."""
+"""A robot moved by hand from the keyboard of any terminal."""

@@ -1,9 +1,8 @@
 """Bytes of a terminal as keys: characters, and the escape sequences of arrows and pages, whole or in pieces."""
 
 ESCAPE = b"\x1b"
-PATIENCE = (
-    0.05  # [s] that the rest of an escape sequence may be under way; over SSH it may come in two packets
-)
+# [s] that the rest of an escape sequence may be under way; over SSH it may come in two packets
+PATIENCE = 0.05
 _SEQUENCES = {
     b"A": "up",
     b"B": "down",
@@ -16,7 +15,7 @@ _LONGEST = 16  # bytes; what is longer is no key
 
 
 def decode_keys(data: bytes, *, final: bool = False) -> tuple[list[str], bytes]:
-    """Give the keys in what a terminal sent, and the bytes of one that is not yet there as a whole.
+    """Return the keys in what a terminal sent, and the bytes of one that is not yet there as a whole.
 
     Printable characters are themselves, also those beyond ASCII; `up`, `down`, `left`, `right`, `page up`,
     `page down`, `escape`. Sequences of other keys are passed over whole, so that none of their letters moves a robot.
@@ -54,27 +53,14 @@ def decode_keys(data: bytes, *, final: bool = False) -> tuple[list[str], bytes]:
 
 
 def _end_of_sequence(data: bytes) -> int | None:
-    """Where a sequence ends: after its first byte from @ to ~, ECMA-48 section 5.4."""
-    for k in range(2, len(data)):
-        if 0x40 <= data[k] <= 0x7E:
-            return k + 1
-    return None
+    """Return where a sequence ends: after its first byte from @ to ~, ECMA-48 section 5.4."""
+    return next((k + 1 for k in range(2, len(data)) if 0x40 <= data[k] <= 0x7E), None)
 
 
 def _character(data: bytes, final: bool) -> tuple[str, bytes, bool]:
-    """First character, what follows it, and whether more of its bytes are under way."""
-    first = data[0]
-    size = (
-        1
-        if first < 0x80
-        else 2
-        if 0xC0 <= first < 0xE0
-        else 3
-        if 0xE0 <= first < 0xF0
-        else 4
-        if first >= 0xF0
-        else 1
-    )
+    """Return the first character, what follows it, and whether more of its bytes are under way."""
+    # the first byte of UTF-8 tells how many there are
+    size = next((size for size, least in ((4, 0xF0), (3, 0xE0), (2, 0xC0)) if data[0] >= least), 1)
     if len(data) < size and not final:
         return "", data, True
     text = data[:size].decode("utf-8", errors="ignore")
@@ -82,14 +68,14 @@ def _character(data: bytes, final: bool) -> tuple[str, bytes, bool]:
 
 
 class KeyReader:
-    """Keeps the rest of a key until it comes, or for PATIENCE."""
+    """Puts keys together whose bytes come in pieces; waits for the rest of one for PATIENCE."""
 
     def __init__(self) -> None:
         self._rest = b""
         self._since = 0.0
 
     def feed(self, data: bytes, now: float) -> list[str]:
-        """Take what came, nothing included, at a time [s]; give the keys."""
+        """Take what came at a time [s], which may be nothing, and return the keys that are whole."""
         if data and not self._rest:
             self._since = now
         final = not data and bool(self._rest) and now - self._since > PATIENCE

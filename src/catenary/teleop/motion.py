@@ -1,5 +1,6 @@
-"""Keys and time to joint motion: each key moves one joint or axis for as long as it repeats, and no longer."""
+"""Held keys to joint motion: each key moves one joint, or the tip along one axis."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import jacobian
 from catenary.robots.model import RobotModel
+from catenary.teleop.dead_man import DeadMan
 
 FORWARD, BACKWARD = "qwertyuio", "asdfghjkl"  # a joint each; nine at most
 AXES = {
@@ -16,14 +18,9 @@ AXES = {
     "right": (1, -1.0),
     "page up": (2, 1.0),
     "page down": (2, -1.0),
-}
-DEAD_MAN = (
-    0.15  # [s] after the last key in which motion begins to stop; terminals repeat 20 to 30 times a second
-)
-RAMP = (
-    0.1  # [s] from rest to full speed, and back: a released key has stopped everything after DEAD_MAN + RAMP
-)
-SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0)  # times the gentle speeds
+}  # of the base frame, and the direction along them
+FASTER, SLOWER = "+=", "-_"  # with and without Shift
+SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0)  # times JOINT_SPEED and TIP_SPEED
 FIRST_SPEED = 2
 JOINT_SPEED = {"rad": 0.2, "m": 0.01}  # [rad/s], [m/s]
 TIP_SPEED = 0.01  # [m/s]
@@ -31,11 +28,11 @@ DAMPING = 0.002  # of the inverse Jacobian [m]: near singular poses the tip slow
 _ROUNDING = 1e-9
 
 
-class Step(NamedTuple):
-    """What a tick does."""
+class TeleopStep(NamedTuple):
+    """The motion of one tick."""
 
     q: Floats | None  # (n,) [rad|m] where to go; None: nothing moves
-    blocked: tuple[str, ...]  # joints at a limit that what was asked for would pass
+    blocked: tuple[str, ...]  # joints at a limit that the keys ask to pass
 
 
 class TeleopMotion:
@@ -54,39 +51,38 @@ class TeleopMotion:
         self._lower, self._upper = np.array(lower), np.array(upper)
         self._model = model
         self._speed = FIRST_SPEED
-        self._full = np.array([JOINT_SPEED[unit] for unit in joint_units])
-        self._pressed: dict[str, float] = {}  # when a key came last [s]
-        self._share: dict[str, float] = {}  # of full speed that a key has, 0 to 1
+        self._full_speed = np.array([JOINT_SPEED[unit] for unit in joint_units])
+        self._dead_man = DeadMan()
         self._q: Floats | None = None  # where the motion has led, until it ends
 
     @property
     def speed(self) -> float:
-        """Times the gentle speeds."""
+        """Factor on JOINT_SPEED and TIP_SPEED."""
         return SPEEDS[self._speed]
 
     @property
     def is_moving(self) -> bool:
-        """Whether anything is under way."""
+        """Any joint is under way."""
         return self._q is not None
 
     def press(self, key: str, now: float) -> bool:
-        """Take a key at a time [s]; whether it is one of motion."""
-        if key in "+=" or key in "-_":
-            self._speed = min(self._speed + 1, len(SPEEDS) - 1) if key in "+=" else max(self._speed - 1, 0)
-            return True
-        if not self._moves(key):
+        """Take a key at a time [s], and return whether it is one of motion or speed."""
+        if key in FASTER:
+            self._speed = min(self._speed + 1, len(SPEEDS) - 1)
+        elif key in SLOWER:
+            self._speed = max(self._speed - 1, 0)
+        elif self._joint(key) is not None or (key in AXES and self._model is not None):
+            self._dead_man.press(key, now)
+        else:
             return False
-        self._pressed[key] = now
-        self._share.setdefault(key, 0.0)
         return True
 
     def stop(self) -> None:
         """End all motion at once."""
-        self._pressed.clear()
-        self._share.clear()
+        self._dead_man.stop()
         self._q = None
 
-    def step(self, q: Floats, now: float, period: float) -> Step:
+    def step(self, q: Floats, now: float, period: float) -> TeleopStep:
         """Move on by one tick.
 
         Args:
@@ -94,41 +90,35 @@ class TeleopMotion:
             now: Time [s], of the same clock as that of `press`.
             period: Of the tick [s].
         """
-        self._ramp(now, period)
-        if not self._share:
+        shares = self._dead_man.update(now, period)
+        if not shares:
             self._q = None
-            return Step(None, ())
+            return TeleopStep(None, ())
         start = np.array(q) if self._q is None else self._q
-        tip = self._tip_step(start, period)
-        own = np.zeros(len(start))
-        for key, share in self._share.items():
-            j, sign = self._joint(key)
-            if j is not None:
-                own[j] += sign * share * self.speed * self._full[j] * period
+        own, tip = self._joint_step(shares, period), self._tip_step(start, shares, period)
         # a joint that is beyond a limit, as after homing against a stop, may come back
         low, high = np.minimum(self._lower, start), np.maximum(self._upper, start)
         blocked = self._beyond(start + own + tip, low, high)
-        if blocked and tip.any():
-            beyond = self._beyond(start + tip, low, high)
-            if beyond:
-                tip = np.zeros(len(start))  # all of it: the tip stays on its line
+        if blocked and tip.any() and self._beyond(start + tip, low, high):
+            tip = np.zeros(len(start))  # all of it: the tip stays on its line
         self._q = np.clip(start + own + tip, low, high)
-        return Step(self._q.copy(), blocked)
+        return TeleopStep(self._q.copy(), blocked)
 
-    def _ramp(self, now: float, period: float) -> None:
-        for key in list(self._share):
-            is_held = now - self._pressed[key] <= DEAD_MAN
-            self._share[key] = float(
-                np.clip(self._share[key] + (period if is_held else -period) / RAMP, 0.0, 1.0)
-            )
-            if not is_held and self._share[key] <= 0.0:
-                del self._share[key], self._pressed[key]
+    def _joint_step(self, shares: Mapping[str, float], period: float) -> Floats:
+        """Return the joint steps (n,) that the joints' own keys ask for."""
+        step = np.zeros(len(self.joint_names))
+        for key, share in shares.items():
+            joint = self._joint(key)
+            if joint is not None:
+                j, sign = joint
+                step[j] += sign * share * self.speed * self._full_speed[j] * period
+        return step
 
-    def _tip_step(self, q: Floats, period: float) -> Floats:
-        """Joint steps (n,) that move the tip as its keys ask; a tool that can turn keeps its orientation."""
+    def _tip_step(self, q: Floats, shares: Mapping[str, float], period: float) -> Floats:
+        """Return joint steps (n,) that move the tip as its keys ask; a tool that can turn keeps its orientation."""
         step = np.zeros(len(q))
         velocity = np.zeros(6)
-        for key, share in self._share.items():
+        for key, share in shares.items():
             if key in AXES:
                 axis, sign = AXES[key]
                 velocity[axis] += sign * share * self.speed * TIP_SPEED
@@ -140,7 +130,7 @@ class TeleopMotion:
         weighted = jacobian(self._model, q[:k])[:rows] * scale
         square = weighted @ weighted.T + DAMPING**2 * np.eye(rows)
         qd = scale * (weighted.T @ np.linalg.solve(square, velocity[:rows]))
-        fastest = float((np.abs(qd) / (2.0 * self.speed * self._full[:k])).max())
+        fastest = float((np.abs(qd) / (2.0 * self.speed * self._full_speed[:k])).max())
         step[:k] = qd * period / max(1.0, fastest)
         return step
 
@@ -148,11 +138,9 @@ class TeleopMotion:
         bad = (q < low - _ROUNDING) | (q > high + _ROUNDING)
         return tuple(self.joint_names[j] for j in np.flatnonzero(bad))
 
-    def _moves(self, key: str) -> bool:
-        return self._joint(key)[0] is not None or (key in AXES and self._model is not None)
-
-    def _joint(self, key: str) -> tuple[int | None, float]:
+    def _joint(self, key: str) -> tuple[int, float] | None:
+        """Return the joint that a key moves, and the direction; None for other keys."""
         for keys, sign in ((FORWARD, 1.0), (BACKWARD, -1.0)):
-            if len(key) == 1 and key in keys and keys.index(key) < len(self.joint_names):
+            if len(key) == 1 and key in keys[: len(self.joint_names)]:
                 return keys.index(key), sign
-        return None, 0.0
+        return None

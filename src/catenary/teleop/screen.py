@@ -1,4 +1,4 @@
-"""What the keyboard's operator sees: lines of a fixed size, 80 by 24 and up."""
+"""The picture of teleop in a terminal: lines of a fixed size, 80 by 24 and up."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -7,7 +7,8 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.plant import JointState, OperatingState
-from catenary.teleop.motion import BACKWARD, DEAD_MAN, FORWARD, RAMP
+from catenary.teleop.dead_man import RAMP, TIMEOUT
+from catenary.teleop.motion import BACKWARD, FORWARD
 
 BAR = 24  # characters of a joint's range
 _HELP = (
@@ -15,7 +16,7 @@ _HELP = (
     "arrows: tip along x, y   page up/down: along z   ? keys   Q quit (pauses)",
 )
 _MORE = (
-    f"Hold a key to move; {DEAD_MAN + RAMP:g} s after its last repeat everything has stopped.",
+    f"Hold a key to move; {TIMEOUT + RAMP:g} s after its last repeat everything has stopped.",
     "Lower case moves, capitals change the robot's state. H twice within 2 s homes.",
     "Ctrl-C and Q hold the robot, then pause it; Ctrl-Z holds it meanwhile.",
 )
@@ -43,7 +44,7 @@ class View(NamedTuple):
 
 
 def teleop_lines(view: View, columns: int = 80, lines: int = 24) -> list[str]:
-    """Give exactly `lines` lines of at most `columns` characters."""
+    """Return exactly `lines` lines of at most `columns` characters."""
     state = view.operating
     what = "simulated" if view.simulated else "ROBOT"
     title = f"catenary teleop  {view.robot} ({what})  {state.state}{'' if state.is_homed else ', NOT HOMED'}"

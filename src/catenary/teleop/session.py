@@ -1,4 +1,4 @@
-"""The loop between keyboard and robot."""
+"""The loop of teleop: keys read, the robot moved and shown, tick by tick."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -53,7 +53,7 @@ class TeleopSession:
             model: Of its first joints, which place the tip.
             name: Of the robot.
             terminal: Entered.
-            observe: Called after each tick, as a recorder is; gives a line for the screen.
+            observe: Called after each tick, as a recorder is; returns a line for the screen.
         """
         self.plant, self._model, self._name, self._terminal = plant, model, name, terminal
         self._observe = observe
@@ -67,7 +67,7 @@ class TeleopSession:
         self._last_state = plant.operating_state()
 
     def run(self, clock: Callable[[], float]) -> str:
-        """Go on until somebody quits or the terminal ends; the robot then holds and is paused. Gives why."""
+        """Run until somebody quits or the terminal ends, hold and pause the robot, and return why it ended."""
         why = "quit"
         try:
             while not self._quit and self._terminal.ended is None:
@@ -76,10 +76,8 @@ class TeleopSession:
                     self._terminal.suspend()
                 try:
                     self.tick(clock())
-                except (
-                    CatenaryError
-                ) as error:  # a robot that fell silent may come back; until then nothing is sent
-                    self.motion.stop()
+                except CatenaryError as error:
+                    self.motion.stop()  # a robot that fell silent may come back; until then nothing is sent
                     self.message = str(error)
                     self._show_message(clock())
             why = self._terminal.ended or why
@@ -90,7 +88,7 @@ class TeleopSession:
         return why
 
     def _leave(self) -> None:
-        """Hold, then pause; a robot that cannot be reached any more is told of."""
+        """Hold, then pause; `message` tells of a robot that cannot be reached any more."""
         try:
             self.hold()
             if self.plant.operating_state().state == "ENABLED":
@@ -101,8 +99,7 @@ class TeleopSession:
     def hold(self) -> None:
         """Stop where the setpoint is."""
         self.motion.stop()
-        state = self.plant.operating_state()
-        if state.state == "ENABLED" and state.is_homed and not state.is_busy:
+        if _may_move(self.plant.operating_state()):
             self.plant.servo_jp(self.plant.setpoint_js().q)
             self.plant.wait()
 
@@ -112,9 +109,9 @@ class TeleopSession:
             self._take(key, now)
         state = self.plant.operating_state()
         if state != self._last_state:
-            self.message, self._last_state = _said(state), state
+            self.message, self._last_state = _in_words(state), state
         blocked: tuple[str, ...] = ()
-        if state.state == "ENABLED" and state.is_homed and not state.is_busy:
+        if _may_move(state):
             setpoint = self.plant.setpoint_js().q
             goal, blocked = self.motion.step(setpoint, now, self.plant.period)
             if goal is not None:
@@ -142,10 +139,10 @@ class TeleopSession:
         elif self.motion.press(key, now):
             if key in "+=-_":
                 self.message = f"speed x{self.motion.speed:g}"
-            elif not self._is_ready():
-                self.message = f"does not move: {_said(self.plant.operating_state())}"
+            elif not _may_move(self.plant.operating_state()):
+                self.message = f"does not move: {_in_words(self.plant.operating_state())}"
         else:
-            self.message = f"{key}: no key of ours; ? tells which"
+            self.message = f"{key}: does nothing; ? shows the keys"
 
     def _command(self, command: StateCommand, now: float) -> None:
         self.motion.stop()
@@ -158,13 +155,9 @@ class TeleopSession:
         self._draw((), None)
         try:
             self.plant.state_command(command)
-            self.message = _said(self.plant.operating_state())
+            self.message = _in_words(self.plant.operating_state())
         except CatenaryError as error:
             self.message = str(error)
-
-    def _is_ready(self) -> bool:
-        state = self.plant.operating_state()
-        return state.state == "ENABLED" and state.is_homed and not state.is_busy
 
     def _show_message(self, now: float) -> None:
         """Show that the robot is silent, and let its tick pass."""
@@ -187,6 +180,10 @@ class TeleopSession:
         self._terminal.draw(teleop_lines(view, *self._terminal.size))
 
 
-def _said(state: OperatingState) -> str:
+def _may_move(state: OperatingState) -> bool:
+    return state.state == "ENABLED" and state.is_homed and not state.is_busy
+
+
+def _in_words(state: OperatingState) -> str:
     homed = "homed" if state.is_homed else "homing" if state.is_busy else "not homed: H H homes it"
     return f"the robot is {state.state}, {homed}"

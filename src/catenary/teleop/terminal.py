@@ -59,7 +59,7 @@ class RawTerminal:
         return columns, lines
 
     def read(self) -> bytes:
-        """Give what was typed, at once; nothing when nothing was."""
+        """Return what was typed so far, without waiting."""
         ready, _, _ = select.select([self._in], [], [], 0.0)
         if not ready:
             return b""
@@ -73,13 +73,10 @@ class RawTerminal:
 
     def draw(self, lines: list[str]) -> None:
         """Show lines; only those that changed are sent, in one piece, so nothing flickers."""
-        if len(lines) != len(self._last):
-            self._last = []
-            text = "\x1b[2J"
-        else:
-            text = ""
+        is_new = len(lines) != len(self._last)
+        text = "\x1b[2J" if is_new else ""
         for k, line in enumerate(lines):
-            if not self._last or self._last[k] != line:
+            if is_new or self._last[k] != line:
                 text += f"\x1b[{k + 1};1H{line}\x1b[K"
         self._last = list(lines)
         self._write(text)

@@ -8,16 +8,16 @@ from zipfile import is_zipfile
 
 import numpy as np
 
-from catenary.calibration.evaluate import DISPLAY
 from catenary.calibration.files import load_model
 from catenary.errors import FileFormatError
 from catenary.identification.files import load_identification
 from catenary.plant import MotionLog
 from catenary.recording.importers import read_arrays
 from catenary.recording.logs import read_log
+from catenary.reports.calibration import shortened
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
-from catenary.workflows.calibration_report import shortened
+from catenary.units import DISPLAY
 
 ROBOT_ENDINGS = (".toml", ".urdf", ".xml", ".mjcf")
 LONG_GAP = 10.0  # times the median step between stamps

@@ -11,7 +11,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.calibration.card import Card, model_card
 from catenary.calibration.dataset import CalibrationData, calibration_data
-from catenary.calibration.evaluate import DISPLAY, Evaluation, Spread, cross_validate, evaluate
+from catenary.calibration.evaluate import Evaluation, Spread, cross_validate, evaluate
 from catenary.calibration.files import load_model
 from catenary.calibration.fit import SMALLEST_DATA, FitOptions, choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
@@ -20,6 +20,7 @@ from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.importers import read_arrays
 from catenary.recording.logs import read_log
+from catenary.units import DISPLAY
 
 FOLDS = 5
 OUTLIER_SPREADS = 10.0  # robust standard deviations beyond which a measurement is suspected

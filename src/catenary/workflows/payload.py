@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from catenary.identification.files import load_identification
-from catenary.identification.payload import Payload, estimate_payload, payload_candidates
+from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
 from catenary.identification.samples import prepare
 from catenary.recording.torque_logs import read_torque_log
 
@@ -17,8 +17,8 @@ from catenary.recording.torque_logs import read_torque_log
 class PayloadResult:
     """The payload, and what other links would have to carry where its place was not given."""
 
-    payload: Payload
-    candidates: tuple[Payload, ...]
+    payload: PayloadEstimate
+    candidates: tuple[PayloadEstimate, ...]
     notes: tuple[str, ...]
 
     def summary(self) -> dict[str, Any]:
@@ -57,7 +57,7 @@ def payload_of_files(
         [prepare(read_torque_log(path, result.model), result.model, options) for path in group]
         for group in (logs, unloaded)
     )
-    candidates: tuple[Payload, ...] = ()
+    candidates: tuple[PayloadEstimate, ...] = ()
     if at is not None:
         best = estimate_payload(result, loaded, at=at, unloaded=empty)
     else:
@@ -74,7 +74,7 @@ def payload_of_files(
     return PayloadResult(best, candidates, tuple(notes))
 
 
-def _record(payload: Payload) -> dict[str, Any]:
+def _record(payload: PayloadEstimate) -> dict[str, Any]:
     def plain(values: Any) -> Any:
         return None if values is None else [float(v) if np.isfinite(v) else None for v in values]
 

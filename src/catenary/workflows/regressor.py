@@ -4,11 +4,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from catenary.arrays import Floats
-from catenary.gravity.base_parameters import TILTED, BaseParameters, base_parameters
 from catenary.gravity.compact import CompactRegressor, compact_regressor
 from catenary.gravity.regressor import standard_gravity_parameters, standard_labels
+from catenary.identification.base_parameters import TILTED, BaseParameters, gravity_base_parameters
 from catenary.robots.model import RobotModel
-from catenary.sensing.vector import LEVEL
+from catenary.spatial import LEVEL
 
 WORDS = {
     "alone": "by itself",
@@ -28,16 +28,42 @@ class RegressorReport:
     standard_values: Floats | None  # (4 n_links,) None when links have no inertia
     compact_values: Floats | None  # (p,)
 
+    @property
+    def unknown(self) -> list[int]:
+        """Which of the standard parameters may be other than zero: those of links that are not declared massless."""
+        return [
+            4 * i + k
+            for i, link in enumerate(self.model.link_names)
+            if link not in self.model.massless
+            for k in range(4)
+        ]
+
+    def identifiable(self, name: str) -> tuple[str, ...]:
+        """Say of each standard parameter how torques on a base tell it: a key of WORDS."""
+        kinds = ["known"] * len(standard_labels(self.model))
+        for parameter, kind in zip(self.unknown, self.bases[name].identifiable, strict=True):
+            kinds[parameter] = kind
+        return tuple(kinds)
+
+    def combinations(self, name: str) -> tuple[str, ...]:
+        """Write out a base's parameters in the standard ones: mx(elbow) + 0.4 m(hand)."""
+        base, labels = self.bases[name], standard_labels(self.model)
+        names = [labels[parameter] for parameter in self.unknown]
+        return tuple(base.describe(k, names, digits=4) for k in range(base.count))
+
     def base_values(self, name: str) -> Floats | None:
-        """Values (rank,) of a base's parameters, None when links have no inertia."""
-        return None if self.standard_values is None else self.bases[name].values()
+        """Values of a base's parameters, None when links have no inertia."""
+        if self.standard_values is None:
+            return None
+        values: Floats = self.bases[name].combination @ self.standard_values[self.unknown]
+        return values
 
     def added_by_tilting(self) -> tuple[str, ...]:
         """Base parameters on a tilted base that are none on a level one."""
         level, tilted = self.bases["level"], self.bases["tilted"]
         return tuple(
             label
-            for label, column in zip(tilted.labels, tilted.columns, strict=True)
+            for label, column in zip(self.combinations("tilted"), tilted.columns, strict=True)
             if column not in level.columns
         )
 
@@ -46,7 +72,7 @@ class RegressorReport:
         level, tilted = self.bases["level"], self.bases["tilted"]
         names = standard_labels(self.model)
         said = [
-            f"level base: {level.rank} combinations of {len(names)} masses and first moments load the joints, "
+            f"level base: {level.count} combinations of {len(names)} masses and first moments load the joints, "
             "and torques tell no more than these",
         ]
         for kind, words in (
@@ -54,7 +80,7 @@ class RegressorReport:
             ("combined", "identifiable only in combination with others"),
             ("none", "without effect on any torque"),
         ):
-            found = [name for name, k in zip(names, level.identifiable, strict=True) if k == kind]
+            found = [name for name, k in zip(names, self.identifiable("level"), strict=True) if k == kind]
             said.append(f"{words}: {', '.join(found) or 'none'}")
         added = self.added_by_tilting()
         said.append(
@@ -62,7 +88,7 @@ class RegressorReport:
             if added
             else "tilting the base adds none"
         )
-        turning = self.bases["turning"].rank - tilted.rank
+        turning = self.bases["turning"].count - tilted.count
         if turning > 0:
             said.append(f"turning it during the measurement adds {turning} more")
         if self.model.massless:
@@ -74,7 +100,7 @@ class RegressorReport:
     def as_data(self) -> dict[str, Any]:
         """Give it as plain data, in kg and kg m."""
         names = standard_labels(self.model)
-        kinds = [self.bases[name].identifiable for name in ("level", "tilted")]
+        kinds = [self.identifiable(name) for name in ("level", "tilted")]
         return {
             "robot": self.model.name,
             "compact": {
@@ -104,13 +130,13 @@ class RegressorReport:
             ],
             "base": {
                 name: {
-                    "rank": base.rank,
+                    "rank": base.count,
                     "of": len(names),
                     "condition": base.condition,
                     "parameters": [
                         {"combination": label, "value": value}
                         for label, value in zip(
-                            base.labels, _listed(self.base_values(name), base.rank), strict=True
+                            self.combinations(name), _listed(self.base_values(name), base.count), strict=True
                         )
                     ],
                 }
@@ -129,9 +155,9 @@ def describe_regressor(model: RobotModel) -> RegressorReport:
         model=model,
         compact=compact,
         bases={
-            "level": base_parameters(model, LEVEL),
-            "tilted": base_parameters(model, TILTED),
-            "turning": base_parameters(model, None),
+            "level": gravity_base_parameters(model, LEVEL),
+            "tilted": gravity_base_parameters(model, TILTED),
+            "turning": gravity_base_parameters(model, None),
         },
         standard_values=standard_gravity_parameters(model).values if known else None,
         compact_values=compact.parameters() if known else None,

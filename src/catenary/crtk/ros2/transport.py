@@ -17,7 +17,7 @@ from catenary.crtk.message import Message, message_class
 from catenary.crtk.ros2.messages import fill_ros2, from_ros2, ros2_class, to_ros2
 from catenary.crtk.transport import DEPTH, QUEUE, Connections, Handler, PollingTransport, absolute, other_type
 from catenary.errors import MissingPackageError, TransportError
-from catenary.recording.messages import current_name, definition, service_md5_sum
+from catenary.recording.messages import current_name, fields, service_md5_sum
 
 _logger = logging.getLogger(__name__)
 
@@ -94,7 +94,7 @@ class Ros2Transport(PollingTransport):
         """Begin to publish."""
         self.require_open()
         topic = absolute(topic)
-        definition(type_name)
+        fields(type_name)
         known = self._publishers.get(topic)
         if known is not None and not known._closed:
             raise TransportError(f'"{self.name}" publishes {topic} already')
@@ -111,7 +111,7 @@ class Ros2Transport(PollingTransport):
         """Begin to receive; latched messages of publishers that are there already."""
         self.require_open()
         topic, type_name = absolute(topic), current_name(type_name)
-        definition(type_name)
+        fields(type_name)
         subscription = Subscription(
             topic, type_name, self.inbox, lambda given: from_ros2(type_name, given), callback, depth
         )

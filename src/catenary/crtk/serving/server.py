@@ -1,6 +1,6 @@
 """A robot as a server: reads commands once a tick, moves, publishes; the same over ROS 1, ROS 2 and within a process.
 
-The server keeps no time: `tick` is called at the robot's rate by whoever does (`catenary.workflows.serve`, a test).
+The server keeps no time: `tick` is called at the robot's rate by whoever does (`catenary.nodes.serve`, a test).
 """
 
 from collections.abc import Mapping

@@ -1,0 +1,258 @@
+"""A robot's quantities as straight lines of operations: the recursions, run on symbols.
+
+Every moving link is traced as two: one that is fixed, which turns and shifts by the constant part of the joint's
+place, and one that only turns about, or moves along, its axis. So a vector is turned by the constant part first
+(four products for a twist about x, none for a quarter turn) and by the joint then (four), where their product
+would take up to nine, and entries of it besides. The recursions do not know.
+
+To trace a further quantity, write it in plain arithmetic on the arrays of `Placed`, and give `Trace.line` its
+results in the order of the output array.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.dynamics.recursion import (
+    composite_body_recursion,
+    gravity_recursion,
+    newton_euler_recursion,
+    place_joints,
+    place_links,
+)
+from catenary.dynamics.vectors import add, cross, dot, row, scale, times, transpose_times
+from catenary.kernels.tracing import Line, Term, Trace
+from catenary.robots.model import RobotModel, Tree
+
+Terms = NDArray[np.object_]
+# products of rotations that are meant to be 0 or 1 miss it by some 1e-16; far less than any robot is measured to
+EXACT = 1e-15
+
+
+class Placed(NamedTuple):
+    """A robot on symbols: its links placed in their parents, as recursions take them."""
+
+    trace: Trace
+    tree: Tree  # every link of the model is two here: 2 i is fixed, 2 i + 1 moves
+    coupling: Floats  # (2 n_tree, n)
+    turn: (
+        Floats  # (n_tree, 3, 3) R_link_traced: a link whose joint turns about an odd axis is traced along it
+    )
+    x: Terms  # (2 n_tree,) displacements of the tree's joints [rad|m]
+    rotation: Terms  # (2 n_tree, 3, 3)
+    position: Terms  # (2 n_tree, 3)
+
+
+def placed(model: RobotModel) -> Placed:
+    """Start a trace of a robot at coordinates q, the input array `q`."""
+    trace = Trace()
+    tree, coupling, offset, turn = _in_two(model)
+    q = trace.inputs("q", model.n)
+    m = len(tree.parent)
+    x, sine, cosine = empty(m), empty(m), empty(m)
+    for i in range(m):
+        total: Term = float(offset[i])
+        for k in range(model.n):
+            total = q[k] * coupling[i, k] + total
+        x[i] = total
+        sine[i], cosine[i] = (0.0, 1.0) if tree.prismatic[i] else trace.sine_cosine(total)
+    rotation, position = empty(m, 3, 3), empty(m, 3)
+    place_joints(tree, x, sine, cosine, rotation, position)
+    return Placed(trace, tree, coupling, turn, x, rotation, position)
+
+
+def gravity_line(model: RobotModel) -> Line:
+    """Trace the torques (n,) that hold the arm; inputs q (n,) and gravity (3,)."""
+    p = placed(model)
+    m = len(p.tree.parent)
+    g = p.trace.inputs("gravity", 3)
+    torque = empty(m)
+    gravity_recursion(
+        p.tree,
+        p.rotation,
+        p.position,
+        (g[0], g[1], g[2]),
+        empty(m + 1),
+        empty(m + 1, 3),
+        empty(m + 1, 3),
+        torque,
+    )
+    return p.trace.line(_to_robot(p.coupling, torque))
+
+
+def mass_matrix_line(model: RobotModel) -> Line:
+    """Trace the mass matrix (n, n), row by row; input q (n,)."""
+    p = placed(model)
+    m, n = len(p.tree.parent), model.n
+    matrix = empty(m, m)
+    composite_body_recursion(
+        p.tree, p.rotation, p.position, empty(m + 1), empty(m + 1, 3), empty(m + 1, 3, 3), matrix
+    )
+    half = [_to_robot(p.coupling, matrix[i]) for i in range(m)]  # rows of tree matrix @ coupling
+    entries = np.array(half, dtype=object)
+    columns = [_to_robot(p.coupling, entries[:, l]) for l in range(n)]
+    # symmetric to the last digit: the upper triangle is the lower one
+    return p.trace.line([columns[min(k, l)][max(k, l)] for k in range(n) for l in range(n)])
+
+
+def holding_line(model: RobotModel) -> Line:
+    """Trace the torques (n,) that hold the arm on a base that moves; inputs q (n,) and gravity, omega, alpha (3,)."""
+    p = placed(model)
+    still = np.zeros(model.n)
+    return _newton_euler_line(p, still, still)
+
+
+def inverse_dynamics_line(model: RobotModel, *, moving_base: bool = True) -> Line:
+    """Trace the torques (n,) of a motion; inputs q, qd, qdd (n,) and gravity (3,), omega and alpha of a moving base."""
+    p = placed(model)
+    qd, qdd = p.trace.inputs("qd", model.n), p.trace.inputs("qdd", model.n)
+    return _newton_euler_line(p, qd, qdd, moving_base=moving_base)
+
+
+def _newton_euler_line(
+    p: Placed, qd: Terms | Floats, qdd: Terms | Floats, *, moving_base: bool = True
+) -> Line:
+    m = len(p.tree.parent)
+    omega, alpha, acceleration, torque = empty(m + 1, 3), empty(m + 1, 3), empty(m + 1, 3), empty(m)
+    acceleration[m] = -p.trace.inputs("gravity", 3)
+    omega[m], alpha[m] = 0.0, 0.0
+    if moving_base:
+        omega[m], alpha[m] = p.trace.inputs("omega", 3), p.trace.inputs("alpha", 3)
+    newton_euler_recursion(
+        p.tree,
+        p.rotation,
+        p.position,
+        _to_tree(p.coupling, qd),
+        _to_tree(p.coupling, qdd),
+        omega,
+        alpha,
+        acceleration,
+        empty(m + 1, 3),
+        empty(m + 1, 3),
+        torque,
+    )
+    return p.trace.line(_to_robot(p.coupling, torque))
+
+
+def forward_kinematics_line(model: RobotModel, frame: str | None = None) -> Line:
+    """Trace the pose of a frame in the base: rows of (R_base_frame, origin), (3, 4); input q (n,).
+
+    Raises:
+        InputError: No frame of that name.
+    """
+    target = model.frame(frame)
+    p = placed(model)
+    m = len(p.tree.parent)
+    rotations, positions = empty(m + 1, 3, 3), empty(m + 1, 3)
+    place_links(p.tree, p.rotation, p.position, rotations, positions)
+    link = 2 * target.link + 1 if target.link >= 0 else m
+    turn = p.turn[target.link] if target.link >= 0 else np.eye(3)
+    R, origin = _rounded(turn.T @ target.pose.rotation), turn.T @ target.pose.position
+    results: list[Term] = []
+    for r in range(3):
+        turned = rotations[link, r]
+        results += [_sum(turned[j] * R[j, k] for j in range(3)) for k in range(3)]
+        results.append(_sum([*(turned[j] * origin[j] for j in range(3)), positions[link, r]]))
+    return p.trace.line(results)
+
+
+def gravity_regressor_line(model: RobotModel) -> Line:
+    """Trace what masses and first moments add to the torques that hold the arm; inputs q (n,) and gravity (3,).
+
+    Rows are the robot's coordinates, columns per link its mass [kg] and first moment about the origin of its frame
+    [kg m]: m, mx, my, mz. A joint along z through o holds, of a point mass m at r that it carries, m (r - o) . (z x g)
+    if it turns and -m z . g if it slides.
+    """
+    p = placed(model)
+    m, n = len(p.tree.parent), len(model.tree.parent)
+    gravity = p.trace.inputs("gravity", 3)
+    g = (gravity[0], gravity[1], gravity[2])
+    rotations, positions = empty(m + 1, 3, 3), empty(m + 1, 3)
+    place_links(p.tree, p.rotation, p.position, rotations, positions)
+    columns = np.full((4 * n, m), 0.0, dtype=object)
+    for k in range(n):
+        i = 2 * k + 1
+        while i >= 0:
+            z = times(rotations, i, row(p.tree.axis, i))
+            if p.tree.prismatic[i]:
+                columns[4 * k, i] = -dot(z, g)
+            elif i % 2 == 1:
+                turning = cross(z, g)
+                away = add(row(positions, 2 * k + 1), scale(-1.0, row(positions, i)))
+                columns[4 * k, i] = dot(away, turning)
+                traced = transpose_times(rotations, 2 * k + 1, turning)
+                for r in range(3):
+                    columns[4 * k + 1 + r, i] = _sum(traced[j] * p.turn[k, r, j] for j in range(3))
+            i = p.tree.parent[i]
+    entries = np.array([_to_robot(p.coupling, column) for column in columns], dtype=object)
+    return p.trace.line(list(entries.T.ravel()))
+
+
+def empty(*shape: int) -> Terms:
+    """Give an array for numbers or symbols."""
+    return np.empty(shape, dtype=object)
+
+
+def _in_two(model: RobotModel) -> tuple[Tree, Floats, Floats, Floats]:
+    """Give a model's tree, coupling and offset with every link as two, axes along x, y or z, and `turn`."""
+    tree = model.tree
+    n = len(tree.parent)
+    turn = np.array([_turn_to(axis) for axis in tree.axis])  # R of the new link frame in the old one
+    rotation = np.tile(np.eye(3), (2 * n, 1, 1))
+    axis, com, inertia = np.zeros((2 * n, 3)), np.zeros((2 * n, 3)), np.zeros((2 * n, 3, 3))
+    axis[::2] = [0.0, 0.0, 1.0]
+    parent, prismatic = np.full(2 * n, -1), np.zeros(2 * n, dtype=bool)
+    origin, mass = np.zeros((2 * n, 3)), np.zeros(2 * n)
+    coupling, offset = np.zeros((2 * n, model.n)), np.zeros(2 * n)
+    for i in range(n):
+        before = np.eye(3) if tree.parent[i] < 0 else turn[tree.parent[i]]
+        parent[2 * i] = 2 * tree.parent[i] + 1 if tree.parent[i] >= 0 else -1
+        parent[2 * i + 1] = 2 * i
+        rotation[2 * i] = _rounded(before.T @ tree.rotation[i] @ turn[i])
+        origin[2 * i] = before.T @ tree.origin[i]
+        axis[2 * i + 1] = _rounded(turn[i].T @ tree.axis[i])
+        prismatic[2 * i + 1] = tree.prismatic[i]
+        mass[2 * i + 1] = tree.mass[i]
+        com[2 * i + 1] = turn[i].T @ tree.com[i]
+        inertia[2 * i + 1] = turn[i].T @ tree.inertia[i] @ turn[i]
+        coupling[2 * i + 1], offset[2 * i + 1] = model.coupling[i], model.offset[i]
+    return Tree(parent, prismatic, rotation, origin, axis, mass, com, inertia), coupling, offset, turn
+
+
+def _turn_to(axis: Floats) -> Floats:
+    """Give a rotation whose z is the axis; none where the axis is x, y or z already."""
+    if np.max(np.abs(axis)) > 1.0 - EXACT:
+        return np.eye(3)
+    first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    first /= np.linalg.norm(first)
+    return np.column_stack([first, np.cross(axis, first), axis])
+
+
+def _rounded(R: Floats) -> Floats:
+    """Give a rotation with its entries that are nearly 0 or 1 exactly so."""
+    near = np.round(R)
+    return np.where(np.abs(R - near) < EXACT, near, R)
+
+
+def _sum(terms: Any) -> Term:
+    total: Term = 0.0
+    for term in terms:
+        total = term + total
+    return total
+
+
+def _to_tree(coupling: Floats, rates: Terms | Floats) -> Terms:
+    x = empty(len(coupling))
+    for i, shares in enumerate(coupling):
+        x[i] = _sum(rates[k] * shares[k] for k in range(len(shares)))
+    return x
+
+
+def _to_robot(coupling: Floats, tree_values: Terms) -> list[Term]:
+    """Give coupling.T @ tree_values."""
+    return [
+        _sum(tree_values[i] * float(coupling[i, k]) for i in range(len(coupling)) if coupling[i, k] != 0.0)
+        for k in range(coupling.shape[1])
+    ]

@@ -1,0 +1,1 @@
+"""What runs beside a robot until somebody ends it."""

@@ -1,0 +1,217 @@
+"""A calibration model beside a robot: its messages in, calibrated ones out, at the robot's own rate.
+
+Published below the arm's namespace (/arm1 gold, /arm2 green; never swapped), `calibrated/`:
+
+- `measured_js`: all joints, those of the model corrected, the others as they came, with the robot's stamp;
+- `measured_cp`: where the tool's tip then is, in the dialect's type;
+- `is_valid` (std_msgs/Bool): whether all of the model's joints are inside its valid range. Where one is not, its fixed
+  offset has been added in place of the model's correction;
+- `gravity_torque` (sensor_msgs/JointState, effort) on request: what holds the positioning joints still.
+
+Nothing is published while the robot is not homed: its joint positions mean nothing then. After a silence the model
+begins anew, as its previous positions belong to another motion. Where this program does not keep up, it publishes less,
+not later: of messages that have waited too long all go into the model, and the newest is published.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from catenary.calibration.corrector import Corrector
+from catenary.calibration.model import CalibrationModel
+from catenary.control.realtime import Durations, Timing
+from catenary.crtk.client import CrtkClient
+from catenary.crtk.clock import SECOND
+from catenary.crtk.inbox import Received
+from catenary.crtk.names import JOINT_STATE, POSE, TRANSFORM, calibrated_namespace
+from catenary.errors import InputError, TransportError
+from catenary.nodes.calibrated_messages import CalibratedMessages
+from catenary.plant import JointState
+from catenary.robots.catalog import load_robot
+
+DEPTH = 100  # messages that wait: 0.1 s; older ones are worth nothing
+WAIT = 0.05  # [s] for the next message
+LATE = 0.02  # [s] after it came, a message is published only where it is the newest
+
+
+@dataclass(frozen=True)
+class WireReport:
+    """How a deployed model did beside a robot."""
+
+    seconds: float
+    messages: int  # that came
+    published: int
+    rate_hz: float | None  # of the robot's messages, by their stamps; None before two of them
+    latency: Timing | None  # [s] from a message's arrival until ours was handed over
+    late: int  # messages that were corrected, but not published: newer ones had come meanwhile
+    missed: int  # messages that came faster than they were corrected
+    silences: int  # times that nothing came for longer than the client's limit
+    longest_silence: float  # [s]
+    not_homed: int  # messages of a robot that was not homed
+    outside: tuple[float, ...]  # share of published messages outside the valid range, per joint of the model
+    joint_names: tuple[str, ...]
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data: times in microseconds where so named."""
+        latency = None if self.latency is None else {k: 1e6 * v for k, v in self.latency._asdict().items()}
+        return {
+            "seconds": self.seconds,
+            "messages": self.messages,
+            "published": self.published,
+            "rate_hz": self.rate_hz,
+            "latency_us": latency,
+            "late": self.late,
+            "missed": self.missed,
+            "silences": self.silences,
+            "longest_silence_s": self.longest_silence,
+            "not_homed": self.not_homed,
+            "outside_valid_range": dict(zip(self.joint_names, self.outside, strict=True)),
+        }
+
+
+class CalibratedTopics:
+    """Corrects each message of an arm's measured_js and publishes what it is then."""
+
+    def __init__(
+        self,
+        client: CrtkClient,
+        model: CalibrationModel,
+        *,
+        rate_hz: float = 1000.0,
+        gravity_torque: bool = False,
+    ) -> None:
+        """Begin to listen and to publish.
+
+        Args:
+            client: Of a RAVEN-II's arm.
+            model: Fitted to recordings of this robot.
+            rate_hz: At which the robot publishes; matters to models with previous positions.
+            gravity_torque: Publish that too.
+
+        Raises:
+            InputError: The robot lacks a joint or an input of the model, or the rate does not fit it.
+            TransportError: Somebody publishes these topics with other types.
+        """
+        self._client = client
+        self._model = model
+        self._corrector = Corrector(model, rate_hz=rate_hz)
+        self._corrector.prepare(client.joint_names, client.joint_units, rate_hz)
+        self._places = [client.joint_names.index(name) for name in model.joint_names]
+        names = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")
+        if client.joint_names != names:
+            raise InputError(
+                f"deploy: knows a RAVEN-II's kinematics only; the robot's joints are {', '.join(client.joint_names)}"
+            )
+        right = "" if client.arm == "gold" else "_right"
+        self._speech = CalibratedMessages(
+            client.transport,
+            calibrated_namespace(client.arm),
+            names,
+            load_robot(f"raven2_full{right}"),
+            pose_type=TRANSFORM if client.dialect == "raven" else POSE,
+            positioning=load_robot(f"raven2{right}") if gravity_torque else None,
+        )
+        n = len(names)
+        self._out, self._inside = np.empty(n), np.empty(n, dtype=bool)
+        rest = np.zeros(n)
+        self._corrector.correct_state(
+            JointState(0.0, rest, rest, rest, rest, np.zeros(3), np.inf), self._out, self._inside
+        )
+        self._corrector.reset()
+        self._latency = Durations()
+        self._messages = client.transport.subscribe(client.measured_topic, JOINT_STATE, depth=DEPTH)
+        self._begin = self._last = client.transport.now()
+        self._is_silent = False
+        self._came = self._published = self._late = self._not_homed = self._silences = 0
+        self._longest = 0.0
+        self._outside = np.zeros(len(self._places))
+        self._stamps: tuple[int, int, int] | None = None  # first, last [ns] and number of an unbroken run
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether the robot is silent now."""
+        return self._is_silent
+
+    def step(self, timeout: float = 0.0) -> int:
+        """Correct and publish what has come; wait for the first up to `timeout` [s]; give how many were published."""
+        before = self._published
+        came = self._messages.take(timeout)
+        for received in came:
+            if self._note_silence(received.time):  # another motion begins, perhaps another robot's
+                self._corrector.reset()
+                self._stamps = None
+            self._is_silent = False
+            self._last = received.time
+            self._came += 1
+            self._correct(received, is_newest=received is came[-1])
+        self._note_silence(self._client.transport.now())
+        return self._published - before
+
+    def run(self, seconds: float) -> WireReport:
+        """Go on for some time [s], or until Ctrl-C when that is infinite; robots may come and go."""
+        end = self._client.transport.now() + seconds * SECOND
+        while self._client.transport.now() < end:
+            self.step(WAIT)
+        return self.report()
+
+    def report(self) -> WireReport:
+        """How it did so far."""
+        rate = None
+        if self._stamps is not None and self._stamps[1] > self._stamps[0]:
+            rate = self._stamps[2] * SECOND / (self._stamps[1] - self._stamps[0])
+        return WireReport(
+            seconds=(self._client.transport.now() - self._begin) / SECOND,
+            messages=self._came,
+            published=self._published,
+            rate_hz=rate,
+            latency=self._latency.timing(),
+            late=self._late,
+            missed=self._messages.overflowed,
+            silences=self._silences,
+            longest_silence=self._longest,
+            not_homed=self._not_homed,
+            outside=tuple((self._outside / max(1, self._published)).tolist()),
+            joint_names=self._model.joint_names,
+        )
+
+    def close(self) -> None:
+        """End its topics; the client stays."""
+        self._messages.close()
+        self._speech.close()
+
+    def _note_silence(self, now: int) -> bool:
+        """Whether there has been a silence until `now` [ns]; each is counted once, when it is noticed."""
+        silence = (now - self._last) / SECOND
+        self._longest = max(self._longest, silence)
+        if silence <= self._client.stale_after:
+            return False
+        if not self._is_silent:
+            self._silences += 1
+            self._is_silent = True
+        return True
+
+    def _correct(self, received: Received, *, is_newest: bool) -> None:
+        stamp, now = received.message.header.stamp, self._client.transport.now
+        if not self._is_homed():
+            self._not_homed += 1
+            self._corrector.reset()
+            return
+        first, _, count = self._stamps if self._stamps is not None else (stamp, stamp, -1)
+        self._stamps = (first, stamp, count + 1)
+        state = self._client.state_of(received.message)
+        self._corrector.correct_state(state, self._out, self._inside)
+        if not is_newest and now() - received.time > LATE * SECOND:
+            self._late += 1
+            return
+        inside = self._inside[self._places]
+        self._outside += ~inside
+        self._speech.publish(stamp, self._out, state, is_valid=bool(inside.all()))
+        self._published += 1
+        self._latency.add(max(0, now() - received.time) / SECOND)
+
+    def _is_homed(self) -> bool:
+        try:
+            return self._client.operating_state().is_homed
+        except TransportError:  # the messages that wait are the last ones
+            return False

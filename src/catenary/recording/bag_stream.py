@@ -1,0 +1,293 @@
+"""Bags read from their first byte to their last, without the index at their end, which a bag that was cut off lacks."""
+
+import bz2
+import json
+from collections.abc import Callable, Collection, Iterator
+from pathlib import Path
+from struct import Struct, error
+from typing import BinaryIO, TypeVar
+
+import numpy as np
+from lz4.frame import decompress as lz4_decompress  # type: ignore[import-untyped]
+from numpy.typing import NDArray
+
+from catenary.errors import FileFormatError
+from catenary.recording.bag_chunks import (
+    CONNECTION,
+    DATA,
+    END,
+    HEADER,
+    KIND,
+    TIME,
+    Block,
+    Records,
+    chunk_records,
+    gather,
+)
+from catenary.recording.journal import About, JournalTopic
+from catenary.recording.layout import Encoding
+from catenary.recording.messages import current_name
+from catenary.recording.topics import ABOUT_TOPIC, require_topics
+from catenary.recording.type_checks import check_ros1_type, check_ros2_type
+
+ROS1_MAGIC = b"#ROSBAG V2.0\n"
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+# record types of a ROS 1 bag [wiki.ros.org/Bags/Format/2.0]
+_MESSAGE, _BAG_HEADER, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 5, 6, 7
+_SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _DATA_END = 3, 4, 5, 6, 15  # of MCAP [mcap.dev/spec]
+_CHUNK_HEAD = 60  # [B] before a chunk's records, at most; a shorter one holds none
+_U16, _U32, _U64 = Struct("<H"), Struct("<I"), Struct("<Q")
+_UNPACK = {b"none": bytes, b"bz2": bz2.decompress, b"lz4": lz4_decompress}
+
+Read = TypeVar("Read")
+
+
+class BagStream:
+    """Reads a ROS 1 bag, or an MCAP file that was cut off, from its beginning, in the order it was recorded in.
+
+    It reads up to the last whole message, or the last whole chunk where chunks are compressed. `problems` says
+    where that was; a bag without its index has one, too.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Read the file once, to find its topics.
+
+        Raises:
+            FileFormatError: No such kind of file, or message types that are not ours.
+        """
+        self.path = path
+        self.problems: list[str] = []
+        with path.open("rb") as file:
+            self.has_blocks = file.read(len(ROS1_MAGIC)) == ROS1_MAGIC  # `blocks` can read it: a ROS 1 bag
+            file.seek(0)
+            if not self.has_blocks and file.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
+                raise FileFormatError(
+                    f"{path}: cannot be read: begins neither as a ROS 1 bag nor as MCAP; "
+                    "nothing in it can be saved"
+                )
+        self.encoding: Encoding = "ros1" if self.has_blocks else "cdr"
+        self.about: About | None = None
+        self._types: dict[str, str] = {}
+        self.counts: dict[str, int] = {}
+        if self.has_blocks:
+            for found in self._guarded(lambda file, size: self._bag(file, size, self._bag_counts)):
+                self._count(*found)
+        else:
+            for name, _, data in self._whole():
+                self._count(name, 1, data)
+        self.topics = tuple(JournalTopic(n, t) for n, t in self._types.items() if n != ABOUT_TOPIC)
+
+    def _count(self, name: str, number: int, first: bytes) -> None:
+        if name == ABOUT_TOPIC:
+            self.about = about_of(first, self.encoding)
+        else:
+            self.counts[name] = self.counts.get(name, 0) + number
+
+    def whole_text(self) -> str:
+        """Say in words what can still be read."""
+        if not self.counts:
+            return "no whole message is in it, nothing can be saved"
+        found = ", ".join(f"{count} messages of {topic}" for topic, count in self.counts.items())
+        return f"{found} can be saved: extract(..., salvage=True) reads them"
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
+        """Yield topic, arrival stamp [ns] and bytes of every whole message of these topics, or of all.
+
+        Raises:
+            FileFormatError: A topic is not in the bag.
+        """
+        require_topics(self.path, topics, self._types)
+        self.problems.clear()
+        for message in self._whole():
+            if message[0] != ABOUT_TOPIC and (topics is None or message[0] in topics):
+                yield message
+
+    def blocks(self, topics: Collection[str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
+        """Yield topic, arrival stamps [ns] (N,) and messages of every chunk of a ROS 1 bag, no object for each.
+
+        Within a topic messages keep their order.
+        """
+        self.problems.clear()
+
+        def gathered(chunk: bytes, names: dict[int, str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
+            for name, own in self._bag_topics(chunk, names, topics):
+                yield name, own[:, TIME], gather(chunk, own)
+
+        yield from self._guarded(lambda file, size: self._bag(file, size, gathered))
+
+    def _whole(self) -> Iterator[tuple[str, int, bytes]]:
+        if self.has_blocks:
+            return self._guarded(lambda file, size: self._bag(file, size, self._bag_messages))
+        return self._guarded(lambda file, size: self._mcap(file, size, {}))
+
+    def _guarded(self, read: Callable[[BinaryIO, int], Iterator[Read]]) -> Iterator[Read]:
+        """Read up to what is damaged, which becomes a problem."""
+        with self.path.open("rb") as file:
+            size = file.seek(0, 2)
+            file.seek(len(ROS1_MAGIC) if self.has_blocks else len(MCAP_MAGIC))
+            try:
+                yield from read(file, size)
+            except (error, KeyError, ValueError, OSError, EOFError, RuntimeError) as problem:
+                if isinstance(problem, FileFormatError):
+                    raise
+                self.problems.append(f"{self.path}: damaged before byte {file.tell()}: {problem}")
+
+    def _cut_off(self, left: int) -> None:
+        self.problems.append(f"{self.path}: is cut off within its last {left} bytes")
+
+    def _bag(
+        self, file: BinaryIO, size: int, read_chunk: Callable[[bytes, dict[int, str]], Iterator[Read]]
+    ) -> Iterator[Read]:
+        """Yield what `read_chunk` makes of every chunk."""
+        names: dict[int, str] = {}
+        missing = None  # records that the bag's header promises behind the chunks
+        while file.tell() < size:
+            start = file.tell()
+            head = _sized(file, size)
+            data = None if head is None else _sized(file, size)
+            values = {} if head is None else _header(head)
+            if data is None:
+                if values.get(b"compression") == b"none":
+                    yield from read_chunk(file.read(), names)
+                self._cut_off(size - start)
+                return
+            kind = values[b"op"][0]
+            if kind == _BAG_HEADER and _U64.unpack(values[b"index_pos"])[0]:
+                missing = _U32.unpack(values[b"conn_count"])[0] + _U32.unpack(values[b"chunk_count"])[0]
+            elif kind in (_CHUNK_INFO, _CONNECTION) and missing is not None:
+                missing -= 1
+            elif kind == _CHUNK:
+                unpack = _UNPACK.get(values[b"compression"])
+                if unpack is None:
+                    raise ValueError(f"unknown compression {values[b'compression'].decode(errors='replace')}")
+                yield from read_chunk(unpack(data), names)
+        if missing != 0:
+            self.problems.append(f"{self.path}: lacks its index, or part of it: it was cut off or not closed")
+
+    def _bag_messages(self, chunk: bytes, names: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:
+        for row in chunk_records(chunk).tolist():
+            if row[KIND] == _MESSAGE:
+                yield names[row[CONNECTION]], row[TIME], chunk[row[DATA] : row[END]]
+            else:
+                self._bag_connection(chunk, row, names)
+
+    def _bag_counts(self, chunk: bytes, names: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:
+        for name, own in self._bag_topics(chunk, names):
+            yield name, len(own), chunk[own[0, DATA] : own[0, END]]
+
+    def _bag_topics(
+        self, chunk: bytes, names: dict[int, str], wanted: Collection[str] | None = None
+    ) -> Iterator[tuple[str, Records]]:
+        """Yield the records of each topic's messages."""
+        records = chunk_records(chunk)
+        is_message = records[:, KIND] == _MESSAGE
+        damaged = np.flatnonzero(records[:, KIND] < 0)
+        whole = damaged[0] if len(damaged) else len(records)  # what comes before it can be read
+        for row in records[:whole][~is_message[:whole]].tolist():
+            self._bag_connection(chunk, row, names)
+        messages = records[:whole][is_message[:whole]]
+        numbers = messages[:, CONNECTION]
+        topics = {number: names[number] for number in dict.fromkeys(numbers.tolist())}
+        for name in dict.fromkeys(topics.values()):
+            if wanted is None or name in wanted:
+                ours = [number for number, topic in topics.items() if topic == name]
+                own = messages
+                if len(ours) == 1 < len(topics):  # nearly always: one program publishes a topic
+                    own = messages[numbers == ours[0]]
+                elif len(ours) < len(topics):
+                    own = messages[np.isin(numbers, ours)]
+                yield name, own
+        if len(damaged):
+            self._bag_connection(chunk, records[whole].tolist(), names)
+
+    def _bag_connection(self, chunk: bytes, row: list[int], names: dict[int, str]) -> None:
+        """Take in a record that is no message; one that makes no sense is an error."""
+        if row[KIND] < 0:
+            raise ValueError("a record's header makes no sense")
+        if row[KIND] == _CONNECTION:
+            values = _header(chunk[row[HEADER] : row[DATA] - 4])
+            about = _header(chunk[row[DATA] : row[END]])
+            name = values[b"topic"].decode()
+            kind = about[b"type"].decode()
+            text = about[b"message_definition"].decode(errors="replace")
+            check_ros1_type(self.path, name, kind, about[b"md5sum"].decode(), text)
+            names[row[CONNECTION]], self._types[name] = name, current_name(kind)
+
+    def _mcap(self, file: BinaryIO, size: int, names: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:
+        schemas: dict[int, tuple[str, str]] = {}
+        while file.tell() + 9 <= size:
+            start = file.tell()
+            kind = file.read(1)[0]
+            length = _U64.unpack(file.read(8))[0]
+            if kind == _DATA_END:
+                return  # whole but for the index
+            cut = file.tell() + length > size
+            data = file.read(min(length, size))
+            if kind == _MCAP_CHUNK and len(data) > _CHUNK_HEAD:
+                compression, position = _text(data, 28)
+                if not compression:
+                    yield from self._mcap_records(data[position + 8 :], schemas, names)
+                elif not cut:
+                    raise ValueError(f"chunks compressed by {compression} are not read here")
+            elif not cut:
+                yield from self._mcap_record(kind, data, schemas, names)
+            if cut:
+                self._cut_off(size - start)
+                return
+
+    def _mcap_records(
+        self, chunk: bytes, schemas: dict[int, tuple[str, str]], names: dict[int, str]
+    ) -> Iterator[tuple[str, int, bytes]]:
+        position = 0
+        while position + 9 <= len(chunk):
+            end = position + 9 + _U64.unpack_from(chunk, position + 1)[0]
+            if end > len(chunk):
+                return
+            yield from self._mcap_record(chunk[position], chunk[position + 9 : end], schemas, names)
+            position = end
+
+    def _mcap_record(
+        self, kind: int, data: bytes, schemas: dict[int, tuple[str, str]], names: dict[int, str]
+    ) -> Iterator[tuple[str, int, bytes]]:
+        number = _U16.unpack_from(data)[0] if kind in (_SCHEMA, _CHANNEL, _MCAP_MESSAGE) else 0
+        if kind == _SCHEMA:
+            name, position = _text(data, 2)
+            _, position = _text(data, position)
+            schemas[number] = name, _text(data, position)[0]
+        elif kind == _CHANNEL:
+            name, _ = _text(data, 4)
+            schema, text = schemas[_U16.unpack_from(data, 2)[0]]
+            check_ros2_type(self.path, name, schema, text)
+            names[number], self._types[name] = name, current_name(schema)
+        elif kind == _MCAP_MESSAGE:
+            yield names[number], _U64.unpack_from(data, 6)[0], data[22:]
+
+
+def about_of(data: bytes, encoding: Encoding) -> About:
+    """Read the message on `/catenary/recording`."""
+    text = data[4:] if encoding == "ros1" else data[8:].rstrip(b"\0")
+    return About.from_mapping(json.loads(text))
+
+
+def _sized(file: BinaryIO, size: int) -> bytes | None:
+    """Bytes behind their length, or None where the file ends first."""
+    if file.tell() + 4 > size:
+        return None
+    length = _U32.unpack(file.read(4))[0]
+    return file.read(length) if file.tell() + length <= size else None  # else what is there can still be read
+
+
+def _header(data: bytes) -> dict[bytes, bytes]:
+    values, position = {}, 0
+    while position < len(data):
+        length = _U32.unpack_from(data, position)[0]
+        key, _, value = data[position + 4 : position + 4 + length].partition(b"=")
+        values[key] = value
+        position += 4 + length
+    return values
+
+
+def _text(data: bytes, position: int) -> tuple[str, int]:
+    length = _U32.unpack_from(data, position)[0]
+    end = position + 4 + length
+    return data[position + 4 : end].decode(), end

@@ -1,0 +1,174 @@
+"""The page about a calibration: errors before and after, per joint, and the model's card."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from catenary import __version__
+from catenary.calibration.card import Card
+from catenary.calibration.evaluate import Evaluation, Spread
+from catenary.calibration.model import CalibrationModel
+from catenary.files import json_text
+from catenary.reports.joint_picture import joint_picture
+from catenary.reports.page import Block, Facts, Heading, Listing, Remarks, Table, Text, write_page
+
+
+def write_calibration_report(
+    path: Path,
+    model: CalibrationModel,
+    card: Card,
+    evaluation: Evaluation,
+    *,
+    tested_on: str,
+    spread: Sequence[Spread] = (),
+    notes: Sequence[str] = (),
+    comparison: tuple[Sequence[str], Sequence[Sequence[str]]] | None = None,
+    opening: Sequence[Block] = (),
+    further: Sequence[Block] = (),
+) -> None:
+    """Write one self-contained page.
+
+    Args:
+        path: The HTML file.
+        model: The model.
+        card: Its card.
+        evaluation: Its errors.
+        tested_on: Which data these are, in words.
+        spread: Errors of a cross-validation, if there was one.
+        notes: What a reader must know about the data.
+        comparison: Header and rows of a table of several models, to open the page with.
+        opening: What else to open the page with.
+        further: What else to say before the model's card.
+    """
+    simulated = bool(card["simulated"]) or any(s.simulated for s in evaluation.data.sources)
+    blocks: list[Block] = [
+        Heading("Error per joint"),
+        error_table(evaluation),
+        Text(
+            "RMSE raw, after the fixed offset (the mean error of the training data) and after the model; per cent of "
+            "the fixed offset's, as in Peng et al., table I; largest error raw and after the model; share of rows "
+            "outside the model's valid range, where it falls back to the fixed offset."
+        ),
+        *([Remarks(notes)] if notes else []),
+    ]
+    if comparison is not None:
+        blocks[:0] = [Heading("Every model"), Table(*comparison)]
+    blocks[:0] = opening
+    for j, name in enumerate(model.joint_names):
+        blocks += [Heading(f"Joint {name}"), joint_picture(evaluation, model, j)]
+    blocks += [Heading("RMSE of the model over time"), window_table(evaluation)]
+    if spread:
+        blocks += [Heading("Cross-validation over blocks of time"), spread_table(spread)]
+    blocks += [
+        *further,
+        Heading("The model"),
+        Facts(card_facts(card)),
+        Listing("The whole card", json_text(card)),
+    ]
+    robot = card.get("robot") or "an arm"
+    write_page(
+        path,
+        f"Calibration of {robot}: {model_name(model)}",
+        f"Tested on {tested_on}: {len(evaluation.data):,} rows.",
+        blocks,
+        footer=f"catenary {__version__}",
+        simulated=simulated,
+    )
+
+
+def model_name(model: CalibrationModel) -> str:
+    """Kind, preset and memory of a model, in words."""
+    name = model.kind if model.preset is None else f"{model.kind}, preset {model.preset}"
+    if model.features.history:
+        name += f", {model.features.history} previous commands"
+    if model.features.play:
+        name += ", play states"
+    return name
+
+
+def error_table(evaluation: Evaluation) -> Table:
+    """RMSE and maximum per joint, raw, after the fixed offset and after the model."""
+    return Table(
+        ["joint", "unit", "raw", "offset", "model", "of offset", "raw max", "model max", "outside"],
+        [
+            [
+                j.name,
+                j.unit,
+                f"{j.raw_rmse:.3f}",
+                f"{j.offset_rmse:.3f}",
+                f"{j.rmse:.3f}",
+                percent(j.percent_of_offset, 1),
+                f"{j.raw_max:.2f}",
+                f"{j.max:.2f}",
+                f"{100.0 * j.outside_valid_range:.1f} %",
+            ]
+            for j in evaluation.joints
+        ],
+    )
+
+
+def percent(value: float, digits: int) -> str:
+    """A percentage as text; a dash where there was nothing to take it of."""
+    return f"{value:.{digits}f} %" if np.isfinite(value) else "-"
+
+
+def window_table(evaluation: Evaluation) -> Table:
+    """RMSE after the model per window of time."""
+    unit = evaluation.window_unit
+    names = [f"{j.name} [{j.unit}]" for j in evaluation.joints]
+    return Table(
+        ["recording", f"from [{unit}]", f"to [{unit}]", "rows", *names],
+        [
+            [
+                w.recording,
+                f"{w.start:.0f}",
+                f"{w.end:.0f}",
+                str(w.n),
+                *(f"{value:.3f}" for value in w.rmse),
+            ]
+            for w in evaluation.windows
+        ],
+    )
+
+
+def spread_table(spread: Sequence[Spread]) -> Table:
+    """Mean and standard deviation over the blocks."""
+    return Table(
+        ["joint", "unit", "blocks", "offset RMSE", "model RMSE"],
+        [
+            [
+                s.joint,
+                s.unit,
+                str(s.folds),
+                f"{s.offset_rmse_mean:.3f} ± {s.offset_rmse_sd:.3f}",
+                f"{s.rmse_mean:.3f} ± {s.rmse_sd:.3f}",
+            ]
+            for s in spread
+        ],
+    )
+
+
+def card_facts(card: Card) -> list[tuple[str, str]]:
+    """The card's main lines."""
+    data = ", ".join(f"{s['name']} ({s['rows']:,} rows, {_short(s['sha256'])})" for s in card["data"])
+    version = ", ".join(f"{name} {number}" for name, number in card["version"].items())
+    return [
+        ("kind", card["kind"] + (f", preset {card['preset']}" if card["preset"] else "")),
+        ("target", f"joint {card['target']}"),
+        ("inputs", shortened([entry["name"] for entry in card["inputs"]])),
+        ("scaling", card["scaling"]),
+        ("fitted to", f"{card['rows']:,} rows of {data}"),
+        ("seed", str(card["run"]["seed"])),
+        ("version", version),
+    ]
+
+
+def shortened(names: Sequence[str], most: int = 8) -> str:
+    """The first names of a list, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
+def _short(digest: str | None) -> str:
+    return f"sha256 {digest[:12]}" if digest else "no hash"

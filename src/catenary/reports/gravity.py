@@ -1,0 +1,152 @@
+"""What tracking and holding under gravity came to: tables, and a page with a picture."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catenary import __version__
+from catenary.control.measures import Holding, Tracking
+from catenary.reports.page import Block, Heading, Picture, Table, Text, picture, settings_facts, write_page
+from catenary.units import DISPLAY, TORQUE_UNIT
+
+ERROR, TORQUE, PD = "#4b6b94", "#b8c0cc", "#d9622b"
+MOST_POINTS = 4_000  # in a line
+LEAST_RANGE = 0.01  # [deg|mm] of a picture of drift, to either side
+
+
+def tracking_table(result: Tracking) -> Table:
+    """Joint, RMS error, RMS of PD term and of torque, PD share."""
+    rows = []
+    for joint in result.as_data()["joints"]:
+        share = joint["pd_share_percent"]
+        rows.append(
+            [
+                joint["name"],
+                f"{joint['rms_error']:.4f} {joint['unit']}",
+                f"{joint['rms_pd']:.3f} {joint['torque_unit']}",
+                f"{joint['rms_torque']:.3f} {joint['torque_unit']}",
+                "-" if np.isnan(share) else f"{share:.1f} %",
+            ]
+        )
+    return Table(["joint", "RMS error", "RMS PD term", "RMS torque", "PD share"], rows)
+
+
+def holding_table(result: Holding) -> Table:
+    """Joint, drift of the joint, drift as reported at its motor."""
+    rows = [
+        [
+            joint["name"],
+            f"{joint['drift']:.4f} {joint['unit']}",
+            f"{joint['reported_drift']:.4f} {joint['unit']}",
+            f"{joint['moved']:+.4f} {joint['unit']}",
+        ]
+        for joint in result.as_data()["joints"]
+    ]
+    return Table(["joint", "drift", "as reported", "at the end"], rows)
+
+
+def write_tracking_report(path: Path, result: Tracking, settings: Mapping[str, Any]) -> None:
+    """Write a page with the table and a picture of errors and torques over time.
+
+    Raises:
+        FileFormatError: The file cannot be written.
+    """
+    _write(
+        path,
+        f"Tracking with controller {settings['controller']}",
+        "Joint errors, and the PD term's share of the torque, as in Lewis and Hannaford 2014.",
+        [
+            tracking_table(result),
+            tracking_picture(result),
+            Text(
+                "Errors are desired minus reported joint positions, at the motors. PD share: RMS of the PD term over "
+                "RMS of the whole torque; near 0 % where the model is right, beyond 100 % where the PD fights it."
+            ),
+        ],
+        settings,
+    )
+
+
+def write_holding_report(path: Path, result: Holding, settings: Mapping[str, Any]) -> None:
+    """Write a page with the table and a picture of every joint's drift over time.
+
+    Raises:
+        FileFormatError: The file cannot be written.
+    """
+    _write(
+        path,
+        f"Held by controller {settings['controller']}",
+        "Gravity compensation alone, as in Lewis and Hannaford 2014: how far each joint drifts.",
+        [
+            holding_table(result),
+            holding_picture(result),
+            Text(
+                "Drift is the largest distance from where a joint began: of the joint itself, then as the robot "
+                "reports it at its motor. At the end: where it then was, seen from the start."
+            ),
+        ],
+        settings,
+    )
+
+
+def _write(path: Path, title: str, about: str, blocks: Sequence[Block], settings: Mapping[str, Any]) -> None:
+    write_page(
+        path,
+        title,
+        about,
+        [*blocks, Heading("Settings"), settings_facts(settings)],
+        footer=f"catenary {__version__}",
+        simulated=True,
+    )
+
+
+def holding_picture(result: Holding) -> Picture:
+    """How far every joint is from where it began, over time, and as reported."""
+    from matplotlib.figure import Figure
+
+    n = len(result.joint_names)
+    figure = Figure(figsize=(10, 1.9 * n), layout="constrained")
+    rows = figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0]
+    step = max(1, len(result.time) // MOST_POINTS)
+    t = result.time[::step]
+    for j, (name, unit) in enumerate(zip(result.joint_names, result.joint_units, strict=True)):
+        shown, scale = DISPLAY[unit]
+        for q, color, label in ((result.q, TORQUE, "as reported"), (result.q_true, ERROR, "joint")):
+            rows[j].plot(t, scale * (q[::step, j] - q[0, j]), color=color, linewidth=1.2, label=label)
+        low, high = rows[j].get_ylim()
+        # rounding that fills a whole picture would look like a drift
+        rows[j].set_ylim(min(low, -LEAST_RANGE), max(high, LEAST_RANGE))
+        rows[j].set_ylabel(f"{name} [{shown}]")
+        rows[j].spines[["top", "right"]].set_visible(False)
+        rows[j].margins(x=0.01)
+    rows[0].legend(frameon=False, fontsize=8, ncols=2)
+    rows[-1].set_xlabel("time [s]")
+    return picture(figure, "Distance of every joint from where it began.")
+
+
+def tracking_picture(result: Tracking) -> Picture:
+    """Error, and torque with the PD term, of every joint over time."""
+    from matplotlib.figure import Figure
+
+    n = len(result.joint_names)
+    figure = Figure(figsize=(10, 1.9 * n), layout="constrained")
+    axes = figure.subplots(n, 2, sharex=True, squeeze=False)
+    step = max(1, len(result.time) // MOST_POINTS)
+    t = result.time[::step]
+    for j, (name, unit) in enumerate(zip(result.joint_names, result.joint_units, strict=True)):
+        shown, scale = DISPLAY[unit]
+        left, right = axes[j]
+        left.plot(t, scale * result.error[::step, j], color=ERROR, linewidth=0.8)
+        left.set_ylabel(f"{name}: error [{shown}]")
+        right.plot(t, result.torque[::step, j], color=TORQUE, linewidth=1.2, label="torque")
+        right.plot(t, result.feedback[::step, j], color=PD, linewidth=0.8, label="PD term")
+        right.set_ylabel(f"[{TORQUE_UNIT[unit]}]")
+    axes[0, 1].legend(frameon=False, fontsize=8, ncols=2)
+    for side in axes[-1]:
+        side.set_xlabel("time [s]")
+    for one in axes.flat:
+        one.spines[["top", "right"]].set_visible(False)
+        one.margins(x=0.01)
+    return picture(figure, "Error of every joint, and its torque with the PD term's part.")

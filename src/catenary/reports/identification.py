@@ -1,0 +1,158 @@
+"""The page about an identification: torques measured and predicted, residuals, parameters, excitation, verdict."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from catenary import __version__
+from catenary.arrays import Floats
+from catenary.files import json_text
+from catenary.identification.files import Card
+from catenary.identification.identification import Identification
+from catenary.identification.residuals import LogResidual
+from catenary.identification.samples import Samples
+from catenary.reports.page import (
+    Block,
+    Facts,
+    Heading,
+    Listing,
+    Picture,
+    Remarks,
+    Table,
+    Text,
+    picture,
+    write_page,
+)
+from catenary.units import TORQUE_UNIT
+
+SHOWN = 3000  # rows a picture draws; more are not seen
+
+
+def write_identification_report(
+    path: Path, found: Identification, card: Card, shown: Sequence[Samples], *, notes: Sequence[str] = ()
+) -> None:
+    """Write one self-contained page.
+
+    Args:
+        path: The HTML file.
+        found: What was identified.
+        card: Its card.
+        shown: Recordings whose torques are drawn.
+        notes: What a reader must know about the data.
+
+    Raises:
+        FileFormatError: The file cannot be written.
+    """
+    blocks: list[Block] = [
+        Heading("Residuals"),
+        residual_table(found),
+        Text(
+            "RMS of measured less predicted torque over RMS of the torque, per axis, known torques subtracted first. "
+            "On a recording that was not fitted the model holds while no axis has more than twice the training "
+            "residual, has drifted beyond that, and fails where an axis is hardly better than predicting no torque."
+        ),
+        absolute_table(found),
+        *([Remarks(notes)] if notes else []),
+        Heading("Excitation"),
+        Facts(excitation_facts(found)),
+    ]
+    for samples in shown:
+        blocks += [Heading(f"Torques of {samples.name}"), torque_picture(found, samples)]
+    blocks += [
+        Heading("Base parameters"),
+        parameter_table(found),
+        Listing("What each stands for", "\n".join(found.base.describe(i) for i in range(found.base.count))),
+        Listing("The whole card", json_text(card)),
+    ]
+    what = "poses at rest" if found.options.terms == "static" else "full dynamics"
+    write_page(
+        path,
+        f"Identification of {found.model.name}",
+        f"{what}: {found.base.count} base parameters from {sum(r.rows for r in found.training):,} rows of "
+        f"{', '.join(r.log for r in found.training)}.",
+        blocks,
+        footer=f"catenary {__version__}",
+    )
+
+
+def residual_table(found: Identification) -> Table:
+    """Relative residual per recording and axis, with the verdict."""
+    return Table(
+        ["recording", "rows", *found.model.joint_names, "verdict"],
+        [
+            [r.log, str(r.rows), *(_share(v) for v in r.relative_rms), r.verdict or "fitted"]
+            for r in _all(found)
+        ],
+    )
+
+
+def absolute_table(found: Identification) -> Table:
+    """Residual per recording and axis in Nm and N."""
+    model = found.model
+    names = [f"{n} [{TORQUE_UNIT[u]}]" for n, u in zip(model.joint_names, model.joint_units, strict=True)]
+    return Table(["RMS residual", *names], [[r.log, *(f"{v:.4f}" for v in r.rms)] for r in _all(found)])
+
+
+def parameter_table(found: Identification) -> Table:
+    """Every base parameter with its standard deviation."""
+    return Table(
+        ["parameter", "unit", "value", "std", "std / value"],
+        [
+            [name, unit, f"{value:.5g}", f"{std:.2g}", f"{100 * std / abs(value):.0f} %" if value else "-"]
+            for name, unit, value, std in zip(
+                found.base.names, found.base.units, found.beta, found.std, strict=True
+            )
+        ],
+    )
+
+
+def excitation_facts(found: Identification) -> list[tuple[str, str]]:
+    """Rank, condition, weights."""
+    return [
+        ("rank", f"{found.rank} of {found.base.count} base parameters"),
+        ("condition", f"{found.condition:.4g} (weighted rows, columns scaled to length one)"),
+        ("weights of the axes", ", ".join(f"{w:.4g}" for w in found.weights)),
+        (
+            "physically consistent",
+            "not asked for" if found.phi is None else "yes: every link a body, no negative friction",
+        ),
+    ]
+
+
+def torque_picture(found: Identification, samples: Samples) -> Picture:
+    """Draw measured and predicted torque of every axis over time."""
+    from matplotlib.figure import Figure
+
+    n = found.model.n
+    gravity = np.array(found.options.gravity)
+    every = max(1, len(samples) // SHOWN)
+    q, qd, qdd, tau, time = (
+        values[::every] for values in (samples.q, samples.qd, samples.qdd, samples.tau, samples.time)
+    )
+    predicted = found.predict_unknown(q, qd, qdd, gravity)
+    figure = Figure(figsize=(10.0, 1.7 * n), layout="constrained")
+    axes = figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0]
+    for i, axis in enumerate(axes):
+        _draw(axis, time, tau[:, i], predicted[:, i])
+        axis.set_ylabel(f"{found.model.joint_names[i]} [{TORQUE_UNIT[found.model.joint_units[i]]}]")
+    axes[0].legend(loc="upper right", ncols=3, fontsize=8)
+    axes[-1].set_xlabel("row" if found.options.terms == "static" else "time [s]")
+    return picture(figure, "Measured torque, predicted torque, and what is left, filtered alike.")
+
+
+def _draw(axis: "object", time: Floats, measured: Floats, predicted: Floats) -> None:
+    for values, colour, label in (
+        (measured, "#5b6675", "measured"),
+        (predicted, "#c2410c", "predicted"),
+        (measured - predicted, "#1d6fb8", "residual"),
+    ):
+        axis.plot(time, values, color=colour, linewidth=0.8, label=label)  # type: ignore[attr-defined]
+
+
+def _all(found: Identification) -> Sequence[LogResidual]:
+    return (*found.training, *found.tests)
+
+
+def _share(value: float) -> str:
+    return f"{value:.3f}" if np.isfinite(value) else "-"

@@ -1,0 +1,118 @@
+"""Self-contained HTML pages: text, tables and pictures in one file that opens anywhere."""
+
+import base64
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from catenary.errors import FileFormatError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DOTS_PER_INCH = 150
+
+
+@dataclass(frozen=True)
+class Heading:
+    """Opens a section."""
+
+    kind: ClassVar[str] = "heading"
+    text: str
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph."""
+
+    kind: ClassVar[str] = "text"
+    text: str
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cells already written as text; the first column names the row."""
+
+    kind: ClassVar[str] = "table"
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Names and what they stand for, in words that may be long."""
+
+    kind: ClassVar[str] = "facts"
+    rows: Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Remarks:
+    """Short paragraphs of equal weight."""
+
+    kind: ClassVar[str] = "remarks"
+    texts: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """An image, as base64 of a PNG."""
+
+    kind: ClassVar[str] = "picture"
+    png: str
+    caption: str
+
+
+@dataclass(frozen=True)
+class Listing:
+    """Fixed-width text that opens on request."""
+
+    kind: ClassVar[str] = "listing"
+    summary: str
+    text: str
+
+
+Block = Heading | Text | Table | Facts | Remarks | Picture | Listing
+
+
+def settings_facts(settings: Mapping[str, object]) -> Facts:
+    """Settings as a person reads them: lists without brackets, numbers without digits of rounding, None left out."""
+    rows = [(name.replace("_", " "), _told(value)) for name, value in settings.items() if value is not None]
+    return Facts(rows)
+
+
+def _told(value: object) -> str:
+    if isinstance(value, (list, tuple)):
+        return ", ".join(_told(item) for item in value)
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def picture(figure: "Figure", caption: str) -> Picture:
+    """Draw a matplotlib figure into a picture block."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DOTS_PER_INCH)
+    return Picture(base64.b64encode(buffer.getvalue()).decode(), caption)
+
+
+def write_page(
+    path: Path, title: str, lead: str, blocks: Sequence[Block], *, footer: str = "", simulated: bool = False
+) -> None:
+    """Write a page that needs no other file and no network.
+
+    Raises:
+        FileFormatError: The file cannot be written.
+    """
+    from jinja2 import Environment
+
+    template = Environment(autoescape=True, trim_blocks=True).from_string(
+        (files("catenary.reports") / "page.html").read_text(encoding="utf-8")
+    )
+    html = template.render(title=title, lead=lead, blocks=blocks, footer=footer, simulated=simulated)
+    try:
+        # a file's name may hold bytes that are no text
+        path.write_bytes(html.encode("utf-8", "backslashreplace"))
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from error

@@ -1,0 +1,168 @@
+"""The page of a project: what the robot did, errors before and after, the paper's table beside ours, latency, card."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catenary.calibration.card import Card
+from catenary.calibration.evaluate import Evaluation
+from catenary.calibration.model import CalibrationModel
+from catenary.plant import MotionLog
+from catenary.recording.logs import read_log
+from catenary.reports.calibration import write_calibration_report
+from catenary.reports.page import Block, Heading, Picture, Table, Text, picture
+from catenary.units import DISPLAY
+
+TRAIN_COLOR, TEST_COLOR = "#4b6b94", "#d9a441"
+MOST_POINTS = 6_000
+# Peng et al., "Efficient data-driven joint-level calibration of cable-driven surgical robots", table I: a real
+# RAVEN-II, trained on zig-zag motions in direction J2-J3 (1013 s), tested on 20 minutes of random motion
+# RMSE on J1 [deg], J2 [deg], J3 [mm]
+TABLE_1: dict[str, tuple[float, float, float]] = {
+    "raw": (2.103, 7.963, 11.715),
+    "fixed offset": (0.859, 1.095, 0.492),
+    "linear": (0.174, 0.186, 0.166),
+    "polynomial": (0.118, 0.222, 0.173),
+    "neural, preset paper": (0.104, 0.120, 0.118),
+}
+
+
+def write_project_report(
+    path: Path,
+    connection: str,
+    model: CalibrationModel,
+    card: Card,
+    evaluation: Evaluation,
+    comparison: tuple[Sequence[str], Sequence[Sequence[str]]],
+    train: Sequence[Path],
+    test: Sequence[Path],
+    deployment: Mapping[str, Any] | None,
+    *,
+    notes: Sequence[str] = (),
+) -> None:
+    """Write the page.
+
+    Args:
+        path: The HTML file.
+        connection: Where the robot was: "simulation", "ros1" or "ros2".
+        model: The best model.
+        card: Its card.
+        evaluation: Its errors on the recordings that were tested on.
+        comparison: Header and rows of the table of every model.
+        train: Recordings that were fitted to.
+        test: Recordings that were tested on.
+        deployment: What the 1 kHz loop reported, if it ran.
+        notes: What a reader must know about the data.
+    """
+    units, names = model.joint_units, model.joint_names
+    logs = [[read_log(p, units=units, joint_names=names) if p.suffix == ".npz" else read_log(p) for p in paths]
+            for paths in (train, test)]  # fmt: skip
+    opening: list[Block] = [Heading("What the robot did"), _coverage(logs[0], logs[1])]
+    further: list[Block] = []
+    if deployment is not None:
+        simulated = any(s.simulated for s in evaluation.data.sources)
+        comparison = _beside_the_paper(comparison, _where(connection, simulated))
+        further = [
+            Heading("Deployed in the 1 kHz loop"),
+            *_deployment_blocks(deployment, connection),
+        ]
+    write_calibration_report(
+        path,
+        model,
+        card,
+        evaluation,
+        tested_on=", ".join(p.name for p in test),
+        notes=notes,
+        comparison=comparison,
+        opening=opening,
+        further=further,
+    )
+
+
+def _where(connection: str, simulated: bool) -> str:
+    """What ours is, beside the paper's."""
+    if connection == "simulation":
+        return "simulated"
+    network = connection.replace("ros", "ROS ")
+    return f"simulated, over {network}" if simulated else f"robot over {network}"
+
+
+def _beside_the_paper(
+    comparison: tuple[Sequence[str], Sequence[Sequence[str]]], where: str
+) -> tuple[list[str], list[list[str]]]:
+    """Add the paper's table I, direction J2-J3: a real robot, one calibration of 1013 s."""
+    header, rows = comparison
+    out = []
+    for row in rows:
+        paper = TABLE_1.get(row[0])
+        out.append([*row, *(f"{value:.3f}" for value in paper)] if paper else [*row, "-", "-", "-"])
+    return [f"{header[0]} ({where})", *header[1:], "paper: J1", "J2", "J3"], out
+
+
+def _deployment_blocks(deployment: Mapping[str, Any], connection: str) -> list[Block]:
+    if connection == "simulation":
+        aside, reference = "the simulated arm's own step", "the joints' true positions"
+    else:
+        aside, reference = "the way to the robot and back", "the external encoders' latest reading"
+    compute, jitter = deployment["compute_us"] or {}, deployment["jitter_us"] or {}
+    keys = ("median", "p99", "p999", "max")
+    rows = [["correction alone [us]", *(f"{deployment['correction_us'][key]:.1f}" for key in keys)]]
+    if compute:
+        rows.append(["whole tick [us]", *(f"{compute[key]:.1f}" for key in keys)])
+    if jitter:
+        rows.append(["period jitter [us]", *(f"{jitter[key]:.1f}" for key in keys)])
+    joints = [
+        [
+            joint["name"],
+            joint["unit"],
+            f"{joint['raw_rmse']:.3f}",
+            f"{joint['rmse']:.3f}",
+            f"{100.0 * joint['outside_valid_range']:.1f} %",
+        ]
+        for joint in deployment["joints"]
+    ]
+    priority = "with" if deployment["real_time_priority"] else "without"
+    return [
+        Text(
+            f"{deployment['ticks']:,} ticks at {deployment['rate_hz']:g} Hz, {priority} real-time priority, "
+            f"{deployment['overruns']} overruns. A whole tick reads the arm, corrects, evaluates the trajectory and "
+            f"commands the arm; {aside} is not in it."
+        ),
+        Table(["", "median", "p99", "p99.9", "largest"], rows),
+        Text(f"Error against {reference} while the loop ran, as reported and as corrected in the tick:"),
+        Table(["joint", "unit", "reported", "corrected", "outside"], joints),
+    ]
+
+
+def _coverage(train: Sequence[MotionLog], test: Sequence[MotionLog]) -> Picture:
+    """Pairs of the first three joints: where the training and the test motion went."""
+    from matplotlib.figure import Figure
+
+    first = train[0]
+    n = min(3, len(first.joint_names))
+    pairs = [(i, j) for i in range(n) for j in range(i + 1, n)] or [(0, 0)]
+    figure = Figure(figsize=(3.4 * len(pairs), 3.3), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(1, len(pairs)))
+    for ax, (i, j) in zip(axes, pairs, strict=True):
+        for logs, color, label in ((test, TEST_COLOR, "test"), (train, TRAIN_COLOR, "training")):
+            points = np.concatenate([log.q_nominal for log in logs])
+            points = points[:: max(1, len(points) // MOST_POINTS)]
+            scale = [DISPLAY[unit][1] for unit in first.joint_units]
+            ax.plot(
+                points[:, i] * scale[i],
+                points[:, j] * scale[j],
+                ".",
+                markersize=1.5,
+                color=color,
+                alpha=0.6,
+                label=label,
+            )
+        for axis, joint in ((ax.set_xlabel, i), (ax.set_ylabel, j)):
+            axis(f"{first.joint_names[joint]} [{DISPLAY[first.joint_units[joint]][0]}]")
+        ax.spines[["top", "right"]].set_visible(False)
+    axes[-1].legend(markerscale=6, frameon=False, loc="upper right", fontsize=9)
+    return picture(
+        figure, "Where the joints went, as the robot reported: training and test motion in joint space."
+    )

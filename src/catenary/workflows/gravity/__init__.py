@@ -1,0 +1,1 @@
+"""Controllers and gravity compensation tried on a simulated arm."""

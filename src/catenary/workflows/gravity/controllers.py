@@ -1,0 +1,92 @@
+"""Controllers by name, put together for an arm."""
+
+from typing import Literal, get_args
+
+import numpy as np
+
+from catenary.control.controller import SplitController
+from catenary.control.elastic import Compensation, ElasticPD
+from catenary.control.gains import DAMPING_RATIO, FREQUENCY_HZ
+from catenary.control.gravity_pd import At, GravityHold, GravityPD
+from catenary.control.inertia_pd import InertiaPD
+from catenary.control.pd import Damping, JointPD
+from catenary.errors import InputError
+from catenary.spatial import LEVEL
+from catenary.workflows.gravity.simulated_arm import SimulatedArm
+
+ControllerName = Literal[
+    "pd",
+    "sg",
+    "dg",
+    "inertia",
+    "computed-torque",
+    "elastic-constant",
+    "elastic-online",
+    "elastic-biased",
+]
+HoldName = Literal["sg", "dg"]
+
+WHAT: dict[str, str] = {
+    "pd": "PD alone",
+    "sg": "PD and gravity of a level base (PD+SG)",
+    "dg": "PD and sensed gravity (PD+DG)",
+    "inertia": "PD through the mass matrix, and sensed gravity",
+    "computed-torque": "the same with the velocity terms",
+    "elastic-constant": "PD on motors, gravity at the reference",
+    "elastic-online": "PD on motors, gravity at the motors",
+    "elastic-biased": "PD on motors, gravity at the motors less the springs' wind-up",
+}
+
+
+def make_controller(
+    name: str, arm: SimulatedArm, *, at: At = "measured", damping: Damping = "relative"
+) -> SplitController:
+    """A controller for an arm, with the arm's own gains.
+
+    Args:
+        name: A ControllerName.
+        arm: What it is for.
+        at: Where gravity is evaluated; of sg and dg.
+        damping: "absolute" leaves the reference's velocity out, as RAVEN-II's firmware does.
+
+    Raises:
+        InputError: No such controller, one that the arm has no springs for, or an option that it does not take.
+        MissingInertiaError: The model has links without inertia.
+    """
+    if name not in get_args(ControllerName):
+        raise InputError(f'controller "{name}": expected one of {", ".join(get_args(ControllerName))}')
+    if at != "measured" and name not in ("sg", "dg"):
+        raise InputError(f'controller "{name}": gravity at the desired position is an option of sg and dg')
+    kp, kd = arm.gains
+    if name == "pd":
+        return JointPD(kp, kd, damping=damping)
+    if name in ("sg", "dg"):
+        gravity = LEVEL if name == "sg" else None
+        return GravityPD(arm.model, kp, kd, gravity=gravity, at=at, damping=damping)
+    if name in ("inertia", "computed-torque"):
+        if damping != "relative":
+            raise InputError(f'controller "{name}": follows velocities, expected damping relative')
+        w = 2.0 * np.pi * FREQUENCY_HZ
+        return InertiaPD(
+            arm.model,
+            w * w,
+            2.0 * DAMPING_RATIO * w,
+            motor_inertia=arm.motor_inertia,
+            coriolis=name == "computed-torque",
+        )
+    if arm.stiffness is None:
+        raise InputError(f'controller "{name}": robot "{arm.model.name}" has no springs at its joints')
+    compensation: Compensation = name.removeprefix("elastic-")  # type: ignore[assignment]
+    return ElasticPD(arm.model, kp, kd, arm.stiffness, compensation=compensation, damping=damping)
+
+
+def make_hold(name: str, arm: SimulatedArm) -> GravityHold:
+    """Gravity compensation alone, by the gravity of a level base (sg) or the sensed one (dg).
+
+    Raises:
+        InputError: No such compensation.
+        MissingInertiaError: The model has links without inertia.
+    """
+    if name not in get_args(HoldName):
+        raise InputError(f'controller "{name}": expected one of {", ".join(get_args(HoldName))}')
+    return GravityHold(arm.model, gravity=LEVEL if name == "sg" else None)

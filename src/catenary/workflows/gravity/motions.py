@@ -1,0 +1,158 @@
+"""Motions for the tests of gravity compensation, by name, for any arm."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array
+from catenary.errors import InputError
+from catenary.plant import Bounded
+from catenary.robots.model import RobotModel
+from catenary.trajectories.cartesian import AMPLITUDE, CartesianSinusoids
+from catenary.trajectories.in_turn import InTurn, Rest
+from catenary.trajectories.point_to_point import go_to
+from catenary.trajectories.reference import Trajectory
+from catenary.trajectories.sinusoids import random_sinusoids
+from catenary.workflows.robot.motion import GENTLE_ACCELERATION, GENTLE_VELOCITY
+
+MotionName = Literal["cartesian", "random", "poses"]
+# where the published sinusoids of 3.1 inch find room to every side [rad, rad, m]
+RAVEN_START = (0.8, 1.6, 0.3)
+# away from the stops, with some way to fall to either side, and where gravity at the angles that are tried is not by
+# chance what joint 1 carries on a level base [rad, rad, m]
+HOLD_START = (1.0, 1.6, 0.4)
+POSES = 6
+REST = 1.5  # [s] at a pose
+WATCHED = 0.7  # [s] of it, at its end: the arm has come to rest
+_TURN = 1.0  # [s] of random motion's turns
+
+
+class Motion(NamedTuple):
+    """A motion, and the times in it at which an arm's errors count."""
+
+    trajectory: Trajectory
+    windows: Sequence[tuple[float, float]] | None  # [s] from, to; all of it when None
+
+
+def make_motion(
+    name: str,
+    model: RobotModel,
+    limits: Bounded,
+    rng: np.random.Generator,
+    *,
+    q_start: ArrayLike | None = None,
+    amplitude: float = AMPLITUDE,
+    axes: Sequence[str] = ("x", "y", "z"),
+    seconds: float = 20.0,
+) -> Motion:
+    """A motion of all joints.
+
+    Args:
+        name: "cartesian", the paper's sinusoids of the tip along x, y, z; "random", each joint by itself over half of
+            its range; "poses", at rest at POSES positions along the first joint's range.
+        model: The robot.
+        limits: Its plant or itself: the joint limits to keep.
+        rng: Draws the random motion.
+        q_start: (n,) where cartesian begins, and where the other joints of poses stand [rad|m]; RAVEN_START, or the
+            middle of the range, when None.
+        amplitude: Of the sinusoids [m].
+        axes: Of the base, along which they are; a planar arm has two.
+        seconds: Of the random motion [s].
+
+    Raises:
+        InputError: No such motion, or joints without limits where their range is needed.
+        LimitError: The sinusoids leave the robot's reach.
+    """
+    if name not in get_args(MotionName):
+        raise InputError(f'motion "{name}": expected one of {", ".join(get_args(MotionName))}')
+    if name == "random":
+        lower, upper = _range(limits)
+        middle, half = 0.5 * (lower + upper), 0.25 * (upper - lower)
+        fastest = np.array([GENTLE_VELOCITY[unit] for unit in limits.joint_units])
+        trajectory = random_sinusoids(
+            rng,
+            seconds,
+            lower=middle - half,
+            upper=middle + half,
+            turning_band=0.25 * half,
+            slowest=0.4 * fastest,
+            fastest=fastest,
+            turn_time=_TURN,
+        )
+        return Motion(trajectory, None)
+    start = _start(model, limits) if q_start is None else as_array("q_start", q_start, (model.n,))
+    if name == "cartesian":
+        return Motion(CartesianSinusoids(model, start, amplitude=amplitude, axes=axes), None)
+    lower, upper = _range(limits)
+    edge = 0.05 * (upper[0] - lower[0])
+    return poses_along(limits, 0, np.linspace(lower[0] + edge, upper[0] - edge, POSES), start)
+
+
+def poses_along(
+    limits: Bounded,
+    joint: int,
+    positions: ArrayLike,
+    q: ArrayLike,
+    *,
+    max_velocity: ArrayLike | None = None,
+    max_acceleration: ArrayLike | None = None,
+) -> Motion:
+    """At rest at one position of a joint after the other, the other joints at q (n,) [rad|m].
+
+    The last WATCHED seconds of each rest count.
+
+    Args:
+        limits: Whose joints they are.
+        joint: Number of the joint that moves.
+        positions: (K,) where it rests [rad|m].
+        q: (n,) where the others stand [rad|m].
+        max_velocity: (n,) on the way from one to the next [rad/s|m/s]; GENTLE_VELOCITY when None.
+        max_acceleration: (n,) [rad/s2|m/s2]; GENTLE_ACCELERATION when None.
+
+    Raises:
+        InputError: Something of another shape or not finite.
+    """
+    n = len(limits.joint_names)
+    rows = np.tile(as_array("q", q, (n,)), (len(as_array("positions", positions, (None,))), 1))
+    rows[:, joint] = positions
+    velocity = [GENTLE_VELOCITY[u] for u in limits.joint_units] if max_velocity is None else max_velocity
+    acceleration = (
+        [GENTLE_ACCELERATION[u] for u in limits.joint_units] if max_acceleration is None else max_acceleration
+    )
+    parts: list[Trajectory] = [Rest(rows[0], REST)]
+    windows = [(REST - WATCHED, REST)]
+    end = REST
+    for before, row in pairwise(rows):
+        way = go_to(before, row, max_velocity=velocity, max_acceleration=acceleration)
+        parts += [way, Rest(row, REST)]
+        end += way.duration + REST
+        windows.append((end - WATCHED, end))
+    return Motion(InTurn(parts), windows)
+
+
+def hold_start(model: RobotModel, limits: Bounded) -> Floats:
+    """Where an arm is put to be held passively, (n,) [rad|m]: HOLD_START, or the middle of its range.
+
+    Raises:
+        InputError: Joints without limits.
+    """
+    return _start(model, limits, HOLD_START)
+
+
+def _start(model: RobotModel, limits: Bounded, raven: tuple[float, float, float] = RAVEN_START) -> Floats:
+    if model.closed_form == "raven2" and model.n == len(raven):
+        return np.array(raven)
+    lower, upper = _range(limits)
+    return 0.5 * (lower + upper)
+
+
+def _range(limits: Bounded) -> tuple[Floats, Floats]:
+    lower, upper = limits.lower, limits.upper
+    for j in np.flatnonzero(~(np.isfinite(lower) & np.isfinite(upper))):
+        raise InputError(
+            f'joint "{limits.joint_names[j]}": has no limits, expected some to move within; give --q'
+        )
+    return lower, upper

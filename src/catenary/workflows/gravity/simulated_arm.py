@@ -1,0 +1,172 @@
+"""A simulated arm with all that a controller of it needs: plant, model, gains, limits."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array
+from catenary.control.gains import (
+    JointGains,
+    default_limits,
+    gains_at_joints,
+    gains_from_mass,
+    reflected_inertia,
+    torque_at_joints,
+)
+from catenary.control.limits import TorqueLimits
+from catenary.errors import UnsupportedModelError
+from catenary.gravity.payload import Payload
+from catenary.plant import Plant
+from catenary.robots.catalog import RAVEN_SIDES, load_robot
+from catenary.robots.model import RobotModel
+from catenary.simulation.base_motion import MovingBase
+from catenary.simulation.cable_parameters import CableArm, Firmware, load_cable_arm, right_arm
+from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.joint_hardware import JointHardware
+from catenary.simulation.mujoco_plant import MujocoPlant
+from catenary.simulation.positioning import PositioningArm
+from catenary.simulation.records import POSITIONING
+
+
+@dataclass(frozen=True)
+class SimulatedArm:
+    """A homed arm; the model's joints are the plant's, in the same order."""
+
+    plant: Plant
+    model: RobotModel
+    gains: JointGains
+    largest_torque: Floats  # (n,) [Nm|N], infinity for none
+    q_true: Callable[[], Floats]  # where the joints really are, (n,) [rad|m]
+    motor_inertia: Floats | None = None  # (n, n) what motors add to the mass matrix
+    stiffness: Floats | None = None  # (n,) of elastic joints [Nm/rad|N/m]
+
+    def limits(self) -> TorqueLimits:
+        """Fresh limits of torque."""
+        return default_limits(self.largest_torque, self.plant.joint_units, self.plant.lower, self.plant.upper)
+
+
+def simulated_arm(
+    robot: str,
+    *,
+    base: MovingBase | None = None,
+    payload: float = 0.0,
+    seed: int | None = None,
+) -> SimulatedArm:
+    """Put an arm on a base, switch it on and home it.
+
+    RAVEN-II's positioning joints, behind their cables, with the gains of the robot's own control: what it believes of
+    itself, also where the simulated robot is another (`seed`). Of any other robot the rigid bodies of its model with
+    ideal drives, and gains by rule.
+
+    Args:
+        robot: raven2 or raven2_right, or any other robot with inertia: a name or a file.
+        base: What it stands on from the start; a level base when None.
+        payload: Mass at the tool's wrist, or at the tip [kg], of which the model knows nothing.
+        seed: Draws another robot of the same kind, which cables have; the nominal one when None.
+
+    Raises:
+        UnsupportedModelError: A seed for a robot that has no cables.
+        MissingInertiaError: Links without inertia.
+        MissingPackageError: MuJoCo, which moves robots without cables, is not installed.
+        InputError: A negative payload.
+        NotReadyError: An axis that homes met no stop.
+    """
+    if robot not in RAVEN_SIDES:
+        if seed is not None:
+            raise UnsupportedModelError(
+                f'robot "{robot}": a seed draws the cables of {" or ".join(sorted(RAVEN_SIDES))}; this one has none'
+            )
+        return rigid_arm(load_robot(robot), base=base, payload=payload)
+    plant = CablePlant(side=RAVEN_SIDES[robot], seed=seed, payload=payload, base=base)
+    plant.home()
+    return raven_arm(plant)
+
+
+def rigid_arm(
+    model: RobotModel,
+    *,
+    base: MovingBase | None = None,
+    payload: float = 0.0,
+    start: ArrayLike | None = None,
+    gains: JointGains | None = None,
+    motor_inertia: ArrayLike | None = None,
+) -> SimulatedArm:
+    """Any robot as rigid bodies without friction, enabled; gains by rule where none are given.
+
+    Args:
+        model: With inertia.
+        base: What it stands on; a level base when None.
+        payload: Mass at the tip [kg], of which the model knows nothing.
+        start: (n,) where it stands at first [rad|m]; zero, or the middle of its limits, when None.
+        gains: Of its joints; gains_from_mass when None.
+        motor_inertia: (n,) rotors as seen at the joints [kg m2|kg]; none when None.
+
+    Raises:
+        MissingInertiaError: Links without inertia.
+        MissingPackageError: MuJoCo is not installed.
+        InputError: A negative payload, or inertia of another shape.
+        LimitError: `start` is outside the joint limits.
+    """
+    model.require_inertia()
+    n = model.n
+    rotors = as_array("motor_inertia", np.zeros(n) if motor_inertia is None else motor_inertia, (n,))
+    added = np.diag(rotors) if rotors.any() else None
+    plant = MujocoPlant(
+        model,
+        base=base,
+        start=start,
+        hardware=JointHardware(armature=rotors),
+        payload=Payload(payload) if payload != 0.0 else None,
+    )
+    plant.home()
+    return SimulatedArm(
+        plant=plant,
+        model=model,
+        gains=gains_from_mass(model, motor_inertia=added) if gains is None else gains,
+        largest_torque=np.array(model.effort_limit),
+        q_true=lambda: plant.telemetry()["q_true"],
+        motor_inertia=added,
+    )
+
+
+def raven_arm(plant: CablePlant) -> SimulatedArm:
+    """A homed RAVEN-II as an arm of three joints, with its firmware's gains and its nominal springs."""
+    nominal = load_cable_arm()
+    if plant.side == "right":
+        nominal = right_arm(nominal)
+    part = PositioningArm(plant)
+    return SimulatedArm(
+        plant=part,
+        model=load_robot("raven2" if plant.side == "left" else "raven2_right"),
+        gains=raven_gains(nominal.firmware),
+        largest_torque=raven_torque(nominal.firmware),
+        q_true=lambda: part.q_true,
+        motor_inertia=raven_motor_inertia(nominal),
+        stiffness=nominal.cable.stiffness.copy(),
+    )
+
+
+def raven_gains(firmware: Firmware) -> JointGains:
+    """Gains of RAVEN-II's own control at its positioning joints: 454, 362 Nm/rad, 57.1 kN/m; 12.1, 9.6, 4564.
+
+    [RAVEN-II source: Kp, Kd per motor, at the gearbox's output]
+    """
+    n = POSITIONING
+    return gains_at_joints(firmware.kp[:n], firmware.kd[:n], firmware.ratio[:n], firmware.gearbox[:n])
+
+
+def raven_torque(firmware: Firmware) -> Floats:
+    """Largest torques of RAVEN-II's positioning joints at level "moderate": 7.5, 6.7 Nm, 95 N, from its DAC limits."""
+    n = POSITIONING
+    return torque_at_joints(
+        firmware.dac_limit[:n], firmware.dac_per_ampere[:n], firmware.torque_constant[:n], firmware.ratio[:n]
+    )
+
+
+def raven_motor_inertia(arm: CableArm) -> Floats:
+    """What RAVEN-II's motors add to the mass matrix, by its nominal ratios and coupling, (3, 3)."""
+    n = POSITIONING
+    firmware = arm.firmware
+    return reflected_inertia(arm.cable.rotor_inertia, np.abs(firmware.ratio[:n]), firmware.coupling)

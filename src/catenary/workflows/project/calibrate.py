@@ -1,0 +1,262 @@
+"""The main job in one go: home, excite and record, extract, fit, evaluate, deploy, report; resumable at every step."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catenary.calibration.evaluate import Evaluation
+from catenary.calibration.files import card_path, load_model, save_model
+from catenary.calibration.fit import FitOptions
+from catenary.calibration.progress import Progress, silent
+from catenary.errors import InputError
+from catenary.files import sha256_of
+from catenary.reports.calibration import percent
+from catenary.reports.project import write_project_report
+from catenary.trajectories.reference import Trajectory
+from catenary.trajectories.sinusoids import random_sinusoids
+from catenary.trajectories.zigzag import zigzag
+from catenary.workflows.fit import FitRun, evaluate_calibration, fit_calibration
+from catenary.workflows.project.folder import Project, write
+from catenary.workflows.project.recordings import extract_recording, motion_log_path
+from catenary.workflows.project.robot import ProjectRobot
+from catenary.workflows.project.simulated_robot import SimulatedRobot
+
+TRAIN, TEST = "train", "test"
+DEPLOY_SECONDS = 20.0
+POSITIONING_INPUTS = tuple(
+    f"{group}:{joint}" for group in ("q", "tau") for joint in ("shoulder", "elbow", "insertion")
+)
+# the tool's torques tell the insertion's cable where it lies; its positions only repeat the insertion motor's
+RAVEN_INPUTS = {
+    "shoulder": POSITIONING_INPUTS,
+    "elbow": POSITIONING_INPUTS,
+    "insertion": (*POSITIONING_INPUTS, "tau:roll", "tau:wrist", "tau:jaw1", "tau:jaw2"),
+}
+BEST = "neural_best"
+
+
+def models_for(robot: str | None, seed: int) -> Mapping[str, FitOptions]:
+    """Every kind of model, the best last; the paper's network has the paper's inputs, the tool's too."""
+    everything = ("q", "tau") if robot is not None else None
+    positioning = POSITIONING_INPUTS if robot is not None else None
+    inputs = RAVEN_INPUTS if robot is not None else None
+    return {
+        "linear": FitOptions(kind="linear", inputs=positioning, seed=seed),
+        "polynomial": FitOptions(kind="polynomial", inputs=positioning, seed=seed),
+        "neural_paper": FitOptions(kind="neural", preset="paper", inputs=everything, seed=seed),
+        BEST: FitOptions(kind="neural", preset="best", inputs=inputs, seed=seed),
+    }
+
+
+@dataclass(frozen=True)
+class CalibrationResult:
+    """What a project came to."""
+
+    page: Path
+    model_path: Path
+    evaluations: Mapping[str, Evaluation]
+    deployment: Mapping[str, Any] | None  # None without a robot
+    repeated: tuple[str, ...]  # steps that were run now; the others had been done
+
+    def table(self) -> tuple[list[str], list[list[str]]]:
+        """Header and rows: one row per model, one column per joint."""
+        first = next(iter(self.evaluations.values())).joints
+        header = ["model", *(f"{joint.name} [{joint.unit}]" for joint in first)]
+        rows = [
+            ["raw", *(f"{joint.raw_rmse:.3f}" for joint in first)],
+            ["fixed offset", *(f"{joint.offset_rmse:.3f} (100 %)" for joint in first)],
+        ]
+        for name, evaluation in self.evaluations.items():
+            cells = (f"{j.rmse:.3f} ({percent(j.percent_of_offset, 0)})" for j in evaluation.joints)
+            rows.append([name.replace("_", ", preset "), *cells])
+        return header, rows
+
+    def summary(self) -> dict[str, Any]:
+        """Everything as plain data."""
+        return {
+            "page": str(self.page),
+            "model": str(self.model_path),
+            "steps_run": list(self.repeated),
+            "models": {name: [asdict(j) for j in e.joints] for name, e in self.evaluations.items()},
+            "deployment": self.deployment,
+        }
+
+
+def excitation(project: Project) -> tuple[Trajectory, Any]:
+    """The project's zig-zag motion, and what it is as plain data."""
+    settings = project.settings
+    motion = {"zigzag": settings.direction, "sparsities": settings.sparsities}
+    return zigzag(settings.direction, settings.sparsities), motion  # type: ignore[arg-type]  # zigzag refuses others
+
+
+def random_motion(project: Project, seconds: float, number: int = 0) -> tuple[Trajectory, Any]:
+    """A random motion of the project's robot, and what it is as plain data."""
+    seed = [0 if project.settings.seed is None else project.settings.seed, 1, number]
+    return random_sinusoids(np.random.default_rng(seed), seconds), {"random": seconds, "rng": seed}
+
+
+def calibrate_robot(
+    project: Project,
+    robot: ProjectRobot | None = None,
+    *,
+    progress: Callable[[str], Progress] = lambda _: silent,
+) -> CalibrationResult:
+    """Calibrate a project's robot, doing only what has not been done.
+
+    Args:
+        project: Folder and settings.
+        robot: Homes, moves, records; the project's simulated one when None.
+        progress: Given a step's name, gives what is told how far it is.
+
+    Raises:
+        CatenaryError: A step failed; what was done before stays, and is not done again.
+    """
+    run: list[str] = []
+    robot = SimulatedRobot() if robot is None else robot
+
+    def note(step: str, was_run: bool) -> None:
+        if was_run:
+            run.append(step)
+
+    progress("home")
+    note("home", robot.home(project))
+    motion, what = excitation(project)
+    note("excite", robot.record(project, TRAIN, motion, what, after="home", progress=progress("excite")))
+    motion, what = random_motion(project, 60.0 * project.settings.test_minutes)
+    note(
+        "record",
+        robot.record(project, TEST, motion, what, after=TRAIN, progress=progress("record the test motion")),
+    )
+    progress("extract")
+    for name in (TRAIN, TEST):
+        note(f"extract {name}", extract_recording(project, name))
+    seed = 0 if project.settings.seed is None else project.settings.seed
+    train, test = ([motion_log_path(project, name)] for name in (TRAIN, TEST))
+    models = models_for(project.settings.robot, seed)
+    fit_models(project, train, models, project.settings.robot, note, progress)
+
+    deployed = project.folder / "deployment.json"
+
+    def deploy() -> None:
+        model, _ = load_model(model_path(project, BEST))
+        motion, _ = random_motion(project, DEPLOY_SECONDS, 1)
+        write(deployed, robot.deploy(project, model, motion, after=TEST))
+
+    progress("deploy")
+    made_from = [*map(project.fingerprint_of, (f"fit {BEST}", f"record {TEST}")), DEPLOY_SECONDS]
+    note(
+        "deploy",
+        project.run("deploy", made_from, [deployed], deploy),
+    )
+    progress("report")
+    return conclude(project, models, train, test, deployed, tuple(run))
+
+
+def calibrate_recordings(
+    project: Project,
+    train: Sequence[Path],
+    test: Sequence[Path],
+    run_options: FitRun,
+    *,
+    progress: Callable[[str], Progress] = lambda _: silent,
+) -> CalibrationResult:
+    """Calibrate from recordings in place of a robot: fit every model to some, test on others.
+
+    Raises:
+        InputError: No recording to train on or to test on, or one that is in both.
+    """
+    if not train or not test:
+        raise InputError("calibrate: give recordings to train on, and others to test on with --test")
+    hashes = _hashes(train)
+    both = [str(path) for path, content in zip(test, _hashes(test), strict=True) if content in hashes]
+    if both:
+        raise InputError(f"calibrate: {', '.join(both)}: a recording cannot be both trained and tested on")
+    run: list[str] = []
+
+    def note(step: str, was_run: bool) -> None:
+        if was_run:
+            run.append(step)
+
+    models = models_for(None, 0)
+    fit_models(project, train, models, run_options.robot, note, progress, run_options)
+    progress("report")
+    return conclude(project, models, train, test, None, tuple(run))
+
+
+def model_path(project: Project, name: str) -> Path:
+    """Where a model of a project stands."""
+    return project.folder / "models" / f"{name}.npz"
+
+
+def fit_models(
+    project: Project,
+    train: Sequence[Path],
+    models: Mapping[str, FitOptions],
+    robot: str | None,
+    note: Callable[[str, bool], None],
+    progress: Callable[[str], Progress],
+    run_options: FitRun | None = None,
+) -> None:
+    """Fit every model that has not been fitted to these recordings."""
+    (project.folder / "models").mkdir(exist_ok=True)
+    hashes = _hashes(train)
+    base = run_options if run_options is not None else FitRun(robot=robot)
+    settings = FitRun(base.units, base.joint_names, robot, base.max_error, None, 0)
+    for name, options in models.items():
+        path = model_path(project, name)
+
+        def work(options: FitOptions = options, path: Path = path, name: str = name) -> None:
+            tell = progress(f"fit {name.replace('_', ', preset ')}")
+            result = fit_calibration(list(train), options, settings, progress=tell)
+            save_model(result.model, result.card, path)
+
+        made_from = [hashes, asdict(options), asdict(settings)]
+        note(f"fit {name}", project.run(f"fit {name}", made_from, [path, card_path(path)], work))
+
+
+def _hashes(paths: Sequence[Path]) -> list[str]:
+    for path in paths:
+        if not path.is_file():
+            raise InputError(f"{path}: no such recording")
+    return [sha256_of(path) for path in paths]
+
+
+def conclude(
+    project: Project,
+    models: Mapping[str, FitOptions],
+    train: Sequence[Path],
+    test: Sequence[Path],
+    deployed: Path | None,
+    run: tuple[str, ...],
+) -> CalibrationResult:
+    """Evaluate every model and write evaluation.json and report.html."""
+    import json
+
+    results = {name: evaluate_calibration(model_path(project, name), list(test)) for name in models}
+    deployment = None if deployed is None else json.loads(deployed.read_text(encoding="utf-8"))
+    page = project.folder / "report.html"
+    concluded = CalibrationResult(
+        page=page,
+        model_path=model_path(project, BEST),
+        evaluations={name: result.evaluation for name, result in results.items()},
+        deployment=deployment,
+        repeated=run,
+    )
+    write(project.folder / "evaluation.json", concluded.summary())
+    best = results[BEST]
+    write_project_report(
+        page,
+        project.settings.connection,
+        best.model,
+        best.card,
+        best.evaluation,
+        concluded.table(),
+        train,
+        test,
+        deployment,
+        notes=best.notes,
+    )
+    return concluded

@@ -1,0 +1,148 @@
+"""A calibration model at work: in the 1 kHz loop of a robot, with its latency and its error while it runs."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import nan
+from typing import Any
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.calibration.corrector import Corrector
+from catenary.calibration.evaluate import rms
+from catenary.calibration.model import CalibrationModel
+from catenary.control.loop import Tick, run_loop
+from catenary.control.realtime import Durations, Timing
+from catenary.control.report import LoopReport
+from catenary.plant import JointState, Plant
+from catenary.simulation.cable_plant import CablePlant
+from catenary.trajectories.embedded import Embedded
+from catenary.trajectories.reference import Trajectory
+from catenary.units import DISPLAY
+from catenary.workflows.robot.motion import check_motion, move_to
+
+
+@dataclass(frozen=True)
+class Deployment:
+    """How a deployed model did, tick by tick, against the joints' true positions."""
+
+    loop: LoopReport
+    joint_names: tuple[str, ...]  # of the model
+    units: tuple[str, ...]  # deg or mm
+    raw_rmse: tuple[float, ...]
+    rmse: tuple[float, ...]
+    outside: tuple[float, ...]  # share of ticks outside the valid range
+    correction: Timing  # [s] of the model's part of a tick alone
+    simulated: bool = True
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data: times in microseconds, errors in deg and mm."""
+        compute = self.loop.compute
+        return {
+            "simulated": self.simulated,
+            "ticks": self.loop.ticks,
+            "rate_hz": self.loop.rate_hz,
+            "compute_us": None if compute is None else {k: 1e6 * v for k, v in compute._asdict().items()},
+            "jitter_us": None
+            if self.loop.jitter is None
+            else {k: 1e6 * v for k, v in self.loop.jitter._asdict().items()},
+            "correction_us": {k: 1e6 * v for k, v in self.correction._asdict().items()},
+            "overruns": self.loop.overruns,
+            "real_time_priority": self.loop.has_priority,
+            "joints": [
+                {"name": name, "unit": unit, "raw_rmse": raw, "rmse": rmse, "outside_valid_range": outside}
+                for name, unit, raw, rmse, outside in zip(
+                    self.joint_names, self.units, self.raw_rmse, self.rmse, self.outside, strict=True
+                )
+            ],
+        }
+
+
+def deploy_on_simulated(
+    plant: CablePlant, model: CalibrationModel, trajectory: Trajectory, *, real_time: bool = False
+) -> Deployment:
+    """Run a model in the 1 kHz loop of a simulated robot that follows a trajectory by its own firmware.
+
+    Args:
+        plant: Homed and enabled.
+        model: Fitted to recordings of this robot.
+        trajectory: Of the model's joints.
+        real_time: Keep time with the clock, to see jitter and overruns.
+
+    Raises:
+        LimitError: The trajectory leaves the limits; nothing has moved.
+        InputError: The robot lacks a joint or an input of the model.
+    """
+
+    def encoders() -> Floats:
+        return plant.encoders.positions(plant.encoders.counts(plant.state.q))
+
+    return deploy_on_robot(plant, model, trajectory, encoders, real_time=real_time)
+
+
+def deploy_on_robot(
+    plant: Plant,
+    model: CalibrationModel,
+    trajectory: Trajectory,
+    encoders: Callable[[], Floats],
+    *,
+    real_time: bool = False,
+) -> Deployment:
+    """Run a model in the 1 kHz loop of any robot that follows a trajectory by its own firmware.
+
+    Args:
+        plant: Homed and enabled.
+        model: Fitted to recordings of this robot.
+        trajectory: Of the model's joints.
+        encoders: Gives where the model's joints are now [rad|m]; NaN where nobody knows. Asked in every tick.
+        real_time: Keep time with the clock also on a simulated robot.
+
+    Raises:
+        LimitError: The trajectory leaves the limits; nothing has moved.
+        InputError: The robot lacks a joint or an input of the model.
+    """
+    places = [plant.joint_names.index(name) for name in model.joint_names if name in plant.joint_names]
+    corrector = Corrector(model)
+    corrector.prepare(
+        plant.joint_names, plant.joint_units, 1.0 / plant.period
+    )  # refuses before anything moves
+    joints = [plant.joint_names[j] for j in places]
+    check_motion(plant, trajectory, joints=joints)
+    move_to(plant, trajectory(0.0).q, joints=joints)
+    motion = Embedded(trajectory, places, plant.setpoint_js().q)
+    true: list[Floats] = []
+    ticks: list[Tick] = []
+
+    def observe(tick: Tick) -> None:  # light: it is part of the loop
+        true.append(encoders())
+        ticks.append(tick)
+
+    report = run_loop(plant, None, motion, corrector=corrector, observers=[observe], real_time=real_time)
+    scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])
+    known = np.array(true)
+    rows = np.isfinite(known).all(axis=1)
+    before = (known - np.array([tick.q_nominal[places] for tick in ticks]))[rows] * scale
+    after = (known - np.array([tick.state.q[places] for tick in ticks]))[rows] * scale
+    return Deployment(
+        loop=report,
+        joint_names=model.joint_names,
+        units=tuple(DISPLAY[unit][0] for unit in model.joint_units),
+        raw_rmse=tuple(rms(column) if len(column) else nan for column in before.T),
+        rmse=tuple(rms(column) if len(column) else nan for column in after.T),
+        outside=tuple((report.outside_valid_range or ())[place] for place in places),
+        correction=_time_correction(corrector, [tick.state for tick in ticks]),
+        simulated=plant.simulated,
+    )
+
+
+def _time_correction(corrector: Corrector, states: list[JointState]) -> Timing:
+    """How long the model's part of a tick takes, on the states that the loop saw."""
+    n = len(states[0].q)
+    out, inside = np.empty(n), np.empty(n, dtype=bool)
+    durations = Durations()
+    for state in states:
+        begin = time.perf_counter()
+        corrector.correct_state(state, out, inside)
+        durations.add(time.perf_counter() - begin)
+    return durations.timing() or Timing(nan, nan, nan, nan)

@@ -1,0 +1,40 @@
+"""A project's recordings, whatever robot they are of: extracted, synchronised, made into motion logs."""
+
+from pathlib import Path
+
+from catenary.workflows.project.folder import Project, write
+from catenary.workflows.project.robot import empty
+
+
+def extract_recording(project: Project, name: str) -> bool:
+    """Extract recordings/NAME and synchronise it into a motion log, NAME.parquet."""
+    from catenary.recording.extract import extract
+    from catenary.recording.logs import write_parquet
+    from catenary.recording.synchronise import SynchroniseOptions, synchronise
+
+    folder = project.folder / "extracted" / name
+    path, report = motion_log_path(project, name), project.folder / f"{name}.synchronised.json"
+
+    def work() -> None:
+        empty(folder)
+        extraction = extract([project.folder / "recordings" / name], folder)
+        arm = SynchroniseOptions(arm="gold" if project.settings.side == "left" else "green")
+        result = synchronise(folder, arm)
+        write_parquet(result.log, path)
+        write(
+            report,
+            {
+                "topics": [vars(topic) | {"longest_gap": topic.longest_gap} for topic in result.topics],
+                "stopped_encoders": [stop.note() for stop in result.stopped],
+                "rows": len(result.log),
+                "rows_without_encoder": result.without_encoder,
+                "problems": list(extraction.problems),
+            },
+        )
+
+    return project.run(f"extract {name}", [project.fingerprint_of(f"record {name}")], [path, report], work)
+
+
+def motion_log_path(project: Project, name: str) -> Path:
+    """Where the motion log of a recording stands."""
+    return project.folder / f"{name}.parquet"

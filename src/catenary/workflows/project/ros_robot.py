@@ -1,0 +1,237 @@
+"""A RAVEN-II on ROS in a project: homed, driven, recorded and deployed on, with a person beside it where one is needed.
+
+What a person has to do is asked for, and done when the robot's own topics show it: encoders when their readings come,
+the start button when it is homed, the pedal when it is ENABLED. Whatever ends a motion, the robot is paused.
+"""
+
+import contextlib
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from catenary.calibration.model import CalibrationModel
+from catenary.calibration.progress import Progress, silent
+from catenary.crtk.client import CrtkClient
+from catenary.crtk.transport import Transport
+from catenary.errors import CatenaryError, NotReadyError
+from catenary.plant import JointState, OperatingState
+from catenary.recording.journal import About
+from catenary.recording.synchronise import CALIBRATED, ROBOT
+from catenary.recording.topics import EXT_JPOS, Arm, Topic, raven_topics
+from catenary.trajectories.reference import Reference, Trajectory
+from catenary.workflows.project.deploy import deploy_on_robot
+from catenary.workflows.project.folder import Project, write
+from catenary.workflows.project.robot import empty
+from catenary.workflows.robot.guide import PATIENCE, AnswerYes, Check, Guide, clear_workspace, have_done
+from catenary.workflows.robot.homing import HOMING, home_client
+from catenary.workflows.robot.motion import check_motion, move_to, run_trajectory
+from catenary.workflows.robot.topic_recorder import TopicRecorder, refuse_missing
+
+COLLECT_EVERY = 20  # ticks between two looks at what has come
+
+
+class RosRobot:
+    """A RAVEN-II's arm behind a transport."""
+
+    def __init__(
+        self,
+        transport: Transport,
+        guide: Guide,
+        *,
+        simulated: bool = False,
+        patience: float = PATIENCE,
+        homing_patience: float = HOMING,
+    ) -> None:
+        """Take a transport; the robot is looked for when a step needs it.
+
+        Args:
+            transport: Brings and takes messages; stays open.
+            guide: Asks the person beside the robot.
+            simulated: What is behind the topics, which do not say it.
+            patience: [s] until the robot must report what a person has done.
+            homing_patience: [s] from the press of its button until it must be homed.
+        """
+        self._transport, self._guide = transport, guide
+        self._simulated, self._patience = simulated, patience
+        self._homing_patience = homing_patience
+        self._is_clear = False  # whether the workspace was said to be
+
+    def home(self, project: Project) -> bool:
+        """Home it, encoders mounted; whether it had to be done."""
+        path = project.folder / "robot" / "home.json"
+
+        def work() -> None:
+            path.parent.mkdir(exist_ok=True)
+            with self._connected(project) as client:
+                self._make_ready(client)
+                write(
+                    path,
+                    {
+                        "simulated": self._simulated,
+                        "joint_names": client.joint_names,
+                        "believed": client.measured_js().q,
+                        "external_encoders": client.external_encoders(),
+                    },
+                )
+
+        return project.run("home", _robot_settings(project), [path], work)
+
+    def record(
+        self,
+        project: Project,
+        name: str,
+        trajectory: Trajectory,
+        motion: Any,
+        *,
+        after: str,
+        progress: Progress = silent,
+    ) -> bool:
+        """Drive and record it; a recording that was interrupted is begun anew."""
+        folder = project.folder / "recordings" / name
+        step = after if after == "home" else f"record {after}"
+        made_from = [motion, project.settings.state_rate_hz, project.fingerprint_of(step)]
+
+        def work() -> None:
+            with self._connected(project) as client:
+                check_motion(client, trajectory, joints=CALIBRATED)
+                self._make_ready(client)
+                with _paused_afterwards(client):
+                    move_to(client, trajectory(0.0).q, joints=CALIBRATED)
+                    empty(folder)
+                    self._drive(client, project, name, trajectory, motion, progress)
+
+        return project.run(f"record {name}", made_from, [folder], work)
+
+    def deploy(
+        self,
+        project: Project,
+        model: CalibrationModel,
+        trajectory: Trajectory,
+        *,
+        after: str,
+        real_time: bool = True,
+    ) -> Mapping[str, Any]:
+        """Run a model in a 1 kHz loop around the robot; errors are against the external encoders' latest reading."""
+        with self._connected(project) as client:
+            self._make_ready(client)
+            with _paused_afterwards(client):
+                found = deploy_on_robot(
+                    client,
+                    model,
+                    trajectory,
+                    client.external_encoders,
+                    real_time=real_time and not self._simulated,
+                )
+        return found.as_data()
+
+    @contextlib.contextmanager
+    def _connected(self, project: Project) -> Iterator[CrtkClient]:
+        arm = arm_of(project)
+        with CrtkClient(self._transport, arm=arm, simulated=self._simulated) as client:
+            yield client
+
+    def _make_ready(self, client: CrtkClient) -> None:
+        """Bring it to ENABLED and homed, with encoders whose readings come."""
+        if not self._is_clear:
+            clear_workspace(self._guide)
+            self._is_clear = True
+        encoders = "mount the external encoders and start their program"
+        if not client.operating_state().is_homed:
+            self._have(encoders, self._no_encoders)  # their readings count from the homing on
+            home_client(client, self._guide, patience=self._homing_patience)
+        self._have(encoders, lambda: _not_registered(client))
+        if client.operating_state().state != "ENABLED":
+            self._enable(client)
+
+    def _enable(self, client: CrtkClient) -> None:
+        if isinstance(self._guide, AnswerYes):
+            state = client.operating_state().state
+            if state == "FAULT":
+                raise NotReadyError("the robot is in FAULT; see to it, --yes does not")
+            client.state_command("resume" if state == "PAUSED" else "enable")
+        have_done(
+            self._guide,
+            "press the pedal, so that the robot is ENABLED",
+            lambda: _not_enabled(client.operating_state()),
+            self._transport.sleep,
+            patience=self._patience,
+        )
+
+    def _have(self, text: str, missing: Check) -> None:
+        have_done(self._guide, text, missing, self._transport.sleep, patience=self._patience)
+
+    def _no_encoders(self) -> str | None:
+        there = self._transport.topics()
+        if EXT_JPOS.name in there:
+            return None
+        return f"nobody publishes {EXT_JPOS.name}"
+
+    def _drive(
+        self,
+        client: CrtkClient,
+        project: Project,
+        name: str,
+        trajectory: Trajectory,
+        motion: Any,
+        progress: Progress,
+    ) -> None:
+        arm = arm_of(project)
+        about = About(robot=ROBOT[arm], simulated=self._simulated, configuration={"motion": motion})
+        folder = project.folder / "recordings" / name
+        topics = raven_topics(arm, state_rate=project.settings.state_rate_hz)
+        tick = 0
+
+        with TopicRecorder(self._transport, folder, topics, about=about) as recorder:
+
+            def observe(_: JointState, __: Reference) -> None:
+                nonlocal tick
+                tick += 1
+                if tick % COLLECT_EVERY == 0:
+                    recorder.collect()
+
+            run_trajectory(client, trajectory, joints=CALIBRATED, observe=observe, progress=progress)
+            recorder.collect()
+            refuse_missing(recorder.counts, [topic.name for topic in required(topics)])
+        for problem in recorder.problems():
+            self._guide.say(problem)
+
+
+def arm_of(project: Project) -> Arm:
+    """Arm that a project is about."""
+    return "gold" if project.settings.side == "left" else "green"
+
+
+def required(topics: tuple[Topic, ...]) -> tuple[Topic, ...]:
+    """Topics without which a recording is no calibration: the robot's state and the external encoders."""
+    return tuple(topic for topic in topics if topic.type == "raven_2/raven_state" or topic == EXT_JPOS)
+
+
+@contextlib.contextmanager
+def _paused_afterwards(client: CrtkClient) -> Iterator[None]:
+    """Pause the robot at the end, Ctrl-C and errors included."""
+    try:
+        yield
+    except BaseException as error:
+        try:
+            client.state_command("pause")
+        except CatenaryError as another:
+            error.add_note(f"pausing the robot failed: {another}")
+        raise
+    client.state_command("pause")
+
+
+def _not_enabled(now: OperatingState) -> str | None:
+    return None if now.state == "ENABLED" else f"the robot is {now.state}"
+
+
+def _not_registered(client: CrtkClient) -> str | None:
+    """What is wrong with the encoders of a homed robot."""
+    if np.isfinite(client.external_encoders()).all():
+        return None
+    return f"no reading comes on {EXT_JPOS.name}"
+
+
+def _robot_settings(project: Project) -> Any:
+    settings = project.settings
+    return [settings.robot, settings.side, settings.connection]

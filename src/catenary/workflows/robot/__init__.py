@@ -1,0 +1,1 @@
+"""An operator and a robot: homed, moved, watched, recorded."""

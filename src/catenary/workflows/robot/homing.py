@@ -1,0 +1,157 @@
+"""A robot homed: one simulated here, or one behind a transport, with a person beside it where one is needed."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.crtk.client import CrtkClient
+from catenary.crtk.names import BUTTON, BUTTON_TYPE
+from catenary.errors import CatenaryError, NotReadyError, TransportError
+from catenary.plant import OperatingState, Plant
+from catenary.workflows.robot.guide import AnswerYes, Guide, clear_workspace, have_done
+from catenary.workflows.robot.operated_robot import OperatedRobot
+
+HOMING = 180.0  # [s] that a robot may take from the press of its button until it is homed
+
+
+@dataclass(frozen=True)
+class Homing:
+    """What homing led to."""
+
+    robot: str
+    simulated: bool
+    was_run: bool  # False: it was homed before, and nothing has moved
+    seconds: float  # of the robot's time
+    joint_names: tuple[str, ...]
+    joint_units: tuple[str, ...]
+    believed: Floats  # (n,) [rad|m] reported afterwards
+    external_encoders: Floats | None  # (3,) [rad, rad, m], NaN where they say nothing; None without any
+    state: OperatingState
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data, SI."""
+        return {
+            "robot": self.robot,
+            "simulated": self.simulated,
+            "run": self.was_run,
+            "seconds": self.seconds,
+            "joint_names": self.joint_names,
+            "believed": self.believed,
+            "external_encoders": self.external_encoders,
+            "state": self.state._asdict(),
+        }
+
+
+def home_operated(robot: OperatedRobot, guide: Guide) -> Homing:
+    """Home a robot unless it is homed.
+
+    Args:
+        robot: Simulated here, in any state, or behind a transport.
+        guide: Asks the person beside a robot behind a transport; says yes by itself where that one is simulated.
+
+    Raises:
+        NotReadyError: Given up, in FAULT, or not homed in time.
+        TransportError: The robot fell silent.
+    """
+    plant = robot.plant
+    begin = plant.measured_js().time
+    was_run = not plant.operating_state().is_homed
+    if was_run:
+        if isinstance(plant, CrtkClient):
+            if not plant.simulated:
+                clear_workspace(guide)
+            home_client(plant, guide)
+        else:
+            _home_here(plant)
+    now = plant.measured_js()
+    return Homing(
+        robot.name, plant.simulated, was_run, now.time - begin, plant.joint_names, plant.joint_units, now.q,
+        _external_encoders(plant), plant.operating_state(),
+    )  # fmt: skip
+
+
+def home_client(client: CrtkClient, guide: Guide, *, patience: float = HOMING) -> None:
+    """Have a robot homed whose workspace is clear: by its own button, or by commands where its dialect has them.
+
+    A homing that is interrupted, by Ctrl-C or an error, is ended by `disable`, which acts in every state.
+
+    Args:
+        client: Of the robot.
+        guide: Has the button pressed; one that only says yes presses a simulated robot's.
+        patience: [s] until it must be homed.
+
+    Raises:
+        NotReadyError: Given up, in FAULT, or not homed in time.
+        TransportError: The robot fell silent.
+    """
+    try:
+        if client.dialect == "crtk":
+            _command_home(client)
+        elif isinstance(guide, AnswerYes):
+            _press_button(client, guide)
+        have_done(
+            guide,
+            "press the robot's start button and wait until it is homed",
+            lambda: not_homed(client.operating_state()),
+            client.transport.sleep,
+            patience=patience,
+        )
+    except BaseException as error:
+        _stop(client, error)
+        raise
+
+
+def not_homed(now: OperatingState) -> str | None:
+    """What is missing until a robot is homed."""
+    if now.is_homed and not now.is_busy:
+        return None
+    return f"the robot is {now.state}, {'busy' if now.is_busy else 'not homed'}"
+
+
+def _home_here(plant: Plant) -> None:
+    if plant.operating_state().state != "ENABLED":
+        plant.state_command("enable")
+    plant.state_command("home")
+    while plant.operating_state().is_busy:
+        plant.wait()
+
+
+def _press_button(client: CrtkClient, guide: Guide) -> None:
+    """What a simulated robot offers in place of its button; CRTK's own commands where there is none."""
+    guide.say("pressing the start button (--yes)")
+    try:
+        answer = client.transport.call(BUTTON, BUTTON_TYPE)
+        if answer.success:
+            return
+        raise NotReadyError(f"the start button: {answer.message}")
+    except TransportError:
+        _command_home(client)
+
+
+def _command_home(client: CrtkClient) -> None:
+    state = client.operating_state()
+    if state.state == "FAULT":
+        raise NotReadyError("the robot is in FAULT; see to it, then enable it: home does not")
+    if state.state != "ENABLED":
+        client.state_command("enable")
+    client.state_command("home")
+
+
+def _stop(client: CrtkClient, error: BaseException) -> None:
+    """End a homing that is under way."""
+    try:
+        if client.operating_state().is_busy:
+            client.state_command("disable")
+            error.add_note("the robot was homing; it was disabled")
+    except CatenaryError as another:
+        error.add_note(f"the robot may still be homing, press its e-stop; disabling it failed: {another}")
+
+
+def _external_encoders(plant: Plant) -> Floats | None:
+    if isinstance(plant, CrtkClient):
+        found = plant.external_encoders()
+        return found if np.isfinite(found).any() else None
+    telemetry = plant.telemetry()
+    return np.array(telemetry["ext_jpos"]) if "ext_jpos" in telemetry else None

@@ -1,0 +1,230 @@
+"""The robot that an operator's tools move: a simulated one in this process, or one behind a transport."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.crtk.client import CrtkClient
+from catenary.crtk.joints import model_joints
+from catenary.crtk.latest import ImuTopic
+from catenary.crtk.names import Dialect
+from catenary.crtk.transport import Transport
+from catenary.errors import InputError
+from catenary.plant import Column, JointState, OperatingState, Plant, StateCommand
+from catenary.robots.catalog import RAVEN_SIDES, load_robot
+from catenary.robots.model import RobotModel
+from catenary.simulation.base_motion import FixedBase
+
+DIALECTS: tuple[Dialect, ...] = ("raven", "crtk")
+
+
+@dataclass(frozen=True)
+class OperatedRobot:
+    """A plant, and the model of those of its joints that place the tool; they come first among the plant's."""
+
+    name: str
+    plant: Plant
+    model: RobotModel
+    late: Callable[[], int]  # ticks that began late, until now
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the model's joints."""
+        return self.plant.joint_names[: self.model.n]
+
+    def gravity_torque(self, state: JointState) -> Floats | None:
+        """Torques that hold the model's joints still (n,) [Nm|N]; None for a model without inertia."""
+        from catenary.errors import MissingInertiaError
+        from catenary.gravity.torque import gravity_torque
+
+        try:
+            return np.asarray(gravity_torque(self.model, state.q[: self.model.n], state.gravity))
+        except MissingInertiaError:
+            return None
+
+
+class PacedPlant:
+    """A simulated plant whose ticks last as long as a robot's; a late tick delays the next one, it makes none leap."""
+
+    def __init__(self, plant: Plant) -> None:
+        """Take a plant; its clock starts with the first tick."""
+        self._plant = plant
+        self._next: float | None = None
+        self.late = 0  # ticks that began a whole period late or more
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return self._plant.joint_names
+
+    @property
+    def joint_units(self) -> tuple[str, ...]:
+        """Unit of each joint, rad or m."""
+        return self._plant.joint_units
+
+    @property
+    def lower(self) -> Floats:
+        """Joint limits below (n,) [rad|m]."""
+        return self._plant.lower
+
+    @property
+    def upper(self) -> Floats:
+        """Joint limits above (n,) [rad|m]."""
+        return self._plant.upper
+
+    @property
+    def period(self) -> float:
+        """Of a tick [s]."""
+        return self._plant.period
+
+    @property
+    def simulated(self) -> bool:
+        """Whether it is none of steel."""
+        return self._plant.simulated
+
+    @property
+    def supports(self) -> frozenset[str]:
+        """Verbs that it has."""
+        return self._plant.supports
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """Columns of its telemetry."""
+        return self._plant.columns
+
+    def measured_js(self) -> JointState:
+        """Latest measured joint state."""
+        return self._plant.measured_js()
+
+    def setpoint_js(self) -> JointState:
+        """Latest joint setpoint."""
+        return self._plant.setpoint_js()
+
+    def servo_jp(self, q: Floats) -> None:
+        """Command joint positions."""
+        self._plant.servo_jp(q)
+
+    def servo_jr(self, dq: Floats) -> None:
+        """Command joint increments."""
+        self._plant.servo_jr(dq)
+
+    def servo_jf(self, tau: Floats) -> None:
+        """Command joint torques."""
+        self._plant.servo_jf(tau)
+
+    def operating_state(self) -> OperatingState:
+        """Operating state."""
+        return self._plant.operating_state()
+
+    def state_command(self, command: StateCommand) -> None:
+        """Ask for a transition."""
+        self._plant.state_command(command)
+
+    def telemetry(self) -> Mapping[str, Floats]:
+        """Latest sample of every column."""
+        return self._plant.telemetry()
+
+    def wait(self) -> None:
+        """Advance the simulation, then sleep until the tick is over."""
+        begin = time.monotonic()
+        self._plant.wait()
+        now = time.monotonic()
+        if self._next is None or begin > self._next + self.period:
+            self.late += self._next is not None
+            self._next = begin
+        self._next += self.period
+        if self._next > now:
+            time.sleep(self._next - now)
+
+
+def simulated_robot(
+    robot: str = "raven2",
+    *,
+    seed: int | None = None,
+    base_tilt_deg: tuple[float, float] = (0.0, 0.0),
+    homed: bool = True,
+    real_time: bool = True,
+) -> OperatedRobot:
+    """Put a simulated robot up, enabled and homed: RAVEN-II with its cables, any other by MuJoCo.
+
+    Args:
+        robot: Name in the catalogue, or a robot file with inertia.
+        seed: Draws another RAVEN-II of the kind; the nominal one when None.
+        base_tilt_deg: Roll about x, then pitch about y, of the base.
+        homed: False leaves it as it wakes up.
+        real_time: False lets its ticks be as short as the machine makes them.
+
+    Raises:
+        InputError: A seed for a robot that is always the same.
+        MissingPackageError: MuJoCo is not installed.
+        MissingInertiaError: Links without inertia.
+    """
+    base = FixedBase(*(float(angle) for angle in np.deg2rad(base_tilt_deg)))
+    plant: Plant
+    if robot in RAVEN_SIDES:
+        from catenary.simulation.cable_plant import CablePlant
+
+        model = load_robot(robot)
+        cables = CablePlant(side=RAVEN_SIDES[robot], seed=seed, base=base)
+        if homed:
+            cables.home()
+        plant = cables
+    else:
+        from catenary.simulation.mujoco_plant import MujocoPlant
+
+        if seed is not None:
+            raise InputError(f'robot "{robot}": there is one simulated robot of it, --seed draws no other')
+        model = load_robot(robot)
+        rigid = MujocoPlant(model, base=base)
+        if homed:
+            rigid.home()
+        plant = rigid
+    if not real_time:
+        return OperatedRobot(model.name, plant, model, lambda: 0)
+    paced = PacedPlant(plant)
+    return OperatedRobot(model.name, paced, model, lambda: paced.late)
+
+
+def robot_over(
+    transport: Transport,
+    robot: str = "raven2",
+    *,
+    dialect: str = "raven",
+    namespace: str | None = None,
+    simulated: bool = False,
+    imu: ImuTopic | None = None,
+) -> tuple[OperatedRobot, CrtkClient]:
+    """Reach a robot behind a transport; the client is the caller's to close.
+
+    Args:
+        transport: Brings and takes messages; stays open.
+        robot: raven2 (gold) or raven2_right (green); any robot where the dialect is `crtk`.
+        dialect: raven or crtk.
+        namespace: In front of the verbs of a robot that speaks `crtk`.
+        simulated: What is behind the topics, which do not say it.
+        imu: What gravity is read from; nominal gravity when None.
+
+    Raises:
+        TransportError: The robot is not there; the message names the topics.
+        InputError: Another dialect, or a robot that does not speak it.
+    """
+    if dialect not in DIALECTS:
+        raise InputError(f'--dialect "{dialect}": expected one of {", ".join(DIALECTS)}')
+    if robot not in RAVEN_SIDES and dialect == "raven":
+        raise InputError(
+            f'robot "{robot}": expected one of {", ".join(RAVEN_SIDES)} with the dialect raven; others speak crtk'
+        )
+    model = load_robot(robot)
+    client = CrtkClient(
+        transport,
+        dialect=dialect,
+        arm="green" if robot == "raven2_right" else "gold",
+        namespace=namespace,
+        joints=None if robot in RAVEN_SIDES else model_joints(model),
+        simulated=simulated,
+        imu=imu,
+    )
+    return OperatedRobot(model.name, client, model, lambda: client.late), client

@@ -1,0 +1,281 @@
+"""Motions an operator asks for: to a place, at random, along a file; each watched, and held when stopped."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array
+from catenary.calibration.progress import Progress, silent
+from catenary.dynamics.inverse_kinematics import inverse_kinematics
+from catenary.dynamics.kinematics import forward_kinematics
+from catenary.errors import CatenaryError, InputError, LimitError
+from catenary.plant import JointState, OperatingState, Plant, require_ready
+from catenary.robots.catalog import RAVEN_SIDES
+from catenary.spatial import Pose
+from catenary.trajectories.reference import Reference, Trajectory
+from catenary.trajectories.sinusoids import random_sinusoids
+from catenary.trajectories.zigzag import BLEND
+from catenary.workflows.robot.followed_file import FollowedFile
+from catenary.workflows.robot.motion import GENTLE_VELOCITY, check_motion, move_to, run_trajectory
+from catenary.workflows.robot.operated_robot import OperatedRobot
+
+# a fifth of what a RAVEN-II's firmware lets pass, 2.5 rad/s and 0.05 m/s: a faster file was likely not meant for it
+LARGEST_VELOCITY = {"rad": 0.5, "m": 0.01}  # [rad/s], [m/s]
+NEAR = {
+    "rad": np.deg2rad(60.0),
+    "m": 0.15,
+}  # way to the start of a file that is gone without being asked twice
+MIDDLE = 0.3  # share of the range, to either side of its middle, in which other robots than RAVEN-II move at random
+HOLD_TICKS = 20  # in which a robot is told that it stays where it is
+
+
+@dataclass(frozen=True)
+class MotionSummary:
+    """How a motion went."""
+
+    robot: str
+    simulated: bool
+    duration: float  # [s] of the robot's time
+    joint_names: tuple[str, ...]
+    joint_units: tuple[str, ...]
+    max_error: Floats  # (n,) [rad|m] largest |reported - commanded|
+    rms_error: Floats  # (n,) [rad|m]
+    q: Floats  # (n,) [rad|m] reported at the end
+    state: OperatingState  # at the end
+    late_ticks: int
+    interrupted: bool  # by Ctrl-C: the robot holds where it is
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data, SI."""
+        return {
+            "robot": self.robot,
+            "simulated": self.simulated,
+            "duration_s": self.duration,
+            "interrupted": self.interrupted,
+            "late_ticks": self.late_ticks,
+            "state": self.state._asdict(),
+            "joints": [
+                {"name": name, "unit": unit, "q": q, "max_error": largest, "rms_error": rms}
+                for name, unit, q, largest, rms in zip(
+                    self.joint_names,
+                    self.joint_units,
+                    self.q.tolist(),
+                    self.max_error.tolist(),
+                    self.rms_error.tolist(),
+                    strict=True,
+                )
+            ],
+        }
+
+
+def go_to_joints(
+    robot: OperatedRobot,
+    q: ArrayLike,
+    *,
+    joints: Sequence[str] | None = None,
+    speed: float = 1.0,
+    progress: Progress = silent,
+) -> MotionSummary:
+    """Bring joints to a position, gently, all arriving together.
+
+    Args:
+        robot: Enabled and homed.
+        q: (k,) [rad|m].
+        joints: Their names; the first k when None.
+        speed: Times the gentle one, 0.2 rad/s and 10 mm/s.
+        progress: Called with the share done.
+
+    Raises:
+        LimitError, NotReadyError, UnsupportedCommandError, InputError: As `robot.motion.move_to`; nothing moved.
+    """
+    goal = as_array("q", q, (None,))
+    names = robot.plant.joint_names[: len(goal)] if joints is None else tuple(joints)
+    if not 0.0 < speed <= 5.0:
+        raise InputError(f"--speed: expected more than 0 and at most 5, got {speed}")
+    units = [
+        robot.plant.joint_units[robot.plant.joint_names.index(n)]
+        for n in names
+        if n in robot.plant.joint_names
+    ]
+    velocity = [speed * GENTLE_VELOCITY[unit] for unit in units] if len(units) == len(names) else None
+    return _watched(
+        robot,
+        lambda observe: move_to(
+            robot.plant, goal, joints=names, max_velocity=velocity, observe=observe, progress=progress
+        ),
+    )
+
+
+def joints_at(robot: OperatedRobot, position: ArrayLike, *, rng: np.random.Generator) -> Floats:
+    """Joints that bring the model's tip to a position (3,) [m] in the base frame, near where they are, (n,) [rad|m].
+
+    A robot whose tool can turn keeps its orientation.
+
+    Raises:
+        UnreachablePoseError: It cannot be reached.
+    """
+    start = robot.plant.setpoint_js().q[: robot.model.n]
+    start = np.clip(start, robot.model.lower, robot.model.upper)
+    here = forward_kinematics(robot.model, start)
+    goal = Pose(here.rotation, as_array("position", position, (3,)))
+    return inverse_kinematics(robot.model, goal, start, rng=rng)
+
+
+def random_motion(robot: OperatedRobot, seconds: float, *, rng: np.random.Generator) -> Trajectory:
+    """Random motion of the model's joints: in RAVEN-II's calibration box, elsewhere in the middle of the ranges.
+
+    Raises:
+        InputError: Too short, or a joint without limits.
+    """
+    if robot.model.name in RAVEN_SIDES or robot.name in RAVEN_SIDES:
+        return random_sinusoids(rng, seconds)
+    k = robot.model.n
+    lower, upper = robot.plant.lower[:k], robot.plant.upper[:k]
+    if not (np.isfinite(lower).all() and np.isfinite(upper).all()):
+        raise InputError(f"{robot.name}: random motion needs joint limits, and some joints have none")
+    middle, half = 0.5 * (lower + upper), MIDDLE * (upper - lower)
+    gentle = np.array([GENTLE_VELOCITY[unit] for unit in robot.plant.joint_units[:k]])
+    return random_sinusoids(
+        rng, seconds, lower=middle - half, upper=middle + half, turning_band=0.3 * half,
+        slowest=0.25 * gentle, fastest=gentle,
+    )  # fmt: skip
+
+
+def run_random(
+    robot: OperatedRobot, seconds: float, *, rng: np.random.Generator, progress: Progress = silent
+) -> MotionSummary:
+    """Move the model's joints at random, after going to where that begins.
+
+    Raises:
+        NotReadyError, UnsupportedCommandError, InputError: Nothing has moved.
+    """
+    motion = random_motion(robot, seconds, rng=rng)
+    return _run(robot, motion, robot.joints, progress)
+
+
+def follow(
+    robot: OperatedRobot,
+    file: FollowedFile,
+    *,
+    blend: float = BLEND,
+    largest_velocity: dict[str, float] | None = None,
+    from_afar: bool = False,
+    progress: Progress = silent,
+) -> MotionSummary:
+    """Follow a file from its beginning, after all of it was checked and a gentle way to its start.
+
+    Args:
+        robot: Enabled and homed.
+        file: The motion.
+        blend: [s] over which velocities are averaged.
+        largest_velocity: Per unit, rad and m [rad/s, m/s]; LARGEST_VELOCITY when None.
+        from_afar: Also start from farther away than NEAR.
+        progress: Called with the share done.
+
+    Raises:
+        LimitError: The motion leaves limits or speeds, or its start is far away; nothing has moved.
+        NotReadyError, UnsupportedCommandError, InputError: As `robot.motion.run_trajectory`.
+    """
+    names, motion, way = planned(robot, file, blend=blend, largest_velocity=largest_velocity)
+    for name, unit, far in zip(names, file.joint_units, way, strict=True):
+        if far > NEAR[unit] and not from_afar:
+            raise LimitError(
+                f'{file.name}: joint "{name}" is {_shown(far, unit)} from the start, '
+                f"more than {_shown(NEAR[unit], unit)}; nothing has moved. "
+                "Go there first (catenary goto), or say --from-afar"
+            )
+    return _run(robot, motion, names, progress)
+
+
+def planned(
+    robot: OperatedRobot,
+    file: FollowedFile,
+    *,
+    blend: float = BLEND,
+    largest_velocity: dict[str, float] | None = None,
+) -> tuple[tuple[str, ...], Trajectory, Floats]:
+    """Check all of a file's motion; give its joints, the motion, and how far its start is, (k,) [rad|m].
+
+    Raises:
+        LimitError: The motion leaves limits or speeds.
+        InputError: Joints that the robot does not have, or in another unit.
+    """
+    plant = robot.plant
+    names = plant.joint_names[: len(file.joint_units)] if file.joint_names is None else file.joint_names
+    unknown = [name for name in names if name not in plant.joint_names]
+    if unknown or len(names) != len(file.joint_units):
+        raise InputError(
+            f"{file.name}: moves {', '.join(names)}; the robot has {', '.join(plant.joint_names)}"
+        )
+    moved = [plant.joint_names.index(name) for name in names]
+    for j, unit in zip(moved, file.joint_units, strict=True):
+        if plant.joint_units[j] != unit:
+            raise InputError(
+                f'{file.name}: joint "{plant.joint_names[j]}" is in {unit}; the robot\'s is in {plant.joint_units[j]}'
+            )
+    motion = file.trajectory(blend)
+    fastest = LARGEST_VELOCITY if largest_velocity is None else largest_velocity
+    try:
+        check_motion(plant, motion, joints=names, max_velocity=[fastest[plant.joint_units[j]] for j in moved])
+    except LimitError as error:
+        raise LimitError(f"{file.name}: {error}; nothing has moved") from error
+    return names, motion, np.abs(motion(0.0).q - plant.setpoint_js().q[moved])
+
+
+def hold(plant: Plant) -> None:
+    """Have a robot stay where its setpoint is; nothing where it is not enabled, for then it stands on its brakes."""
+    q = np.array(plant.setpoint_js().q)
+    for _ in range(HOLD_TICKS):
+        if plant.operating_state().state != "ENABLED":
+            return
+        plant.servo_jp(q)
+        plant.wait()
+
+
+def _run(robot: OperatedRobot, motion: Trajectory, names: Sequence[str], progress: Progress) -> MotionSummary:
+    return _watched(
+        robot,
+        lambda observe: run_trajectory(robot.plant, motion, joints=names, observe=observe, progress=progress),
+    )
+
+
+def _watched(
+    robot: OperatedRobot, move: Callable[[Callable[[JointState, Reference], None]], None]
+) -> MotionSummary:
+    plant = robot.plant
+    require_ready(plant, "servo_jp")
+    n = len(plant.joint_names)
+    largest, squares, count = np.zeros(n), np.zeros(n), 0
+    begin, late = plant.measured_js().time, robot.late()
+
+    def observe(state: JointState, reference: Reference) -> None:
+        nonlocal count
+        error = np.abs(state.q - reference.q)
+        np.maximum(largest, error, out=largest)
+        squares[:] += error**2
+        count += 1
+
+    interrupted = False
+    try:
+        move(observe)
+    except KeyboardInterrupt:
+        interrupted = True
+        hold(plant)
+    except BaseException as error:
+        try:
+            hold(plant)
+        except CatenaryError as another:
+            error.add_note(f"holding the robot failed: {another}")
+        raise
+    end = plant.measured_js()
+    return MotionSummary(
+        robot.name, plant.simulated, end.time - begin, plant.joint_names, plant.joint_units,
+        largest, np.sqrt(squares / max(count, 1)), end.q, plant.operating_state(), robot.late() - late, interrupted,
+    )  # fmt: skip
+
+
+def _shown(value: float, unit: str) -> str:
+    return f"{np.rad2deg(value):.1f} deg" if unit == "rad" else f"{1e3 * value:.1f} mm"

@@ -1,0 +1,221 @@
+"""A robot or a recording as a stream of samples to look at."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.calibration.corrector import Corrector
+from catenary.calibration.files import load_model
+from catenary.calibration.kernels import Flags
+from catenary.crtk.client import CrtkClient
+from catenary.crtk.conversions import joint_values
+from catenary.crtk.latest import Latest
+from catenary.crtk.names import JOINT_STATE, calibrated_namespace
+from catenary.errors import InputError, TransportError
+from catenary.monitor.sample import Rate, Sample
+from catenary.plant import JointState, MotionLog, Plant
+from catenary.recording.synchronise import CALIBRATED
+from catenary.trajectories.point_to_point import go_to
+from catenary.trajectories.reference import Trajectory
+from catenary.workflows.robot.motion import GENTLE_ACCELERATION, GENTLE_VELOCITY
+from catenary.workflows.robot.operated_robot import OperatedRobot
+
+EVERY = 0.04  # [s] between two samples: 25 a second
+
+
+class _Calibrated:
+    """A model beside the states of a robot or a recording."""
+
+    def __init__(self, model: Path, names: tuple[str, ...], units: tuple[str, ...], rate_hz: float) -> None:
+        self._corrector = Corrector(load_model(model)[0], rate_hz=rate_hz)
+        self._corrector.prepare(names, units, rate_hz)
+        self._q: Floats = np.full(len(names), np.nan)
+        self._inside: Flags = np.zeros(len(names), dtype=bool)
+
+    def take(self, state: JointState) -> None:
+        self._corrector.correct_state(state, self._q, self._inside)
+
+    def latest(self) -> tuple[Floats | None, Flags | None]:
+        return self._q.copy(), self._inside.copy()
+
+
+class _Deployed:
+    """What `catenary deploy` publishes beside a robot, where it runs."""
+
+    def __init__(self, client: CrtkClient) -> None:
+        place = calibrated_namespace(client.arm)
+        self._names, self._patience = client.joint_names, client.stale_after
+        self._positions = Latest(client.transport, f"{place}/measured_js", JOINT_STATE)
+        self._valid = Latest(client.transport, f"{place}/is_valid", "std_msgs/Bool")
+
+    def take(self, state: JointState) -> None:
+        """Nothing: the states that it corrects are its own."""
+
+    def latest(self) -> tuple[Floats | None, Flags | None]:
+        """Calibrated joints, NaN once nothing comes any more, and whether each is trusted; None before any came."""
+        message = self._positions.message()
+        if message is None:
+            return None, None
+        inside: Flags = np.ones(len(self._names), dtype=bool)
+        if self._positions.age() > self._patience:
+            return np.full(len(self._names), np.nan), inside
+        valid = self._valid.message()
+        # the topic tells of the model's joints together; models are of the positioning joints
+        inside[: len(CALIBRATED)] = valid is None or bool(valid.data)
+        return np.array(joint_values(message, self._names)), inside
+
+
+def _calibrated(plant: Plant, model: Path | None) -> "_Calibrated | _Deployed | None":
+    """A model of our own, or what is deployed beside a RAVEN-II."""
+    if model is not None:
+        return _Calibrated(model, plant.joint_names, plant.joint_units, 1.0 / plant.period)
+    if isinstance(plant, CrtkClient) and plant.dialect == "raven":
+        return _Deployed(plant)
+    return None
+
+
+def watch_robot(
+    robot: OperatedRobot,
+    *,
+    model: Path | None = None,
+    every: float = EVERY,
+    motion: Trajectory | None = None,
+    observe: Callable[[], str | None] = lambda: None,
+    clock: Callable[[], float] = time.monotonic,
+) -> Iterator[Sample]:
+    """Give a sample every so often, for as long as somebody takes them; a robot is only read.
+
+    Without a model, joints are calibrated where `catenary deploy` runs beside a RAVEN-II on ROS.
+
+    Args:
+        robot: In any state.
+        model: Calibration model to run beside it.
+        every: [s] between samples.
+        motion: What a simulated robot does meanwhile, again and again.
+        observe: Called after each tick, as a recorder is; gives a line to show.
+        clock: [s].
+
+    Raises:
+        InputError: A model that does not fit the robot, or a motion for a robot that is not simulated here.
+    """
+    plant = robot.plant
+    if motion is not None and not plant.simulated:
+        raise InputError("monitor: moves no robot; only one that is simulated here can be given a motion")
+    corrected = _calibrated(plant, model)
+    path = None if motion is None else _ThereAndBack(robot, motion)
+    states, late = Rate(), Rate()
+    seen_late, last, begun, next_sample = robot.late(), None, 0.0, clock()
+    state: JointState | None = None
+    while True:
+        silent = None
+        try:
+            if path is not None:
+                path.drive(begun)
+            plant.wait()
+            begun += plant.period
+            state = plant.measured_js()
+            setpoint: Floats | None = plant.setpoint_js().q
+            operating = plant.operating_state()
+        except TransportError as error:
+            silent = str(error)
+            if state is None:
+                raise
+        line = observe()
+        now = clock()
+        if silent is None and state.time != last:
+            states.count(now)
+            last = state.time
+            if corrected is not None:
+                corrected.take(state)
+        late.count(now, robot.late() - seen_late)
+        seen_late = robot.late()
+        if now < next_sample:
+            continue
+        next_sample = now + every
+        calibrated, inside = (None, None) if corrected is None else corrected.latest()
+        yield Sample(
+            state.time, plant.joint_names, plant.joint_units, state.q, setpoint,
+            calibrated, inside,
+            None, state.tau, robot.gravity_torque(state), state.gravity, state.gravity_age, operating,
+            plant.lower, plant.upper, states.hertz(now), late.within(now), silent, line,
+        )  # fmt: skip
+
+
+def watch_log(
+    log: MotionLog,
+    *,
+    model: Path | None = None,
+    every: float = EVERY,
+    speed: float = 1.0,
+    clock: Callable[[], float] = time.monotonic,
+    sleep: Callable[[float], None] = time.sleep,
+) -> Iterator[Sample]:
+    """Play a recording, once, at its own speed times `speed`.
+
+    Raises:
+        InputError: It has no time, or a speed that is not positive; or a model that does not fit.
+    """
+    if log.time is None:
+        raise InputError(f'recording "{log.name}": has no time; it cannot be played')
+    if not 0.0 < speed < np.inf:
+        raise InputError(f"--speed: expected more than 0, got {speed}")
+    steps = np.diff(log.time)
+    spacing = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
+    corrected = None if model is None else _Calibrated(model, log.joint_names, log.joint_units, 1.0 / spacing)
+    nothing = np.full(len(log.joint_names), np.nan)
+    begin, shown, played = clock(), -np.inf, 0.0
+    for row in range(len(log)):
+        if row:
+            played += (
+                max(float(log.time[row] - log.time[row - 1]), 0.0) / speed
+            )  # another recording begins at once
+        qd = nothing if log.qd is None else log.qd[row]
+        tau = nothing if log.tau is None else log.tau[row]
+        state = JointState(
+            float(log.time[row]), log.q_nominal[row], qd, tau, np.zeros(0), np.zeros(3), np.inf
+        )
+        if corrected is not None:
+            corrected.take(state)
+        if played - shown < every and row < len(log) - 1:
+            continue
+        shown = played
+        ahead = begin + played - clock()
+        if ahead > 0.0:
+            sleep(ahead)
+        encoder = None if log.q_encoder is None else np.where(log.ok[row], log.q_encoder[row], np.nan)
+        yield Sample(
+            state.time, log.joint_names, log.joint_units, state.q, None,
+            *((None, None) if corrected is None else corrected.latest()),
+            encoder, None if log.tau is None else tau, rate_hz=1.0 / spacing,
+        )  # fmt: skip
+
+
+class _ThereAndBack:
+    """A motion that is repeated forwards and backwards, after a gentle way to its start."""
+
+    def __init__(self, robot: OperatedRobot, motion: Trajectory) -> None:
+        self._plant, self._motion = robot.plant, motion
+        start = motion(0.0).q
+        units = robot.plant.joint_units[: len(start)]
+        self._approach = go_to(
+            robot.plant.setpoint_js().q[: len(start)],
+            start,
+            max_velocity=[GENTLE_VELOCITY[unit] for unit in units],
+            max_acceleration=[GENTLE_ACCELERATION[unit] for unit in units],
+        )
+
+    def drive(self, time: float) -> None:
+        """Send the setpoint of a time [s] since the beginning; nothing to a robot that is not enabled."""
+        state = self._plant.operating_state()
+        if state.state != "ENABLED" or not state.is_homed or state.is_busy:
+            return
+        length = self._motion.duration
+        there = (time - self._approach.duration) % (2.0 * length)
+        ahead = time < self._approach.duration
+        reference = self._approach(time) if ahead else self._motion(min(there, 2.0 * length - there))
+        q = np.array(self._plant.setpoint_js().q)
+        q[: len(reference.q)] = reference.q
+        self._plant.servo_jp(q)

@@ -1,0 +1,188 @@
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.calibration.model import CalibrationModel
+from catenary.crtk.client import CrtkClient
+from catenary.crtk.conversions import joint_values, pose_of
+from catenary.crtk.loopback import Loopback
+from catenary.dynamics.kinematics import forward_kinematics
+from catenary.errors import InputError
+from catenary.gravity.torque import gravity_torque
+from catenary.nodes.deploy import LATE, CalibratedTopics
+from catenary.plant import MotionLog
+from catenary.recording.topics import JOINTS
+from catenary.robots.catalog import load_robot
+from catenary.simulation.cable_plant import UNITS
+from oracles.crtk_robot import RobotOnLoopback
+from oracles.ideal_plant import IdealPlant
+from recordings import fitted
+
+START = np.array([0.6, 1.4, 0.38, 0.0, 0.1, 0.2, -0.2])
+OFFSET = np.array([0.02, -0.03, 0.001])
+POSITIONS = ("q:shoulder", "q:elbow", "q:insertion")
+
+
+@pytest.fixture(scope="module")
+def model() -> CalibrationModel:
+    """Its correction is OFFSET, whatever the position, trusted around START."""
+    rng = np.random.default_rng(0)
+    q = START[:3] + np.array([0.2, 0.2, 0.02]) * rng.uniform(-1.0, 1.0, (400, 3))
+    log = MotionLog(
+        name="run", joint_names=JOINTS[:3], joint_units=("rad", "rad", "m"), q_nominal=q,
+        q_encoder=q + OFFSET, ok=np.ones(400, dtype=bool), time=np.arange(400) / 30.0,
+    )  # fmt: skip
+    return fitted(log, kind="linear", inputs=POSITIONS)
+
+
+class Deployed:
+    """A model beside a robot, and somebody who listens."""
+
+    def __init__(self, model: CalibrationModel, **options: Any) -> None:
+        self.robot = RobotOnLoopback(plant())
+        self.client = CrtkClient(self.robot.transport, stale_after=0.1)
+        self.topics = CalibratedTopics(self.client, model, **options)
+        listener = Loopback("listener", self.robot.network)
+        types = {"measured_js": "sensor_msgs/JointState", "measured_cp": "geometry_msgs/TransformStamped",
+                 "is_valid": "std_msgs/Bool", "gravity_torque": "sensor_msgs/JointState"}  # fmt: skip
+        self.heard = {
+            verb: listener.subscribe(f"/arm1/calibrated/{verb}", kind) for verb, kind in types.items()
+        }
+
+    def ticks(self, count: int) -> None:
+        for _ in range(count):
+            self.client.wait()
+            self.topics.step()
+
+
+def plant(**options: Any) -> IdealPlant:
+    return IdealPlant(START.tolist(), joint_names=JOINTS, joint_units=UNITS, **options)
+
+
+def test_each_message_of_the_robot_is_corrected_once(model: CalibrationModel) -> None:
+    deployed = Deployed(model)
+    deployed.ticks(50)
+    messages = [received.message for received in deployed.heard["measured_js"].take()]
+    assert len(messages) == deployed.topics.report().published == 50
+    assert (np.diff([m.header.stamp for m in messages]) == 1_000_000).all()  # the robot's own stamps
+    q = joint_values(messages[-1], JOINTS)
+    assert_allclose(q[:3], START[:3] + OFFSET, atol=1e-6)
+    assert_allclose(q[3:], START[3:])
+
+
+def test_pose_is_that_of_the_corrected_joints(model: CalibrationModel) -> None:
+    deployed = Deployed(model)
+    deployed.ticks(1)
+    pose = pose_of(deployed.heard["measured_cp"].take()[-1].message)
+    tool = [*(START[:3] + OFFSET), START[3], START[4], 0.5 * (START[6] - START[5])]
+    expected = forward_kinematics(load_robot("raven2_full"), tool)
+    assert_allclose(pose.position, expected.position, atol=1e-6)
+    assert_allclose(pose.rotation, expected.rotation, atol=1e-6)
+
+
+def test_gravity_torque_comes_on_request(model: CalibrationModel) -> None:
+    deployed = Deployed(model, gravity_torque=True)
+    deployed.ticks(1)
+    message = deployed.heard["gravity_torque"].take()[-1].message
+    expected = gravity_torque(load_robot("raven2"), START[:3] + OFFSET, [0.0, 0.0, -9.81])
+    assert_allclose(joint_values(message, JOINTS[:3], "effort"), expected, atol=1e-5)
+
+
+def test_positions_outside_the_valid_range_are_flagged(model: CalibrationModel) -> None:
+    deployed = Deployed(model)
+    deployed.ticks(2)
+    assert all(received.message.data for received in deployed.heard["is_valid"].take())
+    far = START.copy()
+    far[0] += 0.6
+    deployed.robot.robot.plant.servo_jp(far)
+    deployed.ticks(2)
+    assert not deployed.heard["is_valid"].take()[-1].message.data
+    assert deployed.topics.report().outside[0] > 0.0
+
+
+def test_robot_may_restart_and_is_corrected_again_when_homed(model: CalibrationModel) -> None:
+    deployed = Deployed(model)
+    deployed.ticks(10)
+    deployed.robot.unplug()
+    deployed.ticks(150)
+    assert deployed.topics.is_silent
+    deployed.robot.restart(plant(ready=False))
+    deployed.ticks(10)
+    assert deployed.topics.report().not_homed == 10
+    deployed.robot.robot.plant.state_command("enable")
+    deployed.robot.robot.plant.state_command("home")
+    deployed.ticks(10)
+    report = deployed.topics.report()
+    assert not deployed.topics.is_silent
+    assert (report.published, report.silences) == (20, 1)
+    assert_allclose(report.longest_silence, 0.151, atol=1e-3)
+    assert_allclose(report.rate_hz, 1000.0)
+
+
+def test_latency_is_from_arrival_to_publication(model: CalibrationModel) -> None:
+    deployed = Deployed(model)
+    deployed.client.wait()
+    deployed.robot.clock.robots.clear()
+    deployed.robot.clock.sleep(0.004)  # nobody looks
+    deployed.topics.step()
+    latency = deployed.topics.report().latency
+    assert latency is not None
+    assert_allclose(latency.max, 0.004, rtol=1e-6)
+
+
+def test_one_that_does_not_keep_up_publishes_less_not_later(model: CalibrationModel) -> None:
+    deployed = Deployed(model)
+    for _ in range(60):
+        deployed.client.wait()  # nobody looks
+    deployed.topics.step()
+    report = deployed.topics.report()
+    assert report.latency is not None
+    assert report.latency.max <= LATE
+    assert (report.published, report.late) == (round(LATE / 0.001) + 1, 39)
+    stamps = [received.message.header.stamp for received in deployed.heard["measured_js"].take()]
+    assert stamps[-1] == max(stamps)
+    deployed.ticks(5)
+    assert deployed.topics.report().late == 39  # it keeps up again
+
+
+def test_newest_is_published_however_late_it_is(model: CalibrationModel) -> None:
+    deployed = Deployed(model)
+    deployed.client.wait()
+    deployed.robot.clock.robots.clear()
+    deployed.robot.clock.sleep(0.05)
+    assert deployed.topics.step() == 1
+
+
+def test_a_model_with_previous_positions_sees_those_that_came_too_late() -> None:
+    rng = np.random.default_rng(2)
+    q = START[:3] + np.array([0.2, 0.2, 0.02]) * rng.uniform(-1.0, 1.0, (400, 3))
+    before = np.vstack([q[:1], q[:-1]])
+    log = MotionLog(
+        name="run", joint_names=JOINTS[:3], joint_units=("rad", "rad", "m"), q_nominal=q,
+        q_encoder=q + 0.1 * (q - before), ok=np.ones(400, dtype=bool), time=np.arange(400) / 1000.0,
+    )  # fmt: skip
+    model = fitted(log, kind="linear", inputs=POSITIONS, history=1)
+    last = []
+    for looks in (True, False):
+        deployed = Deployed(model)
+        for k in range(60):
+            deployed.robot.robot.plant.servo_jp(START + 1e-3 * k)
+            deployed.client.wait()
+            if looks:
+                deployed.topics.step()
+        deployed.topics.step()
+        last.append(deployed.heard["measured_js"].take()[-1].message)
+    assert_array_equal(last[0].position, last[1].position)
+    assert last[0].header.stamp == last[1].header.stamp
+
+
+def test_robot_without_the_models_joints_is_refused() -> None:
+    rng = np.random.default_rng(1)
+    q = rng.uniform(-1.0, 1.0, (100, 1))
+    other = fitted(
+        MotionLog("run", ("hinge",), ("rad",), q, np.ones(100, dtype=bool), q + 0.1), kind="offset"
+    )
+    with pytest.raises(InputError, match='no joint "hinge"'):
+        Deployed(other)

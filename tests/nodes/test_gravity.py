@@ -1,0 +1,168 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.crtk.clock import SECOND, ManualClock
+from catenary.crtk.gravity_topic import IMU, VECTOR, GravityTopic, now_of
+from catenary.crtk.loopback import Loopback, LoopbackNetwork
+from catenary.crtk.message import header, message_class
+from catenary.errors import InputError
+from catenary.nodes.gravity import GravityNode, publish_gravity
+from catenary.sensing.imu import SensedGravity
+from catenary.sensing.mailbox import Mailbox
+from catenary.sensing.mounting import Mounting
+from catenary.sensing.vector import tilted_gravity
+from catenary.spatial import rotation_about_z
+
+XYZ = message_class("geometry_msgs/Vector3")
+START = 1_700_000_000 * SECOND  # stamps are times of day, and large
+TILTED = tilted_gravity(0.2, -0.1)
+
+
+class World:
+    """A sensor, the node and a listener, in a time that goes on by 10 ms."""
+
+    def __init__(self, type_name=IMU, *, mounting=None, points_down=False, **options) -> None:
+        network = LoopbackNetwork(clock=ManualClock(START))
+        self.sensor = Loopback("sensor", network)
+        self.node_transport, listener = Loopback("node", network), Loopback("listener", network)
+        mailbox = Mailbox()
+        topic = GravityTopic(self.node_transport, "/imu", type_name, mailbox, points_down=points_down)
+        source = SensedGravity(mailbox, mounting, angular=type_name == IMU, feed=topic.feed, **options)
+        self.node = GravityNode(self.node_transport, source, frame_id="table")
+        self.publisher = self.sensor.publisher("/imu", type_name)
+        self.vectors = listener.subscribe("/gravity", VECTOR)
+        self.states = listener.subscribe("/gravity/status", "crtk_msgs/StringStamped")
+        self.rng = np.random.default_rng(0)
+
+    def message(self, vector):
+        noisy = XYZ(*(vector + 0.01 * self.rng.normal(size=3)))
+        head = header(self.sensor.now(), "imu_link")
+        if self.publisher.type_name == VECTOR:
+            return message_class(VECTOR)(head, noisy)
+        rates = XYZ(*(0.001 * self.rng.normal(size=3)))
+        return message_class(IMU)(head, angular_velocity=rates, linear_acceleration=noisy)
+
+    def run(self, seconds, vector=None):
+        """Let time pass; the sensor reads `vector`, or nothing."""
+        for _ in range(round(seconds / 0.01)):
+            if vector is not None:
+                self.publisher.publish(self.message(np.asarray(vector)))
+            self.node_transport.sleep(0.01)
+            reading = self.node.step()
+        return reading
+
+    def said(self):
+        """The last vector and the last status."""
+        message = self.vectors.take()[-1].message
+        return np.array(message.vector), self.states.take()[-1].message.string
+
+
+def test_specific_force_comes_in_and_gravity_goes_out():
+    world = World()
+    world.run(1.0, -TILTED)
+    gravity, status = world.said()
+    assert_allclose(gravity, TILTED, atol=0.05)  # noise of 0.01 m/s2
+    assert status == "live"
+
+
+def test_vectors_are_in_the_base_frame_with_rising_stamps():
+    world = World()
+    world.run(0.2, -TILTED)
+    received = world.vectors.take()
+    assert {one.message.header.frame_id for one in received} == {"table"}
+    stamps = [one.message.header.stamp for one in received]
+    assert stamps == sorted(set(stamps))
+    assert_allclose(np.diff(stamps), 0.01 * SECOND)
+
+
+def test_the_mounting_turns_the_sensors_axes_into_the_bases():
+    turned = rotation_about_z(0.5)  # R_base_imu
+    world = World(mounting=Mounting(rotation=turned))
+    world.run(1.0, -turned.T @ TILTED)
+    assert_allclose(world.said()[0], TILTED, atol=0.05)
+
+
+def test_a_topic_of_gravity_itself_is_taken_as_it_is():
+    world = World(VECTOR, points_down=True)
+    world.run(1.0, TILTED)
+    gravity, status = world.said()
+    assert_allclose(gravity, TILTED, atol=0.05)
+    assert status == "live"
+
+
+def test_gravity_with_the_wrong_sign_is_named_and_not_believed():
+    world = World(VECTOR)
+    world.run(1.0, TILTED)
+    gravity, status = world.said()
+    assert_allclose(gravity, [0.0, 0.0, -9.81])
+    assert "upside_down" in status
+
+
+@pytest.mark.parametrize(
+    ("length", "fault"), [(8.7, "magnitude"), (11.2, "magnitude"), (1.0, "unit_g"), (981.0, "unit_cm")]
+)
+def test_readings_not_of_gravitys_length_are_named(length, fault):
+    world = World()
+    world.run(2.0, [0.0, 0.0, length])
+    gravity, status = world.said()
+    assert fault in status
+    assert_allclose(gravity, [0.0, 0.0, -9.81])
+
+
+def test_a_driver_that_takes_gravity_away_is_named_with_those_known_to_do_it():
+    world = World()
+    world.run(2.0, np.zeros(3))
+    (final,) = publish(world, 0.05)
+    assert any("gravity_stripped" in text and "dmpGetLinearAccel" in text for text in final.warnings)
+
+
+def publish(world, duration):
+    return [publish_gravity(world.node, duration=duration)]
+
+
+@pytest.mark.parametrize(
+    ("fallback", "expected"), [("hold", TILTED), ("static", np.array([0.0, 0.0, -9.81]))]
+)
+def test_when_samples_stop_what_was_configured_is_published(fallback, expected):
+    world = World(fallback=fallback)
+    world.run(1.0, -TILTED)
+    world.run(2.0)
+    gravity, status = world.said()
+    # what is held is the parabola as far as it was followed, which amplifies the noise of 0.01 m/s2 twentyfold
+    assert_allclose(gravity, expected, atol=0.3)
+    assert status == "fallback interrupted"
+
+
+def test_stop_publishes_nothing_but_says_so():
+    world = World(fallback="stop")
+    world.run(1.0, -TILTED)
+    world.run(0.3)
+    world.vectors.take()
+    world.run(1.0)
+    assert world.vectors.take() == []
+    assert world.states.take()[-1].message.string == "stop interrupted"
+
+
+def test_a_sensor_that_comes_back_is_believed_again():
+    world = World()
+    world.run(1.0, -TILTED)
+    world.run(2.0)
+    world.run(2.0, -TILTED)
+    assert world.said()[1] == "live"
+
+
+def test_the_rate_is_kept_and_the_status_shown_each_second():
+    world = World()
+    shown = []
+    final = publish_gravity(world.node, rate_hz=50.0, duration=2.5, show=shown.append)
+    assert final.published == 1 + 125
+    assert [round(status.seconds) for status in shown] == [1, 2]
+    assert final.subscribers == 1
+    assert final.as_data()["faults"] == ["nothing_received"]
+    assert final.seconds == pytest.approx(now_of(world.node_transport) - START / SECOND)
+
+
+def test_a_duration_of_nothing_is_refused():
+    with pytest.raises(InputError, match="duration"):
+        publish_gravity(World().node, duration=0.0)

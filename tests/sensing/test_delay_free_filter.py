@@ -1,0 +1,107 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from catenary.errors import InputError
+from catenary.sensing.delay_free_filter import CUTOFF_BY_WINDOW, DelayFreeFilter
+
+
+def filled(values, stamps, cutoff_hz):
+    fit = DelayFreeFilter(cutoff_hz)
+    for t, v in zip(stamps, values, strict=True):
+        fit.add(t, *v)
+    return fit
+
+
+@settings(deadline=None)  # the first call compiles
+@given(seed=st.integers(0, 1000))
+def test_a_parabola_is_read_exactly_with_its_derivative_whatever_the_stamps(seed):
+    rng = np.random.default_rng(seed)
+    c = rng.normal(size=(3, 3))
+    stamps = 7.0 + np.cumsum(rng.uniform(0.003, 0.012, 30))
+    fit = filled([c[0] + t * (c[1] + t * c[2]) for t in stamps], stamps, 30.0)
+    now = stamps[-1] + 0.01
+    value, derivative = fit.at(now)
+    assert_allclose(value, c[0] + now * (c[1] + now * c[2]), atol=1e-9)
+    assert_allclose(derivative, c[1] + 2.0 * now * c[2], atol=1e-7)  # divided by the window
+
+
+@pytest.mark.parametrize("window", [0.03, 0.06])
+def test_it_is_the_least_squares_parabola_of_the_window(window):
+    rng = np.random.default_rng(1)
+    stamps, values = np.arange(50) * 0.005, rng.normal(size=(50, 3))
+    fit = filled(values, stamps, CUTOFF_BY_WINDOW / window)
+    inside = stamps >= stamps[-1] - window - 1e-6
+    expected = [np.polyfit(stamps[inside], values[inside, axis], 2) for axis in range(3)]
+    now = stamps[-1] + 0.002
+    assert_allclose(fit.at(now)[0], [np.polyval(p, now) for p in expected], atol=1e-8)
+    assert_allclose(fit.at(now)[1], [np.polyval(np.polyder(p), now) for p in expected], atol=1e-6)
+
+
+@pytest.mark.parametrize(("x", "gain", "phase", "slope", "slope_phase"), [
+    (0.05, 1.0000, 0.015, 1.010, -0.07), (0.1, 1.0005, 0.11, 1.038, -0.5), (0.2, 1.008, 0.8, 1.139, -3.6),
+])  # fmt: skip
+def test_the_response_to_a_sine_is_as_documented(x, gain, phase, slope, slope_phase):
+    window = 0.05
+    rate = 127.0 / window  # nearly continuous: as many samples as there is room for
+    w = 2.0 * np.pi * x / window
+    response, derivative = 0.0, 0.0
+    for part, unit in ((0.0, 1.0), (np.pi / 2, 1j)):  # cos + i sin
+        stamps = np.arange(-127, 1) / rate
+        signal = np.cos(w * stamps - part)[:, None] * np.ones(3)
+        fit = filled(signal, stamps, CUTOFF_BY_WINDOW / window)
+        response = response + unit * fit.at(0.0)[0][0]
+        derivative = derivative + unit * fit.at(0.0)[1][0]
+    # the edges of a sum weigh more than those of an integral, by 1/127
+    assert abs(response) == pytest.approx(gain, abs=1e-3)
+    assert np.degrees(np.angle(response)) == pytest.approx(phase, abs=0.05)
+    assert abs(derivative / (1j * w)) == pytest.approx(slope, abs=3e-3)
+    assert np.degrees(np.angle(derivative / (1j * w))) == pytest.approx(slope_phase, abs=0.2)
+
+
+def test_half_power_is_at_the_cutoff():
+    cutoff = 40.0
+    window = CUTOFF_BY_WINDOW / cutoff
+    stamps = np.arange(-127, 1) * window / 127
+    w = 2.0 * np.pi * cutoff
+    parts = [
+        filled(f(w * stamps)[:, None] * np.ones(3), stamps, cutoff).at(0.0)[0][0] for f in (np.cos, np.sin)
+    ]
+    assert np.hypot(*parts) == pytest.approx(
+        np.sqrt(0.5), abs=0.05
+    )  # a sum's edges weigh more than an integral's, nine times 1/127 and half
+
+
+def test_noise_comes_out_as_documented():
+    rng = np.random.default_rng(3)
+    out = []
+    for _ in range(400):
+        stamps = np.arange(20) * 0.005
+        fit = filled(rng.normal(size=(20, 3)), stamps, CUTOFF_BY_WINDOW / 0.0951)
+        out.append(fit.at(stamps[-1]).copy())
+    value, derivative = np.std(out, axis=(0, 2))
+    assert value == pytest.approx(3.0 / np.sqrt(20), rel=0.2)
+    assert derivative == pytest.approx(14.0 / (0.095 * np.sqrt(20)), rel=0.2)
+
+
+def test_few_samples_are_a_mean_and_not_a_wild_parabola():
+    fit = filled([[1.0, 2.0, 3.0], [1.2, 2.0, 3.0]], [0.0, 0.005], 50.0)
+    value, derivative = fit.at(1.0)
+    assert_allclose(value, [1.1, 2.0, 3.0])
+    assert_allclose(derivative, 0.0)
+
+
+def test_nothing_is_zero_and_stays_a_number():
+    fit = DelayFreeFilter(50.0)
+    assert_allclose(fit.at(5.0), 0.0)
+    fit.add(1.0, 1.0, 1.0, 1.0)
+    fit.clear()
+    assert_allclose(fit.at(5.0), 0.0)
+
+
+@pytest.mark.parametrize("cutoff", [0.0, -1.0, np.nan, np.inf])
+def test_cutoffs_that_are_none_are_refused(cutoff):
+    with pytest.raises(InputError, match="cutoff_hz"):
+        DelayFreeFilter(cutoff)

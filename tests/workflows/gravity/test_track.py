@@ -1,0 +1,107 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.control.measures import pd_share
+from catenary.errors import InputError, LimitError
+from catenary.robots.catalog import load_robot
+from catenary.simulation.base_motion import FixedBase
+from catenary.trajectories.in_turn import Rest
+from catenary.trajectories.point_to_point import go_to
+from catenary.workflows.gravity.controllers import make_controller
+from catenary.workflows.gravity.motions import make_motion, poses_along
+from catenary.workflows.gravity.simulated_arm import SimulatedArm, simulated_arm
+from catenary.workflows.gravity.track import track
+
+AT = np.array([0.2, np.pi / 2, 0.40])
+
+
+@pytest.fixture(scope="module")
+def tilted() -> SimulatedArm:
+    return simulated_arm("raven2", base=FixedBase(0.0, -0.35))
+
+
+def test_share_is_that_of_root_mean_squares() -> None:
+    assert_allclose(pd_share(np.array([1.0, 3.0]), np.array([2.0, 1.5])), [0.5, 2.0])
+    assert np.isnan(pd_share(np.zeros(1), np.zeros(1))).all()
+
+
+def test_measures_are_of_the_ticks_that_count(tilted: SimulatedArm) -> None:
+    way = go_to(
+        AT, AT + np.array([0.1, 0.0, 0.0]), max_velocity=[0.3, 0.3, 0.02], max_acceleration=[1.0, 1.0, 0.1]
+    )
+    result = track(tilted, make_controller("dg", tilted), way, windows=[(0.2, 0.4)])
+    kept = (result.time >= 0.2 - 1e-9) & (result.time <= 0.4 + 1e-9)
+    assert result.counted.sum() == kept.sum() == 201
+    assert_allclose(result.rms_error, np.sqrt(np.mean(result.error[kept] ** 2, axis=0)))
+    assert_allclose(
+        result.pd_share,
+        np.sqrt(np.mean(result.feedback[kept] ** 2, axis=0) / np.mean(result.torque[kept] ** 2, axis=0)),
+    )
+    assert result.time[0] == pytest.approx(0.0, abs=1e-9)
+    assert result.time[-1] == pytest.approx(way.duration, abs=1e-3)
+
+
+def test_pd_alone_is_all_of_its_torque(tilted: SimulatedArm) -> None:
+    result = track(tilted, make_controller("pd", tilted), Rest(AT, 0.3))
+    assert_allclose(result.pd_share, 1.0, atol=0.02)  # limits may have slowed some ticks
+
+
+def test_sensed_gravity_takes_the_work_from_the_pd_on_a_tilted_base(tilted: SimulatedArm) -> None:
+    share = {
+        name: track(
+            tilted, make_controller(name, tilted), Rest(AT + np.array([0.8, 0.0, 0.0]), 0.3)
+        ).pd_share[0]
+        for name in ("sg", "dg")
+    }
+    assert share["dg"] < 0.5 * share["sg"]
+
+
+def test_a_motion_out_of_reach_is_refused_before_anything_moves(tilted: SimulatedArm) -> None:
+    before = tilted.plant.measured_js()
+    with pytest.raises(LimitError):
+        track(tilted, make_controller("dg", tilted), Rest([2.0, 1.5, 0.4], 1.0))
+    with pytest.raises(InputError, match="windows"):
+        track(tilted, make_controller("dg", tilted), Rest(AT, 1.0), windows=[(0.5, 2.0)])
+    assert tilted.plant.measured_js().time == before.time
+
+
+def test_poses_count_only_at_rest() -> None:
+    model = load_robot("raven2")
+    motion = poses_along(model, 0, [0.2, 0.6, 1.0], AT)
+    assert motion.windows is not None
+    assert len(motion.windows) == 3
+    for first, last in motion.windows:
+        q, qd, _ = motion.trajectory.sample(np.linspace(first, last, 50))
+        assert_allclose(qd, 0.0, atol=1e-12)
+        assert_allclose(q, q[:1].repeat(50, axis=0), atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["cartesian", "random", "poses"])
+def test_motions_keep_to_the_joint_limits(name: str) -> None:
+    model = load_robot("raven2")
+    trajectory = make_motion(name, model, model, np.random.default_rng(1)).trajectory
+    q, _, _ = trajectory.sample(np.linspace(0.0, trajectory.duration, 500))
+    assert (q >= model.lower - 1e-9).all()
+    assert (q <= model.upper + 1e-9).all()
+
+
+def test_a_robot_without_limits_is_told_to_state_a_start() -> None:
+    model = load_robot("two_link")
+    for name in ("cartesian", "random", "poses"):
+        with pytest.raises(InputError, match=r'joint "link0": has no limits'):
+            make_motion(name, model, model, np.random.default_rng(1))
+
+
+def test_sinusoids_begin_where_asked() -> None:
+    model = load_robot("raven2")
+    start = [0.7, 1.5, 0.35]
+    motion = make_motion("cartesian", model, model, np.random.default_rng(1), q_start=start, amplitude=0.02)
+    assert_allclose(motion.trajectory(0.0).q, start, atol=1e-9)
+
+
+def test_a_planar_arm_moves_along_its_two_axes() -> None:
+    model = load_robot("two_link")
+    rng = np.random.default_rng(1)
+    motion = make_motion("cartesian", model, model, rng, q_start=[0.4, 0.9], amplitude=0.1, axes=("x", "z"))
+    assert motion.trajectory.duration > 0.0

@@ -1,0 +1,91 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.calibration.evaluate import evaluate
+from catenary.calibration.model import CalibrationModel
+from catenary.errors import InputError, LimitError, NotReadyError
+from catenary.files import json_text
+from catenary.recording.logs import read_log
+from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.plant_state import restore_plant
+from catenary.trajectories.point_to_point import go_to
+from catenary.trajectories.reference import Trajectory
+from catenary.trajectories.sinusoids import random_sinusoids
+from catenary.workflows.project.deploy import Deployment, deploy_on_simulated
+from catenary.workflows.project.simulated_robot import make_plant
+from catenary.workflows.simulated_recording import record_simulated
+from recordings import data_of, fitted, recording
+from simulated_project import POSITIONS, SHORT
+
+SECONDS = 10.0
+
+
+def plant_of(recorded: Path) -> CablePlant:
+    plant = make_plant(SHORT)
+    restore_plant(plant, recorded / "robot" / "after_train.npz")
+    plant.state_command("enable")
+    return plant
+
+
+def motion() -> Trajectory:
+    return random_sinusoids(np.random.default_rng(7), SECONDS)
+
+
+@pytest.fixture(scope="module")
+def model(recorded: Path) -> CalibrationModel:
+    return fitted(read_log(recorded / "train.parquet"), kind="linear", inputs=POSITIONS)
+
+
+@pytest.fixture(scope="module")
+def deployment(recorded: Path, model: CalibrationModel) -> Deployment:
+    return deploy_on_simulated(plant_of(recorded), model, motion())
+
+
+def test_error_in_the_loop_is_that_of_the_evaluation(
+    deployment: Deployment, recorded: Path, model: CalibrationModel
+) -> None:
+    log = record_simulated(plant_of(recorded), motion(), "same", np.random.default_rng(0))
+    joints = evaluate(model, data_of(log, kind="linear", inputs=POSITIONS)).joints
+    # other ticks of the same motion, and the firmware's position at the end of a tick in place of its start
+    assert_allclose(deployment.raw_rmse, [joint.raw_rmse for joint in joints], rtol=0.05)
+    assert_allclose(deployment.rmse, [joint.rmse for joint in joints], rtol=0.1)
+
+
+def test_the_model_helps_while_the_loop_runs(deployment: Deployment) -> None:
+    assert (np.array(deployment.rmse) < 0.5 * np.array(deployment.raw_rmse)).all()
+
+
+def test_every_tick_is_counted(deployment: Deployment) -> None:
+    assert deployment.loop.ticks == pytest.approx(1000.0 * SECONDS, abs=1)
+
+
+def test_it_is_json(deployment: Deployment) -> None:
+    assert '"simulated": true' in json_text(deployment.as_data())
+
+
+def test_a_model_of_other_joints_is_refused_before_anything_moves(recorded: Path) -> None:
+    plant = plant_of(recorded)
+    other = fitted(recording(np.random.default_rng(0)), kind="linear")
+    begin = plant.time
+    with pytest.raises(InputError):
+        deploy_on_simulated(plant, other, motion())
+    assert plant.time == begin
+
+
+def test_a_motion_out_of_reach_is_refused_before_anything_moves(
+    recorded: Path, model: CalibrationModel
+) -> None:
+    plant = plant_of(recorded)
+    far = go_to([0.5, 1.5, 0.4], [0.5, 1.5, 4.0], max_velocity=[1, 1, 1], max_acceleration=[1, 1, 1])
+    begin = plant.time
+    with pytest.raises(LimitError, match="insertion"):
+        deploy_on_simulated(plant, model, far)
+    assert plant.time == begin
+
+
+def test_an_arm_that_is_not_homed_is_not_moved(model: CalibrationModel) -> None:
+    with pytest.raises(NotReadyError):
+        deploy_on_simulated(CablePlant(seed=1), model, motion())

@@ -1,0 +1,197 @@
+"""The pipeline on a robot behind topics; over loopback, time passes only in sleeps."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.errors import LimitError, NotReadyError
+from catenary.recording.logs import read_log
+from catenary.trajectories.reference import Trajectory
+from catenary.trajectories.waypoints import follow_waypoints
+from catenary.workflows.project import calibrate
+from catenary.workflows.project.calibrate import BEST, TRAIN, calibrate_robot
+from catenary.workflows.project.folder import Project, ProjectSettings
+from catenary.workflows.project.recordings import extract_recording, motion_log_path
+from catenary.workflows.project.ros_robot import RosRobot
+from catenary.workflows.robot.guide import AnswerYes
+from oracles.crtk_robot import RobotOnLoopback
+from oracles.encoded_plant import OFFSET, START, EncodedPlant
+from simulated_project import QUICK_MODELS
+
+SETTINGS = ProjectSettings(connection="ros1", test_minutes=0.25)
+SWING = np.array([0.1, 0.15, 0.01])
+
+
+def short_motion(seed: int = 0) -> Trajectory:
+    """Some seconds around START."""
+    rng = np.random.default_rng(seed)
+    points = np.array(START[:3]) + SWING * rng.uniform(-1.0, 1.0, (6, 3))
+    return follow_waypoints(points, speed=[0.3, 0.3, 0.02])
+
+
+class Person:
+    """Answers as told, and does what is asked."""
+
+    def __init__(self, **does: Any) -> None:
+        self.asked: list[str] = []
+        self.told: list[str] = []
+        self._does = does
+
+    def say(self, text: str) -> None:
+        self.told.append(text)
+
+    def confirm(self, text: str) -> bool:
+        self.asked.append(text)
+        for word, act in self._does.items():
+            if word in text:
+                return act() is not False
+        return True
+
+
+def on_loopback(plant: EncodedPlant | None = None) -> RobotOnLoopback:
+    return RobotOnLoopback(EncodedPlant() if plant is None else plant, every=5)
+
+
+def project(tmp_path: Path, **changes: Any) -> Project:
+    return Project(tmp_path / "project", replace(SETTINGS, **changes))
+
+
+def homed(opened: Project, setup: RobotOnLoopback) -> RosRobot:
+    robot = RosRobot(setup.transport, AnswerYes(), simulated=True, patience=1.0)
+    robot.home(opened)
+    return robot
+
+
+def test_homing_asks_for_what_is_missing_only(tmp_path: Path) -> None:
+    setup = on_loopback(EncodedPlant(ready=False))
+    plant = setup.robot.plant
+
+    def press() -> None:
+        plant.state_command("enable")
+        plant.state_command("home")
+
+    person = Person(button=press)
+    assert RosRobot(setup.transport, person, simulated=True).home(project(tmp_path))
+    assert ["workspace" in person.asked[0], "button" in person.asked[1]] == [True, True]
+    assert len(person.asked) == 2  # its encoders are there, and it is ENABLED
+    content = json.loads((tmp_path / "project/robot/home.json").read_text())
+    assert_allclose(content["external_encoders"], START[:3] + OFFSET)
+
+
+def test_answer_is_checked_against_the_robot(tmp_path: Path) -> None:
+    setup = on_loopback(EncodedPlant(ready=False))
+    presses = []
+
+    def press() -> None:
+        presses.append(1)
+        if len(presses) == 2:
+            setup.robot.plant.state_command("enable")
+            setup.robot.plant.state_command("home")
+
+    person = Person(button=press)
+    RosRobot(setup.transport, person, simulated=True, homing_patience=0.5).home(project(tmp_path))
+    assert len(presses) == 2
+    assert any("not yet: the robot is DISABLED, not homed" in text for text in person.told)
+
+
+def test_giving_up_moves_nothing(tmp_path: Path) -> None:
+    setup = on_loopback()
+    opened = project(tmp_path)
+    with pytest.raises(NotReadyError, match="given up"):
+        RosRobot(setup.transport, Person(workspace=lambda: False), simulated=True).home(opened)
+    assert setup.robot.commands == 0
+    assert not (tmp_path / "project/robot/home.json").exists()
+
+
+def test_yes_presses_the_button_of_a_simulated_robot(tmp_path: Path) -> None:
+    setup = on_loopback(EncodedPlant(ready=False))
+    homed(project(tmp_path), setup)
+    assert setup.robot.plant.operating_state().is_homed
+
+
+def test_yes_does_not_clear_a_fault(tmp_path: Path) -> None:
+    setup = on_loopback()
+    plant = setup.robot.plant
+    plant._state = plant.operating_state()._replace(state="FAULT")
+    with pytest.raises(NotReadyError, match="FAULT"):
+        homed(project(tmp_path), setup)
+
+
+def test_yes_does_not_go_on_without_encoders(tmp_path: Path) -> None:
+    setup = RobotOnLoopback(EncodedPlant(), encoders=False, every=5)
+    with pytest.raises(NotReadyError, match=r"mount the external encoders.*no reading comes on /ext_jpos"):
+        homed(project(tmp_path), setup)
+
+
+def test_recording_becomes_a_motion_log_of_the_robot(tmp_path: Path) -> None:
+    setup, opened = on_loopback(), project(tmp_path)
+    robot = homed(opened, setup)
+    assert robot.record(opened, TRAIN, short_motion(), "short", after="home")
+    assert setup.robot.plant.operating_state().state == "PAUSED"
+    extract_recording(opened, TRAIN)
+    log = read_log(motion_log_path(opened, TRAIN))
+    assert log.robot == "raven2"
+    assert log.q_encoder is not None
+    errors = (log.q_encoder - log.q_nominal)[log.ok]
+    assert len(errors) > 100
+    assert_allclose(np.median(errors, axis=0), OFFSET, atol=1e-3)
+    assert not robot.record(opened, TRAIN, short_motion(), "short", after="home")  # once
+
+
+def test_motion_beyond_the_limits_is_refused_before_anything_moves(tmp_path: Path) -> None:
+    setup, opened = on_loopback(), project(tmp_path)
+    robot = homed(opened, setup)
+    far = follow_waypoints(np.array([START[:3], [0.6, 1.4, 0.9]]), speed=[0.3, 0.3, 0.05])
+    with pytest.raises(LimitError, match="insertion"):
+        robot.record(opened, TRAIN, far, "far", after="home")
+    assert setup.robot.commands == 0
+
+
+def test_interrupted_recording_pauses_the_robot_and_is_begun_anew(tmp_path: Path) -> None:
+    setup, opened = on_loopback(), project(tmp_path)
+    robot = homed(opened, setup)
+
+    def interrupt(done: float) -> None:
+        if done > 0.2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        robot.record(opened, TRAIN, short_motion(), "short", after="home", progress=interrupt)
+    assert setup.robot.plant.operating_state().state == "PAUSED"
+    assert robot.record(opened, TRAIN, short_motion(), "short", after="home")
+
+
+def test_pedal_stops_the_recording_with_a_message(tmp_path: Path) -> None:
+    setup, opened = on_loopback(), project(tmp_path)
+    robot = homed(opened, setup)
+
+    def pedal(done: float) -> None:
+        if done > 0.2:
+            setup.robot.plant.state_command("pause")
+
+    with pytest.raises(NotReadyError, match="PAUSED"):
+        robot.record(opened, TRAIN, short_motion(), "short", after="home", progress=pedal)
+
+
+@pytest.mark.slow
+def test_whole_calibration_is_the_same_job_as_on_a_simulated_robot(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(calibrate, "models_for", lambda *_: QUICK_MODELS)
+    monkeypatch.setattr(calibrate, "excitation", lambda _: (short_motion(), "train"))
+    monkeypatch.setattr(calibrate, "random_motion", lambda *_: (short_motion(1), "test"))
+    setup, opened = on_loopback(EncodedPlant(ready=False)), project(tmp_path)
+    robot = RosRobot(setup.transport, AnswerYes(), simulated=True, patience=1.0)
+    result = calibrate_robot(opened, robot)
+    fits = tuple(f"fit {name}" for name in QUICK_MODELS)
+    assert result.repeated == ("home", "excite", "record", "extract train", "extract test", *fits, "deploy")
+    for joint in result.evaluations[BEST].joints:
+        assert joint.rmse < 0.2 * joint.raw_rmse
+    assert result.deployment is not None
+    assert all(joint["rmse"] < joint["raw_rmse"] for joint in result.deployment["joints"])
+    assert calibrate_robot(opened, robot).repeated == ()

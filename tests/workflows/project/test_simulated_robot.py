@@ -1,0 +1,154 @@
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.arrays import Floats
+from catenary.errors import ConfigError, FileFormatError, LimitError
+from catenary.recording.logs import read_log
+from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.raven_telemetry import telemetry_of
+from catenary.trajectories.point_to_point import go_to
+from catenary.trajectories.sinusoids import random_sinusoids
+from catenary.workflows.project import simulated_robot
+from catenary.workflows.project.calibrate import TEST, TRAIN, excitation, random_motion
+from catenary.workflows.project.folder import Project
+from catenary.workflows.project.recordings import extract_recording, motion_log_path
+from catenary.workflows.project.simulated_robot import SimulatedRobot
+from simulated_project import SHORT
+
+ROBOT = SimulatedRobot()
+ACROSS = {"max_velocity": [0.5, 0.5, 0.02], "max_acceleration": [1.0, 1.0, 0.1]}
+
+
+@pytest.fixture
+def project(project_folder: Path) -> Project:
+    return Project(project_folder, SHORT)
+
+
+def test_homing_is_done_once(project: Project) -> None:
+    assert not ROBOT.home(project)
+
+
+@pytest.mark.parametrize(
+    "change", [{"seed": 2}, {"side": "right"}, {"payload_kg": 0.2}, {"base_tilt_deg": (3.0, 0.0)}], ids=str
+)
+def test_another_robot_is_homed_again(project: Project, change: dict[str, Any]) -> None:
+    assert ROBOT.home(Project(project.folder, replace(SHORT, **change)))
+
+
+def test_the_robot_of_another_version_is_homed_again_and_stands_nowhere_else(
+    project: Project, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left = project.folder / "robot" / f"after_{TRAIN}.npz"
+    assert left.is_file()
+    monkeypatch.setattr(simulated_robot, "STATE_FORMAT", "another")
+    assert ROBOT.home(project)
+    assert not left.is_file()
+
+
+def test_a_state_that_cannot_be_read_is_made_again(project: Project) -> None:
+    (project.folder / "robot" / "homed.npz").write_bytes(b"nonsense")
+    assert ROBOT.home(project)
+    assert not ROBOT.home(project)
+
+
+def test_other_motions_need_no_homing(project: Project) -> None:
+    assert not ROBOT.home(Project(project.folder, replace(SHORT, direction="J1", test_minutes=1.0)))
+
+
+def test_a_recording_is_made_once(project: Project) -> None:
+    assert not ROBOT.record(project, TRAIN, *excitation(project), after="home")
+
+
+def test_another_motion_is_recorded_again(project: Project) -> None:
+    changed = Project(project.folder, replace(SHORT, test_minutes=0.2))
+    assert ROBOT.record(changed, TEST, *random_motion(changed, 12.0), after=TRAIN)
+    assert extract_recording(changed, TEST)
+    assert read_log(motion_log_path(changed, TEST)).time[-1] < 12.0
+
+
+def test_a_recording_made_again_is_the_same(project: Project) -> None:
+    before = read_log(motion_log_path(project, TEST))
+    motion_log_path(project, TEST).unlink()
+    (project.folder / "robot" / f"after_{TEST}.npz").unlink()
+    assert ROBOT.record(project, TEST, *random_motion(project, 15.0), after=TRAIN)
+    assert extract_recording(project, TEST)
+    assert_allclose(read_log(motion_log_path(project, TEST)).q_nominal, before.q_nominal, rtol=0)
+
+
+def test_a_motion_out_of_reach_is_refused_before_anything_moves(
+    project: Project, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(CablePlant, "run", lambda *_: pytest.fail("it moved"))
+    far = go_to([0.5, 1.5, 0.4], [0.5, 1.5, 4.0], **ACROSS)
+    with pytest.raises(LimitError, match="insertion"):
+        ROBOT.record(project, "far", far, "far", after=TRAIN)
+    assert not (project.folder / "recordings" / "far").exists()
+
+
+def test_a_recording_after_a_step_that_was_not_done_is_refused(project: Project) -> None:
+    with pytest.raises(ConfigError, match="record other was not done yet"):
+        ROBOT.record(project, "more", *random_motion(project, 12.0), after="other")
+
+
+def test_a_recording_after_the_motion_of_another_robot_is_refused(project: Project) -> None:
+    tilted = Project(project.folder, replace(SHORT, base_tilt_deg=(3.0, 0.0)))
+    with pytest.raises(FileFormatError, match="of another robot"):
+        ROBOT.record(tilted, "more", *random_motion(tilted, 12.0), after=TRAIN)
+
+
+def test_a_recording_that_was_not_made_is_not_extracted(project: Project) -> None:
+    with pytest.raises(ConfigError, match="record other was not done yet"):
+        extract_recording(project, "other")
+
+
+class Truth:
+    """What the plant itself did on every tick of a recorded motion."""
+
+    def __init__(self, project: Project, seconds: float, monkeypatch: pytest.MonkeyPatch) -> None:
+        telemetry: list[dict[str, Floats]] = []
+        true: list[Floats] = []
+        run = CablePlant.run
+
+        def watched(plant: CablePlant, rows: Floats) -> Any:
+            log = run(plant, rows)
+            telemetry.append(telemetry_of(plant, log))
+            true.append(log.q)
+            return log
+
+        monkeypatch.setattr(CablePlant, "run", watched)
+        ROBOT.record(
+            project, "seen", random_sinusoids(np.random.default_rng(5), seconds), "seen", after=TRAIN
+        )
+        ticks = round(1000.0 * seconds)  # what came before is the way to its start
+        self.q = np.concatenate(true)[-ticks:]
+        self.telemetry = {
+            name: np.concatenate([piece[name] for piece in telemetry])[-ticks:] for name in telemetry[0]
+        }
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_what_is_extracted_is_what_the_robot_did(
+    tmp_path: Path, side: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project = Project(tmp_path, replace(SHORT, side=side))
+    ROBOT.home(project)
+    ROBOT.record(project, TRAIN, random_sinusoids(np.random.default_rng(4), 10.0), "a while", after="home")
+    truth = Truth(project, 12.0, monkeypatch)
+    extract_recording(project, "seen")
+    log = read_log(motion_log_path(project, "seen"))
+    at = np.round(1000.0 * log.time).astype(int)
+    assert log.q_encoder is not None
+    assert log.tau is not None
+    # degrees and millimetres in single precision: half a unit in the last place of 180, and of 560
+    assert_allclose(log.q_nominal, truth.telemetry["measured_js"][at, :3], atol=2e-7)
+    assert_allclose(log.tau, truth.telemetry["measured_js_effort"][at, :3], rtol=1e-6, atol=1e-6)
+    # encoders come at 100 Hz: within 10 ms joints go at most 7e-2 rad/s, 7e-3 m/s; and a count on either side
+    moved = np.abs(np.diff(truth.q, axis=0)).max(axis=0) * 10
+    count = 1.0 / np.abs(CablePlant(side=side, seed=1).rig.counts)
+    error = np.abs(log.q_encoder - truth.telemetry["ext_jpos"][at])
+    assert (error <= moved + count).all()

@@ -1,0 +1,80 @@
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.errors import FileFormatError, InputError
+from catenary.plant import MotionLog
+from catenary.recording.logs import write_parquet
+from catenary.trajectories.zigzag import zigzag, zigzag_rows
+from catenary.workflows.robot.followed_file import read_followed_file
+
+
+def write(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+def test_units_of_the_heading_are_obeyed(tmp_path: Path) -> None:
+    path = write(tmp_path / "run.csv", "time [ms],elbow [deg],insertion [mm]\n500,90,400\n1500,180,350\n")
+    file = read_followed_file(path)
+    assert (file.joint_names, file.joint_units) == (("elbow", "insertion"), ("rad", "m"))
+    assert_allclose(file.time, [0.0, 1.0])
+    assert_allclose(file.q, [[np.pi / 2, 0.4], [np.pi, 0.35]])
+
+
+def test_a_published_zigzag_becomes_the_trajectory_of_the_generator(tmp_path: Path) -> None:
+    rows = zigzag_rows("J1", 0.5)
+    np.savetxt(tmp_path / "traj.csv", rows, delimiter=",", fmt="%.17g")
+    file = read_followed_file(tmp_path / "traj.csv")
+    times = np.linspace(0.0, file.time[-1], 501)
+    # each row is a corner here, only the turns are there: straight between either way
+    assert_allclose(
+        file.trajectory().sample(times)[0], zigzag("J1", [0.5]).sample(times)[0], rtol=0.0, atol=1e-9
+    )
+    assert file.notes
+
+
+def test_a_motion_log_is_followed_along_what_the_robot_reported(tmp_path: Path) -> None:
+    q = np.column_stack([np.linspace(0.1, 0.2, 20), np.linspace(0.3, 0.25, 20)])
+    log = MotionLog("run", ("a", "b"), ("rad", "m"), q, np.ones(20, bool), time=5.0 + 0.1 * np.arange(20))
+    write_parquet(log, tmp_path / "run.parquet")
+    file = read_followed_file(tmp_path / "run.parquet")
+    assert file.time[0] == 0.0
+    assert_allclose(file.q, q)
+    assert pq.read_schema(tmp_path / "run.parquet").names  # the file is left as it was
+
+
+def test_an_archive_states_its_units(tmp_path: Path) -> None:
+    np.savez(tmp_path / "run.npz", q=[[90.0], [45.0]], t=[0.0, 2.0], units=["deg"], joint_names=["a"])
+    assert_allclose(read_followed_file(tmp_path / "run.npz").q, [[np.pi / 2], [np.pi / 4]])
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("time [s],elbow\n0,1\n", "no unit"),
+        ("time [s],elbow [grad]\n0,1\n", "grad"),
+        ("elbow [deg],time [s]\n0,1\n", "first column"),
+        ("time [s],elbow [deg]\n0,1\n1,x\n", "line 3"),
+        ("1,2\n3,4\n", "heading"),
+        ("", "empty"),
+    ],
+)
+def test_a_csv_that_leaves_a_doubt_is_refused(tmp_path: Path, text: str, complaint: str) -> None:
+    with pytest.raises(FileFormatError, match=complaint):
+        read_followed_file(write(tmp_path / "run.csv", text))
+
+
+@pytest.mark.parametrize("rows", ["0,1\n0,2\n", "1,1\n0,2\n", "0,1\n1,nan\n"])
+def test_times_that_do_not_rise_and_nan_are_refused(tmp_path: Path, rows: str) -> None:
+    with pytest.raises(InputError, match="row 2"):
+        read_followed_file(write(tmp_path / "run.csv", f"time [s],elbow [deg]\n{rows}"))
+
+
+def test_a_rate_is_refused_where_the_file_has_times(tmp_path: Path) -> None:
+    path = write(tmp_path / "run.csv", "time [s],elbow [deg]\n0,1\n1,2\n")
+    with pytest.raises(InputError, match="states its times"):
+        read_followed_file(path, rows_per_second=10.0)

@@ -1,0 +1,65 @@
+import time
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.errors import InputError
+from catenary.sensing.vector import tilted_gravity
+from catenary.workflows.robot.operated_robot import PacedPlant, robot_over, simulated_robot
+from catenary.workflows.robot.operator_motion import go_to_joints
+from oracles.cable_arms import homed_plant
+from oracles.crtk_robot import RobotOnLoopback
+from oracles.ideal_plant import IdealPlant
+
+
+def test_paced_ticks_last_as_long_as_a_robots() -> None:
+    plant = PacedPlant(IdealPlant([0.0], period=0.002))
+    begin = time.monotonic()
+    for _ in range(100):
+        plant.wait()
+    # no tick is shorter than it should be on the whole; the first one sets the clock
+    assert time.monotonic() - begin >= 0.198
+
+
+def test_a_late_tick_is_counted_and_makes_none_leap() -> None:
+    plant = PacedPlant(IdealPlant([0.0], period=0.002))
+    plant.wait()
+    time.sleep(0.05)
+    begin = time.monotonic()
+    for _ in range(10):
+        plant.wait()
+    assert plant.late >= 1
+    assert time.monotonic() - begin >= 0.018  # none of them caught up
+
+
+@pytest.mark.parametrize(
+    ("dialect", "name", "side"), [("raven", "raven2", "left"), ("crtk", "raven2_right", "right")]
+)
+def test_a_robot_behind_topics_is_moved_like_any_other(dialect: str, name: str, side: str) -> None:
+    arm = "gold" if side == "left" else "green"
+    setup = RobotOnLoopback(homed_plant(side), dialect=dialect, arm=arm)
+    robot, client = robot_over(setup.transport, name, dialect=dialect, simulated=True)
+    with client:
+        goal = client.setpoint_js().q[:3] + np.array([0.02, -0.02, 0.002])
+        summary = go_to_joints(robot, goal)
+        assert_allclose(client.setpoint_js().q[:3], goal, atol=1e-6)  # a float's digits, on the wire
+    assert summary.state.state == "ENABLED"
+
+
+def test_a_simulated_base_may_be_tilted() -> None:
+    robot = simulated_robot(base_tilt_deg=(10.0, -5.0), homed=False, real_time=False)
+    assert_allclose(
+        robot.plant.measured_js().gravity, tilted_gravity(np.deg2rad(10.0), np.deg2rad(-5.0)), atol=1e-12
+    )
+
+
+def test_a_seed_for_a_robot_that_is_always_the_same_is_refused() -> None:
+    pytest.importorskip("mujoco")
+    with pytest.raises(InputError, match="no other"):
+        simulated_robot("planar_3r", seed=3)
+
+
+def test_a_dialect_that_there_is_not_is_refused() -> None:
+    with pytest.raises(InputError, match="raven, crtk"):
+        robot_over(RobotOnLoopback(homed_plant("left")).transport, dialect="latin")

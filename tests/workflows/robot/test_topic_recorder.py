@@ -1,0 +1,123 @@
+import errno
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.crtk.conversions import joint_state_message
+from catenary.crtk.loopback import Loopback
+from catenary.errors import RecordingError, TransportError
+from catenary.recording.bag import write_group_bags
+from catenary.recording.extract import extract, topic_file
+from catenary.recording.journal import About
+from catenary.recording.source import open_recording
+from catenary.recording.topics import EXT_JPOS, RAVENSTATE_100HZ, raven_topics
+from catenary.workflows.robot.topic_recorder import TopicRecorder, record_topics
+from oracles.cable_arms import homed_plant
+from oracles.crtk_robot import RobotOnLoopback
+
+SECONDS = 2.0
+
+
+@pytest.fixture(scope="module")
+def robot() -> RobotOnLoopback:
+    return RobotOnLoopback(homed_plant())
+
+
+@pytest.fixture(scope="module")
+def journal(robot: RobotOnLoopback, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two seconds of a robot that nobody moves."""
+    folder = tmp_path_factory.mktemp("recorded") / "journal"
+    about = About(robot="raven2", simulated=True)
+    record_topics(robot.transport, folder, raven_topics(state_rate=100.0), SECONDS, about=about)
+    return folder
+
+
+def stamps(folder: Path, topic: str) -> Any:
+    return np.array([stamp for _, stamp, _ in open_recording(folder).messages((topic,))])
+
+
+def test_topics_come_at_the_rates_they_are_recorded_at(journal: Path) -> None:
+    for topic in raven_topics(state_rate=100.0):
+        assert_allclose(len(stamps(journal, topic.name)), SECONDS * topic.rate, atol=2)
+
+
+def test_stamps_and_numbers_are_the_robots_own(journal: Path, robot: RobotOnLoopback, tmp_path: Path) -> None:
+    extract([journal], tmp_path)
+    with topic_file(tmp_path, RAVENSTATE_100HZ) as file:
+        content = file.read(["stamp", "arrival", "jpos:gold_insertion"])
+    assert (content["stamp"] <= content["arrival"]).all()
+    assert (content["arrival"] - content["stamp"] < 2_000_000).all()  # loopback: the same tick
+    held = robot.robot.plant.measured_js().q[2]
+    assert_allclose(content["jpos:gold_insertion"][-1], held, atol=1e-6)  # float32 on the way
+    with topic_file(tmp_path, EXT_JPOS) as file:
+        assert file.about.robot == "raven2"
+        assert_allclose(
+            file.read(["ext_jpos:shoulder"])["ext_jpos:shoulder"], robot.robot.plant.state.q[0], atol=1e-3
+        )
+
+
+def test_bags_of_it_are_made_like_any_others(journal: Path, tmp_path: Path) -> None:
+    bags = write_group_bags(open_recording(journal), tmp_path, "ros1")
+    assert {bag.name.split(".")[0] for bag in bags} >= {"record_ravenstate", "record_ext_jenc"}
+
+
+@pytest.mark.parametrize("rate", [100.0, 90.0])
+def test_topic_at_the_wanted_rate_is_kept_whole(tmp_path: Path, rate: float) -> None:
+    """An encoder box sends at 100 Hz, unevenly; thinning must not take every other message."""
+    robot = RobotOnLoopback(homed_plant(), encoders=False)
+    box = Loopback("box", robot.network).publisher(EXT_JPOS.name, EXT_JPOS.type)
+    rng = np.random.default_rng(0)
+    recorder = TopicRecorder(robot.transport, tmp_path / "r", (EXT_JPOS,))
+    with recorder:
+        for _ in range(300):
+            robot.clock.sleep(float(1.0 / rate * rng.uniform(0.9, 1.1)))
+            box.publish(joint_state_message(EXT_JPOS.joint_names, robot.clock.now(), [0.1, 0.2, 0.3]))
+            recorder.collect()
+    (count,) = recorder.counts
+    assert count.came == 300
+    assert count.kept >= 285  # within 5 %: a message that is early by more than the grid's slack gives way
+
+
+def test_topic_that_never_comes_is_named(tmp_path: Path) -> None:
+    robot = RobotOnLoopback(homed_plant(), encoders=False)
+    with pytest.raises(RecordingError, match=r"nothing came of /ext_jpos"):
+        record_topics(robot.transport, tmp_path / "r", raven_topics(), 0.1, required=("/ext_jpos",))
+
+
+def test_messages_that_were_not_collected_in_time_are_counted(tmp_path: Path) -> None:
+    robot = RobotOnLoopback(homed_plant())
+    with TopicRecorder(robot.transport, tmp_path / "r", raven_topics()) as recorder:
+        robot.clock.sleep(5.1)
+        recorder.collect()
+    assert any("came faster" in problem for problem in recorder.problems())
+
+
+def test_topic_of_another_type_is_refused(tmp_path: Path) -> None:
+    robot = RobotOnLoopback(homed_plant(), encoders=False)
+    Loopback("box", robot.network).publisher("/ext_jpos", "std_msgs/String")
+    with pytest.raises(TransportError, match="carries std_msgs/String"):
+        TopicRecorder(robot.transport, tmp_path / "r", raven_topics())
+
+
+def test_full_disk_ends_the_recording_and_what_came_before_is_safe(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot = RobotOnLoopback(homed_plant())
+    recorder = TopicRecorder(robot.transport, tmp_path / "r", raven_topics(state_rate=100.0))
+    robot.clock.sleep(0.5)
+    kept = recorder.collect()
+    recorder.journal.flush()
+
+    def full(*_: Any) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(os, "write", full)
+        robot.clock.sleep(0.5)
+        with pytest.raises(RecordingError, match=f"No space left.*first {kept} of"):
+            recorder.collect() and recorder.journal.flush()
+    assert len(list(open_recording(tmp_path / "r").messages())) == kept

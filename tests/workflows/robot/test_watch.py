@@ -1,0 +1,123 @@
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.crtk.conversions import joint_state_message
+from catenary.crtk.loopback import Loopback
+from catenary.crtk.message import message_class
+from catenary.crtk.names import JOINT_STATE
+from catenary.errors import InputError
+from catenary.gravity.torque import gravity_torque
+from catenary.plant import MotionLog
+from catenary.robots.catalog import load_robot
+from catenary.workflows.robot.operated_robot import OperatedRobot, robot_over
+from catenary.workflows.robot.operator_motion import random_motion
+from catenary.workflows.robot.watch import watch_log, watch_robot
+from oracles.crtk_robot import RobotOnLoopback
+from oracles.encoded_plant import EncodedPlant
+from oracles.ideal_plant import IdealPlant
+
+START = np.array([0.8, 1.5, 0.4])
+
+
+class Ticking:
+    """A clock on which every look takes a millisecond."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        self.now += 0.001
+        return self.now
+
+
+def robot(**options: object) -> OperatedRobot:
+    model = load_robot("raven2")
+    plant = IdealPlant(
+        START, joint_names=model.joint_names, joint_units=model.joint_units, lower=model.lower, upper=model.upper,
+        **options,
+    )  # fmt: skip
+    return OperatedRobot("raven2", plant, model, lambda: 0)
+
+
+def log(**change: object) -> MotionLog:
+    rows = 41
+    q = np.column_stack([np.linspace(0.1, 0.5, rows), np.linspace(0.2, 0.1, rows)])
+    given = {"q_encoder": q + 0.01, "time": 0.1 * np.arange(rows), **change}
+    return MotionLog("run", ("a", "b"), ("rad", "m"), q, np.arange(rows) % 2 == 0, **given)
+
+
+def test_a_robot_is_only_read() -> None:
+    watched = robot()
+    list(islice(watch_robot(watched, clock=Ticking()), 10))
+    assert watched.plant.setpoints == []
+
+
+def test_gravity_torque_is_that_of_the_reported_gravity() -> None:
+    sample = next(watch_robot(robot(), clock=Ticking()))
+    assert_allclose(sample.gravity_tau, gravity_torque(load_robot("raven2"), START, sample.gravity))
+
+
+def test_a_sample_comes_25_times_a_second() -> None:
+    clock = Ticking()
+    samples = watch_robot(robot(), clock=clock)
+    next(samples)
+    begin = clock.now
+    list(islice(samples, 25))
+    assert clock.now - begin == pytest.approx(1.0, abs=0.05)  # a tick per sample late at most
+
+
+def test_a_simulated_robot_moves_without_a_leap() -> None:
+    watched = robot()
+    motion = random_motion(watched, 10.0, rng=np.random.default_rng(0))
+    list(islice(watch_robot(watched, motion=motion, clock=Ticking()), 60))
+    steps = np.abs(np.diff(np.array([START, *watched.plant.setpoints]), axis=0))
+    assert steps.max() <= 0.2 * 0.001 * (1.0 + 1e-6)  # the gentle speed, a tick of 1 ms
+    assert steps.max() > 0.0
+
+
+def test_a_recording_is_played_in_its_own_time() -> None:
+    slept: list[float] = []
+    clock = Ticking()
+
+    def sleep(seconds: float) -> None:
+        slept.append(seconds)
+        clock.now += seconds
+
+    samples = list(watch_log(log(), speed=2.0, clock=clock, sleep=sleep))
+    assert sum(slept) == pytest.approx(2.0, abs=0.1)
+    assert samples[-1].time == pytest.approx(4.0)
+    assert_allclose(samples[-1].q, log().q_nominal[-1])
+
+
+def test_an_encoder_that_cannot_be_trusted_is_not_shown() -> None:
+    samples = list(watch_log(log(), clock=Ticking(), sleep=lambda _: None))
+    assert np.isfinite(samples[0].encoder).all()
+    assert np.isnan(samples[1].encoder).all()
+
+
+def test_a_recording_without_time_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no time"):
+        next(watch_log(log(time=None)))
+
+
+def test_joints_that_a_model_deployed_beside_calibrates_are_shown() -> None:
+    setup = RobotOnLoopback(EncodedPlant())
+    watched, client = robot_over(setup.transport, simulated=True)
+    other = Loopback("deploy", setup.network)
+    positions = other.publisher("/arm1/calibrated/measured_js", JOINT_STATE)
+    validity = other.publisher("/arm1/calibrated/is_valid", "std_msgs/Bool")
+    with client:
+        samples = watch_robot(watched, every=0.0)
+        assert next(samples).calibrated is None
+        q = client.measured_js().q + 0.01
+        positions.publish(joint_state_message(client.joint_names, 1, q))
+        validity.publish(message_class("std_msgs/Bool")(False))
+        shown = next(samples)
+        assert_allclose(shown.calibrated, q)
+        assert shown.inside.tolist() == [False] * 3 + [True] * 4
+        silent = list(islice(samples, 250))[-1]  # ticks of 1 ms, in which nobody publishes
+    assert np.isnan(silent.calibrated).all()
