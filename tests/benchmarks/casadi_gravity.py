@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.dynamics.lines import empty
 from catenary.dynamics.recursion import gravity_recursion, place_joints
-from catenary.dynamics.traced import empty
 from catenary.robots.model import RobotModel
 
 

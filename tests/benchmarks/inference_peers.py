@@ -15,9 +15,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from catenary.arrays import Floats
-from catenary.calibration.linear import Linear
-from catenary.calibration.neural import Network
-from catenary.calibration.polynomial import Quadratic
+from catenary.calibration.predictors import Linear, Network, Quadratic
 
 Fitted = Linear | Quadratic | Network
 Predict = Callable[[], Floats]  # outputs (N, m) for rows that were given

@@ -1,3 +1,4 @@
+import pickle
 from copy import deepcopy
 from dataclasses import replace
 
@@ -7,10 +8,8 @@ from numpy.testing import assert_array_equal
 
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
-from catenary.calibration.linear import Linear
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
-from catenary.kernels import llvm_calls
 from catenary.plant import JointState
 from oracles.calibration_models import random_model
 
@@ -183,9 +182,7 @@ def test_arrays_of_another_size_are_refused(sizes: tuple[int, int, int, int]) ->
         Corrector(model()).correct(q, signals, out, inside.astype(bool))
 
 
-@pytest.mark.parametrize("known", [True, False], ids=["looked at by machine code", "looked at in Python"])
-def test_arrays_of_another_type_or_layout_are_copied(known: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(llvm_calls, "known_layout", lambda: known)
+def test_arrays_of_another_type_or_layout_are_copied() -> None:
     plain, corrector = model(history=1, rate_hz=1000.0), Corrector(model(history=1, rate_hz=1000.0))
     q, signals = np.ascontiguousarray(SIGNALS[:, :3]), SIGNALS
     expected, flags = Corrector(plain).run(q, signals)
@@ -223,19 +220,33 @@ def test_recordings_of_another_shape_are_refused() -> None:
         Corrector(model()).run(SIGNALS[:, :3], SIGNALS[:, :4])
 
 
-def test_models_whose_parts_do_not_fit_together_are_refused() -> None:
-    fine = model()
-    group = fine.groups[0]
-    narrow = replace(group, predictor=Linear(np.zeros((4, 3)), np.zeros(3)))
-    with pytest.raises(
-        InputError, match="take 5 features, 5 of them watched; the predictor takes 4 and gives 3"
-    ):
-        Corrector(replace(fine, groups=(narrow,)))
-    beyond = replace(group, columns=np.arange(1, 6))
-    with pytest.raises(InputError, match="features beyond the 5 that there are"):
-        Corrector(replace(fine, groups=(beyond,)))
-    broken = replace(group, predictor=Linear(np.full((5, 3), np.nan), np.zeros(3)))
-    with pytest.raises(InputError, match="NaN or infinity"):
-        Corrector(replace(fine, groups=(broken,)))
-    with pytest.raises(InputError, match="each of its 3 joints in one group"):
-        Corrector(replace(fine, groups=()))
+def test_a_bound_tick_runs_on_the_arrays_that_it_was_given() -> None:
+    options = {"history": 2, "plays": 1, "rate_hz": 1000.0}
+    expected, flags = Corrector(model(**options)).run(SIGNALS[:, :3], SIGNALS)
+    q, signals, out, inside = np.empty(3), np.empty(5), np.empty(3), np.empty(3, dtype=bool)
+    tick = Corrector(model(**options)).bind(q, signals, out, inside)
+    for k in range(20):
+        q[:], signals[:] = SIGNALS[k, :3], SIGNALS[k]
+        tick()
+        assert_array_equal(out, expected[k])
+        assert_array_equal(inside, flags[k])
+
+
+def test_arrays_that_cannot_be_bound_are_refused() -> None:
+    q, signals, out, inside = np.empty(3), np.empty(5), np.empty(3), np.empty(3, dtype=bool)
+    corrector = Corrector(model())
+    with pytest.raises(InputError, match=r"expected q_nominal \(3,\), signals \(5,\), .* got \(3,\), \(4,\)"):
+        corrector.bind(q, signals[:4], out, inside)
+    with pytest.raises(InputError, match="overlaps"):
+        corrector.bind(q, signals, q, inside)
+    with pytest.raises(InputError, match="float32"):
+        corrector.bind(q, signals, out.astype(np.float32), inside)
+
+
+def test_a_pickled_corrector_goes_on_from_the_same_memory() -> None:
+    corrector = Corrector(model(history=2, plays=1, rate_hz=1000.0))
+    expected, _ = corrector.run(SIGNALS[:, :3], SIGNALS)
+    corrector.run(SIGNALS[:50, :3], SIGNALS[:50])
+    again, out = pickle.loads(pickle.dumps(corrector)), np.empty(3)
+    again.correct(SIGNALS[50, :3], SIGNALS[50], out, np.empty(3, dtype=bool))
+    assert_array_equal(out, expected[50])

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.calibration.features import FeatureSet, available_signals, choose_signals, play, signal_unit
+from catenary.calibration.features import FeatureSet, available_signals, choose_signals, signal_unit
+from catenary.calibration.kernels import run
 from catenary.errors import InputError
 from recordings import recording
 
@@ -18,6 +19,16 @@ LOG = recording(np.random.default_rng(0), rows=12)
 motions = arrays(np.float64, st.integers(1, 30), elements=st.floats(-100.0, 100.0, width=32))
 half_widths = st.floats(0.0, 50.0)
 repeatable = settings(derandomize=True, deadline=None)  # the first call compiles
+
+
+def play(x: np.ndarray, r: float) -> np.ndarray:
+    """Play state of half-width r after each position of a motion."""
+    features = FeatureSet(("q:J1",), ("rad",), play=(("q:J1", r),))
+    memory, places = features.memory(), []
+    for position in x:
+        run([features.step(np.array([[position]]), memory, np.empty((1, 2)))])
+        places.append(memory.play[0])
+    return np.array(places)
 
 
 def dragged(x: np.ndarray, r: float) -> np.ndarray:

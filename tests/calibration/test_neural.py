@@ -8,7 +8,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.neural_network import MLPRegressor
 
 from catenary.calibration import neural
-from catenary.calibration.neural import BEST, PAPER, Network, NetworkSettings, fit_neural, sklearn_alpha
+from catenary.calibration.neural import BEST, PAPER, NetworkSettings, fit_neural, sklearn_alpha
+from catenary.calibration.predictors import Network
 
 SMALL = NetworkSettings((8,), "tanh", 1e-4, 1e-2, 64, 20)
 

@@ -5,7 +5,7 @@ from sklearn.linear_model import LinearRegression, Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
-from catenary.calibration.polynomial import fit_polynomial
+from catenary.calibration.regression import fit_polynomial
 
 
 def problem(seed: int, outputs: int = 2) -> tuple[np.ndarray, np.ndarray]:

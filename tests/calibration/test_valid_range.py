@@ -82,6 +82,19 @@ def test_directions_beyond_a_few_rows_are_watched() -> None:
     assert not fit_valid_range(X, MARGIN).inside((middle + 0.1 * across)[None]).any()
 
 
+def test_valid_range_is_the_two_boxes_of_its_definition() -> None:
+    rng = np.random.default_rng(4)
+    for inputs in (1, 2, 5, 9):
+        valid = fit_valid_range(rng.normal(size=(50, inputs)) @ rng.normal(size=(inputs, inputs)), MARGIN)
+        X = rng.uniform(1.3 * valid.lower, 1.3 * valid.upper, size=(4000, inputs))
+        projection = (X - valid.mean) @ valid.axes
+        box = ((X >= valid.lower) & (X <= valid.upper)).all(axis=1)
+        along = ((projection >= valid.axis_lower) & (projection <= valid.axis_upper)).all(axis=1)
+        inside = valid.inside(X)
+        assert_array_equal(inside, box & along)
+        assert 0.0 < inside.mean() < 1.0
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 @pytest.mark.filterwarnings("error")
 def test_value_that_is_not_finite_is_outside(value: float) -> None:

@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.errors import InputError, MissingInertiaError
-from catenary.gravity.torque import gravity_kernel, gravity_torque, potential_energy
+from catenary.gravity.torque import gravity_torque, potential_energy
 from catenary.robots.catalog import load_robot
 from oracles.mujoco_trees import mujoco_data, mujoco_model, mujoco_order
 from oracles.paper_gravity import paper_gravity_torque
@@ -193,19 +193,3 @@ def test_a_model_without_inertia_is_refused_by_the_links_names() -> None:
         with pytest.raises(MissingInertiaError, match='"elbow", "insertion"') as caught:
             refused(model, np.zeros(3), UPRIGHT)
         assert caught.value.links == ("elbow", "insertion")
-
-
-def test_gravity_kernel_gives_gravity_torque_into_the_array_given(random_robots: list[RandomRobot]) -> None:
-    rng = np.random.default_rng(11)
-    for robot in random_robots[:8]:
-        kernel = gravity_kernel(robot.model)
-        q, gravity, out = rng.normal(size=robot.model.n), 5.0 * rng.normal(size=3), np.empty(robot.model.n)
-        assert kernel(q, gravity, out) is out
-        # torques of some 100 Nm, summed in another order
-        assert_allclose(out, gravity_torque(robot.model, q, gravity), rtol=0.0, atol=1e-12)
-        assert (kernel(q, gravity) == out).all()
-
-
-def test_gravity_kernel_refuses_a_robot_without_inertia() -> None:
-    with pytest.raises(MissingInertiaError):
-        gravity_kernel(replace(load_robot("raven2"), missing_inertia=("link",)))

@@ -6,11 +6,8 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.features import FeatureSet
-from catenary.calibration.linear import Linear
-from catenary.calibration.model import CalibrationModel, JointGroup, Predictor, Target
-from catenary.calibration.neural import Activation, Network
-from catenary.calibration.offset import Constant
-from catenary.calibration.polynomial import Quadratic
+from catenary.calibration.model import CalibrationModel, JointGroup, Target
+from catenary.calibration.predictors import Activation, Constant, Linear, Network, Predictor, Quadratic
 from catenary.calibration.valid_range import fit_valid_range
 from catenary.plant import MotionLog
 

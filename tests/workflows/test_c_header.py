@@ -210,11 +210,8 @@ def test_what_cannot_be_exported_is_refused_with_a_reason(tmp_path: Path) -> Non
     class Forest:
         """A predictor that somebody added."""
 
-        def predict(self, X):
-            return model.groups[0].predictor.predict(X)
-
-        def pack(self):
-            return model.groups[0].predictor.pack()
+        inputs, outputs = model.groups[0].predictor.inputs, model.groups[0].predictor.outputs
+        steps = staticmethod(model.groups[0].predictor.steps)
 
     other = replace(model, groups=(replace(model.groups[0], predictor=Forest()),))
     with pytest.raises(InputError, match="Forest cannot be written as C"):

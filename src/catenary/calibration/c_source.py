@@ -5,11 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.calibration.linear import Linear
-from catenary.calibration.model import CalibrationModel, JointGroup, Predictor
-from catenary.calibration.neural import Network
-from catenary.calibration.offset import Constant
-from catenary.calibration.polynomial import Quadratic
+from catenary.calibration.model import CalibrationModel, JointGroup
+from catenary.calibration.predictors import Constant, Linear, Network, Predictor, Quadratic
 from catenary.errors import InputError
 
 
@@ -48,7 +45,7 @@ def c_correction(prefix: str, model: CalibrationModel, decimation: int) -> str:
         "",
     ]
     for k, group in enumerate(model.groups):
-        text += _group(prefix, k, group, F)
+        text += _group(prefix, k, group)
     text += [
         f"static inline void {prefix}_correct({prefix}_state *state, const double *q, const double *signals,",
         "                                    double *q_calibrated, int *inside) {",
@@ -140,10 +137,8 @@ static inline double {prefix}_logistic(double v) {{
 """
 
 
-def _group(prefix: str, k: int, group: JointGroup, width: int) -> list[str]:
+def _group(prefix: str, k: int, group: JointGroup) -> list[str]:
     """Write `PREFIX_groupK(x, y)`: whether features x are inside the valid range, and then the prediction y."""
-    if len(group.columns) and not (0 <= group.columns.min() and group.columns.max() < width):
-        raise InputError(f"model: joints {group.joints} take features beyond the {width} that there are")
     valid, watched, inputs = group.valid_range, len(group.watched), len(group.columns)
     return [
         f"static inline int {prefix}_group{k}(const double *x, double *y) {{",

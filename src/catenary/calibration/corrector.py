@@ -1,26 +1,19 @@
-"""A calibration model inside a control loop: one compiled call per tick, the bits of the fitted model."""
+"""A calibration model inside a control loop: the bits of the fitted model, tick by tick."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration.dataset import RATE_TOLERANCE
+from catenary.calibration.kernels import Flags, Step, blocks, bound, run, total
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.tick import (
-    SOURCES,
-    clear,
-    fuse,
-    tick_rows,
-    with_robot,
-)
-from catenary.calibration.tick_calls import tick_call, tick_state_call
 from catenary.errors import InputError
 from catenary.plant import JointState
 
-Flags = NDArray[np.bool_]
+SOURCES = ("q", "qd", "tau")  # of a joint state, one after the other
 
 
 class Corrector:
@@ -32,19 +25,9 @@ class Corrector:
 
     Previous positions lie `decimation` ticks apart, as far in time as the training rows did; they are taken anew at
     every tick, so the correction is as smooth as the motion. Play states need no rate.
-    """
 
-    correct: Callable[[Floats, Floats, Floats, Flags], None]
-    """Take one tick, in machine code: `correct(q_nominal, signals, out, inside)`.
-
-    Args:
-        q_nominal: (n,) positions that the robot reports [rad|m].
-        signals: (S,) current values of `model.features.signals`, in that order.
-        out: (n,) receives the calibrated positions [rad|m].
-        inside: (n,) receives whether each joint is inside the model's valid range.
-
-    Raises:
-        InputError: An array has another size.
+    `correct` and `correct_state` check and copy their arrays at every tick; `bind` checks them once, for a loop whose
+    arrays stay the same ones.
     """
 
     def __init__(
@@ -59,30 +42,82 @@ class Corrector:
 
         Raises:
             InputError: The model has history, and its training rows' rate is not known and `decimation` is None,
-                or no whole number of ticks is as long as their spacing, to 3 %; or its parts do not fit together.
+                or no whole number of ticks is as long as their spacing, to 3 %.
         """
         self.model = model
         self.rate_hz = rate_hz
         self.decimation = _decimation(model, rate_hz, decimation)
-        self._layout, self._memory = fuse(model, self.decimation)
-        # of a robot whose joints are the model's, until `prepare` says more
-        self._robot_layout = self._layout
-        self._make_calls()
-
-    def _make_calls(self) -> None:
-        self.correct = tick_call(self._layout, self._memory)
-        self._state_call = tick_state_call(self._robot_layout, self._memory)
+        self._memory = model.features.memory(self.decimation)
+        n, signals = len(model.joint_names), len(model.features.signals)
+        self._q, self._signals, self._out = np.zeros(n), np.zeros(signals), np.zeros(n)
+        self._inside = np.zeros(n, dtype=bool)
+        self._shapes = ((n,), (signals,), (n,), (n,))
+        self._tick = self.bind(self._q, self._signals, self._out, self._inside)
+        # of no robot yet: no joint state has -1 joints
+        self._robot_joints, self._places, self._sources = -1, np.arange(n), np.zeros(signals, dtype=np.int64)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name not in ("correct", "_state_call")}
+        return {name: value for name, value in vars(self).items() if name != "_tick"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        vars(self).update(state)  # a copy has a memory of its own, and so calls
-        self._make_calls()
+        vars(self).update(state)  # a copy has arrays of its own, and so its call
+        self._tick = self.bind(self._q, self._signals, self._out, self._inside)
+
+    def bind(self, q_nominal: Floats, signals: Floats, out: Floats, inside: Flags) -> Callable[[], None]:
+        """Return a call without arguments that takes one tick on these very arrays, which are checked once, now.
+
+        Args:
+            q_nominal: (n,) float64: the call finds there what the robot reports [rad|m].
+            signals: (S,) float64: current values of `model.features.signals`, in that order.
+            out: (n,) float64: receives the calibrated positions [rad|m]; not the memory of `q_nominal`.
+            inside: (n,) bool: receives whether each joint is inside the model's valid range.
+
+        Raises:
+            InputError: An array has another shape, type or layout, or two share their memory.
+        """
+        shapes = tuple(array.shape for array in (q_nominal, signals, out, inside))
+        if shapes != self._shapes:
+            raise self._other_shapes(shapes)
+        return bound(self._steps(q_nominal[None], signals[None], out[None], inside[None]))
+
+    def _steps(self, q: Floats, signals: Floats, out: Floats, inside: Flags) -> list[Step]:
+        X = np.empty((len(q), len(self.model.features.names)))
+        correction = np.empty(q.shape)
+        return [
+            self.model.features.step(signals, self._memory, X),
+            *self.model.steps(X, q, correction, inside),
+            Step(total, (q, correction), (out,)),
+        ]
+
+    def _other_shapes(self, shapes: Sequence[tuple[int, ...]]) -> InputError:
+        (n,), (signals,), *_ = self._shapes
+        return InputError(
+            f"corrector: expected q_nominal ({n},), signals ({signals},), out ({n},), inside ({n},), "
+            f"got {', '.join(map(str, shapes))}"
+        )
+
+    def correct(self, q_nominal: ArrayLike, signals: ArrayLike, out: Floats, inside: Flags) -> None:
+        """Take one tick.
+
+        Args:
+            q_nominal: (n,) positions that the robot reports [rad|m].
+            signals: (S,) current values of `model.features.signals`, in that order.
+            out: (n,) receives the calibrated positions [rad|m]; may be `q_nominal`.
+            inside: (n,) receives whether each joint is inside the model's valid range.
+
+        Raises:
+            InputError: An array has another shape.
+        """
+        shapes = np.shape(q_nominal), np.shape(signals), np.shape(out), np.shape(inside)
+        if shapes != self._shapes:
+            raise self._other_shapes(shapes)
+        self._q[:], self._signals[:] = q_nominal, signals
+        self._tick()
+        out[:], inside[:] = self._out, self._inside
 
     def reset(self) -> None:
         """Forget all previous ticks: another motion begins."""
-        clear(self._layout, self._memory)
+        self._memory.clear()
 
     def run(self, q_nominal: Floats, signals: Floats) -> tuple[Floats, Flags]:
         """Take a whole recording in one call, from its first row on.
@@ -101,7 +136,8 @@ class Corrector:
         rows = as_array("signals", signals, (len(q), len(self.model.features.signals)), finite=False)
         out, inside = np.empty_like(q), np.empty(q.shape, dtype=bool)
         self.reset()
-        tick_rows(self._layout, self._memory, q, rows, out, inside)
+        for part in blocks(len(q)):
+            run(self._steps(q[part], rows[part], out[part], inside[part]))
         return out, inside
 
     def prepare(self, joint_names: Sequence[str], joint_units: Sequence[str], rate_hz: float) -> None:
@@ -124,18 +160,17 @@ class Corrector:
                 f"corrector: made for {self.rate_hz:g} Hz, the loop runs at {rate_hz:g} Hz; the model's previous "
                 f"positions would lie at other times. Make it with rate_hz={rate_hz:g}"
             )
-        sources = []
+        size, sources = len(joint_names), []
         for signal in model.features.signals:
             group, _, joint = signal.partition(":")
             if group not in SOURCES or joint not in joint_names:
                 raise InputError(
                     f'corrector: input "{signal}" is in no joint state; expected q, qd or tau of {robot}'
                 )
-            sources.append((SOURCES.index(group), joint_names.index(joint)))
-        places = [joint_names.index(name) for name in model.joint_names]
-        size = len(joint_names)
-        self._robot_layout = with_robot(self._layout, places, sources, size)
-        self._state_call = tick_state_call(self._robot_layout, self._memory)
+            sources.append(SOURCES.index(group) * size + joint_names.index(joint))
+        self._robot_joints = size
+        self._places = np.array([joint_names.index(name) for name in model.joint_names], dtype=np.int64)
+        self._sources = np.array(sources, dtype=np.int64)
         self.reset()
 
     def correct_state(self, state: JointState, out: Floats, inside: Flags) -> None:
@@ -149,7 +184,18 @@ class Corrector:
         Raises:
             InputError: An array has another size than the robot's joints.
         """
-        self._state_call(state.q, state.qd, state.tau, out, inside)
+        shapes = tuple(map(np.shape, (state.q, state.qd, state.tau, out, inside)))
+        if any(shape != (self._robot_joints,) for shape in shapes):
+            raise InputError(
+                "corrector: q, qd, tau, out and inside are not of the robot that it was prepared for: "
+                + ", ".join(map(str, shapes))
+            )
+        self._signals[:] = np.concatenate((state.q, state.qd, state.tau))[self._sources]
+        self._q[:] = np.asarray(state.q)[self._places]
+        self._tick()
+        out[:] = state.q
+        inside[:] = True
+        out[self._places], inside[self._places] = self._out, self._inside
 
 
 def _decimation(model: CalibrationModel, rate_hz: float, decimation: int | None) -> int:

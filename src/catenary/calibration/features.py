@@ -1,18 +1,33 @@
 """The numbers that a calibration model takes, in order, and how they come out of a recording."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.arrays import Floats
+from catenary.calibration.kernels import Flags, Integers, Step, run
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 from catenary.plant import MotionLog
 
 GROUPS = ("q", "tau", "qd")  # per-joint quantities of a log; `q` is q_nominal
+
+
+class Memory(NamedTuple):
+    """What features take from earlier rows of a motion; written by every row."""
+
+    now: Integers  # (1,) row of `ring` that is to be written next
+    ring: Floats  # (rows, P) previous positions; NaN where there is none yet
+    play: Floats  # (K,) play states; NaN until the first position, on which they are centred
+
+    def clear(self) -> None:
+        """Forget all earlier rows: another motion begins."""
+        self.now[:] = 0
+        self.ring[:] = np.nan
+        self.play[:] = np.nan
 
 
 @dataclass(frozen=True)
@@ -57,14 +72,14 @@ class FeatureSet:
         """One unit per feature."""
         return tuple(unit for _, unit, _ in self._columns())
 
-    def columns_of(self, signals: Sequence[str]) -> NDArray[np.int64]:
+    def columns_of(self, signals: Sequence[str]) -> Integers:
         """Indices of the features that come from the given signals."""
         return np.array(
             [i for i, (_, _, signal) in enumerate(self._columns()) if signal in signals], dtype=np.int64
         )
 
     @property
-    def bounded(self) -> NDArray[np.bool_]:
+    def bounded(self) -> Flags:
         """Features that cannot leave their range whatever the robot does: the play states, (F,)."""
         names = self.names
         return np.arange(len(names)) >= len(names) - len(self.play)
@@ -85,39 +100,83 @@ class FeatureSet:
         Raises:
             InputError: The log lacks a signal, holds NaN in one, or has it in another unit.
         """
-        signals = {name: signal_of(log, name) for name in self.signals}
+        signals = np.column_stack([signal_of(log, name) for name in self.signals])
         for name, unit in zip(self.signals, self.units, strict=True):
             if signal_unit(log, name) != unit:
                 raise InputError(
                     f'recording "{log.name}": input "{name}" is in "{signal_unit(log, name)}", expected "{unit}"'
                 )
-        edges = [*log.starts, len(log)]
-        parts = [self._segment(signals, first, last) for first, last in pairwise(edges)]
-        return np.vstack(parts)
+        X, memory = np.empty((len(log), len(self.names))), self.memory()
+        for first, last in pairwise([*log.starts, len(log)]):
+            memory.clear()
+            run([self.step(signals[first:last], memory, X[first:last])])
+        return X
 
-    def _segment(self, signals: Mapping[str, Floats], first: int, last: int) -> Floats:
-        rows = last - first
-        columns = [signals[name][first:last] for name in self.signals]
-        for k in range(1, self.history + 1):
-            for position in self.positions:
-                earlier = np.full(rows, np.nan)
-                earlier[k:] = signals[position][first : max(first, last - k)]
-                columns.append(earlier)
-        for position, width in self.play:
-            x = signals[position][first:last]
-            columns.append(play(np.ascontiguousarray(x), width) - x)
-        return np.column_stack(columns)
+    def memory(self, decimation: int = 1) -> Memory:
+        """Return an empty memory for rows of which every `decimation`-th is a previous one."""
+        ring = np.empty((self.history * decimation, len(self.positions)))
+        memory = Memory(np.zeros(1, dtype=np.int64), ring, np.empty(len(self.play)))
+        memory.clear()
+        return memory
+
+    def step(self, signals: Floats, memory: Memory, X: Floats) -> Step:
+        """Return the compiled step that writes features X (N, F) for rows of signals (N, S)."""
+        spacing = len(memory.ring) // max(1, self.history)
+        lags = spacing * np.arange(1, self.history + 1, dtype=np.int64)
+        positions = self._places(self.positions)
+        played = self._places([name for name, _ in self.play])
+        widths = np.array([width for _, width in self.play], dtype=float)
+        return Step(gather, (signals, positions, lags, played, widths), (*memory, X))
+
+    def _places(self, signals: Sequence[str]) -> Integers:
+        return np.array([self.signals.index(name) for name in signals], dtype=np.int64)
 
 
 @compiled
-def play(x: Floats, width: float) -> Floats:
-    """State of a play of half-width `width` driven by x (N,), starting centred on x[0]."""
-    y = np.empty_like(x)
-    state = x[0]
-    for i in range(x.size):
-        state = min(max(state, x[i] - width), x[i] + width)
-        y[i] = state
-    return y
+def gather(
+    signals: Floats,
+    positions: Integers,
+    lags: Integers,
+    played: Integers,
+    widths: Floats,
+    now: Integers,
+    ring: Floats,
+    play: Floats,
+    X: Floats,
+) -> None:
+    """Write the features of rows of one motion, in the order of FeatureSet, and remember what later rows take.
+
+    A signal that is NaN leaves its play states as they are, and is NaN among the previous positions.
+
+    Args:
+        signals: (N, S) what the robot reports, row after row.
+        positions: (P,) which signals are positions.
+        lags: (H,) how many rows ago each previous position lies.
+        played: (K,) which signals the play states follow.
+        widths: (K,) half-widths of the play states.
+        now: See Memory; so are `ring` and `play`.
+        ring: As long as the largest lag.
+        play: Play states.
+        X: (N, S + H P + K) receives the features.
+    """
+    for row in range(len(signals)):
+        at = signals.shape[1]
+        for i in range(at):
+            X[row, i] = signals[row, i]
+        for lag in lags:
+            for i in range(len(positions)):
+                X[row, at] = ring[(now[0] - lag) % len(ring), i]
+                at += 1
+        if len(ring) > 0:
+            for i in range(len(positions)):
+                ring[now[0], i] = signals[row, positions[i]]
+            now[0] = (now[0] + 1) % len(ring)
+        for i in range(len(played)):
+            position = signals[row, played[i]]
+            if np.isfinite(position):
+                state = position if np.isnan(play[i]) else play[i]
+                play[i] = min(max(state, position - widths[i]), position + widths[i])
+            X[row, at + i] = play[i] - position
 
 
 def available_signals(log: MotionLog) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 import io
 import json
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +11,8 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.calibration.card import Card
 from catenary.calibration.features import FeatureSet
-from catenary.calibration.linear import Linear
-from catenary.calibration.model import CalibrationModel, JointGroup, Predictor, Target
-from catenary.calibration.neural import Network
-from catenary.calibration.offset import Constant
-from catenary.calibration.polynomial import Quadratic
+from catenary.calibration.model import CalibrationModel, JointGroup
+from catenary.calibration.predictors import Constant, Linear, Network, Predictor, Quadratic
 from catenary.calibration.valid_range import ValidRange
 from catenary.errors import FileFormatError, InputError
 from catenary.files import write_atomically
@@ -105,7 +102,6 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
             groups=groups,
             rate_hz=_rate(structure.get("rate_hz")),
         )
-        _check(model)
         card = json.loads(str(arrays["card"]))
         if not isinstance(card, dict):
             raise ValueError("the card is no table")
@@ -114,27 +110,6 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
         raise
     except (KeyError, TypeError, ValueError, IndexError, InputError) as error:
         raise FileFormatError(f"{path}: is a damaged calibration model: {error!r}") from error
-
-
-def _check(model: CalibrationModel) -> None:
-    """Run the model once: shapes that do not fit together show here, not in the loop."""
-    n, width = len(model.joint_names), len(model.features.names)
-    if model.offset.shape != (n,) or sorted(j for g in model.groups for j in g.joints) != list(range(n)):
-        raise ValueError("joints and arrays do not fit together")
-    if model.target not in get_args(Target):
-        raise ValueError(f"unknown target {model.target!r}")
-    for group in model.groups:
-        watched = len(group.watched)
-        for key, values in vars(group.valid_range).items():
-            if values.shape != ((watched, watched) if key == "axes" else (watched,)):
-                raise ValueError(
-                    f"the valid range of joints {group.joints} has {key} of shape {values.shape}"
-                )
-        middle = np.zeros((1, width))[:, group.columns]
-        values = group.predictor.predict(middle)
-        if values.shape != (1, len(group.joints)) or not np.isfinite(values).all():
-            raise ValueError(f"the predictor of joints {group.joints} gives {values!r}")
-        group.inside(np.zeros((1, width)))
 
 
 def _rate(value: Any) -> float | None:

@@ -9,12 +9,11 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.features import FeatureSet, choose_signals, signal_unit
-from catenary.calibration.linear import fit_linear
-from catenary.calibration.model import CalibrationModel, JointGroup, Predictor, Target
+from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.neural import BEST, PAPER, fit_neural
-from catenary.calibration.offset import fit_offset
-from catenary.calibration.polynomial import fit_polynomial
+from catenary.calibration.predictors import Predictor
 from catenary.calibration.progress import Progress, part_of, silent
+from catenary.calibration.regression import fit_linear, fit_offset, fit_polynomial
 from catenary.calibration.valid_range import fit_valid_range
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -155,7 +154,7 @@ def fit(
         )
     if len(data) < SMALLEST_DATA:
         raise InputError(f"data: {len(data)} usable rows, expected at least {SMALLEST_DATA}")
-    offset = fit_offset(data.X, data.error).value
+    offset = fit_offset(data.error).value
     target: Target = "error" if options.kind == "offset" else options.target
     Y = data.error if target == "error" else data.q_nominal + data.error
     groups: list[JointGroup] = []
@@ -196,7 +195,7 @@ def _fit_predictor(
     X: Floats, Y: Floats, options: FitOptions, late: np.ndarray, progress: Progress
 ) -> Predictor:
     if options.kind == "offset":
-        return fit_offset(X, Y)
+        return fit_offset(Y)
     if options.kind == "linear":
         return fit_linear(X, Y, ridge=options.ridge_used or 0.0)
     if options.kind == "polynomial":

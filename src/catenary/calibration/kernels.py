@@ -1,233 +1,227 @@
-"""The arithmetic of every predictor and of the valid range, one row at a time, in machine code.
+"""The arithmetic of calibration models: small compiled functions of rows of numbers.
 
-Batches and the control loop run the same functions, so a deployed model gives the bits that it was evaluated with.
-All sums are those of layers.py: no compiler reorders them, fast mathematics stay off, and the bits do not depend on the
-machine either. Only +, -, *, / and products fused with sums occur, each rounded as IEEE 754 says.
-
-Functions take places in flat arrays: slices cost more than most sums.
+A tick of the control loop is a batch of one row. Both run these functions, so a deployed model gives the bits that it
+was evaluated with: every output is summed in the order of its inputs, however many rows or columns lie beside it.
+Only +, -, *, / and comparisons occur, each rounded as IEEE 754 says, so the bits do not depend on the machine either.
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats, as_array
-from catenary.calibration.layers import LINE, bend, layer, lines
-from catenary.kernels.compiled import borrowed, compiled, inlined
+from catenary.arrays import Floats
+from catenary.kernels.bind import bind
+from catenary.kernels.compiled import compiled, inlined
 
-CONSTANT, LINEAR, QUADRATIC, NETWORK = range(4)
+Flags = NDArray[np.bool_]
 Integers = NDArray[np.int64]
+BLOCK_ROWS = 512  # rows of a batch that are taken at once: what lies between two steps stays in the cache
 
 
-class Packed(NamedTuple):
-    """A predictor as two flat arrays, of the same types whatever its kind, so that one compiled loop runs all."""
+class Step(NamedTuple):
+    """A compiled function and the arrays that it runs on: `function(*inputs, *outputs)`."""
 
-    # kind, inputs F, outputs m, room to work in; then for a network: activation, skip (0, 1), number of layers, widths
-    layout: Integers
-    numbers: (
-        Floats  # the predictor's arrays, one after the other; each of them, and each row, begins with a line
-    )
+    function: Callable[..., None]
+    inputs: tuple[NDArray[Any], ...]  # read only
+    outputs: tuple[NDArray[Any], ...]  # written, or read and written
 
 
-def pack(
-    kind: int,
-    parts: Sequence[tuple[str, Floats, tuple[int, ...]]],
-    *,
-    sizes: tuple[int, int],
-    room: int = 0,
-    more: Sequence[int] = (),
-) -> Packed:
-    """Put a predictor's arrays one after the other.
-
-    Args:
-        kind: CONSTANT, LINEAR, QUADRATIC or NETWORK.
-        parts: Name, values and expected shape of each array.
-        sizes: Inputs F and outputs m.
-        room: Floats of working memory that a row takes.
-        more: What the layout of a network holds beside.
-
-    Raises:
-        InputError: An array has another shape.
-    """
-    arrays = [as_array(name, values, shape, finite=False) for name, values, shape in parts]
-    return Packed(np.array([kind, *sizes, room, *more], dtype=np.int64), in_lines(arrays))
+def run(steps: Sequence[Step]) -> None:
+    """Run steps one after the other."""
+    for step in steps:
+        step.function(*step.inputs, *step.outputs)
 
 
-def in_lines(arrays: Sequence[Floats]) -> Floats:
-    """Put arrays (N,) and (M, N) one after the other; each, and each row, begins with a line, filled up with zeros."""
-    sizes = [lines(array.shape[-1]) * (len(array) if array.ndim == 2 else 1) for array in arrays]
-    room = np.zeros(sum(sizes) + LINE)
-    begin = -(room.ctypes.data // room.itemsize) % LINE
-    numbers = room[begin : begin + sum(sizes)]
-    at = 0
-    for array, size in zip(arrays, sizes, strict=True):
-        width = array.shape[-1]
-        numbers[at : at + size].reshape(-1, max(1, lines(width)))[:, :width] = array
-        at += size
-    return numbers
+def bound(steps: Sequence[Step]) -> Callable[[], None]:
+    """Return a call without arguments that runs steps on their arrays, which are checked once, now."""
+    calls = [bind(*step) for step in steps]
+
+    def tick() -> None:
+        for call in calls:
+            call()
+
+    return tick
 
 
-def predict_rows(packed: Packed, X: Floats) -> Floats:
-    """Give a predictor's outputs (N, m) for features (N, F).
-
-    Raises:
-        InputError: X has another shape.
-    """
-    kind, inputs, outputs = (int(size) for size in packed.layout[:3])
-    rows = as_array("features", X, (None, X.shape[1] if kind == CONSTANT else inputs), finite=False)
-    out = np.empty((len(rows), outputs))
-    work = in_lines([np.zeros(lines(outputs) + int(packed.layout[3]))])
-    _predict_rows(packed.layout, packed.numbers, rows.ravel(), rows.shape[1], work, out)
-    return out
+def blocks(rows: int) -> list[slice]:
+    """Return consecutive slices of at most `BLOCK_ROWS` rows."""
+    return [slice(first, min(first + BLOCK_ROWS, rows)) for first in range(0, rows, BLOCK_ROWS)]
 
 
 @compiled
-def _predict_rows(
-    layout: Integers, numbers: Floats, X: Floats, inputs: int, work: Floats, out: Floats
-) -> None:
-    layout, numbers, X, work = borrowed(layout), borrowed(numbers), borrowed(X), borrowed(work)
-    outputs = layout[2]
-    for k in range(len(out)):
-        predict_at(layout, 0, X, k * inputs, numbers, 0, work, lines(outputs), work, 0)
-        for j in range(outputs):
-            out[k, j] = work[j]
-
-
-@inlined
-def predict_at(
-    layout: Integers,
-    layout_at: int,
-    x: Floats,
-    x_at: int,
-    numbers: Floats,
-    at: int,
-    work: Floats,
-    work_at: int,
-    out: Floats,
-    out_at: int,
-) -> None:
-    """Write a predictor's outputs, whole lines of them, for one row of features (F,), each from its place on."""
-    kind, inputs, outputs = layout[layout_at], layout[layout_at + 1], layout[layout_at + 2]
-    if kind == LINEAR:
-        layer(x, x_at, numbers, at, inputs, outputs, out, out_at)
-    elif kind == CONSTANT:
-        for k in range(outputs):
-            out[out_at + k] = numbers[at + k]
-    elif kind == QUADRATIC:
-        _quadratic(inputs, outputs, x, x_at, numbers, at, work, work_at, out, out_at)
-    else:
-        _network(layout, layout_at, x, x_at, numbers, at, work, work_at, out, out_at)
-
-
-@inlined
-def _standardise(
-    x: Floats, x_at: int, numbers: Floats, at: int, inputs: int, out: Floats, out_at: int
-) -> None:
-    """Write (x - mean) / scale, the numbers from `at` on."""
-    scale = at + lines(inputs)
-    for i in range(inputs):
-        out[out_at + i] = (x[x_at + i] - numbers[at + i]) / numbers[scale + i]
-
-
-@inlined
-def _quadratic(
-    inputs: int,
-    outputs: int,
-    x: Floats,
-    x_at: int,
-    numbers: Floats,
-    at: int,
-    work: Floats,
-    work_at: int,
-    out: Floats,
-    out_at: int,
-) -> None:
-    _standardise(x, x_at, numbers, at, inputs, work, work_at)
-    pair = work_at + inputs
-    for i in range(inputs):
-        first = work[work_at + i]
-        for j in range(i, inputs):
-            work[pair + j - i] = first * work[work_at + j]
-        pair += inputs - i
-    layer(work, work_at, numbers, at + 2 * lines(inputs), pair - work_at, outputs, out, out_at)
-
-
-@inlined
-def _network(
-    layout: Integers,
-    layout_at: int,
-    x: Floats,
-    x_at: int,
-    numbers: Floats,
-    at: int,
-    work: Floats,
-    work_at: int,
-    out: Floats,
-    out_at: int,
-) -> None:
-    inputs, outputs, half = layout[layout_at + 1], layout[layout_at + 2], layout[layout_at + 3] // 2
-    activation, skip, layers = layout[layout_at + 4], layout[layout_at + 5], layout[layout_at + 6]
-    below, above = work_at, work_at + half  # inputs of a layer, and its outputs
-    _standardise(x, x_at, numbers, at, inputs, work, below)
-    at, width = at + 2 * lines(inputs), inputs
-    for k in range(layers):
-        wider = layout[layout_at + 7 + k]
-        layer(work, below, numbers, at, width, wider, work, above)
-        at += (width + 1) * lines(wider)
-        width = wider
-        if k < layers - 1:
-            bend(activation, work, above, width)
-        below, above = above, below
-    mean, scale = at, at + lines(outputs)
-    if skip:
-        layer(x, x_at, numbers, scale + lines(outputs), inputs, outputs, out, out_at)
-        for k in range(outputs):
-            out[out_at + k] += work[below + k] * numbers[scale + k] + numbers[mean + k]
-    else:
-        for k in range(outputs):
-            out[out_at + k] = work[below + k] * numbers[scale + k] + numbers[mean + k]
-
-
-@inlined
-def inside_at(
-    x: Floats, x_at: int, count: int, axes: int, numbers: Floats, at: int, work: Floats, work_at: int
-) -> bool:
-    """Whether one row of features (F,) lies within both boxes of a valid range; never true for NaN.
-
-    Args:
-        x: Features, from `x_at` on.
-        x_at: Where they begin.
-        count: Number of features F.
-        axes: Number of axes A.
-        numbers: From `at` on lower (F,), upper (F,), mean (F,), directions (F, A), zeros (A,), axis_lower (A,),
-            axis_upper (A,), as `in_lines` puts them.
-        at: Where they begin.
-        work: lines(F) + lines(A) or longer from `work_at` on.
-        work_at: Where it begins.
-    """
-    step, wide = lines(count), lines(axes)
-    upper, mean, directions = at + step, at + 2 * step, at + 3 * step
-    inside = True
-    for i in range(count):
-        value = x[x_at + i]
-        inside &= (value >= numbers[at + i]) & (value <= numbers[upper + i])
-        work[work_at + i] = value - numbers[mean + i]
-    along, axis_lower = work_at + step, directions + (count + 1) * wide
-    axis_upper = axis_lower + wide
-    layer(work, work_at, numbers, directions, count, axes, work, along)
-    for a in range(axes):
-        value = work[along + a]
-        inside &= (value >= numbers[axis_lower + a]) & (value <= numbers[axis_upper + a])
-    return inside
+def take(X: Floats, columns: Integers, Y: Floats) -> None:
+    """Write columns of X (N, F) into Y (N, len(columns))."""
+    for row in range(len(X)):
+        for k in range(len(columns)):
+            Y[row, k] = X[row, columns[k]]
 
 
 @compiled
-def inside_rows(
-    X: Floats, count: int, axes: int, numbers: Floats, work: Floats, out: NDArray[np.bool_]
+def centre(X: Floats, mean: Floats, Z: Floats) -> None:
+    """Write Z = X - mean."""
+    for row in range(len(X)):
+        for k in range(len(mean)):
+            Z[row, k] = X[row, k] - mean[k]
+
+
+@compiled
+def standardise(X: Floats, mean: Floats, scale: Floats, Z: Floats) -> None:
+    """Write Z = (X - mean) / scale."""
+    for row in range(len(X)):
+        for k in range(len(mean)):
+            Z[row, k] = (X[row, k] - mean[k]) / scale[k]
+
+
+@compiled
+def rescale(Z: Floats, scale: Floats, mean: Floats, Y: Floats) -> None:
+    """Write Y = Z * scale + mean."""
+    for row in range(len(Z)):
+        for k in range(len(mean)):
+            Y[row, k] = Z[row, k] * scale[k] + mean[k]
+
+
+@compiled
+def dense(X: Floats, weights: Floats, bias: Floats, Y: Floats) -> None:
+    """Write Y = X @ weights + bias, weights (F, m)."""
+    for row in range(len(X)):
+        for k in range(len(bias)):
+            Y[row, k] = bias[k]
+        # inputs outside, outputs inside: the inner loop runs along a row of weights, several outputs at once
+        for i in range(len(weights)):
+            x = X[row, i]
+            for k in range(len(bias)):
+                Y[row, k] += x * weights[i, k]
+
+
+@compiled
+def monomials(Z: Floats, P: Floats) -> None:
+    """Write z_i, then z_i z_j with i <= j, row by row: (0, 0), (0, 1), ..., (1, 1), ..."""
+    inputs = Z.shape[1]
+    for row in range(len(Z)):
+        for i in range(inputs):
+            P[row, i] = Z[row, i]
+        at = inputs
+        for i in range(inputs):
+            for j in range(i, inputs):
+                P[row, at] = Z[row, i] * Z[row, j]
+                at += 1
+
+
+@inlined
+def _expm1(v: float) -> float:
+    """Return exp(v) - 1 for |v| <= 40, to a few units in the last place.
+
+    Taylor's series of v / 64 to the ninth power, then exp(2 t) - 1 = e (2 + e), e = exp(t) - 1, six times; the
+    doubling loses no relative accuracy near zero. The C library's function takes one number at a time.
+    """
+    t = v * 0.015625
+    e = 1.0 / 40320.0 + t * (1.0 / 362880.0)
+    e = 1.0 / 720.0 + t * (1.0 / 5040.0 + t * e)
+    e = 1.0 / 24.0 + t * (1.0 / 120.0 + t * e)
+    e = t * (1.0 + t * (0.5 + t * (1.0 / 6.0 + t * e)))
+    for _ in range(6):
+        e = e * (2.0 + e)
+    return e
+
+
+@inlined
+def _within(v: float, limit: float) -> float:
+    return -limit if v < -limit else (limit if v > limit else v)
+
+
+@compiled
+def tanh(Z: Floats) -> None:
+    """Replace numbers by their hyperbolic tangents, exact to 3e-15 of themselves."""
+    for row in range(len(Z)):
+        for k in range(Z.shape[1]):
+            e = _expm1(2.0 * _within(Z[row, k], 20.0))  # 1 in float64 beyond 20
+            Z[row, k] = e / (e + 2.0)
+
+
+@compiled
+def logistic(Z: Floats) -> None:
+    """Replace numbers v by 1 / (1 + exp(-v)), exact to 1e-15."""
+    for row in range(len(Z)):
+        for k in range(Z.shape[1]):
+            e = _expm1(_within(Z[row, k], 40.0))  # 0 or 1 to 1e-17 beyond 40
+            Z[row, k] = (e + 1.0) / (e + 2.0)
+
+
+@compiled
+def repeat(value: Floats, Y: Floats) -> None:
+    """Write the same numbers (m,) into every row of Y (N, m)."""
+    for row in range(len(Y)):
+        for k in range(len(value)):
+            Y[row, k] = value[k]
+
+
+@compiled
+def add(A: Floats, Y: Floats) -> None:
+    """Add A (N, m) to Y (N, m)."""
+    for row in range(len(Y)):
+        for k in range(Y.shape[1]):
+            Y[row, k] += A[row, k]
+
+
+@compiled
+def total(A: Floats, B: Floats, Y: Floats) -> None:
+    """Write Y = A + B, all (N, m)."""
+    for row in range(len(Y)):
+        for k in range(Y.shape[1]):
+            Y[row, k] = A[row, k] + B[row, k]
+
+
+@compiled
+def finite(X: Floats, inside: Flags) -> None:
+    """Write whether all numbers of each row of X (N, F) are finite."""
+    for row in range(len(X)):
+        inside[row] = True
+        for k in range(X.shape[1]):
+            inside[row] &= np.isfinite(X[row, k])
+
+
+@compiled
+def between(X: Floats, lower: Floats, upper: Floats, inside: Flags) -> None:
+    """Clear the flag of each row of X (N, F) that is not between the limits (F,); NaN is not."""
+    for row in range(len(X)):
+        for k in range(len(lower)):
+            inside[row] &= (X[row, k] >= lower[k]) & (X[row, k] <= upper[k])
+
+
+@compiled
+def errors_of_positions(q: Floats, joints: Integers, prediction: Floats) -> None:
+    """Turn predicted positions (N, m) of some joints into errors: subtract the reported ones, q (N, n)."""
+    for row in range(len(q)):
+        for k in range(len(joints)):
+            prediction[row, k] -= q[row, joints[k]]
+
+
+@compiled
+def choose(
+    prediction: Floats,
+    known: Flags,
+    q: Floats,
+    joints: Integers,
+    offset: Floats,
+    correction: Floats,
+    inside: Flags,
 ) -> None:
-    """Write `inside_at` of every row of X (N * F,) into out (N,)."""
-    X, numbers, work = borrowed(X), borrowed(numbers), borrowed(work)
-    for k in range(len(out)):
-        out[k] = inside_at(X, k * count, count, axes, numbers, 0, work, 0)
+    """Write the predicted errors of some joints, or their fixed offset where the prediction is not to be trusted.
+
+    Args:
+        prediction: (N, m) errors of `joints`.
+        known: (N,) whether the features are inside the valid range.
+        q: (N, n) reported positions; where one is not finite, nothing is known of that joint.
+        joints: (m,) which of the n joints.
+        offset: (n,) fixed offsets.
+        correction: (N, n) receives them.
+        inside: (N, n) receives whether each is a prediction.
+    """
+    for row in range(len(q)):
+        for k in range(len(joints)):
+            joint = joints[k]
+            trusted = known[row] and np.isfinite(q[row, joint])
+            correction[row, joint] = prediction[row, k] if trusted else offset[joint]
+            inside[row, joint] = trusted

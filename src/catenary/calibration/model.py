@@ -1,14 +1,24 @@
 """A fitted calibration model: what to add to the reported joint positions, and where it may be trusted."""
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration.features import FeatureSet
-from catenary.calibration.kernels import Packed
+from catenary.calibration.kernels import (
+    Flags,
+    Integers,
+    Step,
+    blocks,
+    choose,
+    errors_of_positions,
+    finite,
+    run,
+    take,
+)
+from catenary.calibration.predictors import Predictor
 from catenary.calibration.valid_range import ValidRange
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -16,32 +26,53 @@ from catenary.plant import MotionLog
 Target = Literal["error", "position"]
 
 
-class Predictor(Protocol):
-    """A fitted function of features (N, F) to (N, m)."""
-
-    def predict(self, X: Floats) -> Floats:
-        """Give (N, m) for features (N, F)."""
-        ...
-
-    def pack(self) -> Packed:
-        """Give the arrays as compiled loops take them."""
-        ...
-
-
 @dataclass(frozen=True)
 class JointGroup:
-    """Joints that share their inputs, and what was fitted for them."""
+    """Joints that share their inputs, and what was fitted for them.
+
+    Raises:
+        InputError: Parts do not fit together.
+    """
 
     joints: tuple[int, ...]
-    columns: NDArray[np.int64]  # features that they take
+    columns: Integers  # features that they take
     predictor: Predictor
     valid_range: ValidRange
-    watched: NDArray[np.int64]  # features that the valid range looks at: those that can leave their range
+    watched: Integers  # features that the valid range looks at: those that can leave their range
 
-    def inside(self, X: Floats) -> NDArray[np.bool_]:
-        """Whether rows of all features (N, F) lie in the group's valid range, (N,); never true for NaN."""
-        complete = np.isfinite(X[:, self.columns]).all(axis=1)
-        return complete & self.valid_range.inside(X[:, self.watched])
+    def __post_init__(self) -> None:
+        for name in ("columns", "watched"):
+            columns = np.asarray(getattr(self, name))
+            if columns.ndim != 1 or (columns.size and columns.dtype.kind not in "iu"):
+                raise InputError(f"model: {name}: expected indices of features, got {columns!r}")
+            object.__setattr__(self, name, np.ascontiguousarray(columns, dtype=np.int64))
+        predictor, watched = self.predictor, len(self.valid_range.lower)
+        if (
+            predictor.inputs not in (None, len(self.columns))
+            or predictor.outputs != len(self.joints)
+            or watched != len(self.watched)
+        ):
+            raise InputError(
+                f"model: joints {self.joints} take {len(self.columns)} features, {len(self.watched)} of them watched; "
+                f"the predictor takes {predictor.inputs} and gives {predictor.outputs}, the valid range is of {watched}"
+            )
+
+    def steps(self, X: Floats, known: Flags, prediction: Floats) -> list[Step]:
+        """Return the compiled steps from rows of all features X (N, F) to predictions.
+
+        Args:
+            X: (N, F) features.
+            known: (N,) receives whether rows are complete and in the valid range.
+            prediction: (N, m) receives the predictor's outputs.
+        """
+        taken, watched = np.empty((len(X), len(self.columns))), np.empty((len(X), len(self.watched)))
+        return [
+            Step(take, (X, self.columns), (taken,)),
+            Step(finite, (taken,), (known,)),
+            Step(take, (X, self.watched), (watched,)),
+            *self.valid_range.steps(watched, known),
+            *self.predictor.steps(taken, prediction),
+        ]
 
 
 @dataclass(frozen=True)
@@ -50,6 +81,9 @@ class CalibrationModel:
 
     `correction` is added to q_nominal. A row outside a group's valid range gets the fixed offset of the
     training data instead.
+
+    Raises:
+        InputError: Parts do not fit together.
     """
 
     kind: str  # "offset", "linear", "polynomial" or "neural"
@@ -62,33 +96,62 @@ class CalibrationModel:
     groups: tuple[JointGroup, ...]
     rate_hz: float | None = None  # of the training rows, at which `history` counts; None where not known
 
-    def inside(self, X: Floats) -> NDArray[np.bool_]:
-        """Whether features (N, F) lie in the valid range of each joint, (N, n)."""
-        inside = np.zeros((len(X), len(self.joint_names)), dtype=bool)
+    def __post_init__(self) -> None:
+        n, width = len(self.joint_names), len(self.features.names)
+        if self.target not in get_args(Target):
+            raise InputError(f"model: target {self.target!r}: expected {' or '.join(get_args(Target))}")
+        if sorted(j for group in self.groups for j in group.joints) != list(range(n)):
+            raise InputError(f"model: expected each of its {n} joints in one group")
         for group in self.groups:
-            inside[:, group.joints] = group.inside(X)[:, None]
-        return inside
+            columns = np.concatenate([group.columns, group.watched])
+            if len(columns) and not (0 <= columns.min() and columns.max() < width):
+                raise InputError(
+                    f"model: joints {group.joints} take features beyond the {width} that there are"
+                )
+        object.__setattr__(self, "offset", as_array("offset", self.offset, (n,)))
+
+    def inside(self, X: Floats) -> Flags:
+        """Return whether features (N, F) lie in the valid range of each joint, (N, n); NaN does not."""
+        return self._correct(X, np.zeros((len(X), len(self.joint_names))))[1]
 
     def correction(self, X: Floats, q_nominal: Floats) -> Floats:
-        """What to add to q_nominal (N, n), (N, n) [rad|m]; NaN features count as outside the valid range.
+        """Return what to add to q_nominal (N, n), (N, n) [rad|m]; NaN features count as outside the valid range.
 
         Raises:
             InputError: X is not (N, F), or q_nominal not (N, n).
         """
+        return self._correct(X, q_nominal)[0]
+
+    def _correct(self, X: Floats, q_nominal: Floats) -> tuple[Floats, Flags]:
         X = as_array("features", X, (None, len(self.features.names)), finite=False)
-        q_nominal = as_array("q_nominal", q_nominal, (len(X), len(self.joint_names)), finite=False)
-        correction = np.tile(self.offset, (len(X), 1))
+        q = as_array("q_nominal", q_nominal, (len(X), len(self.joint_names)), finite=False)
+        correction, inside = np.empty_like(q), np.empty(q.shape, dtype=bool)
+        for rows in blocks(len(X)):
+            run(self.steps(X[rows], q[rows], correction[rows], inside[rows]))
+        return correction, inside
+
+    def steps(self, X: Floats, q: Floats, correction: Floats, inside: Flags) -> list[Step]:
+        """Return the compiled steps from features to corrections.
+
+        Args:
+            X: (N, F) features.
+            q: (N, n) reported positions [rad|m]; the correction of one that is not finite is the fixed offset.
+            correction: (N, n) receives what to add [rad|m].
+            inside: (N, n) receives whether each comes from a predictor, inside its valid range.
+        """
+        steps: list[Step] = []
         for group in self.groups:
-            rows = np.flatnonzero(group.inside(X))
-            prediction = group.predictor.predict(X[np.ix_(rows, group.columns)])
-            cells = np.ix_(rows, np.array(group.joints))
+            joints = np.array(group.joints, dtype=np.int64)
+            known, prediction = np.empty(len(X), dtype=bool), np.empty((len(X), len(joints)))
+            steps += group.steps(X, known, prediction)
             if self.target == "position":
-                prediction = prediction - q_nominal[cells]
-            correction[cells] = prediction
-        return correction
+                steps.append(Step(errors_of_positions, (q, joints), (prediction,)))
+            chosen_from = (prediction, known, q, joints, self.offset)
+            steps.append(Step(choose, chosen_from, (correction, inside)))
+        return steps
 
     def calibrate(self, log: MotionLog) -> Floats:
-        """Calibrated joint positions of every row of a recording, (N, n) [rad|m].
+        """Return calibrated joint positions of every row of a recording, (N, n) [rad|m].
 
         Raises:
             InputError: The recording is of other joints, or lacks an input.

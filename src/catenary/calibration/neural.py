@@ -1,57 +1,19 @@
-"""Feed-forward networks: the paper's, and ours."""
+"""How feed-forward networks are trained: the paper's way, and ours."""
 
 import warnings
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
 
 import numpy as np
 from sklearn.neural_network import MLPRegressor
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
-from catenary.calibration.kernels import NETWORK, Packed, pack, predict_rows
-from catenary.calibration.layers import LOGISTIC, TANH, lines
-from catenary.calibration.linear import Linear, fit_linear, standardisation
+from catenary.calibration.predictors import Activation, Network
 from catenary.calibration.progress import Progress, part_of, silent
+from catenary.calibration.regression import fit_linear
+from catenary.calibration.valid_range import standardisation
 
 MANY_ROWS = 10_000
-Activation = Literal["logistic", "tanh"]
-
-
-@dataclass(frozen=True)
-class Network:
-    """y = out_mean + out_scale * layers(z) + skip(X), z = (x - mean) / scale; only hidden units are bent."""
-
-    kind: ClassVar[str] = "network"
-    mean: Floats  # (F,)
-    scale: Floats  # (F,)
-    weights: tuple[Floats, ...]  # (F, h1), (h1, h2), ..., (h, m)
-    biases: tuple[Floats, ...]
-    activation: Activation
-    out_mean: Floats  # (m,)
-    out_scale: Floats  # (m,)
-    skip: Linear | None = None  # a linear model that the network corrects
-
-    def predict(self, X: Floats) -> Floats:
-        """Give (N, m) for features (N, F)."""
-        return predict_rows(self.pack(), X)
-
-    def pack(self) -> Packed:
-        """Give the arrays as compiled loops take them."""
-        widths = (len(self.mean), *(len(bias) for bias in self.biases))
-        sizes = (widths[0], widths[-1])
-        parts: list[tuple[str, Floats, tuple[int, ...]]] = [
-            ("mean", self.mean, widths[:1]),
-            ("scale", self.scale, widths[:1]),
-        ]
-        for k, (W, b) in enumerate(zip(self.weights, self.biases, strict=True)):
-            parts += [(f"weights{k}", W, widths[k : k + 2]), (f"bias{k}", b, widths[k + 1 : k + 2])]
-        parts += [("out_mean", self.out_mean, sizes[1:]), ("out_scale", self.out_scale, sizes[1:])]
-        if self.skip is not None:
-            parts += [("skip_weights", self.skip.weights, sizes), ("skip_bias", self.skip.bias, sizes[1:])]
-        activation = TANH if self.activation == "tanh" else LOGISTIC
-        more = [activation, self.skip is not None, len(self.weights), *widths[1:]]
-        return pack(NETWORK, parts, sizes=sizes, room=2 * lines(max(widths)), more=more)
 
 
 @dataclass(frozen=True)

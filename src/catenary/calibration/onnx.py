@@ -17,11 +17,8 @@ from numpy.typing import NDArray
 from catenary import __version__
 from catenary.calibration.card import Card
 from catenary.calibration.features import FeatureSet
-from catenary.calibration.linear import Linear
-from catenary.calibration.model import CalibrationModel, JointGroup, Predictor
-from catenary.calibration.neural import Network
-from catenary.calibration.offset import Constant
-from catenary.calibration.polynomial import Quadratic
+from catenary.calibration.model import CalibrationModel, JointGroup
+from catenary.calibration.predictors import Constant, Linear, Network, Predictor, Quadratic
 from catenary.errors import InputError, MissingPackageError
 from catenary.files import json_text, write_atomically
 
@@ -60,8 +57,6 @@ def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
         raise InputError(f"decimation: expected one or more steps, got {decimation}")
     onnx = _import_onnx()
     n, features = len(model.joint_names), model.features
-    if sorted(j for group in model.groups for j in group.joints) != list(range(n)):
-        raise InputError(f"model: expected each of its {n} joints in one group")
     graph = _Graph(onnx)
     graph.input("signals", len(features.signals), text=", ".join(features.signals))
     if model.target == "position":
@@ -69,7 +64,6 @@ def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
     x = _features(graph, features, decimation)
     corrections, insides = [], []
     for group in model.groups:
-        group.predictor.pack(), group.valid_range.pack()  # refuse arrays that do not fit together
         correction, inside = _group(graph, group, x, model)
         corrections.append(correction)
         insides.append(inside)

@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.kernels import in_lines, inside_rows
-from catenary.calibration.linear import standardisation
+from catenary.calibration.kernels import Flags, Step, between, blocks, centre, dense, run
 
 SMALLEST_RANGE = 1e-6  # [standard deviations] below it a direction counts as not moved at all
 
@@ -18,6 +16,9 @@ class ValidRange:
 
     The first catches a joint beyond where it was, the second combinations that never occurred together:
     large steps where only small ones were seen, a torque on the wrong side of a motion.
+
+    Raises:
+        InputError: Arrays do not fit together, or hold NaN or infinity.
     """
 
     lower: Floats  # (F,) in the features' units
@@ -27,26 +28,29 @@ class ValidRange:
     axis_lower: Floats  # (F,)
     axis_upper: Floats  # (F,)
 
-    def inside(self, X: Floats) -> NDArray[np.bool_]:
-        """Whether each row of features (N, F) lies within both boxes, (N,); never true for NaN."""
-        count, axes = self.axes.shape
-        rows = as_array("features", X, (None, count), finite=False)
-        out = np.empty(len(rows), dtype=bool)
-        work = in_lines([np.zeros(count), np.zeros(axes)])
-        inside_rows(rows.ravel(), count, axes, self.pack(), work, out)
-        return out
+    def __post_init__(self) -> None:
+        width = len(self.lower)
+        for name, values in list(vars(self).items()):
+            shape = (width, width) if name == "axes" else (width,)
+            object.__setattr__(self, name, as_array(name, values, shape))
 
-    def pack(self) -> Floats:
-        """Give the arrays one after the other, as compiled loops take them.
+    def steps(self, X: Floats, inside: Flags) -> list[Step]:
+        """Return the compiled steps that clear the flags (N,) of rows of X (N, F) outside either box; NaN is."""
+        centred, projection = np.empty_like(X), np.empty_like(X)
+        return [
+            Step(between, (X, self.lower, self.upper), (inside,)),
+            Step(centre, (X, self.mean), (centred,)),
+            Step(dense, (centred, self.axes, np.zeros(len(self.lower))), (projection,)),
+            Step(between, (projection, self.axis_lower, self.axis_upper), (inside,)),
+        ]
 
-        Raises:
-            InputError: Their shapes do not fit together.
-        """
-        count, axes = self.axes.shape
-        shapes = {"lower": (count,), "upper": (count,), "mean": (count,), "axes": (count, axes)}
-        shapes |= {"axis_lower": (axes,), "axis_upper": (axes,)}
-        arrays = [as_array(name, getattr(self, name), shape) for name, shape in shapes.items()]
-        return in_lines([*arrays[:4], np.zeros(axes), *arrays[4:]])
+    def inside(self, X: Floats) -> Flags:
+        """Return whether each row of features (N, F) lies within both boxes, (N,); never true for NaN."""
+        X = as_array("features", X, (None, len(self.lower)), finite=False)
+        inside = np.ones(len(X), dtype=bool)
+        for rows in blocks(len(X)):
+            run(self.steps(X[rows], inside[rows]))
+        return inside
 
 
 def fit_valid_range(X: Floats, margin: float) -> ValidRange:
@@ -69,3 +73,9 @@ def fit_valid_range(X: Floats, margin: float) -> ValidRange:
         axis_lower=axis_lower - axis_margin,
         axis_upper=axis_upper + axis_margin,
     )
+
+
+def standardisation(X: Floats) -> tuple[Floats, Floats]:
+    """Return mean and standard deviation of each column; 1 for one that does not vary, so that it weighs nothing."""
+    mean, scale = X.mean(axis=0), X.std(axis=0)
+    return mean, np.where(scale > 1e-12 * (1.0 + np.abs(mean)), scale, 1.0)

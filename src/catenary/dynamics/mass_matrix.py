@@ -5,7 +5,8 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_batch
 from catenary.dynamics.coordinates import place_tree, to_robot_matrix
-from catenary.dynamics.kernels import MANY, write_mass_matrices
+from catenary.dynamics.kernels import MANY, known_kernel
+from catenary.dynamics.lines import mass_matrix_line
 from catenary.dynamics.recursion import composite_body_recursion
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
@@ -30,10 +31,11 @@ def mass_matrix(model: RobotModel, q: ArrayLike, *, threads: int = 1) -> Floats:
     """
     model.require_inertia()
     rows, single = as_batch("q", q, model.n)
-    out = np.empty((len(rows), model.n, model.n))
     if len(rows) >= MANY or threads > 1:
-        write_mass_matrices(model, rows, out, threads=threads)
+        kernel = known_kernel(model, "mass-matrix", mass_matrix_line, (model.n, model.n))
+        out = kernel.rows(rows, threads=threads)
     else:
+        out = np.empty((len(rows), model.n, model.n))
         _mass_matrix_rows(model.tree, model.coupling, model.offset, rows, out)
     return out[0] if single else out
 

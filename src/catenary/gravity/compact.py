@@ -7,7 +7,7 @@ model's symbols (symbols.py), not by its numbers; a parameter without effect on 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_batch, frozen
 from catenary.dynamics.coordinates import place_tree
 from catenary.dynamics.inverse_dynamics import gravity_rows
-from catenary.dynamics.kernels import MANY, Backend, Kernel, Quantity, quantity_of, write_rows
+from catenary.dynamics.kernels import MANY, known_kernel
 from catenary.errors import InputError
 from catenary.gravity.compact_line import compact_line
 from catenary.gravity.entries import SHORT, Terms, mass_entries, moment_entries, terms_text
@@ -40,6 +40,7 @@ from catenary.gravity.symbols import (
     symbols_of,
 )
 from catenary.kernels.compiled import compiled, inlined
+from catenary.kernels.kernel import Kernel
 from catenary.kernels.tracing import Line
 from catenary.robots.model import RobotModel, Tree
 
@@ -86,25 +87,23 @@ class CompactRegressor:
         """
         rows, single = as_batch("q", q, self.model.n)
         gravities = gravity_rows(gravity, len(rows))
-        n, p = self.model.n, len(self.expressions)
-        out = np.empty((len(rows), n, p))
         if len(rows) >= MANY:
-            write_rows(self._quantity().module(), (rows, gravities), out.reshape(len(rows), n * p))
-        else:
-            _compact_rows(_packed(self.model, self.columns), rows, gravities, out)
+            return self._kernel().rows(rows, gravities)
+        out = np.empty((len(rows), self.model.n, len(self.expressions)))
+        _compact_rows(_packed(self.model, self.columns), rows, gravities, out)
         return out[0] if single else out
 
-    def kernel(self, *, backend: Backend = "llvm") -> "CompactKernel":
-        """What gives Z in a loop; see `gravity_kernel`."""
-        return CompactKernel(self._quantity(), backend)
+    def kernel(self) -> Kernel:
+        """Return `kernel(q, gravity)`, Z at one configuration, for loops; see `gravity_kernel`."""
+        return self._kernel().ready()
 
     def line(self) -> Line:
         """Z as a straight line of operations, row by row; inputs q (n,) and gravity (3,)."""
-        return self._quantity().line
+        return self._kernel().line
 
-    def _quantity(self) -> Quantity:
+    def _kernel(self) -> Kernel:
         width = len(self.expressions)
-        return quantity_of(
+        return known_kernel(
             self.model,
             "compact-regressor",
             lambda model: compact_line(model, self.columns, width),
@@ -269,21 +268,6 @@ class PackedRobot(NamedTuple):
     numbers: Floats  # (4, n_tree) offsets; then work
     coupling: Floats  # (n_tree, n)
     weight: Floats  # of the coupling's entries
-
-
-class CompactKernel(Kernel):
-    """Z of one robot, for loops."""
-
-    __slots__ = ()
-
-    if TYPE_CHECKING:
-
-        def __call__(self, q: Floats, gravity: Floats, out: Floats | None = None) -> Floats:
-            """Z (n, p) at q (n,) [rad|m] under gravity (3,) [m/s2].
-
-            NaN in gives NaN in every entry that depends on it.
-            """
-            ...
 
 
 def _effects(model: RobotModel, wanted: Sequence[tuple[int, int]]) -> list[bool]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from catenary.dynamics.traced import empty, placed
+from catenary.dynamics.lines import empty, placed
 from catenary.dynamics.vectors import Vector, cross, dot, put, row, transpose_times
 from catenary.gravity.regressor_recursion import CARRIED_MASS, Columns, spread_of
 from catenary.kernels.tracing import Line, Term

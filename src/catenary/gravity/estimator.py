@@ -84,7 +84,7 @@ class GravityEstimator:
         self._s = np.zeros(len(labels)) if s0 is None else np.array(require_parameters("s0", s0, labels))
         self._kernel = self.regressor.kernel()
         self._limits = np.concatenate([as_speeds(max_speed, n), [damping]])
-        self._Z, self._work = np.empty((n, len(labels))), np.empty(n * n + 2 * n)
+        self._work = np.empty(n * n + 2 * n)
         self._rows = np.stack([self.kp, self.kd])
         self._time = np.nan
 
@@ -134,7 +134,7 @@ class GravityEstimator:
         if sizes != (len(torque),) * 3:
             raise InputError(f"gravity estimator: is for {len(torque)} joints, the robot has {len(q)}")
         _law(
-            self._kernel(q, gravity, self._Z),
+            self._kernel(q, gravity),
             self._work,
             self._rows,
             self.omega,

@@ -107,7 +107,7 @@ class RecursiveGravityEstimator:
         self._load_work = np.empty((2, self._loads.shape[1], max(p, self._loads.shape[1])))
         self._information = np.zeros((p, p))
         self._kernel = self.regressor.kernel()
-        self._Z, self._work = np.empty((n, p)), np.empty(p * p + p + n)
+        self._work = np.empty(p * p + p + n)
         self._clock = np.array([np.nan, np.nan, 0.0])  # resting since, last torque taken, torques taken
 
     @property
@@ -135,7 +135,7 @@ class RecursiveGravityEstimator:
         if not (len(q) == len(qd) == len(tau) == n):
             raise InputError(f"gravity estimator: is for {n} joints, the robot has {len(q)}")
         return _take(
-            self._kernel(q, gravity, self._Z),
+            self._kernel(q, gravity),
             self._work,
             self._rows,
             self._prior,

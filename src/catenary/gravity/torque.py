@@ -9,12 +9,13 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_batch
 from catenary.dynamics.coordinates import place_tree, to_robot
 from catenary.dynamics.inverse_dynamics import gravity_rows
-from catenary.dynamics.kernels import MANY, GravityKernel, gravity_kernel, write_gravity_torques
+from catenary.dynamics.kernels import MANY, gravity_kernel, known_kernel
+from catenary.dynamics.lines import gravity_line
 from catenary.dynamics.recursion import first_moments, gravity_recursion
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
 
-__all__ = ["GravityKernel", "gravity_kernel", "gravity_torque", "potential_energy"]
+__all__ = ["gravity_kernel", "gravity_torque", "potential_energy"]
 
 
 def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike, *, threads: int = 1) -> Floats:
@@ -43,10 +44,10 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike, *, threa
     model.require_inertia()
     rows, single = as_batch("q", q, model.n)
     gravities = gravity_rows(gravity, len(rows))
-    out = np.empty((len(rows), model.n))
     if len(rows) >= MANY or threads > 1:
-        write_gravity_torques(model, rows, gravities, out, threads=threads)
+        out = known_kernel(model, "gravity", gravity_line, (model.n,)).rows(rows, gravities, threads=threads)
     else:
+        out = np.empty((len(rows), model.n))
         _gravity_torque_rows(model.tree, model.coupling, model.offset, rows, gravities, out)
     return out[0] if single else out
 

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from catenary.errors import InputError
 from catenary.kernels.compiled import Compiled, start_numba
-from catenary.kernels.numba_files import load_source
 
 METH_NOARGS = 0x0004  # methodobject.h
 CODE, NONE, ARGUMENTS = range(3)  # places in the block
@@ -133,6 +132,8 @@ def _is_known(dtype: np.dtype[Any]) -> bool:
 
 def _code_of(function: Callable[..., None], arrays: Sequence[NDArray[Any]]) -> int:
     """Compile, or find compiled, a C function of the arrays' addresses and sizes, and return its address."""
+    from catenary.kernels.numba_files import load_source  # imports numba
+
     numba = start_numba()
     plain = inspect.unwrap(function)
     assert isinstance(plain, FunctionType)

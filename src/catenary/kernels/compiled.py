@@ -1,14 +1,13 @@
 """The one place that asks numba for anything, but for calls of compiled code that must be quick (exact_calls.py).
 
 `inlined` functions stay plain Python that runs on any numbers (floats, symbols) and may be called from
-compiled ones. `compiled` functions are machine code, built on first use and cached on disk. `straight_line` takes
-operations one by one, where there are hundreds: numba's compiler thinks for 2 ms about each sum in a function's text.
+compiled ones. `compiled` functions are machine code, built on first use and cached on disk.
 
 numba takes half a second to import, and as long again to make ready. That is done when a compiled function is first
-called, so programs that call none start without it, robots' own kernels (kernels/llvm_kernels.py) among them.
+called, so programs that call none start without it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from fractions import Fraction
 from functools import cache, update_wrapper
 from types import ModuleType
@@ -162,33 +161,6 @@ def address_of(function: Callable[..., None], *pointers: str, in_memory: bool = 
     made = compile_for(function)
     _addressed.append(made)
     return int(made.address)
-
-
-def straight_line(operations: Sequence[Any], stores: Sequence[tuple[int, int, int, int]], sines: Any) -> Any:
-    """Make `code((ARRAYS..., k))`, to be called in compiled functions: operations on float64, one after the other.
-
-    Args:
-        operations: Kind, a, b (`llvm_code.Operation`); each gives a number.
-            "in": element b + k of array a. "+", "-", "*": of the numbers of operations a and b. "+k", "*k": of a and
-            the constant b. "sin", "cos": of a, which no sine or cosine goes into; they are taken several at once.
-        stores: Array, element, sign and operation of each result; a constant is an operation "k", 0, value. They come
-            last, so that arrays may be the same ones.
-        sines: How they are taken (`llvm_code.Sines`).
-    """
-    from llvmlite import ir
-
-    from catenary.kernels.llvm_code import write_line
-
-    def write(builder: Any, arguments: list[Any]) -> None:
-        *data, k = arguments
-
-        def place(array: int, element: int) -> Any:
-            index = builder.add(k, ir.Constant(ir.IntType(64), element))
-            return builder.gep(data[array], [index])
-
-        write_line(builder, operations, stores, place, sines)
-
-    return instructions(write)
 
 
 def instructions(write: Callable[[Any, list[Any]], None]) -> Any:

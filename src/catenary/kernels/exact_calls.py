@@ -128,8 +128,7 @@ def exact(
 ) -> Callable[[Function], Function]:
     """Compile a function of one signature, at once, and give what calls it.
 
-    The function gets pointers: `others` says whether an array was another than expected, `as_arrays` gives arrays, and
-    code of `straight_line` takes them as they are.
+    The function gets pointers: `others` says whether an array was another than expected, `as_arrays` gives arrays.
 
     Args:
         arguments: `Exact`, float, int or bool.

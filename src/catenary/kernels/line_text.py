@@ -1,15 +1,10 @@
-"""What all writers of a line of operations share: its arrays, its parts in Python and C, its operations for LLVM."""
+"""What all writers of a line of operations share: its arrays, and its parts in Python and C."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from catenary.kernels.tracing import Line, Step
 
-if TYPE_CHECKING:  # what only says how things look need not be imported
-    from catenary.kernels.llvm_code import Operation
-
 ANGLES = ("sin", "cos")
-Store = tuple[int, int, int, int]
 
 
 def widths_of(line: Line) -> dict[str, int]:
@@ -18,13 +13,6 @@ def widths_of(line: Line) -> dict[str, int]:
     for name, _ in line.inputs:
         widths[name] = widths.get(name, 0) + 1
     return widths
-
-
-def expected_arrays(line: Line, shape: tuple[int, ...]) -> str:
-    """Tell what a call of a kernel takes, for those who gave something else."""
-    widths = widths_of(line)
-    sizes = ", ".join([*(f"{name} ({width},)" for name, width in widths.items()), f"out {shape}"])
-    return f"kernel: expected contiguous float64 arrays of {sizes}"
 
 
 def name_of(line: Line, number: int) -> str:
@@ -60,28 +48,3 @@ def needed(line: Line, numbers: Sequence[int], *, stop: Sequence[str]) -> list[i
             if step.kind in ("+", "-", "*"):
                 needed.add(int(step.b))
     return sorted(needed)
-
-
-def llvm_operations(line: Line) -> "tuple[list[Operation], list[Store]]":
-    """Give a line as `compiled.straight_line` takes it; the last array is `out`."""
-    order = list(widths_of(line))
-    operations: list[Operation] = []
-    for step in line.steps:
-        if step.kind == "in":
-            name, index = line.inputs[step.a]
-            operations.append(("in", order.index(name), index))
-        else:
-            operations.append((step.kind, step.a, step.b))
-    stores: list[Store] = []
-    for k, given in enumerate(line.results):
-        sign, number = operation_of_result(operations, given)
-        stores.append((len(order), k, sign, number))
-    return operations, stores
-
-
-def operation_of_result(operations: "list[Operation]", given: tuple[int, int] | float) -> tuple[int, int]:
-    """Give the sign and the operation of a result; a constant becomes one."""
-    if not isinstance(given, float):
-        return given
-    operations.append(("k", 0, given))
-    return 1, len(operations) - 1

@@ -10,10 +10,10 @@ from catenary.arrays import Floats
 from catenary.calibration.c_source import c_correction
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
-from catenary.dynamics.traced import gravity_line, gravity_regressor_line
+from catenary.dynamics.lines import gravity_line, gravity_regressor_line
 from catenary.errors import FileFormatError, InputError
 from catenary.gravity.compact import compact_regressor
-from catenary.kernels.c_source import c_function, c_name, c_sines
+from catenary.kernels.c99 import c_function, c_name, c_sines
 from catenary.kernels.tracing import evaluate
 from catenary.robots.model import RobotModel
 from catenary.sensing.vector import LEVEL

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.calibration.corrector import Corrector, Flags
+from catenary.calibration.corrector import Corrector
 from catenary.calibration.files import load_model
+from catenary.calibration.kernels import Flags
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.conversions import joint_values
 from catenary.crtk.latest import Latest

@@ -3,7 +3,7 @@
 import re
 
 from catenary.kernels import sines
-from catenary.kernels.line_text import ANGLES, expected_arrays, name_of, needed, operation, result, widths_of
+from catenary.kernels.line_text import ANGLES, name_of, needed, operation, result, widths_of
 from catenary.kernels.tracing import Line
 
 
@@ -100,76 +100,3 @@ def c_name(text: str) -> str:
     """Turn a robot's name into one for C: letters, digits, underscores."""
     name = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_").lower()
     return name if name[:1].isalpha() else f"robot_{name}".rstrip("_")
-
-
-def extension_source(module: str, line: Line, shape: tuple[int, ...]) -> str:
-    """Write a CPython extension module with one function, `into(INPUT..., out)`; see kernels.py.
-
-    It takes NumPy arrays of float64, contiguous, of the sizes it was made for, and refuses any other. It
-    returns `out`, and makes it where it is lacking.
-    """
-    widths = widths_of(line)
-    count = len(widths)
-    dims = ", ".join(str(n) for n in shape)
-    checks = [f"  ok = ok && fits(arguments[{i}], 1, size_{i}, 0);" for i in range(count)]
-    data = [*(f"DATA(arguments[{i}])" for i in range(count)), "DATA(out)"]
-    return "\n".join(
-        [
-            "#define PY_SSIZE_T_CLEAN",
-            "#define NPY_NO_DEPRECATED_API NPY_1_22_API_VERSION",
-            "#include <Python.h>",
-            "#include <math.h>",
-            "#include <numpy/arrayobject.h>",
-            "",
-            c_sines("kernel"),
-            c_function("kernel", "line", line),
-            "#define DATA(array) ((double *)PyArray_DATA((PyArrayObject *)(array)))",
-            "static PyObject *error;",
-            *(f"static const npy_intp size_{i}[1] = {{{width}}};" for i, width in enumerate(widths.values())),
-            f"static const npy_intp size_out[{len(shape)}] = {{{dims}}};",
-            "",
-            "static inline int fits(PyObject *object, int dimensions, const npy_intp *sizes, int written) {",
-            "  PyArrayObject *array = (PyArrayObject *)object;",
-            "  int i;",
-            "  if (!PyArray_CheckExact(object) || PyArray_NDIM(array) != dimensions) return 0;",
-            "  if (PyArray_TYPE(array) != NPY_DOUBLE) return 0;",
-            "  if (written ? !PyArray_ISCARRAY(array) : !PyArray_ISCARRAY_RO(array)) return 0;",
-            "  for (i = 0; i < dimensions; ++i)",
-            "    if (PyArray_DIM(array, i) != sizes[i]) return 0;",
-            "  return 1;",
-            "}",
-            "",
-            "static PyObject *into(PyObject *self, PyObject *const *arguments, Py_ssize_t count) {",
-            f"  int ok = count == {count} || count == {count + 1};",
-            "  PyObject *out;",
-            "  (void)self;",
-            *checks,
-            f"  if (count == {count + 1}) ok = ok && fits(arguments[{count}], {len(shape)}, size_out, 1);",
-            "  if (!ok) {",
-            f'    PyErr_SetString(error, "{expected_arrays(line, shape)}");',
-            "    return NULL;",
-            "  }",
-            f"  out = count == {count} ? PyArray_SimpleNew({len(shape)}, size_out, NPY_DOUBLE) : arguments[{count}];",
-            "  if (out == NULL) return NULL;",
-            f"  kernel_line({', '.join(data)});",
-            f"  if (count == {count + 1}) Py_INCREF(out);",
-            "  return out;",
-            "}",
-            "",
-            "static PyMethodDef methods[] = {",
-            '  {"into", (PyCFunction)(void (*)(void))into, METH_FASTCALL, NULL}, {NULL, NULL, 0, NULL}};',
-            f'static struct PyModuleDef definition = {{PyModuleDef_HEAD_INIT, "{module}", NULL, -1, methods,',
-            "  NULL, NULL, NULL, NULL};",
-            "",
-            f"PyMODINIT_FUNC PyInit_{module}(void) {{",
-            '  PyObject *errors = PyImport_ImportModule("catenary.errors");',
-            "  if (errors == NULL) return NULL;",
-            '  error = PyObject_GetAttrString(errors, "InputError");',
-            "  Py_DECREF(errors);",
-            "  if (error == NULL) return NULL;",
-            "  import_array();",
-            "  return PyModule_Create(&definition);",
-            "}",
-            "",
-        ]
-    )

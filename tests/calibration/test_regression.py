@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.calibration.linear import fit_linear, standardisation
+from catenary.calibration.regression import fit_linear, fit_offset
+from catenary.calibration.valid_range import standardisation
 
 
 def problem(seed: int, outputs: int = 3) -> tuple[np.ndarray, np.ndarray]:
@@ -67,3 +68,11 @@ def test_standardisation_takes_a_constant_column_for_one_of_unit_spread(constant
     X = np.column_stack([np.full(10_001, constant), np.linspace(0.0, 1e-6, 10_001)])
     _, scale = standardisation(X)
     assert_array_equal(scale == 1.0, [True, False])
+
+
+def test_offset_is_the_mean_of_the_training_rows_wherever_the_robot_is() -> None:
+    rng = np.random.default_rng(0)
+    Y = rng.normal(size=(50, 3))
+    offset = fit_offset(Y).predict(rng.normal(size=(4, 2)))
+    expected = [sum(column) / 50 for column in Y.T]
+    assert_allclose(offset, np.tile(expected, (4, 1)), rtol=1e-12)  # order of summation

@@ -97,15 +97,24 @@ def mass_matrix_line(model: RobotModel) -> Line:
     return p.trace.line([columns[min(k, l)][max(k, l)] for k in range(n) for l in range(n)])
 
 
-def inverse_dynamics_line(model: RobotModel) -> Line:
-    """Trace the torques (n,) of a motion on a base at rest; inputs q, qd, qdd (n,) and gravity (3,)."""
+def holding_line(model: RobotModel) -> Line:
+    """Trace the torques (n,) that hold the arm on a base that moves; inputs q (n,) and gravity, omega, alpha (3,)."""
     p = placed(model)
+    still = np.zeros(model.n)
+    return _newton_euler_line(p, still, still)
+
+
+def inverse_dynamics_line(model: RobotModel) -> Line:
+    """Trace the torques (n,) of a motion; inputs q, qd, qdd (n,) and gravity, omega, alpha (3,), of the base."""
+    p = placed(model)
+    return _newton_euler_line(p, p.trace.inputs("qd", model.n), p.trace.inputs("qdd", model.n))
+
+
+def _newton_euler_line(p: Placed, qd: Terms | Floats, qdd: Terms | Floats) -> Line:
     m = len(p.tree.parent)
-    qd, qdd = p.trace.inputs("qd", model.n), p.trace.inputs("qdd", model.n)
-    gravity = p.trace.inputs("gravity", 3)
-    omega, alpha, acceleration = empty(m + 1, 3), empty(m + 1, 3), empty(m + 1, 3)
-    omega[m], alpha[m], acceleration[m] = 0.0, 0.0, -gravity
-    torque = empty(m)
+    omega, alpha, acceleration, torque = empty(m + 1, 3), empty(m + 1, 3), empty(m + 1, 3), empty(m)
+    acceleration[m] = -p.trace.inputs("gravity", 3)
+    omega[m], alpha[m] = p.trace.inputs("omega", 3), p.trace.inputs("alpha", 3)
     newton_euler_recursion(
         p.tree,
         p.rotation,
@@ -229,7 +238,7 @@ def _sum(terms: Any) -> Term:
     return total
 
 
-def _to_tree(coupling: Floats, rates: Terms) -> Terms:
+def _to_tree(coupling: Floats, rates: Terms | Floats) -> Terms:
     x = empty(len(coupling))
     for i, shares in enumerate(coupling):
         x[i] = _sum(rates[k] * shares[k] for k in range(len(shares)))

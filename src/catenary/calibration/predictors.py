@@ -1,0 +1,202 @@
+"""Fitted functions of features: a constant, a linear function, a polynomial of second order, a network.
+
+They are NumPy arrays with names, and the compiled steps that evaluate them; how they are fitted is in regression.py and
+neural.py. Arrays that do not fit together, or hold NaN or infinity, are refused when a predictor is made.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import ClassVar, Literal, get_args
+
+import numpy as np
+
+from catenary.arrays import Floats, as_array
+from catenary.calibration.kernels import (
+    Step,
+    add,
+    blocks,
+    dense,
+    logistic,
+    monomials,
+    repeat,
+    rescale,
+    run,
+    standardise,
+    tanh,
+)
+from catenary.errors import InputError
+
+Activation = Literal["logistic", "tanh"]
+
+
+class Predictor(ABC):
+    """A fitted function of features (N, F) to (N, m)."""
+
+    kind: ClassVar[str]
+
+    @property
+    @abstractmethod
+    def inputs(self) -> int | None:
+        """Number of features F; None where any number will do."""
+
+    @property
+    @abstractmethod
+    def outputs(self) -> int:
+        """Number of outputs m."""
+
+    @abstractmethod
+    def steps(self, X: Floats, Y: Floats) -> list[Step]:
+        """Return the compiled steps that write the outputs Y (N, m) for features X (N, F)."""
+
+    def predict(self, X: Floats) -> Floats:
+        """Return outputs (N, m) for features (N, F).
+
+        Raises:
+            InputError: X has another shape.
+        """
+        X = as_array("features", X, (None, self.inputs), finite=False)
+        Y = np.empty((len(X), self.outputs))
+        for rows in blocks(len(X)):
+            run(self.steps(X[rows], Y[rows]))
+        return Y
+
+    def _keep(self, shapes: Mapping[str, tuple[int | None, ...]]) -> None:
+        for name, shape in shapes.items():
+            object.__setattr__(self, name, as_array(name, getattr(self, name), shape))
+
+
+@dataclass(frozen=True)
+class Constant(Predictor):
+    """y = value for any features."""
+
+    kind: ClassVar[str] = "constant"
+    value: Floats  # (m,)
+
+    def __post_init__(self) -> None:
+        self._keep({"value": (None,)})
+
+    @property
+    def inputs(self) -> None:  # noqa: D102
+        return None
+
+    @property
+    def outputs(self) -> int:  # noqa: D102
+        return len(self.value)
+
+    def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
+        return [Step(repeat, (self.value,), (Y,))]
+
+
+@dataclass(frozen=True)
+class Linear(Predictor):
+    """y = X @ weights + bias."""
+
+    kind: ClassVar[str] = "linear"
+    weights: Floats  # (F, m) in units of y per unit of the feature
+    bias: Floats  # (m,)
+
+    def __post_init__(self) -> None:
+        self._keep({"weights": (None, None), "bias": (np.shape(self.weights)[-1],)})
+
+    @property
+    def inputs(self) -> int:  # noqa: D102
+        return len(self.weights)
+
+    @property
+    def outputs(self) -> int:  # noqa: D102
+        return len(self.bias)
+
+    def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
+        return [Step(dense, (X, self.weights, self.bias), (Y,))]
+
+
+@dataclass(frozen=True)
+class Quadratic(Predictor):
+    """y = bias + z @ linear + sum_ij z_i z_j quadratic_ij, z = (x - mean) / scale, i <= j row by row."""
+
+    kind: ClassVar[str] = "quadratic"
+    mean: Floats  # (F,)
+    scale: Floats  # (F,)
+    linear: Floats  # (F, m)
+    quadratic: Floats  # (F (F + 1) / 2, m), pairs (0, 0), (0, 1), ..., (1, 1), ...
+    bias: Floats  # (m,)
+
+    def __post_init__(self) -> None:
+        inputs, m = len(self.mean), len(self.bias)
+        pairs = inputs * (inputs + 1) // 2
+        self._keep({"mean": (inputs,), "scale": (inputs,), "bias": (m,)})
+        self._keep({"linear": (inputs, m), "quadratic": (pairs, m)})
+
+    @property
+    def inputs(self) -> int:  # noqa: D102
+        return len(self.mean)
+
+    @property
+    def outputs(self) -> int:  # noqa: D102
+        return len(self.bias)
+
+    def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
+        weights = np.vstack([self.linear, self.quadratic])
+        Z, P = np.empty((len(X), self.inputs)), np.empty((len(X), len(weights)))
+        return [
+            Step(standardise, (X, self.mean, self.scale), (Z,)),
+            Step(monomials, (Z,), (P,)),
+            Step(dense, (P, weights, self.bias), (Y,)),
+        ]
+
+
+@dataclass(frozen=True)
+class Network(Predictor):
+    """y = out_mean + out_scale * layers(z) + skip(x), z = (x - mean) / scale; the last layer is linear."""
+
+    kind: ClassVar[str] = "network"
+    mean: Floats  # (F,)
+    scale: Floats  # (F,)
+    weights: tuple[Floats, ...]  # (F, h1), (h1, h2), ..., (h, m)
+    biases: tuple[Floats, ...]
+    activation: Activation
+    out_mean: Floats  # (m,)
+    out_scale: Floats  # (m,)
+    skip: Linear | None = None  # a linear model that the network corrects
+
+    def __post_init__(self) -> None:
+        if self.activation not in get_args(Activation) or not self.weights:
+            raise InputError(f"network of {len(self.weights)} layers with activation {self.activation!r}")
+        widths = (len(self.mean), *(len(bias) for bias in self.biases))
+        self._keep(
+            {"mean": widths[:1], "scale": widths[:1], "out_mean": widths[-1:], "out_scale": widths[-1:]}
+        )
+        for name, shapes in (
+            ("weights", list(pairwise(widths))),
+            ("biases", [(width,) for width in widths[1:]]),
+        ):
+            arrays = zip(getattr(self, name), shapes, strict=True)
+            checked = [as_array(f"{name} {k}", values, shape) for k, (values, shape) in enumerate(arrays)]
+            object.__setattr__(self, name, tuple(checked))
+        if self.skip is not None and self.skip.weights.shape != (widths[0], widths[-1]):
+            raise InputError(
+                f"skip: expected weights of shape {(widths[0], widths[-1])}, got {self.skip.weights.shape}"
+            )
+
+    @property
+    def inputs(self) -> int:  # noqa: D102
+        return len(self.mean)
+
+    @property
+    def outputs(self) -> int:  # noqa: D102
+        return len(self.out_mean)
+
+    def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
+        activate = tanh if self.activation == "tanh" else logistic
+        layer = np.empty((len(X), self.inputs))
+        steps = [Step(standardise, (X, self.mean, self.scale), (layer,))]
+        for weights, bias in zip(self.weights, self.biases, strict=True):
+            below, layer = layer, np.empty((len(X), len(bias)))
+            steps += [Step(dense, (below, weights, bias), (layer,)), Step(activate, (), (layer,))]
+        steps[-1:] = [Step(rescale, (layer, self.out_scale, self.out_mean), (Y,))]  # the last layer is linear
+        if self.skip is not None:
+            skipped = np.empty_like(Y)
+            steps += [*self.skip.steps(X, skipped), Step(add, (skipped,), (Y,))]
+        return steps

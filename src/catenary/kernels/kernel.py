@@ -1,0 +1,146 @@
+"""Kernel: one quantity of one robot as machine code, for control loops and for many configurations."""
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array
+from catenary.errors import InputError
+from catenary.kernels.bind import bind
+from catenary.kernels.line_text import widths_of
+from catenary.kernels.tracing import Line
+
+
+class Kernel:
+    """One quantity of one robot as machine code, with inputs such as `q` and `gravity`.
+
+    `kernel(q, gravity)` returns a new array. `kernel.bind(q, gravity, out)` returns a function without arguments that
+    runs on these very arrays, for loops: it takes a tenth of the time. `kernel.rows(q, gravity)` takes many
+    configurations. None looks at values: a NaN reaches every number that depends on it. Any number of threads may call.
+
+    Its machine code is made when it is first called or bound, in about half a second, and found in the user's cache
+    afterwards (cache.py).
+    """
+
+    def __init__(self, name: str, line: Line, shape: tuple[int, ...]) -> None:
+        """Take a line of operations.
+
+        Args:
+            name: What it computes; letters, digits and hyphens.
+            line: The operations.
+            shape: Of one configuration's result.
+        """
+        self.name, self.line, self.shape = name, line, shape
+        self.inputs = widths_of(line)  # names and sizes of one configuration's arrays
+        self._module: Any = None
+
+    def __repr__(self) -> str:
+        return f"Kernel({self.name!r}, {', '.join([*self.inputs, 'out'])})"
+
+    @property
+    def into(self) -> Callable[..., None]:
+        """`into(INPUT..., out)`, for compiled functions to call; it checks nothing."""
+        function: Callable[..., None] = self._functions().into
+        return function
+
+    def ready(self) -> "Kernel":
+        """Return the kernel itself, compiled."""
+        self.into(*map(np.zeros, self.inputs.values()), np.empty(self.shape))
+        return self
+
+    def __call__(self, *inputs: ArrayLike) -> Floats:
+        """Return the quantity at one configuration, a new array.
+
+        Args:
+            inputs: One array each, in the order of `kernel.inputs`.
+
+        Raises:
+            InputError: Another number of arrays, or an array of another shape.
+        """
+        arrays = [
+            as_array(name, given, (width,), finite=False)
+            for (name, width), given in zip(self.inputs.items(), self._counted(inputs), strict=True)
+        ]
+        out = np.empty(self.shape)
+        self.into(*arrays, out)
+        return out
+
+    def bind(self, *arrays: Floats) -> Callable[[], None]:
+        """Return a function without arguments that reads the inputs and writes `out`; see `catenary.kernels.bind`.
+
+        Args:
+            arrays: One float64 array each in the order of `kernel.inputs`, and `out`.
+
+        Raises:
+            InputError: Another number of arrays, an array of another shape, or one that `bind` refuses.
+        """
+        *inputs, out = self._counted(arrays, "out")
+        shapes = {**{name: (width,) for name, width in self.inputs.items()}, "out": self.shape}
+        for (name, shape), array in zip(shapes.items(), arrays, strict=True):
+            if getattr(array, "dtype", None) != np.float64 or array.shape != shape:
+                got = (
+                    f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
+                )
+                raise InputError(f"{name}: expected a float64 array of shape {shape}, got {got}")
+        return bind(self.into, inputs, [out])
+
+    def rows(self, *inputs: ArrayLike, threads: int = 1) -> Floats:
+        """Return the quantity at N configurations, (N, ...).
+
+        Args:
+            inputs: For each of `kernel.inputs` an array of N rows, or of one row for all.
+            threads: How many share the rows; machine code does not hold Python's lock.
+
+        Raises:
+            InputError: Another number of arrays or of rows, or an array of another shape; threads below one.
+        """
+        if threads < 1:
+            raise InputError(f"threads: expected one or more, got {threads}")
+        arrays = [
+            as_array(name, given, (None, width), finite=False)
+            for (name, width), given in zip(self.inputs.items(), self._counted(inputs), strict=True)
+        ]
+        count = next((len(array) for array in arrays if len(array) != 1), 1)
+        for name, array in zip(self.inputs, arrays, strict=True):
+            if len(array) not in (1, count):
+                raise InputError(f"{name}: expected 1 or {count} rows, got {len(array)}")
+        out = np.empty((count, *self.shape))
+        flat, rows = out.reshape(count, len(self.line.results)), self._functions().rows
+        if threads == 1 or count < 2 * threads:
+            rows(*arrays, flat)
+        else:
+            _in_threads(rows, arrays, flat, threads)
+        return out
+
+    def _functions(self) -> Any:
+        if self._module is None:
+            # numba takes a second to import and to make ready: not before there is something to compile
+            from catenary.kernels.numba_functions import numba_functions
+
+            self._module = numba_functions(self.name, self.line, self.shape)
+        return self._module
+
+    def _counted(self, given: tuple[Any, ...], *further: str) -> tuple[Any, ...]:
+        names = [*self.inputs, *further]
+        if len(given) != len(names):
+            raise InputError(
+                f"{self.name}: expected {len(names)} arrays ({', '.join(names)}), got {len(given)}"
+            )
+        return given
+
+
+def _in_threads(rows: Callable[..., None], inputs: list[Floats], out: Floats, threads: int) -> None:
+    from concurrent.futures import ThreadPoolExecutor  # half as long to import as a kernel to load
+
+    edges = np.linspace(0, len(out), threads + 1).astype(int)
+    rows(*(array[:1] for array in inputs), out[:1])  # compiles, once
+    with ThreadPoolExecutor(threads) as pool:
+        parts = [
+            pool.submit(rows, *(a[first:last] if len(a) > 1 else a for a in inputs), out[first:last])
+            for first, last in pairwise(edges)
+        ]
+        for part in parts:
+            part.result()
