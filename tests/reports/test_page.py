@@ -25,7 +25,7 @@ NASTY = "<script>alert('x')</script> & \"quotes\" µ ±"
 
 
 def page(path: Path, blocks: list[Block], *, simulated: bool = False) -> str:
-    write_page(path, "Title", "lead", blocks, footer="foot", simulated=simulated)
+    write_page(path, "Title", "lead", blocks, simulated=simulated)
     return path.read_text(encoding="utf-8")
 
 
