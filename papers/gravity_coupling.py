@@ -39,8 +39,8 @@ from catenary.reports.page import Block, Picture, Table, Text, picture
 from catenary.robots.catalog import load_robot
 from catenary.sensing.checks import SensorRules
 from catenary.sensing.imu import SensedGravity
+from catenary.sensing.mailbox import Mailbox
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.samples import Mailbox
 from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.sensors import SensorModel, SimulatedSensor

@@ -27,7 +27,7 @@ from catenary.errors import SensorError
 from catenary.reports.page import Block, Picture, Table, Text, picture
 from catenary.sensing.fallback import FALLBACKS
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.samples import Mailbox
+from catenary.sensing.mailbox import Mailbox
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.sensors import FAULT_KINDS, InjectedFault, SimulatedSensor

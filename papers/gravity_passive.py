@@ -26,8 +26,8 @@ from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.gravity.torque import gravity_torque
 from catenary.reports.page import Block, Picture, Table, Text, picture
 from catenary.robots.catalog import load_robot
-from catenary.sensing.vector import LEVEL
 from catenary.simulation.cable_plant import CablePlant
+from catenary.spatial import LEVEL
 from catenary.trajectories.reference import Reference
 from catenary.units import DISPLAY
 from catenary.workflows.gravity.controllers import make_hold

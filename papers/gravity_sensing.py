@@ -23,11 +23,11 @@ from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.sensing.checks import SensorRules
 from catenary.sensing.imu import SensedGravity
+from catenary.sensing.mailbox import Mailbox
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.samples import Mailbox
-from catenary.sensing.vector import LEVEL
 from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.sensors import SensorModel, SimulatedSensor, ideal_sensor
+from catenary.spatial import LEVEL
 from papers.arguments import make_parser, results_folder
 from papers.raven_base import rocking_base
 from papers.results import write_results

@@ -25,11 +25,12 @@ from catenary.control.loop import GravitySource, Tick, run_loop
 from catenary.reports.page import Block, Picture, Table, Text, picture
 from catenary.sensing.faults import Fault
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.samples import Mailbox
-from catenary.sensing.vector import LEVEL, GravityReading, Status
+from catenary.sensing.mailbox import Mailbox
+from catenary.sensing.vector import GravityReading, ReadingStatus
 from catenary.simulation.base_motion import BaseSamples, MovingBase
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.sensors import SimulatedSensor
+from catenary.spatial import LEVEL
 from catenary.trajectories.in_turn import InTurn, Rest
 from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
@@ -109,7 +110,7 @@ class TrueAttitude:
     def read(self, time: float) -> GravityReading:
         """Gravity at a time [s]."""
         gravity = self._base.sample(np.array([time])).gravity[0]
-        return GravityReading(gravity, 0.0, np.zeros((2, 3)), Status.LIVE, Fault.NONE)
+        return GravityReading(gravity, 0.0, np.zeros((2, 3)), ReadingStatus.LIVE, Fault.NONE)
 
 
 class Response(NamedTuple):

@@ -41,9 +41,9 @@ from catenary.plant import JointState, MotionLog
 from catenary.reports.page import Block, Heading, Table, Text, write_page
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
-from catenary.sensing.vector import LEVEL
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_plant import CablePlant
+from catenary.spatial import LEVEL
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.trajectories.zigzag import zigzag
 from catenary.workflows.gravity.simulated_arm import raven_arm

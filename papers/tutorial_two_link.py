@@ -21,7 +21,7 @@ from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.plant import JointState
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
-from catenary.sensing.vector import LEVEL
+from catenary.spatial import LEVEL
 from catenary.trajectories.in_turn import InTurn, Rest
 from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory

@@ -1,4 +1,4 @@
-"""Rotations and poses. `R_a_b` takes vectors in b to a; quaternions are (w, x, y, z).
+"""Rotations, poses, and gravity on a level base. `R_a_b` takes vectors in b to a; quaternions are (w, x, y, z).
 
 scipy is imported where it is used: it takes as long as numba to import, and most robots load without it.
 """
@@ -8,8 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, as_array, frozen
 from catenary.errors import InputError
+
+STANDARD_GRAVITY = 9.81  # [m/s2], as everywhere in this package
+LEVEL = frozen(np.array([0.0, 0.0, -STANDARD_GRAVITY]))  # gravity (3,) in the axes of a level base
 
 
 class Pose(NamedTuple):

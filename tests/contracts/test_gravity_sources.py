@@ -8,8 +8,8 @@ import pytest
 
 from catenary.control.loop import GravitySource
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.samples import Mailbox
-from catenary.sensing.vector import FixedGravity, Status, tilted_gravity
+from catenary.sensing.mailbox import Mailbox
+from catenary.sensing.vector import FixedGravity, ReadingStatus, tilted_gravity
 from catenary.simulation.base_motion import FixedBase, RockingBase
 from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
 
@@ -42,7 +42,7 @@ def test_every_reading_is_finite_and_of_gravitys_length(source):
         assert np.isfinite(reading.base_rates).all()
         assert 8.0 < np.linalg.norm(reading.gravity) < 12.0
         assert reading.age >= 0.0
-        assert isinstance(reading.status, Status)
+        assert isinstance(reading.status, ReadingStatus)
 
 
 def test_a_reading_stays_as_it_was_when_the_next_is_taken(source):
@@ -59,7 +59,7 @@ def test_a_reading_stays_as_it_was_when_the_next_is_taken(source):
 def test_nominal_gravity_has_no_age_and_measured_gravity_has_one(source):
     for tick in range(200):
         reading = source.read(0.001 * tick)
-        assert (reading.status is Status.NOMINAL) == (reading.age == math.inf)
+        assert (reading.status is ReadingStatus.NOMINAL) == (reading.age == math.inf)
 
 
 @pytest.mark.parametrize("times", [[1.0, 1.0], [1.0, 0.5], [0.0, 5.0], [math.nan, 0.0], [-1.0, 0.0]])

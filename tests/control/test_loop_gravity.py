@@ -9,9 +9,9 @@ from catenary.control.pd import JointPD
 from catenary.errors import SensorError
 from catenary.sensing.faults import Fault
 from catenary.sensing.imu import SensedGravity
+from catenary.sensing.mailbox import Mailbox
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.samples import Mailbox
-from catenary.sensing.vector import FixedGravity, GravityReading, Status, tilted_gravity
+from catenary.sensing.vector import FixedGravity, GravityReading, ReadingStatus, tilted_gravity
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
 from catenary.trajectories.reference import Reference, Trajectory
@@ -37,7 +37,7 @@ class Still(Trajectory):
 class Scripted:
     """A source that says what a test tells it to, tick by tick."""
 
-    def __init__(self, statuses: list[Status], faults: list[Fault]) -> None:
+    def __init__(self, statuses: list[ReadingStatus], faults: list[Fault]) -> None:
         self.script = list(zip(statuses, faults, strict=True))
         self.times: list[float] = []
 
@@ -57,7 +57,7 @@ def sensed(*faults: InjectedFault, fallback: str = "fade") -> SensedGravity:
 
 def test_the_states_gravity_is_what_the_source_says_at_the_states_time():
     seen: list[Tick] = []
-    source = Scripted([Status.LIVE] * 11, [Fault.NONE] * 11)
+    source = Scripted([ReadingStatus.LIVE] * 11, [Fault.NONE] * 11)
     run_loop(MassPlant(np.zeros(2)), PD, Still(0.01), gravity=source, observers=[seen.append])
     assert_allclose(source.times, np.arange(11) * 0.001)
     for tick, time in zip(seen, source.times, strict=True):
@@ -90,7 +90,7 @@ def test_without_a_source_the_robots_own_report_stands():
 
 def test_a_run_reports_ticks_by_status_and_fault_and_what_they_mean():
     both = Fault.STUCK | Fault.INTERRUPTED
-    statuses = [Status.NOMINAL] * 2 + [Status.LIVE] * 5 + [Status.STALE] * 4
+    statuses = [ReadingStatus.NOMINAL] * 2 + [ReadingStatus.LIVE] * 5 + [ReadingStatus.STALE] * 4
     source = Scripted(statuses, [Fault.NOTHING_RECEIVED] * 2 + [Fault.NONE] * 5 + [Fault.STUCK] + [both] * 3)
     report = run_loop(MassPlant(np.zeros(2)), PD, Still(0.01), gravity=source)
     assert report.gravity is not None

@@ -11,9 +11,9 @@ from catenary.errors import SensorError
 from catenary.sensing.checks import SensorRules
 from catenary.sensing.faults import Fault
 from catenary.sensing.imu import SensedGravity
+from catenary.sensing.mailbox import Kind, Mailbox
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.samples import Kind, Mailbox
-from catenary.sensing.vector import Status
+from catenary.sensing.vector import ReadingStatus
 from oracles.simulated_board import SimulatedBoard, framed
 from patience import PATIENCE, until
 
@@ -164,10 +164,10 @@ def test_gravity_lives_through_unplugging_and_plugging_in_again(board):
         return source.read(time.monotonic())
 
     with opened(board, mailbox) as device:
-        until(lambda: said().status is Status.LIVE)
+        until(lambda: said().status is ReadingStatus.LIVE)
         board.unplug()
-        until(lambda: (now := said()).status is Status.FALLBACK and Fault.INTERRUPTED in now.faults)
+        until(lambda: (now := said()).status is ReadingStatus.FALLBACK and Fault.INTERRUPTED in now.faults)
         board.plug()
-        until(lambda: said().status is Status.LIVE)
+        until(lambda: said().status is ReadingStatus.LIVE)
         assert_allclose(said().gravity, [-0.5, 0.0, -9.8], atol=0.1)
         assert device.counts.unplugged == 1

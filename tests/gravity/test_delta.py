@@ -4,7 +4,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.gravity.delta import gravity_delta
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
-from catenary.sensing.vector import LEVEL, tilted_gravity
+from catenary.sensing.vector import tilted_gravity
+from catenary.spatial import LEVEL
 
 
 def test_firmware_for_a_level_base_plus_the_delta_is_the_whole_gravity_torque(random_robots):

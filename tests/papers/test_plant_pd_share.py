@@ -5,9 +5,9 @@ from numpy.testing import assert_allclose
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import JointState
 from catenary.robots.catalog import load_robot
-from catenary.sensing.vector import LEVEL
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.firmware import PERIOD
+from catenary.spatial import LEVEL
 from catenary.trajectories.reference import Reference
 from papers.plant_pd_share import (
     HOLD,

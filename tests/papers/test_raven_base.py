@@ -3,7 +3,7 @@ from numpy.testing import assert_allclose
 
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
-from catenary.sensing.vector import LEVEL
+from catenary.spatial import LEVEL
 from papers.raven_base import Z0, rocking_base, turned_base
 
 NOW = np.zeros(1)

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.gravity.torque import gravity_torque, potential_energy
 from catenary.robots.catalog import load_robot
-from catenary.sensing.vector import LEVEL
+from catenary.spatial import LEVEL
 from oracles import two_link_symbols as symbols
 from papers.tutorial_two_link import controllers, main, motion, simulate
 

@@ -6,7 +6,8 @@ import pytest
 from catenary.errors import InputError
 from catenary.sensing.checks import GravityCheck, RateCheck, RawCheck, SensorRules, explain
 from catenary.sensing.faults import Fault
-from catenary.sensing.vector import LEVEL, tilted_gravity
+from catenary.sensing.vector import tilted_gravity
+from catenary.spatial import LEVEL
 
 NAMES = (Fault.NOT_FINITE, Fault.STUCK, Fault.SATURATED)
 TILTED = tilted_gravity(0.2, 0.1)

@@ -6,7 +6,8 @@ from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
 from catenary.sensing.fallback import SlowAttitude, SmoothTransfer, as_fallback
-from catenary.sensing.vector import LEVEL, tilted_gravity
+from catenary.sensing.vector import tilted_gravity
+from catenary.spatial import LEVEL
 
 
 def transfer(follow=100.0, recover=10.0):

@@ -8,9 +8,10 @@ from catenary.errors import InputError
 from catenary.sensing.checks import SensorRules
 from catenary.sensing.faults import Fault
 from catenary.sensing.imu import FOLLOW, RECOVER, SensedGravity
+from catenary.sensing.mailbox import Kind, Mailbox
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.samples import Kind, Mailbox
-from catenary.sensing.vector import LEVEL, Status, tilted_gravity
+from catenary.sensing.vector import ReadingStatus, tilted_gravity
+from catenary.spatial import LEVEL
 
 TILTED = tilted_gravity(0.2, -0.1)
 NOISELESS = SensorRules(stuck_samples=0)
@@ -53,7 +54,7 @@ def test_before_anything_is_received_gravity_is_that_of_a_level_base():
     for reading in readings:
         assert_array_equal(reading.gravity, LEVEL)
         assert_array_equal(reading.base_rates, np.zeros((2, 3)))
-        assert (reading.status, reading.age) == (Status.NOMINAL, math.inf)
+        assert (reading.status, reading.age) == (ReadingStatus.NOMINAL, math.inf)
     assert readings[-1].faults is Fault.NOTHING_RECEIVED
 
 
@@ -61,7 +62,7 @@ def test_before_anything_is_received_gravity_is_that_of_a_level_base():
 def test_both_ways_to_say_acceleration_give_gravity(kind, sign):
     last = Base().run(1.0, sign * TILTED, kind=kind)[-1]
     assert_allclose(last.gravity, TILTED, atol=1e-9)
-    assert (last.status, last.faults) == (Status.LIVE, Fault.NONE)
+    assert (last.status, last.faults) == (ReadingStatus.LIVE, Fault.NONE)
 
 
 def test_age_is_the_time_since_the_newest_sample():
@@ -75,7 +76,7 @@ def test_what_was_measured_before_the_first_read_is_known_at_once():
         base.mailbox.put(-20.0 + 0.01 * k, TILTED, Kind.FREE_FALL)
     first = base.source.read(0.0)
     assert_allclose(first.gravity, TILTED)
-    assert (first.status, first.faults) == (Status.LIVE, Fault.NONE)
+    assert (first.status, first.faults) == (ReadingStatus.LIVE, Fault.NONE)
 
 
 def test_tilting_by_hand_is_followed_without_delay():
@@ -118,9 +119,9 @@ def test_an_interrupted_sensor_is_held_then_falls_back():
     readings = base.run(0.5)
     statuses = [r.status for r in readings]
     # the last sample was taken 10 ms before they stopped
-    assert statuses[:40] == [Status.LIVE] * 40
-    assert statuses[41:189] == [Status.STALE] * 148
-    assert statuses[191:] == [Status.FALLBACK] * 309
+    assert statuses[:40] == [ReadingStatus.LIVE] * 40
+    assert statuses[41:189] == [ReadingStatus.STALE] * 148
+    assert statuses[191:] == [ReadingStatus.FALLBACK] * 309
     assert readings[100].faults is Fault.INTERRUPTED
     assert readings[100].age == pytest.approx(0.11)
     assert_allclose(readings[150].gravity, TILTED, atol=1e-9)
@@ -208,14 +209,14 @@ def test_stop_asks_for_a_stop_at_the_age_limit():
     base = Base(fallback="stop")
     base.run(1.0, TILTED)
     statuses = [r.status for r in base.run(0.3)]
-    assert Status.STOP not in statuses[:189]
-    assert statuses[-1] is Status.STOP
+    assert ReadingStatus.STOP not in statuses[:189]
+    assert statuses[-1] is ReadingStatus.STOP
 
 
 def test_stop_asks_for_a_stop_when_nothing_is_heard_at_the_start():
     statuses = [r.status for r in Base(fallback="stop", start_limit=0.5).run(0.6)]
-    assert statuses[:500] == [Status.NOMINAL] * 500
-    assert statuses[-1] is Status.STOP
+    assert statuses[:500] == [ReadingStatus.NOMINAL] * 500
+    assert statuses[-1] is ReadingStatus.STOP
 
 
 def test_recovery_is_as_smooth_as_the_loss():
@@ -224,7 +225,7 @@ def test_recovery_is_as_smooth_as_the_loss():
     base.run(1.5)
     readings = base.run(2.0, TILTED)
     assert_allclose(readings[-1].gravity, TILTED, atol=1e-6)
-    assert readings[-1].status is Status.LIVE
+    assert readings[-1].status is ReadingStatus.LIVE
     assert steps(readings).max() <= RECOVER[0] * 0.001 + 1e-9
 
 
@@ -238,7 +239,7 @@ def test_a_base_that_was_moved_while_the_sensor_was_away_is_believed():
 def test_without_rates_where_a_gyroscope_should_be_gravity_goes_on():
     base = Base(angular=True)
     last = base.run(1.0, TILTED)[-1]
-    assert last.status is Status.LIVE
+    assert last.status is ReadingStatus.LIVE
     assert last.faults is Fault.RATES_INTERRUPTED
 
 
@@ -274,7 +275,7 @@ def test_a_clock_that_lags_is_told():
     for k in range(5):
         base.mailbox.put(base.time + 0.002 * k, TILTED, Kind.FREE_FALL)
     last = base.source.read(base.time + 1.0)
-    assert last.status is not Status.LIVE
+    assert last.status is not ReadingStatus.LIVE
     base.mailbox.put(base.time + 0.1, TILTED, Kind.FREE_FALL)
     assert Fault.STAMP_OLD in base.source.read(base.time + 1.001).faults
 

@@ -6,8 +6,8 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from catenary.errors import InputError
+from catenary.sensing.mailbox import Kind
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.samples import Kind
 from catenary.sensing.tumble import align, fit_tumble, level_and_tilts, tumbled_mounting
 from catenary.sensing.vector import tilted_gravity
 

@@ -6,7 +6,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from catenary.errors import InputError
-from catenary.sensing.vector import LEVEL, FixedGravity, Status, tilt_angle, tilt_of, tilted_gravity
+from catenary.sensing.vector import FixedGravity, ReadingStatus, tilt_angle, tilt_of, tilted_gravity
+from catenary.spatial import LEVEL
 
 ANGLE = st.floats(-1.5, 1.5)
 
@@ -37,7 +38,7 @@ def test_a_fixed_source_says_what_it_was_told_and_that_nothing_was_measured():
     assert_array_equal(reading.gravity, [1.0, 2.0, -9.0])
     assert_array_equal(reading.base_rates, np.zeros((2, 3)))
     assert reading.age == np.inf
-    assert reading.status is Status.NOMINAL
+    assert reading.status is ReadingStatus.NOMINAL
     assert not reading.faults
 
 

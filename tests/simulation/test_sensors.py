@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 from catenary.errors import InputError
 from catenary.sensing.faults import Fault
 from catenary.sensing.imu import FOLLOW, RECOVER, SensedGravity
+from catenary.sensing.mailbox import Kind, Mailbox
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.samples import Kind, Mailbox
-from catenary.sensing.vector import Status
+from catenary.sensing.vector import ReadingStatus
 from catenary.simulation.base_motion import FixedBase, RockingBase, imu_reading
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.sensors import (
@@ -167,7 +167,7 @@ def test_a_fault_is_named_and_bounded_and_passes(base, kind):
     # rocking swings gravity by 0.85 m/s2 to either side, and its accelerations by 1.1; a parabola
     # through a sensor that got stuck overshoots
     assert off[1000:].max() < (2.7 if base is ROCKING else 0.5)
-    assert readings[-1].status is Status.LIVE
+    assert readings[-1].status is ReadingStatus.LIVE
     assert not readings[-1].faults
     assert off[-200:].max() < 0.2  # noise of 0.04 m/s2
 

@@ -3,10 +3,11 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Option
 
 from catenary.cli.terminal import print_json, print_notes, print_table
 from catenary.errors import InputError
@@ -17,21 +18,26 @@ if TYPE_CHECKING:
     from catenary.workflows.project.folder import Project
     from catenary.workflows.project.robot import ProjectRobot
 
-Ros = Annotated[
-    int | None,
-    typer.Option(
-        "--ros",
-        metavar="1|2",
-        help="The robot is on ROS 1 or 2. [default: the project's, simulated at first]",
-    ),
-]
-Yes = Annotated[
-    bool, typer.Option("--yes", help="With --ros: ask nobody; the robot's state must permit each step.")
-]
-Simulated = Annotated[
-    bool,
-    typer.Option("--simulated", help="With --ros: the robot there is a simulation, and recordings say so."),
-]
+
+@dataclass(frozen=True)
+class RobotAccess:
+    """Options of a project's robot: where it is, and who stands beside it."""
+
+    ros: Annotated[
+        int | None,
+        Option(
+            "--ros",
+            metavar="1|2",
+            help="The robot is on ROS 1 or 2. [default: the project's, simulated at first]",
+        ),
+    ] = None
+    yes: Annotated[
+        bool, Option("--yes", help="With --ros: ask nobody; the robot's state must permit each step.")
+    ] = False
+    simulated: Annotated[
+        bool,
+        Option("--simulated", help="With --ros: the robot there is a simulation, and recordings say so."),
+    ] = False
 
 
 class TerminalGuide:
@@ -50,7 +56,7 @@ class TerminalGuide:
 
 @contextmanager
 def ros_transport(version: int, name: str = "catenary") -> "Iterator[Transport]":
-    """A transport on ROS 1 or 2."""
+    """Open a transport on ROS 1 or 2."""
     from catenary.crtk.network import make_transport
 
     if version not in (1, 2):
@@ -60,28 +66,23 @@ def ros_transport(version: int, name: str = "catenary") -> "Iterator[Transport]"
 
 
 @contextmanager
-def robot_of(project: "Project", yes: bool, simulated: bool) -> "Iterator[ProjectRobot]":
-    """The robot that a project is about: its simulated one, or one on ROS."""
+def robot_of(project: "Project", access: RobotAccess) -> "Iterator[ProjectRobot]":
+    """Open the robot that a project is about: its simulated one, or one on ROS."""
     from catenary.workflows.project.ros_robot import RosRobot
     from catenary.workflows.project.simulated_robot import SimulatedRobot
     from catenary.workflows.robot.guide import AnswerYes
 
     connection = project.settings.connection
     if connection == "simulation":
-        if yes or simulated:
+        if access.yes or access.simulated:
             raise InputError("--yes and --simulated go with --ros; this project's robot is simulated here")
         yield SimulatedRobot()
         return
-    guide = AnswerYes(lambda text: print(text, file=sys.stderr, flush=True)) if yes else TerminalGuide()
+    guide = (
+        AnswerYes(lambda text: print(text, file=sys.stderr, flush=True)) if access.yes else TerminalGuide()
+    )
     with ros_transport(int(connection.removeprefix("ros"))) as transport:
-        yield RosRobot(transport, guide, simulated=simulated)
-
-
-def connection_of(ros: int | None) -> str | None:
-    """Setting of a project for `--ros`."""
-    if ros not in (None, 1, 2):
-        raise InputError(f"--ros {ros}: expected 1 or 2")
-    return None if ros is None else f"ros{ros}"
+        yield RosRobot(transport, guide, simulated=access.simulated)
 
 
 def record_others(

@@ -5,28 +5,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
-from catenary.cli.beside_robot import (
-    Ros,
-    Simulated,
-    Yes,
-    deploy_beside,
-    record_others,
-    robot_of,
-)
-from catenary.cli.gravity_source import GravityTopicName, ImuTopicName, gravity_source
-from catenary.cli.options import AsJson, MountingFile
+from catenary.cli.beside_robot import RobotAccess, deploy_beside, record_others, robot_of
+from catenary.cli.gravity_source import GravityOptions
+from catenary.cli.options import AsJson
 from catenary.cli.project_options import (
-    Direction,
+    ExcitationOptions,
     Folder,
     Hours,
-    Payload,
     Seed,
-    Side,
-    Sparsity,
-    StateRate,
-    Tilt,
     open_project,
     require_project,
 )
@@ -40,16 +28,8 @@ if TYPE_CHECKING:
 
 def excite(
     project: Folder,
-    direction: Direction = None,
-    sparsity: Sparsity = None,
-    seed: Seed = None,
-    base_tilt_deg: Tilt = None,
-    payload: Payload = None,
-    side: Side = None,
-    state_rate: StateRate = None,
-    ros: Ros = None,
-    yes: Yes = False,
-    simulated: Simulated = False,
+    arm: ExcitationOptions,
+    access: RobotAccess,
     as_json: AsJson = False,
 ) -> None:
     """Drive the robot along the calibration zig-zag and record it.
@@ -58,11 +38,9 @@ def excite(
     """
     from catenary.workflows.project.calibrate import TRAIN, excitation
 
-    opened = open_project(
-        project, seed, base_tilt_deg, payload, side, direction, sparsity, None, state_rate, ros
-    )
+    opened = open_project(project, arm, ros=access.ros)
     motion, what = excitation(opened)
-    with robot_of(opened, yes, simulated) as robot:
+    with robot_of(opened, access) as robot:
         with _progress("homing", opened):
             robot.home(opened)
         with _progress("excite", opened) as tell:
@@ -74,14 +52,12 @@ def excite(
 
 def record(
     project: Folder,
+    access: RobotAccess,
     hours: Hours = None,
-    name: Annotated[str, typer.Option("--name", help="Of the recording.")] = "test",
-    ros: Ros = None,
+    name: Annotated[str, Option("--name", help="Of the recording.")] = "test",
     no_motion: Annotated[
-        bool, typer.Option("--no-motion", help="With --ros: record the robot while somebody else moves it.")
+        bool, Option("--no-motion", help="With --ros: record the robot while somebody else moves it.")
     ] = False,
-    yes: Yes = False,
-    simulated: Simulated = False,
     as_json: AsJson = False,
 ) -> None:
     """Drive the robot along a random motion and record it.
@@ -94,26 +70,26 @@ def record(
         raise InputError(f'--name "{name}": expected letters, digits and _, and another name than {TRAIN}')
     if not no_motion:
         require_project(project)
-    opened = open_project(project, hours=hours, ros=ros)
+    opened = open_project(project, hours=hours, ros=access.ros)
     seconds = 60.0 * opened.settings.test_minutes
     if no_motion:
         if opened.settings.connection == "simulation":
             raise InputError("--no-motion: nobody else moves a simulated robot; it goes with --ros")
         with _progress("record") as tell:
-            topics = record_others(opened, name, seconds, simulated=simulated, tell=tell)
+            topics = record_others(opened, name, seconds, simulated=access.simulated, tell=tell)
         what = f"recorded {seconds:.0f} s as {name}"
         _say(opened, what, True, as_json, {"seconds": seconds, "topics": topics})
         return
     motion, what = random_motion(opened, seconds)
-    with robot_of(opened, yes, simulated) as robot, _progress("record", opened) as tell:
+    with robot_of(opened, access) as robot, _progress("record", opened) as tell:
         was_run = robot.record(opened, name, motion, what, after=TRAIN, progress=tell)
     _say(opened, f"recorded {seconds:.0f} s as {name}", was_run, as_json, {"seconds": seconds})
 
 
 def extract(
     project: Folder,
-    bag: Annotated[str | None, typer.Option("--bag", help="Also write bags: ros1 or mcap.")] = None,
-    csv: Annotated[bool, typer.Option("--csv", help="Also write the published 252-column CSV.")] = False,
+    bag: Annotated[str | None, Option("--bag", help="Also write bags: ros1 or mcap.")] = None,
+    csv: Annotated[bool, Option("--csv", help="Also write the published 252-column CSV.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Extract and synchronise the project's recordings.
@@ -166,38 +142,33 @@ def extract(
 
 
 def deploy(
-    model: Annotated[
-        Path, typer.Argument(metavar="MODEL", help="A calibration model of the project's robot.")
-    ],
+    model: Annotated[Path, Argument(metavar="MODEL", help="A calibration model of the project's robot.")],
+    gravity: GravityOptions,
     project: Annotated[
-        Path | None, typer.Argument(metavar="PROJECT", help="Folder of the project; none with --ros.")
+        Path | None, Argument(metavar="PROJECT", help="Folder of the project; none with --ros.")
     ] = None,
     seconds: Annotated[
-        float | None,
-        typer.Option("--seconds", help="How long it runs. [default: 20; with --ros until Ctrl-C]"),
+        float | None, Option("--seconds", help="How long it runs. [default: 20; with --ros until Ctrl-C]")
     ] = None,
-    real_time: Annotated[bool, typer.Option("--real-time/--fast", help="Keep time with the clock.")] = True,
+    real_time: Annotated[bool, Option("--real-time/--fast", help="Keep time with the clock.")] = True,
     ros: Annotated[
         int | None,
-        typer.Option("--ros", metavar="1|2", help="Beside a robot on ROS: publish its messages corrected."),
+        Option("--ros", metavar="1|2", help="Beside a robot on ROS: publish its messages corrected."),
     ] = None,
-    arm: Annotated[str, typer.Option("--arm", help="With --ros: gold (left) or green.")] = "gold",
+    arm: Annotated[str, Option("--arm", help="With --ros: gold (left) or green.")] = "gold",
     rate: Annotated[
-        float, typer.Option("--rate", metavar="HZ", help="With --ros: of the robot's messages.")
+        float, Option("--rate", metavar="HZ", help="With --ros: of the robot's messages.")
     ] = 1000.0,
     gravity_torque: Annotated[
-        bool, typer.Option("--gravity-torque", help="With --ros: publish what holds the joints still.")
+        bool, Option("--gravity-torque", help="With --ros: publish what holds the joints still.")
     ] = False,
-    gravity: GravityTopicName = None,
-    imu: ImuTopicName = None,
-    mounting: MountingFile = None,
     as_json: AsJson = False,
 ) -> None:
     """Run a model in a robot's loop, or beside one on ROS.
 
     Tells latency, valid range, and error while it runs.
     """
-    source = gravity_source(ros, gravity, imu, mounting)
+    source = gravity.source(ros)
     if ros is not None:
         if project is not None:
             raise InputError("--ros: works beside whatever moves the robot; give no project")
@@ -247,29 +218,19 @@ def deploy(
 
 def calibrate(
     project: Folder,
+    arm: ExcitationOptions,
+    access: RobotAccess,
     train: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="[DATA...]", help="Recordings to train on, in place of a robot."),
+        list[Path] | None, Argument(metavar="[DATA...]", help="Recordings to train on, in place of a robot.")
     ] = None,
     test: Annotated[
-        list[Path] | None,
-        typer.Option("--test", metavar="DATA", help="Recording to test on; may be repeated."),
+        list[Path] | None, Option("--test", metavar="DATA", help="Recording to test on; may be repeated.")
     ] = None,
     units: Annotated[
         str | None,
-        typer.Option("--units", metavar="U,U,...", help="rad or m per joint, where recordings do not say."),
+        Option("--units", metavar="U,U,...", help="rad or m per joint, where recordings do not say."),
     ] = None,
-    direction: Direction = None,
-    sparsity: Sparsity = None,
     hours: Hours = None,
-    seed: Seed = None,
-    base_tilt_deg: Tilt = None,
-    payload: Payload = None,
-    side: Side = None,
-    state_rate: StateRate = None,
-    ros: Ros = None,
-    yes: Yes = False,
-    simulated: Simulated = False,
     as_json: AsJson = False,
 ) -> None:
     """Calibrate a robot in one go, from homing to a report.
@@ -280,9 +241,7 @@ def calibrate(
     from catenary.workflows.fit import FitRun
     from catenary.workflows.project.calibrate import calibrate_recordings, calibrate_robot
 
-    opened = open_project(
-        project, seed, base_tilt_deg, payload, side, direction, sparsity, hours, state_rate, ros
-    )
+    opened = open_project(project, arm, hours=hours, ros=access.ros)
     with _steps() as tell:
         if train:
             run = FitRun(units=words(units) if units else None)
@@ -292,15 +251,13 @@ def calibrate(
                 "--test: goes with recordings to train on; without, the simulated robot records its own"
             )
         else:
-            with robot_of(opened, yes, simulated) as robot:
+            with robot_of(opened, access) as robot:
                 result = calibrate_robot(opened, robot, progress=tell)
     _conclude(result, as_json)
 
 
 def demo(
-    out: Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Where to put the results.")] = Path(
-        "demo"
-    ),
+    out: Annotated[Path, Option("--out", metavar="FOLDER", help="Where to put the results.")] = Path("demo"),
     seed: Seed = None,
     as_json: AsJson = False,
 ) -> None:

@@ -3,18 +3,17 @@
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
 from catenary.cli.options import AsJson
 from catenary.cli.terminal import print_fact, print_json, words
 
 
 def check(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="A robot, a calibration model or a recording.")],
+    file: Annotated[str, Argument(metavar="FILE", help="A robot, a calibration model or a recording.")],
     units: Annotated[
         str | None,
-        typer.Option(
-            "--units", metavar="U,U,...", help="rad or m per joint, for a recording that does not say."
-        ),
+        Option("--units", metavar="U,U,...", help="rad or m per joint, for a recording that does not say."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:

@@ -7,6 +7,8 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from catenary.cli.options import with_groups_apart
+
 # module of this package and function; in the order in which `catenary --help` lists them
 _FUNCTIONS = {
     "calibrate": ("calibrate", "calibrate"),
@@ -41,15 +43,8 @@ _FUNCTIONS = {
     "robots": ("robots", "robots"),
     "demo": ("calibrate", "demo"),
 }
-_COMPLETE = {
-    "home",
-    "teleop",
-    "monitor",
-    "serve",
-    "button",
-    "robots",
-    "demo",
-}  # run as they are; others then show their help
+# run without arguments; others then show their help
+_COMPLETE = {"home", "teleop", "monitor", "serve", "button", "robots", "demo"}
 
 
 class Commands(Mapping[str, Any]):
@@ -62,9 +57,8 @@ class Commands(Mapping[str, Any]):
         if name not in self._made:
             module, function = _FUNCTIONS[name]
             app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-            app.command(name, no_args_is_help=name not in _COMPLETE)(
-                getattr(import_module(f"catenary.cli.{module}"), function)
-            )
+            command = getattr(import_module(f"catenary.cli.{module}"), function)
+            app.command(name, no_args_is_help=name not in _COMPLETE)(with_groups_apart(command))
             self._made[name] = typer.main.get_command(app)
         return self._made[name]
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from catenary.cli.terminal import print_fact, print_json, print_notes
 
@@ -11,29 +11,26 @@ from catenary.cli.terminal import print_fact, print_json, print_notes
 def export(
     what: Annotated[
         str,
-        typer.Argument(
-            metavar="WHAT", help="With --c a robot, as fk takes it; with --onnx a calibration model."
-        ),
+        Argument(metavar="WHAT", help="With --c a robot, as fk takes it; with --onnx a calibration model."),
     ],
     c: Annotated[
-        Path | None, typer.Option("--c", metavar="OUT", help="C header of a robot to write, e.g. arm.h.")
+        Path | None, Option("--c", metavar="OUT", help="C header of a robot to write, e.g. arm.h.")
     ] = None,
     onnx: Annotated[
-        Path | None, typer.Option("--onnx", metavar="OUT", help="ONNX graph to write, e.g. arm.onnx.")
+        Path | None, Option("--onnx", metavar="OUT", help="ONNX graph to write, e.g. arm.onnx.")
     ] = None,
     model: Annotated[
-        Path | None,
-        typer.Option("--model", metavar="CALIBRATION", help="Calibration model for the C header."),
+        Path | None, Option("--model", metavar="CALIBRATION", help="Calibration model for the C header.")
     ] = None,
     rate_hz: Annotated[
         float | None,
-        typer.Option(
+        Option(
             "--rate-hz",
             metavar="HZ",
             help="Of the loop that the model will run in. [default: 1000 in C, the training rows' in ONNX]",
         ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
+    as_json: Annotated[bool, Option("--json", help="Print JSON instead of text.")] = False,
 ) -> None:
     """Write a robot as C, or a model as an ONNX graph.
 

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from catenary.cli.options import AsJsonNotTables, Report
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table, progress_bar, words
@@ -19,19 +19,17 @@ if TYPE_CHECKING:
 
 Recordings = Annotated[
     list[Path],
-    typer.Argument(
+    Argument(
         metavar="DATA",
         help="Recordings: .npz with q_des, q_act, ok in rad and m, .parquet logs, or RAVEN-II's published .csv.",
     ),
 ]
 LARGEST = sys.float_info.max
 LARGEST_SEED = 2**32 - 1  # that scikit-learn takes
-Seed = Annotated[
-    int, typer.Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Of everything random.")
-]
+Seed = Annotated[int, Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Of everything random.")]
 MaxError = Annotated[
     str | None,
-    typer.Option(
+    Option(
         "--max-error", metavar="E,E,...", help="Leave out rows with a larger error, per joint in deg and mm."
     ),
 ]
@@ -39,15 +37,11 @@ MaxError = Annotated[
 
 def fit(
     data: Recordings,
-    model: Annotated[
-        str, typer.Option("--model", metavar="KIND", help="offset, linear, polynomial or neural.")
-    ],
-    out: Annotated[
-        Path, typer.Option("--out", metavar="MODEL", help="File to write the model to, e.g. arm.npz.")
-    ],
+    model: Annotated[str, Option("--model", metavar="KIND", help="offset, linear, polynomial or neural.")],
+    out: Annotated[Path, Option("--out", metavar="MODEL", help="File to write the model to, e.g. arm.npz.")],
     preset: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--preset",
             metavar="NAME",
             help="Of neural: paper (Peng et al.'s network) or best (ours). [default: paper]",
@@ -55,7 +49,7 @@ def fit(
     ] = None,
     inputs: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--inputs",
             metavar="SIGNALS",
             help="What the model takes: groups q, tau, qd, all, or signals such as q:J1; per joint as "
@@ -63,11 +57,11 @@ def fit(
         ),
     ] = None,
     history: Annotated[
-        int, typer.Option("--history", metavar="K", min=0, help="Also take the K previous commands.")
+        int, Option("--history", metavar="K", min=0, help="Also take the K previous commands.")
     ] = 0,
     play: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--play",
             metavar="SHARES",
             help="Also take play states (memory of a cable's slack) as wide as these shares of each joint's "
@@ -76,38 +70,33 @@ def fit(
     ] = None,
     target: Annotated[
         str,
-        typer.Option(
+        Option(
             "--target",
             metavar="WHAT",
             help="What to learn: error, the joint error, or position, the joint position end to end.",
         ),
     ] = "error",
     units: Annotated[
-        str | None,
-        typer.Option("--units", metavar="U,U,...", help="rad or m per joint, where files do not say."),
+        str | None, Option("--units", metavar="U,U,...", help="rad or m per joint, where files do not say.")
     ] = None,
     robot: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--robot", metavar="ROBOT", help="Catalogue name or file of the robot: joint names and units."
         ),
     ] = None,
     held_out: Annotated[
         float | None,
-        typer.Option(
-            "--held-out", metavar="SHARE", help="Keep this last share of each recording for a test."
-        ),
+        Option("--held-out", metavar="SHARE", help="Keep this last share of each recording for a test."),
     ] = None,
     folds: Annotated[
         int,
-        typer.Option(
-            "--folds", metavar="N", min=0, help="Blocks of time for the cross-validation; 0 for none."
-        ),
+        Option("--folds", metavar="N", min=0, help="Blocks of time for the cross-validation; 0 for none."),
     ] = 5,
     max_error: MaxError = None,
     ridge: Annotated[
         float | None,
-        typer.Option(
+        Option(
             "--ridge",
             metavar="R",
             min=0.0,
@@ -166,13 +155,11 @@ def fit(
 
 
 def evaluate(
-    model: Annotated[Path, typer.Argument(metavar="MODEL", help="A model that catenary fit wrote.")],
+    model: Annotated[Path, Argument(metavar="MODEL", help="A model that catenary fit wrote.")],
     data: Recordings,
     window: Annotated[
         float | None,
-        typer.Option(
-            "--window", metavar="S", help="Length of a time window in s. [default: a tenth of the data]"
-        ),
+        Option("--window", metavar="S", help="Length of a time window in s. [default: a tenth of the data]"),
     ] = None,
     max_error: MaxError = None,
     report: Report = None,

@@ -1,9 +1,10 @@
 """catenary gravity, track and hold."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from catenary.cli.joint_options import Q, QDeg, beyond_limits, joint_values
 from catenary.cli.options import AsJsonNotTables, Report
@@ -15,43 +16,83 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from catenary.simulation.base_motion import MovingBase
+    from catenary.workflows.gravity.simulated_arm import SimulatedArm
 
 Simulated = Annotated[
     str,
-    typer.Argument(
+    Argument(
         metavar="ROBOT",
         help="raven2 or raven2_right, behind their cables; of any other robot its rigid bodies.",
     ),
 ]
-BaseTilt = Annotated[
-    tuple[float, float] | None,
-    typer.Option(
-        "--base-tilt-deg",
-        metavar="R P",
-        help="Turn the base by R about x, then by P about its own y (of raven2 the axis of joint 1, reversed).",
-    ),
-]
-RockDeg = Annotated[
-    tuple[float, float] | None,
-    typer.Option(
-        "--rock-deg",
-        metavar="FROM TO",
-        help="Rock the base about its y axis between these angles, after the tilt.",
-    ),
-]
-RockHz = Annotated[float, typer.Option("--rock-hz", metavar="F", min=0.0, help="How often a second.")]
-Payload = Annotated[
-    float,
-    typer.Option(
-        "--payload", metavar="KG", min=0.0, help="Mass at the tool's wrist; the model knows nothing of it."
-    ),
-]
-Seed = Annotated[
-    int | None,
-    typer.Option(
-        "--seed", metavar="N", min=0, help="Draw another robot of the kind. [default: the nominal one]"
-    ),
-]
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Options that say what a simulated arm stands on, carries and is."""
+
+    base_tilt_deg: Annotated[
+        tuple[float, float] | None,
+        Option(
+            "--base-tilt-deg",
+            metavar="R P",
+            help="Turn the base by R about x, then by P about its own y (of raven2 the axis of joint 1, reversed).",
+        ),
+    ] = None
+    rock_deg: Annotated[
+        tuple[float, float] | None,
+        Option(
+            "--rock-deg",
+            metavar="FROM TO",
+            help="Rock the base about its y axis between these angles, after the tilt.",
+        ),
+    ] = None
+    rock_hz: Annotated[float, Option("--rock-hz", metavar="F", min=0.0, help="How often a second.")] = 1.0
+    payload: Annotated[
+        float,
+        Option(
+            "--payload",
+            metavar="KG",
+            min=0.0,
+            help="Mass at the tool's wrist; the model knows nothing of it.",
+        ),
+    ] = 0.0
+    seed: Annotated[
+        int | None,
+        Option(
+            "--seed", metavar="N", min=0, help="Draw another robot of the kind. [default: the nominal one]"
+        ),
+    ] = None
+
+    def as_data(self) -> dict[str, object]:
+        """Return them as the JSON and the page have them."""
+        return {
+            "base_tilt_deg": self.base_tilt_deg or (0.0, 0.0),
+            "rock_deg": self.rock_deg,
+            "rock_hz": None if self.rock_deg is None else self.rock_hz,
+            "payload": self.payload,
+            "seed": self.seed,
+        }
+
+    def arm(self, robot: str) -> "SimulatedArm":
+        """Return the robot on its base."""
+        import numpy as np
+
+        from catenary.simulation.base_motion import FixedBase, RockingBase
+        from catenary.workflows.gravity.simulated_arm import simulated_arm
+
+        for name in ("base_tilt_deg", "rock_deg", "rock_hz"):
+            values = getattr(self, name)
+            if values is not None and not np.isfinite(values).all():
+                raise InputError(f"--{name.replace('_', '-')}: expected finite numbers, got {values}")
+        roll, pitch = np.deg2rad(self.base_tilt_deg or (0.0, 0.0))
+        start = FixedBase(float(roll), float(pitch))
+        base: MovingBase = start
+        if self.rock_deg is not None:
+            first, last = np.deg2rad(self.rock_deg)
+            middle, reach = float(first + last) / 2.0, float(last - first) / 2.0
+            base = RockingBase(middle, reach, self.rock_hz, axis=(0.0, 1.0, 0.0), start=start)
+        return simulated_arm(robot, base=base, payload=self.payload, seed=self.seed)
 
 
 def gravity(
@@ -60,15 +101,11 @@ def gravity(
     q_deg: QDeg = None,
     tilt_deg: Annotated[
         tuple[float, float] | None,
-        typer.Option(
-            "--tilt-deg", metavar="R P", help="The base turned by R about x, then by P about its own y."
-        ),
+        Option("--tilt-deg", metavar="R P", help="The base turned by R about x, then by P about its own y."),
     ] = None,
     vector: Annotated[
         tuple[float, float, float] | None,
-        typer.Option(
-            "--gravity", metavar="X Y Z", help="Free-fall acceleration in base axes, z up, in m/s2."
-        ),
+        Option("--gravity", metavar="X Y Z", help="Free-fall acceleration in base axes, z up, in m/s2."),
     ] = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
@@ -81,7 +118,8 @@ def gravity(
     import numpy as np
 
     from catenary.robots.catalog import load_robot
-    from catenary.sensing.vector import LEVEL, tilted_gravity
+    from catenary.sensing.vector import tilted_gravity
+    from catenary.spatial import LEVEL
     from catenary.workflows.gravity.torques import gravity_torques
 
     if tilt_deg is not None and vector is not None:
@@ -116,9 +154,10 @@ def gravity(
 
 def track(
     robot: Simulated,
+    conditions: Conditions,
     controller: Annotated[
         str,
-        typer.Option(
+        Option(
             "--controller",
             metavar="NAME",
             help="pd, sg (PD and gravity of a level base), dg (PD and sensed gravity), inertia, computed-torque, "
@@ -127,40 +166,31 @@ def track(
     ] = "dg",
     motion: Annotated[
         str,
-        typer.Option(
+        Option(
             "--motion",
             metavar="NAME",
             help="cartesian (sinusoids of the tip along x, y, z), random, or poses (at rest along joint 1's range).",
         ),
     ] = "cartesian",
     q: Annotated[
-        str | None, typer.Option("--q", metavar="Q,Q,...", help="Where cartesian begins, in rad and m.")
+        str | None, Option("--q", metavar="Q,Q,...", help="Where cartesian begins, in rad and m.")
     ] = None,
-    q_deg: Annotated[
-        str | None, typer.Option("--q-deg", metavar="Q,Q,...", help="The same in deg and mm.")
-    ] = None,
+    q_deg: Annotated[str | None, Option("--q-deg", metavar="Q,Q,...", help="The same in deg and mm.")] = None,
     amplitude_mm: Annotated[
-        float, typer.Option("--amplitude-mm", metavar="A", min=0.0, help="Of the sinusoids.")
+        float, Option("--amplitude-mm", metavar="A", min=0.0, help="Of the sinusoids.")
     ] = 78.74,
     axes: Annotated[
-        str, typer.Option("--axes", metavar="A,A,...", help="Along which the sinusoids are, of the base.")
+        str, Option("--axes", metavar="A,A,...", help="Along which the sinusoids are, of the base.")
     ] = "x,y,z",
-    seconds: Annotated[
-        float, typer.Option("--seconds", metavar="S", min=2.0, help="Of the random motion.")
-    ] = 20.0,
+    seconds: Annotated[float, Option("--seconds", metavar="S", min=2.0, help="Of the random motion.")] = 20.0,
     damping: Annotated[
         str,
-        typer.Option(
+        Option(
             "--damping",
             metavar="KIND",
             help="relative, to the motion's velocity, or absolute, as RAVEN-II's own control: it then lags.",
         ),
     ] = "relative",
-    base_tilt_deg: BaseTilt = None,
-    rock_deg: RockDeg = None,
-    rock_hz: RockHz = 1.0,
-    payload: Payload = 0.0,
-    seed: Seed = None,
     report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
@@ -175,17 +205,16 @@ def track(
     from catenary.reports.gravity import tracking_table, write_tracking_report
     from catenary.workflows.gravity.controllers import make_controller
     from catenary.workflows.gravity.motions import make_motion
-    from catenary.workflows.gravity.simulated_arm import simulated_arm
     from catenary.workflows.gravity.track import track as run
 
     _check_report(report)
-    arm = simulated_arm(robot, base=_base(base_tilt_deg, rock_deg, rock_hz), payload=payload, seed=seed)
+    arm = conditions.arm(robot)
     start = None if q is None and q_deg is None else joint_values(arm.model, q, q_deg)
     chosen = make_motion(
         motion,
         arm.model,
         arm.plant,
-        np.random.default_rng(seed or 0),
+        np.random.default_rng(conditions.seed or 0),
         q_start=start,
         amplitude=amplitude_mm / 1000.0,
         axes=words(axes),
@@ -202,7 +231,7 @@ def track(
         "controller": controller,
         "motion": motion,
         "damping": damping,
-        **_conditions(base_tilt_deg, rock_deg, rock_hz, payload, seed),
+        **conditions.as_data(),
     }
     if report is not None:
         write_tracking_report(report, result, settings)
@@ -217,20 +246,14 @@ def track(
 
 def hold(
     robot: Simulated,
+    conditions: Conditions,
     q: Q = None,
     q_deg: QDeg = None,
     controller: Annotated[
         str,
-        typer.Option(
-            "--controller", metavar="NAME", help="sg (gravity of a level base) or dg (sensed gravity)."
-        ),
+        Option("--controller", metavar="NAME", help="sg (gravity of a level base) or dg (sensed gravity)."),
     ] = "dg",
-    seconds: Annotated[float, typer.Option("--seconds", metavar="S", help="How long to watch.")] = 10.0,
-    base_tilt_deg: BaseTilt = None,
-    rock_deg: RockDeg = None,
-    rock_hz: RockHz = 1.0,
-    payload: Payload = 0.0,
-    seed: Seed = None,
+    seconds: Annotated[float, Option("--seconds", metavar="S", help="How long to watch.")] = 10.0,
     report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
@@ -244,10 +267,9 @@ def hold(
     from catenary.workflows.gravity.controllers import make_hold
     from catenary.workflows.gravity.hold import hold as run
     from catenary.workflows.gravity.motions import hold_start
-    from catenary.workflows.gravity.simulated_arm import simulated_arm
 
     _check_report(report)
-    arm = simulated_arm(robot, base=_base(base_tilt_deg, rock_deg, rock_hz), payload=payload, seed=seed)
+    arm = conditions.arm(robot)
     pose = (
         hold_start(arm.model, arm.plant) if q is None and q_deg is None else joint_values(arm.model, q, q_deg)
     )
@@ -255,7 +277,7 @@ def hold(
     settings = {
         "robot": robot,
         "controller": controller,
-        **_conditions(base_tilt_deg, rock_deg, rock_hz, payload, seed),
+        **conditions.as_data(),
     }
     if report is not None:
         write_holding_report(report, result, settings)
@@ -268,45 +290,7 @@ def hold(
         print(f"page: {report}")
 
 
-def _conditions(
-    base_tilt_deg: tuple[float, float] | None,
-    rock_deg: tuple[float, float] | None,
-    rock_hz: float,
-    payload: float,
-    seed: int | None,
-) -> dict[str, object]:
-    """What the arm stands on, carries and is, as the JSON and the page have it."""
-    return {
-        "base_tilt_deg": base_tilt_deg or (0.0, 0.0),
-        "rock_deg": rock_deg,
-        "rock_hz": None if rock_deg is None else rock_hz,
-        "payload": payload,
-        "seed": seed,
-    }
-
-
 def _check_report(report: Path | None) -> None:
     """Refuse a page that could not be written, before the arm moves."""
     if report is not None and (report.is_dir() or not report.parent.is_dir()):
         raise InputError(f"--report {report}: expected a file in a folder that exists")
-
-
-def _base(
-    tilt_deg: tuple[float, float] | None, rock_deg: tuple[float, float] | None, rock_hz: float
-) -> "MovingBase":
-    """What the arm stands on."""
-    import numpy as np
-
-    from catenary.simulation.base_motion import FixedBase, RockingBase
-
-    for name, values in (("--base-tilt-deg", tilt_deg), ("--rock-deg", rock_deg), ("--rock-hz", rock_hz)):
-        if values is not None and not np.isfinite(values).all():
-            raise InputError(f"{name}: expected finite numbers, got {values}")
-    roll, pitch = np.deg2rad(tilt_deg or (0.0, 0.0))
-    start = FixedBase(float(roll), float(pitch))
-    if rock_deg is None:
-        return start
-    first, last = np.deg2rad(rock_deg)
-    return RockingBase(
-        float(first + last) / 2.0, float(last - first) / 2.0, rock_hz, axis=(0.0, 1.0, 0.0), start=start
-    )

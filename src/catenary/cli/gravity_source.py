@@ -1,51 +1,60 @@
 """Where gravity beside a robot on ROS comes from: a gravity node, or an Imu on the base."""
 
-from pathlib import Path
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Option
 
+from catenary.cli.options import MountingFile
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.crtk.latest import ImuTopic
 
-GravityTopicName = Annotated[
-    str | None,
-    typer.Option(
-        "--gravity",
-        metavar="TOPIC",
-        help="With --ros: gravity as `catenary gravity-node` publishes it, as /gravity.",
-    ),
-]
-ImuTopicName = Annotated[
-    str | None,
-    typer.Option(
-        "--imu", metavar="TOPIC", help="With --ros, in its place: a sensor_msgs/Imu, as /imu/data_raw."
-    ),
-]
 
+@dataclass(frozen=True)
+class GravityOptions:
+    """Options that say where gravity comes from; nominal gravity without any."""
 
-def gravity_source(
-    ros: int | None, gravity: str | None, imu: str | None, mounting: Path | None
-) -> "ImuTopic | None":
-    """Say where gravity comes from; None for nominal gravity.
+    gravity: Annotated[
+        str | None,
+        Option(
+            "--gravity",
+            metavar="TOPIC",
+            help="With --ros: gravity as `catenary gravity-node` publishes it, as /gravity.",
+        ),
+    ] = None
+    imu: Annotated[
+        str | None,
+        Option(
+            "--imu", metavar="TOPIC", help="With --ros, in its place: a sensor_msgs/Imu, as /imu/data_raw."
+        ),
+    ] = None
+    mounting: MountingFile = None
 
-    Raises:
-        InputError: Options that do not go together.
-        ConfigError: A mounting file that is none.
-    """
-    if ros is None and (gravity is not None or imu is not None or mounting is not None):
-        raise InputError("--gravity, --imu and --mounting go with --ros; a simulated robot knows its gravity")
-    if gravity is not None and imu is not None:
-        raise InputError("give one of --gravity and --imu")
-    if mounting is not None and imu is None:
-        raise InputError("--mounting goes with --imu; a gravity node has turned what it publishes already")
-    if gravity is None and imu is None:
-        return None
-    from catenary.crtk.latest import ImuTopic, published_gravity
-    from catenary.sensing.mounting import Mounting, load_mounting
+    def source(self, ros: int | None) -> "ImuTopic | None":
+        """Return the topic that gravity comes from; None for nominal gravity.
 
-    if gravity is not None:
-        return published_gravity(gravity)
-    return ImuTopic(imu or "", mounting=Mounting() if mounting is None else load_mounting(mounting))
+        Raises:
+            InputError: Options that do not go together.
+            ConfigError: A mounting file that is none.
+        """
+        if self == GravityOptions():
+            return None
+        if ros is None:
+            raise InputError(
+                "--gravity, --imu and --mounting go with --ros; a simulated robot knows its gravity"
+            )
+        if self.gravity is not None and self.imu is not None:
+            raise InputError("give one of --gravity and --imu")
+        if self.mounting is not None and self.imu is None:
+            raise InputError(
+                "--mounting goes with --imu; a gravity node has turned what it publishes already"
+            )
+        from catenary.crtk.latest import ImuTopic, published_gravity
+        from catenary.sensing.mounting import Mounting, load_mounting
+
+        if self.gravity is not None:
+            return published_gravity(self.gravity)
+        mounting = Mounting() if self.mounting is None else load_mounting(self.mounting)
+        return ImuTopic(self.imu or "", mounting=mounting)

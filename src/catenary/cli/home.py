@@ -5,12 +5,12 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
-from catenary.cli.beside_robot import Ros, Simulated, TerminalGuide, Yes, robot_of
+from catenary.cli.beside_robot import RobotAccess, TerminalGuide, robot_of
 from catenary.cli.options import AsJson
-from catenary.cli.project_options import Payload, Seed, Side, Tilt, open_project
-from catenary.cli.robot_choice import open_robot
+from catenary.cli.project_options import ArmOptions, open_project
+from catenary.cli.robot_choice import PacedRobot, open_robot
 from catenary.cli.terminal import human, print_json, print_table
 from catenary.errors import InputError
 
@@ -19,29 +19,21 @@ if TYPE_CHECKING:
 
 
 def home(
+    arm: ArmOptions,
+    access: RobotAccess,
     project: Annotated[
         Path | None,
-        typer.Argument(metavar="PROJECT", help="Folder of a project, whose robot it is; made if not there."),
+        Argument(metavar="PROJECT", help="Folder of a project, whose robot it is; made if not there."),
     ] = None,
     robot: Annotated[
-        str | None,
-        typer.Option("--robot", metavar="ROBOT", help="Without a project: which one. [default: raven2]"),
+        str | None, Option("--robot", metavar="ROBOT", help="Without a project: which one. [default: raven2]")
     ] = None,
-    seed: Seed = None,
-    base_tilt_deg: Tilt = None,
-    payload: Payload = None,
-    side: Side = None,
-    ros: Ros = None,
     dialect: Annotated[
-        str | None,
-        typer.Option("--dialect", help="Without a project, with --ros: raven or crtk. [default: raven]"),
+        str | None, Option("--dialect", help="Without a project, with --ros: raven or crtk. [default: raven]")
     ] = None,
     namespace: Annotated[
-        str | None,
-        typer.Option("--namespace", metavar="/NAME", help="With --dialect crtk: in front of its verbs."),
+        str | None, Option("--namespace", metavar="/NAME", help="With --dialect crtk: in front of its verbs.")
     ] = None,
-    yes: Yes = False,
-    simulated: Simulated = False,
     as_json: AsJson = False,
 ) -> None:
     """Home a robot.
@@ -57,31 +49,36 @@ def home(
                 "--robot, --dialect and --namespace go without a project; a project's robot is a RAVEN-II's "
                 "left or right arm (--side)"
             )
-        _home_project(project, seed, base_tilt_deg, payload, side, ros, yes, simulated, as_json)
+        _home_project(project, arm, access, as_json)
         return
-    if payload is not None or side is not None:
+    if arm.payload is not None or arm.side is not None:
         raise InputError(
             "--payload and --side are of a project's robot; without one say --robot raven2_right"
         )
     from catenary.workflows.robot.guide import AnswerYes
     from catenary.workflows.robot.homing import home_operated
 
-    with open_robot(
-        robot or "raven2", ros, dialect=dialect or "raven", namespace=namespace, simulated=simulated, yes=yes,
-        moves=False, tilt=base_tilt_deg, seed=seed, fast=ros is None, homed=False,
-    ) as opened:  # fmt: skip
-        guide = AnswerYes(_tell) if yes or simulated else TerminalGuide()
+    chosen = PacedRobot(
+        robot=robot or "raven2",
+        ros=access.ros,
+        dialect=dialect or "raven",
+        namespace=namespace,
+        simulated=access.simulated,
+        base_tilt_deg=arm.base_tilt_deg,
+        robot_seed=arm.seed,
+        yes=access.yes,
+        fast=access.ros is None,
+    )
+    with open_robot(chosen, moves=False, homed=False) as opened:
+        guide = AnswerYes(_tell) if access.yes or access.simulated else TerminalGuide()
         _tell("homing ...")
         found = home_operated(opened, guide)
     _say(found, as_json)
 
 
-def _home_project(
-    folder: Path, seed: int | None, tilt: str | None, payload: float | None, side: str | None, ros: int | None,
-    yes: bool, simulated: bool, as_json: bool,
-) -> None:  # fmt: skip
-    opened = open_project(folder, seed, tilt, payload, side, ros=ros)
-    with robot_of(opened, yes, simulated) as robot:
+def _home_project(folder: Path, arm: ArmOptions, access: RobotAccess, as_json: bool) -> None:
+    opened = open_project(folder, arm, ros=access.ros)
+    with robot_of(opened, access) as robot:
         _tell("homing ...")
         was_run = robot.home(opened)
     if as_json:

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from catenary.cli.options import AsJsonNotTables
 from catenary.cli.terminal import print_json, print_notes, print_table
@@ -11,70 +11,66 @@ from catenary.errors import InputError
 
 Logs = Annotated[
     list[Path],
-    typer.Argument(
+    Argument(
         metavar="LOG",
         help="Recordings: .npz with q, dq, tau and fs or t in rad, m, s, Nm, N; or .parquet logs.",
     ),
 ]
 Gravity = Annotated[
-    str | None,
-    typer.Option("--gravity", metavar="X,Y,Z", help="In base axes, m/s2. [default: 0,0,-9.81]"),
+    str | None, Option("--gravity", metavar="X,Y,Z", help="In base axes, m/s2. [default: 0,0,-9.81]")
 ]
 CutOff = Annotated[
     float | None,
-    typer.Option("--cutoff-hz", metavar="F", help="Cut-off of the filter. [default: the robot file's]"),
+    Option("--cutoff-hz", metavar="F", help="Cut-off of the filter. [default: the robot file's]"),
 ]
 
 
 def identify(
     logs: Logs,
     robot: Annotated[
-        str, typer.Option("--robot", metavar="ROBOT", help="Catalogue name or file; needs no inertia.")
+        str, Option("--robot", metavar="ROBOT", help="Catalogue name or file; needs no inertia.")
     ],
     out: Annotated[
-        Path, typer.Option("--out", metavar="FILE", help="File to write the parameters to, e.g. arm.npz.")
+        Path, Option("--out", metavar="FILE", help="File to write the parameters to, e.g. arm.npz.")
     ],
     test: Annotated[
-        list[Path] | None, typer.Option("--test", metavar="LOG", help="A recording to judge by; repeatable.")
+        list[Path] | None, Option("--test", metavar="LOG", help="A recording to judge by; repeatable.")
     ] = None,
     terms: Annotated[
-        str, typer.Option("--terms", metavar="WHAT", help="full dynamics, or static: poses at rest.")
+        str, Option("--terms", metavar="WHAT", help="full dynamics, or static: poses at rest.")
     ] = "full",
     cutoff_hz: CutOff = None,
     period: Annotated[
         int | None,
-        typer.Option(
+        Option(
             "--period", metavar="N", min=1, help="Samples of the motion's period. [default: the robot file's]"
         ),
     ] = None,
     weighting: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--weighting",
             metavar="HOW",
             help="Weight of the axes: none, range or spread of the torque, residual. [default: the robot file's]",
         ),
     ] = None,
     consistent: Annotated[
-        bool, typer.Option("--consistent", help="Only parameters that bodies and friction can have.")
+        bool, Option("--consistent", help="Only parameters that bodies and friction can have.")
     ] = False,
     blocks: Annotated[
         float | None,
-        typer.Option(
-            "--blocks", metavar="S", help="Hold out every second block of S seconds (static: S rows)."
-        ),
+        Option("--blocks", metavar="S", help="Hold out every second block of S seconds (static: S rows)."),
     ] = None,
     rows: Annotated[
-        str | None,
-        typer.Option("--rows", metavar="A:B", help="Rows of the recordings to fit. [default: all]"),
+        str | None, Option("--rows", metavar="A:B", help="Rows of the recordings to fit. [default: all]")
     ] = None,
     gravity: Gravity = None,
     urdf: Annotated[
         Path | None,
-        typer.Option("--urdf", metavar="FILE", help="Also write the robot as URDF; needs --consistent."),
+        Option("--urdf", metavar="FILE", help="Also write the robot as URDF; needs --consistent."),
     ] = None,
     report: Annotated[
-        Path | None, typer.Option("--report", metavar="PAGE", help="Also write a self-contained HTML page.")
+        Path | None, Option("--report", metavar="PAGE", help="Also write a self-contained HTML page.")
     ] = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
@@ -162,33 +158,27 @@ def _refuse_to_overwrite(written: list[Path | None], read: list[Path]) -> None:
 
 
 def excitation(
-    robot: Annotated[str, typer.Argument(metavar="ROBOT", help="Catalogue name or file; needs no inertia.")],
+    robot: Annotated[str, Argument(metavar="ROBOT", help="Catalogue name or file; needs no inertia.")],
     out: Annotated[
-        Path, typer.Option("--out", metavar="FILE", help="File to write: .npz or .csv of t, q, dq, ddq.")
+        Path, Option("--out", metavar="FILE", help="File to write: .npz or .csv of t, q, dq, ddq.")
     ],
-    static: Annotated[
-        int | None, typer.Option("--static", metavar="N", min=1, help="N poses to hold.")
-    ] = None,
-    fourier: Annotated[
-        bool, typer.Option("--fourier", help="One period of a Fourier motion. [default]")
-    ] = False,
-    period: Annotated[float, typer.Option("--period-s", metavar="S", help="Of the motion.")] = 10.0,
-    harmonics: Annotated[int, typer.Option("--harmonics", metavar="N", help="Of the motion, 3 or more.")] = 5,
-    rate: Annotated[
-        float, typer.Option("--rate-hz", metavar="F", help="Rows of the motion per second.")
-    ] = 200.0,
+    static: Annotated[int | None, Option("--static", metavar="N", min=1, help="N poses to hold.")] = None,
+    fourier: Annotated[bool, Option("--fourier", help="One period of a Fourier motion. [default]")] = False,
+    period: Annotated[float, Option("--period-s", metavar="S", help="Of the motion.")] = 10.0,
+    harmonics: Annotated[int, Option("--harmonics", metavar="N", help="Of the motion, 3 or more.")] = 5,
+    rate: Annotated[float, Option("--rate-hz", metavar="F", help="Rows of the motion per second.")] = 200.0,
     trials: Annotated[
-        int, typer.Option("--trials", metavar="N", min=1, help="Motions to choose from; more show more.")
+        int, Option("--trials", metavar="N", min=1, help="Motions to choose from; more show more.")
     ] = 300,
     lower: Annotated[
-        str | None, typer.Option("--lower", metavar="Q,Q,...", help="Limits to stay within, rad and m.")
+        str | None, Option("--lower", metavar="Q,Q,...", help="Limits to stay within, rad and m.")
     ] = None,
-    upper: Annotated[str | None, typer.Option("--upper", metavar="Q,Q,...", help="The same, upper.")] = None,
+    upper: Annotated[str | None, Option("--upper", metavar="Q,Q,...", help="The same, upper.")] = None,
     velocity: Annotated[
-        str | None, typer.Option("--velocity", metavar="V,V,...", help="The same, rad/s and m/s.")
+        str | None, Option("--velocity", metavar="V,V,...", help="The same, rad/s and m/s.")
     ] = None,
     gravity: Gravity = None,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Of everything random.")] = 0,
+    seed: Annotated[int, Option("--seed", metavar="N", min=0, help="Of everything random.")] = 0,
     as_json: AsJsonNotTables = False,
 ) -> None:
     """Design poses or a motion that show an arm's dynamics.
@@ -249,17 +239,15 @@ def excitation(
 def payload(
     logs: Logs,
     model: Annotated[
-        Path, typer.Option("--model", metavar="FILE", help="Parameters that catenary identify wrote.")
+        Path, Option("--model", metavar="FILE", help="Parameters that catenary identify wrote.")
     ],
     at: Annotated[
         tuple[str, float, float, float] | None,
-        typer.Option("--at", metavar="FRAME X Y Z", help="Where it is, in m in a frame. [default: anywhere]"),
+        Option("--at", metavar="FRAME X Y Z", help="Where it is, in m in a frame. [default: anywhere]"),
     ] = None,
     unloaded: Annotated[
         list[Path] | None,
-        typer.Option(
-            "--unloaded", metavar="LOG", help="A recording without it, of the same day; repeatable."
-        ),
+        Option("--unloaded", metavar="LOG", help="A recording without it, of the same day; repeatable."),
     ] = None,
     cutoff_hz: CutOff = None,
     as_json: AsJsonNotTables = False,

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Protocol
 
-import typer
+from typer import Option
 
 from catenary.cli.terminal import numbers
 from catenary.errors import InputError
@@ -12,10 +12,8 @@ if TYPE_CHECKING:
     from catenary.arrays import Floats
     from catenary.robots.model import RobotModel
 
-Q = Annotated[str | None, typer.Option("--q", metavar="Q,Q,...", help="Joint coordinates in rad and m.")]
-QDeg = Annotated[
-    str | None, typer.Option("--q-deg", metavar="Q,Q,...", help="Joint coordinates in deg and mm.")
-]
+Q = Annotated[str | None, Option("--q", metavar="Q,Q,...", help="Joint coordinates in rad and m.")]
+QDeg = Annotated[str | None, Option("--q-deg", metavar="Q,Q,...", help="Joint coordinates in deg and mm.")]
 
 
 class Jointed(Protocol):

@@ -7,21 +7,11 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Option
 
-from catenary.cli.gravity_source import GravityTopicName, ImuTopicName, gravity_source
-from catenary.cli.options import MountingFile, Record
-from catenary.cli.robot_choice import (
-    DialectName,
-    IsSimulated,
-    Namespace,
-    OnRos,
-    RobotName,
-    RobotSeed,
-    Tilt,
-    open_robot,
-    recorded,
-)
+from catenary.cli.gravity_source import GravityOptions
+from catenary.cli.options import Record
+from catenary.cli.robot_choice import WatchedRobot, open_robot, recorded
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,37 +20,25 @@ if TYPE_CHECKING:
 
 
 def monitor(
+    robot: WatchedRobot,
+    gravity: GravityOptions,
     log: Annotated[
-        Path | None, typer.Option("--log", metavar="FILE", help="Play a recording: .parquet, .npz or .csv.")
+        Path | None, Option("--log", metavar="FILE", help="Play a recording: .parquet, .npz or .csv.")
     ] = None,
     model: Annotated[
         Path | None,
-        typer.Option("--model", metavar="MODEL", help="Calibration model: calibrated joints, valid range."),
+        Option("--model", metavar="MODEL", help="Calibration model: calibrated joints, valid range."),
     ] = None,
-    speed: Annotated[float, typer.Option("--speed", help="With --log: times its own speed.")] = 1.0,
+    speed: Annotated[float, Option("--speed", help="With --log: times its own speed.")] = 1.0,
     rate: Annotated[
-        float | None, typer.Option("--rate", metavar="HZ", help="[default: 25 on a screen, 1 in a pipe]")
+        float | None, Option("--rate", metavar="HZ", help="[default: 25 on a screen, 1 in a pipe]")
     ] = None,
-    seconds: Annotated[
-        float | None, typer.Option("--seconds", help="End then. [default: Q or Ctrl-C]")
-    ] = None,
+    seconds: Annotated[float | None, Option("--seconds", help="End then. [default: Q or Ctrl-C]")] = None,
     moving: Annotated[
-        bool, typer.Option("--moving", help="The robot simulated here moves at random meanwhile.")
+        bool, Option("--moving", help="The robot simulated here moves at random meanwhile.")
     ] = False,
     record: Record = None,
-    robot: RobotName = "raven2",
-    ros: OnRos = None,
-    dialect: DialectName = "raven",
-    namespace: Namespace = None,
-    simulated: IsSimulated = False,
-    gravity: GravityTopicName = None,
-    imu: ImuTopicName = None,
-    mounting: MountingFile = None,
-    base_tilt_deg: Tilt = None,
-    robot_seed: RobotSeed = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print a line of JSON for each sample, SI.")
-    ] = False,
+    as_json: Annotated[bool, Option("--json", help="Print a line of JSON for each sample, SI.")] = False,
 ) -> None:
     """Show what a robot or a recording does.
 
@@ -73,11 +51,11 @@ def monitor(
     hertz = rate if rate is not None else 25.0 if on_screen else 1.0
     if not 0.0 < hertz <= 200.0:
         raise InputError(f"--rate: expected more than 0 and at most 200 Hz, got {hertz}")
-    if moving and (ros is not None or log is not None):
+    if moving and (robot.ros is not None or log is not None):
         raise InputError("--moving is for a robot simulated here; a robot on ROS is only read")
     if record is not None and log is not None:
         raise InputError("--record is for a robot; --log plays what was recorded")
-    source = gravity_source(ros, gravity, imu, mounting)
+    source = gravity.source(robot.ros)
     with ExitStack() as stack:
         if log is not None:
             from catenary.recording.logs import read_log
@@ -91,12 +69,7 @@ def monitor(
             from catenary.workflows.robot.watch import watch_robot
 
             print("preparing the robot ...", file=sys.stderr, flush=True)
-            opened = stack.enter_context(
-                open_robot(
-                    robot, ros, dialect=dialect, namespace=namespace, simulated=simulated, moves=False,
-                    tilt=base_tilt_deg, seed=robot_seed, imu=source,
-                )
-            )  # fmt: skip
+            opened = stack.enter_context(open_robot(robot, moves=False, imu=source))
             motion = random_motion(opened, 60.0, rng=np.random.default_rng(0)) if moving else None
             name = opened.name
             observe = stack.enter_context(recorded(opened, record))

@@ -5,58 +5,40 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
 from catenary.cli.joint_options import some_joint_values
-from catenary.cli.robot_choice import (
-    DialectName,
-    Fast,
-    IsSimulated,
-    Namespace,
-    OnRos,
-    RobotName,
-    RobotSeed,
-    Tilt,
-    Yes,
-    open_robot,
-)
+from catenary.cli.robot_choice import PacedRobot, open_robot
 from catenary.cli.terminal import human, numbers, print_json, print_notes, print_table, progress_bar, words
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.workflows.robot.operator_motion import MotionSummary
 
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, in rad and m.")]
+AsJson = Annotated[bool, Option("--json", help="Print JSON, in rad and m.")]
 
 
 def goto(
+    robot: PacedRobot,
     q_deg: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--q-deg", metavar="Q,Q,...", help="Joints in deg and mm: the first ones, or those of --joints."
         ),
     ] = None,
-    q: Annotated[str | None, typer.Option("--q", metavar="Q,Q,...", help="The same in rad and m.")] = None,
+    q: Annotated[str | None, Option("--q", metavar="Q,Q,...", help="The same in rad and m.")] = None,
     joints: Annotated[
-        str | None, typer.Option("--joints", metavar="NAME,...", help="Which joints; the others stay.")
+        str | None, Option("--joints", metavar="NAME,...", help="Which joints; the others stay.")
     ] = None,
     position_mm: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--position-mm",
             metavar="X,Y,Z",
             help="In place of joints: where the tip goes, in the base frame.",
         ),
     ] = None,
-    speed: Annotated[float, typer.Option("--speed", help="Times 0.2 rad/s and 10 mm/s, at most 5.")] = 1.0,
-    robot: RobotName = "raven2",
-    ros: OnRos = None,
-    dialect: DialectName = "raven",
-    namespace: Namespace = None,
-    simulated: IsSimulated = False,
-    yes: Yes = False,
-    base_tilt_deg: Tilt = None,
-    robot_seed: RobotSeed = None,
-    fast: Fast = False,
+    speed: Annotated[float, Option("--speed", help="Times 0.2 rad/s and 10 mm/s, at most 5.")] = 1.0,
     as_json: AsJson = False,
 ) -> None:
     """Bring a robot to a place.
@@ -72,10 +54,7 @@ def goto(
         raise InputError("goto: give one of --q-deg, --q and --position-mm")
     if position_mm is not None and joints is not None:
         raise InputError("goto: --joints goes with --q-deg or --q")
-    with open_robot(
-        robot, ros, dialect=dialect, namespace=namespace, simulated=simulated, yes=yes,
-        tilt=base_tilt_deg, seed=robot_seed, fast=fast,
-    ) as opened:  # fmt: skip
+    with open_robot(robot) as opened:
         names = None if joints is None else words(joints)
         if position_mm is not None:
             goal = joints_at(
@@ -89,17 +68,9 @@ def goto(
 
 
 def random(
-    seconds: Annotated[float, typer.Option("--seconds", help="Length of the motion.")],
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Draws the motion.")] = 0,
-    robot: RobotName = "raven2",
-    ros: OnRos = None,
-    dialect: DialectName = "raven",
-    namespace: Namespace = None,
-    simulated: IsSimulated = False,
-    yes: Yes = False,
-    base_tilt_deg: Tilt = None,
-    robot_seed: RobotSeed = None,
-    fast: Fast = False,
+    robot: PacedRobot,
+    seconds: Annotated[float, Option("--seconds", help="Length of the motion.")],
+    seed: Annotated[int, Option("--seed", min=0, help="Draws the motion.")] = 0,
     as_json: AsJson = False,
 ) -> None:
     """Move a robot at random.
@@ -112,44 +83,31 @@ def random(
     from catenary.workflows.robot.operator_motion import run_random
 
     with (
-        open_robot(
-            robot, ros, dialect=dialect, namespace=namespace, simulated=simulated, yes=yes,
-            tilt=base_tilt_deg, seed=robot_seed, fast=fast,
-        ) as opened,
+        open_robot(robot) as opened,
         progress_bar("random") as tell,
-    ):  # fmt: skip
+    ):
         summary = run_random(opened, seconds, rng=np.random.default_rng(seed), progress=tell)
     _say(summary, as_json, "done")
 
 
 def follow(
+    robot: PacedRobot,
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help=".csv, .parquet or .npz: time and joints, with units.")
+        Path, Argument(metavar="FILE", help=".csv, .parquet or .npz: time and joints, with units.")
     ],
     rows_per_second: Annotated[
-        float | None, typer.Option("--rows-per-second", help="Of a CSV of numbers alone. [default: 64.3]")
+        float | None, Option("--rows-per-second", help="Of a CSV of numbers alone. [default: 64.3]")
     ] = None,
-    blend: Annotated[
-        float, typer.Option("--blend", help="Seconds over which velocities are averaged.")
-    ] = 0.5,
+    blend: Annotated[float, Option("--blend", help="Seconds over which velocities are averaged.")] = 0.5,
     largest_deg_s: Annotated[
-        float | None, typer.Option("--largest-deg-s", help="Fastest turn that is let pass. [default: 28.6]")
+        float | None, Option("--largest-deg-s", help="Fastest turn that is let pass. [default: 28.6]")
     ] = None,
     largest_mm_s: Annotated[
-        float | None, typer.Option("--largest-mm-s", help="Fastest slide that is let pass. [default: 10]")
+        float | None, Option("--largest-mm-s", help="Fastest slide that is let pass. [default: 10]")
     ] = None,
     from_afar: Annotated[
-        bool, typer.Option("--from-afar", help="Also start from more than 60 deg or 150 mm away.")
+        bool, Option("--from-afar", help="Also start from more than 60 deg or 150 mm away.")
     ] = False,
-    robot: RobotName = "raven2",
-    ros: OnRos = None,
-    dialect: DialectName = "raven",
-    namespace: Namespace = None,
-    simulated: IsSimulated = False,
-    yes: Yes = False,
-    base_tilt_deg: Tilt = None,
-    robot_seed: RobotSeed = None,
-    fast: Fast = False,
     as_json: AsJson = False,
 ) -> None:
     """Move a robot along a file.
@@ -174,12 +132,9 @@ def follow(
     shown = ", ".join(human(value, unit, 2) for value, unit in zip(away, motion.joint_units, strict=True))
     print_notes([f"{len(motion.q)} rows, {motion.time[-1]:.1f} s; corners are passed within {shown}"])
     with (
-        open_robot(
-            robot, ros, dialect=dialect, namespace=namespace, simulated=simulated, yes=yes,
-            tilt=base_tilt_deg, seed=robot_seed, fast=fast,
-        ) as opened,
+        open_robot(robot) as opened,
         progress_bar("follow") as tell,
-    ):  # fmt: skip
+    ):
         summary = follow_file(
             opened, motion, blend=blend, largest_velocity=fastest, from_afar=from_afar, progress=tell
         )

@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Option
 
 from catenary.cli.options import Baud, Carrier, Duration, Hanging, JsonLines, MountingFile
 from catenary.cli.terminal import numbers, print_notes
@@ -16,20 +17,19 @@ if TYPE_CHECKING:
     from catenary.crtk.transport import Transport
     from catenary.nodes.encoders import EncoderStatus
     from catenary.nodes.gravity import GravityStatus
+    from catenary.sensing.mailbox import Mailbox
     from catenary.sensing.mounting import Mounting
-    from catenary.sensing.samples import Mailbox
 
 
 def encoders(
-    port: Annotated[str, typer.Option("--port", metavar="PORT", help="Serial port, as /dev/ttyUSB0.")],
+    port: Annotated[str, Option("--port", metavar="PORT", help="Serial port, as /dev/ttyUSB0.")],
     ros: Carrier = "1",
-    bits: Annotated[int, typer.Option("--bits", metavar="16|24|32", help="Of the board's counters.")] = 32,
+    bits: Annotated[int, Option("--bits", metavar="16|24|32", help="Of the board's counters.")] = 32,
     direction: Annotated[
-        str,
-        typer.Option("--direction", metavar="D,D,D", help="-1 for an encoder that counts against its joint."),
+        str, Option("--direction", metavar="D,D,D", help="-1 for an encoder that counts against its joint.")
     ] = "1,1,1",
     state: Annotated[
-        str, typer.Option("--state", metavar="TOPIC", help="Operating state of the robot that homes.")
+        str, Option("--state", metavar="TOPIC", help="Operating state of the robot that homes.")
     ] = "/arm1/operating_state",
     baud: Baud = 115200,
     duration: Duration = None,
@@ -69,34 +69,30 @@ def encoders(
 
 def gravity_node(
     imu: Annotated[
-        str | None, typer.Option("--imu", metavar="TOPIC", help="A sensor_msgs/Imu, as /imu/data_raw.")
+        str | None, Option("--imu", metavar="TOPIC", help="A sensor_msgs/Imu, as /imu/data_raw.")
     ] = None,
     accel: Annotated[
-        str | None, typer.Option("--accel", metavar="TOPIC", help="A geometry_msgs/AccelStamped.")
+        str | None, Option("--accel", metavar="TOPIC", help="A geometry_msgs/AccelStamped.")
     ] = None,
     vector: Annotated[
-        str | None, typer.Option("--vector", metavar="TOPIC", help="A geometry_msgs/Vector3Stamped.")
+        str | None, Option("--vector", metavar="TOPIC", help="A geometry_msgs/Vector3Stamped.")
     ] = None,
     port: Annotated[
-        str | None, typer.Option("--port", metavar="PORT", help="Serial port of an accelerometer board.")
+        str | None, Option("--port", metavar="PORT", help="Serial port of an accelerometer board.")
     ] = None,
     mounting: MountingFile = None,
     ros: Carrier = "1",
-    rate: Annotated[
-        float, typer.Option("--rate", metavar="HZ", help="At which gravity is published.")
-    ] = 100.0,
-    topic: Annotated[
-        str, typer.Option("--topic", metavar="TOPIC", help="Where it is published.")
-    ] = "/gravity",
-    frame: Annotated[str, typer.Option("--frame", metavar="NAME", help="Its frame_id.")] = "base",
+    rate: Annotated[float, Option("--rate", metavar="HZ", help="At which gravity is published.")] = 100.0,
+    topic: Annotated[str, Option("--topic", metavar="TOPIC", help="Where it is published.")] = "/gravity",
+    frame: Annotated[str, Option("--frame", metavar="NAME", help="Its frame_id.")] = "base",
     fallback: Annotated[
-        str, typer.Option("--fallback", metavar="hold|fade|static|stop", help="When samples stop.")
+        str, Option("--fallback", metavar="hold|fade|static|stop", help="When samples stop.")
     ] = "fade",
     points_down: Annotated[
-        bool, typer.Option("--points-down", help="The topic's vectors are gravity, not specific force.")
+        bool, Option("--points-down", help="The topic's vectors are gravity, not specific force.")
     ] = False,
     no_gyroscope: Annotated[
-        bool, typer.Option("--no-gyroscope", help="The Imu's angular rates mean nothing.")
+        bool, Option("--no-gyroscope", help="The Imu's angular rates mean nothing.")
     ] = False,
     hanging: Hanging = False,
     baud: Baud = 115200,
@@ -113,8 +109,8 @@ def gravity_node(
     from catenary.nodes.gravity import GravityNode, publish_gravity
     from catenary.sensing.checks import SensorRules
     from catenary.sensing.imu import SensedGravity
+    from catenary.sensing.mailbox import Mailbox
     from catenary.sensing.mounting import Mounting, load_mounting
-    from catenary.sensing.samples import Mailbox
 
     if sum(source is not None for source in (imu, accel, vector, port)) != 1:
         raise InputError("gravity-node: give one of --imu, --accel, --vector and --port")

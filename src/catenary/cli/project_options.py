@@ -1,69 +1,75 @@
 """What the commands on a project share: their options, and the project that they open."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
-from catenary.cli.beside_robot import connection_of
 from catenary.cli.terminal import roll_and_pitch, words
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.workflows.project.folder import Project
 
-Folder = Annotated[
-    Path, typer.Argument(metavar="PROJECT", help="Folder of the project; made if it is not there.")
-]
+Folder = Annotated[Path, Argument(metavar="PROJECT", help="Folder of the project; made if it is not there.")]
 Seed = Annotated[
-    int | None,
-    typer.Option("--seed", help="Draws another simulated robot of the kind. [default: the nominal one]"),
+    int | None, Option("--seed", help="Draws another simulated robot of the kind. [default: the nominal one]")
 ]
-Tilt = Annotated[
-    str | None,
-    typer.Option("--base-tilt-deg", metavar="R,P", help="Roll about x, then pitch about y, of the base."),
-]
-Payload = Annotated[float | None, typer.Option("--payload", metavar="KG", help="Mass at the tool's wrist.")]
-Side = Annotated[str | None, typer.Option("--side", help="left (gold) or right (green). [default: left]")]
-Direction = Annotated[
-    str | None, typer.Option("--direction", help="Of the zig-zag: J1, J2, J3, J1-J2, J2-J3, J1-J3, J1-J2-J3.")
-]
-Sparsity = Annotated[
-    str | None, typer.Option("--sparsity", metavar="S,S,...", help="Of the zig-zags. [default: 1/2,1/3,1/4]")
-]
-StateRate = Annotated[
-    float | None, typer.Option("--state-rate", metavar="HZ", help="Of raven_state, 30 or 100. [default: 30]")
-]
-Hours = Annotated[float | None, typer.Option("--hours", help="Length of the random motion.")]
+Hours = Annotated[float | None, Option("--hours", help="Length of the random motion.")]
+
+
+@dataclass(frozen=True)
+class ArmOptions:
+    """Options that say which RAVEN-II a project is about."""
+
+    seed: Seed = None
+    base_tilt_deg: Annotated[
+        str | None,
+        Option("--base-tilt-deg", metavar="R,P", help="Roll about x, then pitch about y, of the base."),
+    ] = None
+    payload: Annotated[float | None, Option("--payload", metavar="KG", help="Mass at the tool's wrist.")] = (
+        None
+    )
+    side: Annotated[str | None, Option("--side", help="left (gold) or right (green). [default: left]")] = None
+
+
+@dataclass(frozen=True)
+class ExcitationOptions(ArmOptions):
+    """Options of an arm, and of the zig-zag that it is calibrated with."""
+
+    direction: Annotated[
+        str | None, Option("--direction", help="Of the zig-zag: J1, J2, J3, J1-J2, J2-J3, J1-J3, J1-J2-J3.")
+    ] = None
+    sparsity: Annotated[
+        str | None, Option("--sparsity", metavar="S,S,...", help="Of the zig-zags. [default: 1/2,1/3,1/4]")
+    ] = None
+    state_rate: Annotated[
+        float | None, Option("--state-rate", metavar="HZ", help="Of raven_state, 30 or 100. [default: 30]")
+    ] = None
 
 
 def open_project(
-    folder: Path,
-    seed: int | None = None,
-    tilt: str | None = None,
-    payload: float | None = None,
-    side: str | None = None,
-    direction: str | None = None,
-    sparsity: str | None = None,
-    hours: float | None = None,
-    state_rate: float | None = None,
-    ros: int | None = None,
+    folder: Path, arm: ArmOptions | None = None, *, hours: float | None = None, ros: int | None = None
 ) -> "Project":
     """Open a project with the settings it has, changed by what was typed."""
     from catenary.workflows.project.folder import Project, ProjectSettings, project_settings
 
-    settings = project_settings(folder) or ProjectSettings()
-    if tilt is not None:
-        settings = replace(settings, base_tilt_deg=roll_and_pitch("--base-tilt-deg", tilt))
-    if sparsity is not None:
-        settings = replace(settings, sparsities=tuple(_fraction(word) for word in words(sparsity)))
-    changes: dict[str, Any] = {"seed": seed, "payload_kg": payload, "side": side, "direction": direction}
-    changes["state_rate_hz"], changes["connection"] = state_rate, connection_of(ros)
-    changes["test_minutes"] = None if hours is None else 60.0 * hours
-    return Project(
-        folder, replace(settings, **{key: value for key, value in changes.items() if value is not None})
-    )
+    if ros not in (None, 1, 2):
+        raise InputError(f"--ros {ros}: expected 1 or 2")
+    changes: dict[str, Any] = {} if ros is None else {"connection": f"ros{ros}"}
+    if hours is not None:
+        changes["test_minutes"] = 60.0 * hours
+    if arm is not None:
+        typed = {"seed": arm.seed, "payload_kg": arm.payload, "side": arm.side}
+        if isinstance(arm, ExcitationOptions):
+            typed |= {"direction": arm.direction, "state_rate_hz": arm.state_rate}
+            if arm.sparsity is not None:
+                changes["sparsities"] = tuple(_fraction(word) for word in words(arm.sparsity))
+        changes |= {key: value for key, value in typed.items() if value is not None}
+        if arm.base_tilt_deg is not None:
+            changes["base_tilt_deg"] = roll_and_pitch("--base-tilt-deg", arm.base_tilt_deg)
+    return Project(folder, replace(project_settings(folder) or ProjectSettings(), **changes))
 
 
 def require_project(folder: Path) -> None:

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Option
 
 from catenary.cli.robots import Robot
 from catenary.cli.terminal import print_fact, print_json, print_table
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 def regressor(
     robot: Robot,
     compact: Annotated[
-        bool, typer.Option("--compact", help="Print the compact form, as formulas with values.")
+        bool, Option("--compact", help="Print the compact form, as formulas with values.")
     ] = False,
-    latex: Annotated[bool, typer.Option("--latex", help="Print the compact form for LaTeX.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON: kg and kg m.")] = False,
+    latex: Annotated[bool, Option("--latex", help="Print the compact form for LaTeX.")] = False,
+    as_json: Annotated[bool, Option("--json", help="Print JSON: kg and kg m.")] = False,
 ) -> None:
     """Print what gravity torques tell of a robot's masses.
 

@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Option
 
 from catenary.cli.beside_robot import TerminalGuide, ros_transport
 from catenary.cli.terminal import print_notes, roll_and_pitch
@@ -15,57 +16,61 @@ if TYPE_CHECKING:
     from catenary.crtk.latest import ImuTopic
     from catenary.workflows.robot.operated_robot import OperatedRobot
 
-RobotName = Annotated[
-    str,
-    typer.Option(
-        "--robot", metavar="ROBOT", help="raven2, raven2_right, another of the catalogue, or a robot file."
-    ),
-]
-OnRos = Annotated[
-    int | None, typer.Option("--ros", metavar="1|2", help="It is on ROS 1 or 2. [default: simulated here]")
-]
-DialectName = Annotated[str, typer.Option("--dialect", help="With --ros: raven or crtk.")]
-Namespace = Annotated[
-    str | None,
-    typer.Option("--namespace", metavar="/NAME", help="With --dialect crtk: in front of its verbs."),
-]
-IsSimulated = Annotated[
-    bool,
-    typer.Option(
-        "--simulated", help="With --ros: the robot there is a simulation, and no workspace to clear."
-    ),
-]
-Yes = Annotated[bool, typer.Option("--yes", help="With --ros: the workspace is clear; ask nobody.")]
-Tilt = Annotated[
-    str | None,
-    typer.Option(
-        "--base-tilt-deg", metavar="R,P", help="Simulated: roll about x, then pitch about y, of its base."
-    ),
-]
-RobotSeed = Annotated[
-    int | None,
-    typer.Option("--robot-seed", help="Simulated: draws another RAVEN-II. [default: the nominal one]"),
-]
-Fast = Annotated[
-    bool, typer.Option("--fast", help="Simulated: as fast as the machine allows, not in real time.")
-]
+
+@dataclass(frozen=True)
+class WatchedRobot:
+    """Options of a robot that is only read: which, and where it is."""
+
+    robot: Annotated[
+        str,
+        Option(
+            "--robot",
+            metavar="ROBOT",
+            help="raven2, raven2_right, another of the catalogue, or a robot file.",
+        ),
+    ] = "raven2"
+    ros: Annotated[
+        int | None, Option("--ros", metavar="1|2", help="It is on ROS 1 or 2. [default: simulated here]")
+    ] = None
+    dialect: Annotated[str, Option("--dialect", help="With --ros: raven or crtk.")] = "raven"
+    namespace: Annotated[
+        str | None, Option("--namespace", metavar="/NAME", help="With --dialect crtk: in front of its verbs.")
+    ] = None
+    simulated: Annotated[
+        bool,
+        Option("--simulated", help="With --ros: the robot there is a simulation, and no workspace to clear."),
+    ] = False
+    base_tilt_deg: Annotated[
+        str | None,
+        Option(
+            "--base-tilt-deg", metavar="R,P", help="Simulated: roll about x, then pitch about y, of its base."
+        ),
+    ] = None
+    robot_seed: Annotated[
+        int | None,
+        Option("--robot-seed", help="Simulated: draws another RAVEN-II. [default: the nominal one]"),
+    ] = None
+
+
+@dataclass(frozen=True)
+class MovedRobot(WatchedRobot):
+    """Options of a robot that is moved."""
+
+    yes: Annotated[bool, Option("--yes", help="With --ros: the workspace is clear; ask nobody.")] = False
+
+
+@dataclass(frozen=True)
+class PacedRobot(MovedRobot):
+    """Options of a robot that is moved by itself, for which simulated time may run faster."""
+
+    fast: Annotated[
+        bool, Option("--fast", help="Simulated: as fast as the machine allows, not in real time.")
+    ] = False
 
 
 @contextmanager
 def open_robot(
-    robot: str,
-    ros: int | None,
-    *,
-    dialect: str = "raven",
-    namespace: str | None = None,
-    simulated: bool = False,
-    moves: bool = True,
-    yes: bool = False,
-    tilt: str | None = None,
-    seed: int | None = None,
-    fast: bool = False,
-    homed: bool = True,
-    imu: "ImuTopic | None" = None,
+    chosen: WatchedRobot, *, moves: bool = True, homed: bool = True, imu: "ImuTopic | None" = None
 ) -> "Iterator[OperatedRobot]":
     """Open a robot: simulated in this process, enabled and homed, or one on ROS, as it is.
 
@@ -77,8 +82,11 @@ def open_robot(
     from catenary.workflows.robot.guide import clear_workspace
     from catenary.workflows.robot.operated_robot import robot_over, simulated_robot
 
-    if ros is None:
-        if namespace is not None or simulated or yes or dialect != "raven":
+    robot, tilt, seed, simulated = chosen.robot, chosen.base_tilt_deg, chosen.robot_seed, chosen.simulated
+    yes = isinstance(chosen, MovedRobot) and chosen.yes
+    fast = isinstance(chosen, PacedRobot) and chosen.fast
+    if chosen.ros is None:
+        if chosen.namespace is not None or simulated or yes or chosen.dialect != "raven":
             raise InputError(
                 "--dialect, --namespace, --simulated and --yes go with --ros; this robot is simulated here"
             )
@@ -89,9 +97,9 @@ def open_robot(
         raise InputError(
             "--base-tilt-deg, --robot-seed and --fast are of a robot simulated here; not with --ros"
         )
-    with ros_transport(ros) as transport:
+    with ros_transport(chosen.ros) as transport:
         opened, client = robot_over(
-            transport, robot, dialect=dialect, namespace=namespace, simulated=simulated, imu=imu
+            transport, robot, dialect=chosen.dialect, namespace=chosen.namespace, simulated=simulated, imu=imu
         )
         with client:
             if moves and not simulated and not yes:

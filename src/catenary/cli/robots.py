@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from catenary.cli.joint_options import Q, QDeg, beyond_limits, joint_values, names_and_units
 from catenary.cli.options import AsJsonNotTables
@@ -15,16 +15,13 @@ if TYPE_CHECKING:
     from catenary.spatial import Pose
 
 Robot = Annotated[
-    str,
-    typer.Argument(
-        metavar="ROBOT", help="Catalogue name (see catenary robots) or a URDF, MJCF or TOML file."
-    ),
+    str, Argument(metavar="ROBOT", help="Catalogue name (see catenary robots) or a URDF, MJCF or TOML file.")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON: m, rad, quaternions (w, x, y, z).")]
+AsJson = Annotated[bool, Option("--json", help="Print JSON: m, rad, quaternions (w, x, y, z).")]
 FrameName = Annotated[
-    str | None, typer.Option("--frame", metavar="FRAME", help="Frame of the robot. [default: its tip]")
+    str | None, Option("--frame", metavar="FRAME", help="Frame of the robot. [default: its tip]")
 ]
-InFrame = Annotated[str, typer.Option("--in", metavar="FRAME", help="Frame that the pose is expressed in.")]
+InFrame = Annotated[str, Option("--in", metavar="FRAME", help="Frame that the pose is expressed in.")]
 
 
 def robots(as_json: AsJsonNotTables = False) -> None:
@@ -84,35 +81,29 @@ def fk(
 def ik(
     robot: Robot,
     position_mm: Annotated[
-        str | None, typer.Option("--position-mm", metavar="X,Y,Z", help="Where the frame shall be.")
+        str | None, Option("--position-mm", metavar="X,Y,Z", help="Where the frame shall be.")
     ] = None,
     rpy_deg: Annotated[
-        str | None,
-        typer.Option("--rpy-deg", metavar="R,P,Y", help="How it shall be turned: about fixed x, y, z."),
+        str | None, Option("--rpy-deg", metavar="R,P,Y", help="How it shall be turned: about fixed x, y, z.")
     ] = None,
     quaternion: Annotated[
-        str | None, typer.Option("--quaternion", metavar="W,X,Y,Z", help="How it shall be turned.")
+        str | None, Option("--quaternion", metavar="W,X,Y,Z", help="How it shall be turned.")
     ] = None,
     q: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--q",
             metavar="Q,Q,...",
             help="Joints to start from, in rad and m; without a position, their pose is the goal.",
         ),
     ] = None,
-    q_deg: Annotated[
-        str | None, typer.Option("--q-deg", metavar="Q,Q,...", help="The same in deg and mm.")
-    ] = None,
+    q_deg: Annotated[str | None, Option("--q-deg", metavar="Q,Q,...", help="The same in deg and mm.")] = None,
     frame: FrameName = None,
     in_frame: Annotated[
-        str, typer.Option("--in", metavar="FRAME", help="Frame, at rest, that the goal is expressed in.")
+        str, Option("--in", metavar="FRAME", help="Frame, at rest, that the goal is expressed in.")
     ] = "base",
     seed: Annotated[
-        int,
-        typer.Option(
-            "--seed", metavar="N", min=0, help="Of the random starts, where a search needs several."
-        ),
+        int, Option("--seed", metavar="N", min=0, help="Of the random starts, where a search needs several.")
     ] = 0,
     as_json: AsJson = False,
 ) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Option
 
 from catenary.cli.options import Baud, Hanging, MountingFile
 from catenary.cli.terminal import print_fact, print_json, print_notes
@@ -25,31 +26,30 @@ _LINE_EVERY = 1.0  # [s] in a file or pipe
 
 def sense(
     port: Annotated[
-        str | None, typer.Option("--port", metavar="PORT", help="Serial port of a board, as /dev/ttyACM0.")
+        str | None, Option("--port", metavar="PORT", help="Serial port of a board, as /dev/ttyACM0.")
     ] = None,
-    simulated: Annotated[bool, typer.Option("--simulated", help="A simulated sensor in its place.")] = False,
+    simulated: Annotated[bool, Option("--simulated", help="A simulated sensor in its place.")] = False,
     tilt_deg: Annotated[
         tuple[float, float] | None,
-        typer.Option("--tilt-deg", metavar="R P", help="Roll, then pitch, of the simulated base."),
+        Option("--tilt-deg", metavar="R P", help="Roll, then pitch, of the simulated base."),
     ] = None,
     rate: Annotated[
-        float | None, typer.Option("--rate", metavar="HZ", help="Of the simulated sensor. [default: 200]")
+        float | None, Option("--rate", metavar="HZ", help="Of the simulated sensor. [default: 200]")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the simulated sensor's noise.")] = 0,
+    seed: Annotated[int, Option("--seed", min=0, help="Of the simulated sensor's noise.")] = 0,
     duration: Annotated[
-        float | None, typer.Option("--duration", metavar="S", help="[default: 5; until Ctrl-C on a terminal]")
+        float | None, Option("--duration", metavar="S", help="[default: 5; until Ctrl-C on a terminal]")
     ] = None,
     mounting: MountingFile = None,
     hanging: Hanging = False,
     baud: Baud = 115200,
     tumble: Annotated[
-        bool, typer.Option("--tumble", help="Go through attitudes, and write a mounting file.")
+        bool, Option("--tumble", help="Go through attitudes, and write a mounting file.")
     ] = False,
     out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="FILE", help="Of --tumble. [default: mounting.toml]"),
+        Path | None, Option("--out", metavar="FILE", help="Of --tumble. [default: mounting.toml]")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON summary at the end.")] = False,
+    as_json: Annotated[bool, Option("--json", help="Print one JSON summary at the end.")] = False,
 ) -> None:
     """Show gravity as a sensor on the base has it.
 
@@ -91,7 +91,7 @@ def _opened(
     """The sensor, and its mounting with its ranges; no feed for a simulated tumble, which is many sensors."""
     from dataclasses import replace
 
-    from catenary.sensing.samples import Mailbox
+    from catenary.sensing.mailbox import Mailbox
     from catenary.simulation.base_motion import FixedBase
     from catenary.simulation.sensors import SensorModel, SimulatedSensor
     from catenary.workflows.sense import SerialFeed, SimulatedFeed

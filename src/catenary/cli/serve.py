@@ -6,6 +6,7 @@ import sys
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Option
 
 from catenary.cli.options import AsJson, Carrier, Duration, JsonLines
 from catenary.cli.terminal import print_json, print_notes, roll_and_pitch
@@ -17,40 +18,37 @@ if TYPE_CHECKING:
 
 
 def serve(
-    robot: Annotated[str, typer.Option("--robot", metavar="NAME", help="Which robot.")] = "raven2",
+    robot: Annotated[str, Option("--robot", metavar="NAME", help="Which robot.")] = "raven2",
     dialect: Annotated[
-        str,
-        typer.Option("--dialect", metavar="raven|crtk", help="Topics of the RAVEN-II, or the present CRTK."),
+        str, Option("--dialect", metavar="raven|crtk", help="Topics of the RAVEN-II, or the present CRTK.")
     ] = "raven",
     ros: Carrier = "1",
     rate: Annotated[
-        float, typer.Option("--rate", metavar="HZ", help="At which the robot's state is published.")
+        float, Option("--rate", metavar="HZ", help="At which the robot's state is published.")
     ] = 1000.0,
     seed: Annotated[
         int | None,
-        typer.Option(
-            "--seed", metavar="N", min=0, help="Another robot of the kind. [default: the nominal one]"
-        ),
+        Option("--seed", metavar="N", min=0, help="Another robot of the kind. [default: the nominal one]"),
     ] = None,
     base_tilt_deg: Annotated[
-        str, typer.Option("--base-tilt-deg", metavar="ROLL,PITCH", help="How the base stands.")
+        str, Option("--base-tilt-deg", metavar="ROLL,PITCH", help="How the base stands.")
     ] = "0,0",
-    payload: Annotated[float, typer.Option("--payload", metavar="KG", help="Load at the tool.")] = 0.0,
+    payload: Annotated[float, Option("--payload", metavar="KG", help="Load at the tool.")] = 0.0,
     green: Annotated[
-        bool, typer.Option("--green", help="Let the green arm move too; otherwise it stands parked.")
+        bool, Option("--green", help="Let the green arm move too; otherwise it stands parked.")
     ] = False,
     homed: Annotated[
-        bool, typer.Option("--homed", help="Begin as after homing, which otherwise takes half a minute.")
+        bool, Option("--homed", help="Begin as after homing, which otherwise takes half a minute.")
     ] = False,
     encoders: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--encoders/--no-encoders",
             help="Dialect raven: publish external encoders at the gold arm's joints, /ext_jpos and /joint_enc.",
         ),
     ] = True,
     start: Annotated[
-        bool, typer.Option("--start", help="Press the silver button at once; with crtk: enable and home.")
+        bool, Option("--start", help="Press the silver button at once; with crtk: enable and home.")
     ] = False,
     duration: Duration = None,
     as_json: JsonLines = False,

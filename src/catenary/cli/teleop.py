@@ -4,38 +4,20 @@ import sys
 import time
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from catenary.cli.options import Record
-from catenary.cli.robot_choice import (
-    DialectName,
-    IsSimulated,
-    Namespace,
-    OnRos,
-    RobotName,
-    RobotSeed,
-    Tilt,
-    Yes,
-    open_robot,
-    recorded,
-)
+from catenary.cli.robot_choice import MovedRobot, open_robot, recorded
 from catenary.cli.terminal import print_json, print_notes
 
 
 def teleop(
-    robot: RobotName = "raven2",
-    ros: OnRos = None,
-    dialect: DialectName = "raven",
-    namespace: Namespace = None,
-    simulated: IsSimulated = False,
-    yes: Yes = False,
-    base_tilt_deg: Tilt = None,
-    robot_seed: RobotSeed = None,
+    robot: MovedRobot,
     not_homed: Annotated[
-        bool, typer.Option("--not-homed", help="Simulated: begin with a robot that was just switched on.")
+        bool, Option("--not-homed", help="Simulated: begin with a robot that was just switched on.")
     ] = False,
     record: Record = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON at the end.")] = False,
+    as_json: Annotated[bool, Option("--json", help="Print JSON at the end.")] = False,
 ) -> None:
     """Move a robot from the keyboard.
 
@@ -48,10 +30,7 @@ def teleop(
 
     terminal = RawTerminal()
     print("preparing the robot ...", file=sys.stderr, flush=True)
-    with open_robot(
-        robot, ros, dialect=dialect, namespace=namespace, simulated=simulated, yes=yes,
-        tilt=base_tilt_deg, seed=robot_seed, homed=not not_homed,
-    ) as opened:  # fmt: skip
+    with open_robot(robot, homed=not not_homed) as opened:
         with recorded(opened, record) as observe, terminal:
             session = TeleopSession(opened.plant, opened.model, opened.name, terminal, observe=observe)
             why = session.run(time.monotonic)

@@ -20,7 +20,7 @@ from catenary.gravity.holding import HoldingKernel
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
-from catenary.sensing.vector import STANDARD_GRAVITY
+from catenary.spatial import STANDARD_GRAVITY
 from catenary.trajectories.reference import Reference
 
 Compensation = Literal["constant", "online", "biased"]

@@ -18,7 +18,7 @@ from catenary.control.realtime import Durations, RealTime
 from catenary.control.report import GravityTally, LoopReport, Tally
 from catenary.errors import InputError, LimitError, SensorError
 from catenary.plant import JointState, Plant, require_ready
-from catenary.sensing.vector import GravityReading, Status
+from catenary.sensing.vector import GravityReading, ReadingStatus
 from catenary.trajectories.reference import Reference, Trajectory
 
 Flags = NDArray[np.bool_]
@@ -165,7 +165,7 @@ def run_loop(
             if gravity is not None and sensed is not None:
                 reading = gravity.read(state.time)
                 sensed.add(reading)
-                if reading.status is Status.STOP:
+                if reading.status is ReadingStatus.STOP:
                     raise SensorError(
                         f"gravity is not known: {reading.faults.message or 'the sensor is lost'}"
                     )

@@ -11,7 +11,7 @@ from catenary.arrays import Floats
 from catenary.control.realtime import Timing
 from catenary.kernels.compiled import compiled
 from catenary.sensing.faults import Fault
-from catenary.sensing.vector import GravityReading, Status
+from catenary.sensing.vector import GravityReading, ReadingStatus
 
 Flags = NDArray[np.bool_]
 
@@ -104,7 +104,7 @@ class GravityTally:
     """Counts what a source of gravity says over the ticks of a run."""
 
     def __init__(self) -> None:
-        self._counts: dict[tuple[Status, Fault], int] = {}
+        self._counts: dict[tuple[ReadingStatus, Fault], int] = {}
         self._largest_age = float("nan")
 
     def add(self, reading: GravityReading) -> None:

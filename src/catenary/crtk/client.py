@@ -32,7 +32,7 @@ from catenary.crtk.transport import Publisher, Transport
 from catenary.errors import InputError, NotReadyError, TransportError, UnsupportedCommandError
 from catenary.plant import STATE_COMMANDS, Column, JointState, OperatingState, StateCommand, require_ready
 from catenary.recording.topics import Arm
-from catenary.sensing.vector import LEVEL
+from catenary.spatial import LEVEL
 
 STALE_AFTER = 0.2  # [s] without measured_js after which a robot counts as lost
 CONNECT_TIMEOUT = 5.0  # [s] that CRTK's own client allows

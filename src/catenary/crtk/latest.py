@@ -10,9 +10,9 @@ from catenary.crtk.conversions import specific_force
 from catenary.crtk.message import Message
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError
+from catenary.sensing.mailbox import Kind
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.samples import Kind
-from catenary.sensing.vector import LEVEL
+from catenary.spatial import LEVEL
 
 PLAUSIBLE = 9.0, 10.6  # [m/s2] what an accelerometer at rest reads, with room for its errors and slow motion
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array
 from catenary.errors import UnsupportedCommandError
 from catenary.plant import Column, JointState, OperatingState, StateCommand
-from catenary.sensing.vector import LEVEL
+from catenary.spatial import LEVEL
 
 
 class ParkedArm:

@@ -20,8 +20,8 @@ from catenary.devices.line_protocol import (
 )
 from catenary.devices.serial_line import BAUD, SerialLine
 from catenary.errors import InputError, SensorError
+from catenary.sensing.mailbox import Kind, Mailbox
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.samples import Kind, Mailbox
 
 ASK = b"?\n"  # the board answers with a hello
 

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_batch
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.model import RobotModel
-from catenary.sensing.vector import LEVEL
+from catenary.spatial import LEVEL
 
 
 def gravity_delta(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:

@@ -19,7 +19,7 @@ from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
 from catenary.identification.columns import FIRST_MOMENTS, Parameters
 from catenary.robots.model import RobotModel
-from catenary.sensing.vector import LEVEL, STANDARD_GRAVITY
+from catenary.spatial import LEVEL, STANDARD_GRAVITY
 
 RANDOM_ROWS = 400
 DEPENDENT = 1e-8  # of the largest column; random motion leaves a gap of eight decades around it

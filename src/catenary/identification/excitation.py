@@ -11,7 +11,7 @@ from catenary.identification.base_parameters import BaseParameters, base_paramet
 from catenary.identification.columns import Parameters
 from catenary.identification.options import Terms
 from catenary.robots.model import RobotModel
-from catenary.sensing.vector import LEVEL
+from catenary.spatial import LEVEL
 
 MARGIN = 0.05  # of a coordinate's range kept clear of its limits
 CANDIDATES = 20  # poses to choose each static one from

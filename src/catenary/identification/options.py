@@ -8,7 +8,7 @@ import numpy as np
 from catenary.errors import InputError
 from catenary.robots.actuation import Actuation, SignalFilter, Weighting, default_actuation
 from catenary.robots.model import RobotModel
-from catenary.sensing.vector import LEVEL
+from catenary.spatial import LEVEL
 
 Terms = Literal["full", "static"]
 NOMINAL_GRAVITY: tuple[float, float, float] = tuple(LEVEL.tolist())  # [m/s2]

@@ -13,7 +13,7 @@ from catenary.crtk.transport import Transport
 from catenary.errors import InputError
 from catenary.sensing.faults import Fault
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.vector import GravityReading, Status, tilt_angle
+from catenary.sensing.vector import GravityReading, ReadingStatus, tilt_angle
 
 TOPIC, FRAME = "/gravity", "base"
 STATUS_EVERY = 1.0  # [s]; and whenever it changes
@@ -89,7 +89,7 @@ class GravityNode:
         stamp = self._stamps.next(self.transport.now())
         reading = self.source.read(time)
         self.tally.add(reading)
-        if reading.status is not Status.STOP:
+        if reading.status is not ReadingStatus.STOP:
             x, y, z = reading.gravity.tolist()
             vector = message_class("geometry_msgs/Vector3")(x, y, z)
             head = header(stamp, self.frame_id)

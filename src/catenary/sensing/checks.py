@@ -8,7 +8,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.errors import InputError
 from catenary.sensing.faults import Fault
-from catenary.sensing.vector import STANDARD_GRAVITY
+from catenary.spatial import STANDARD_GRAVITY
 
 Vector = tuple[float, float, float]
 

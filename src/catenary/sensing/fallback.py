@@ -7,7 +7,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
-from catenary.sensing.vector import LEVEL, STANDARD_GRAVITY
+from catenary.spatial import LEVEL, STANDARD_GRAVITY
 
 # hold: the last vector; fade: gravity along the mean direction of the last seconds; static: of a level base;
 # stop: the last vector, and the robot is stopped

@@ -8,12 +8,13 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.errors import InputError
 from catenary.sensing.checks import ForetoldSwing, GravityCheck, RateCheck, RawCheck, SensorRules
+from catenary.sensing.delay_free_filter import DelayFreeFilter
 from catenary.sensing.fallback import SlowAttitude, SmoothTransfer, as_fallback
 from catenary.sensing.faults import Fault
-from catenary.sensing.local_fit import LocalFit
+from catenary.sensing.mailbox import Kind, Mailbox, SensorSample
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.samples import Kind, Mailbox, Sample
-from catenary.sensing.vector import LEVEL, GravityReading, Status
+from catenary.sensing.vector import GravityReading, ReadingStatus
+from catenary.spatial import LEVEL
 
 # how fast gravity, angular velocity and acceleration of the base may change as measured [m/s3, rad/s2, rad/s3]:
 # ten times what rocking by 10 degrees at 1 Hz takes; and how fast they come back from a fault
@@ -96,7 +97,7 @@ class SensedGravity:
             r, m.rate_range, (Fault.RATE_NOT_FINITE, Fault.RATE_STUCK, Fault.RATE_SATURATED)
         )
         self._check, self._check_rate, self._swing = GravityCheck(r), RateCheck(r), ForetoldSwing()
-        self._force, self._rate = LocalFit(cutoff_hz), LocalFit(cutoff_hz)
+        self._force, self._rate = DelayFreeFilter(cutoff_hz), DelayFreeFilter(cutoff_hz)
         self._attitude = SlowAttitude(attitude_time)
         self._transfer = SmoothTransfer(np.array(FOLLOW), np.array(RECOVER))
         self._seen: dict[Fault, float] = {}  # when each fault showed last
@@ -104,7 +105,7 @@ class SensedGravity:
         self._targets, self._held = np.zeros((3, 3)), LEVEL.copy()
         self._last_time, self._first_time = math.nan, math.nan
         self._gaps = 0  # after which the parabola of gravity began anew
-        self._mode: tuple[Status, bool, int] = (Status.NOMINAL, False, 0)
+        self._mode: tuple[ReadingStatus, bool, int] = (ReadingStatus.NOMINAL, False, 0)
         self._dropped = 0
         self._warm_up()
 
@@ -126,7 +127,9 @@ class SensedGravity:
         dt = min(max(time - self._last_time, 0.0), 0.02)
         self._last_time = time
         self._transfer.follow(self._targets, dt, out, changed=changed)
-        nominal = live is Status.NOMINAL or (live is Status.FALLBACK and self.fallback == "static")
+        nominal = live is ReadingStatus.NOMINAL or (
+            live is ReadingStatus.FALLBACK and self.fallback == "static"
+        )
         age = math.inf if nominal or self._force.newest == -math.inf else max(0.0, time - self._force.newest)
         return GravityReading(out[0], age, out[1:], live, self._faults(time, live, turning))
 
@@ -135,7 +138,7 @@ class SensedGravity:
         self._check.forget()
         self._force.clear()
         self._rate.clear()
-        self._mode, self._last_time = (Status.NOMINAL, False, 0), math.nan
+        self._mode, self._last_time = (ReadingStatus.NOMINAL, False, 0), math.nan
 
     def _begin(self, time: float) -> None:
         """Begin to be read, or again after a pause: what piled up meanwhile is no fault, and nothing is to be eased."""
@@ -163,7 +166,7 @@ class SensedGravity:
             if fault is not Fault.NONE:
                 self._seen[fault] = now
 
-    def _take_force(self, sample: Sample, now: float) -> Fault:
+    def _take_force(self, sample: SensorSample, now: float) -> Fault:
         stamp, vector, kind = sample
         fault = self._raw.fault(stamp, vector, now)
         if fault is Fault.NONE and now - stamp > self._age_limit:
@@ -189,7 +192,7 @@ class SensedGravity:
         """Whether nothing at all came since; wrong samples keep their reason to be doubted."""
         return stamp - self._check.last_stamp > _FORGET
 
-    def _take_rate(self, sample: Sample, now: float) -> Fault:
+    def _take_rate(self, sample: SensorSample, now: float) -> Fault:
         stamp, vector, _ = sample
         fault = self._raw_rate.fault(stamp, vector, now)
         if fault is Fault.NONE and now - stamp > self._age_limit:
@@ -222,27 +225,27 @@ class SensedGravity:
         fit = self._rate
         return self.angular and fit.span >= 0.6 * fit.window and time - fit.newest <= self._age_limit
 
-    def _status(self, time: float) -> Status:
+    def _status(self, time: float) -> ReadingStatus:
         if self._force.newest == -math.inf:
             started = self.fallback != "stop" or time - self._first_time <= self._start_limit
-            waiting = self._mode[0] is Status.NOMINAL and started
-            return Status.NOMINAL if waiting else self._fallen()
+            waiting = self._mode[0] is ReadingStatus.NOMINAL and started
+            return ReadingStatus.NOMINAL if waiting else self._fallen()
         age = time - self._force.newest
         if age <= self._stale_after:
-            return Status.LIVE
-        return Status.STALE if age <= self._age_limit else self._fallen()
+            return ReadingStatus.LIVE
+        return ReadingStatus.STALE if age <= self._age_limit else self._fallen()
 
-    def _fallen(self) -> Status:
-        return Status.STOP if self.fallback == "stop" else Status.FALLBACK
+    def _fallen(self) -> ReadingStatus:
+        return ReadingStatus.STOP if self.fallback == "stop" else ReadingStatus.FALLBACK
 
-    def _aim(self, time: float, status: Status, turning: bool) -> None:
+    def _aim(self, time: float, status: ReadingStatus, turning: bool) -> None:
         """Write where gravity, angular velocity and angular acceleration should be."""
         targets = self._targets
         targets[1:] = 0.0
-        if status is Status.NOMINAL:
+        if status is ReadingStatus.NOMINAL:
             targets[0] = LEVEL
             return
-        if status is Status.LIVE or status is Status.STALE:
+        if status is ReadingStatus.LIVE or status is ReadingStatus.STALE:
             if turning:
                 targets[1:] = self._rate.at(min(time, self._rate.newest + self._horizon))
             targets[0] = self._force.at(min(time, self._force.newest + self._horizon))[0]
@@ -267,21 +270,21 @@ class SensedGravity:
         _move_to_origin(held, self.mounting.position)
         self._held[:] = held[0]
 
-    def _faults(self, time: float, status: Status, turning: bool) -> Fault:
+    def _faults(self, time: float, status: ReadingStatus, turning: bool) -> Fault:
         faults = Fault.NONE
         for fault, seen in self._seen.items():
             if time - seen <= _MEMORY:
                 faults |= fault
         silent = time - self._heard > self._stale_after
-        if status is not Status.LIVE and silent and time - self._first_time > self._stale_after:
+        if status is not ReadingStatus.LIVE and silent and time - self._first_time > self._stale_after:
             faults |= Fault.NOTHING_RECEIVED if self._heard == -math.inf else Fault.INTERRUPTED
-        if status is Status.LIVE and self.angular and not self._rate_is_fresh(time):
+        if status is ReadingStatus.LIVE and self.angular and not self._rate_is_fresh(time):
             faults |= Fault.RATES_INTERRUPTED
         return faults
 
     def _warm_up(self) -> None:
         """Compile what ticks run."""
-        fit, transfer = LocalFit(1.0), SmoothTransfer(np.array(FOLLOW), np.array(RECOVER))
+        fit, transfer = DelayFreeFilter(1.0), SmoothTransfer(np.array(FOLLOW), np.array(RECOVER))
         for k in range(6):
             fit.add(0.4 * k, 0.0, 0.0, 0.0)
         transfer.follow(fit.at(2.0)[[0, 0, 0]], 0.001, np.empty((3, 3)), changed=False)

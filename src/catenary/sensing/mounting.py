@@ -8,7 +8,7 @@ import numpy as np
 from catenary.arrays import Floats, as_array, frozen
 from catenary.config import Settings, load_toml
 from catenary.errors import ConfigError, FileFormatError, InputError
-from catenary.sensing.samples import Kind
+from catenary.sensing.mailbox import Kind
 from catenary.spatial import as_rotation
 
 Vector = tuple[float, float, float]

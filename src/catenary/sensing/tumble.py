@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import STANDARD_GRAVITY
+from catenary.spatial import STANDARD_GRAVITY
 
 FEWEST = 6  # readings: bias and scale are six numbers
 _NEAR = np.cos(np.radians(55.0))  # a reading this near an axis covers that side

@@ -10,12 +10,10 @@ from catenary.arrays import Floats, as_array, frozen
 from catenary.errors import InputError
 from catenary.plant import AT_REST
 from catenary.sensing.faults import Fault
-
-STANDARD_GRAVITY = 9.81  # [m/s2], as everywhere in this package
-LEVEL = frozen(np.array([0.0, 0.0, -STANDARD_GRAVITY]))  # on a level base
+from catenary.spatial import LEVEL, STANDARD_GRAVITY
 
 
-class Status(Enum):
+class ReadingStatus(Enum):
     """How far a gravity vector may be trusted."""
 
     NOMINAL = "nominal"  # nothing was measured: that of a level base, or one that was told
@@ -31,7 +29,7 @@ class GravityReading(NamedTuple):
     gravity: Floats  # (3,) [m/s2] in base axes: g - a, a the acceleration of the base's origin
     age: float  # [s] since it was measured; inf when it is nominal
     base_rates: Floats  # (2, 3) angular velocity and acceleration of the base, in its axes [rad/s, rad/s2]
-    status: Status
+    status: ReadingStatus
     faults: Fault
 
 
@@ -48,7 +46,7 @@ class FixedGravity:
 
     def read(self, time: float) -> GravityReading:
         """The vector; its age is infinite, since nothing is measured."""
-        return GravityReading(self.gravity.copy(), np.inf, AT_REST, Status.NOMINAL, Fault.NONE)
+        return GravityReading(self.gravity.copy(), np.inf, AT_REST, ReadingStatus.NOMINAL, Fault.NONE)
 
 
 def tilted_gravity(roll: float, pitch: float) -> Floats:

@@ -7,8 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats, as_array
-from catenary.sensing.vector import LEVEL
-from catenary.spatial import rotation_about_x
+from catenary.spatial import LEVEL, rotation_about_x
 
 
 class BaseSamples(NamedTuple):

@@ -11,11 +11,10 @@ import numpy as np
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
 from catenary.plant import Plant
+from catenary.sensing.mailbox import Kind, Mailbox
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.samples import Kind, Mailbox
-from catenary.sensing.vector import STANDARD_GRAVITY
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, MovingBase
-from catenary.spatial import rotation_about_x, rotation_about_z
+from catenary.spatial import STANDARD_GRAVITY, rotation_about_x, rotation_about_z
 
 FaultKind = Literal[
     "drop_out",

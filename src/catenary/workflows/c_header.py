@@ -16,7 +16,7 @@ from catenary.gravity.compact import compact_regressor
 from catenary.kernels.c99 import c_function, c_name, c_sines
 from catenary.kernels.tracing import evaluate
 from catenary.robots.model import RobotModel
-from catenary.sensing.vector import LEVEL
+from catenary.spatial import LEVEL
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from catenary.gravity.compact import CompactRegressor, compact_regressor
 from catenary.gravity.regressor import standard_gravity_parameters, standard_labels
 from catenary.identification.base_parameters import TILTED, BaseParameters, gravity_base_parameters
 from catenary.robots.model import RobotModel
-from catenary.sensing.vector import LEVEL
+from catenary.spatial import LEVEL
 
 WORDS = {
     "alone": "by itself",

@@ -12,8 +12,8 @@ from catenary.control.report import GravityReport, GravityTally
 from catenary.devices.accelerometer import SerialAccelerometer
 from catenary.errors import InputError, SensorError
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.samples import Kind, Mailbox
-from catenary.sensing.vector import GravityReading, Status, tilt_angle, tilt_of
+from catenary.sensing.mailbox import Kind, Mailbox
+from catenary.sensing.vector import GravityReading, ReadingStatus, tilt_angle, tilt_of
 from catenary.simulation.sensors import SimulatedSensor
 
 _READ_EVERY = 0.005  # [s]
@@ -176,7 +176,7 @@ def watch(
             feed.wait(_READ_EVERY)
             reading = source.read(feed.now())
             tally.add(reading)
-            if reading.status is Status.LIVE:
+            if reading.status is ReadingStatus.LIVE:
                 sums += [reading.gravity, reading.gravity**2]
                 count += 1
             show(reading, feed.now() - begin)

@@ -11,7 +11,7 @@ from catenary.control.gravity_pd import At, GravityHold, GravityPD
 from catenary.control.inertia_pd import InertiaPD
 from catenary.control.pd import Damping, JointPD
 from catenary.errors import InputError
-from catenary.sensing.vector import LEVEL
+from catenary.spatial import LEVEL
 from catenary.workflows.gravity.simulated_arm import SimulatedArm
 
 ControllerName = Literal[

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.model import RobotModel
-from catenary.sensing.vector import LEVEL
+from catenary.spatial import LEVEL
 from catenary.units import TORQUE_UNIT
 
 

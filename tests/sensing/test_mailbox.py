@@ -1,6 +1,6 @@
 import threading
 
-from catenary.sensing.samples import Kind, Mailbox
+from catenary.sensing.mailbox import Kind, Mailbox
 
 
 def test_samples_are_taken_in_the_order_in_which_they_came():

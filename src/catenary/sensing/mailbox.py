@@ -18,7 +18,7 @@ class Kind(Enum):
     ANGULAR_RATE = "angular rate"  # [rad/s]
 
 
-class Sample(NamedTuple):
+class SensorSample(NamedTuple):
     """One reading, in the sensor's axes."""
 
     stamp: float  # [s] when it was taken, on the clock of JointState.time
@@ -36,7 +36,7 @@ class Mailbox:
     def __init__(self, size: int = MAILBOX) -> None:
         """Make room for `size` samples."""
         # append, popleft and len of a deque are atomic
-        self._samples: deque[Sample] = deque(maxlen=size)
+        self._samples: deque[SensorSample] = deque(maxlen=size)
         self._size = size
         self.dropped = 0
 
@@ -45,9 +45,9 @@ class Mailbox:
         x, y, z = vector
         if len(self._samples) >= self._size:
             self.dropped += 1
-        self._samples.append(Sample(float(stamp), (float(x), float(y), float(z)), kind))
+        self._samples.append(SensorSample(float(stamp), (float(x), float(y), float(z)), kind))
 
-    def take(self) -> Sample | None:
+    def take(self) -> SensorSample | None:
         """Give the oldest sample; None when there is none."""
         try:
             return self._samples.popleft()

@@ -5,11 +5,11 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
-from catenary.sensing.local_fit import CUTOFF_BY_WINDOW, LocalFit
+from catenary.sensing.delay_free_filter import CUTOFF_BY_WINDOW, DelayFreeFilter
 
 
 def filled(values, stamps, cutoff_hz):
-    fit = LocalFit(cutoff_hz)
+    fit = DelayFreeFilter(cutoff_hz)
     for t, v in zip(stamps, values, strict=True):
         fit.add(t, *v)
     return fit
@@ -94,7 +94,7 @@ def test_few_samples_are_a_mean_and_not_a_wild_parabola():
 
 
 def test_nothing_is_zero_and_stays_a_number():
-    fit = LocalFit(50.0)
+    fit = DelayFreeFilter(50.0)
     assert_allclose(fit.at(5.0), 0.0)
     fit.add(1.0, 1.0, 1.0, 1.0)
     fit.clear()
@@ -104,4 +104,4 @@ def test_nothing_is_zero_and_stays_a_number():
 @pytest.mark.parametrize("cutoff", [0.0, -1.0, np.nan, np.inf])
 def test_cutoffs_that_are_none_are_refused(cutoff):
     with pytest.raises(InputError, match="cutoff_hz"):
-        LocalFit(cutoff)
+        DelayFreeFilter(cutoff)

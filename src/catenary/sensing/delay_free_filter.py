@@ -12,7 +12,7 @@ CUTOFF_BY_WINDOW = 2.527
 ROOM = 128  # samples
 
 
-class LocalFit:
+class DelayFreeFilter:
     """Parabola through the samples of the last `window` seconds, by least squares, read at any time near its end.
 
     A low-pass whose value at the end is right to the second order: of a sine of frequency f = x / window
