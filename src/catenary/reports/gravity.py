@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from catenary.control.measures import Holding, Tracking
-from catenary.reports.page import Heading, Picture, Table, Text, picture, settings_facts, write_page
+from catenary.reports.page import Block, Heading, Picture, Table, Text, picture, settings_facts, write_page
 from catenary.units import DISPLAY, TORQUE_UNIT
 
 ERROR, TORQUE, PD = "#4b6b94", "#b8c0cc", "#d9622b"
@@ -56,7 +56,7 @@ def write_tracking_report(path: Path, result: Tracking, settings: Mapping[str, A
         "Errors are desired minus reported joint positions, at the motors. PD share: RMS of the PD term over "
         "RMS of the whole torque; near 0 % where the model is right, beyond 100 % where the PD fights it."
     )
-    blocks = [
+    blocks: list[Block] = [
         tracking_table(result),
         tracking_picture(result),
         text,
@@ -77,7 +77,7 @@ def write_holding_report(path: Path, result: Holding, settings: Mapping[str, Any
         "Drift is the largest distance from where a joint began: of the joint itself, then as the robot "
         "reports it at its motor. At the end: where it then was, seen from the start."
     )
-    blocks = [
+    blocks: list[Block] = [
         holding_table(result),
         holding_picture(result),
         text,

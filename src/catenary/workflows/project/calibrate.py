@@ -26,6 +26,7 @@ from catenary.workflows.project.robot import ProjectRobot
 from catenary.workflows.project.simulated_robot import SimulatedRobot
 
 TRAIN, TEST = "train", "test"
+VERBS = {f"record {TRAIN}": "excite", f"record {TEST}": "record"}  # by which commands make these recordings
 DEPLOY_SECONDS = 20.0
 POSITIONING_INPUTS = tuple(
     f"{group}:{joint}" for group in ("q", "tau") for joint in ("shoulder", "elbow", "insertion")
@@ -221,7 +222,7 @@ def conclude(
         model_path=model_path(project, BEST),
         evaluations={name: result.evaluation for name, result in results.items()},
         deployment=deployment,
-        repeated=tuple(project.ran),
+        repeated=tuple(VERBS.get(step, step) for step in project.ran),
     )
     write(project.folder / "evaluation.json", concluded.summary())
     best = results[BEST]
