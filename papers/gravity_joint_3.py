@@ -51,7 +51,7 @@ def varied_joint_3(variation: Variation) -> CableArm:
     only_3 = np.array([1.0, 1.0, variation.friction])
     changed: dict[str, Floats] = {name: getattr(arm.cable, name) * only_3 for name in FRICTION}
     changed["coupling"] = arm.cable.coupling * [1.0, variation.coupling, variation.coupling]
-    return arm._replace(cable=arm.cable._replace(**changed))
+    return arm._replace(cable=arm.cable.replace(**changed))
 
 
 def joint_3_table(runs: Sequence[tuple[str, Run]]) -> Table:

@@ -68,13 +68,13 @@ class Change(NamedTuple):
 
 def without_friction(arm: CableArm) -> CableArm:
     """The arm without any friction of its positioning joints."""
-    return arm._replace(cable=arm.cable._replace(**{name: np.zeros(3) for name in FRICTION}))
+    return arm._replace(cable=arm.cable.replace(**{name: np.zeros(3) for name in FRICTION}))
 
 
 def with_believed_drives(arm: CableArm) -> CableArm:
     """The arm with the ratios and the coupling that its firmware believes in."""
     return arm._replace(
-        cable=arm.cable._replace(ratio_error=np.zeros(3), coupling=arm.firmware.coupling.copy())
+        cable=arm.cable.replace(ratio_error=np.zeros(3), coupling=arm.firmware.coupling.copy())
     )
 
 

@@ -18,8 +18,9 @@ from catenary.control.loop import StateCorrector, Tick, run_loop
 from catenary.control.pd import JointPD
 from catenary.plant import JointState
 from catenary.robots.catalog import load_robot
-from catenary.simulation.cable_parameters import POSITIONING, CableArm, Firmware
+from catenary.simulation.cable_parameters import CableArm, Firmware
 from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.records import POSITIONING
 from catenary.spatial import LEVEL
 from catenary.trajectories.reference import Reference
 from catenary.trajectories.smoothed_path import BrokenLine, SmoothedPath

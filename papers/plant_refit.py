@@ -118,7 +118,7 @@ def fit_drift(arm: CableArm) -> Floats:
 
 def loss_effect(arm: CableArm) -> Floats:
     """Give the relative change of the last hour's error when cables lose stiffness faster, (3,)."""
-    faster = arm._replace(cable=arm.cable._replace(loss_rate=LOSS_TRIED * arm.cable.loss_rate))
+    faster = arm._replace(cable=arm.cable.replace(loss_rate=LOSS_TRIED * arm.cable.loss_rate))
     effect: Floats = six_hours(faster)[1].linear / six_hours(arm)[1].linear - 1.0
     return effect
 

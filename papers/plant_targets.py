@@ -10,7 +10,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.reports.project import TABLE_1
-from catenary.simulation.cable_parameters import Cable, CableArm
+from catenary.simulation.cable_parameters import CableArm
 from papers.calibration_paper import SIX_HOURS_LINEAR
 
 TARGETS = {"raw": TABLE_1["raw"], "fixed offset": TABLE_1["fixed offset"], "linear": TABLE_1["linear"]}
@@ -54,10 +54,10 @@ FITTED = frozenset(free.field for free in (*FREE, *FRICTION, *DRIFT))
 
 def with_factors(arm: CableArm, free: tuple[Free, ...], factors: Floats) -> CableArm:
     """Give the arm with some of its parameters multiplied."""
-    values = {name: getattr(arm.cable, name).copy() for name in Cable._fields}
+    cable = arm.cable.copy()
     for parameter, factor in zip(free, np.broadcast_to(factors, len(free)), strict=True):
-        values[parameter.field][parameter.joint] *= factor
-    return arm._replace(cable=Cable(**values))
+        cable[parameter.field][parameter.joint] *= factor
+    return arm._replace(cable=cable)
 
 
 def joint_1_friction(arm: CableArm, torque: float) -> float:

@@ -29,8 +29,8 @@ def homing_counts(every: int = 4) -> HomingCounts:
 
     def look() -> None:
         state = plant.operating_state()
-        counts = plant.rig_counts(plant.state.q)
-        rows.append([plant.time, *counts, state.is_busy, state.is_homed, *plant.rig_positions(counts)])
+        counts = plant.encoders.counts(plant.state.q)
+        rows.append([plant.time, *counts, state.is_busy, state.is_homed, *plant.encoders.positions(counts)])
 
     look()
     while plant.operating_state().is_busy:

@@ -10,14 +10,7 @@ from numpy.typing import NDArray
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import Cable, CableArm, load_cable_arm
-from catenary.simulation.cable_physics import (
-    ArmState,
-    link_dynamics,
-    new_state,
-    new_work,
-    physics_step,
-    unstretched_rotors,
-)
+from catenary.simulation.cable_physics import ArmState, Work, link_dynamics, physics_step, unstretched_rotors
 from catenary.simulation.cable_plant import CablePlant
 
 Floats = NDArray[np.float64]
@@ -25,12 +18,12 @@ HOME = np.array([np.deg2rad(30.0), np.deg2rad(90.0), 0.40])
 
 
 def without_runout(cable: Cable) -> Cable:
-    return cable._replace(capstan_runout=np.zeros(3), pulley_runout=np.zeros(3))
+    return cable.replace(capstan_runout=np.zeros(3), pulley_runout=np.zeros(3))
 
 
 def without_friction(cable: Cable) -> Cable:
     nothing = np.zeros(3)
-    return cable._replace(
+    return cable.replace(
         rotor_friction=nothing,
         rotor_load_friction=nothing,
         link_friction=nothing,
@@ -41,7 +34,7 @@ def without_friction(cable: Cable) -> Cable:
 def with_linear_cables(cable: Cable) -> Cable:
     """Springs and dampers and nothing else: no hysteresis, creep, backlash, run-out, set, wear or friction."""
     nothing = np.zeros(3)
-    return without_friction(without_runout(cable))._replace(
+    return without_friction(without_runout(cable)).replace(
         elastic_share=np.ones(3),
         slow_share=nothing,
         backlash=nothing,
@@ -105,10 +98,11 @@ def take_steps(
     gravity: Floats,
     base_motion: Floats,
     step: float,
+    work: Work,
     out: Steps,
 ) -> None:
     """Step the physics with shaft torques (T, 7), on a base at rest or in motion, and keep every step."""
-    work = new_work()
+    cable, state, work = cable[()], state[()], work[()]
     for k in range(len(shaft_torque)):
         link_dynamics(tree, state, gravity, base_motion, work)
         physics_step(cable, state, shaft_torque[k], braked, step, work)
@@ -125,7 +119,6 @@ def take_steps(
 
 def resting_state(cable: Cable, q: Floats) -> ArmState:
     """At q, at rest, no cable stretched."""
-    state = new_state()
-    state.q[:] = q
+    state = ArmState(q=q)
     state.rotor[:3] = unstretched_rotors(cable, q)
     return state

@@ -28,7 +28,7 @@ def test_drives_as_believed_give_what_was_asked_for() -> None:
 
 def test_a_weak_drive_lets_the_joint_go_further_by_as_much() -> None:
     believed = with_believed_drives(ARM)
-    weak = believed._replace(cable=believed.cable._replace(ratio_error=np.array([-0.1, 0.0, 0.0])))
+    weak = believed._replace(cable=believed.cable.replace(ratio_error=np.array([-0.1, 0.0, 0.0])))
     # true ratio 0.9 of the believed: 0.9 of the torque. Gravity's own stiffness, a hundredth, weighs a tenth more
     assert_allclose(frictionless(weak, "pd")[0] / frictionless(believed, "pd")[0], 1.0 / 0.9, rtol=3e-3)
 
@@ -36,8 +36,8 @@ def test_a_weak_drive_lets_the_joint_go_further_by_as_much() -> None:
 def test_a_stiff_arm_of_ideal_drives_goes_by_the_missing_torque_over_kp() -> None:
     believed = with_believed_drives(ARM)
     stiff = believed._replace(
-        cable=believed.cable._replace(stiffness=100.0 * believed.cable.stiffness),
-        firmware=believed.firmware._replace(kp=100.0 * believed.firmware.kp),
+        cable=believed.cable.replace(stiffness=100.0 * believed.cable.stiffness),
+        firmware=believed.firmware.replace(kp=100.0 * believed.firmware.kp),
     )
     expected = missing() / raven_gains(stiff.firmware).kp
     # gravity's own stiffness is 1e-4 of theirs

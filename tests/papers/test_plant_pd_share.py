@@ -6,7 +6,7 @@ from catenary.gravity.torque import gravity_torque
 from catenary.plant import JointState
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
-from catenary.simulation.firmware import PERIOD
+from catenary.simulation.simulated_plant import PERIOD
 from catenary.spatial import LEVEL
 from catenary.trajectories.reference import Reference
 from papers.plant_pd_share import (

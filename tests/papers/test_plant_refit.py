@@ -46,7 +46,7 @@ def test_fitted_numbers_are_written_and_everything_else_stays(tmp_path: Path) ->
     for free, factor in zip(PARAMETERS, factors, strict=True):
         old, new = getattr(before.cable, free.field), getattr(after.cable, free.field)
         assert_allclose(new[free.joint], factor * old[free.joint], rtol=1e-5)  # six digits are written
-    for name in set(before.cable._fields) - FITTED:
+    for name in set(before.cable.fields) - FITTED:
         assert_allclose(getattr(after.cable, name), getattr(before.cable, name), rtol=0)
     assert [entry.origin for entry in after.file.cable.values()] == [
         entry.origin for entry in before.file.cable.values()

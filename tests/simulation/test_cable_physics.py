@@ -9,8 +9,10 @@ from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.cable_parameters import load_cable_arm
+from catenary.simulation.cable_physics import Work
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.firmware import OFF, PERIOD, control_motors, read_encoders_of
+from catenary.simulation.firmware import OFF, control_motors, read_encoders_of
+from catenary.simulation.simulated_plant import PERIOD
 from catenary.transmission.coupling import tensions_for, winding_of
 from catenary.transmission.elasticity import beyond_backlash
 from oracles.cable_arms import (
@@ -58,7 +60,7 @@ def energy_balance(cable, step, seconds=1.0):
     state = resting_state(cable, HOME)
     torque = motor_torques(cable, seconds, step)
     steps = new_steps(len(torque))
-    take_steps(TREE, cable, state, torque, False, GRAVITY, np.zeros((3, 3)), step, steps)
+    take_steps(TREE, cable, state, torque, False, GRAVITY, np.zeros((3, 3)), step, Work(), steps)
     assert (cable.stop_side * (steps.q - cable.stop_position) < 0.0).all()  # no stop was met
 
     ratio = cable.ratio * (1.0 + cable.ratio_error)
@@ -100,9 +102,9 @@ def energy_balance(cable, step, seconds=1.0):
     return turned_over, work - kinetic - potential - np.sum(elastic) - lost
 
 
-NO_RUNOUT = without_runout(CABLE)._replace(set_rate=np.zeros(3), loss_rate=np.zeros(3))
+NO_RUNOUT = without_runout(CABLE).replace(set_rate=np.zeros(3), loss_rate=np.zeros(3))
 BALANCED = {
-    "springs": with_linear_cables(CABLE)._replace(damping=np.zeros(3), rotor_damping=np.zeros(3)),
+    "springs": with_linear_cables(CABLE).replace(damping=np.zeros(3), rotor_damping=np.zeros(3)),
     "linear cables": with_linear_cables(CABLE),
     "hysteresis, creep, backlash": without_friction(NO_RUNOUT),
     "everything": NO_RUNOUT,
@@ -170,9 +172,9 @@ def test_arm_on_its_brakes_does_not_creep():
 
 def test_sticking_joint_stands_exactly_still():
     # a cable that relaxes takes a joint along that stands just at what friction holds
-    cable = CABLE._replace(slow_share=np.zeros(3))
+    cable = CABLE.replace(slow_share=np.zeros(3))
     state = resting_state(cable, HOME)
     torque = np.zeros((4000, 7))  # friction of the rotors alone would let the arm sag onto the cables
     steps = new_steps(len(torque))
-    take_steps(TREE, cable, state, torque, True, GRAVITY, np.zeros((3, 3)), 5e-4, steps)
+    take_steps(TREE, cable, state, torque, True, GRAVITY, np.zeros((3, 3)), 5e-4, Work(), steps)
     assert_allclose(steps.qd[-1], 0.0, atol=1e-12)

@@ -7,15 +7,14 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.simulation.cable_parameters import load_cable_arm, right_arm
-from catenary.simulation.cable_physics import new_state
+from catenary.simulation.cable_physics import ArmState
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.firmware import (
     OFF,
     POSITION,
-    STOPPED,
     TORQUE,
+    ControlState,
     control_motors,
-    new_control,
     read_encoders_of,
     register,
 )
@@ -29,7 +28,7 @@ ALL = np.ones(7, dtype=bool)
 
 def demanded(firmware, error=0.0, velocity=0.0, ticks=1, axis=0):
     """Control state and shaft torques after PD ticks with a constant error [rad] and speed of one motor."""
-    control, shaft = new_control(), np.zeros(7)
+    control, shaft = ControlState(), np.zeros(7)
     control.mode[:] = POSITION
     control.motor_velocity[axis] = velocity
     control.motor[axis] = -error
@@ -42,7 +41,7 @@ def demanded(firmware, error=0.0, velocity=0.0, ticks=1, axis=0):
 
 def moved(firmware, motor):
     """Control state that has read motors at the given positions [rad], with zero offsets."""
-    state, control = new_state(), new_control()
+    state, control = ArmState(), ControlState()
     state.rotor[:] = motor
     read_encoders_of(firmware, state, control)
     return control
@@ -95,7 +94,7 @@ def test_dac_is_truncated_towards_zero(error):
 
 
 def test_dac_is_clipped_at_the_limits_of_the_source():
-    control, shaft = new_control(), np.zeros(7)
+    control, shaft = ControlState(), np.zeros(7)
     control.mode[:] = POSITION
     control.setpoint[:] = [0.05, 0.05, 0.003, 0.3, 0.35, 0.35, 0.35]
     control_motors(GOLD, control, shaft)
@@ -132,15 +131,15 @@ def test_dac_carries_the_boards_sign_of_each_arm():
 
 def test_command_beyond_twenty_thousand_trips_the_software_stop():
     control, shaft = demanded(GOLD, error=20_000.5 * 0.0603 * 12.25 / 2730.0 / 0.3)
-    assert control.flags[STOPPED] == 0  # truncated to 20,000
+    assert not control.stopped  # truncated to 20,000
     control, shaft = demanded(GOLD, error=20_002.0 * 0.0603 * 12.25 / 2730.0 / 0.3)
-    assert control.flags[STOPPED] == 1
+    assert control.stopped
     assert shaft[0] == 0.0
 
 
 def test_last_jaw_is_never_checked_but_its_board_has_sixteen_bits():
     control, _ = demanded(GOLD, error=100.0, axis=6)
-    assert control.flags[STOPPED] == 0
+    assert not control.stopped
     assert abs(control.dac[6]) == 32_768.0  # negative on this board
 
 
@@ -191,7 +190,7 @@ def test_tool_joints_stand_still_while_their_motors_follow_the_insertion():
 
 
 def test_velocity_is_the_difference_of_one_tick_and_ignores_the_coupling():
-    state, control = new_state(), new_control()
+    state, control = ArmState(), ControlState()
     read_encoders_of(GOLD, state, control)
     state.rotor[0] = 10.5 * STEP
     read_encoders_of(GOLD, state, control)
@@ -201,7 +200,7 @@ def test_velocity_is_the_difference_of_one_tick_and_ignores_the_coupling():
 
 
 def test_commanded_joint_torques_reach_the_motors_through_the_coupling():
-    control, shaft = new_control(), np.zeros(7)
+    control, shaft = ControlState(), np.zeros(7)
     control.mode[:] = TORQUE
     control.torque_command[:3] = [2.0, -1.0, 5.0]
     control_motors(GOLD, control, shaft)
@@ -217,7 +216,7 @@ def test_commanded_joint_torques_reach_the_motors_through_the_coupling():
 
 
 def test_an_axis_that_is_off_gets_nothing():
-    control, shaft = new_control(), np.ones(7)
+    control, shaft = ControlState(), np.ones(7)
     control.mode[:] = OFF
     control.setpoint[:] = 1.0
     control_motors(GOLD, control, shaft)

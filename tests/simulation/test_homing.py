@@ -9,7 +9,8 @@ from catenary.errors import NotReadyError
 from catenary.plant import OperatingState
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.homing import SEEK_SPEED, registered_zero
+from catenary.simulation.external_encoders import mean_near_peak
+from catenary.simulation.homing import SEEK_SPEED
 from oracles.cable_arms import homed_plant, linear_arm
 
 Floats = NDArray[np.float64]
@@ -39,7 +40,7 @@ def home_and_watch(start: Floats, arm: CableArm | None = None, substeps: int = 1
     at_stops = None
     while plant.operating_state().is_busy:
         plant.wait()
-        if at_stops is None and np.isfinite(plant.rig_zero).all():
+        if at_stops is None and np.isfinite(plant.encoders.zero).all():
             sample = plant.telemetry()
             at_stops = sample["jpos"][:3] * DEG_MM, sample["ext_jpos"] * DEG_MM
     seconds = plant.time
@@ -93,8 +94,8 @@ def test_rig_registers_the_same_stops_as_it_calls_them(homings):
 
 def test_robot_and_rig_differ_by_their_registrations_where_cables_are_known_and_stiff():
     arm = linear_arm()
-    known = arm.cable._replace(ratio_error=np.zeros(3), coupling=arm.firmware.coupling.copy())
-    arm = arm._replace(cable=known._replace(stiffness=10.0 * known.stiffness))
+    known = arm.cable.replace(ratio_error=np.zeros(3), coupling=arm.firmware.coupling.copy())
+    arm = arm._replace(cable=known.replace(stiffness=10.0 * known.stiffness))
     h = home_and_watch(np.array([0.5, 1.5, 0.4]), arm, substeps=4)
     # wound up at the stops by 4 Nm on 2560 Nm/rad and less; the insertion's stop gives way by 60 N on 1e5 N/m
     assert (np.abs(h.robot_at_home - h.rig_at_home - [0.0, 7.5, -10.467]) < [0.15, 0.15, 0.7]).all(), h
@@ -223,7 +224,7 @@ def arm_without_shoulder_stop():
     arm = load_cable_arm()
     position = arm.cable.stop_position.copy()
     position[0] = -1e3
-    return arm._replace(cable=arm.cable._replace(stop_position=position))
+    return arm._replace(cable=arm.cable.replace(stop_position=position))
 
 
 def test_an_axis_that_meets_no_stop_ends_the_homing():
@@ -237,7 +238,7 @@ def test_an_axis_that_meets_no_stop_ends_the_homing():
 def test_rig_takes_the_mean_of_the_counts_near_its_peak():
     rig = load_cable_arm().rig
     counts = np.array([[-100.0, 50.0, 10.0], [-130.0, 99.0, 30.0], [-150.0, 100.0, 31.0], [0.0, 0.0, 0.0]])
-    zero = registered_zero(rig, counts, np.array([-1.0, 1.0, 1.0]))
+    zero = mean_near_peak(counts, np.array([-1.0, 1.0, 1.0]), rig.window)
     # windows of 50, 20, 20 counts
     assert_allclose(zero, [-(100 + 130 + 150) / 3, 99.5, 30.5])
 

@@ -104,17 +104,22 @@ def holding_line(model: RobotModel) -> Line:
     return _newton_euler_line(p, still, still)
 
 
-def inverse_dynamics_line(model: RobotModel) -> Line:
-    """Trace the torques (n,) of a motion; inputs q, qd, qdd (n,) and gravity, omega, alpha (3,), of the base."""
+def inverse_dynamics_line(model: RobotModel, *, moving_base: bool = True) -> Line:
+    """Trace the torques (n,) of a motion; inputs q, qd, qdd (n,) and gravity (3,), omega and alpha of a moving base."""
     p = placed(model)
-    return _newton_euler_line(p, p.trace.inputs("qd", model.n), p.trace.inputs("qdd", model.n))
+    qd, qdd = p.trace.inputs("qd", model.n), p.trace.inputs("qdd", model.n)
+    return _newton_euler_line(p, qd, qdd, moving_base=moving_base)
 
 
-def _newton_euler_line(p: Placed, qd: Terms | Floats, qdd: Terms | Floats) -> Line:
+def _newton_euler_line(
+    p: Placed, qd: Terms | Floats, qdd: Terms | Floats, *, moving_base: bool = True
+) -> Line:
     m = len(p.tree.parent)
     omega, alpha, acceleration, torque = empty(m + 1, 3), empty(m + 1, 3), empty(m + 1, 3), empty(m)
     acceleration[m] = -p.trace.inputs("gravity", 3)
-    omega[m], alpha[m] = p.trace.inputs("omega", 3), p.trace.inputs("alpha", 3)
+    omega[m], alpha[m] = 0.0, 0.0
+    if moving_base:
+        omega[m], alpha[m] = p.trace.inputs("omega", 3), p.trace.inputs("alpha", 3)
     newton_euler_recursion(
         p.tree,
         p.rotation,

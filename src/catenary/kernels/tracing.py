@@ -15,8 +15,8 @@ none that does not; the plain recursion spreads it to all.
 """
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple, Union
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Union
 
 import numpy as np
 from numpy.typing import NDArray
@@ -220,15 +220,28 @@ def _of_constant(angle: float) -> tuple[float, float]:
     return math.sin(angle), math.cos(angle)
 
 
-def evaluate(line: Line, **arrays: Sequence[float]) -> list[float]:
-    """Run a line in Python, operation by operation: what every back end must agree with."""
-    values: list[float] = []
+def evaluate(
+    line: Line,
+    *,
+    sine: Callable[[Any], Any] = math.sin,
+    cosine: Callable[[Any], Any] = math.cos,
+    **arrays: Sequence[Any],
+) -> list[Any]:
+    """Run a line operation by operation: on floats what every back end must agree with, or on another's symbols.
+
+    Args:
+        line: The operations.
+        sine: Of one number of the kind that the arrays hold.
+        cosine: Likewise.
+        **arrays: The inputs, by name.
+    """
+    values: list[Any] = []
     for kind, a, b in line.steps:
         if kind == "in":
             name, index = line.inputs[a]
-            values.append(float(arrays[name][index]))
+            values.append(arrays[name][index])
         elif kind in ("sin", "cos"):
-            values.append(math.sin(values[a]) if kind == "sin" else math.cos(values[a]))
+            values.append(sine(values[a]) if kind == "sin" else cosine(values[a]))
         else:
             other = b if kind.endswith("k") else values[int(b)]
             values.append(

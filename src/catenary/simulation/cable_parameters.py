@@ -2,91 +2,90 @@
 
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 
 from catenary.arrays import Floats
 from catenary.config import Settings, load_toml
 from catenary.errors import ConfigError
+from catenary.simulation.records import POSITIONING, PerAxis, PerJoint, PerTool, Record
 
 Origin = Literal["source", "datasheet-memory", "assumed", "fitted"]
-POSITIONING, TOOLS = 3, 4
+Parameters = TypeVar("Parameters", bound=Record)
 
 
-class Cable(NamedTuple):
+class Cable(Record):
     """The arm as it really is: three positioning joints behind cables, four tool rotors. Read by compiled code."""
 
-    ratio: Floats  # (3,) nominal motor turns per joint [rad/rad, rad/rad, rad/m]
-    ratio_error: Floats  # (3,) true ratio over nominal, minus 1
-    coupling: Floats  # (3,) true c01, c02, c12
-    gearbox: Floats  # (3,) motor turns per capstan turn
-    stiffness: Floats  # (3,) [Nm/rad, Nm/rad, N/m]
-    damping: Floats  # (3,) [Nm s/rad, Nm s/rad, N s/m]
-    elastic_share: Floats  # (3,) of the stiffness, the rest is hysteretic
-    hysteresis_width: Floats  # (3,) [rad, rad, m]
-    slow_share: Floats  # (3,)
-    slow_time: Floats  # (3,) [s]
-    rotor_friction: Floats  # (3,) [Nm] at the shaft
-    rotor_load_friction: Floats  # (3,) per shaft torque of the load
-    link_friction: Floats  # (3,) [Nm, Nm, N]
-    link_load_friction: Floats  # (3,) per tension
-    capstan_runout: Floats  # (3,) [rad, rad, m]
-    capstan_phase: Floats  # (3,) [rad]
-    pulley_runout: Floats  # (3,) [rad, rad, m]
-    pulley_phase: Floats  # (3,) [rad]
-    backlash: Floats  # (3,) total width [rad, rad, m]
-    set_rate: Floats  # (3,) per rad or m of travel
-    set_side: Floats  # (3,) 1 or -1
-    largest_set: Floats  # (3,) [rad, rad, m]
-    loss_rate: Floats  # (3,) per rad or m of travel
-    reference_tension: Floats  # (3,) [Nm, Nm, N]
-    rotor_inertia: Floats  # (3,) [kg m2] at the shaft
-    rotor_damping: Floats  # (3,) [Nm s] at the shaft
-    stop_position: Floats  # (3,) where the joint meets its stop [rad, rad, m]
-    stop_side: Floats  # (3,) -1 for a stop below, 1 above
-    stop_stiffness: Floats  # (3,) [Nm/rad, Nm/rad, N/m]
-    stop_damping: Floats  # (3,)
-    tool_inertia: Floats  # (4,) [kg m2]
-    tool_friction: Floats  # (4,) [Nm]
-    tool_damping: Floats  # (4,) [Nm s]
-    tool_ratio: Floats  # (4,) motor turns per joint turn
-    tool_carried: (
-        Floats  # (4,) turns of a tool motor per turn of the insertion motor that keep the joint still
-    )
-    tool_stop: Floats  # (4,) where the tool joints meet their stops, above [rad]
-    tool_stop_stiffness: Floats  # (4,) [Nm/rad]
+    ratio: PerJoint  # nominal motor turns per joint [rad/rad, rad/rad, rad/m]
+    ratio_error: PerJoint  # true ratio over nominal, minus 1
+    coupling: PerJoint  # true c01, c02, c12
+    gearbox: PerJoint  # motor turns per capstan turn
+    stiffness: PerJoint  # [Nm/rad, Nm/rad, N/m]
+    damping: PerJoint  # [Nm s/rad, Nm s/rad, N s/m]
+    elastic_share: PerJoint  # of the stiffness, the rest is hysteretic
+    hysteresis_width: PerJoint  # [rad, rad, m]
+    slow_share: PerJoint
+    slow_time: PerJoint  # [s]
+    rotor_friction: PerJoint  # [Nm] at the shaft
+    rotor_load_friction: PerJoint  # per shaft torque of the load
+    link_friction: PerJoint  # [Nm, Nm, N]
+    link_load_friction: PerJoint  # per tension
+    capstan_runout: PerJoint  # [rad, rad, m]
+    capstan_phase: PerJoint  # [rad]
+    pulley_runout: PerJoint  # [rad, rad, m]
+    pulley_phase: PerJoint  # [rad]
+    backlash: PerJoint  # total width [rad, rad, m]
+    set_rate: PerJoint  # per rad or m of travel
+    set_side: PerJoint  # 1 or -1
+    largest_set: PerJoint  # [rad, rad, m]
+    loss_rate: PerJoint  # per rad or m of travel
+    reference_tension: PerJoint  # [Nm, Nm, N]
+    rotor_inertia: PerJoint  # [kg m2] at the shaft
+    rotor_damping: PerJoint  # [Nm s] at the shaft
+    stop_position: PerJoint  # where the joint meets its stop [rad, rad, m]
+    stop_side: PerJoint  # -1 for a stop below, 1 above
+    stop_stiffness: PerJoint  # [Nm/rad, Nm/rad, N/m]
+    stop_damping: PerJoint
+    tool_inertia: PerTool  # [kg m2]
+    tool_friction: PerTool  # [Nm]
+    tool_damping: PerTool  # [Nm s]
+    tool_ratio: PerTool  # motor turns per joint turn
+    tool_carried: PerTool  # turns of its motor per turn of the insertion's that keep the joint still
+    tool_stop: PerTool  # where the tool joints meet their stops, above [rad]
+    tool_stop_stiffness: PerTool  # [Nm/rad]
 
 
-class Firmware(NamedTuple):
+class Firmware(Record):
     """The robot's own control, and what it believes about the arm. Read by compiled code."""
 
-    ratio: Floats  # (7,) motor per joint
-    coupling: Floats  # (3,) nominal c01, c02, c12
-    kp: Floats  # (7,) [Nm at the gearbox's output per rad of the motor]
-    kd: Floats  # (7,) [Nm s/rad]
-    ki: Floats  # (7,) [Nm/(rad s)]
-    gearbox: Floats  # (7,)
-    torque_constant: Floats  # (7,) [Nm/A]
-    dac_per_ampere: Floats  # (7,)
-    dac_limit: Floats  # (7,) 0 for never limited
-    dac_sign: Floats  # (7,)
-    home_threshold: Floats  # (7,) [DAC]
-    stop_value: Floats  # (7,) joint position registered at the stop [rad, rad, m, rad...]
-    home_value: Floats  # (7,)
-    lower: Floats  # (7,) software limits
-    upper: Floats  # (7,)
-    step_limit: Floats  # (7,) most that a setpoint moves in 1 ms [rad, rad, m, rad...]
-    insertion_ratio: Floats  # (1,) insertion motor turns per tool motor turn
-    tool_sign: Floats  # (1,) of the insertion motor in the tool's
+    ratio: PerAxis  # motor per joint
+    coupling: PerJoint  # nominal c01, c02, c12
+    kp: PerAxis  # [Nm at the gearbox's output per rad of the motor]
+    kd: PerAxis  # [Nm s/rad]
+    ki: PerAxis  # [Nm/(rad s)]
+    gearbox: PerAxis
+    torque_constant: PerAxis  # [Nm/A]
+    dac_per_ampere: PerAxis
+    dac_limit: PerAxis  # 0 for never limited
+    dac_sign: PerAxis
+    home_threshold: PerAxis  # [DAC]
+    stop_value: PerAxis  # joint position registered at the stop [rad, rad, m, rad...]
+    home_value: PerAxis
+    lower: PerAxis  # software limits
+    upper: PerAxis
+    step_limit: PerAxis  # most that a setpoint moves in 1 ms [rad, rad, m, rad...]
+    insertion_ratio: float  # insertion motor turns per tool motor turn
+    tool_sign: float  # of the insertion motor in the tool's
 
 
-class Rig(NamedTuple):
+class Rig(Record):
     """The external joint encoders."""
 
-    counts: Floats  # (3,) per rad, rad, m
-    registered: Floats  # (3,) position that the rig calls the stop [rad, rad, m]
-    window: Floats  # (3,) counts within the peak that are averaged
+    counts: PerJoint  # per rad, rad, m
+    registered: PerJoint  # position that the rig calls the stop [rad, rad, m]
+    window: PerJoint  # counts within the peak that are averaged
 
 
 class Entry(Settings):
@@ -130,33 +129,29 @@ def load_cable_arm(path: Path | None = None) -> CableArm:
     content = load_toml(path, CableFile)
     return CableArm(
         content.name,
-        Cable(**_arrays(path, "cable", content.cable, Cable._fields)),
-        Firmware(**_arrays(path, "firmware", content.firmware, Firmware._fields)),
-        Rig(**_arrays(path, "rig", content.rig, Rig._fields)),
+        _parameters(path, "cable", content.cable, Cable),
+        _parameters(path, "firmware", content.firmware, Firmware),
+        _parameters(path, "rig", content.rig, Rig),
         content,
     )
 
 
-def _arrays(path: Path, table: str, entries: dict[str, Entry], names: tuple[str, ...]) -> dict[str, Floats]:
-    missing, unknown = [n for n in names if n not in entries], [n for n in entries if n not in names]
+def _parameters(path: Path, table: str, entries: dict[str, Entry], kind: type[Parameters]) -> Parameters:
+    missing = [name for name in kind.fields if name not in entries]
+    unknown = [name for name in entries if name not in kind.fields]
     if missing or unknown:
         raise ConfigError(
             f"{path}: [{table}]: missing {', '.join(missing) or 'nothing'}; unknown {', '.join(unknown) or 'nothing'}"
         )
-    arrays = {}
-    for name in names:
-        wanted = _length(table, name)
-        values = np.array(entries[name].value, dtype=float)
-        if values.shape != (wanted,):
-            raise ConfigError(f"{path}: [{table}] {name}: expected {wanted} numbers, got {len(values)}")
-        arrays[name] = values
-    return arrays
-
-
-def _length(table: str, name: str) -> int:
-    if table == "firmware":
-        return {"coupling": 3, "insertion_ratio": 1, "tool_sign": 1}.get(name, POSITIONING + TOOLS)
-    return TOOLS if name.startswith("tool_") else POSITIONING
+    parameters = kind()
+    for name, entry in entries.items():
+        field = parameters[name]
+        if len(entry.value) != field.size:
+            raise ConfigError(
+                f"{path}: [{table}] {name}: expected {field.size} numbers, got {len(entry.value)}"
+            )
+        field.flat[:] = entry.value
+    return parameters
 
 
 def varied(arm: CableArm, rng: np.random.Generator) -> CableArm:
@@ -166,7 +161,7 @@ def varied(arm: CableArm, rng: np.random.Generator) -> CableArm:
     def by(values: Floats, share: float) -> Floats:
         return values * np.exp(share * rng.standard_normal(len(values)))
 
-    cable = c._replace(
+    cable = c.replace(
         ratio_error=c.ratio_error + 0.01 * rng.standard_normal(POSITIONING),
         coupling=by(c.coupling, 0.05),
         stiffness=by(c.stiffness, 0.15),
@@ -190,6 +185,6 @@ def right_arm(arm: CableArm) -> CableArm:
     kd[2] = 0.010  # RAVEN-II source: gold .012, green .010
     return arm._replace(
         name=f"{arm.name}_right",
-        cable=arm.cable._replace(tool_carried=-arm.cable.tool_carried),
-        firmware=f._replace(dac_sign=sign, kd=kd, tool_sign=-f.tool_sign),
+        cable=arm.cable.replace(tool_carried=-arm.cable.tool_carried),
+        firmware=f.replace(dac_sign=sign, kd=kd, tool_sign=-f.tool_sign),
     )

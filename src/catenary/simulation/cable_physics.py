@@ -1,7 +1,7 @@
 """One step of a cable-driven arm: rotors, cables, links. Compiled; every array is the caller's."""
 
 import math
-from typing import NamedTuple
+from typing import Annotated
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from catenary.dynamics.recursion import composite_body_recursion, newton_euler_r
 from catenary.kernels.compiled import inlined
 from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import Cable
+from catenary.simulation.records import PerAxis, PerJoint, Record
 from catenary.transmission.coupling import joint_forces, winding_of
 from catenary.transmission.drift import loss_rate, set_rate
 from catenary.transmission.elasticity import beyond_backlash, tension_of
@@ -19,72 +20,43 @@ from catenary.transmission.hysteresis import bouc_wen_step, maxwell_step
 FRICTION_SWEEPS = 4
 
 
-class ArmState(NamedTuple):
+class ArmState(Record):
     """What changes while an arm moves. Positioning joints come first among the seven rotors."""
 
-    rotor: Floats  # (7,) motor shafts [rad]
-    rotor_velocity: Floats  # (7,) [rad/s]
-    q: Floats  # (3,) where the joints really are [rad, rad, m]
-    qd: Floats  # (3,)
-    hysteresis: Floats  # (3,) Bouc-Wen states
-    slow_stretch: Floats  # (3,) Maxwell branches [rad, rad, m]
-    slack: Floats  # (3,) permanent set of the cables [rad, rad, m]
-    loss: Floats  # (3,) share of the stiffness that is lost
-    tension: Floats  # (3,) of the last step [Nm, Nm, N]
-    friction: Floats  # (3,) impulses of the last step, where the next one's search starts
+    rotor: PerAxis  # motor shafts [rad]
+    rotor_velocity: PerAxis  # [rad/s]
+    q: PerJoint  # where the joints really are [rad, rad, m]
+    qd: PerJoint  # [rad/s, rad/s, m/s]
+    hysteresis: PerJoint  # Bouc-Wen states, -1 to 1
+    slow_stretch: PerJoint  # Maxwell branches [rad, rad, m]
+    slack: PerJoint  # permanent set of the cables [rad, rad, m]
+    loss: PerJoint  # share of the stiffness that is lost
+    tension: PerJoint  # of the last step [Nm, Nm, N]
+    friction: PerJoint  # impulses of the last step, where the next one's search starts
 
 
-class Work(NamedTuple):
-    """Scratch of the dynamics of a tree with three joints."""
+class Work(Record):
+    """Scratch for `link_dynamics`, whose results are `bias` and `inverse`, and for `physics_step`."""
 
-    sine: Floats
-    cosine: Floats
-    rotation: Floats
-    position: Floats
-    omega: Floats
-    alpha: Floats
-    acceleration: Floats
-    force: Floats
-    moment: Floats
-    bias: Floats
-    mass: Floats
-    first_moment: Floats
-    inertia: Floats
-    matrix: Floats
-    inverse: Floats
-    zero: Floats
-    push: Floats
-    impulse: Floats
-
-
-def new_state() -> ArmState:
-    """An arm at zero, at rest, its cables new."""
-    return ArmState(np.zeros(7), np.zeros(7), *(np.zeros(3) for _ in range(8)))
-
-
-@inlined
-def new_work() -> Work:
-    """Scratch for `link_dynamics` and `physics_step`."""
-    return Work(
-        sine=np.empty(3),
-        cosine=np.empty(3),
-        rotation=np.empty((3, 3, 3)),
-        position=np.empty((3, 3)),
-        omega=np.empty((4, 3)),
-        alpha=np.empty((4, 3)),
-        acceleration=np.empty((4, 3)),
-        force=np.empty((4, 3)),
-        moment=np.empty((4, 3)),
-        bias=np.empty(3),
-        mass=np.empty(4),
-        first_moment=np.empty((4, 3)),
-        inertia=np.empty((4, 3, 3)),
-        matrix=np.empty((3, 3)),
-        inverse=np.empty((3, 3)),
-        zero=np.zeros(3),
-        push=np.empty(3),
-        impulse=np.empty(3),
-    )
+    sine: PerJoint
+    cosine: PerJoint
+    rotation: Annotated[Floats, "f8", (3, 3, 3)]
+    position: Annotated[Floats, "f8", (3, 3)]
+    # the recursions' rows are the links', then the base's
+    omega: Annotated[Floats, "f8", (4, 3)]
+    alpha: Annotated[Floats, "f8", (4, 3)]
+    acceleration: Annotated[Floats, "f8", (4, 3)]
+    force: Annotated[Floats, "f8", (4, 3)]
+    moment: Annotated[Floats, "f8", (4, 3)]
+    mass: Annotated[Floats, "f8", (4,)]
+    first_moment: Annotated[Floats, "f8", (4, 3)]
+    inertia: Annotated[Floats, "f8", (4, 3, 3)]
+    matrix: Annotated[Floats, "f8", (3, 3)]  # mass matrix [kg m2, kg m, kg]
+    inverse: Annotated[Floats, "f8", (3, 3)]  # of the mass matrix
+    bias: PerJoint  # torques of velocity, gravity and a moving base [Nm, Nm, N]
+    zero: PerJoint  # accelerations at which the bias is taken: stays zero
+    push: PerJoint
+    impulse: PerJoint
 
 
 @inlined

@@ -1,54 +1,43 @@
 """A simulated RAVEN-II arm: real cables, its own firmware, homing, external encoders; a Plant."""
 
 from collections.abc import Iterator, Mapping
-from copy import deepcopy
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
-from catenary.plant import STATE_COMMANDS, JointState, OperatingState, StateCommand, StateName
+from catenary.errors import InputError, NotReadyError
+from catenary.plant import JointState
 from catenary.robots.catalog import load_robot
-from catenary.robots.model import RobotModel
+from catenary.robots.model import RobotModel, Tree
 from catenary.simulation.base_motion import BaseTimeline, FixedBase, MovingBase
-from catenary.simulation.cable_parameters import (
-    POSITIONING,
-    Cable,
-    CableArm,
-    Firmware,
-    load_cable_arm,
-    right_arm,
-    varied,
-)
-from catenary.simulation.cable_physics import new_state, unstretched_rotors
-from catenary.simulation.columns import COLUMNS, Sample, reported_positions, rounded_counts
+from catenary.simulation.cable_parameters import CableArm, Rig, load_cable_arm, right_arm, varied
+from catenary.simulation.cable_physics import ArmState, Work, unstretched_rotors
+from catenary.simulation.columns import COLUMNS, sample
+from catenary.simulation.external_encoders import ExternalEncoders
 from catenary.simulation.firmware import (
-    BRAKES,
-    GUARDED,
     OFF,
-    PERIOD,
     POSITION,
-    STOPPED,
     TORQUE,
+    ControlState,
     TickLog,
-    new_control,
+    joint_torques,
     read_encoders_of,
 )
-from catenary.simulation.homing import home, registered_zero
-from catenary.simulation.joint_report import joint_state
-from catenary.simulation.packed import LOG, arm_of, control_of, log_of, pack, pack_tree
-from catenary.simulation.tick_call import TickArrays, TickCall, tick_call
+from catenary.simulation.homing import home
+from catenary.simulation.records import AXES, POSITIONING, TOOLS
+from catenary.simulation.simulated_plant import PERIOD, SimulatedPlant
 from catenary.simulation.ticks import run_ticks
 
 JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")
 UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
-NO_LOG = np.empty((0, LOG))
+NO_LOG = TickLog.rows(0)
+# between which an arm stands at power-on [rad, rad, m]
+STARTS = [*np.deg2rad([10.0, 60.0]), 0.30], [*np.deg2rad([70.0, 120.0]), 0.45]
 PAYLOAD_PLACE = np.array([0.0, 0.0, -0.47])  # [m] in the insertion's frame: the tool's wrist
 
 
-class CablePlant:
+class CablePlant(SimulatedPlant):
     """One arm. Nothing moves before it is homed and enabled; brakes hold it while it is not enabled."""
 
     def __init__(
@@ -87,72 +76,33 @@ class CablePlant:
         drawn = load_cable_arm() if arm is None else arm
         drawn = drawn if seed is None else varied(drawn, rng)
         self.arm = drawn if side == "left" else right_arm(drawn)
+        super().__init__(BaseTimeline(FixedBase() if base is None else base, PERIOD), is_homed=False)
         self.side, self.seed, self.substeps, self.payload = side, seed, substeps, payload
-        self._base = BaseTimeline(FixedBase() if base is None else base, PERIOD)
         self.model: RobotModel = load_robot("raven2_full" if side == "left" else "raven2_full_right")
-        self.rig = self.arm.rig
         positioning = load_robot("raven2" if side == "left" else "raven2_right")
-        self._tree = positioning.with_payload("insertion", payload, PAYLOAD_PLACE).tree
-        self._tree_numbers = pack_tree(self._tree)
-        self._cable, self._firmware = self.arm.cable, self.arm.firmware
-        self._parameters = pack(self._cable), pack(self._firmware)
-        self._state_numbers = pack(new_state()), pack(new_control())
-        self._whole_numbers = np.concatenate([a for a in new_control() if a.dtype == np.int64])
-        self.state = arm_of(self._state_numbers[0])
-        self.control = control_of(self._state_numbers[1], self._whole_numbers)
-        self._tick_call: TickCall | None = None  # made at the first tick, for these very arrays
-        self._tick = 0
-        self._state: StateName = "DISABLED"
-        self._fault = ""
-        self._is_homed = False
+        links = positioning.with_payload("insertion", payload, PAYLOAD_PLACE).tree
+        # writable ones, as deep copies are: compiled code is compiled once more for another kind of array
+        self._tree = Tree._make(np.array(part) for part in links)
+        # the arm's parameters and the firmware's; others may be put in place of them
+        self.cable, self.firmware = self.arm.cable.copy(), self.arm.firmware.copy()
+        self.state = ArmState()
+        self.control = ControlState(braked=True, guarded=True)
+        self.encoders = ExternalEncoders(self.arm.rig)
+        self._work = Work()
         self._homing: Iterator[Floats] | None = None
-        self._wanted = np.full(7, np.nan)
-        self._rig_seen: list[Floats] | None = None
-        self.rig_zero = np.full(3, np.nan)
+        self._wanted = np.full(AXES, np.nan)
         self._power_on(rng, start)
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> "CablePlant":
-        """Another arm in the same state; its named arrays are views of its own long ones."""
-        twin = object.__new__(CablePlant)
-        memo[id(self)] = twin
-        for name, value in vars(self).items():
-            if name not in ("state", "control", "_tick_call"):
-                setattr(twin, name, deepcopy(value, memo))
-        twin.state = arm_of(twin._state_numbers[0])
-        twin.control = control_of(twin._state_numbers[1], twin._whole_numbers)
-        twin._tick_call = None
-        return twin
 
     # what a Plant says about itself
 
     joint_names: tuple[str, ...] = JOINTS
     joint_units: tuple[str, ...] = UNITS
-    period = PERIOD
-    simulated = True
-    supports = frozenset({"servo_jp", "servo_jr", "servo_jf", "state_command"})
     columns = COLUMNS
 
     @property
-    def cable(self) -> Cable:
-        """The arm's parameters; another set may be put in place of them."""
-        return self._cable
-
-    @cable.setter
-    def cable(self, cable: Cable) -> None:
-        self._cable = cable
-        self._parameters = pack(cable), self._parameters[1]
-        self._tick_call = None
-
-    @property
-    def firmware(self) -> Firmware:
-        """The firmware's parameters; another set may be put in place of them."""
-        return self._firmware
-
-    @firmware.setter
-    def firmware(self, firmware: Firmware) -> None:
-        self._firmware = firmware
-        self._parameters = self._parameters[0], pack(firmware)
-        self._tick_call = None
+    def rig(self) -> Rig:
+        """The external encoders' numbers."""
+        return self.encoders.rig
 
     @property
     def lower(self) -> Floats:
@@ -164,40 +114,30 @@ class CablePlant:
         """Software limits above, (7,)."""
         return self.firmware.upper.copy()
 
-    @property
-    def base(self) -> MovingBase:
-        """What the arm stands on."""
-        return self._base.base
-
-    @property
-    def time(self) -> float:
-        """Time since power-on [s]."""
-        return self._tick * PERIOD
-
-    @property
-    def ticks(self) -> int:
-        """Ticks since power-on."""
-        return self._tick
-
     def measured_js(self) -> JointState:
-        """Joint state as the firmware believes it; gravity and rates of ideal sensors at the base's origin."""
-        return self._joint_state(measured=True)
+        """Return the joint state that the firmware believes; gravity and base rates are an ideal sensor's."""
+        return self._joint_state(self.control.joint.copy(), self.control.joint_velocity.copy())
 
     def setpoint_js(self) -> JointState:
-        """Joint setpoint of the firmware."""
-        return self._joint_state(measured=False)
+        """Return the firmware's joint setpoint."""
+        return self._joint_state(self.control.setpoint.copy(), np.zeros(AXES))
 
-    def _joint_state(self, *, measured: bool) -> JointState:
-        control, base = (self._state_numbers[1], self._whole_numbers), self._base.rows(self._tick, 1)[0]
-        return joint_state(self.time, self._parameters[1], control, base, measured=measured)
-
-    def operating_state(self) -> OperatingState:
-        """CRTK's operating state."""
-        return OperatingState(self._state, self._is_homed, self._homing is not None)
+    def _joint_state(self, q: Floats, qd: Floats) -> JointState:
+        gravity, motion = self._base.rows(self._tick, 1)[0]
+        return JointState(
+            self.time,
+            q,
+            qd,
+            joint_torques(self.firmware, self.control.torque),
+            self.control.motor.copy(),
+            gravity[0] - motion[0, 2],  # an accelerometer cannot tell one from the other
+            0.0,
+            motion[0, :2].copy(),
+        )
 
     def telemetry(self) -> Mapping[str, Floats]:
-        """Latest sample of every column of `columns`."""
-        return Sample(self, self._state_numbers[1].copy(), self._base.rows(self._tick, 1)[0])
+        """Return the latest sample of every column of `columns`."""
+        return sample(self.control, self.state.q, self.encoders, self._base.rows(self._tick, 1)[0])
 
     # what a Plant obeys
 
@@ -226,35 +166,6 @@ class CablePlant:
         self.control.mode[:n] = TORQUE
         self.control.mode[n:] = POSITION
 
-    def state_command(self, command: StateCommand) -> None:
-        """Ask for a transition: enable, disable, pause, resume, home, unhome.
-
-        Raises:
-            UnsupportedCommandError: No such command.
-        """
-        if command not in STATE_COMMANDS:
-            raise UnsupportedCommandError(
-                f'state command "{command}": expected one of {", ".join(STATE_COMMANDS)}'
-            )
-        if command == "enable" and self._state in ("DISABLED", "FAULT"):
-            self.control.flags[STOPPED] = 0
-            self._set_state("ENABLED")
-        elif command == "disable":
-            self._set_state("DISABLED")
-        elif command == "pause" and self._state == "ENABLED":
-            self._set_state("PAUSED")
-        elif command == "resume" and self._state == "PAUSED":
-            self._set_state("ENABLED")
-        elif command == "unhome":
-            self._is_homed = False
-        elif command == "home":
-            if self._state != "ENABLED":
-                raise NotReadyError(f"home: the arm is {self._state}; enable it first")
-            self._stop_homing()
-            self._is_homed = False
-            self.control.flags[BRAKES] = 0
-            self._homing = home(self)
-
     def wait(self) -> None:
         """Advance by one tick of 1 ms.
 
@@ -262,15 +173,9 @@ class CablePlant:
             NotReadyError: An axis that homes met no stop; the arm is then in FAULT.
         """
         row = self._wanted if self._homing is None else self._next_homing_row(self._homing)
-        if self._tick_call is None:
-            self._tick_call = tick_call(self._arrays(), self.substeps)
-        base, _ = self._base.rows(self._tick, 1)
-        self._tick_call(row, base.gravity, base.motion)
-        self._tick += 1
-        self._watch_stop()
+        self._advance(row[np.newaxis], NO_LOG)
         self._wanted[:] = np.nan
-        if self._rig_seen is not None:
-            self._rig_seen.append(self.rig_counts(self.state.q))
+        self.encoders.see(self.state.q)
 
     # what only a simulator can do
 
@@ -298,104 +203,96 @@ class CablePlant:
         if np.isinf(rows).any():
             raise InputError(f"run: setpoints are infinite on {np.isinf(rows).any(axis=1).sum()} rows")
         self.control.mode[:] = POSITION
-        table = np.empty((len(rows), LOG))
-        self._advance(rows, table)
+        log = TickLog.rows(len(rows))
+        self._advance(rows, log)
         if self._state == "FAULT":
             raise NotReadyError(self._fault.removeprefix(": "))
-        return log_of(table)
-
-    def rig_counts(self, q: Floats) -> Floats:
-        """Counts of the external encoders at true joint positions (..., 3)."""
-        return rounded_counts(self.rig, q)
-
-    def rig_positions(self, counts: Floats) -> Floats:
-        """Joint positions that the rig reports, (..., 3) [rad, rad, m]; NaN before it is registered."""
-        return reported_positions(self.rig, self.rig_zero, counts)
+        return log
 
     def resume_at(self, tick: int, rig_zero: Floats, *, is_homed: bool) -> None:
         """Take up a life that was put away: the state's arrays have been written, the arm is disabled."""
         self._tick = tick
-        self.rig_zero = rig_zero.copy()
+        self.encoders.zero = rig_zero.copy()
         self._is_homed = is_homed
         self._set_state("DISABLED")
 
-    def rig_peak_begin(self) -> None:
-        """Begin to watch the external encoders for the stops."""
-        self._rig_seen = []
-
-    def rig_register(self) -> None:
-        """Register the external encoders at the stops that they saw."""
-        if self._rig_seen:
-            self.rig_zero = registered_zero(self.rig, np.array(self._rig_seen), self.cable.stop_side)
-        self._rig_seen = None
-
-    def _advance(self, rows: Floats, log: Floats) -> None:
+    def _advance(self, rows: Floats, log: TickLog) -> None:
+        """Run a tick for each row (T, 7), until the software e-stop trips."""
         done = 0
-        while done < len(rows):
+        while done < len(rows) and not (done and self.control.stopped):
             base, count = self._base.rows(self._tick, len(rows) - done)
-            given = rows[done : done + count], base.gravity, base.motion, self.substeps, log[done:]
-            ran = run_ticks(*self._arrays(), *given)
+            ran = run_ticks(
+                self._tree,
+                self.cable,
+                self.firmware,
+                self.state,
+                self.control,
+                self._work,
+                rows[done : done + count],
+                base.gravity,
+                base.motion,
+                self.substeps,
+                log[done:],
+            )
             done, self._tick = done + ran, self._tick + ran
-            if self._watch_stop():
-                return
-
-    def _arrays(self) -> TickArrays:
-        """What compiled ticks read and write."""
-        numbers = self._tree_numbers, *self._parameters, *self._state_numbers
-        return self._tree.parent, self._tree.prismatic, *numbers, self._whole_numbers
-
-    def _watch_stop(self) -> bool:
-        """Whether the software e-stop has tripped."""
-        tripped = bool(self.control.flags[STOPPED])
-        if tripped:
-            why = f"the software e-stop tripped at {self.time:.3f} s: a motor's command was too large"
-            self._set_state("FAULT", f": {why}")
-        return tripped
+        if self.control.stopped:
+            self._set_state(
+                "FAULT", f"the software e-stop tripped at {self.time:.3f} s: a motor's command was too large"
+            )
 
     def _next_homing_row(self, homing: Iterator[Floats]) -> Floats:
         try:
             row = next(homing, None)
         except NotReadyError as error:
-            self._set_state("FAULT", f": {error}")
+            self._set_state("FAULT", str(error))
             raise
         if row is not None:
             return row
         self._stop_homing()
         self._is_homed = True
-        return np.full(7, np.nan)  # the setpoint stays at home
+        return np.full(AXES, np.nan)  # the setpoint stays at home
+
+    @property
+    def _is_homing(self) -> bool:
+        return self._homing is not None
+
+    def _begin_homing(self) -> None:
+        self._stop_homing()
+        self._is_homed = False
+        self.control.braked = False
+        self._homing = home(
+            self.firmware, self.control, self.encoders, self.cable.stop_side, self.joint_names
+        )
 
     def _stop_homing(self) -> None:
-        self._homing, self._rig_seen = None, None
+        self._homing = None
+        self.encoders.stop_watching()
         self.control.seek[:] = OFF
-        self.control.flags[GUARDED] = 1
+        self.control.guarded = True
 
-    def _set_state(self, state: StateName, why: str = "") -> None:
-        self._state, self._fault = state, why  # `why` ends messages about the state
+    def _unhomed(self) -> None:
+        """The firmware goes on; it is the servo verbs that are refused."""
+
+    def _state_changed(self) -> None:
         self._stop_homing()
-        running = state == "ENABLED" and self._is_homed
-        self.control.flags[BRAKES] = 0 if running else 1
-        self.control.mode[:] = POSITION if running else OFF
-        if running:  # no jump when control begins
-            self.control.setpoint[:] = self.control.joint
-
-    def _require_ready(self) -> None:
-        if self._state != "ENABLED" or not self._is_homed or self._homing is not None:
-            homed = "homing" if self._homing is not None else "homed" if self._is_homed else "not homed"
-            raise NotReadyError(
-                f"the arm is {self._state} and {homed}{self._fault}; it must be ENABLED and homed to be moved"
-            )
+        control, moves = self.control, self._moves
+        if self._state == "ENABLED":
+            control.stopped = False
+        control.braked = not moves
+        control.mode[:] = POSITION if moves else OFF
+        if moves:  # no jump when control begins
+            control.setpoint = control.joint
 
     def _power_on(self, rng: np.random.Generator, start: ArrayLike | None) -> None:
-        low = np.array([np.deg2rad(10.0), np.deg2rad(60.0), 0.30])
-        high = np.array([np.deg2rad(70.0), np.deg2rad(120.0), 0.45])
-        q = rng.uniform(low, high) if start is None else as_array("start", start, (3,))
-        self.state.q[:] = q
-        self.state.rotor[:3] = unstretched_rotors(self.cable, q)
-        tools = rng.uniform(-0.5, 0.5, 4)
-        self.state.rotor[3:] = self.cable.tool_ratio * tools + self.cable.tool_carried * self.state.rotor[2]
+        state, control = self.state, self.control
+        state.q = rng.uniform(*STARTS) if start is None else as_array("start", start, (POSITIONING,))
+        state.rotor[:POSITIONING] = unstretched_rotors(self.cable, state.q)
+        tools = rng.uniform(-0.5, 0.5, TOOLS)
+        insertion = state.rotor[POSITIONING - 1]
+        state.rotor[POSITIONING:] = self.cable.tool_ratio * tools + self.cable.tool_carried * insertion
         # the encoders count from wherever they woke up
-        self.control.offset[:] = np.round(rng.uniform(-2e5, 2e5, 7))
-        read_encoders_of(self.firmware, self.state, self.control)
-        self.control.motor_velocity[:] = 0.0
-        self.control.joint_velocity[:] = 0.0
-        self.control.setpoint[:] = self.control.joint
+        control.offset = np.round(rng.uniform(-2e5, 2e5, AXES))
+        read_encoders_of(self.firmware, state, control)
+        control.motor_velocity[:] = 0.0
+        control.joint_velocity[:] = 0.0
+        control.setpoint = control.joint

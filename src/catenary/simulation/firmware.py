@@ -4,7 +4,6 @@
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,61 +12,52 @@ from catenary.arrays import Floats
 from catenary.kernels.compiled import compiled, inlined
 from catenary.simulation.cable_parameters import Firmware
 from catenary.simulation.cable_physics import ArmState
+from catenary.simulation.records import CodePerAxis, PerAxis, PerJoint, Record
+from catenary.simulation.simulated_plant import PERIOD
 from catenary.transmission.coupling import joint_forces, joints_of, tensions_for, winding_of
 
 COUNTS_PER_RADIAN = 4000.0 / (2.0 * math.pi)  # of the motor's encoder
-PERIOD = 1e-3  # [s]
 OFF, POSITION, TORQUE = 0, 1, 2  # modes of an axis: no output, PD on its setpoint, joint torque as commanded
 SEEKING, FOUND = 1, 2
-BRAKES, STOPPED, GUARDED = 0, 1, 2  # flags
 STOP_DAC = 20_000.0  # beyond: software e-stop
 DAC_RANGE = (-32_768.0, 32_767.0)  # the board takes 16 bits
 
 
-class ControlState(NamedTuple):
+class ControlState(Record):
     """What the firmware keeps between ticks, and what it read and sent in the last one."""
 
-    offset: Floats  # (7,) encoder offsets [counts], written at homing
-    counts: Floats  # (7,) of the encoders as read
-    motor: Floats  # (7,) measured motor positions [rad]
-    motor_velocity: Floats  # (7,) difference over 1 ms [rad/s]
-    joint: Floats  # (7,) measured joint positions [rad, rad, m, rad...]
-    joint_velocity: Floats  # (7,)
-    setpoint: Floats  # (7,) desired joint positions
-    motor_setpoint: Floats  # (7,) desired motor positions [rad]
-    torque_command: Floats  # (7,) joint torques for axes in mode TORQUE [Nm, Nm, N, Nm...]
-    integral: Floats  # (7,) of the motor position error [rad s]
-    torque: Floats  # (7,) demanded at the gearbox's output, before clipping [Nm]
-    dac: Floats  # (7,) sent, after clipping, with the board's sign
-    mode: NDArray[np.int64]  # (7,)
-    seek: NDArray[np.int64]  # (7,) axes that look for their stop: SEEKING, then FOUND
-    flags: NDArray[np.int64]  # (3,) brakes on, software e-stop tripped, setpoints guarded
+    offset: PerAxis  # encoder offsets [counts], written at homing
+    counts: PerAxis  # of the encoders as read
+    motor: PerAxis  # measured motor positions [rad]
+    motor_velocity: PerAxis  # difference over 1 ms [rad/s]
+    joint: PerAxis  # measured joint positions [rad, rad, m, rad...]
+    joint_velocity: PerAxis
+    setpoint: PerAxis  # desired joint positions
+    motor_setpoint: PerAxis  # desired motor positions [rad]
+    torque_command: PerAxis  # joint torques for axes in mode TORQUE [Nm, Nm, N, Nm...]
+    integral: PerAxis  # of the motor position error [rad s]
+    torque: PerAxis  # demanded at the gearbox's output, before clipping [Nm]
+    dac: PerAxis  # sent, after clipping, with the board's sign
+    mode: CodePerAxis  # OFF, POSITION or TORQUE
+    seek: CodePerAxis  # of axes that look for their stop: SEEKING, then FOUND
+    braked: bool  # every motor's shaft is held
+    stopped: bool  # the software e-stop has tripped
+    guarded: bool  # setpoints keep to the software limits and move by one clamped step a tick
 
 
-class TickLog(NamedTuple):
+class TickLog(Record):
     """What happened in each tick, as it began: rows of one compiled run."""
 
-    counts: Floats  # (T, 7)
-    motor: Floats
-    motor_velocity: Floats
-    joint: Floats
-    joint_velocity: Floats
-    setpoint: Floats
-    motor_setpoint: Floats
-    torque: Floats
-    dac: Floats
-    q: Floats  # (T, 3) where the joints really were
-
-
-def new_control() -> ControlState:
-    """Firmware as it wakes up: brakes on, all axes off, encoders not registered."""
-    floats = [np.zeros(7) for _ in range(12)]
-    return ControlState._make([*floats, np.zeros(7, np.int64), np.zeros(7, np.int64), np.array([1, 0, 1])])
-
-
-def new_log(ticks: int) -> TickLog:
-    """Room for the log of a run."""
-    return TickLog._make([*(np.empty((ticks, 7)) for _ in range(9)), np.empty((ticks, 3))])
+    counts: PerAxis
+    motor: PerAxis
+    motor_velocity: PerAxis
+    joint: PerAxis
+    joint_velocity: PerAxis
+    setpoint: PerAxis
+    motor_setpoint: PerAxis
+    torque: PerAxis
+    dac: PerAxis
+    q: PerJoint  # where the joints really were
 
 
 @inlined
@@ -76,7 +66,7 @@ def _motors_of(firmware: Firmware, joint: Floats, insertion_motor: float, out: F
     winding = winding_of(firmware.coupling, joint)
     for j in range(3):
         out[j] = firmware.ratio[j] * winding[j]
-    carried = firmware.tool_sign[0] * insertion_motor / firmware.insertion_ratio[0]
+    carried = firmware.tool_sign * insertion_motor / firmware.insertion_ratio
     for t in range(3, 7):
         side = -1.0 if t == 5 else 1.0  # the first jaw's cable runs the other way
         out[t] = firmware.ratio[t] * joint[t] + side * carried
@@ -90,7 +80,7 @@ def _joints_of(firmware: Firmware, motor: Floats, out: Floats) -> None:
         (motor[0] / firmware.ratio[0], motor[1] / firmware.ratio[1], motor[2] / firmware.ratio[2]),
     )
     out[0], out[1], out[2] = first, second, third
-    carried = firmware.tool_sign[0] * motor[2] / firmware.insertion_ratio[0]
+    carried = firmware.tool_sign * motor[2] / firmware.insertion_ratio
     for t in range(3, 7):
         side = -1.0 if t == 5 else 1.0
         out[t] = (motor[t] - side * carried) / firmware.ratio[t]
@@ -111,7 +101,7 @@ def read_encoders(firmware: Firmware, arm: ArmState, control: ControlState) -> N
 @compiled
 def read_encoders_of(firmware: Firmware, arm: ArmState, control: ControlState) -> None:
     """`read_encoders`, outside of a run."""
-    read_encoders(firmware, arm, control)
+    read_encoders(firmware[()], arm[()], control[()])
 
 
 @inlined
@@ -143,7 +133,7 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
         limit = firmware.dac_limit[j]
         control.torque[j] = torque
         if limit > 0.0 and abs(dac) > STOP_DAC:
-            control.flags[STOPPED] = 1
+            control.stopped = True
         if control.seek[j] == SEEKING and abs(dac) >= firmware.home_threshold[j]:
             control.seek[j] = FOUND  # no output for this cycle, then the PD holds where the axis stands
             control.setpoint[j] = control.joint[j]
@@ -151,7 +141,7 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
         if limit > 0.0:
             dac = min(max(dac, -limit), limit)
         dac = min(max(dac, DAC_RANGE[0]), DAC_RANGE[1])
-        if control.flags[STOPPED] != 0:
+        if control.stopped:
             dac = 0.0
         control.dac[j] = dac
         shaft_torque[j] = firmware.dac_sign[j] * dac / per_torque / firmware.gearbox[j]
@@ -163,7 +153,7 @@ def take_setpoint(firmware: Firmware, control: ControlState, wanted: Floats) -> 
     for j in range(7):
         if math.isnan(wanted[j]):
             continue
-        if control.flags[GUARDED] == 0:
+        if not control.guarded:
             control.setpoint[j] = wanted[j]
             continue
         most = firmware.step_limit[j]
@@ -178,6 +168,7 @@ def register(firmware: Firmware, control: ControlState, joint: Floats, axes: NDA
     All offsets follow from the joint positions together, the tools' with the insertion motor that belongs to
     them; only those of `axes` (7,) are changed.
     """
+    firmware, control = firmware[()], control[()]
     motor = np.empty(7)
     _motors_of(firmware, joint, 0.0, motor)
     _motors_of(firmware, joint, motor[2], motor)

@@ -4,19 +4,18 @@
 positioning joints together. An axis has met its stop when the DAC that its PD asks for reaches a threshold.
 """
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.errors import NotReadyError
-from catenary.simulation.cable_parameters import Rig
-from catenary.simulation.firmware import FOUND, GUARDED, OFF, PERIOD, POSITION, SEEKING, register
-
-if TYPE_CHECKING:
-    from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.cable_parameters import Firmware
+from catenary.simulation.external_encoders import ExternalEncoders
+from catenary.simulation.firmware import FOUND, OFF, POSITION, SEEKING, ControlState, register
+from catenary.simulation.records import AXES
+from catenary.simulation.simulated_plant import PERIOD
 
 # [rad/s, rad/s, m/s, rad/s...] towards the stops: shoulder down, elbow up, insertion out, tools up
 SEEK_SPEED = np.array([-np.deg2rad(10.0), np.deg2rad(10.0), 0.02, *np.deg2rad([80.0, 40.0, 40.0, 40.0])])
@@ -31,53 +30,61 @@ Booleans = NDArray[np.bool_]
 WAITED_FOR = np.array([False] * 3 + [True, True, True, False])  # the last jaw is not waited for
 
 
-def home(plant: "CablePlant") -> Iterator[Floats]:
+def home(
+    firmware: Firmware,
+    control: ControlState,
+    encoders: ExternalEncoders,
+    stop_side: Floats,
+    joint_names: Sequence[str],
+) -> Iterator[Floats]:
     """Home an arm, tick by tick: each item is the next row of setpoints (7,).
+
+    Args:
+        firmware: The arm's.
+        control: Its state; modes, registration and what it seeks are written.
+        encoders: The rig's, registered at the positioning joints' stops.
+        stop_side: (3,) -1 for a stop below, 1 above.
+        joint_names: For messages.
 
     Raises:
         NotReadyError: An axis met no stop in a minute.
     """
-    firmware, control = plant.firmware, plant.control
-    control.flags[GUARDED] = 0  # the stops lie beyond the software limits
+    every = np.ones(AXES, dtype=bool)
+    control.guarded = False  # the stops lie beyond the software limits
     control.mode[:] = POSITION
     hold = control.joint.copy()
     for _ in range(round(AMPLIFIER_WAIT / PERIOD)):
         yield hold
-    yield from _seek(plant, TOOLS, WAITED_FOR)
-    registered = np.where(TOOLS, firmware.stop_value, firmware.home_value)
-    register(firmware, control, registered, np.ones(7, dtype=bool))
+    yield from _seek(control, TOOLS, WAITED_FOR, joint_names)
+    register(firmware, control, np.where(TOOLS, firmware.stop_value, firmware.home_value), every)
     yield from _move(control.joint.copy(), np.where(TOOLS, firmware.home_value, control.joint))
-    plant.rig_peak_begin()
-    yield from _seek(plant, POSITIONING, POSITIONING)
-    plant.rig_register()
-    registered = np.where(POSITIONING, firmware.stop_value, control.joint)
-    register(firmware, control, registered, np.ones(7, dtype=bool))
+    encoders.watch_for_stops()
+    yield from _seek(control, POSITIONING, POSITIONING, joint_names)
+    encoders.register(stop_side)
+    register(firmware, control, np.where(POSITIONING, firmware.stop_value, control.joint), every)
     yield from _move(control.joint.copy(), np.where(POSITIONING, firmware.home_value, control.joint))
 
 
-def _seek(plant: "CablePlant", axes: Booleans, waited_for: Booleans) -> Iterator[Floats]:
+def _seek(
+    control: ControlState, axes: Booleans, waited_for: Booleans, joint_names: Sequence[str]
+) -> Iterator[Floats]:
     """Run axes towards their stops until those waited for have met them, and a moment longer."""
-    control = plant.control
-    wanted = control.joint.copy()
-    control.seek[axes] = SEEKING
+    wanted, seek, setpoint = control.joint.copy(), control.seek, control.setpoint
+    seek[axes] = SEEKING
     t, since = 0.0, 0.0
     while since < REGISTER_WAIT:
         ramp = 1.0 - np.cos(2.0 * np.pi * t) if t < RAMP else 1.0
-        found = control.seek == FOUND
+        found = seek == FOUND
         moving = axes & ~found
-        wanted = np.where(
-            moving, wanted + SEEK_SPEED * ramp * PERIOD, np.where(found, control.setpoint, wanted)
-        )
+        wanted = np.where(moving, wanted + SEEK_SPEED * ramp * PERIOD, np.where(found, setpoint, wanted))
         yield wanted
         t += PERIOD
         if (found | ~waited_for).all():
             since += PERIOD
         if t > LONGEST_SEEK:
-            lost = [
-                name for name, f, w in zip(plant.joint_names, found, waited_for, strict=True) if w and not f
-            ]
+            lost = [joint_names[int(j)] for j in np.flatnonzero(waited_for & ~found)]
             raise NotReadyError(f"homing: {', '.join(lost)} met no stop in {LONGEST_SEEK:g} s")
-    control.seek[:] = OFF
+    seek[:] = OFF
 
 
 def _move(start: Floats, goal: Floats) -> Iterator[Floats]:
@@ -85,17 +92,3 @@ def _move(start: Floats, goal: Floats) -> Iterator[Floats]:
     ticks = round(HOME_TIME / PERIOD)
     for k in range(1, ticks + 1):
         yield start + (goal - start) * 0.5 * (1.0 - np.cos(np.pi * k / ticks))
-
-
-def registered_zero(rig: Rig, counts: Floats, sides: Floats) -> Floats:
-    """Counts (3,) that the rig takes for its stops: the mean of those within a window of the peak.
-
-    Args:
-        rig: The external encoders.
-        counts: (T, 3) seen while the joints ran into their stops.
-        sides: (3,) -1 for a stop below, 1 above.
-    """
-    peak = np.max(counts * sides, axis=0) * sides
-    near = np.abs(counts - peak) <= rig.window
-    zero: Floats = np.where(near, counts, 0.0).sum(axis=0) / near.sum(axis=0)
-    return zero

@@ -3,6 +3,7 @@
 import json
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -10,13 +11,15 @@ from catenary.errors import FileFormatError
 from catenary.simulation.cable_plant import CablePlant
 
 FORMAT = "catenary.cable_plant.1"
+FLAGS = ("braked", "stopped", "guarded")  # of the firmware, one array in the file
 
 
 def save_plant(plant: CablePlant, path: Path) -> None:
     """Write where an arm stands and what its firmware knows; not its parameters, which follow from its seed."""
-    arrays = {f"arm.{name}": values for name, values in plant.state._asdict().items()}
-    arrays |= {f"control.{name}": values for name, values in plant.control._asdict().items()}
-    arrays["rig_zero"] = plant.rig_zero
+    arrays: dict[str, Any] = {f"arm.{name}": plant.state[name] for name in plant.state.fields}
+    arrays |= {f"control.{name}": plant.control[name] for name in plant.control.fields if name not in FLAGS}
+    arrays["control.flags"] = np.array([plant.control[name] for name in FLAGS], dtype=np.int64)
+    arrays["rig_zero"] = plant.encoders.zero
     about = _robot(plant) | {
         "tick": plant.ticks,
         "is_homed": plant.operating_state().is_homed,
@@ -37,10 +40,11 @@ def restore_plant(plant: CablePlant, path: Path) -> None:
             found = {key: about[key] for key in wanted}
             if found != wanted:
                 raise FileFormatError(f"{path}: is of another robot: {found}, expected {wanted}")
-            for name, values in plant.state._asdict().items():
-                values[:] = file[f"arm.{name}"]
-            for name, values in plant.control._asdict().items():
-                values[:] = file[f"control.{name}"]
+            for name in plant.state.fields:
+                plant.state[name] = file[f"arm.{name}"]
+            flags = dict(zip(FLAGS, file["control.flags"], strict=True))
+            for name in plant.control.fields:
+                plant.control[name] = flags[name] if name in flags else file[f"control.{name}"]
             plant.resume_at(int(about["tick"]), file["rig_zero"], is_homed=bool(about["is_homed"]))
     except FileFormatError:
         raise

@@ -6,8 +6,8 @@ import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.plant import Column, JointState, OperatingState, StateCommand
-from catenary.simulation.cable_parameters import POSITIONING
 from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.records import POSITIONING
 
 
 class PositioningArm:

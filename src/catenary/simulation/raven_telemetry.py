@@ -54,8 +54,8 @@ def telemetry_of(plant: CablePlant, log: TickLog) -> dict[str, Floats]:
     columns["pos"][:, 3 * arm : 3 * arm + 3] = position
     columns["ori"] = np.zeros((ticks, 18))
     columns["ori"][:, 9 * arm : 9 * arm + 9] = rotation.reshape(ticks, 9)
-    columns["joint_enc"] = plant.rig_counts(log.q)
-    columns["ext_jpos"] = plant.rig_positions(columns["joint_enc"])
+    columns["joint_enc"] = plant.encoders.counts(log.q)
+    columns["ext_jpos"] = plant.encoders.positions(columns["joint_enc"])
     columns["measured_js"] = log.joint
     columns["measured_js_velocity"] = log.joint_velocity
     columns["measured_js_effort"] = joint_torques(plant.firmware, log.torque)

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.plant import MotionLog
 from catenary.simulation.cable_plant import JOINTS, UNITS, CablePlant
-from catenary.simulation.firmware import PERIOD, TickLog, joint_torques
+from catenary.simulation.firmware import TickLog, joint_torques
+from catenary.simulation.simulated_plant import PERIOD
 from catenary.trajectories.reference import Trajectory
 
 STATE_RATE = 30.0  # [Hz] at which the paper recorded raven_state
@@ -58,7 +59,7 @@ def record_simulated(
         joint.append(log.joint[here])
         torque.append(joint_torques(plant.firmware, log.torque[here]))
         seen = np.arange(0, last - first, ENCODER_TICKS)
-        positions = plant.rig_positions(plant.rig_counts(log.q[seen]))
+        positions = plant.encoders.positions(plant.encoders.counts(log.q[seen]))
         encoder.append(np.column_stack([np.interp(here, seen, positions[:, j]) for j in range(CALIBRATED)]))
     q, tau = np.concatenate(joint), np.concatenate(torque)
     tools = JOINTS[CALIBRATED:]

@@ -22,11 +22,12 @@ from catenary.plant import Plant
 from catenary.robots.catalog import RAVEN_SIDES, load_robot
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import MovingBase
-from catenary.simulation.cable_parameters import POSITIONING, CableArm, Firmware, load_cable_arm, right_arm
+from catenary.simulation.cable_parameters import CableArm, Firmware, load_cable_arm, right_arm
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.joint_hardware import JointHardware
 from catenary.simulation.mujoco_plant import MujocoPlant
 from catenary.simulation.positioning import PositioningArm
+from catenary.simulation.records import POSITIONING
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ def deploy_on_simulated(
     """
 
     def encoders() -> Floats:
-        return plant.rig_positions(plant.rig_counts(plant.state.q))
+        return plant.encoders.positions(plant.encoders.counts(plant.state.q))
 
     return deploy_on_robot(plant, model, trajectory, encoders, real_time=real_time)
 

@@ -15,10 +15,10 @@ from catenary.recording.topics import raven_topics
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.firmware import PERIOD
 from catenary.simulation.plant_state import FORMAT as STATE_FORMAT
 from catenary.simulation.plant_state import restore_plant, save_plant
 from catenary.simulation.raven_telemetry import COLUMNS, telemetry_of
+from catenary.simulation.simulated_plant import PERIOD
 from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
 from catenary.workflows.project.deploy import deploy_on_simulated

@@ -1,0 +1,102 @@
+"""What every simulated plant has: a tick of 1 ms, a base to stand on, and CRTK's operating state."""
+
+from abc import ABC, abstractmethod
+
+from catenary.errors import NotReadyError, UnsupportedCommandError
+from catenary.plant import STATE_COMMANDS, OperatingState, StateCommand, StateName
+from catenary.simulation.base_motion import BaseTimeline, MovingBase
+
+PERIOD = 1e-3  # [s]
+# command: state before, state after; where a state is not named, nothing happens
+_TRANSITIONS: dict[str, dict[StateName, StateName]] = {
+    "enable": {"DISABLED": "ENABLED", "FAULT": "ENABLED"},
+    "disable": {"DISABLED": "DISABLED", "ENABLED": "DISABLED", "PAUSED": "DISABLED", "FAULT": "DISABLED"},
+    "pause": {"ENABLED": "PAUSED"},
+    "resume": {"PAUSED": "ENABLED"},
+}
+
+
+class SimulatedPlant(ABC):
+    """A robot in simulated time; brakes hold it while it is not enabled and homed."""
+
+    period = PERIOD
+    simulated = True
+    supports = frozenset({"servo_jp", "servo_jr", "servo_jf", "state_command"})
+
+    def __init__(self, base: BaseTimeline, *, is_homed: bool) -> None:
+        """Stand on a base, disabled."""
+        self._base = base
+        self._tick = 0
+        self._state: StateName = "DISABLED"
+        self._fault = ""  # why it is in FAULT
+        self._is_homed = is_homed
+
+    @property
+    def base(self) -> MovingBase:
+        """What the robot stands on."""
+        return self._base.base
+
+    @property
+    def time(self) -> float:
+        """Time since power-on [s]."""
+        return self._tick * PERIOD
+
+    @property
+    def ticks(self) -> int:
+        """Ticks since power-on."""
+        return self._tick
+
+    def operating_state(self) -> OperatingState:
+        """Return CRTK's operating state."""
+        return OperatingState(self._state, self._is_homed, self._is_homing)
+
+    def state_command(self, command: StateCommand) -> None:
+        """Ask for a transition: enable, disable, pause, resume, home, unhome.
+
+        Raises:
+            UnsupportedCommandError: No such command.
+            NotReadyError: `home` of a robot that is not enabled.
+        """
+        if command not in STATE_COMMANDS:
+            raise UnsupportedCommandError(
+                f'state command "{command}": expected one of {", ".join(STATE_COMMANDS)}'
+            )
+        if command == "home":
+            if self._state != "ENABLED":
+                raise NotReadyError(f"home: the robot is {self._state}; enable it first")
+            self._begin_homing()
+        elif command == "unhome":
+            self._is_homed = False
+            self._unhomed()
+        elif self._state in _TRANSITIONS[command]:
+            self._set_state(_TRANSITIONS[command][self._state])
+
+    @property
+    def _is_homing(self) -> bool:
+        return False
+
+    @property
+    def _moves(self) -> bool:
+        """Whether the robot's brakes are off and its control runs."""
+        return self._state == "ENABLED" and self._is_homed
+
+    def _set_state(self, state: StateName, why: str = "") -> None:
+        self._state, self._fault = state, f": {why}" if why else ""
+        self._state_changed()
+
+    @abstractmethod
+    def _state_changed(self) -> None:
+        """Make the robot do what its operating state asks for."""
+
+    @abstractmethod
+    def _begin_homing(self) -> None: ...
+
+    @abstractmethod
+    def _unhomed(self) -> None: ...
+
+    def _require_ready(self) -> None:
+        if not self._moves or self._is_homing:
+            homed = "homing" if self._is_homing else "homed" if self._is_homed else "not homed"
+            raise NotReadyError(
+                f"the robot is {self._state} and {homed}{self._fault}; it must be ENABLED and homed to be moved"
+            )

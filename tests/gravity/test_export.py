@@ -1,0 +1,231 @@
+import ctypes
+import shutil
+import subprocess
+from typing import get_args
+
+import casadi
+import jax
+import numpy as np
+import pytest
+import sympy
+from numpy.testing import assert_allclose
+
+from catenary.dynamics.inverse_dynamics import inverse_dynamics
+from catenary.dynamics.kinematics import forward_kinematics
+from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.errors import InputError, MissingInertiaError, MissingPackageError, NotReadyError
+from catenary.gravity.compact import compact_regressor
+from catenary.gravity.export import ExportedQuantity, export_function
+from catenary.gravity.regressor import standard_gravity_regressor
+from catenary.gravity.torque import gravity_torque
+from catenary.kernels import jax_writer
+from catenary.robots.catalog import load_robot
+from oracles.random_trees import random_robot
+
+TREE = random_robot(8).model  # branching, with prismatic joints and coupled coordinates
+ROBOTS = [load_robot("two_link"), load_robot("raven2"), TREE]
+QUANTITIES = get_args(ExportedQuantity)
+MOVING = ("q", "qd", "qdd", "gravity")
+INPUTS = {"mass_matrix": ("q",), "forward_kinematics": ("q",), "inverse_dynamics": MOVING}
+PACKAGES = {"jax": "jax", "casadi": "casadi", "sympy": "symbolic"}
+
+
+@pytest.fixture(autouse=True)
+def float64():
+    jax.config.update("jax_enable_x64", True)
+
+
+def arrays_of(model, quantity, seed=0):
+    rng = np.random.default_rng(seed)
+    sizes = {name: 3 if name == "gravity" else model.n for name in MOVING}
+    drawn = {name: rng.normal(size=size) for name, size in sizes.items()}
+    return [drawn[name] for name in INPUTS.get(quantity, ("q", "gravity"))]
+
+
+def by_recursion(model, quantity, arrays):
+    if quantity == "forward_kinematics":
+        pose = forward_kinematics(model, *arrays)
+        return np.column_stack([pose.rotation, pose.position])
+    return {
+        "gravity": gravity_torque,
+        "mass_matrix": mass_matrix,
+        "inverse_dynamics": inverse_dynamics,
+        "gravity_regressor": standard_gravity_regressor,
+        "compact_regressor": lambda model, *arrays: compact_regressor(model).Z(*arrays),
+    }[quantity](model, *arrays)
+
+
+def by_sympy(function, arrays):
+    symbols = [symbol for array in function.inputs.values() for symbol in array]
+    numbers = sympy.lambdify(symbols, list(function.result), "math", cse=True)(*np.concatenate(arrays))
+    return np.array(numbers, dtype=float)
+
+
+def by_c(text, name, arrays, size, folder):
+    """Call the one function of a header, compiled with every warning an error."""
+    if shutil.which("gcc") is None:
+        pytest.skip("gcc is not installed")
+    arguments = ", ".join(f"const double *a{k}" for k in range(len(arrays)))
+    call = f"void call({arguments}, double *out) {{ {name}({', '.join(f'a{k}' for k in range(len(arrays)))}, out); }}"
+    (folder / "f.c").write_text(
+        f"{text}\n{text.partition('#endif')[0]}#endif\nvoid call({arguments}, double *out);\n{call}\n"
+    )
+    strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O1", "-shared", "-fPIC"]
+    subprocess.run(["gcc", *strict, folder / "f.c", "-o", folder / "f.so", "-lm"], check=True)
+    out = (ctypes.c_double * size)()
+    given = [(ctypes.c_double * len(array))(*array) for array in arrays]
+    ctypes.CDLL(str(folder / "f.so")).call(*given, out)
+    return np.array(out)
+
+
+@pytest.mark.parametrize("model", ROBOTS, ids=lambda model: model.name)
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_every_target_computes_what_the_recursion_computes(model, quantity, tmp_path):
+    arrays = arrays_of(model, quantity)
+    expected = by_recursion(model, quantity, arrays)
+    found = {
+        "jax": np.asarray(export_function(model, quantity, "jax")(*arrays)),
+        "casadi": np.array(export_function(model, quantity, "casadi")(*arrays)).reshape(expected.shape),
+        "sympy": by_sympy(export_function(model, quantity, "sympy"), arrays).reshape(expected.shape),
+    }
+    for target, result in found.items():
+        assert result.shape == expected.shape
+        assert_allclose(result, expected, atol=1e-10, err_msg=target)
+    text = export_function(model, quantity, "c99")
+    name = next(word for word in text.replace("(", " ").split() if word.endswith(f"_{quantity}"))
+    in_c = by_c(text, name, arrays, expected.size, tmp_path).reshape(expected.shape)
+    assert_allclose(in_c, expected, atol=1e-10, err_msg="c99")
+
+
+def stiffness(model, q, gravity):
+    """dg/dq of an arm of links in a row, one coordinate each.
+
+    What joint b or a later one carries turns about (moves along) b; its pull on joint a <= b changes by
+    -m gravity . (z_a x (z_b x (r - p_b))) if both turn, -m gravity . (z_a x z_b) if b slides, 0 if a slides.
+    """
+    poses = [forward_kinematics(model, q, name) for name in model.link_names]
+    axes = [pose.rotation @ axis for pose, axis in zip(poses, model.tree.axis, strict=True)]
+    K = np.zeros((model.n, model.n))
+    for link, pose in enumerate(poses):
+        r = pose.position + pose.rotation @ model.tree.com[link]
+        for a in range(link + 1):
+            for b in range(a, link + 1):
+                if model.tree.prismatic[a]:
+                    continue
+                moved = axes[b] if model.tree.prismatic[b] else np.cross(axes[b], r - poses[b].position)
+                K[a, b] -= model.tree.mass[link] * gravity @ np.cross(axes[a], moved)
+    return K + np.triu(K, 1).T
+
+
+@pytest.mark.parametrize("name", ["two_link", "raven2"])
+def test_gradients_of_gravity_are_its_stiffness(name):
+    model = load_robot(name)
+    q, gravity = arrays_of(model, "gravity", seed=1)
+    expected = stiffness(model, q, gravity)
+    function = export_function(model, "gravity", "jax")
+    assert_allclose(jax.jacfwd(function)(q, gravity), expected, atol=1e-10)
+    assert_allclose(jax.jacrev(function)(q, gravity), expected, atol=1e-10)
+    slope = export_function(model, "gravity", "casadi").jacobian()
+    assert slope.name_in(0) == "q"
+    assert_allclose(np.array(slope(q, gravity, 0)[0]), expected, atol=1e-10)
+    symbolic = export_function(model, "gravity", "sympy")
+    derived = symbolic._replace(result=symbolic.result.jacobian(symbolic.inputs["q"]))
+    assert_allclose(by_sympy(derived, [q, gravity]), expected.ravel(), atol=1e-10)
+
+
+def test_jax_takes_batches_and_names():
+    rng = np.random.default_rng(2)
+    q, gravity = rng.normal(size=(5, 3)), np.array([0.0, 0.0, -9.81])
+    model = load_robot("raven2")
+    function = export_function(model, "gravity", "jax")
+    batch = jax.vmap(function, in_axes=(0, None))(q, gravity)
+    assert_allclose(batch, gravity_torque(model, q, gravity), atol=1e-12)
+    assert function(gravity=gravity, q=q[0].astype(np.float32)).dtype == np.float64
+
+
+@pytest.mark.parametrize("quantity", ["inverse_dynamics", "compact_regressor"])
+def test_jax_runs_long_lines_in_a_loop(quantity, monkeypatch):
+    monkeypatch.setattr(jax_writer, "LONGEST", 0)
+    arrays = arrays_of(TREE, quantity)
+    function = export_function(TREE, quantity, "jax")
+    assert_allclose(function(*arrays), by_recursion(TREE, quantity, arrays), atol=1e-10)
+    rows = [np.stack([array, 0.5 * array]) for array in arrays]
+    second = by_recursion(TREE, quantity, [0.5 * array for array in arrays])
+    assert_allclose(jax.vmap(function)(*rows)[1], second, atol=1e-10)
+    slope = jax.jacrev(function)(*arrays)
+    step = np.eye(TREE.n)[0] * 1e-6
+    ahead, behind = (by_recursion(TREE, quantity, [arrays[0] + s * step, *arrays[1:]]) for s in (1.0, -1.0))
+    assert_allclose(slope[..., 0], (ahead - behind) / 2e-6, atol=1e-6)  # central difference, h = 1e-6
+
+
+def test_jax_takes_the_torso_of_nineteen_joints():
+    model = load_robot("dual_arm_19")
+    arrays = arrays_of(model, "gravity_regressor")
+    found = export_function(model, "gravity_regressor", "jax")(*arrays)  # too long for one straight line
+    assert_allclose(found, by_recursion(model, "gravity_regressor", arrays), atol=1e-10)
+
+
+@pytest.mark.slow  # XLA takes some seconds for each
+@pytest.mark.parametrize("quantity", ["gravity", "mass_matrix", "inverse_dynamics", "compact_regressor"])
+def test_jax_takes_everything_of_nineteen_joints(quantity):
+    model = load_robot("dual_arm_19")
+    arrays = arrays_of(model, quantity)
+    found = export_function(model, quantity, "jax")(*arrays)
+    assert_allclose(found, by_recursion(model, quantity, arrays), atol=1e-10)
+
+
+def test_jax_demands_float64_and_tells_how():
+    jax.config.update("jax_enable_x64", False)
+    with pytest.raises(NotReadyError, match=r'jax\.config\.update\("jax_enable_x64", True\)'):
+        export_function(load_robot("two_link"), "gravity", "jax")
+
+
+def test_jax_names_the_array_of_another_shape():
+    function = export_function(load_robot("two_link"), "gravity", "jax")
+    with pytest.raises(InputError, match=r"q: expected shape \(2,\), got \(3,\); jax.vmap takes batches"):
+        function(np.zeros(3), np.zeros(3))
+    with pytest.raises(InputError, match="expected q, gravity, got 1 arrays and q"):
+        function(np.zeros(2))
+
+
+def test_casadi_functions_have_named_arrays():
+    function = export_function(load_robot("raven2"), "inverse_dynamics", "casadi")
+    assert (function.name_in(), function.name_out()) == (["q", "qd", "qdd", "gravity"], ["tau"])
+    found = function(q=[0.1, 0.2, 0.3], gravity=[0.0, 0.0, -9.81])["tau"]  # what is not given is zero
+    held = gravity_torque(load_robot("raven2"), [0.1, 0.2, 0.3], [0.0, 0.0, -9.81])
+    assert_allclose(np.array(found).ravel(), held, atol=1e-12)
+    M = export_function(load_robot("raven2"), "mass_matrix", "casadi")
+    assert isinstance(M(casadi.SX.sym("q", 3)), casadi.SX)
+
+
+def test_sympy_prints_a_two_link_arm_as_one_writes_it():
+    gravity = export_function(load_robot("two_link"), "gravity", "sympy")
+    first, second = str(gravity).split("\n")
+    assert second == "0.25*gravity_x*sin(q1 + q2) - 0.25*gravity_z*cos(q1 + q2)"
+    assert first == f"1.5*gravity_x*sin(q1) + {second.replace(' -', ' - 1.5*gravity_z*cos(q1) -')}"
+    assert r"1.5 g_{x} \sin{\left(q_{1} \right)}" in gravity.latex()
+    M = export_function(load_robot("two_link"), "mass_matrix", "sympy")
+    assert str(M).split("\n")[0] == "[0.5*cos(q2) + 1.41667, 0.25*cos(q2) + 0.0833333]"
+    moving = export_function(load_robot("two_link"), "inverse_dynamics", "sympy")
+    assert r"\ddot{q}_{2}" in moving.latex()
+
+
+@pytest.mark.parametrize("target", PACKAGES)
+def test_a_package_that_is_missing_is_named(target, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, target, None)
+    with pytest.raises(MissingPackageError, match=rf"catenary\[{PACKAGES[target]}\]"):
+        export_function(load_robot("two_link"), "gravity", target)
+
+
+def test_what_cannot_be_exported_is_refused():
+    arm = load_robot("two_link")
+    with pytest.raises(InputError, match='quantity "weight": expected one of gravity, mass_matrix'):
+        export_function(arm, "weight", "jax")
+    with pytest.raises(InputError, match='to "fortran": expected one of jax, casadi, sympy, c99'):
+        export_function(arm, "gravity", "fortran")
+    with pytest.raises(InputError, match="only forward_kinematics has one"):
+        export_function(arm, "gravity", "jax", frame="link1")
+    with pytest.raises(InputError, match="no frame"):
+        export_function(arm, "forward_kinematics", "jax", frame="nose")
+    with pytest.raises(MissingInertiaError):
+        export_function(load_robot("panda"), "gravity", "c99")
