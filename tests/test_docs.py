@@ -32,8 +32,15 @@ def programs() -> list[tuple[str, str, str | None]]:
 
 @pytest.mark.parametrize(("page", "code", "text"), programs(), ids=lambda value: str(value)[:20])
 def test_python_on_the_pages_runs_and_prints_what_stands_below_it(
-    page: str, code: str, text: str | None, capsys: pytest.CaptureFixture[str]
+    page: str,
+    code: str,
+    text: str | None,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
     exec(compile(code, page, "exec"), {})
     assert text is None or capsys.readouterr().out == text
 
