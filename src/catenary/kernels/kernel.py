@@ -37,6 +37,9 @@ class Kernel:
         self.inputs = widths_of(line)  # names and sizes of one configuration's arrays
         self._module: Any = None
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Kernel":
+        return self  # nothing of it ever changes
+
     def __repr__(self) -> str:
         return f"Kernel({self.name!r}, {', '.join([*self.inputs, 'out'])})"
 
