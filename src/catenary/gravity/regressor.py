@@ -215,17 +215,20 @@ def _placed(model: RobotModel, q: Floats, gravity: Floats) -> _Placed:
 
 
 def _shares(model: RobotModel) -> Floats:
-    """Return a coordinate's share (n_tree, n, n_tree) in what a joint holds of a link, 0 of a link it does not carry."""
+    """Return the shares (n_tree, n, n_tree) of a coordinate in what a joint holds of a link; 0 if it carries it not."""
     n = len(model.tree.parent)
     carries = np.array(
         [[link in carried_links(model.tree, joint) for link in range(n)] for joint in range(n)]
     )
-    return model.coupling[:, :, None] * carries.reshape(n, 1, n)
+    shares: Floats = model.coupling[:, :, None] * carries.reshape(n, 1, n)
+    return shares
 
 
 def _moments(model: RobotModel, arm: _Placed) -> Floats:
     """Return the columns (N, n, n_tree, 3) of every link's first moment along the axes of its frame."""
-    return np.einsum("krj,Nkjb->Nrjb", _shares(model), np.einsum("Nka,Njab->Nkjb", arm.pull, arm.rotation))
+    of_tree = np.einsum("Nka,Njab->Nkjb", arm.pull, arm.rotation)
+    moments: Floats = np.einsum("krj,Nkjb->Nrjb", _shares(model), of_tree)
+    return moments
 
 
 def _columns(model: RobotModel, columns: Sequence[Column], q: Floats, arm: _Placed) -> Floats:
