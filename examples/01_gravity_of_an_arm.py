@@ -8,7 +8,6 @@ the torques with the slope of the potential energy.
 import numpy as np
 
 import catenary
-from catenary.gravity.torque import potential_energy
 
 arm = catenary.load_robot("raven2")
 level = np.array([0.0, 0.0, -9.81])
@@ -28,9 +27,7 @@ for tilt in np.deg2rad([0, 30, 60, 90]):
     print(f"{np.rad2deg(tilt):10.0f} {shoulder:19.4f} {elbow:12.4f} {force:15.4f}")
 
 h = 1e-6
-slope = [
-    (potential_energy(arm, q + h * e, level) - potential_energy(arm, q - h * e, level)) / (2 * h)
-    for e in np.eye(3)
-]
+energy = [catenary.potential_energy(arm, q + h * np.vstack([e, -e]), level) for e in np.eye(3)]
+slope = [(ahead - behind) / (2 * h) for ahead, behind in energy]
 difference = np.abs(slope - catenary.gravity_torque(arm, q, level)).max()
 print(f"\nlargest difference from the slope of the potential energy: {difference:.1e}")

@@ -11,16 +11,10 @@ from pathlib import Path
 import numpy as np
 
 import catenary
-from catenary.control.loop import run_loop
-from catenary.control.pd import JointPD
-from catenary.gravity.torque import gravity_kernel
-from catenary.simulation.base_motion import FixedBase
-from catenary.simulation.mujoco_plant import MujocoPlant
-from catenary.trajectories.point_to_point import go_to
 
 arm = catenary.load_robot(Path(__file__).with_name("ur5e.urdf"))
 q = np.deg2rad([0.0, -60.0, 80.0, -110.0, -90.0, 0.0])
-mount = FixedBase(roll=np.deg2rad(30.0))
+mount = catenary.FixedBase(roll=np.deg2rad(30.0))
 level = np.array([0.0, 0.0, -9.81])
 tilted = mount.sample(np.zeros(1)).gravity[0]
 
@@ -30,8 +24,8 @@ class Compensation:
 
     def __init__(self, stiffness: float, gravity: np.ndarray) -> None:
         share = np.array([1.0, 1.0, 0.5, 0.05, 0.05, 0.002])  # the wrist's links are light
-        self.pd = JointPD(stiffness * share, 0.05 * stiffness * share)
-        self.hold, self.gravity = gravity_kernel(arm), gravity
+        self.pd = catenary.JointPD(stiffness * share, 0.05 * stiffness * share)
+        self.hold, self.gravity = catenary.gravity_kernel(arm), gravity
 
     def torque(self, state, reference):  # noqa: D102
         return self.pd.torque(state, reference) + self.hold(state.q, self.gravity)
@@ -41,12 +35,12 @@ print("joint            level [Nm]   tilted [Nm]")
 for row in zip(arm.joint_names, *(catenary.gravity_torque(arm, q, g) for g in (level, tilted)), strict=True):
     print("{:14} {:12.2f} {:13.2f}".format(*row))
 
-stay = go_to(q, q, max_velocity=np.ones(arm.n), max_acceleration=np.ones(arm.n))
-for stiffness, seconds in ((0.0, 0.5), (1000.0, 2.0)):
+stay = catenary.go_to(q, q, max_velocity=np.ones(arm.n), max_acceleration=np.ones(arm.n))
+for stiffness, seconds in ((0.0, 0.5), (1000.0, 1.0)):
     for name, gravity in (("level", level), ("tilted", tilted)):
-        plant = MujocoPlant(arm, base=mount, start=q)
+        plant = catenary.MujocoPlant(arm, base=mount, start=q)
         plant.home()
-        run_loop(plant, Compensation(stiffness, gravity), stay, duration=seconds)
+        catenary.run_loop(plant, Compensation(stiffness, gravity), stay, duration=seconds)
         moved = np.rad2deg(np.abs(plant.measured_js().q - q))
         what = f"PD, {stiffness:.0f} Nm/rad" if stiffness else "gravity torque alone"
         print(f"{what}, gravity of a {name} base: moved by {moved.round(3)} deg")

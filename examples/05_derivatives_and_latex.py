@@ -10,18 +10,17 @@ import jax
 import numpy as np
 
 import catenary
-from catenary.gravity.export import export_function
 
 jax.config.update("jax_enable_x64", True)  # torques need float64
 
-formulas = export_function(catenary.load_robot("two_link"), "gravity", "sympy")
+formulas = catenary.export_function(catenary.load_robot("two_link"), "gravity", "sympy")
 print("two links hold against gravity, in N m:")
 print(formulas)
 print("the same for LaTeX:", formulas.latex()[:60], "...")
 
 arm = catenary.load_robot("raven2")
 q, gravity = np.array([0.5, 1.6, 0.4]), np.array([0.0, 0.0, -9.81])
-torque = export_function(arm, "gravity", "jax")
+torque = catenary.export_function(arm, "gravity", "jax")
 stiffness = jax.jacfwd(torque)(q, gravity)
 print("\nRAVEN-II: dg/dq is symmetric, as gravity has a potential:")
 print(np.array(stiffness).round(4))
@@ -30,7 +29,7 @@ poses = np.random.default_rng(0).uniform(arm.lower, arm.upper, size=(1000, arm.n
 batch = jax.vmap(torque, in_axes=(0, None))(poses, gravity)
 print("largest torques of a thousand poses:", np.abs(np.array(batch)).max(axis=0).round(3))
 
-dynamics = export_function(arm, "inverse_dynamics", "casadi")
+dynamics = catenary.export_function(arm, "inverse_dynamics", "casadi")
 acceleration = casadi.SX.sym("qdd", arm.n)
 held = dynamics(q=q, qdd=acceleration, gravity=gravity)["tau"]
 print("\nCasADi:", dynamics)

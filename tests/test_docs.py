@@ -21,7 +21,11 @@ def blocks(language: str) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize(("page", "text"), blocks("python"), ids=lambda value: value[:20])
-def test_python_on_the_pages_runs(page: str, text: str) -> None:
+def test_python_on_the_pages_runs(
+    page: str, text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
     exec(compile(text, page, "exec"), {})
 
 

@@ -5,10 +5,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData
+from catenary.calibration.kernels import Flags
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.progress import Progress, part_of, silent
 from catenary.errors import InputError
@@ -56,7 +56,16 @@ class Evaluation:
     raw: Floats  # (N, n) q_encoder - q_nominal
     after_offset: Floats  # (N, n)
     after_model: Floats  # (N, n)
-    inside: NDArray[np.bool_]  # (N, n)
+    inside: Flags  # (N, n)
+
+    def __str__(self) -> str:
+        """Return RMS errors per joint: as reported, after the fixed offset, after the model."""
+        rows = [f"{'joint':16} {'reported':>10} {'offset':>10} {'model':>10}"]
+        rows += [
+            f"{joint.name:16} {joint.raw_rmse:10.3f} {joint.offset_rmse:10.3f} {joint.rmse:10.3f} {joint.unit}"
+            for joint in self.joints
+        ]
+        return "\n".join(rows)
 
 
 def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | None = None) -> Evaluation:

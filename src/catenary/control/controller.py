@@ -47,6 +47,9 @@ def nominal_gravity(gravity: ArrayLike | None) -> Floats | None:
     return None if gravity is None else as_array("gravity", gravity, (3,))
 
 
-def gravity_of(state: JointState, nominal: Floats | None) -> tuple[Floats, Floats]:
-    """Return gravity (3,) and the base's rates (2, 3): a state's own, or nominal gravity on a base at rest."""
-    return (state.gravity, state.base_rates) if nominal is None else (nominal, AT_REST)
+def gravity_and_rates(state: JointState, nominal: Floats | None) -> tuple[Floats, Floats, Floats]:
+    """Return gravity [m/s2], and angular velocity and acceleration of the base, each (3,), as kernels take them.
+
+    They are the state's own, or nominal gravity on a base at rest.
+    """
+    return (state.gravity, *state.base_rates) if nominal is None else (nominal, *AT_REST)

@@ -13,10 +13,10 @@ from scipy.optimize import minimize
 from scipy.stats import qmc
 
 from catenary.arrays import Floats, as_array
-from catenary.control.controller import gravity_of, nominal_gravity
+from catenary.control.controller import gravity_and_rates, nominal_gravity
 from catenary.control.pd import Damping, JointPD
+from catenary.dynamics.kernels import holding_kernel
 from catenary.errors import InputError
-from catenary.gravity.holding import HoldingKernel
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
@@ -82,7 +82,7 @@ class ElasticPD:
         self.gravity = nominal_gravity(gravity)
         self.margin = stiffness_margin(model, self.pd.kp, self.stiffness, gravity=self.gravity)
         self.margin.require(model.name)
-        self._holding_torque = HoldingKernel(model)
+        self._holding_torque = holding_kernel(model)
         self.feedback, self.feedforward = self.pd.feedback, np.zeros(model.n)
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
@@ -93,15 +93,15 @@ class ElasticPD:
         """
         if len(reference.q) != self.model.n:
             raise InputError(f"elastic PD: the model has {self.model.n} joints, the robot {len(state.q)}")
-        gravity, rates = gravity_of(state, self.gravity)
-        at_reference = self._holding_torque(reference.q, gravity, rates)
+        gravity, omega, alpha = gravity_and_rates(state, self.gravity)
+        at_reference = self._holding_torque(reference.q, gravity, omega, alpha)
         wind_up = at_reference / self.stiffness
         tau = self.pd.torque(state, reference._replace(q=reference.q + wind_up))
         if self.compensation == "constant":
             self.feedforward[:] = at_reference
         else:
             q = state.q - wind_up if self.compensation == "biased" else state.q
-            self.feedforward[:] = self._holding_torque(q, gravity, rates)
+            self.feedforward[:] = self._holding_torque(q, gravity, omega, alpha)
         tau += self.feedforward
         return tau
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
-from catenary.control.controller import gravity_of, nominal_gravity
+from catenary.control.controller import gravity_and_rates, nominal_gravity
 from catenary.control.pd import Damping, JointPD
+from catenary.dynamics.kernels import holding_kernel
 from catenary.errors import InputError
-from catenary.gravity.holding import HoldingKernel
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
 from catenary.trajectories.reference import Reference
@@ -24,7 +24,7 @@ class GravityPD:
     """PD plus gravity: tau = kp (q_ref - q) + kd (qd_ref - qd) + g(q).
 
     PD+DG, dynamic, takes the gravity that the robot senses tick by tick (`state.gravity`), and when its base turns
-    (`state.base_rates`) the whole term of a moving base (HoldingKernel). PD+SG, static, takes one vector for all times.
+    (`state.base_rates`) the whole term of a moving base. PD+SG, static, takes one vector for all times.
 
     At the measured position g(q) cancels gravity where the arm is. At the desired one it is a function of time and adds
     no feedback, as Tomei's proof (1991) for elastic joints has it, but it is wrong while the arm is elsewhere.
@@ -60,7 +60,7 @@ class GravityPD:
         if at not in get_args(At):
             raise InputError(f'at "{at}": expected one of {", ".join(get_args(At))}')
         self.at = at
-        self._holding_torque = HoldingKernel(model)
+        self._holding_torque = holding_kernel(model)
         self.feedback, self.feedforward = self.pd.feedback, np.zeros(model.n)
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
@@ -71,7 +71,7 @@ class GravityPD:
         """
         tau = self.pd.torque(state, reference)
         q = state.q if self.at == "measured" else reference.q
-        self.feedforward[:] = self._holding_torque(q, *gravity_of(state, self.gravity))
+        self.feedforward[:] = self._holding_torque(q, *gravity_and_rates(state, self.gravity))
         tau += self.feedforward
         return tau
 
@@ -95,7 +95,7 @@ class GravityHold:
         """
         self.model = model
         self.gravity = nominal_gravity(gravity)
-        self._holding_torque = HoldingKernel(model)
+        self._holding_torque = holding_kernel(model)
         self.feedback, self.feedforward = np.zeros(model.n), np.zeros(model.n)
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
@@ -108,5 +108,5 @@ class GravityHold:
             raise InputError(
                 f"gravity hold: the model has {self.model.n} joints, the robot has {len(state.q)}"
             )
-        self.feedforward[:] = self._holding_torque(state.q, *gravity_of(state, self.gravity))
+        self.feedforward[:] = self._holding_torque(state.q, *gravity_and_rates(state, self.gravity))
         return self.feedforward.copy()

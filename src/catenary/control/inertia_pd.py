@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.control.controller import gravity_of, nominal_gravity
+from catenary.control.controller import gravity_and_rates, nominal_gravity
 from catenary.control.pd import JointPD
-from catenary.dynamics.kernels import mass_matrix_kernel
+from catenary.dynamics.kernels import holding_kernel, inverse_dynamics_kernel, mass_matrix_kernel
 from catenary.errors import InputError
-from catenary.gravity.holding import HoldingKernel
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
 from catenary.trajectories.reference import Reference
@@ -63,7 +62,7 @@ class InertiaPD:
         self.motor_inertia = as_array("motor_inertia", motors, (n, n))
         self.coriolis = coriolis
         self._mass_matrix = mass_matrix_kernel(model)
-        self._holding_torque = HoldingKernel(model)
+        self._bias_torque = inverse_dynamics_kernel(model) if coriolis else holding_kernel(model)
         self.feedback, self.feedforward = np.zeros(n), np.zeros(n)
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
@@ -77,9 +76,9 @@ class InertiaPD:
             raise InputError(
                 f"inertia PD: the model has {self.model.n} joints, the reference {len(reference.qdd)}"
             )
-        gravity, rates = gravity_of(state, self.gravity)
+        motion = (state.q, state.qd, np.zeros(self.model.n)) if self.coriolis else (state.q,)
+        bias = self._bias_torque(*motion, *gravity_and_rates(state, self.gravity))
         inertia = self._mass_matrix(state.q) + self.motor_inertia
-        qd = state.qd if self.coriolis else None
         self.feedback[:] = inertia @ correction
-        self.feedforward[:] = inertia @ reference.qdd + self._holding_torque(state.q, gravity, rates, qd=qd)
+        self.feedforward[:] = inertia @ reference.qdd + bias
         return self.feedback + self.feedforward

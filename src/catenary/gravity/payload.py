@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
+from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
 from catenary.errors import InputError
 from catenary.gravity.compact import CompactRegressor
-from catenary.gravity.holding import HoldingKernel
 from catenary.gravity.regressor import carried
 from catenary.gravity.regressor_recursion import CARRIED_MASS
 from catenary.robots.model import RobotModel
@@ -42,9 +42,10 @@ class CarriedLoad:
         empty = model.tree._replace(
             mass=np.zeros(links), com=np.zeros((links, 3)), inertia=np.zeros((links, 3, 3))
         )
-        self.model = replace(model, missing_inertia=(), tree=empty)
+        self.model = self._empty = replace(
+            model, missing_inertia=(), tree=empty
+        )  # the load alone, on massless links
         self.mass = 0.0
-        self._kernel = HoldingKernel(self.model)
 
     def attach(self, mass: float, frame: str | None = None, position: ArrayLike = (0.0, 0.0, 0.0)) -> None:
         """Carry a mass [kg] at a position (3,) [m] in a frame, the tip when None, in place of the last one.
@@ -53,17 +54,21 @@ class CarriedLoad:
             InputError: A mass below zero or infinite, another shape, no such frame, or one of the base. The load
                 stays as it was.
         """
-        self._kernel = HoldingKernel(Payload(mass, frame, position).on(self.model))
-        self.mass = float(mass)
+        self.model, self.mass = Payload(mass, frame, position).on(self._empty), float(mass)
 
     def detach(self) -> None:
         """Carry nothing."""
         self.mass = 0.0
 
     def add(self, q: Floats, gravity: Floats, base_rates: Floats, tau: Floats) -> None:
-        """Add the load's torque to tau (n,) [Nm|N]; without a mass tau stays as it is, to the bit."""
-        if self.mass > 0.0:
-            tau += self._kernel(q, gravity, base_rates)
+        """Add the load's torque to tau (n,) [Nm|N]: all NaN where an argument has one, nothing without a mass."""
+        if self.mass == 0.0:
+            return
+        if not np.isfinite(np.concatenate([q, gravity, base_rates.ravel()])).all():
+            tau[:] = np.nan
+            return
+        still = np.zeros(len(q))
+        tau += inverse_dynamics(self.model, q, still, still, gravity, BaseMotion(*base_rates))
 
 
 def load_directions(regressor: CompactRegressor, frame: str) -> Floats:

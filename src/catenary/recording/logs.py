@@ -19,7 +19,7 @@ PER_JOINT = ("q_nominal", "q_encoder", "qd", "tau")  # prefixes of columns
 
 
 def read_log(
-    path: Path, *, units: Sequence[str] | None = None, joint_names: Sequence[str] | None = None
+    path: str | Path, *, units: Sequence[str] | None = None, joint_names: Sequence[str] | None = None
 ) -> MotionLog:
     """Read a recording: a `.parquet` log, a `.npz` command log, or RAVEN-II's published `.csv` (its gold arm).
 
@@ -32,6 +32,7 @@ def read_log(
         FileFormatError: No such file, unknown kind, damaged, or something is missing.
         InputError: The numbers are not a log (shape, NaN, unit, empty), or names or units contradict the file's.
     """
+    path = Path(path)
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")
     if path.suffix == ".parquet":
@@ -47,7 +48,7 @@ def read_log(
     raise FileFormatError(f'{path}: ending "{path.suffix}": expected a recording, .npz, .parquet or .csv')
 
 
-def write_parquet(log: MotionLog, path: Path) -> None:
+def write_parquet(log: MotionLog, path: str | Path) -> None:
     """Write a log as Parquet: one column per number, its unit in the column's metadata.
 
     Columns are `time`, `ok`, `q_nominal:<joint>`, `q_encoder:<joint>`, `qd:<joint>`, `tau:<joint>` and the

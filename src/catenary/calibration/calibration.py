@@ -1,0 +1,262 @@
+"""Calibration in a script: arrays, motion logs or paths of logs in, a model that predicts, evaluates and is saved out.
+
+`catenary.fit`, `catenary.evaluate` and `catenary.load_model` are these. A motion is given as `q_nominal` (N, n), the
+positions that the robot reports, with its other quantities by name; or as a MotionLog, the path of a log, or several.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array
+from catenary.calibration.card import Card, model_card
+from catenary.calibration.corrector import Corrector
+from catenary.calibration.dataset import calibration_data
+from catenary.calibration.evaluate import Evaluation
+from catenary.calibration.evaluate import evaluate as evaluate_rows
+from catenary.calibration.files import load_model as read_model
+from catenary.calibration.files import save_model
+from catenary.calibration.fit import FitOptions, Kind, Preset, choose_inputs
+from catenary.calibration.fit import fit as fit_rows
+from catenary.calibration.model import CalibrationModel, Target
+from catenary.calibration.progress import Progress, silent
+from catenary.errors import InputError
+from catenary.plant import MotionLog
+from catenary.recording.logs import read_log
+
+Recording = MotionLog | str | Path
+Motion = ArrayLike | Recording | Sequence[Recording]
+
+
+@dataclass(frozen=True)
+class Calibration(CalibrationModel):
+    """A fitted model for scripts, and its card: what it was fitted to, and how well it does."""
+
+    card: Card = field(default_factory=dict)
+
+    def predict(
+        self,
+        q_nominal: Motion,
+        *,
+        tau: ArrayLike | None = None,
+        qd: ArrayLike | None = None,
+        time: ArrayLike | None = None,
+    ) -> Floats:
+        """Return where the joints really are.
+
+        Args:
+            q_nominal: (N, n) reported positions [rad|m], or recordings.
+            tau: (N, n) joint torques [Nm|N], if the model takes them; so for `qd` [rad/s|m/s].
+            qd: (N, n) joint velocities.
+            time: (N,) [s]; only its steps back count, where another motion begins.
+
+        Returns:
+            (N, n) calibrated positions [rad|m]; outside the valid range the fixed offset is added.
+
+        Raises:
+            InputError: Another number of joints, NaN, or an input of the model is missing.
+            FileFormatError: A recording is missing or damaged.
+        """
+        logs = _logs(q_nominal, self.joint_names, self.joint_units, tau=tau, qd=qd, time=time)
+        return np.concatenate([self.calibrate(log) for log in logs])
+
+    def evaluate(
+        self,
+        q_nominal: Motion,
+        q_encoder: ArrayLike | None = None,
+        *,
+        tau: ArrayLike | None = None,
+        qd: ArrayLike | None = None,
+        time: ArrayLike | None = None,
+        window: float | None = None,
+    ) -> Evaluation:
+        """Return errors before and after the model, on data that it should not have seen.
+
+        Args:
+            q_nominal: As for `predict`.
+            q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
+            tau: As for `predict`; so are `qd` and `time`.
+            qd: Joint velocities.
+            time: [s].
+            window: Length of a time window [s]; a tenth of the data when None.
+
+        Raises:
+            InputError: As for `predict`, or nothing was measured.
+            FileFormatError: A recording is missing or damaged.
+        """
+        logs = _logs(
+            q_nominal, self.joint_names, self.joint_units, q_encoder=q_encoder, tau=tau, qd=qd, time=time
+        )
+        for log in logs:
+            self.require_joints(log)
+        return evaluate_rows(self, calibration_data(logs, self.features), window=window)
+
+    def corrector(self, *, rate_hz: float = 1000.0, decimation: int | None = None) -> Corrector:
+        """Return the model for a control loop; see `Corrector`."""
+        return Corrector(self, rate_hz=rate_hz, decimation=decimation)
+
+    def save(self, path: str | Path) -> None:
+        """Write the model to a file (.npz), and a readable copy of its card beside it.
+
+        Raises:
+            FileFormatError: The file cannot be written.
+        """
+        save_model(self, self.card, Path(path))
+
+
+def load_model(path: str | Path) -> Calibration:
+    """Read a calibration model that `Calibration.save` or `catenary fit` wrote.
+
+    Raises:
+        FileFormatError: No such file, not a model, of another version, or damaged.
+    """
+    model, card = read_model(Path(path))
+    return _with_card(model, card)
+
+
+def fit(
+    q_nominal: Motion,
+    q_encoder: ArrayLike | None = None,
+    *,
+    units: Sequence[str] | None = None,
+    joint_names: Sequence[str] | None = None,
+    tau: ArrayLike | None = None,
+    qd: ArrayLike | None = None,
+    time: ArrayLike | None = None,
+    model: Kind = "linear",
+    preset: Preset | None = None,
+    inputs: Sequence[str] | Mapping[str, Sequence[str]] | None = None,
+    history: int = 0,
+    play: Sequence[float] | None = None,
+    target: Target = "error",
+    ridge: float | None = None,
+    held_out: float | None = None,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> Calibration:
+    """Fit a calibration model: what to add to the reported joint positions.
+
+    Args:
+        q_nominal: (N, n) reported positions [rad|m], rows in the order of time; or recordings.
+        q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
+        units: "rad" or "m" per joint; needed for arrays.
+        joint_names: Names of the joints; J1, J2, ... when None.
+        tau: (N, n) joint torques [Nm|N]; taken as inputs when given.
+        qd: (N, n) joint velocities [rad/s|m/s]; taken when `inputs` says so.
+        time: (N,) [s]; needed by `history` in a control loop, whose rate must be known.
+        model: "offset", "linear", "polynomial" or "neural".
+        preset: Of "neural": "paper" or "best".
+        inputs: Groups ("q", "tau", "qd"), signals ("q:J1"), or these per joint; positions and torques when None.
+        history: How many previous positions are inputs.
+        play: Half-widths of play states as shares of each joint's range; see FitOptions.
+        target: "error", or "position" for a model end to end.
+        ridge: Weight on the squared coefficients of a regression.
+        held_out: Share at the end of each recording that is kept from the fit; the card then has the errors on it.
+        seed: Of a network's training.
+        progress: Called with the share done.
+
+    Raises:
+        InputError: Arrays that do not fit together, too few rows, or options that contradict each other.
+        FileFormatError: A recording is missing or damaged.
+    """
+    logs = _logs(q_nominal, joint_names, units, q_encoder=q_encoder, tau=tau, qd=qd, time=time)
+    options = FitOptions(
+        kind=model,
+        preset=preset,
+        inputs={joint: tuple(words) for joint, words in inputs.items()}
+        if isinstance(inputs, Mapping)
+        else None
+        if inputs is None
+        else tuple(inputs),
+        history=history,
+        play=None if play is None else tuple(play),
+        target=target,
+        ridge=ridge,
+        seed=seed,
+    )
+    chosen = choose_inputs(logs, options, held_out=held_out or 0.0)
+    data, late = calibration_data(logs, chosen.features), None
+    if held_out is not None:
+        data, late = data.split_by_time(held_out)
+    fitted = fit_rows(data, chosen, options, progress=progress)
+    card = model_card(
+        fitted,
+        data,
+        options,
+        robot=data.robot,
+        command={"held_out": held_out},
+        spread=(),
+        held_out=None if late is None else evaluate_rows(fitted, late),
+    )
+    return _with_card(fitted, card)
+
+
+def evaluate(
+    model: Calibration | str | Path,
+    q_nominal: Motion,
+    q_encoder: ArrayLike | None = None,
+    *,
+    tau: ArrayLike | None = None,
+    qd: ArrayLike | None = None,
+    time: ArrayLike | None = None,
+    window: float | None = None,
+) -> Evaluation:
+    """Return a model's errors on data that it should not have seen: `Calibration.evaluate`, also of a model's file."""
+    loaded = model if isinstance(model, Calibration) else load_model(model)
+    return loaded.evaluate(q_nominal, q_encoder, tau=tau, qd=qd, time=time, window=window)
+
+
+def _with_card(model: CalibrationModel, card: Card) -> Calibration:
+    return Calibration(**{each.name: getattr(model, each.name) for each in fields(model)}, card=card)
+
+
+def _logs(
+    motion: Motion,
+    joint_names: Sequence[str] | None,
+    units: Sequence[str] | None,
+    **quantities: ArrayLike | None,
+) -> list[MotionLog]:
+    """Return recordings as logs; arrays become one."""
+    several = [motion] if isinstance(motion, MotionLog | str | Path) else motion
+    if (
+        isinstance(several, Sequence)
+        and several
+        and all(isinstance(r, MotionLog | str | Path) for r in several)
+    ):
+        given = [name for name, values in quantities.items() if values is not None]
+        if given:
+            raise InputError(
+                f"{', '.join(given)}: recordings have their own; expected arrays with arrays only"
+            )
+        return [
+            recording
+            if isinstance(recording, MotionLog)
+            else read_log(Path(recording), units=units, joint_names=joint_names)
+            for recording in several
+        ]
+    q = as_array("q_nominal", motion, (None, None))  # type: ignore[arg-type]  # no recordings: an array
+    if units is None:
+        raise InputError(f'units: expected "rad" or "m" for each of the {q.shape[1]} joints of q_nominal')
+    arrays = {
+        name: as_array(name, values, q.shape[:1] if name == "time" else q.shape, finite=name != "q_encoder")
+        for name, values in quantities.items()
+        if values is not None
+    }
+    truth = arrays.get("q_encoder")
+    measured = np.ones(q.shape, dtype=bool) if truth is None else np.isfinite(truth)
+    return [
+        MotionLog(
+            name="arrays",
+            joint_names=tuple(joint_names or (f"J{j + 1}" for j in range(q.shape[1]))),
+            joint_units=tuple(units),
+            q_nominal=q,
+            ok=np.asarray(measured.all(axis=1)),
+            q_encoder=truth,
+            time=arrays.get("time"),
+            qd=arrays.get("qd"),
+            tau=arrays.get("tau"),
+        )
+    ]

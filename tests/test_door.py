@@ -1,0 +1,146 @@
+"""What `import catenary` offers."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import catenary
+from catenary.errors import CatenaryError, FileFormatError, InputError
+from recordings import recording
+
+ROOT = Path(__file__).parents[1]
+RNG = np.random.default_rng(0)
+LOG = recording(RNG, rows=200, error=lambda q: 0.01 + 0.02 * q)
+UNITS = ["rad", "rad", "m"]
+
+
+@pytest.mark.parametrize("name", [name for name in catenary.__all__ if name != "__version__"])
+def test_every_name_resolves_and_is_documented(name: str) -> None:
+    offered = getattr(catenary, name)
+    assert offered.__name__ == name
+    assert offered.__doc__
+
+
+def test_importing_the_package_imports_no_library_and_takes_no_time() -> None:
+    program = (
+        "import sys; before = set(sys.modules); import time; start = time.process_time(); import catenary; "
+        "dir(catenary); print(time.process_time() - start, *{name.partition('.')[0] for name in set(sys.modules) - before})"
+    )
+    outcome = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={"PYTHONPATH": str(ROOT / "src")},
+    )
+    seconds, *loaded = outcome.stdout.split()
+    assert float(seconds) < 0.1
+    assert {name for name in loaded if name not in sys.stdlib_module_names} == {"catenary"}
+
+
+def test_the_whole_mission_is_offered_and_a_misspelt_name_is_told() -> None:
+    listed = {
+        "load_robot",
+        "gravity_torque",
+        "GravityPD",
+        "run_loop",
+        "CablePlant",
+        "CrtkClient",
+        "zigzag",
+        "identify",
+    }
+    assert listed | {"fit", "evaluate", "load_model", "Corrector", "MotionLog", "GravityEstimator"} <= set(
+        dir(catenary)
+    )
+    assert issubclass(catenary.CatenaryError, CatenaryError)
+    with pytest.raises(AttributeError, match=r"no attribute 'gravity_torqe'; it has .*gravity_torque"):
+        catenary.gravity_torqe  # noqa: B018
+
+
+def test_examples_use_the_door_alone() -> None:
+    for path in (ROOT / "examples").glob("*.py"):
+        assert not re.search(r"(from|import) catenary\.", path.read_text()), path.name
+
+
+def test_a_model_is_fitted_to_arrays() -> None:
+    model = catenary.fit(LOG.q_nominal[:150], LOG.q_encoder[:150], units=UNITS, model="linear")
+    assert_allclose(model.predict(LOG.q_nominal[150:]), LOG.q_encoder[150:], atol=1e-12)
+    errors = model.evaluate(LOG.q_nominal[150:], LOG.q_encoder[150:])
+    assert [joint.n for joint in errors.joints] == [50, 50, 50]
+    assert "J3" in str(errors)
+    assert "mm" in str(errors)
+    assert model.card["rows"] == 150
+
+
+def test_rows_without_a_measurement_are_nan() -> None:
+    truth = LOG.q_encoder.copy()
+    truth[::2, 1] = np.nan
+    model = catenary.fit(LOG.q_nominal, truth, units=UNITS)
+    assert model.card["rows"] == 100
+    assert {joint.n for joint in catenary.evaluate(model, LOG.q_nominal, truth).joints} == {100}
+
+
+def test_a_log_a_path_and_arrays_give_one_model(tmp_path: Path) -> None:
+    path = str(tmp_path / "run.parquet")
+    catenary.write_parquet(LOG, path)
+    assert len(catenary.read_log(path)) == 200
+    models = [
+        catenary.fit(LOG, history=2),
+        catenary.fit([path], history=2),
+        catenary.fit(LOG.q_nominal, LOG.q_encoder, units=UNITS, time=LOG.time, history=2),
+    ]
+    expected = models[0].predict(LOG)
+    for model in models:
+        assert_array_equal(model.predict(path), expected)
+        assert model.rate_hz == pytest.approx(10.0)
+
+
+def test_a_saved_model_is_loaded_by_a_string(tmp_path: Path) -> None:
+    path = str(tmp_path / "arm.npz")
+    model = catenary.fit(LOG, model="polynomial", held_out=0.2, inputs={"J1": ["q:J1"]})
+    model.save(path)
+    again = catenary.load_model(path)
+    assert again.card == json.loads(json.dumps(model.card))
+    assert len(again.card["errors"]["held_out"]) == 3
+    assert_array_equal(again.predict(LOG), model.predict(LOG))
+    assert catenary.evaluate(path, LOG).joints == model.evaluate(LOG).joints
+
+
+def test_a_model_corrects_in_a_loop() -> None:
+    model = catenary.fit(LOG)
+    out, inside = np.empty(3), np.empty(3, dtype=bool)
+    for corrector in (model.corrector(), catenary.Corrector(model)):
+        corrector.correct(LOG.q_nominal[7], LOG.q_nominal[7], out, inside)
+        assert_array_equal(out, model.predict(LOG)[7])
+
+
+def test_torques_are_inputs_where_they_are_given() -> None:
+    tau = RNG.normal(size=LOG.q_nominal.shape)
+    model = catenary.fit(
+        LOG.q_nominal, LOG.q_nominal + 0.01 * tau, units=UNITS, tau=tau, joint_names=["a", "b", "c"]
+    )
+    assert model.features.signals[-1] == "tau:c"
+    assert_allclose(model.predict(LOG.q_nominal, tau=tau), LOG.q_nominal + 0.01 * tau, atol=1e-12)
+    with pytest.raises(InputError, match='has no input "tau:a"'):
+        model.predict(LOG.q_nominal)
+
+
+def test_what_is_no_calibration_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match='units: expected "rad" or "m" for each of the 3 joints'):
+        catenary.fit(LOG.q_nominal, LOG.q_encoder)
+    with pytest.raises(InputError, match="q_encoder: recordings have their own"):
+        catenary.fit(LOG, LOG.q_encoder)
+    with pytest.raises(InputError, match=r"q_encoder: expected shape \(200, 3\), got \(199, 3\)"):
+        catenary.fit(LOG.q_nominal, LOG.q_encoder[1:], units=UNITS)
+    with pytest.raises(InputError, match="has no q_encoder"):
+        catenary.fit(LOG.q_nominal, units=UNITS)
+    with pytest.raises(InputError, match='model "cubic"'):
+        catenary.fit(LOG, model="cubic")  # type: ignore[arg-type]
+    with pytest.raises(FileFormatError, match="no such file"):
+        catenary.fit(str(tmp_path / "none.parquet"))
