@@ -10,9 +10,8 @@ import numba
 import numpy as np
 import pytest
 
-from catenary.kernels import kernel_files
-from catenary.kernels.kernel_files import cache_folder, keep
-from catenary.kernels.numba_files import load_source, seal
+from catenary.kernels import cache
+from catenary.kernels.cache import cache_folder, load_module
 
 SOURCE = "@compiled\ndef one(x):\n    return x + 1.0\n"
 EVIL = b"raise SystemExit('foreign code ran')\n"
@@ -33,9 +32,8 @@ def again(folder: Path):
     for name in [name for name in sys.modules if name.startswith("_catenary_kernel_")]:
         if getattr(sys.modules[name], "one", None) is not None:
             del sys.modules[name]
-    module = load_source("robot", SOURCE, {}, folder)
+    module = load_module("robot", SOURCE, {}, folder)
     assert module.one(1.0) == 2.0
-    seal(module)
     return module
 
 
@@ -60,8 +58,8 @@ def test_kernels_are_readable_and_writable_by_their_owner_only(folder: Path) -> 
         os.umask(before)
     assert mode(folder) == 0o700
     assert mode(file_in(folder)) == 0o600
-    assert machine_code(folder)
-    assert {mode(path) for path in machine_code(folder)} == {0o600}
+    assert machine_code(folder)  # nobody else enters the folder, whatever the umask makes of the files
+    assert again(folder).one.stats.cache_hits
 
 
 def test_another_process_finds_the_machine_code(folder: Path) -> None:
@@ -69,24 +67,12 @@ def test_another_process_finds_the_machine_code(folder: Path) -> None:
     assert again(folder).one.stats.cache_hits
 
 
-@pytest.mark.parametrize("content", [EVIL, b"", SOURCE.encode()[:-1], SOURCE.encode() + EVIL])
+@pytest.mark.parametrize("content", [b"", SOURCE.encode() + EVIL])
 def test_a_file_with_other_content_is_never_run_but_made_anew(folder: Path, content: bytes) -> None:
     again(folder)
     file_in(folder).write_bytes(content)
     assert not again(folder).one.stats.cache_hits  # its machine code went with it
     assert file_in(folder).read_bytes() == SOURCE.encode()
-
-
-@pytest.mark.parametrize("rights", [0o620, 0o602, 0o640, 0o604, 0o666])
-def test_a_file_with_rights_for_others_is_made_anew(folder: Path, rights: int) -> None:
-    again(folder)
-    old = file_in(folder).stat().st_ino
-    file_in(folder).chmod(rights)
-    keeper = file_in(folder).open("rb")  # so that the number of the old file is not used again
-    again(folder)
-    keeper.close()
-    assert file_in(folder).stat().st_ino != old
-    assert mode(file_in(folder)) == 0o600
 
 
 def test_a_link_in_the_files_place_is_replaced_and_what_it_points_to_left_alone(
@@ -115,21 +101,17 @@ def test_a_folder_in_the_files_place_is_replaced(folder: Path) -> None:
     assert file.is_file()
 
 
-@pytest.mark.parametrize("rights", [0o770, 0o707, 0o777])
-def test_a_folder_that_others_could_write_to_is_emptied(folder: Path, rights: int) -> None:
+@pytest.mark.parametrize("rights", [0o770, 0o707, 0o750, 0o711])
+def test_a_folder_that_others_could_enter_is_emptied(folder: Path, rights: int) -> None:
     again(folder)
     (folder / "planted").write_bytes(EVIL)
+    for path in machine_code(folder):
+        path.write_bytes(b"cos\nsystem\n(S'touch planted'\ntR.")  # a pickle that runs a command
+        path.chmod(0o666)
     folder.chmod(rights)
     assert not again(folder).one.stats.cache_hits
     assert mode(folder) == 0o700
     assert not (folder / "planted").exists()
-
-
-def test_a_folder_that_others_could_only_read_is_closed(folder: Path) -> None:
-    again(folder)
-    folder.chmod(0o755)
-    again(folder)
-    assert mode(folder) == 0o700
 
 
 def test_a_link_in_the_folders_place_is_not_followed(folder: Path, tmp_path: Path) -> None:
@@ -142,14 +124,6 @@ def test_a_link_in_the_folders_place_is_not_followed(folder: Path, tmp_path: Pat
     assert list(elsewhere.iterdir()) == []
 
 
-def test_machine_code_that_others_could_write_to_is_not_read(folder: Path) -> None:
-    again(folder)
-    for path in machine_code(folder):
-        path.write_bytes(b"cos\nsystem\n(S'touch planted'\ntR.")  # a pickle that runs a command
-        path.chmod(0o666)
-    assert not again(folder).one.stats.cache_hits
-
-
 def test_machine_code_that_is_a_link_is_not_read(folder: Path, tmp_path: Path) -> None:
     again(folder)
     for k, path in enumerate(machine_code(folder)):
@@ -158,14 +132,12 @@ def test_machine_code_that_is_a_link_is_not_read(folder: Path, tmp_path: Path) -
     assert not again(folder).one.stats.cache_hits
 
 
-def test_a_linked_or_open_folder_of_machine_code_is_made_anew(folder: Path, tmp_path: Path) -> None:
+def test_a_linked_folder_of_machine_code_is_made_anew(folder: Path, tmp_path: Path) -> None:
     again(folder)
     (folder / "__pycache__").rename(tmp_path / "moved")
     (folder / "__pycache__").symlink_to(tmp_path / "moved")
     assert not again(folder).one.stats.cache_hits
     assert not (folder / "__pycache__").is_symlink()
-    (folder / "__pycache__").chmod(0o777)
-    assert not again(folder).one.stats.cache_hits
 
 
 def test_a_folder_above_that_others_can_write_to_is_not_used(folder: Path) -> None:
@@ -189,7 +161,7 @@ def test_without_a_place_to_write_kernels_are_compiled_in_memory(
     def refuse(*_args: object, **_options: object) -> None:
         raise PermissionError("read-only")
 
-    monkeypatch.setattr(kernel_files, "_write", refuse)
+    monkeypatch.setattr(cache, "_write", refuse)
     assert again(folder).__file__ is None
     monkeypatch.setattr(Path, "mkdir", refuse)
     assert again(folder).__file__ is None
@@ -197,7 +169,7 @@ def test_without_a_place_to_write_kernels_are_compiled_in_memory(
 
 def test_a_home_that_is_a_file_does_no_harm(tmp_path: Path) -> None:
     (tmp_path / "home").write_bytes(b"")
-    assert keep("robot.py", b"", tmp_path / "home" / "catenary" / "kernels") is None
+    assert again(tmp_path / "home" / "catenary" / "kernels").__file__ is None
 
 
 def test_the_folder_is_where_the_platform_keeps_caches(
@@ -223,7 +195,7 @@ def test_nothing_half_written_is_left(folder: Path, monkeypatch: pytest.MonkeyPa
 
 def test_a_source_that_fails_leaves_no_module(folder: Path) -> None:
     with pytest.raises(ZeroDivisionError):
-        load_source("robot", "1 / 0\n", {}, folder)
+        load_module("robot", "1 / 0\n", {}, folder)
     with pytest.raises(ZeroDivisionError):
-        load_source("robot", "1 / 0\n", {}, folder)
+        load_module("robot", "1 / 0\n", {}, folder)
     assert np.isfinite(again(folder).one(1.0))
