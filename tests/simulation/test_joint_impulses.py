@@ -5,8 +5,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from catenary.robots.catalog import load_robot
-from catenary.simulation.joint_hardware import JointHardware, joint_numbers, pack_joints
-from catenary.simulation.joint_step import MOTION, Z0, ZD, ZD0, Z, finish_step
+from catenary.simulation.joint_hardware import JointHardware, joint_numbers
+from catenary.simulation.joint_impulses import finish_step
+from catenary.simulation.joint_step import new_motion
 
 MODEL = load_robot("raven2")  # three joints with limits
 PLACES = np.arange(3), np.arange(3)
@@ -24,16 +25,17 @@ class Finished:
         self.mass = factor @ factor.T + 0.05 * np.eye(3)
         factor = np.linalg.cholesky(self.mass)
         self.friction = friction * rng.uniform(0.0, 1.0, 3)
-        packed = pack_joints(joint_numbers(MODEL, JointHardware(friction=self.friction), *PLACES))
-        motion = np.zeros((MOTION, 3))
-        motion[Z0] = MIDDLE + WIDTH * rng.choice([-1.0, 1.0, 0.3, 0.9999], 3)
-        motion[ZD0] = rng.normal(size=3) * rng.choice([0.0, 1.0], 3)
-        motion[ZD] = motion[ZD0] + 0.02 * rng.normal(size=3)
-        motion[Z] = motion[Z0] + 0.5 * STEP * (motion[ZD0] + motion[ZD])
-        self.before = motion.copy()
-        assert finish_step(packed, factor, STEP, motion)
-        self.q, self.qd = motion[Z0], motion[ZD0]
-        self.impulse = self.mass @ (self.qd - self.before[ZD])
+        joints = joint_numbers(MODEL, JointHardware(friction=self.friction), *PLACES)
+        motion = new_motion(3, 3)
+        motion.factor[0], parts = factor, motion.parts
+        parts.start[:] = MIDDLE + WIDTH * rng.choice([-1.0, 1.0, 0.3, 0.9999], 3)
+        parts.start_rate[:] = rng.normal(size=3) * rng.choice([0.0, 1.0], 3)
+        parts.rate[:] = parts.start_rate + 0.02 * rng.normal(size=3)
+        parts.position[:] = parts.start + 0.5 * STEP * (parts.start_rate + parts.rate)
+        self.free_rate = parts.rate.copy()
+        assert finish_step(joints, motion, STEP)
+        self.q, self.qd = parts.start, parts.start_rate
+        self.impulse = self.mass @ (self.qd - self.free_rate)
 
     @property
     def free(self) -> np.ndarray:
@@ -45,22 +47,22 @@ seeds = st.integers(0, 10_000)
 
 
 @given(seeds, st.sampled_from([0.0, 1.0, 30.0]))
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=100)
 def test_no_joint_passes_its_limit(seed, friction):
     step = Finished(seed, friction)
     assert ((step.q >= MODEL.lower) & (step.q <= MODEL.upper)).all()
 
 
 @given(seeds, st.sampled_from([0.0, 1.0, 30.0]))
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=100)
 def test_friction_and_stops_take_energy_and_never_give_any(seed, friction):
     step = Finished(seed, friction)
-    was, now = step.before[ZD] @ step.mass @ step.before[ZD], step.qd @ step.mass @ step.qd
+    was, now = step.free_rate @ step.mass @ step.free_rate, step.qd @ step.mass @ step.qd
     assert now <= was * (1.0 + 1e-9) + 1e-12
 
 
 @given(seeds, st.sampled_from([1.0, 30.0]))
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=100)
 def test_friction_stays_within_coulombs_torque_and_opposes_what_slides(seed, friction):
     step = Finished(seed, friction)
     most = step.friction * STEP
@@ -72,7 +74,7 @@ def test_friction_stays_within_coulombs_torque_and_opposes_what_slides(seed, fri
 
 
 @given(seeds)
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=100)
 def test_stops_only_push_inwards(seed):
     step = Finished(seed, 0.0)
     at_lower, at_upper = step.q <= MODEL.lower, step.q >= MODEL.upper
@@ -83,9 +85,8 @@ def test_stops_only_push_inwards(seed):
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_step_that_is_not_finite_is_not_taken(bad):
-    packed = pack_joints(joint_numbers(MODEL, JointHardware(), *PLACES))
-    motion = np.zeros((MOTION, 3))
-    motion[Z0], motion[Z] = MIDDLE, MIDDLE
-    motion[ZD, 1] = bad
-    assert not finish_step(packed, np.eye(3), STEP, motion)
-    assert_allclose(motion[Z0], MIDDLE)
+    motion = new_motion(3, 3)
+    motion.parts.start[:], motion.parts.position[:] = MIDDLE, MIDDLE
+    motion.parts.rate[1] = bad
+    assert not finish_step(joint_numbers(MODEL, JointHardware(), *PLACES), motion, STEP)
+    assert_allclose(motion.parts.start, MIDDLE)
