@@ -41,7 +41,6 @@ def write_results(folder: Path, errors: dict[Case, Floats], summaries: Sequence[
         "Learning the gravity of 19 joints",
         "Trunk and two arms in MuJoCo on the timeline of the gravity-regressor paper, 1 kHz.",
         blocks,
-        footer=f"catenary {__version__}",
         simulated=True,
     )
 
@@ -109,7 +108,6 @@ def errors_picture(case: Case, errors: Floats) -> Picture:
             axes.axvline(PICK_UP, color="#1c2430", linewidth=0.8, linestyle=":")
         axes.set_title(limb, fontsize=10)
         axes.set_xlabel("time [s]")
-        axes.spines[["top", "right"]].set_visible(False)
         axes.legend(frameon=False, fontsize=7, ncols=2)
     figure.axes[0].set_ylabel("error [deg]")
     caption = f"{case.label}: error of each joint; shaded: estimation, 7 to 12 s."

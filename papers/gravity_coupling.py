@@ -297,8 +297,6 @@ def figure(ways: dict[str, Sensing]) -> Picture:
     right.set_xlabel("frequency [Hz]")
     right.set_ylim(bottom=1e-9)
     right.set_ylabel("gain around the loop [1]")
-    for axes in (left, right):
-        axes.spines[["top", "right"]].set_visible(False)
     return picture(
         drawn,
         "Left: from a rocking base to joint 1. Right: around the loop of a base of 50 kg at 10 Hz, swaying along x; "

@@ -209,7 +209,6 @@ def figure(rows: Sequence[Outcome]) -> Picture:
     axes.invert_yaxis()
     axes.set_xlim(left=0.0)
     axes.set_xlabel("largest motion of joint 1 or 2 because of the fault [deg]")
-    axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False, fontsize=8)
     return picture(drawn, f"Motion because of a sensor's fault, by fallback; the line is {LIMIT_DEG:g} deg.")
 

@@ -171,7 +171,6 @@ def figure(rows: Sequence[Held]) -> Picture:
             )
         axes.set_title({"cables": "simulated RAVEN-II", "rigid": "its links, no friction"}[kind], fontsize=10)
         axes.set_xlabel("base about Z0 [deg]")
-        axes.spines[["top", "right"]].set_visible(False)
     drawn.axes[0].set_ylabel("largest drift of joint 1 [deg]")
     drawn.axes[0].legend(frameon=False, fontsize=8)
     return picture(drawn, "Gravity compensation alone; drift below 0.000001 deg is drawn there.")

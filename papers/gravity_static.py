@@ -197,7 +197,6 @@ def figure_7(results: Results, poses_deg: tuple[float, ...]) -> Picture:
             axes.plot(poses_deg, term, "o-", color=color, label=f"{LABELS[name]}: gravity term")
         axes.set_title(f"base at {angle} deg", fontsize=10)
         axes.set_xlabel("joint 1 [deg]")
-        axes.spines[["top", "right"]].set_visible(False)
     figure.axes[0].set_ylabel("torque of joint 1 [Nm]")
     figure.axes[0].legend(frameon=False, fontsize=8)
     return picture(
@@ -221,7 +220,6 @@ def figure_8(results: Results) -> Picture:
                 axes.plot(angles, share, "o-", color=color, markersize=3, **style)
         axes.set_title(approach, fontsize=10)
         axes.set_xlabel("base about Z0 [deg]")
-        axes.spines[["top", "right"]].set_visible(False)
         axes.set_ylim(bottom=0.0)
     figure.axes[0].set_ylabel("PD share of joint 1 [%]")
     figure.axes[0].legend(frameon=False, fontsize=8)
@@ -299,7 +297,6 @@ def main(
         "Static poses on a tilted base, simulated",
         "PD, PD+SG and PD+DG; figures 7 and 8 of Lewis and Hannaford 2014.",
         blocks,
-        footer=f"catenary {__version__}",
         simulated=True,
     )
     return results

@@ -267,7 +267,6 @@ def figure(rows: Sequence[Response]) -> Picture:
         axes.set_title(TITLES[event], fontsize=10)
         axes.set_ylabel("joint 1 moved [deg]" if event == "reference" else "error of joint 1 [deg]")
         axes.set_xlabel("time since it began [s]")
-        axes.spines[["top", "right"]].set_visible(False)
     drawn.legend(
         labelled.values(),
         labelled.keys(),

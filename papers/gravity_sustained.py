@@ -202,7 +202,6 @@ def figure(changes: Sequence[Change]) -> Picture:
     axes.axhline(first[0].ideal, color="#7a8699", lw=0.8, ls=":", label="missing torque / kp")
     axes.set_xlabel("time since the base drove off [s]")
     axes.set_ylabel("change of joint 1's error [deg]")
-    axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False, fontsize=8, ncols=3)
     return picture(
         drawn, f"Base accelerating at {ACCELERATION:g} m/s2 along x; {LABELS[first[0].controller]}."

@@ -210,7 +210,6 @@ def figure(runs: Sequence[Run]) -> Picture:
         axes.set_xticks(range(len(bases)), [b if b == ROCKING else f"{b} deg" for b in bases], fontsize=8)
         axes.set_title(f"joint {joint + 1}", fontsize=10)
         axes.set_ylabel(f"RMS error [{('deg', 'deg', 'mm')[joint]}]")
-        axes.spines[["top", "right"]].set_visible(False)
     # every joint has the same bars
     handles, labels = drawn.axes[0].get_legend_handles_labels()
     drawn.legend(handles, labels, frameon=False, fontsize=8, ncols=len(labels), loc="outside lower center")

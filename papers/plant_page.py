@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from catenary import __version__
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
 from catenary.reports.page import Block, Heading, Remarks, Table, write_page
@@ -260,7 +259,6 @@ def write_plant_page(path: Path, arm: CableArm, fitted: Fitted | None = None) ->
         "Peng et al., a real robot, and Lewis, Hannaford 2014, beside one simulated robot, its parameters fitted in "
         f"three steps. Reached: within {CLOSE:.0%} on every joint.",
         blocks,
-        footer=f"catenary {__version__}",
         simulated=True,
     )
 

@@ -359,7 +359,6 @@ def main(folder: Path) -> None:
         "Gravity parameters of a RAVEN-II from static poses",
         "Masses believed 20 % too large; bases level and tilted.",
         blocks,
-        footer=f"catenary {__version__}",
         simulated=True,
     )
 

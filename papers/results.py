@@ -58,6 +58,5 @@ def write_results(
         title,
         lead,
         [*blocks, Heading("Configuration"), settings_facts(configuration)],
-        footer=f"catenary {__version__}",
         simulated=True,
     )

@@ -163,7 +163,6 @@ def main(folder: Path, robots: tuple[int | None, ...] = ROBOTS) -> None:
         "Table I, simulated",
         "Direction J2-J3, sparsities 1/2 + 1/3 + 1/4.",
         blocks,
-        footer=f"catenary {__version__}",
         simulated=True,
     )
 

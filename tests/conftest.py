@@ -10,6 +10,7 @@ import numba
 import pytest
 
 if TYPE_CHECKING:  # nothing of catenary may be imported before pytest_configure has run
+    from catenary.workflows.project.calibrate import CalibrationResult
     from oracles.random_trees import RandomRobot
     from ros import Master
 
@@ -49,7 +50,7 @@ def random_robots() -> "list[RandomRobot]":
 @pytest.fixture(scope="session")
 def ros_master(tmp_path_factory: pytest.TempPathFactory) -> "Iterator[Master]":
     """ROS 1's master for the process of the tests, which can have one node; skips where there is no ROS 1."""
-    from catenary.crtk import ros1_master
+    from catenary.crtk.ros1 import master as ros1_master
     from patience import PATIENCE
     from ros import running_master
 
@@ -68,6 +69,20 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recorded") / "project"
     record_short(folder)
     return folder
+
+
+@pytest.fixture(scope="session")
+def finished(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> "CalibrationResult":
+    """What the recorded project came to when it was calibrated; its folder is not to be written."""
+    from simulated_project import calibrate_short
+
+    return calibrate_short(Path(copytree(recorded, tmp_path_factory.mktemp("finished") / "project")))
+
+
+@pytest.fixture
+def finished_folder(finished: "CalibrationResult", tmp_path: Path) -> Path:
+    """Copy of one's own of the finished project."""
+    return Path(copytree(finished.page.parent, tmp_path / "project"))
 
 
 @pytest.fixture

@@ -1,9 +1,22 @@
 """A project on a simulated robot, as short as one can be: a zig-zag of two minutes, a test of a quarter of one."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 from catenary.calibration.fit import FitOptions
-from catenary.workflows.project.calibrate import BEST, TEST, TRAIN, excitation, random_motion
+from catenary.workflows.project import calibrate
+from catenary.workflows.project.calibrate import (
+    BEST,
+    TEST,
+    TRAIN,
+    CalibrationResult,
+    calibrate_robot,
+    excitation,
+    random_motion,
+)
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.recordings import extract_recording
 from catenary.workflows.project.simulated_robot import SimulatedRobot
@@ -25,3 +38,13 @@ def record_short(folder: Path) -> Project:
     for name in (TRAIN, TEST):
         extract_recording(project, name)
     return project
+
+
+def calibrate_short(folder: Path, *, with_page: bool = True, **changes: Any) -> CalibrationResult:
+    """Calibrate a project by linear models, two seconds in the loop; a page takes as long as all the rest."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(calibrate, "models_for", lambda *_: QUICK_MODELS)
+        patch.setattr(calibrate, "DEPLOY_SECONDS", 2.0)
+        if not with_page:
+            patch.setattr(calibrate, "write_project_report", lambda *_, **__: None)
+        return calibrate_robot(Project(folder, replace(SHORT, **changes)))

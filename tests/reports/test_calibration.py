@@ -1,6 +1,7 @@
 import base64
 import io
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.image
@@ -8,8 +9,12 @@ import numpy as np
 import pytest
 
 import simulated_arm
+from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.fit import FitOptions
+from catenary.reports import calibration
 from catenary.reports.calibration import error_table, percent, window_table, write_calibration_report
+from catenary.reports.joint_picture import joint_picture
+from catenary.reports.page import Picture
 from catenary.workflows.fit import FitResult, FitRun, fit_calibration
 
 NAME = "<b>J1</b> & co"
@@ -37,9 +42,19 @@ def page_of(result: FitResult, path: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> str:
-    folder = tmp_path_factory.mktemp("report")
-    return page_of(fitted(folder / "run.npz"), folder / "page.html")
+def result(tmp_path_factory: pytest.TempPathFactory) -> FitResult:
+    return fitted(tmp_path_factory.mktemp("report") / "run.npz")
+
+
+@pytest.fixture(scope="module")
+def page(result: FitResult, tmp_path_factory: pytest.TempPathFactory) -> str:
+    return page_of(result, tmp_path_factory.mktemp("page") / "page.html")
+
+
+@pytest.fixture(scope="module")
+def evaluation(result: FitResult) -> Evaluation:
+    assert result.held_out is not None
+    return result.held_out
 
 
 def pictures(page: str) -> list[np.ndarray]:
@@ -75,37 +90,32 @@ def test_real_data_are_not_marked_as_simulated(page: str) -> None:
     assert "no real robot was measured" not in page
 
 
-def test_simulated_data_are_marked(tmp_path: Path) -> None:
-    result = fitted(tmp_path / "run.npz")
-    result.card["simulated"] = True
-    assert "Simulated: no real robot was measured" in page_of(result, tmp_path / "page.html")
+def test_simulated_data_are_marked(
+    result: FitResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(calibration, "joint_picture", lambda *_: Picture("", ""))
+    simulated = replace(result, card={**result.card, "simulated": True})
+    assert "Simulated: no real robot was measured" in page_of(simulated, tmp_path / "page.html")
 
 
 @pytest.mark.parametrize("t", [None, np.tile(np.arange(2000.0), 5)])
 def test_long_recordings_are_drawn_too(tmp_path: Path, t: np.ndarray | None) -> None:
-    page = page_of(fitted(tmp_path / "run.npz", rows=10_000, t=t), tmp_path / "page.html")
-    assert "the median over each of about 300 stretches" in page
-    assert len(pictures(page)) == 3
+    result = fitted(tmp_path / "run.npz", rows=10_000, t=t)
+    assert result.held_out is not None
+    drawn = joint_picture(result.held_out, result.model, 0)
+    assert "the median over each of about 300 stretches" in drawn.caption
+    assert matplotlib.image.imread(io.BytesIO(base64.b64decode(drawn.png))).std() > 0.01
 
 
-def test_tables_have_one_cell_per_column(tmp_path: Path) -> None:
-    evaluation = fitted(tmp_path / "run.npz").held_out
-    assert evaluation is not None
+def test_tables_have_one_cell_per_column(evaluation: Evaluation) -> None:
     for table in (error_table(evaluation), window_table(evaluation)):
         assert {len(row) for row in table.rows} == {len(table.header)}
 
 
-def test_the_error_table_shows_the_evaluation(tmp_path: Path) -> None:
-    evaluation = fitted(tmp_path / "run.npz").held_out
-    assert evaluation is not None
+def test_the_error_table_shows_the_evaluation(evaluation: Evaluation) -> None:
     row, joint = error_table(evaluation).rows[2], evaluation.joints[2]
-    assert list(row[:5]) == [
-        "J3",
-        "mm",
-        f"{joint.raw_rmse:.3f}",
-        f"{joint.offset_rmse:.3f}",
-        f"{joint.rmse:.3f}",
-    ]
+    errors = [f"{value:.3f}" for value in (joint.raw_rmse, joint.offset_rmse, joint.rmse)]
+    assert list(row[:5]) == ["J3", "mm", *errors]
 
 
 def test_a_percentage_of_nothing_is_a_dash() -> None:

@@ -7,6 +7,7 @@ import matplotlib.image
 import pytest
 from matplotlib.figure import Figure
 
+from catenary import __version__
 from catenary.errors import FileFormatError
 from catenary.reports.page import (
     Block,
@@ -25,14 +26,15 @@ NASTY = "<script>alert('x')</script> & \"quotes\" µ ±"
 
 
 def page(path: Path, blocks: list[Block], *, simulated: bool = False) -> str:
-    write_page(path, "Title", "lead", blocks, footer="foot", simulated=simulated)
+    write_page(path, "Title", "lead", blocks, simulated=simulated)
     return path.read_text(encoding="utf-8")
 
 
 def test_blocks_stand_in_their_order(tmp_path: Path) -> None:
     text = page(tmp_path / "p.html", [Heading("one"), Text("two"), Table(["h"], [["three"]]), Text("four")])
     places = [
-        text.index(f">{word}<") for word in ("Title", "lead", "one", "two", "h", "three", "four", "foot")
+        text.index(f">{word}<")
+        for word in ("Title", "lead", "one", "two", "h", "three", "four", f"catenary {__version__}")
     ]
     assert places == sorted(places)
 

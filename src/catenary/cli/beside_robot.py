@@ -92,7 +92,8 @@ def record_others(
     from catenary.recording.journal import About
     from catenary.recording.synchronise import ROBOT
     from catenary.recording.topics import raven_topics
-    from catenary.workflows.project.ros_robot import arm_of, required
+    from catenary.workflows.project.robot import arm_of
+    from catenary.workflows.project.ros_robot import required
     from catenary.workflows.robot.topic_recorder import record_topics
 
     arm = arm_of(project)

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from catenary import __version__
 from catenary.calibration.card import Card
 from catenary.calibration.evaluate import Evaluation, Spread
 from catenary.calibration.model import CalibrationModel
@@ -72,7 +71,6 @@ def write_calibration_report(
         f"Calibration of {robot}: {model_name(model)}",
         f"Tested on {tested_on}: {len(evaluation.data):,} rows.",
         blocks,
-        footer=f"catenary {__version__}",
         simulated=simulated,
     )
 

@@ -1,12 +1,11 @@
 """What tracking and holding under gravity came to: tables, and a page with a picture."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from catenary import __version__
 from catenary.control.measures import Holding, Tracking
 from catenary.reports.page import Block, Heading, Picture, Table, Text, picture, settings_facts, write_page
 from catenary.units import DISPLAY, TORQUE_UNIT
@@ -53,20 +52,19 @@ def write_tracking_report(path: Path, result: Tracking, settings: Mapping[str, A
     Raises:
         FileFormatError: The file cannot be written.
     """
-    _write(
-        path,
-        f"Tracking with controller {settings['controller']}",
-        "Joint errors, and the PD term's share of the torque, as in Lewis and Hannaford 2014.",
-        [
-            tracking_table(result),
-            tracking_picture(result),
-            Text(
-                "Errors are desired minus reported joint positions, at the motors. PD share: RMS of the PD term over "
-                "RMS of the whole torque; near 0 % where the model is right, beyond 100 % where the PD fights it."
-            ),
-        ],
-        settings,
+    text = Text(
+        "Errors are desired minus reported joint positions, at the motors. PD share: RMS of the PD term over "
+        "RMS of the whole torque; near 0 % where the model is right, beyond 100 % where the PD fights it."
     )
+    blocks: list[Block] = [
+        tracking_table(result),
+        tracking_picture(result),
+        text,
+        Heading("Settings"),
+        settings_facts(settings),
+    ]
+    lead = "Joint errors, and the PD term's share of the torque, as in Lewis and Hannaford 2014."
+    write_page(path, f"Tracking with controller {settings['controller']}", lead, blocks, simulated=True)
 
 
 def write_holding_report(path: Path, result: Holding, settings: Mapping[str, Any]) -> None:
@@ -75,78 +73,61 @@ def write_holding_report(path: Path, result: Holding, settings: Mapping[str, Any
     Raises:
         FileFormatError: The file cannot be written.
     """
-    _write(
-        path,
-        f"Held by controller {settings['controller']}",
-        "Gravity compensation alone, as in Lewis and Hannaford 2014: how far each joint drifts.",
-        [
-            holding_table(result),
-            holding_picture(result),
-            Text(
-                "Drift is the largest distance from where a joint began: of the joint itself, then as the robot "
-                "reports it at its motor. At the end: where it then was, seen from the start."
-            ),
-        ],
-        settings,
+    text = Text(
+        "Drift is the largest distance from where a joint began: of the joint itself, then as the robot "
+        "reports it at its motor. At the end: where it then was, seen from the start."
     )
-
-
-def _write(path: Path, title: str, about: str, blocks: Sequence[Block], settings: Mapping[str, Any]) -> None:
-    write_page(
-        path,
-        title,
-        about,
-        [*blocks, Heading("Settings"), settings_facts(settings)],
-        footer=f"catenary {__version__}",
-        simulated=True,
-    )
+    blocks: list[Block] = [
+        holding_table(result),
+        holding_picture(result),
+        text,
+        Heading("Settings"),
+        settings_facts(settings),
+    ]
+    lead = "Gravity compensation alone, as in Lewis and Hannaford 2014: how far each joint drifts."
+    write_page(path, f"Held by controller {settings['controller']}", lead, blocks, simulated=True)
 
 
 def holding_picture(result: Holding) -> Picture:
-    """How far every joint is from where it began, over time, and as reported."""
-    from matplotlib.figure import Figure
-
-    n = len(result.joint_names)
-    figure = Figure(figsize=(10, 1.9 * n), layout="constrained")
-    rows = figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0]
-    step = max(1, len(result.time) // MOST_POINTS)
-    t = result.time[::step]
-    for j, (name, unit) in enumerate(zip(result.joint_names, result.joint_units, strict=True)):
-        shown, scale = DISPLAY[unit]
+    """Draw how far every joint is from where it began, over time, and as reported."""
+    figure, rows, shown = _per_joint(result, columns=1)
+    t = result.time[shown]
+    for j, (axes,) in enumerate(rows):
+        unit, scale = DISPLAY[result.joint_units[j]]
         for q, color, label in ((result.q, TORQUE, "as reported"), (result.q_true, ERROR, "joint")):
-            rows[j].plot(t, scale * (q[::step, j] - q[0, j]), color=color, linewidth=1.2, label=label)
-        low, high = rows[j].get_ylim()
+            axes.plot(t, scale * (q[shown, j] - q[0, j]), color=color, linewidth=1.2, label=label)
+        low, high = axes.get_ylim()
         # rounding that fills a whole picture would look like a drift
-        rows[j].set_ylim(min(low, -LEAST_RANGE), max(high, LEAST_RANGE))
-        rows[j].set_ylabel(f"{name} [{shown}]")
-        rows[j].spines[["top", "right"]].set_visible(False)
-        rows[j].margins(x=0.01)
-    rows[0].legend(frameon=False, fontsize=8, ncols=2)
-    rows[-1].set_xlabel("time [s]")
+        axes.set_ylim(min(low, -LEAST_RANGE), max(high, LEAST_RANGE))
+        axes.set_ylabel(f"{result.joint_names[j]} [{unit}]")
+    rows[0][0].legend(frameon=False, fontsize=8, ncols=2)
     return picture(figure, "Distance of every joint from where it began.")
 
 
 def tracking_picture(result: Tracking) -> Picture:
-    """Error, and torque with the PD term, of every joint over time."""
+    """Draw the error, and the torque with the PD term, of every joint over time."""
+    figure, rows, shown = _per_joint(result, columns=2)
+    t = result.time[shown]
+    for j, (left, right) in enumerate(rows):
+        unit, scale = DISPLAY[result.joint_units[j]]
+        left.plot(t, scale * result.error[shown, j], color=ERROR, linewidth=0.8)
+        left.set_ylabel(f"{result.joint_names[j]}: error [{unit}]")
+        right.plot(t, result.torque[shown, j], color=TORQUE, linewidth=1.2, label="torque")
+        right.plot(t, result.feedback[shown, j], color=PD, linewidth=0.8, label="PD term")
+        right.set_ylabel(f"[{TORQUE_UNIT[result.joint_units[j]]}]")
+    rows[0][1].legend(frameon=False, fontsize=8, ncols=2)
+    return picture(figure, "Error of every joint, and its torque with the PD term's part.")
+
+
+def _per_joint(result: Tracking | Holding, *, columns: int) -> tuple[Any, Any, slice]:
+    """Return a figure, a row of axes over time for every joint, and which ticks to draw."""
     from matplotlib.figure import Figure
 
     n = len(result.joint_names)
     figure = Figure(figsize=(10, 1.9 * n), layout="constrained")
-    axes = figure.subplots(n, 2, sharex=True, squeeze=False)
-    step = max(1, len(result.time) // MOST_POINTS)
-    t = result.time[::step]
-    for j, (name, unit) in enumerate(zip(result.joint_names, result.joint_units, strict=True)):
-        shown, scale = DISPLAY[unit]
-        left, right = axes[j]
-        left.plot(t, scale * result.error[::step, j], color=ERROR, linewidth=0.8)
-        left.set_ylabel(f"{name}: error [{shown}]")
-        right.plot(t, result.torque[::step, j], color=TORQUE, linewidth=1.2, label="torque")
-        right.plot(t, result.feedback[::step, j], color=PD, linewidth=0.8, label="PD term")
-        right.set_ylabel(f"[{TORQUE_UNIT[unit]}]")
-    axes[0, 1].legend(frameon=False, fontsize=8, ncols=2)
-    for side in axes[-1]:
-        side.set_xlabel("time [s]")
-    for one in axes.flat:
-        one.spines[["top", "right"]].set_visible(False)
-        one.margins(x=0.01)
-    return picture(figure, "Error of every joint, and its torque with the PD term's part.")
+    rows = figure.subplots(n, columns, sharex=True, squeeze=False)
+    for axes in rows.flat:
+        axes.margins(x=0.01)
+    for axes in rows[-1]:
+        axes.set_xlabel("time [s]")
+    return figure, rows, slice(None, None, max(1, len(result.time) // MOST_POINTS))

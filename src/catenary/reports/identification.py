@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from catenary import __version__
 from catenary.arrays import Floats
 from catenary.files import json_text
 from catenary.identification.files import Card
@@ -72,7 +71,6 @@ def write_identification_report(
         f"{what}: {found.base.count} base parameters from {sum(r.rows for r in found.training):,} rows of "
         f"{', '.join(r.log for r in found.training)}.",
         blocks,
-        footer=f"catenary {__version__}",
     )
 
 

@@ -48,8 +48,6 @@ def joint_picture(evaluation: Evaluation, model: CalibrationModel, j: int) -> Pi
     legend = figure.legend(handles, labels, loc="outside upper right", ncols=3, frameon=False, fontsize=9)
     for handle in legend.get_lines():
         handle.set_linewidth(3.0)
-    for axes in (over_time, histogram):
-        axes.spines[["top", "right"]].set_visible(False)
     joint = evaluation.joints[j]
     caption = (
         f"{joint.name}: RMSE {joint.raw_rmse:.3f} {unit} raw, {joint.offset_rmse:.3f} {unit} after the fixed "

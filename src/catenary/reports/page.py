@@ -8,6 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
+from catenary import __version__
 from catenary.errors import FileFormatError
 
 if TYPE_CHECKING:
@@ -91,16 +92,18 @@ def _told(value: object) -> str:
 
 
 def picture(figure: "Figure", caption: str) -> Picture:
-    """Draw a matplotlib figure into a picture block."""
+    """Draw a matplotlib figure into a picture block, its axes open above and to the right."""
+    for axes in figure.axes:
+        axes.spines[["top", "right"]].set_visible(False)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DOTS_PER_INCH)
     return Picture(base64.b64encode(buffer.getvalue()).decode(), caption)
 
 
 def write_page(
-    path: Path, title: str, lead: str, blocks: Sequence[Block], *, footer: str = "", simulated: bool = False
+    path: Path, title: str, lead: str, blocks: Sequence[Block], *, simulated: bool = False
 ) -> None:
-    """Write a page that needs no other file and no network.
+    """Write a page that needs no other file and no network; its footer names the version of catenary.
 
     Raises:
         FileFormatError: The file cannot be written.
@@ -110,7 +113,9 @@ def write_page(
     template = Environment(autoescape=True, trim_blocks=True).from_string(
         (files("catenary.reports") / "page.html").read_text(encoding="utf-8")
     )
-    html = template.render(title=title, lead=lead, blocks=blocks, footer=footer, simulated=simulated)
+    html = template.render(
+        title=title, lead=lead, blocks=blocks, footer=f"catenary {__version__}", simulated=simulated
+    )
     try:
         # a file's name may hold bytes that are no text
         path.write_bytes(html.encode("utf-8", "backslashreplace"))

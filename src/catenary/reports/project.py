@@ -161,7 +161,6 @@ def _coverage(train: Sequence[MotionLog], test: Sequence[MotionLog]) -> Picture:
             )
         for axis, joint in ((ax.set_xlabel, i), (ax.set_ylabel, j)):
             axis(f"{first.joint_names[joint]} [{DISPLAY[first.joint_units[joint]][0]}]")
-        ax.spines[["top", "right"]].set_visible(False)
     axes[-1].legend(markerscale=6, frameon=False, loc="upper right", fontsize=9)
     return picture(
         figure, "Where the joints went, as the robot reported: training and test motion in joint space."

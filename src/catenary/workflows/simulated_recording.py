@@ -1,12 +1,14 @@
 """Recordings of a simulated arm, made in memory: hours of motion in a minute, without bags in between."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.plant import MotionLog
 from catenary.simulation.cable_plant import JOINTS, UNITS, CablePlant
-from catenary.simulation.firmware import joint_torques
+from catenary.simulation.firmware import TickLog, joint_torques
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.trajectories.reference import Trajectory
 
@@ -46,16 +48,13 @@ def record_simulated(
         NotReadyError: The arm is not homed or enabled, or its software e-stop tripped.
     """
     _approach(plant, trajectory)
-    ticks = round(trajectory.duration / PERIOD)
-    stamps = _stamps(ticks, state_rate, rng)
+    stamps = _stamps(round(trajectory.duration / PERIOD), state_rate, rng)
     joint: list[Floats] = []
     torque: list[Floats] = []
     encoder: list[Floats] = []
-    for first in range(0, ticks, CHUNK):
-        last = min(ticks, first + CHUNK)
-        rows = np.full((last - first, len(JOINTS)), np.nan)
-        rows[:, :CALIBRATED] = trajectory.sample(np.arange(first, last) * PERIOD)[0]
-        log = plant.run(rows)
+    last = 0
+    for log, _ in driven(plant, trajectory, CHUNK):
+        first, last = last, last + len(log.q)
         here = stamps[(stamps >= first) & (stamps < last)] - first
         joint.append(log.joint[here])
         torque.append(joint_torques(plant.firmware, log.torque[here]))
@@ -79,6 +78,22 @@ def record_simulated(
         robot=plant.arm.name,
         simulated=True,
     )
+
+
+def driven(plant: CablePlant, trajectory: Trajectory, chunk: int) -> Iterator[tuple[TickLog, float]]:
+    """Drive an arm along a trajectory of its positioning joints: each piece of its log, and the share done.
+
+    Args:
+        plant: Enabled and homed.
+        trajectory: Of the three positioning joints.
+        chunk: Ticks in a piece, at most.
+    """
+    ticks = max(1, round(trajectory.duration / PERIOD))
+    for first in range(0, ticks, chunk):
+        last = min(ticks, first + chunk)
+        rows: Floats = np.full((last - first, len(JOINTS)), np.nan)
+        rows[:, :CALIBRATED] = trajectory.sample(np.arange(first, last) * PERIOD)[0]
+        yield plant.run(rows), last / ticks
 
 
 def _approach(plant: CablePlant, trajectory: Trajectory) -> None:

@@ -1,7 +1,8 @@
 """The main job in one go: home, excite and record, extract, fit, evaluate, deploy, report; resumable at every step."""
 
+import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from catenary.workflows.project.robot import ProjectRobot
 from catenary.workflows.project.simulated_robot import SimulatedRobot
 
 TRAIN, TEST = "train", "test"
+VERBS = {f"record {TRAIN}": "excite", f"record {TEST}": "record"}  # by which commands make these recordings
 DEPLOY_SECONDS = 20.0
 POSITIONING_INPUTS = tuple(
     f"{group}:{joint}" for group in ("q", "tau") for joint in ("shoulder", "elbow", "insertion")
@@ -114,29 +116,20 @@ def calibrate_robot(
     Raises:
         CatenaryError: A step failed; what was done before stays, and is not done again.
     """
-    run: list[str] = []
+    project.ran.clear()
     robot = SimulatedRobot() if robot is None else robot
-
-    def note(step: str, was_run: bool) -> None:
-        if was_run:
-            run.append(step)
-
     progress("home")
-    note("home", robot.home(project))
-    motion, what = excitation(project)
-    note("excite", robot.record(project, TRAIN, motion, what, after="home", progress=progress("excite")))
-    motion, what = random_motion(project, 60.0 * project.settings.test_minutes)
-    note(
-        "record",
-        robot.record(project, TEST, motion, what, after=TRAIN, progress=progress("record the test motion")),
-    )
+    robot.home(project)
+    robot.record(project, TRAIN, *excitation(project), after="home", progress=progress("excite"))
+    test_motion = random_motion(project, 60.0 * project.settings.test_minutes)
+    robot.record(project, TEST, *test_motion, after=TRAIN, progress=progress("record the test motion"))
     progress("extract")
     for name in (TRAIN, TEST):
-        note(f"extract {name}", extract_recording(project, name))
+        extract_recording(project, name)
     seed = 0 if project.settings.seed is None else project.settings.seed
     train, test = ([motion_log_path(project, name)] for name in (TRAIN, TEST))
     models = models_for(project.settings.robot, seed)
-    fit_models(project, train, models, project.settings.robot, note, progress)
+    fit_models(project, train, models, FitRun(robot=project.settings.robot), progress)
 
     deployed = project.folder / "deployment.json"
 
@@ -147,12 +140,9 @@ def calibrate_robot(
 
     progress("deploy")
     made_from = [*map(project.fingerprint_of, (f"fit {BEST}", f"record {TEST}")), DEPLOY_SECONDS]
-    note(
-        "deploy",
-        project.run("deploy", made_from, [deployed], deploy),
-    )
+    project.run("deploy", made_from, [deployed], deploy)
     progress("report")
-    return conclude(project, models, train, test, deployed, tuple(run))
+    return conclude(project, models, train, test, deployed)
 
 
 def calibrate_recordings(
@@ -174,16 +164,11 @@ def calibrate_recordings(
     both = [str(path) for path, content in zip(test, _hashes(test), strict=True) if content in hashes]
     if both:
         raise InputError(f"calibrate: {', '.join(both)}: a recording cannot be both trained and tested on")
-    run: list[str] = []
-
-    def note(step: str, was_run: bool) -> None:
-        if was_run:
-            run.append(step)
-
+    project.ran.clear()
     models = models_for(None, 0)
-    fit_models(project, train, models, run_options.robot, note, progress, run_options)
+    fit_models(project, train, models, run_options, progress)
     progress("report")
-    return conclude(project, models, train, test, None, tuple(run))
+    return conclude(project, models, train, test, None)
 
 
 def model_path(project: Project, name: str) -> Path:
@@ -195,16 +180,13 @@ def fit_models(
     project: Project,
     train: Sequence[Path],
     models: Mapping[str, FitOptions],
-    robot: str | None,
-    note: Callable[[str, bool], None],
+    asked: FitRun,
     progress: Callable[[str], Progress],
-    run_options: FitRun | None = None,
 ) -> None:
-    """Fit every model that has not been fitted to these recordings."""
+    """Fit every model that has not been fitted to these recordings; they are judged on others, not by folds."""
     (project.folder / "models").mkdir(exist_ok=True)
     hashes = _hashes(train)
-    base = run_options if run_options is not None else FitRun(robot=robot)
-    settings = FitRun(base.units, base.joint_names, robot, base.max_error, None, 0)
+    settings = replace(asked, held_out=None, folds=0)
     for name, options in models.items():
         path = model_path(project, name)
 
@@ -214,7 +196,7 @@ def fit_models(
             save_model(result.model, result.card, path)
 
         made_from = [hashes, asdict(options), asdict(settings)]
-        note(f"fit {name}", project.run(f"fit {name}", made_from, [path, card_path(path)], work))
+        project.run(f"fit {name}", made_from, [path, card_path(path)], work)
 
 
 def _hashes(paths: Sequence[Path]) -> list[str]:
@@ -230,11 +212,8 @@ def conclude(
     train: Sequence[Path],
     test: Sequence[Path],
     deployed: Path | None,
-    run: tuple[str, ...],
 ) -> CalibrationResult:
     """Evaluate every model and write evaluation.json and report.html."""
-    import json
-
     results = {name: evaluate_calibration(model_path(project, name), list(test)) for name in models}
     deployment = None if deployed is None else json.loads(deployed.read_text(encoding="utf-8"))
     page = project.folder / "report.html"
@@ -243,7 +222,7 @@ def conclude(
         model_path=model_path(project, BEST),
         evaluations={name: result.evaluation for name, result in results.items()},
         deployment=deployment,
-        repeated=run,
+        repeated=tuple(VERBS.get(step, step) for step in project.ran),
     )
     write(project.folder / "evaluation.json", concluded.summary())
     best = results[BEST]

@@ -90,6 +90,7 @@ class Project:
             ConfigError: Its steps.json is damaged.
         """
         self.folder, self.settings = folder, settings
+        self.ran: list[str] = []  # steps that were run since it was opened; all others had been done
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -136,6 +137,7 @@ class Project:
             "version": __version__,
         }
         write(self.folder / STEPS, self._steps)
+        self.ran.append(step)
         return True
 
     def fingerprint_of(self, step: str) -> str:

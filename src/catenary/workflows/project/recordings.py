@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from catenary.workflows.project.folder import Project, write
-from catenary.workflows.project.robot import empty
+from catenary.workflows.project.robot import arm_of, empty
 
 
 def extract_recording(project: Project, name: str) -> bool:
@@ -18,7 +18,7 @@ def extract_recording(project: Project, name: str) -> bool:
     def work() -> None:
         empty(folder)
         extraction = extract([project.folder / "recordings" / name], folder)
-        arm = SynchroniseOptions(arm="gold" if project.settings.side == "left" else "green")
+        arm = SynchroniseOptions(arm=arm_of(project))
         result = synchronise(folder, arm)
         write_parquet(result.log, path)
         write(

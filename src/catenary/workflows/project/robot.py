@@ -1,21 +1,36 @@
 """What a calibration asks of a robot, simulated or real: the project's steps that need one."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.progress import Progress, silent
+from catenary.recording.topics import Arm
 from catenary.trajectories.reference import Trajectory
 from catenary.workflows.project.folder import Project
 
 
-class ProjectRobot(Protocol):
+@dataclass(frozen=True)
+class Take:
+    """A recording to be made."""
+
+    folder: Path
+    name: str
+    trajectory: Trajectory  # of the three positioning joints
+    motion: Any  # what the trajectory is, as plain data
+    after: str  # "home", or the name of the recording before
+    progress: Progress
+
+
+class ProjectRobot(ABC):
     """Does the steps of a project that need a robot; each only unless it was done, and each by itself."""
 
+    @abstractmethod
     def home(self, project: Project) -> bool:
-        """Home it; whether it had to be done. Writes robot/home.json."""
-        ...
+        """Home it, and say whether that had to be done. Writes robot/home.json."""
 
     def record(
         self,
@@ -27,7 +42,7 @@ class ProjectRobot(Protocol):
         after: str,
         progress: Progress = silent,
     ) -> bool:
-        """Drive it along a trajectory of its positioning joints and record it into recordings/NAME.
+        """Drive it along a trajectory and record that into recordings/NAME, and say whether that had to be done.
 
         Args:
             project: The project.
@@ -41,19 +56,31 @@ class ProjectRobot(Protocol):
             LimitError: The motion leaves the joint limits; nothing has moved.
             ConfigError: The step before was not done.
         """
-        ...
+        before = after if after == "home" else f"record {after}"
+        made_from = [motion, project.settings.state_rate_hz, project.fingerprint_of(before)]
+        take = Take(project.folder / "recordings" / name, name, trajectory, motion, after, progress)
+        return project.run(
+            f"record {name}", made_from, self.files(project, take), lambda: self.drive(project, take)
+        )
 
+    @abstractmethod
+    def drive(self, project: Project, take: Take) -> None:
+        """Make a recording."""
+
+    def files(self, project: Project, take: Take) -> list[Path]:
+        """Return what a recording leaves behind."""
+        return [take.folder]
+
+    @abstractmethod
     def deploy(
-        self,
-        project: Project,
-        model: CalibrationModel,
-        trajectory: Trajectory,
-        *,
-        after: str,
-        real_time: bool = True,
+        self, project: Project, model: CalibrationModel, trajectory: Trajectory, *, after: str
     ) -> Mapping[str, Any]:
-        """Run a model in its 1 kHz loop along a trajectory; give `Deployment.as_data`."""
-        ...
+        """Run a model in its 1 kHz loop along a trajectory, and return `Deployment.as_data`."""
+
+
+def arm_of(project: Project) -> Arm:
+    """Return the arm that a project is about."""
+    return "gold" if project.settings.side == "left" else "green"
 
 
 def empty(folder: Path) -> None:

@@ -11,18 +11,17 @@ from typing import Any
 import numpy as np
 
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.progress import Progress, silent
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError, NotReadyError
 from catenary.plant import JointState, OperatingState
 from catenary.recording.journal import About
 from catenary.recording.synchronise import CALIBRATED, ROBOT
-from catenary.recording.topics import EXT_JPOS, Arm, Topic, raven_topics
+from catenary.recording.topics import EXT_JPOS, Topic, raven_topics
 from catenary.trajectories.reference import Reference, Trajectory
 from catenary.workflows.project.deploy import deploy_on_robot
 from catenary.workflows.project.folder import Project, write
-from catenary.workflows.project.robot import empty
+from catenary.workflows.project.robot import ProjectRobot, Take, arm_of, empty
 from catenary.workflows.robot.guide import PATIENCE, AnswerYes, Check, Guide, clear_workspace, have_done
 from catenary.workflows.robot.homing import HOMING, home_client
 from catenary.workflows.robot.motion import check_motion, move_to, run_trajectory
@@ -31,7 +30,7 @@ from catenary.workflows.robot.topic_recorder import TopicRecorder, refuse_missin
 COLLECT_EVERY = 20  # ticks between two looks at what has come
 
 
-class RosRobot:
+class RosRobot(ProjectRobot):
     """A RAVEN-II's arm behind a transport."""
 
     def __init__(
@@ -77,51 +76,25 @@ class RosRobot:
 
         return project.run("home", _robot_settings(project), [path], work)
 
-    def record(
-        self,
-        project: Project,
-        name: str,
-        trajectory: Trajectory,
-        motion: Any,
-        *,
-        after: str,
-        progress: Progress = silent,
-    ) -> bool:
-        """Drive and record it; a recording that was interrupted is begun anew."""
-        folder = project.folder / "recordings" / name
-        step = after if after == "home" else f"record {after}"
-        made_from = [motion, project.settings.state_rate_hz, project.fingerprint_of(step)]
-
-        def work() -> None:
-            with self._connected(project) as client:
-                check_motion(client, trajectory, joints=CALIBRATED)
-                self._make_ready(client)
-                with _paused_afterwards(client):
-                    move_to(client, trajectory(0.0).q, joints=CALIBRATED)
-                    empty(folder)
-                    self._drive(client, project, name, trajectory, motion, progress)
-
-        return project.run(f"record {name}", made_from, [folder], work)
+    def drive(self, project: Project, take: Take) -> None:
+        """Record over the robot's topics; a recording that was interrupted is begun anew."""
+        with self._connected(project) as client:
+            check_motion(client, take.trajectory, joints=CALIBRATED)
+            self._make_ready(client)
+            with _paused_afterwards(client):
+                move_to(client, take.trajectory(0.0).q, joints=CALIBRATED)
+                empty(take.folder)
+                self._record(client, project, take)
 
     def deploy(
-        self,
-        project: Project,
-        model: CalibrationModel,
-        trajectory: Trajectory,
-        *,
-        after: str,
-        real_time: bool = True,
+        self, project: Project, model: CalibrationModel, trajectory: Trajectory, *, after: str
     ) -> Mapping[str, Any]:
         """Run a model in a 1 kHz loop around the robot; errors are against the external encoders' latest reading."""
         with self._connected(project) as client:
             self._make_ready(client)
             with _paused_afterwards(client):
                 found = deploy_on_robot(
-                    client,
-                    model,
-                    trajectory,
-                    client.external_encoders,
-                    real_time=real_time and not self._simulated,
+                    client, model, trajectory, client.external_encoders, real_time=not self._simulated
                 )
         return found.as_data()
 
@@ -167,22 +140,13 @@ class RosRobot:
             return None
         return f"nobody publishes {EXT_JPOS.name}"
 
-    def _drive(
-        self,
-        client: CrtkClient,
-        project: Project,
-        name: str,
-        trajectory: Trajectory,
-        motion: Any,
-        progress: Progress,
-    ) -> None:
+    def _record(self, client: CrtkClient, project: Project, take: Take) -> None:
         arm = arm_of(project)
-        about = About(robot=ROBOT[arm], simulated=self._simulated, configuration={"motion": motion})
-        folder = project.folder / "recordings" / name
+        about = About(robot=ROBOT[arm], simulated=self._simulated, configuration={"motion": take.motion})
         topics = raven_topics(arm, state_rate=project.settings.state_rate_hz)
         tick = 0
 
-        with TopicRecorder(self._transport, folder, topics, about=about) as recorder:
+        with TopicRecorder(self._transport, take.folder, topics, about=about) as recorder:
 
             def observe(_: JointState, __: Reference) -> None:
                 nonlocal tick
@@ -190,16 +154,13 @@ class RosRobot:
                 if tick % COLLECT_EVERY == 0:
                     recorder.collect()
 
-            run_trajectory(client, trajectory, joints=CALIBRATED, observe=observe, progress=progress)
+            run_trajectory(
+                client, take.trajectory, joints=CALIBRATED, observe=observe, progress=take.progress
+            )
             recorder.collect()
             refuse_missing(recorder.counts, [topic.name for topic in required(topics)])
         for problem in recorder.problems():
             self._guide.say(problem)
-
-
-def arm_of(project: Project) -> Arm:
-    """Arm that a project is about."""
-    return "gold" if project.settings.side == "left" else "green"
 
 
 def required(topics: tuple[Topic, ...]) -> tuple[Topic, ...]:

@@ -1,22 +1,20 @@
 """A simulated RAVEN-II in a project: home it, drive it, record it, deploy on it; each from where it was left."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from catenary.arrays import Floats
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.progress import Progress, silent
 from catenary.errors import ConfigError, FileFormatError
 from catenary.recording.journal import About
 from catenary.recording.recorder import Recorder
+from catenary.recording.synchronise import CALIBRATED, ROBOT
 from catenary.recording.topics import raven_topics
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_parameters import load_cable_arm
-from catenary.simulation.cable_plant import JOINTS, CablePlant
-from catenary.simulation.firmware import TickLog
+from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.plant_state import FORMAT as STATE_FORMAT
 from catenary.simulation.plant_state import restore_plant, save_plant
 from catenary.simulation.raven_telemetry import COLUMNS, telemetry_of
@@ -25,14 +23,14 @@ from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
 from catenary.workflows.project.deploy import deploy_on_simulated
 from catenary.workflows.project.folder import Project, ProjectSettings, write
-from catenary.workflows.project.robot import empty
+from catenary.workflows.project.robot import ProjectRobot, Take, arm_of, empty
 from catenary.workflows.robot.motion import check_motion
+from catenary.workflows.simulated_recording import driven
 
 CHUNK = 20_000  # ticks whose telemetry is held at once
-CALIBRATED = 3
 
 
-class SimulatedRobot:
+class SimulatedRobot(ProjectRobot):
     """The robot of a project without a real one; the same settings give the same robot."""
 
     def home(self, project: Project) -> bool:
@@ -67,74 +65,49 @@ class SimulatedRobot:
 
         return project.run("home", _robot_settings(project.settings), [homed, folder / "home.json"], work)
 
-    def record(
-        self,
-        project: Project,
-        name: str,
-        trajectory: Trajectory,
-        motion: Any,
-        *,
-        after: str,
-        progress: Progress = silent,
-    ) -> bool:
-        """Drive and record it, as fast as the machine runs, from where `after` left it; then put it away again."""
-        settings = project.settings
-        recording = project.folder / "recordings" / name
-        before, left = left_at(project, after), left_at(project, name)
-        made_from = [
-            motion,
-            settings.state_rate_hz,
-            project.fingerprint_of(after if after == "home" else f"record {after}"),
-        ]
+    def files(self, project: Project, take: Take) -> list[Path]:
+        """Return the recording's folder, and the robot as it was left."""
+        return [take.folder, left_at(project, take.name)]
 
-        def work() -> None:
-            if not before.is_file():
-                raise ConfigError(f"{before}: is missing; do the step {after} first")
-            plant = make_plant(settings)
-            restore_plant(plant, before)
-            plant.state_command("enable")
-            check_motion(plant, trajectory, joints=JOINTS[:CALIBRATED])
-            empty(recording)
-            topics = raven_topics(
-                "gold" if settings.side == "left" else "green", state_rate=settings.state_rate_hz
-            )
-            about = About(
-                robot=settings.robot if settings.side == "left" else f"{settings.robot}_right",
-                simulated=True,
-                seed=settings.seed,
-                configuration={"motion": motion},
-            )
-            seed = 0 if settings.seed is None else settings.seed
-            rng = np.random.default_rng([seed, *name.encode()])
-            approach = go_to(plant.control.setpoint[:CALIBRATED], trajectory(0.0).q, max_velocity=[0.2, 0.2, 0.01],
-                             max_acceleration=[0.4, 0.4, 0.02])  # fmt: skip
-            for _ in _ticks(plant, approach):
-                pass
-            begin = plant.time
-            with Recorder(recording, topics, COLUMNS, rng, about=about) as recorder:
-                for log, done in _ticks(plant, trajectory):
-                    time = plant.time - begin - PERIOD * np.arange(len(log.joint), 0, -1)
-                    recorder.observe_many(np.round(time, 6), telemetry_of(plant, log))
-                    progress(done)
-            plant.state_command("pause")
-            save_plant(plant, left)
-
-        return project.run(f"record {name}", made_from, [recording, left], work)
+    def drive(self, project: Project, take: Take) -> None:
+        """Record as fast as the machine runs, from where the step before left the robot; then put it away again."""
+        settings, before = project.settings, left_at(project, take.after)
+        if not before.is_file():
+            raise ConfigError(f"{before}: is missing; do the step {take.after} first")
+        plant = make_plant(settings)
+        restore_plant(plant, before)
+        plant.state_command("enable")
+        check_motion(plant, take.trajectory, joints=CALIBRATED)
+        empty(take.folder)
+        arm = arm_of(project)
+        about = About(
+            robot=ROBOT[arm], simulated=True, seed=settings.seed, configuration={"motion": take.motion}
+        )
+        rng = np.random.default_rng([0 if settings.seed is None else settings.seed, *take.name.encode()])
+        start = plant.control.setpoint[: len(CALIBRATED)]
+        approach = go_to(
+            start, take.trajectory(0.0).q, max_velocity=[0.2, 0.2, 0.01], max_acceleration=[0.4, 0.4, 0.02]
+        )
+        for _ in driven(plant, approach, CHUNK):
+            pass
+        begin = plant.time
+        topics = raven_topics(arm, state_rate=settings.state_rate_hz)
+        with Recorder(take.folder, topics, COLUMNS, rng, about=about) as recorder:
+            for log, done in driven(plant, take.trajectory, CHUNK):
+                time = plant.time - begin - PERIOD * np.arange(len(log.joint), 0, -1)
+                recorder.observe_many(np.round(time, 6), telemetry_of(plant, log))
+                take.progress(done)
+        plant.state_command("pause")
+        save_plant(plant, left_at(project, take.name))
 
     def deploy(
-        self,
-        project: Project,
-        model: CalibrationModel,
-        trajectory: Trajectory,
-        *,
-        after: str,
-        real_time: bool = True,
+        self, project: Project, model: CalibrationModel, trajectory: Trajectory, *, after: str
     ) -> Mapping[str, Any]:
-        """Run a model in its loop, from where `after` left it."""
+        """Run a model in its loop in real time, from where `after` left the robot."""
         plant = make_plant(project.settings)
         restore_plant(plant, left_at(project, after))
         plant.state_command("enable")
-        return deploy_on_simulated(plant, model, trajectory, real_time=real_time).as_data()
+        return deploy_on_simulated(plant, model, trajectory, real_time=True).as_data()
 
 
 def left_at(project: Project, step: str) -> Path:
@@ -151,16 +124,6 @@ def make_plant(settings: ProjectSettings) -> CablePlant:
         payload=settings.payload_kg,
         base=FixedBase(float(roll), float(pitch)),
     )
-
-
-def _ticks(plant: CablePlant, trajectory: Trajectory) -> Iterator[tuple[TickLog, float]]:
-    """Drive an arm along a trajectory: each piece of its log, and the share done."""
-    ticks = max(1, round(trajectory.duration / PERIOD))
-    for first in range(0, ticks, CHUNK):
-        last = min(ticks, first + CHUNK)
-        rows: Floats = np.full((last - first, len(JOINTS)), np.nan)
-        rows[:, :CALIBRATED] = trajectory.sample(np.arange(first, last) * PERIOD)[0]
-        yield plant.run(rows), last / ticks
 
 
 def _robot_settings(settings: ProjectSettings) -> Any:

@@ -1,8 +1,9 @@
 """The robot that an operator's tools move: a simulated one in this process, or one behind a transport."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
 
@@ -13,10 +14,12 @@ from catenary.crtk.latest import ImuTopic
 from catenary.crtk.names import Dialect
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError
-from catenary.plant import Column, JointState, OperatingState, Plant, StateCommand
+from catenary.plant import JointState, Plant
 from catenary.robots.catalog import RAVEN_SIDES, load_robot
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import FixedBase
+from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.mujoco_plant import MujocoPlant
 
 DIALECTS: tuple[Dialect, ...] = ("raven", "crtk")
 
@@ -47,7 +50,10 @@ class OperatedRobot:
 
 
 class PacedPlant:
-    """A simulated plant whose ticks last as long as a robot's; a late tick delays the next one, it makes none leap."""
+    """A simulated plant whose ticks last as long as a robot's; a late tick delays the next one, it makes none leap.
+
+    Every other verb is the plant's own.
+    """
 
     def __init__(self, plant: Plant) -> None:
         """Take a plant; its clock starts with the first tick."""
@@ -55,87 +61,19 @@ class PacedPlant:
         self._next: float | None = None
         self.late = 0  # ticks that began a whole period late or more
 
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints."""
-        return self._plant.joint_names
-
-    @property
-    def joint_units(self) -> tuple[str, ...]:
-        """Unit of each joint, rad or m."""
-        return self._plant.joint_units
-
-    @property
-    def lower(self) -> Floats:
-        """Joint limits below (n,) [rad|m]."""
-        return self._plant.lower
-
-    @property
-    def upper(self) -> Floats:
-        """Joint limits above (n,) [rad|m]."""
-        return self._plant.upper
-
-    @property
-    def period(self) -> float:
-        """Of a tick [s]."""
-        return self._plant.period
-
-    @property
-    def simulated(self) -> bool:
-        """Whether it is none of steel."""
-        return self._plant.simulated
-
-    @property
-    def supports(self) -> frozenset[str]:
-        """Verbs that it has."""
-        return self._plant.supports
-
-    @property
-    def columns(self) -> tuple[Column, ...]:
-        """Columns of its telemetry."""
-        return self._plant.columns
-
-    def measured_js(self) -> JointState:
-        """Latest measured joint state."""
-        return self._plant.measured_js()
-
-    def setpoint_js(self) -> JointState:
-        """Latest joint setpoint."""
-        return self._plant.setpoint_js()
-
-    def servo_jp(self, q: Floats) -> None:
-        """Command joint positions."""
-        self._plant.servo_jp(q)
-
-    def servo_jr(self, dq: Floats) -> None:
-        """Command joint increments."""
-        self._plant.servo_jr(dq)
-
-    def servo_jf(self, tau: Floats) -> None:
-        """Command joint torques."""
-        self._plant.servo_jf(tau)
-
-    def operating_state(self) -> OperatingState:
-        """Operating state."""
-        return self._plant.operating_state()
-
-    def state_command(self, command: StateCommand) -> None:
-        """Ask for a transition."""
-        self._plant.state_command(command)
-
-    def telemetry(self) -> Mapping[str, Floats]:
-        """Latest sample of every column."""
-        return self._plant.telemetry()
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._plant, name)
 
     def wait(self) -> None:
         """Advance the simulation, then sleep until the tick is over."""
         begin = time.monotonic()
         self._plant.wait()
         now = time.monotonic()
-        if self._next is None or begin > self._next + self.period:
+        period = self._plant.period
+        if self._next is None or begin > self._next + period:
             self.late += self._next is not None
             self._next = begin
-        self._next += self.period
+        self._next += period
         if self._next > now:
             time.sleep(self._next - now)
 
@@ -163,29 +101,20 @@ def simulated_robot(
         MissingInertiaError: Links without inertia.
     """
     base = FixedBase(*(float(angle) for angle in np.deg2rad(base_tilt_deg)))
-    plant: Plant
+    model = load_robot(robot)
+    plant: CablePlant | MujocoPlant
     if robot in RAVEN_SIDES:
-        from catenary.simulation.cable_plant import CablePlant
-
-        model = load_robot(robot)
-        cables = CablePlant(side=RAVEN_SIDES[robot], seed=seed, base=base)
-        if homed:
-            cables.home()
-        plant = cables
+        plant = CablePlant(side=RAVEN_SIDES[robot], seed=seed, base=base)
+    elif seed is not None:
+        raise InputError(f'robot "{robot}": there is one simulated robot of it, --seed draws no other')
     else:
-        from catenary.simulation.mujoco_plant import MujocoPlant
-
-        if seed is not None:
-            raise InputError(f'robot "{robot}": there is one simulated robot of it, --seed draws no other')
-        model = load_robot(robot)
-        rigid = MujocoPlant(model, base=base)
-        if homed:
-            rigid.home()
-        plant = rigid
+        plant = MujocoPlant(model, base=base)
+    if homed:
+        plant.home()
     if not real_time:
         return OperatedRobot(model.name, plant, model, lambda: 0)
     paced = PacedPlant(plant)
-    return OperatedRobot(model.name, paced, model, lambda: paced.late)
+    return OperatedRobot(model.name, cast(Plant, paced), model, lambda: paced.late)
 
 
 def robot_over(
