@@ -29,11 +29,14 @@ def monitor(
         Path | None,
         Option("--model", metavar="MODEL", help="Calibration model: calibrated joints, valid range."),
     ] = None,
-    speed: Annotated[float, Option("--speed", help="With --log: times its own speed.")] = 1.0,
+    speed: Annotated[float, Option("--speed", help="With --log: factor on its own speed.")] = 1.0,
     rate: Annotated[
-        float | None, Option("--rate", metavar="HZ", help="[default: 25 on a screen, 1 in a pipe]")
+        float | None,
+        Option("--rate", metavar="HZ", help="Samples a second. [default: 25 on a screen, 1 in a pipe]"),
     ] = None,
-    seconds: Annotated[float | None, Option("--seconds", help="End then. [default: Q or Ctrl-C]")] = None,
+    seconds: Annotated[
+        float | None, Option("--seconds", help="How long to watch. [default: until Q or Ctrl-C]")
+    ] = None,
     moving: Annotated[
         bool, Option("--moving", help="The robot simulated here moves at random meanwhile.")
     ] = False,
