@@ -15,7 +15,7 @@ from catenary.cli.robot_choice import WatchedRobot, open_robot, recorded
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.monitor.sample import Sample
+    from catenary.monitor.snapshot import Snapshot
     from catenary.teleop.terminal import RawTerminal
 
 
@@ -87,7 +87,7 @@ def monitor(
 
 
 def _on_screen(
-    name: str, samples: "Iterator[Sample]", terminal: "RawTerminal", seconds: float | None
+    name: str, samples: "Iterator[Snapshot]", terminal: "RawTerminal", seconds: float | None
 ) -> None:
     import os
 
@@ -106,7 +106,7 @@ def _on_screen(
         time.sleep(0.05)  # the end of a recording stays on the screen
 
 
-def _in_lines(samples: "Iterator[Sample]", seconds: float | None, as_json: bool) -> None:
+def _in_lines(samples: "Iterator[Snapshot]", seconds: float | None, as_json: bool) -> None:
     import json
 
     from catenary.files import json_text
