@@ -130,11 +130,11 @@ class CalibratedTopics:
 
     @property
     def is_silent(self) -> bool:
-        """Whether the robot is silent now."""
+        """Return whether the robot is silent now."""
         return self._is_silent
 
     def step(self, timeout: float = 0.0) -> int:
-        """Correct and publish what has come; wait for the first up to `timeout` [s]; give how many were published."""
+        """Correct and publish what has come; wait for the first up to `timeout` [s]; return how many were published."""
         before = self._published
         came = self._messages.take(timeout)
         for received in came:
@@ -181,7 +181,7 @@ class CalibratedTopics:
         self._speech.close()
 
     def _note_silence(self, now: int) -> bool:
-        """Whether there has been a silence until `now` [ns]; each is counted once, when it is noticed."""
+        """Return whether there has been a silence until `now` [ns]; each is counted once, when it is noticed."""
         silence = (now - self._last) / SECOND
         self._longest = max(self._longest, silence)
         if silence <= self._client.stale_after:

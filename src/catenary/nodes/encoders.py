@@ -65,7 +65,7 @@ class EncoderNode:
         self.published = {JOINT_ENC.name: 0, EXT_JPOS.name: 0}
 
     def step(self) -> int:
-        """Publish the rows that have come since the last time; give how many."""
+        """Publish the rows that have come since the last time; return how many."""
         for message, _ in self._states.take():
             try:
                 state = operating_state(message)
@@ -110,7 +110,7 @@ def publish_encoders(
     duration: float | None = None,
     show: Callable[[EncoderStatus], None] = lambda status: None,
 ) -> EncoderStatus:
-    """Publish until the duration [s] is over or Ctrl-C; give the last status. `show` gets one every second.
+    """Publish until the duration [s] is over or Ctrl-C; return the last status. `show` gets one every second.
 
     Raises:
         InputError: No positive duration.

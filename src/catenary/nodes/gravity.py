@@ -114,7 +114,7 @@ def publish_gravity(
     link: Callable[[], dict[str, Any]] = dict,
     show: Callable[[GravityStatus], None] = lambda status: None,
 ) -> GravityStatus:
-    """Publish at a rate until the duration [s] is over, the transport closed, or Ctrl-C; give the last status.
+    """Publish at a rate until the duration [s] is over, the transport closed, or Ctrl-C; return the last status.
 
     `show` gets a status every second.
 

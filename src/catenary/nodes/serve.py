@@ -140,7 +140,7 @@ def _gravity_torque(name: str, n: int) -> GravityTorque:
 
 
 @dataclass
-class Wishes:
+class OperatorInput:
     """What a person at the server asks for, from any thread: lines, obeyed between two ticks."""
 
     lines: list[str] = field(default_factory=list)
@@ -150,18 +150,18 @@ class Wishes:
 def serve(
     server: Server,
     *,
-    wishes: Wishes,
+    operator: OperatorInput,
     show: Callable[[Status], None],
     duration: float | None = None,
 ) -> Status:
-    """Run a server at its robot's rate until `wishes.end`, Ctrl-C, or for `duration` [s]; the arms are paused then.
+    """Run a server at its robot's rate until `operator.end`, Ctrl-C, or for `duration` [s]; the arms are paused then.
 
     A tick that is late is made up for by the next ones, up to 20 ms; what is later is given up and counted, so that
     after a stall nothing runs faster than it should for long.
 
     Args:
         server: What is served.
-        wishes: What a person asks for: "button", or a state command for all arms.
+        operator: What a person asks for: "button", or a state command for all arms.
         show: Called once a second.
         duration: [s]; None for ever.
 
@@ -200,9 +200,9 @@ def serve(
         )
 
     try:
-        while not wishes.end and (duration is None or clock() - begin < duration):
-            while wishes.lines:
-                server.person_says(wishes.lines.pop(0))
+        while not operator.end and (duration is None or clock() - begin < duration):
+            while operator.lines:
+                server.person_says(operator.lines.pop(0))
             server.tick()
             deadline += period
             now = clock()
