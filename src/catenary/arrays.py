@@ -36,6 +36,18 @@ def as_array(name: str, values: ArrayLike, shape: tuple[int | None, ...], *, fin
     return array
 
 
+def as_positive(name: str, values: ArrayLike, shape: tuple[int | None, ...] = ()) -> Floats:
+    """Return `as_array` of numbers that are all above zero.
+
+    Raises:
+        InputError: As for `as_array`, or zero or less.
+    """
+    array = as_array(name, values, shape)
+    if not (array > 0.0).all():
+        raise InputError(f"{name}: expected more than 0, got {array.tolist()}")
+    return array
+
+
 def as_batch(name: str, values: ArrayLike, width: int) -> tuple[Floats, bool]:
     """Return `values` of shape (width,) or (N, width) as (N, width), and whether it was a single row.
 
