@@ -50,7 +50,7 @@ def random_robots() -> "list[RandomRobot]":
 @pytest.fixture(scope="session")
 def ros_master(tmp_path_factory: pytest.TempPathFactory) -> "Iterator[Master]":
     """ROS 1's master for the process of the tests, which can have one node; skips where there is no ROS 1."""
-    from catenary.crtk import ros1_master
+    from catenary.crtk.ros1 import master as ros1_master
     from patience import PATIENCE
     from ros import running_master
 

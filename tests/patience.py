@@ -22,7 +22,9 @@ def until(claim: Callable[[], object], *, every: float = 0.002, seconds: float =
 
 def longer_limits() -> Iterator[tuple[Any, str, Any]]:
     """What limits how long others may take: objects, names of their attributes, and longer ones."""
-    from catenary.crtk import client, command_source, confirmation, ros1_master
+    from catenary.crtk import client, confirmation
+    from catenary.crtk.ros1 import master as ros1_master
+    from catenary.crtk.serving import command_source
 
     connect = client.CrtkClient.__init__
     yield ros1_master, "PATIENCE", PATIENCE  # for the master's answers

@@ -14,23 +14,23 @@ from pathlib import Path
 import numba
 import pytest
 
-from catenary.crtk.ros1 import make_rospy_importable
+from catenary.crtk.ros1.find_rospy import make_rospy_importable
 from catenary.errors import MissingPackageError
 from patience import PATIENCE, until
 
 ROOT = Path(__file__).parents[1]
 MASTER = (
-    "import sys; from catenary.crtk.ros1 import make_rospy_importable; make_rospy_importable();"
+    "import sys; from catenary.crtk.ros1.find_rospy import make_rospy_importable; make_rospy_importable();"
     "import rosmaster; rosmaster.rosmaster_main(['rosmaster', '--core', '-p', sys.argv[1]])"
 )
 
 # programs wait for the master's answers longer than a robot's should
-PATIENT = f"from catenary.crtk import ros1_master; ros1_master.PATIENCE = {PATIENCE}\n"
+PATIENT = f"from catenary.crtk.ros1 import master as ros1_master; ros1_master.PATIENCE = {PATIENCE}\n"
 # what programs of the tests begin with: a node of their first argument's name
 OPEN = """
 import sys, time
 from patience import PATIENCE
-from catenary.crtk.ros1 import Ros1Transport
+from catenary.crtk.ros1.transport import Ros1Transport
 from catenary.crtk.message import message_class, header
 from catenary.errors import TransportError
 T = "crtk_msgs/StringStamped"

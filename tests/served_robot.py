@@ -10,8 +10,8 @@ from catenary.crtk.inbox import Subscription
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
 from catenary.crtk.names import Dialect, find_topic
-from catenary.crtk.parked_arm import ParkedArm
-from catenary.crtk.server import Server
+from catenary.crtk.serving.parked_arm import ParkedArm
+from catenary.crtk.serving.server import Server
 from catenary.nodes.serve import Serving, make_server
 from catenary.plant import Plant
 from catenary.recording.topics import Arm

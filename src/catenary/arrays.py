@@ -47,7 +47,7 @@ def as_batch(name: str, values: ArrayLike, width: int) -> tuple[Floats, bool]:
         raise InputError(f"{name}: expected shape ({width},) or (N, {width}), got {array.shape}")
     refuse_non_finite(name, array)
     single = array.ndim == 1
-    return array.reshape(-1, width), single
+    return array[None] if single else array, single
 
 
 def refuse_non_finite(name: str, array: NDArray[Any]) -> None:

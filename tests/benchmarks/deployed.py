@@ -23,7 +23,7 @@ from ros import Program, running_master
 
 LISTENER = """
 import sys, time
-from catenary.crtk.ros1 import Ros1Transport
+from catenary.crtk.ros1.transport import Ros1Transport
 transport = Ros1Transport("listener")
 types = {"measured_js": "sensor_msgs/JointState", "measured_cp": "geometry_msgs/TransformStamped",
          "is_valid": "std_msgs/Bool", "gravity_torque": "sensor_msgs/JointState"}

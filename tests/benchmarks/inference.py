@@ -42,7 +42,10 @@ def one_sample(predictor: Fitted, x: Floats, rng: np.random.Generator) -> dict[s
     q, out, inside = np.zeros(JOINTS), np.empty(JOINTS), np.empty(JOINTS, dtype=bool)
     corrector.correct(q, x, out, inside)
     assert inside.all()
-    contenders: dict[str, Call] = {"Corrector": partial(corrector.correct, q, x, out, inside)}
+    contenders: dict[str, Call] = {
+        "Corrector.bind": corrector.bind(q, x, out, inside),
+        "Corrector.correct": partial(corrector.correct, q, x, out, inside),
+    }
     others = peers(predictor, x[None, :])
     others["exported graph, onnxruntime"] = session_call(
         session_of(to_onnx(model, {})), "correction", {"signals": x[None, :]}

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from catenary.crtk.ros1 import make_rospy_importable
+from catenary.crtk.ros1.find_rospy import make_rospy_importable
 from catenary.errors import MissingPackageError
 
 CATENARY = "import sys; from catenary.cli.main import main; sys.argv[0] = 'catenary'; main()"

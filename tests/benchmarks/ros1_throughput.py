@@ -14,7 +14,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1]))  # `ros`, as pytest finds it
 
 from catenary.crtk.names import RAVEN
-from catenary.crtk.ros1 import make_rospy_importable
+from catenary.crtk.ros1.find_rospy import make_rospy_importable
 from catenary.errors import MissingPackageError
 from ros import Program, running_master
 
@@ -23,7 +23,7 @@ JOINT_STATE = "sensor_msgs/JointState"
 RECEIVER = """
 import json, sys, time
 import numpy as np
-from catenary.crtk.ros1 import Ros1Transport
+from catenary.crtk.ros1.transport import Ros1Transport
 transport = Ros1Transport("receiver")
 topics = json.loads(sys.argv[1])
 all = {topic: transport.subscribe(topic, kind, depth=1_000_000) for topic, kind in topics}
@@ -43,7 +43,7 @@ SENDER = """
 import json, sys, time
 import numpy as np
 from catenary.crtk.message import message_class, header
-from catenary.crtk.ros1 import Ros1Transport
+from catenary.crtk.ros1.transport import Ros1Transport
 transport = Ros1Transport("sender")
 seconds, topics = float(sys.argv[2]), json.loads(sys.argv[1])
 publishers = [(transport.publisher(topic, kind, queue=1000), message_class(kind)) for topic, kind in topics]

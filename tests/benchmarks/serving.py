@@ -22,7 +22,7 @@ CLIENT = """
 import json, sys, time
 import numpy as np
 from catenary.crtk.message import message_class
-from catenary.crtk.ros1 import Ros1Transport
+from catenary.crtk.ros1.transport import Ros1Transport
 transport = Ros1Transport("listener")
 heard = [transport.subscribe(topic, kind, depth=100_000) for topic, kind in json.loads(sys.argv[1])]
 timed = next(one for one in heard if one.topic == "/arm1/setpoint_js")

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from catenary.crtk.message import message_class
-from catenary.crtk.ros1 import Ros1Transport
+from catenary.crtk.ros1.transport import Ros1Transport
 from catenary.recording.messages import md5_sum
 
 CALLER = "/socket_listener"

@@ -9,14 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catenary.crtk.bundle import Bundle
-from catenary.crtk.frames import joint_state_frame
 from catenary.crtk.inbox import Received
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
-from catenary.crtk.ros1 import Ros1Transport
-from catenary.crtk.ros2 import Ros2Transport
-from catenary.crtk.sheet import Sheet
+from catenary.crtk.ros1.transport import Ros1Transport
+from catenary.crtk.ros2.transport import Ros2Transport
 from catenary.crtk.transport import Spinner, Transport
 from catenary.errors import CatenaryError, InputError, TransportError
 from oracles import fake_rclpy
@@ -109,43 +106,6 @@ def test_arrival_is_stamped_between_sending_and_taking(transport: Transport, top
     publisher.publish(text("a"))
     got = taken(subscription, 1)
     assert before <= got[0].time <= transport.now()
-
-
-def bundle_of(transport: Transport, topics: list[str]) -> tuple[Bundle, Sheet, list[Any]]:
-    """Joint states of one joint, the first topic's with the first number of three, and so on."""
-    names = tuple(f"j{k}" for k in range(3))
-    frames = [joint_state_frame((name,), 3 * k, 1, "base") for k, name in enumerate(names)]
-    sheet = Sheet(frames[: len(topics)], 3 * len(topics))
-    subscriptions = [transport.subscribe(topic, JOINT_STATE) for topic in topics]
-    publishers = [transport.publisher(topic, JOINT_STATE) for topic in topics]
-    for topic in topics:
-        connected(transport, topic)
-    return transport.bundle(publishers, sheet), sheet, subscriptions
-
-
-def test_a_bundle_sends_every_topic_its_own_frame(transport: Transport, topic: str) -> None:
-    bundle, sheet, subscriptions = bundle_of(transport, [f"{topic}/n{k}" for k in range(3)])
-    sheet.heard[:] = True
-    for tick in range(5):
-        sheet.numbers[:] = np.arange(9.0) + 10.0 * tick
-        sheet.write(1_700_000_000_000_000_000 + tick)
-        bundle.send()
-    for k, subscription in enumerate(subscriptions):
-        got = [one.message for one in taken(subscription, 5)]
-        assert [one.header.stamp for one in got] == [1_700_000_000_000_000_000 + tick for tick in range(5)]
-        assert [one.name for one in got] == [(f"j{k}",)] * 5
-        for field, first in (("position", 0.0), ("velocity", 1.0), ("effort", 2.0)):
-            values = [getattr(one, field)[0] for one in got]
-            assert values == [3.0 * k + first + 10.0 * tick for tick in range(5)]
-
-
-def test_a_bundle_sends_nothing_on_topics_that_are_not_marked(transport: Transport, topic: str) -> None:
-    bundle, sheet, (first, second) = bundle_of(transport, [f"{topic}/first", f"{topic}/second"])
-    sheet.heard[:] = [False, True]
-    sheet.write(1)
-    bundle.send()
-    assert len(taken(second, 1)) == 1
-    assert first.take() == []
 
 
 def test_two_subscriptions_each_get_every_message(transport: Transport, topic: str) -> None:

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
+from catenary.crtk.codec import codec
 from catenary.crtk.conversions import (
     Stamps,
     age,
@@ -24,7 +25,6 @@ from catenary.crtk.conversions import (
     specific_force,
 )
 from catenary.crtk.message import header, message_class
-from catenary.crtk.wire import codec
 from catenary.errors import InputError
 from catenary.plant import OperatingState
 from catenary.spatial import Pose

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.conversions import pose_message, pose_of
 from catenary.crtk.message import message_class
-from catenary.crtk.moves import joint_move, straight_move
+from catenary.crtk.serving.moves import joint_move, straight_move
 from catenary.simulation.cable_plant import CablePlant
 from catenary.spatial import Pose, rotation_from_rpy
 from served_robot import JointState, ServedRobot

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from catenary.crtk.parked_arm import ParkedArm
+from catenary.crtk.serving.parked_arm import ParkedArm
 from catenary.errors import InputError, UnsupportedCommandError
 from catenary.plant import OperatingState
 

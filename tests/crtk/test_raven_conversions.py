@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from catenary.crtk.codec import codec
 from catenary.crtk.message import message_class
 from catenary.crtk.raven_conversions import arm_channels, raven_state_columns, raven_state_message
-from catenary.crtk.wire import codec
 from catenary.errors import InputError
 from catenary.recording.topics import RAVENSTATE, decode
 

@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from catenary.crtk.parked_arm import ParkedArm
-from catenary.crtk.ros1 import Ros1Transport
-from catenary.crtk.server import Server
+from catenary.crtk.ros1.transport import Ros1Transport
+from catenary.crtk.serving.parked_arm import ParkedArm
+from catenary.crtk.serving.server import Server
 from catenary.nodes.serve import Serving, make_server
 from catenary.simulation.cable_plant import JOINTS, UNITS
 from oracles.cable_arms import homed_plant
@@ -16,7 +16,7 @@ from ros import NODE, Master, Program
 
 CLIENT = """
 import socket, sys
-from catenary.crtk.ros1 import make_rospy_importable
+from catenary.crtk.ros1.find_rospy import make_rospy_importable
 from catenary.recording.messages import full_definition
 make_rospy_importable()
 import rospy

@@ -183,6 +183,26 @@ def test_a_peer_that_stands_still_delays_nobody_and_gets_whole_messages_afterwar
             assert whole == sorted(set(whole))
 
 
+def test_a_peer_that_dies_ends_for_itself_alone(master: Master) -> None:
+    with Program(master, LISTENER, "dying") as dying, Program(master, LISTENER, "living") as living:
+        assert dying.line() == living.line() == "listening"
+        with Program(master, TALKER, "talker", "10000", "10", "") as talker:
+            assert talker.line() == "connected"
+            hear_to(1, dying, [])
+            dying.process.kill()
+            with Program(master, LISTENER, "dying") as back:
+                assert back.line() == "listening"
+                here: list[int] = []
+                again: list[int] = []
+                hear_to(1, back, again)
+                talker.say("end")
+                sent = int(talker.line().split()[0])
+                hear_to(sent, living, here)
+                hear_to(sent, back, again)
+                for came in (here, again):
+                    assert came == list(range(came[0], sent + 1))
+
+
 def test_a_name_that_runs_already_is_refused_and_goes_on(master: Master) -> None:
     with Program(master, LISTENER, "robot") as first:
         assert first.line() == "listening"
@@ -291,7 +311,7 @@ def test_without_a_master_the_error_comes_within_three_seconds() -> None:
     # what is waited for at most, which is no longer on a machine that is busy
     code = f"""
 import threading
-from catenary.crtk.ros1 import Ros1Transport
+from catenary.crtk.ros1.transport import Ros1Transport
 from catenary.errors import TransportError
 limits, join = [], threading.Thread.join
 def joined(thread, timeout=None):

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from catenary.crtk import ros1
-from catenary.crtk.ros1 import make_rospy_importable
+from catenary.crtk.ros1 import find_rospy
+from catenary.crtk.ros1.find_rospy import make_rospy_importable
 from catenary.errors import MissingPackageError
 
 
@@ -15,7 +15,7 @@ from catenary.errors import MissingPackageError
 def without_rospy(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """A system without rospy; the folder where Debian would have it."""
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    monkeypatch.setattr(ros1, "_FOLDERS", (tmp_path,))
+    monkeypatch.setattr(find_rospy, "_FOLDERS", (tmp_path,))
     monkeypatch.setattr(sys, "path", list(sys.path))
     return tmp_path
 
@@ -31,7 +31,7 @@ def test_the_systems_packages_come_behind_all_others(
     (without_rospy / "rospy").mkdir()
     (without_rospy / "rospy" / "__init__.py").touch()
     before = list(sys.path)
-    monkeypatch.setattr(ros1, "_system_python", lambda: sys.version_info[:2])
+    monkeypatch.setattr(find_rospy, "_system_python", lambda: sys.version_info[:2])
     make_rospy_importable()
     assert sys.path == [*before, str(without_rospy)]
 
@@ -41,6 +41,6 @@ def test_packages_of_another_python_are_left_alone(
 ) -> None:
     (without_rospy / "rospy").mkdir()
     (without_rospy / "rospy" / "__init__.py").touch()
-    monkeypatch.setattr(ros1, "_system_python", lambda: (3, 8))
+    monkeypatch.setattr(find_rospy, "_system_python", lambda: (3, 8))
     with pytest.raises(MissingPackageError, match="not found for Python"):
         make_rospy_importable()

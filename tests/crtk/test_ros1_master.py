@@ -4,8 +4,8 @@ import threading
 
 import pytest
 
-from catenary.crtk import ros1_master
-from catenary.crtk.ros1_master import PATIENCE, Master, master_uri
+from catenary.crtk.ros1 import master as ros1_master
+from catenary.crtk.ros1.master import PATIENCE, Master, master_uri
 from catenary.errors import TransportError
 from ros import free_port
 

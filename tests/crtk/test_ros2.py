@@ -9,8 +9,8 @@ import pytest
 
 from catenary.crtk.message import header, message_class
 from catenary.crtk.names import topics
-from catenary.crtk.ros2 import Ros2Transport
-from catenary.crtk.ros2_messages import from_ros2, ros2_class, to_ros2
+from catenary.crtk.ros2.messages import from_ros2, ros2_class, to_ros2
+from catenary.crtk.ros2.transport import Ros2Transport
 from catenary.errors import InputError, MissingPackageError
 from catenary.recording.messages import MESSAGES
 from oracles import fake_rclpy

@@ -15,7 +15,7 @@ CLIENT = """
 import json, sys, time
 import numpy as np
 from catenary.crtk.message import message_class, header
-from catenary.crtk.ros1 import Ros1Transport
+from catenary.crtk.ros1.transport import Ros1Transport
 from patience import PATIENCE, until
 JointState = message_class("sensor_msgs/JointState")
 Command = message_class("crtk_msgs/StringStamped")

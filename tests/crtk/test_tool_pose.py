@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.crtk.tool_pose import ToolPose
-from catenary.dynamics.kinematics import forward_kinematics
+from catenary.crtk.serving.tool_pose import ToolPose
+from catenary.dynamics.kinematics import forward_kinematics, relative_pose
 from catenary.errors import InputError
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_plant import JOINTS
@@ -37,3 +37,27 @@ def test_a_model_of_another_robot_is_refused():
 def test_what_runs_along_paths_is_prepared_wherever_the_robot_is():
     for name, joints in (("raven2_full", JOINTS), ("two_link", ("joint1", "joint2"))):
         ToolPose(load_robot(name), joints).prepare()
+
+
+@pytest.mark.parametrize("name", ["raven2_full", "raven2_full_right"])
+def test_a_velocity_is_the_derivative_of_the_pose(name):
+    tool, qd, h = ToolPose(load_robot(name), JOINTS), np.linspace(-0.3, 0.3, 7), 1e-6
+    ahead, behind = (tool.pose(Q + step * qd) for step in (h, -h))
+    turning = (ahead.rotation - behind.rotation) / (2 * h) @ tool.pose(Q).rotation.T
+    expected = [*(ahead.position - behind.position) / (2 * h), turning[2, 1], turning[0, 2], turning[1, 0]]
+    assert_allclose(tool.velocity(Q, qd), expected, atol=1e-8)  # central difference
+
+
+@pytest.mark.parametrize("name", ["raven2_full", "raven2_full_right"])
+def test_frame_0_is_the_models(name):
+    model = load_robot(name)
+    tool = ToolPose(model, JOINTS)
+    pose, expected = tool.in_frame_0(tool.pose(Q)), relative_pose(model, [*Q[:5], 0.2], "tool", "frame0")
+    assert_allclose(pose.position, expected.position, atol=1e-12)
+    assert_allclose(pose.rotation, expected.rotation, atol=1e-12)
+
+
+def test_the_base_is_the_frame_0_of_a_robot_that_has_none():
+    tool = ToolPose(load_robot("panda"), load_robot("panda").joint_names)
+    pose = tool.pose(np.full(7, 0.2))
+    assert tool.in_frame_0(pose) is pose

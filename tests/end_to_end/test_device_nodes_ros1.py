@@ -17,7 +17,7 @@ COMMAND = "import sys; from catenary.cli.main import main; sys.argv[0] = 'catena
 SENSOR = """
 import numpy as np
 from catenary.crtk.message import header, message_class
-from catenary.crtk.ros1 import Ros1Transport
+from catenary.crtk.ros1.transport import Ros1Transport
 transport, rng = Ros1Transport("sensor"), np.random.default_rng(0)
 xyz, imu = message_class("geometry_msgs/Vector3"), message_class("sensor_msgs/Imu")
 publisher = transport.publisher("/imu/data_raw", "sensor_msgs/Imu")
@@ -36,7 +36,7 @@ while True:
         break
 """
 LISTENER = """
-from catenary.crtk.ros1 import Ros1Transport
+from catenary.crtk.ros1.transport import Ros1Transport
 transport = Ros1Transport("listener")
 counts = transport.subscribe("/joint_enc", "sensor_msgs/JointState")
 positions = transport.subscribe("/ext_jpos", "sensor_msgs/JointState")

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from catenary.calibration.fit import FitOptions
 from catenary.crtk import network
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.ros1 import Ros1Transport
+from catenary.crtk.ros1.transport import Ros1Transport
 from catenary.errors import TransportError
 from catenary.nodes.deploy import CalibratedTopics
 from catenary.recording.logs import read_log
@@ -31,7 +31,7 @@ pytestmark = pytest.mark.slow
 
 ROBOT = """
 import sys
-from catenary.crtk.ros1 import Ros1Transport
+from catenary.crtk.ros1.transport import Ros1Transport
 from oracles.crtk_robot import CrtkRobot
 from oracles.encoded_plant import EncodedPlant
 transport = Ros1Transport("robot")

@@ -19,7 +19,7 @@ from catenary.crtk import network
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.conversions import joint_values, pose_of
 from catenary.crtk.names import find_topic
-from catenary.crtk.ros1 import Ros1Transport
+from catenary.crtk.ros1.transport import Ros1Transport
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import MotionLog
@@ -46,7 +46,7 @@ main()
 GRAVITY = (1.7, 0.0, -9.66)
 GRAVITY_NODE = f"""
 from catenary.crtk.message import header, message_class
-from catenary.crtk.ros1 import Ros1Transport
+from catenary.crtk.ros1.transport import Ros1Transport
 transport = Ros1Transport("gravity")
 vector, stamped = message_class("geometry_msgs/Vector3"), message_class("geometry_msgs/Vector3Stamped")
 text = message_class("crtk_msgs/StringStamped")

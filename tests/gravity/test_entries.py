@@ -4,7 +4,7 @@ from numpy.testing import assert_allclose
 
 from catenary.gravity.compact import compact_regressor
 from catenary.gravity.entries import Terms, mass_entries, moment_entries, terms_text
-from catenary.gravity.regressor_recursion import CARRIED_MASS
+from catenary.gravity.regressor import CARRIED_MASS
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from oracles.random_trees import Floats, RandomRobot
@@ -23,11 +23,11 @@ def assert_entries_are_those_of_Z(model: RobotModel, rng: np.random.Generator) -
     q, gravity = rng.normal(size=model.n), rng.normal(size=3)
     Z = np.zeros((model.n, len(regressor.expressions)))
     written = 0
-    for link, along, target in zip(*regressor.columns, strict=True):
+    for (link, along), target in zip(regressor.columns, regressor.targets, strict=True):
         if along == CARRIED_MASS:
-            entries = mass_entries(model, int(link), gravity)
+            entries = mass_entries(model, link, gravity)
         else:
-            entries = moment_entries(model, int(link), np.eye(3)[along], gravity)
+            entries = moment_entries(model, link, np.eye(3)[along], gravity)
         for r, terms in enumerate(entries):
             if terms is None:
                 Z[r, target] = np.nan  # too long to write

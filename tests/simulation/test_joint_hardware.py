@@ -1,28 +1,20 @@
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
 
 from catenary.errors import InputError
 from catenary.robots.catalog import load_robot
-from catenary.simulation.joint_hardware import JointHardware, joint_numbers, joints_of, pack_joints
+from catenary.simulation.joint_hardware import JointHardware, joint_numbers
 
 MODEL = load_robot("planar_3r")
 PLACES = np.array([6, 7, 8]), np.array([7, 8, 9])
 
 
-def test_packed_numbers_come_back_as_they_were():
-    hardware = JointHardware([1, 2, 3], [4, 5, 6], [7, 8, 9], [np.inf, 10, 11], [0, 12, 13])
-    numbers = joint_numbers(MODEL, hardware, *PLACES)
-    for packed, given in zip(joints_of(pack_joints(numbers)), numbers, strict=True):
-        assert_array_equal(packed, given)
-
-
 def test_drives_act_on_the_rotors_of_elastic_joints():
     hardware = JointHardware(friction=[1, 2, 3], armature=0.5, stiffness=[np.inf, 10, np.inf])
     numbers = joint_numbers(MODEL, hardware, *PLACES)
-    assert numbers.drive.tolist() == [0, 3, 2]
-    assert numbers.friction.tolist() == [1, 0, 3, 2]
-    assert numbers.inertia.tolist() == [0.5, 0, 0.5, 0.5]
+    assert numbers.joints.drive.tolist() == [0, 3, 2]
+    assert numbers.parts.friction.tolist() == [1, 0, 3, 2]
+    assert numbers.parts.inertia.tolist() == [0.5, 0, 0.5, 0.5]
 
 
 @pytest.mark.parametrize(

@@ -19,13 +19,13 @@ from oracles.tree_poses import frame_pose
 def terms(model, q, qd, gravity=(0.0, 0.0, 0.0), motion=((0.0,) * 3,) * 3):
     """Mass matrix (n, n) and velocity, gravity and base torques (n,) along the robot's coordinates."""
     dynamics = MujocoDynamics(model)
-    dynamics.q[dynamics.at] = model.coupling @ q + model.offset
-    dynamics.qd[dynamics.dof] = model.coupling @ qd
+    dynamics.tree.q[dynamics.at] = model.coupling @ q + model.offset
+    dynamics.tree.qd[dynamics.dof] = model.coupling @ qd
     dynamics.move_base(np.asarray(gravity), np.asarray(motion))
     dynamics.update()
     pick = dynamics.dof
     A = model.coupling
-    return A.T @ dynamics.mass[np.ix_(pick, pick)] @ A, A.T @ dynamics.bias[pick]
+    return A.T @ dynamics.tree.mass[np.ix_(pick, pick)] @ A, A.T @ dynamics.tree.bias[pick]
 
 
 def test_mass_matrix_is_the_recursions(random_robots):
@@ -71,12 +71,12 @@ def test_rods_and_massless_links_are_taken():
 def test_a_copy_is_another_one():
     dynamics = MujocoDynamics(load_robot("two_link"))
     twin = copy.deepcopy(dynamics)
-    twin.q[twin.at] = 1.0
-    assert (dynamics.q[dynamics.at] == 0.0).all()
+    twin.tree.q[twin.at] = 1.0
+    assert (dynamics.tree.q[dynamics.at] == 0.0).all()
     dynamics.update()
-    before = dynamics.mass.copy()
+    before = dynamics.tree.mass.copy()
     twin.update()
-    assert (dynamics.mass == before).all()
+    assert (dynamics.tree.mass == before).all()
 
 
 def test_without_mujoco_one_is_told_how_to_get_it(monkeypatch):

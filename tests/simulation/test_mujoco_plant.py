@@ -15,7 +15,8 @@ from catenary.robots.assembly import Coordinate, Link, LinkInertia, assemble
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import FixedBase, RockingBase
 from catenary.simulation.joint_hardware import JointHardware
-from catenary.simulation.mujoco_plant import PERIOD, MujocoPlant
+from catenary.simulation.mujoco_plant import MujocoPlant
+from catenary.simulation.simulated_plant import PERIOD
 from catenary.spatial import identity_pose
 from oracles.catalogue import robots_with_inertia
 

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.calibration.c_source import c_correction
 from catenary.calibration.card import Card
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.files import save_model
+from catenary.calibration.kernels import Step
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError, MissingInertiaError
 from catenary.gravity.compact import compact_regressor
@@ -189,15 +191,21 @@ def test_what_cannot_be_exported_is_refused_with_a_reason(tmp_path: Path) -> Non
     with pytest.raises(InputError, match="more than 3% off"):
         c_header(robot, model, rate_hz=730.0)
 
-    class Forest:
+    class Forest(type(model.groups[0].predictor)):
         """A predictor that somebody added."""
 
-        inputs, outputs = model.groups[0].predictor.inputs, model.groups[0].predictor.outputs
-        steps = staticmethod(model.groups[0].predictor.steps)
+        def steps(self, X, Y):
+            return [Step(trees, (X,), (Y,))]
 
-    other = replace(model, groups=(replace(model.groups[0], predictor=Forest()),))
-    with pytest.raises(InputError, match="Forest cannot be written as C"):
-        c_header(robot, other)
+    other = replace(
+        model, groups=(replace(model.groups[0], predictor=Forest(**vars(model.groups[0].predictor))),)
+    )
+    with pytest.raises(InputError, match="its step trees cannot be written as C"):
+        c_correction("arm", other, 1)
+
+
+def trees(X, Y):
+    """A step that somebody added."""
 
 
 def test_the_command_writes_the_header(tmp_path: Path) -> None:

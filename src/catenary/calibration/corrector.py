@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration.dataset import RATE_TOLERANCE
-from catenary.calibration.kernels import Flags, Step, blocks, bound, run, total
+from catenary.calibration.kernels import Flags, blocks, bound, run
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.plant import JointState
@@ -78,16 +78,9 @@ class Corrector:
         shapes = tuple(array.shape for array in (q_nominal, signals, out, inside))
         if shapes != self._shapes:
             raise self._other_shapes(shapes)
-        return bound(self._steps(q_nominal[None], signals[None], out[None], inside[None]))
-
-    def _steps(self, q: Floats, signals: Floats, out: Floats, inside: Flags) -> list[Step]:
-        X = np.empty((len(q), len(self.model.features.names)))
-        correction = np.empty(q.shape)
-        return [
-            self.model.features.step(signals, self._memory, X),
-            *self.model.steps(X, q, correction, inside),
-            Step(total, (q, correction), (out,)),
-        ]
+        return bound(
+            self.model.tick_steps(self._memory, q_nominal[None], signals[None], out[None], inside[None])
+        )
 
     def _other_shapes(self, shapes: Sequence[tuple[int, ...]]) -> InputError:
         (n,), (signals,), *_ = self._shapes
@@ -137,7 +130,7 @@ class Corrector:
         out, inside = np.empty_like(q), np.empty(q.shape, dtype=bool)
         self.reset()
         for part in blocks(len(q)):
-            run(self._steps(q[part], rows[part], out[part], inside[part]))
+            run(self.model.tick_steps(self._memory, q[part], rows[part], out[part], inside[part]))
         return out, inside
 
     def prepare(self, joint_names: Sequence[str], joint_units: Sequence[str], rate_hz: float) -> None:

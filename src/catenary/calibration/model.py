@@ -6,7 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.features import FeatureSet
+from catenary.calibration.features import FeatureSet, Memory
 from catenary.calibration.kernels import (
     Flags,
     Integers,
@@ -17,6 +17,7 @@ from catenary.calibration.kernels import (
     finite,
     run,
     take,
+    total,
 )
 from catenary.calibration.predictors import Predictor
 from catenary.calibration.valid_range import ValidRange
@@ -149,6 +150,25 @@ class CalibrationModel:
             chosen_from = (prediction, known, q, joints, self.offset)
             steps.append(Step(choose, chosen_from, (correction, inside)))
         return steps
+
+    def tick_steps(
+        self, memory: Memory, q: Floats, signals: Floats, calibrated: Floats, inside: Flags
+    ) -> list[Step]:
+        """Return the compiled steps from what a robot reports to calibrated positions, for rows of one motion.
+
+        Args:
+            memory: What features take from earlier rows.
+            q: (N, n) reported positions [rad|m].
+            signals: (N, S) values of `features.signals`.
+            calibrated: (N, n) receives the calibrated positions [rad|m].
+            inside: (N, n) receives the flags of `steps`.
+        """
+        X, correction = np.empty((len(q), len(self.features.names))), np.empty(q.shape)
+        return [
+            self.features.step(signals, memory, X),
+            *self.steps(X, q, correction, inside),
+            Step(total, (q, correction), (calibrated,)),
+        ]
 
     def calibrate(self, log: MotionLog) -> Floats:
         """Return calibrated joint positions of every row of a recording, (N, n) [rad|m].

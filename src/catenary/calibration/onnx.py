@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from catenary import __version__
 from catenary.calibration.card import Card
 from catenary.calibration.features import FeatureSet
-from catenary.calibration.model import CalibrationModel, JointGroup
-from catenary.calibration.predictors import Constant, Linear, Network, Predictor, Quadratic
+from catenary.calibration.kernels import Step
+from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError, MissingPackageError
 from catenary.files import json_text, write_atomically
 
@@ -28,7 +28,7 @@ IR_VERSION = 8  # the file format that came with this opset
 
 
 def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
-    """Give a model as an onnx.ModelProto: one row, or many independent ones, of what a robot reports.
+    """Return a model as an onnx.ModelProto: one row, or many independent ones, of what a robot reports.
 
     Inputs, all float64; `rows` is free:
         signals (rows, S): current values of `model.features.signals`, in that order.
@@ -61,12 +61,16 @@ def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
     graph.input("signals", len(features.signals), text=", ".join(features.signals))
     if model.target == "position":
         graph.input("q_nominal", n, text=f"positions of {', '.join(model.joint_names)}")
-    x = _features(graph, features, decimation)
+    X, q = np.empty((1, len(features.names))), np.empty((1, n))
+    graph.names |= {id(X): _features(graph, features, decimation), id(q): "q_nominal"}
     corrections, insides = [], []
-    for group in model.groups:
-        correction, inside = _group(graph, group, x, model)
-        corrections.append(correction)
-        insides.append(inside)
+    for step in model.steps(X, q, np.empty((1, n)), np.empty((1, n), dtype=bool)):
+        if step.function.__name__ == "choose":
+            correction, inside = _choice(graph, step, model)
+            corrections.append(correction)
+            insides.append(inside)
+        else:
+            graph.names[id(step.outputs[0])] = _written(graph, step)
     order = np.argsort([j for group in model.groups for j in group.joints])
     for name, parts in (("correction", corrections), ("inside", insides)):
         together = graph.add("Concat", *parts, axis=1)
@@ -122,6 +126,7 @@ class _Graph:
         self.constants: list[Any] = []
         self.inputs: list[Any] = []
         self.outputs: list[Any] = []
+        self.names: dict[int, str] = {}  # of tensors, by the id of the array that stands for it in a step
 
     def add(self, operator: str, *inputs: str, name: str | None = None, **attributes: Any) -> str:
         output = name or f"{operator.lower()}_{len(self.nodes)}"
@@ -151,12 +156,17 @@ class _Graph:
     def finite(self, x: str) -> str:
         return self.add("Less", self.add("Abs", x), self.constant(np.array(inf)))  # never true for NaN
 
-    def between(self, x: str, lower: NDArray[Any], upper: NDArray[Any]) -> str:
-        above = self.add("GreaterOrEqual", x, self.constant(lower))
-        return self.add("And", above, self.add("LessOrEqual", x, self.constant(upper)))
+    def all(self, claims: str) -> str:
+        """Return whether all claims of a row hold: (rows, F) to (rows, 1)."""
+        wrong = self.add("Cast", self.add("Not", claims), to=self.onnx.TensorProto.INT32)
+        count = self.add("ReduceSum", wrong, self.constant(np.array([1])), keepdims=1)
+        return self.add("Equal", count, self.constant(np.array(0, dtype=np.int32)))
 
-    def dense(self, x: str, weights: NDArray[Any], bias: NDArray[Any]) -> str:
-        return self.add("Gemm", x, self.constant(weights), self.constant(bias))
+    def tensor(self, array: NDArray[Any]) -> str:
+        """Return the tensor that an array of a step is: one that was written before, or a constant."""
+        if id(array) not in self.names:
+            self.names[id(array)] = self.constant(array)
+        return self.names[id(array)]
 
     def model(self, metadata: dict[str, str]) -> Any:
         helper = self.onnx.helper
@@ -173,7 +183,7 @@ class _Graph:
 
 
 def _features(graph: _Graph, features: FeatureSet, decimation: int) -> str:
-    """Give all features (rows, F) in the order of FeatureSet, and carry the memory on."""
+    """Return all features (rows, F) in the order of FeatureSet, and carry the memory on."""
     parts = ["signals"]
     places = [features.signals.index(name) for name in features.positions]
     if features.history:
@@ -200,52 +210,48 @@ def _features(graph: _Graph, features: FeatureSet, decimation: int) -> str:
     return graph.add("Concat", *parts, axis=1)
 
 
-def _group(graph: _Graph, group: JointGroup, x: str, model: CalibrationModel) -> tuple[str, str]:
-    """Give corrections and flags of a group's joints, (rows, m) each."""
-    taken, near, valid = graph.take(x, group.columns), graph.take(x, group.watched), group.valid_range
-    centred = graph.add("Sub", near, graph.constant(valid.mean))
-    projection = graph.add("MatMul", centred, graph.constant(valid.axes))
-    claims = [
-        graph.finite(taken),
-        graph.between(near, valid.lower, valid.upper),
-        graph.between(projection, valid.axis_lower, valid.axis_upper),
-    ]
-    wrong = graph.add(
-        "Cast", graph.add("Not", graph.add("Concat", *claims, axis=1)), to=graph.onnx.TensorProto.INT32
-    )
-    count = graph.add("ReduceSum", wrong, graph.constant(np.array([1])), keepdims=1)
-    inside = graph.add("Equal", count, graph.constant(np.array(0, dtype=np.int32)))
-    known = graph.add("And", inside, graph.constant(np.ones((1, len(group.joints)), dtype=bool)))
-    prediction = _prediction(graph, group.predictor, taken)
+def _written(graph: _Graph, step: Step) -> str:
+    """Write a step of kernels.py for any number of rows; return the tensor that its output then is."""
+    given, add = [graph.tensor(array) for array in step.inputs], graph.add
+    before = graph.names.get(id(step.outputs[0]), "")  # what a step in place goes on from
+    match step.function.__name__:
+        case "take":
+            return add("Gather", *given, axis=1)
+        case "centre":
+            return add("Sub", *given)
+        case "standardise":
+            return add("Div", add("Sub", *given[:2]), given[2])
+        case "rescale":
+            return add("Add", add("Mul", *given[:2]), given[2])
+        case "dense":
+            return add("Gemm", *given)
+        case "monomials":
+            i, j = np.triu_indices(step.inputs[0].shape[1])
+            products = add("Mul", graph.take(given[0], i), graph.take(given[0], j))
+            return add("Concat", given[0], products, axis=1)
+        case "tanh":
+            return add("Tanh", before)
+        case "logistic":
+            return add("Sigmoid", before)
+        case "repeat":
+            return given[0]  # the same numbers for all rows
+        case "add":
+            return add("Add", before, given[0])
+        case "finite":
+            return graph.all(graph.finite(given[0]))
+        case "between":
+            above, below = add("GreaterOrEqual", *given[:2]), add("LessOrEqual", given[0], given[2])
+            return add("And", before, graph.all(add("And", above, below)))
+        case "errors_of_positions":
+            return add("Sub", before, add("Gather", *given, axis=1))
+        case name:
+            raise InputError(f"model: its step {name} has no ONNX graph")
+
+
+def _choice(graph: _Graph, step: Step, model: CalibrationModel) -> tuple[str, str]:
+    """Write the last step of a group; return corrections and flags of its joints, (rows, m) each."""
+    prediction, known, q, joints, offset = step.inputs
+    inside = graph.add("And", graph.tensor(known), graph.constant(np.ones((1, len(joints)), dtype=bool)))
     if model.target == "position":
-        q = graph.take("q_nominal", group.joints)
-        known = graph.add("And", known, graph.finite(q))
-        prediction = graph.add("Sub", prediction, q)
-    offset = graph.constant(model.offset[list(group.joints)])
-    return graph.add("Where", known, prediction, offset), known
-
-
-def _prediction(graph: _Graph, predictor: Predictor, x: str) -> str:
-    """Give a predictor's outputs (rows, m), or (m,) for a constant one."""
-    if isinstance(predictor, Constant):
-        return graph.constant(predictor.value)
-    if isinstance(predictor, Linear):
-        return graph.dense(x, predictor.weights, predictor.bias)
-    if not isinstance(predictor, Quadratic | Network):
-        raise InputError(f"model: no ONNX graph for a predictor of type {type(predictor).__name__}")
-    centred = graph.add("Sub", x, graph.constant(predictor.mean))
-    z = graph.add("Div", centred, graph.constant(predictor.scale))
-    if isinstance(predictor, Quadratic):
-        i, j = np.triu_indices(len(predictor.mean))
-        monomials = graph.add("Concat", z, graph.add("Mul", graph.take(z, i), graph.take(z, j)), axis=1)
-        return graph.dense(monomials, np.vstack([predictor.linear, predictor.quadratic]), predictor.bias)
-    last = len(predictor.weights) - 1
-    for k, (weights, bias) in enumerate(zip(predictor.weights, predictor.biases, strict=True)):
-        z = graph.dense(z, weights, bias)
-        if k < last:
-            z = graph.add("Tanh" if predictor.activation == "tanh" else "Sigmoid", z)
-    scaled = graph.add("Mul", z, graph.constant(predictor.out_scale))
-    out = graph.add("Add", scaled, graph.constant(predictor.out_mean))
-    if predictor.skip is None:
-        return out
-    return graph.add("Add", out, graph.dense(x, predictor.skip.weights, predictor.skip.bias))
+        inside = graph.add("And", inside, graph.finite(graph.take(graph.tensor(q), joints)))
+    return graph.add("Where", inside, graph.tensor(prediction), graph.constant(offset[joints])), inside

@@ -14,7 +14,7 @@ from catenary.cli.terminal import print_json, print_notes, roll_and_pitch
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.crtk.server import Server
+    from catenary.crtk.serving.server import Server
     from catenary.nodes.serve import Status
 
 
@@ -68,7 +68,7 @@ def serve(
         raise InputError(f'--dialect "{dialect}": expected raven or crtk')
     tilt = roll_and_pitch("--base-tilt-deg", base_tilt_deg)
     # what it reports is in the status, which is shown; Python would print it a second time
-    logging.getLogger("catenary.crtk.reports").addHandler(logging.NullHandler())
+    logging.getLogger("catenary.crtk.serving.reports").addHandler(logging.NullHandler())
     serving = Serving(robot, dialect, seed, tilt, payload, green, homed, encoders)  # type: ignore[arg-type]
     with make_transport(ros, NODE) as transport:
         server = make_server(serving, transport, rate_hz=rate)

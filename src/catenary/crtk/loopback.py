@@ -9,11 +9,10 @@ from dataclasses import dataclass, field
 from itertools import count
 
 from catenary.crtk.clock import Clock, WallClock
-from catenary.crtk.frames import LENGTH, SEQ, SEQ_AT, SEQ_MOST
+from catenary.crtk.codec import codec
 from catenary.crtk.inbox import Callback, Origin, Request, Subscription
 from catenary.crtk.message import Message, message_class
 from catenary.crtk.transport import DEPTH, QUEUE, Connections, Handler, PollingTransport, absolute, other_type
-from catenary.crtk.wire import codec
 from catenary.errors import TransportError
 from catenary.recording.messages import current_name, service_md5_sum
 
@@ -149,23 +148,11 @@ class LoopbackPublisher:
 
     def publish(self, message: Message) -> None:
         """Send a message."""
-        self._count()
-        # also for nobody: what is wrong is refused here and now
-        self._send(self._encode(message, self._sent))
-
-    def publish_frame(self, frame: bytearray | memoryview) -> None:
-        """Send a message in ROS 1's bytes."""
-        self._count()
-        SEQ.pack_into(frame, SEQ_AT, self._sent & SEQ_MOST)
-        self._send(bytes(memoryview(frame)[LENGTH.size :]))
-
-    def _count(self) -> None:
         if self._closed:
             raise TransportError(f"publisher of {self.topic} is closed")
         self._transport.require_open()
         self._sent += 1
-
-    def _send(self, data: bytes) -> None:
+        data = self._encode(message, self._sent)  # also for nobody: what is wrong is refused here and now
         network = self._transport.network
         with network.lock:
             if self._latch:

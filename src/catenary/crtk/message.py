@@ -20,6 +20,7 @@ Message = Any
 HEADER = "std_msgs/Header"
 
 
+@cache
 def message_class(name: str) -> Any:
     """Tuple type of a message type; what is not given to it is zero or empty.
 

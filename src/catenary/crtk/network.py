@@ -17,11 +17,11 @@ def make_transport(ros: str, name: str) -> Transport:
         TransportError: It does not answer, or the name is taken.
     """
     if ros == "1":
-        from catenary.crtk.ros1 import Ros1Transport
+        from catenary.crtk.ros1.transport import Ros1Transport
 
         return Ros1Transport(name)
     if ros == "2":
-        from catenary.crtk.ros2 import Ros2Transport
+        from catenary.crtk.ros2.transport import Ros2Transport
 
         return Ros2Transport(name)
     if ros == "none":

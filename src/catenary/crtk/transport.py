@@ -11,14 +11,12 @@ Callbacks and services run where `poll` is called, in that thread and nowhere el
 import logging
 import re
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol, Self
 
-from catenary.crtk.bundle import Bundle
 from catenary.crtk.clock import Clock, Rate, WallClock
 from catenary.crtk.inbox import Callback, Inbox, Subscription
 from catenary.crtk.message import Message
-from catenary.crtk.sheet import Sheet
 from catenary.errors import InputError, TransportError
 
 Handler = Callable[[Message], Message]
@@ -56,16 +54,6 @@ class Publisher(Protocol):
         """
         ...
 
-    def publish_frame(self, frame: bytearray | memoryview) -> None:
-        """Send a message that is in ROS 1's bytes already, its length in front; it begins with a header.
-
-        The header's `seq` is written into it; what else is in it is the caller's affair and is not looked at.
-
-        Raises:
-            TransportError: The transport is closed.
-        """
-        ...
-
     def close(self) -> None:
         """Publish no more."""
         ...
@@ -89,13 +77,6 @@ class Transport(Protocol):
         Raises:
             InputError: No such name or type.
             TransportError: The topic carries another type, or this transport publishes it already, or is closed.
-        """
-        ...
-
-    def bundle(self, publishers: Sequence[Publisher], sheet: Sheet) -> Bundle:
-        """Give what sends a sheet's frames, each by a publisher of this transport, together.
-
-        From now on nothing else is published on these topics.
         """
         ...
 
@@ -207,10 +188,6 @@ class PollingTransport:
         """Poll until the transport is closed."""
         while not self.inbox.closed:
             self.inbox.run(0.1)
-
-    def bundle(self, publishers: Sequence[Publisher], sheet: Sheet) -> Bundle:
-        """Give what sends frames one after the other."""
-        return Bundle(publishers, sheet)
 
     def now(self) -> int:
         """Time [ns]."""

@@ -8,12 +8,15 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.coordinates import place_tree, to_robot, to_robot_matrix, to_tree
 from catenary.dynamics.coriolis_recursion import coriolis_recursion
+from catenary.dynamics.kernels import one_by_kernel
+from catenary.dynamics.lines import inverse_dynamics_line
 from catenary.dynamics.recursion import newton_euler_recursion, place_links
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
 
 _ZERO = (0.0, 0.0, 0.0)
+_AT_REST = np.zeros(3)  # rates of the base
 
 
 class BaseMotion(NamedTuple):
@@ -58,6 +61,11 @@ def inverse_dynamics(
         InputError: An argument has another shape or is not finite.
     """
     model.require_inertia()
+    if base is None:
+        inputs = q, qd, qdd, gravity, _AT_REST, _AT_REST
+        quick = one_by_kernel(model, "inverse-dynamics", inverse_dynamics_line, (model.n,), *inputs)
+        if quick is not None:
+            return quick
     rows, single = as_batch("q", q, model.n)
     velocities = _like(rows, single, "qd", qd)
     accelerations = _like(rows, single, "qdd", qdd)

@@ -7,6 +7,9 @@ import re
 from collections.abc import Callable
 from weakref import WeakKeyDictionary
 
+import numpy as np
+
+from catenary.arrays import Floats
 from catenary.dynamics.lines import (
     forward_kinematics_line,
     gravity_line,
@@ -19,7 +22,10 @@ from catenary.kernels.tracing import Line
 from catenary.robots.model import RobotModel
 
 MANY = 50_000  # configurations from which compiling for one robot is worth its while
+FEW = 10  # calls for which no kernel is compiled: whoever calls more often does so in a loop
+Trace = Callable[[RobotModel], Line]
 _known: WeakKeyDictionary[RobotModel, dict[str, Kernel]] = WeakKeyDictionary()
+_single: WeakKeyDictionary[RobotModel, dict[str, int | Kernel]] = WeakKeyDictionary()  # calls, later kernels
 
 
 def gravity_kernel(model: RobotModel) -> Kernel:
@@ -87,9 +93,36 @@ def forward_kinematics_kernel(model: RobotModel, frame: str | None = None) -> Ke
     return known_kernel(model, f"pose-{name}", lambda m: forward_kinematics_line(m, name), (3, 4)).ready()
 
 
-def known_kernel(
-    model: RobotModel, name: str, trace: Callable[[RobotModel], Line], shape: tuple[int, ...]
-) -> Kernel:
+def one_by_kernel(
+    model: RobotModel, name: str, trace: Trace, shape: tuple[int, ...], *inputs: object
+) -> Floats | None:
+    """Return a quantity at one configuration by the robot's kernel; None for its first calls and for odd inputs.
+
+    The first `FEW` are left to the recursions, so that nothing is compiled for a robot that is asked for little; odd is
+    what needs the careful checks: anything but finite, contiguous arrays of float64 of one configuration.
+
+    Args:
+        model: The robot.
+        name: As in `known_kernel`.
+        trace: As in `known_kernel`.
+        shape: As in `known_kernel`.
+        inputs: Of the kernel.
+    """
+    if type(inputs[0]) is not np.ndarray or inputs[0].ndim != 1:
+        return None
+    of_model = _single.get(model)
+    if of_model is None:
+        of_model = _single[model] = {}
+    kernel = of_model.get(name, 0)
+    if isinstance(kernel, int):
+        if kernel < FEW:
+            of_model[name] = kernel + 1
+            return None
+        kernel = of_model[name] = known_kernel(model, name, trace, shape)
+    return kernel.of_finite(*inputs)
+
+
+def known_kernel(model: RobotModel, name: str, trace: Trace, shape: tuple[int, ...]) -> Kernel:
     """Return a robot's kernel, traced once for as long as the model is there and compiled when it is used.
 
     Args:
@@ -98,7 +131,9 @@ def known_kernel(
         trace: Its line of operations.
         shape: Of one configuration's result.
     """
-    known = _known.setdefault(model, {})
+    known = _known.get(model)
+    if known is None:
+        known = _known[model] = {}
     if name not in known:
         title = re.sub(r"[^A-Za-z0-9]+", "-", f"{model.name} {name}")[:80]  # names come from files
         known[name] = Kernel(title, trace(model), shape)

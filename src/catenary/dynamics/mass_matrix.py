@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_batch
 from catenary.dynamics.coordinates import place_tree, to_robot_matrix
-from catenary.dynamics.kernels import MANY, known_kernel
+from catenary.dynamics.kernels import MANY, known_kernel, one_by_kernel
 from catenary.dynamics.lines import mass_matrix_line
 from catenary.dynamics.recursion import composite_body_recursion
 from catenary.kernels.compiled import compiled
@@ -30,6 +30,9 @@ def mass_matrix(model: RobotModel, q: ArrayLike, *, threads: int = 1) -> Floats:
         InputError: q has another shape or is not finite.
     """
     model.require_inertia()
+    quick = one_by_kernel(model, "mass-matrix", mass_matrix_line, (model.n, model.n), q)
+    if quick is not None:
+        return quick
     rows, single = as_batch("q", q, model.n)
     if len(rows) >= MANY or threads > 1:
         kernel = known_kernel(model, "mass-matrix", mass_matrix_line, (model.n, model.n))

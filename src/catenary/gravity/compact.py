@@ -7,27 +7,23 @@ model's symbols (symbols.py), not by its numbers; a parameter without effect on 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_batch, frozen
-from catenary.dynamics.coordinates import place_tree
+from catenary.arrays import Floats, as_batch
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.kernels import MANY, known_kernel
 from catenary.errors import InputError
 from catenary.gravity.compact_line import compact_line
 from catenary.gravity.entries import SHORT, Terms, mass_entries, moment_entries, terms_text
-from catenary.gravity.regressor import carried_links, gravity_parameters, require_parameters
-from catenary.gravity.regressor_recursion import (
+from catenary.gravity.regressor import (
     CARRIED_MASS,
-    Columns,
-    Indices,
-    Spread,
-    compact_recursion,
-    spread_of,
-    turn_links,
+    Column,
+    carried_links,
+    gravity_parameters,
+    regressor_columns,
+    require_parameters,
 )
 from catenary.gravity.symbols import (
     Expression,
@@ -39,10 +35,9 @@ from catenary.gravity.symbols import (
     monomials,
     symbols_of,
 )
-from catenary.kernels.compiled import compiled, inlined
 from catenary.kernels.kernel import Kernel
 from catenary.kernels.tracing import Line
-from catenary.robots.model import RobotModel, Tree
+from catenary.robots.model import RobotModel
 
 LEVEL = np.array([0.0, 0.0, -1.0])  # gravity on a level base, in units of g_c
 NO_EFFECT = 1e-11  # of the largest entry; random configurations show any other column
@@ -60,7 +55,8 @@ class CompactRegressor:
     model: RobotModel
     expressions: tuple[Expression, ...]  # (p,) of the parameters, in the robot's symbols
     units: tuple[str, ...]  # (p,) "kg m", or "kg" of a prismatic joint's carried mass
-    columns: Columns  # what each column is made of
+    columns: tuple[Column, ...]  # what the columns are made of
+    targets: tuple[int, ...]  # the parameter that each of these belongs to: merged masses are added
     sources: tuple[tuple[int, ...], ...]  # (p,) entries of the full form that are merged in each parameter
     zeros: tuple[int, ...]  # entries of the full form that are zero
     ineffective: tuple[str, ...]  # parameters left out because no joint feels them
@@ -89,8 +85,10 @@ class CompactRegressor:
         gravities = gravity_rows(gravity, len(rows))
         if len(rows) >= MANY:
             return self._kernel().rows(rows, gravities)
-        out = np.empty((len(rows), self.model.n, len(self.expressions)))
-        _compact_rows(_packed(self.model, self.columns), rows, gravities, out)
+        out = np.zeros((len(rows), self.model.n, len(self.expressions)))
+        parts = regressor_columns(self.model, self.columns, rows, gravities)
+        for c, target in enumerate(self.targets):
+            out[..., target] += parts[..., c]
         return out[0] if single else out
 
     def kernel(self) -> Kernel:
@@ -106,7 +104,7 @@ class CompactRegressor:
         return known_kernel(
             self.model,
             "compact-regressor",
-            lambda model: compact_line(model, self.columns, width),
+            lambda model: compact_line(model, self.columns, self.targets, width),
             (self.model.n, width),
         )
 
@@ -182,8 +180,8 @@ class CompactRegressor:
         columns = []
         for c in range(len(self.expressions)):
             # merged masses have one expression but several columns: their sum would be long
-            own = np.flatnonzero(self.columns.target == c)
-            link, along = int(self.columns.link[own[0]]), int(self.columns.along[own[0]])
+            own = [self.columns[k] for k, target in enumerate(self.targets) if target == c]
+            link, along = own[0]
             column: list[Terms | None] = [None] * self.model.n
             if len(own) == 1 and along == CARRIED_MASS:
                 column = mass_entries(self.model, link, LEVEL)
@@ -216,7 +214,8 @@ def compact_regressor(model: RobotModel) -> CompactRegressor:
     tree = model.tree
     n = len(tree.parent)
     prismatic = [int(k) for k in np.flatnonzero(tree.prismatic)]
-    wanted = [(j, a) for j in range(n) for a in range(3)] + [(j, CARRIED_MASS) for j in prismatic]
+    wanted = [Column(j, a) for j in range(n) for a in range(3)]
+    wanted += [Column(j, CARRIED_MASS) for j in prismatic]
     effects = _effects(model, wanted)
     merged: dict[frozenset[tuple[str, int]], int] = {}
     expressions: list[Expression] = []
@@ -224,7 +223,8 @@ def compact_regressor(model: RobotModel) -> CompactRegressor:
     sources: list[list[int]] = []
     zeros: list[int] = []
     ineffective: list[str] = []
-    rows: list[tuple[int, int, int]] = []
+    columns: list[Column] = []
+    targets: list[int] = []
     for (link, along), effect in zip(wanted, effects, strict=True):
         if along == CARRIED_MASS:
             expression = mass_expression(model, link)
@@ -246,38 +246,25 @@ def compact_regressor(model: RobotModel) -> CompactRegressor:
             units.append("kg" if along == CARRIED_MASS else "kg m")
             sources.append([])
         sources[merged[key]] += places
-        rows.append((link, along, merged[key]))
-    columns = np.array(rows, dtype=np.int64).reshape(-1, 3)
+        columns.append(Column(link, along))
+        targets.append(merged[key])
     return CompactRegressor(
         model=model,
         expressions=tuple(expressions),
         units=tuple(units),
-        columns=Columns(*(frozen(np.ascontiguousarray(column)) for column in columns.T)),
+        columns=tuple(columns),
+        targets=tuple(targets),
         sources=tuple(tuple(entries) for entries in sources),
         zeros=tuple(zeros),
         ineffective=tuple(ineffective),
     )
 
 
-class PackedRobot(NamedTuple):
-    """What compiled code needs to write Z; arrays of one shape are one, as handing each over costs 50 ns."""
-
-    ints: Indices  # sizes, parents, kinds of joints, columns, the coupling's entries
-    matrices: Floats  # (3, n_tree, 3, 3) R_parent_i at coordinate zero; then work
-    vectors: Floats  # (4, n_tree, 3) origins and axes; then work
-    numbers: Floats  # (4, n_tree) offsets; then work
-    coupling: Floats  # (n_tree, n)
-    weight: Floats  # of the coupling's entries
-
-
-def _effects(model: RobotModel, wanted: Sequence[tuple[int, int]]) -> list[bool]:
-    """Say which columns are not zero everywhere: at random configurations and gravities none is by accident."""
-    columns = np.array([(link, along, c) for c, (link, along) in enumerate(wanted)], dtype=np.int64)
-    robot = _packed(model, Columns(*(np.ascontiguousarray(c) for c in columns.T)))
+def _effects(model: RobotModel, wanted: Sequence[Column]) -> list[bool]:
+    """Tell which columns are not zero everywhere: at random configurations and gravities none is by accident."""
     rng = np.random.default_rng(0)
-    out = np.empty((4, model.n, len(wanted)))
-    _compact_rows(robot, rng.normal(size=(4, model.n)), rng.normal(size=(4, 3)), out)
-    largest = np.abs(out).max(axis=(0, 1), initial=0.0)  # a robot may have no coordinates
+    Z = regressor_columns(model, wanted, rng.normal(size=(4, model.n)), rng.normal(size=(4, 3)))
+    largest = np.abs(Z).max(axis=(0, 1), initial=0.0)  # a robot may have no coordinates
     return list(largest > NO_EFFECT * largest.max(initial=0.0))
 
 
@@ -293,55 +280,3 @@ def _require_same_structure(made_of: RobotModel, robot: RobotModel) -> None:
             f'robot "{robot.name}": expected the joints, links and geometry of "{made_of.name}", which the compact '
             "regressor was made of"
         )
-
-
-def _packed(model: RobotModel, columns: Columns) -> PackedRobot:
-    """Put a robot into few arrays; `write_compact` takes them apart."""
-    tree, spread = model.tree, spread_of(model.coupling)
-    n = len(tree.parent)
-    sizes = [len(columns.link), len(spread.coordinate)]
-    ints = [sizes, tree.parent, tree.prismatic, *columns, spread.start, spread.coordinate]
-    matrices, vectors, numbers = np.empty((3, n, 3, 3)), np.empty((4, n, 3)), np.empty((4, n))
-    matrices[0], vectors[0], vectors[1], numbers[0] = tree.rotation, tree.origin, tree.axis, model.offset
-    return PackedRobot(
-        np.concatenate([np.asarray(part, dtype=np.int64) for part in ints]),
-        matrices,
-        vectors,
-        numbers,
-        np.array(model.coupling),
-        spread.weight,
-    )
-
-
-@inlined
-def write_compact(robot: PackedRobot, q: Floats, gravity: Floats, out: Floats) -> None:
-    """Write Z (n, p) of a packed robot."""
-    ints, matrices, vectors, numbers = robot.ints, robot.matrices, robot.vectors, robot.numbers
-    n, m, entries = numbers.shape[1], ints[0], ints[1]
-    at = 2
-    parent, prismatic = ints[at : at + n], ints[at + n : at + 2 * n]
-    at += 2 * n
-    columns = Columns(ints[at : at + m], ints[at + m : at + 2 * m], ints[at + 2 * m : at + 3 * m])
-    at += 3 * m
-    spread = Spread(ints[at : at + n + 1], ints[at + n + 1 : at + n + 1 + entries], robot.weight)
-    # masses are no part of Z: the tree's places for them hold what is at hand
-    tree = Tree(
-        parent,
-        prismatic,  # type: ignore[arg-type]
-        matrices[0],
-        vectors[0],
-        vectors[1],
-        numbers[0],
-        vectors[0],
-        matrices[0],
-    )
-    place_tree(tree, robot.coupling, numbers[0], q, numbers[1:], matrices[1], vectors[2])
-    turn_links(tree, matrices[1], matrices[2], vectors[3])
-    g = (gravity[0], gravity[1], gravity[2])
-    compact_recursion(tree, numbers[1], matrices[2], vectors[3], g, columns, spread, out)
-
-
-@compiled
-def _compact_rows(robot: PackedRobot, q: Floats, gravity: Floats, out: Floats) -> None:
-    for k in range(len(q)):
-        write_compact(robot, q[k], gravity[k if len(gravity) > 1 else 0], out[k])

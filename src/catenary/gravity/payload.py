@@ -10,8 +10,7 @@ from catenary.arrays import Floats
 from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
 from catenary.errors import InputError
 from catenary.gravity.compact import CompactRegressor
-from catenary.gravity.regressor import carried
-from catenary.gravity.regressor_recursion import CARRIED_MASS
+from catenary.gravity.regressor import CARRIED_MASS, carried
 from catenary.robots.model import RobotModel
 
 PER_LOAD = 4  # mass, and moments about three axes
@@ -92,7 +91,7 @@ def load_directions(regressor: CompactRegressor, frame: str) -> Floats:
     mass[link] = 1.0
     moments, masses = carried(model.tree._replace(mass=mass, com=np.zeros_like(model.tree.com)))
     directions = np.zeros((len(regressor.labels), PER_LOAD))
-    for at, along, target in zip(*regressor.columns, strict=True):
+    for (at, along), target in zip(regressor.columns, regressor.targets, strict=True):
         if along == CARRIED_MASS:
             directions[target, 0] = masses[at]
         else:

@@ -11,20 +11,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
-from catenary.dynamics.coordinates import place_tree
 from catenary.dynamics.inverse_dynamics import gravity_rows
-from catenary.dynamics.regressor import PER_LINK, torque_regressor
+from catenary.dynamics.kinematics import link_poses
 from catenary.errors import InputError
-from catenary.gravity.regressor_recursion import (
-    Spread,
-    full_recursion,
-    spread_of,
-    turn_links,
-)
-from catenary.kernels.compiled import compiled
 from catenary.robots.model import BASE, RobotModel, Tree
 
 STANDARD = ("m", "mx", "my", "mz")  # mass, and first moment about the frame's origin
+CARRIED_MASS = 3  # in place of an axis 0, 1, 2
+
+
+class Column(NamedTuple):
+    """What one column of a regressor stands for: a first moment on a link, or what a prismatic joint carries."""
+
+    link: int  # index into the tree
+    along: int  # axis of the link's frame along which the moment lies, or CARRIED_MASS
 
 
 class GravityParameters(NamedTuple):
@@ -55,11 +55,34 @@ def gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Fl
         InputError: An argument has another shape or is not finite.
     """
     rows, single = as_batch("q", q, model.n)
-    gravities = gravity_rows(gravity, len(rows))
-    n = len(model.tree.parent)
-    out = np.empty((len(rows), model.n, 3 * n * (n + 1) + int(model.tree.prismatic.sum())))
-    _regressor_rows(model.tree, model.coupling, model.offset, spread_of(model.coupling), rows, gravities, out)
+    tree, N, n = model.tree, len(rows), len(model.tree.parent)
+    arm = _placed(model, rows, gravity_rows(gravity, N))
+    frames = np.concatenate([np.broadcast_to(np.eye(3), (N, 1, 3, 3)), arm.rotation], axis=1)
+    blocks = np.einsum("Nka,Njab->Nkjb", arm.pull, frames).reshape(N, n, 3 * (n + 1))
+    masses = [Column(int(link), CARRIED_MASS) for link in np.flatnonzero(tree.prismatic)]
+    out: Floats = np.concatenate(
+        [
+            np.einsum("kr,Nkc->Nrkc", model.coupling, blocks).reshape(N, model.n, 3 * n * (n + 1)),
+            _columns(model, masses, rows, arm),
+        ],
+        axis=2,
+    )
     return out[0] if single else out
+
+
+def regressor_columns(model: RobotModel, columns: Sequence[Column], q: Floats, gravity: Floats) -> Floats:
+    """Return chosen columns (N, n, len(columns)) of the regressor; inputs are not checked.
+
+    The mass that a prismatic joint with axis z carries asks -gravity . z of the joint itself and, because the joint
+    moves it by x along z, x times what a first moment along z asks of the revolute joints before it.
+
+    Args:
+        model: The robot.
+        columns: Which.
+        q: (N, n) [rad or m].
+        gravity: (1, 3) or (N, 3) [m/s2].
+    """
+    return _columns(model, columns, q, _placed(model, q, gravity))
 
 
 def gravity_parameters(model: RobotModel) -> GravityParameters:
@@ -96,7 +119,7 @@ def standard_gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLi
     """Regressor of every link's mass and first moment (m, m c), with Z s = g.
 
     The columns of (m, m c) of `torque_regressor` at
-    rest. They are dependent: see identification/base_parameters.py.
+    rest; they are dependent: see identification/base_parameters.py.
 
     Args:
         model: The robot; it needs no inertia.
@@ -110,10 +133,13 @@ def standard_gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLi
     Raises:
         InputError: An argument has another shape or is not finite.
     """
-    rest = np.zeros(np.shape(q))
-    Y = torque_regressor(model, q, rest, rest, gravity)
-    links = Y.reshape(*Y.shape[:-1], len(model.link_names), PER_LINK)
-    return links[..., : len(STANDARD)].reshape(*Y.shape[:-1], -1)
+    rows, single = as_batch("q", q, model.n)
+    arm = _placed(model, rows, gravity_rows(gravity, len(rows)))
+    lever = arm.position[:, None] - arm.position[:, :, None]  # (N, n_tree, n_tree, 3) from joint k to link j
+    of_mass = np.einsum("Nka,Nkja->Nkj", arm.pull, lever) + arm.push[:, :, None]
+    mass = np.einsum("krj,Nkj->Nrj", _shares(model), of_mass)
+    Z = np.concatenate([mass[..., None], _moments(model, arm)], axis=3).reshape(len(rows), model.n, -1)
+    return Z[0] if single else Z
 
 
 def standard_gravity_parameters(model: RobotModel) -> GravityParameters:
@@ -171,16 +197,49 @@ def require_parameters(name: str, values: ArrayLike, labels: Sequence[str]) -> F
     return array
 
 
-@compiled
-def _regressor_rows(
-    tree: Tree, coupling: Floats, offset: Floats, spread: Spread, q: Floats, gravity: Floats, out: Floats
-) -> None:
-    n = len(tree.parent)
-    work = np.empty((3, n))
-    rotation, position, base_rotation = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3, 3))
-    axis = np.empty((n, 3))
-    for k in range(len(q)):
-        place_tree(tree, coupling, offset, q[k], work, rotation, position)
-        turn_links(tree, rotation, base_rotation, axis)
-        row = gravity[k if len(gravity) > 1 else 0]
-        full_recursion(tree, work[0], base_rotation, axis, (row[0], row[1], row[2]), spread, out[k])
+class _Placed(NamedTuple):
+    """An arm at N configurations, all in the base frame; a joint is pulled if it turns, pushed if it slides."""
+
+    rotation: Floats  # (N, n_tree, 3, 3) R_base_i
+    position: Floats  # (N, n_tree, 3) [m]
+    pull: Floats  # (N, n_tree, 3) z x gravity: what a first moment v asks is v . pull = -gravity . (z x v) [m/s2]
+    push: Floats  # (N, n_tree) -gravity . z, what a mass asks [m/s2]
+
+
+def _placed(model: RobotModel, q: Floats, gravity: Floats) -> _Placed:
+    rotation, position = link_poses(model, q)
+    axes = np.einsum("Nkab,kb->Nka", rotation, model.tree.axis)
+    slides = model.tree.prismatic
+    pull = np.cross(axes, gravity[:, None, :]) * ~slides[:, None]
+    return _Placed(rotation, position, pull, -np.sum(axes * gravity[:, None, :], axis=2) * slides)
+
+
+def _shares(model: RobotModel) -> Floats:
+    """Return the shares (n_tree, n, n_tree) of a coordinate in what a joint holds of a link; 0 if it carries it not."""
+    n = len(model.tree.parent)
+    carries = np.array(
+        [[link in carried_links(model.tree, joint) for link in range(n)] for joint in range(n)]
+    )
+    shares: Floats = model.coupling[:, :, None] * carries.reshape(n, 1, n)
+    return shares
+
+
+def _moments(model: RobotModel, arm: _Placed) -> Floats:
+    """Return the columns (N, n, n_tree, 3) of every link's first moment along the axes of its frame."""
+    of_tree = np.einsum("Nka,Njab->Nkjb", arm.pull, arm.rotation)
+    moments: Floats = np.einsum("krj,Nkjb->Nrjb", _shares(model), of_tree)
+    return moments
+
+
+def _columns(model: RobotModel, columns: Sequence[Column], q: Floats, arm: _Placed) -> Floats:
+    moments = _moments(model, arm)
+    out = np.empty((*q.shape, len(columns)))
+    for c, (link, along) in enumerate(columns):
+        if along != CARRIED_MASS:
+            out[..., c] = moments[..., link, along]
+            continue
+        coupling = model.coupling[link]
+        x = q @ coupling + model.offset[link]
+        of_moment = moments[..., link, :] @ model.tree.axis[link]
+        out[..., c] = arm.push[:, link, None] * coupling + x[:, None] * of_moment
+    return out

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_batch
 from catenary.dynamics.coordinates import place_tree, to_robot
 from catenary.dynamics.inverse_dynamics import gravity_rows
-from catenary.dynamics.kernels import MANY, gravity_kernel, known_kernel
+from catenary.dynamics.kernels import MANY, gravity_kernel, known_kernel, one_by_kernel
 from catenary.dynamics.lines import gravity_line
 from catenary.dynamics.recursion import first_moments, gravity_recursion
 from catenary.kernels.compiled import compiled
@@ -30,8 +30,9 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike, *, threa
         model: The robot.
         q: (n,) or (N, n) coordinates [rad or m].
         gravity: (3,) or (N, 3) free-fall acceleration in base axes, down: (0, 0, -9.81) upright [m/s2].
-        threads: How many to share the rows among. From 50 000 rows on, or with threads, the robot's own kernel runs,
-            which takes a second to compile when it is first used; it differs from the recursion in rounding only.
+        threads: How many to share the rows among. From 50 000 rows or the eleventh single call on, or with threads,
+            the robot's own kernel runs, which takes half a second to compile when it is first used; it differs from
+            the recursion in rounding only. Control loops hold `gravity_kernel(model)`, compiled before they begin.
 
     Returns:
         (n,) or (N, n) [Nm or N]: what the actuators must supply; never negate it. One q with many gravities
@@ -42,6 +43,9 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike, *, threa
         InputError: An argument has another shape or is not finite.
     """
     model.require_inertia()
+    quick = one_by_kernel(model, "gravity", gravity_line, (model.n,), q, gravity)
+    if quick is not None:
+        return quick
     rows, single = as_batch("q", q, model.n)
     gravities = gravity_rows(gravity, len(rows))
     if len(rows) >= MANY or threads > 1:

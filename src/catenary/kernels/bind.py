@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.errors import InputError
+from catenary.kernels.cache import load_module
 from catenary.kernels.compiled import Compiled, start_numba
 
 METH_NOARGS = 0x0004  # methodobject.h
@@ -132,8 +133,6 @@ def _is_known(dtype: np.dtype[Any]) -> bool:
 
 def _code_of(function: Callable[..., None], arrays: Sequence[NDArray[Any]]) -> int:
     """Compile, or find compiled, a C function of the arrays' addresses and sizes, and return its address."""
-    from catenary.kernels.numba_files import load_source  # imports numba
-
     numba = start_numba()
     plain = inspect.unwrap(function)
     assert isinstance(plain, FunctionType)
@@ -144,7 +143,7 @@ def _code_of(function: Callable[..., None], arrays: Sequence[NDArray[Any]]) -> i
     if key not in _code:
         source, kept = _source(plain, arrays, str(signature))
         if kept:
-            module = load_source(
+            module = load_module(
                 f"bind-{plain.__name__}", source, {"function": function, "carray": numba.carray}
             )
             call, kept = module.call, module.__file__ is not None

@@ -1,6 +1,7 @@
 """Kernel: one quantity of one robot as machine code, for control loops and for many configurations."""
 
 from collections.abc import Callable
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -35,7 +36,6 @@ class Kernel:
         """
         self.name, self.line, self.shape = name, line, shape
         self.inputs = widths_of(line)  # names and sizes of one configuration's arrays
-        self._module: Any = None
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Kernel":
         return self  # nothing of it ever changes
@@ -46,12 +46,12 @@ class Kernel:
     @property
     def into(self) -> Callable[..., None]:
         """`into(INPUT..., out)`, for compiled functions to call; it checks nothing."""
-        function: Callable[..., None] = self._functions().into
+        function: Callable[..., None] = self._functions.into
         return function
 
     def ready(self) -> "Kernel":
-        """Return the kernel itself, compiled."""
-        self.into(*map(np.zeros, self.inputs.values()), np.empty(self.shape))
+        """Return the kernel itself, compiled for single calls."""
+        self(*map(np.zeros, self.inputs.values()))
         return self
 
     def __call__(self, *inputs: ArrayLike) -> Floats:
@@ -63,13 +63,23 @@ class Kernel:
         Raises:
             InputError: Another number of arrays, or an array of another shape.
         """
-        arrays = [
-            as_array(name, given, (width,), finite=False)
-            for (name, width), given in zip(self.inputs.items(), self._counted(inputs), strict=True)
-        ]
         out = np.empty(self.shape)
-        self.into(*arrays, out)
+        try:
+            self._single(*inputs, out)
+        except (TypeError, InputError):  # other arrays than it is compiled for
+            widths = zip(self.inputs.items(), self._counted(inputs), strict=True)
+            self._single(
+                *(as_array(name, given, (width,), finite=False) for (name, width), given in widths), out
+            )
         return out
+
+    def of_finite(self, *inputs: object) -> Floats | None:
+        """Return the quantity at one configuration; None where inputs are not finite float64 arrays of its size."""
+        out = np.empty(self.shape)
+        try:
+            return out if self._single(*inputs, out) else None
+        except (TypeError, InputError):
+            return None
 
     def bind(self, *arrays: Floats) -> Callable[[], None]:
         """Return a function without arguments that reads the inputs and writes `out`; see `catenary.kernels.bind`.
@@ -111,20 +121,25 @@ class Kernel:
             if len(array) not in (1, count):
                 raise InputError(f"{name}: expected 1 or {count} rows, got {len(array)}")
         out = np.empty((count, *self.shape))
-        flat, rows = out.reshape(count, len(self.line.results)), self._functions().rows
+        flat, rows = out.reshape(count, len(self.line.results)), self._functions.rows
         if threads == 1 or count < 2 * threads:
             rows(*arrays, flat)
         else:
             _in_threads(rows, arrays, flat, threads)
         return out
 
+    @cached_property
     def _functions(self) -> Any:
-        if self._module is None:
-            # numba takes a second to import and to make ready: not before there is something to compile
-            from catenary.kernels.numba_functions import numba_functions
+        # numba takes a second to import and to make ready: not before there is something to compile
+        from catenary.kernels.numba_functions import numba_functions
 
-            self._module = numba_functions(self.name, self.line, self.shape)
-        return self._module
+        return numba_functions(self.name, self.line, self.shape)
+
+    @cached_property
+    def _single(self) -> Callable[..., bool]:
+        single = self._functions.single
+        function: Callable[..., bool] = getattr(single, "code", single)  # numba's own
+        return function
 
     def _counted(self, given: tuple[Any, ...], *further: str) -> tuple[Any, ...]:
         names = [*self.inputs, *further]

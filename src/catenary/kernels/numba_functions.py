@@ -5,31 +5,32 @@ from pathlib import Path
 from types import ModuleType
 
 from catenary.kernels import llvm_line, sines
+from catenary.kernels.cache import load_module
 from catenary.kernels.line_text import widths_of
 from catenary.kernels.llvm_line import LANES, line_code
-from catenary.kernels.numba_files import load_source
 from catenary.kernels.tracing import Line
 
 TEXT = '''"""{title}: {operations} sums and products, {angles} angles."""
 # line {line}, written by {writers}
 
-import numpy as np
-
 from catenary.errors import InputError
 
 
-@compiled_quick
+@compiled
 def into({inputs}, out):
     one(({inputs}, out), {zeros}, {zeros})
 
 
-@compiled_quick
-def single({inputs}):
+@compiled_for("boolean({arrays}, {out})")
+def single({inputs}, out):
     if {wrong}:
         raise InputError("expected {expected}")
-    out = np.empty(({shape}))
-    into({inputs}, out)
-    return out
+    one(({inputs}, out), {zeros}, {zeros})
+    total = 0.0  # NaN where a number is not finite
+    for array in ({inputs},):
+        for number in array:
+            total += 0.0 * number
+    return total == 0.0
 
 
 @compiled
@@ -47,8 +48,9 @@ def numba_functions(title: str, line: Line, shape: tuple[int, ...]) -> ModuleTyp
     """Make a module of compiled functions that run a line of operations.
 
     `into(INPUT..., out)`, of arrays of one configuration each, is for compiled callers and for `bind`; it checks
-    nothing. `single(INPUT...)` returns a new array. `rows(INPUT..., out)` takes `out` (N, size) and inputs of N rows or
-    one row each.
+    nothing. `single(INPUT..., out)` is for Python: it refuses other arrays (TypeError) and other sizes (InputError),
+    and returns whether all inputs are finite. `rows(INPUT..., out)` takes `out` (N, size) and inputs of N rows or one
+    row each.
 
     Args:
         title: What it computes; letters, digits and hyphens.
@@ -69,10 +71,11 @@ def numba_functions(title: str, line: Line, shape: tuple[int, ...]) -> ModuleTyp
         zeros=f"({', '.join(['0'] * (len(widths) + 1))})",
         wrong=" or ".join(f"len({name}) != {width}" for name, width in widths.items()),
         expected=", ".join(f"{name} ({width},)" for name, width in widths.items()),
-        shape="".join(f"{n}, " for n in shape),
+        arrays=", ".join(["float64[::1]"] * len(widths)),
+        out=f"float64[{':, ' * (len(shape) - 1)}::1]",
         steps=", ".join(f"{width} * (len({name}) > 1)" for name, width in widths.items()),
         starts=", ".join(f"step[{i}] * k" for i in range(len(widths))),
         size=len(line.results),
         lanes=LANES,
     )
-    return load_source(title, text, {"one": line_code(line), "several": line_code(line, LANES)})
+    return load_module(title, text, {"one": line_code(line), "several": line_code(line, LANES)})

@@ -11,15 +11,15 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.control.realtime import RealTime
-from catenary.crtk.crtk_dialect import CrtkDialect
 from catenary.crtk.names import Dialect
-from catenary.crtk.parked_arm import ParkedArm
-from catenary.crtk.raven_dialect import RavenDialect
-from catenary.crtk.reports import Reports
-from catenary.crtk.served_arm import GravityTorque, ServedArm
-from catenary.crtk.served_encoders import ServedEncoders, has_encoders
-from catenary.crtk.server import Server, Speaker
-from catenary.crtk.tool_pose import ToolPose
+from catenary.crtk.serving.crtk_dialect import CrtkDialect
+from catenary.crtk.serving.parked_arm import ParkedArm
+from catenary.crtk.serving.raven_dialect import RavenDialect
+from catenary.crtk.serving.reports import Reports
+from catenary.crtk.serving.served_arm import GravityTorque, ServedArm
+from catenary.crtk.serving.served_encoders import ServedEncoders, has_encoders
+from catenary.crtk.serving.server import Server, Speaker
+from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_kernel

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
-from catenary.kernels.compiled import inlined
 from catenary.robots.model import RobotModel
+from catenary.simulation.records import Index, Number, Record
 
 
 @dataclass(frozen=True)
@@ -29,63 +29,46 @@ class JointHardware:
     spring_damping: ArrayLike = 0.0  # across it [Nms/rad|Ns/m]
 
 
+class TreeCoordinate(Record):
+    """A coordinate of the robot's tree."""
+
+    dof: Index  # where MuJoCo keeps its velocity
+    at: Index  # where MuJoCo keeps its position
+    offset: Number  # at the robot's zero [rad|m]
+
+
+class DrivenJoint(Record):
+    """A coordinate of the robot."""
+
+    drive: Index  # number of the moving part on which its motor acts: itself, or its rotor
+    lower: Number  # [rad|m]
+    upper: Number
+
+
+class JointSpring(Record):
+    """The spring between a joint and its rotor; spring e turns moving part n + e."""
+
+    joint: Index
+    stiffness: Number  # [Nm/rad|N/m]
+    damping: Number  # [Nms/rad|Ns/m]
+
+
+class MovingPart(Record):
+    """One of the nz things that move by themselves: the robot's n coordinates, then its m elastic rotors."""
+
+    inertia: Number  # of the rotor [kg m2|kg]
+    friction: Number  # [Nm|N]
+    damping: Number  # [Nms/rad|Ns/m]
+
+
 class JointNumbers(NamedTuple):
-    """The same for compiled code, of nz moving things: the robot's n coordinates, then its m elastic rotors."""
+    """An arm's drives for compiled code."""
 
-    dof: NDArray[np.int64]  # (n_tree,) where MuJoCo keeps the tree's velocities
-    at: NDArray[np.int64]  # (n_tree,) where it keeps their positions
-    drive: NDArray[np.int64]  # (n,) what a joint's motor moves: itself, or its rotor
-    elastic: NDArray[np.int64]  # (m,) joints with a spring
     coupling: Floats  # (n_tree, n)
-    offset: Floats  # (n_tree,)
-    inertia: Floats  # (nz,) rotor inertia [kg m2|kg]
-    friction: Floats  # (nz,)
-    damping: Floats  # (nz,)
-    stiffness: Floats  # (m,)
-    spring_damping: Floats  # (m,)
-    lower: Floats  # (n,)
-    upper: Floats  # (n,)
-
-
-class PackedJoints(NamedTuple):
-    """JointNumbers in two arrays: every array handed to compiled code costs 45 ns, and a tick makes seven calls."""
-
-    whole: NDArray[np.int64]  # n_tree, n, m, then the whole numbers
-    real: Floats  # the others, in the order of JointNumbers
-
-
-def pack_joints(joints: JointNumbers) -> PackedJoints:
-    """Lay all numbers end to end."""
-    n_tree, n = joints.coupling.shape
-    sizes = np.array([n_tree, n, len(joints.elastic)], dtype=np.int64)
-    return PackedJoints(np.concatenate([sizes, *joints[:4]]), np.concatenate([a.ravel() for a in joints[4:]]))
-
-
-@inlined
-def joints_of(packed: PackedJoints) -> JointNumbers:
-    """JointNumbers as views of packed ones; in compiled code."""
-    whole, real = packed
-    n_tree, n, m = whole[0], whole[1], whole[2]
-    nz = n + m
-    w = 3 + 2 * n_tree
-    r = n_tree * n
-    f = r + n_tree
-    s = f + 3 * nz
-    return JointNumbers(
-        whole[3 : 3 + n_tree],
-        whole[3 + n_tree : w],
-        whole[w : w + n],
-        whole[w + n :],
-        real[:r].reshape(n_tree, n),
-        real[r:f],
-        real[f : f + nz],
-        real[f + nz : f + 2 * nz],
-        real[f + 2 * nz : s],
-        real[s : s + m],
-        real[s + m : s + 2 * m],
-        real[s + 2 * m : s + 2 * m + n],
-        real[s + 2 * m + n :],
-    )
+    tree: TreeCoordinate  # (n_tree,) rows
+    joints: DrivenJoint  # (n,)
+    springs: JointSpring  # (m,)
+    parts: MovingPart  # (nz,)
 
 
 def joint_numbers(
@@ -109,25 +92,17 @@ def joint_numbers(
                 f'joint "{model.joint_names[j]}": stiffness {stiffness[j]:g} and armature {armature[j]:g}: '
                 "an elastic joint needs both above zero"
             )
-    drive = np.arange(n)
-    drive[elastic] = n + np.arange(len(elastic))
-    inertia, friction_z, damping_z = (np.zeros(n + len(elastic)) for _ in range(3))
-    inertia[drive], friction_z[drive], damping_z[drive] = armature, friction, damping
-    return JointNumbers(
-        dof=dof,
-        at=at,
-        coupling=np.array(model.coupling),
-        offset=np.array(model.offset),
-        elastic=elastic.astype(np.int64),
-        drive=drive.astype(np.int64),
-        inertia=inertia,
-        friction=friction_z,
-        damping=damping_z,
-        stiffness=stiffness[elastic],
-        spring_damping=spring_damping[elastic],
-        lower=np.array(model.lower),
-        upper=np.array(model.upper),
-    )
+    tree = TreeCoordinate.rows(len(model.offset))
+    tree.dof[:], tree.at[:], tree.offset[:] = dof, at, model.offset
+    joints = DrivenJoint.rows(n)
+    joints.drive[:], joints.lower[:], joints.upper[:] = np.arange(n), model.lower, model.upper
+    joints.drive[elastic] = n + np.arange(len(elastic))
+    springs = JointSpring.rows(len(elastic))
+    springs.joint[:] = elastic
+    springs.stiffness[:], springs.damping[:] = stiffness[elastic], spring_damping[elastic]
+    parts, driven = MovingPart.rows(n + len(elastic)), joints.drive
+    parts.inertia[driven], parts.friction[driven], parts.damping[driven] = armature, friction, damping
+    return JointNumbers(np.array(model.coupling), tree, joints, springs, parts)
 
 
 def _per_joint(name: str, values: ArrayLike, n: int, *, finite: bool = True) -> Floats:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.errors import InputError, MissingPackageError
 from catenary.robots.model import RobotModel
+from catenary.simulation.joint_step import TreeTerms
 from catenary.simulation.model_mjcf import tree_mjcf
 
 
@@ -38,23 +39,18 @@ class MujocoDynamics:
         joints = [m.joint(name) for name in model.link_names]
         self.dof: NDArray[np.int64] = np.array([joint.dofadr[0] for joint in joints], dtype=np.int64)
         self.at: NDArray[np.int64] = np.array([joint.qposadr[0] for joint in joints], dtype=np.int64)
-        self.mass: Floats = np.zeros(
-            (m.nv, m.nv)
-        )  # of the last `update`; rows and columns of the joints at `dof`
-        self.bias: Floats = np.zeros(m.nv)
-        # views: every access to an attribute of MuJoCo's makes a new one
-        self.q: Floats = d.qpos  # to be written at `at`
-        self.qd: Floats = d.qvel  # to be written at `dof`
-        self._gravity, self._qdd = m.opt.gravity, d.qacc
-        self.q[:] = 0.0
-        self.q[3] = 1.0  # the base's quaternion
-        self._write_mass = _mass_writer(mujoco, m, d, self.mass)
+        # positions to be written at `at`, velocities at `dof`; the terms there after `update`
+        self.tree = TreeTerms(d.qpos, d.qvel, np.zeros((m.nv, m.nv)), np.zeros(m.nv))
+        self._gravity, self._qdd = m.opt.gravity, d.qacc  # views: every access to MuJoCo's makes a new one
+        self.tree.q[:] = 0.0
+        self.tree.q[3] = 1.0  # the base's quaternion
+        self._write_mass = _mass_writer(mujoco, m, d, self.tree.mass)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "MujocoDynamics":
         """Another one in the same state; its arrays are views into its own MuJoCo."""
         twin = MujocoDynamics(self._robot)
         memo[id(self)] = twin
-        twin.q[:], twin.qd[:], twin._qdd[:] = self.q, self.qd, self._qdd
+        twin.tree.q[:], twin.tree.qd[:], twin._qdd[:] = self.tree.q, self.tree.qd, self._qdd
         twin._gravity[:] = self._gravity
         return twin
 
@@ -66,18 +62,18 @@ class MujocoDynamics:
             motion: (3, 3) of the base, in its axes: angular velocity, angular acceleration, linear acceleration.
         """
         self._gravity[:] = gravity
-        self.qd[3:6] = motion[0]
+        self.tree.qd[3:6] = motion[0]
         self._qdd[:3] = motion[2]
         self._qdd[3:6] = motion[1]
 
     def update(self) -> None:
-        """Write `mass` and `bias` for the positions in `q` and the velocities in `qd`."""
+        """Write the tree's mass matrix and bias for its positions and velocities."""
         mujoco, m, d = self._mujoco, self._model, self._data
         mujoco.mj_kinematics(m, d)
         mujoco.mj_comPos(m, d)
         mujoco.mj_crb(m, d)
         mujoco.mj_comVel(m, d)
-        mujoco.mj_rne(m, d, 1, self.bias)
+        mujoco.mj_rne(m, d, 1, self.tree.bias)
         self._write_mass()
 
 

@@ -7,45 +7,41 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.errors import InputError, LimitError, NotReadyError, UnsupportedCommandError
+from catenary.errors import InputError, LimitError
 from catenary.gravity.payload import Payload
-from catenary.plant import STATE_COMMANDS, Column, JointState, OperatingState, StateCommand, StateName
+from catenary.plant import Column, JointState
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase, imu_reading
-from catenary.simulation.joint_hardware import JointHardware, joint_numbers, pack_joints
-from catenary.simulation.joint_step import MOTION, Z0, ZD0, begin_step, end_stage, finish_step, servo_torques
+from catenary.simulation.joint_hardware import JointHardware, joint_numbers
+from catenary.simulation.joint_impulses import finish_step
+from catenary.simulation.joint_step import begin_step, end_stage, new_motion
 from catenary.simulation.mujoco_dynamics import MujocoDynamics
+from catenary.simulation.position_servo import servo_torques
+from catenary.simulation.simulated_plant import PERIOD, SimulatedPlant
 from catenary.simulation.stiffness_check import require_stable
 
-PERIOD = 1e-3  # [s]
-BANDWIDTH = 200.0  # [rad/s] of the position servo: a steady motion lags by 2 / BANDWIDTH, 10 ms
-SLIP = 1e-4  # [rad|m] from its setpoint within which the servo lets a joint stick
 
-
-class MujocoPlant:
+class MujocoPlant(SimulatedPlant):
     """One robot, given by its model. Brakes hold it while it is not enabled; its encoders are absolute, so it is homed.
 
     M(q) qdd + h(q, qd, gravity, base motion) = tau - damping qd - friction, integrated in the robot's own
     coordinates by Runge-Kutta's fourth-order method: MuJoCo gives M and h of the tree's joints, and the model's
     coupling takes them to q exactly, so parallelograms and wrist couplings are as rigid as they are in the model.
-    Friction and joint limits act as impulses at the end of each step (joint_step.py): a joint sticks without any
+    Friction and joint limits act as impulses at the end of each step (joint_impulses.py): a joint sticks without any
     creep, which MuJoCo's own friction does not, and stops at its limits without bouncing. What MuJoCo is not asked
     for: contacts, tendons, actuators.
 
     Torques of `servo_jf` act as they are, up to the model's effort limits. `servo_jp` is obeyed by an ideal servo
-    in place of firmware: computed torque that knows the arm, its payload, its base and its friction, critically
-    damped at BANDWIDTH. The setpoint moves at most at the model's velocity limits, and stays within its joint limits;
-    where a leap asks for more than the effort limits, the arm follows late and overshoots, as a real one does.
+    in place of firmware (position_servo.py): computed torque that knows the arm, its payload, its base and its
+    friction, critically damped at BANDWIDTH. The setpoint moves at most at the model's velocity limits, and stays
+    within its joint limits; where a leap asks for more than the effort limits, the arm follows late and
+    overshoots, as a real one does.
 
     Gravity in JointState is what an accelerometer on the base's origin takes for it: free-fall acceleration minus
     the origin's own acceleration, in base axes. With `base_rates` it is all that joints feel of a base's motion.
 
     The state is as exact as Runge-Kutta's step; nothing is random: equal commands give equal motions, bit for bit.
     """
-
-    period = PERIOD
-    simulated = True
-    supports = frozenset({"servo_jp", "servo_jr", "servo_jf", "state_command"})
 
     def __init__(
         self,
@@ -80,23 +76,18 @@ class MujocoPlant:
         self.model = model
         self._hardware = JointHardware() if hardware is None else hardware
         self._substeps, self._step = substeps, PERIOD / substeps
-        self._base = BaseTimeline(FixedBase() if base is None else base, self._step / 2.0)
+        timeline = BaseTimeline(FixedBase() if base is None else base, self._step / 2.0)
+        super().__init__(timeline, is_homed=True)
         n = model.n
         q = _start(model, start)
         self._take_up(payload)
-        nz = len(self._joints.inertia)
-        self._motion = np.zeros((MOTION, nz))
-        self._z[:n] = q
-        self._z[n:] = q[self._joints.elastic]  # springs relaxed
-        self._factors = np.zeros((4, n, n))
-        self._tick = 0
-        self._state: StateName = "DISABLED"
-        self._fault = ""  # why it is in FAULT
-        self._is_homed = True
+        self._motion = new_motion(n, len(self._joints.parts))
+        self._motion.parts.start[:n] = q
+        self._motion.parts.start[n:] = q[self._joints.springs.joint]  # springs relaxed
         self._mode: Literal["brakes", "position", "torque"] = "brakes"
         self._command = np.zeros(n)  # torques that were asked for
         self._effort = np.zeros(n)  # torques that act
-        self._setpoint = self._z[self._joints.drive]
+        self._setpoint = self._motion.parts.start[self._joints.joints.drive]
         self._wanted: Floats | None = None
         self._effort_limit = np.array(model.effort_limit)
         self._setpoint_step = model.velocity_limit * PERIOD
@@ -140,30 +131,20 @@ class MujocoPlant:
         )
 
     @property
-    def base(self) -> MovingBase:
-        """What the robot stands on."""
-        return self._base.base
-
-    @property
     def payload(self) -> Payload | None:
         """What it carries."""
         return self._payload
 
-    @property
-    def time(self) -> float:
-        """Time since power-on [s]."""
-        return self._tick * PERIOD
-
     def measured_js(self) -> JointState:
         """Joint state: of the rotors where joints are elastic, of the joints elsewhere."""
-        drive = self._joints.drive
+        parts, drive = self._motion.parts, self._joints.joints.drive
         gravity, motion = self._base_at(0)
         return JointState(
             self.time,
-            self._z[drive],
-            self._zd[drive],
+            parts.start[drive],
+            parts.start_rate[drive],
             self._command.copy(),
-            self._z[self.model.n :].copy(),
+            parts.start[self.model.n :].copy(),
             gravity[0] - motion[0, 2],
             0.0,
             motion[0, :2].copy(),
@@ -173,21 +154,17 @@ class MujocoPlant:
         """Setpoint of the position servo."""
         return self.measured_js()._replace(q=self._setpoint.copy(), qd=np.zeros(self.model.n))
 
-    def operating_state(self) -> OperatingState:
-        """CRTK's operating state."""
-        return OperatingState(self._state, self._is_homed, False)
-
     def telemetry(self) -> Mapping[str, Floats]:
         """Latest sample of every column of `columns`."""
-        drive = self._joints.drive
+        parts, drive = self._motion.parts, self._joints.joints.drive
         specific_force, rate = imu_reading(self._base_at(0))
         return {
-            "jpos": self._z[drive],
-            "jvel": self._zd[drive],
+            "jpos": parts.start[drive],
+            "jvel": parts.start_rate[drive],
             "jpos_d": self._setpoint.copy(),
             "tau": self._command.copy(),
             "effort": self._effort.copy(),
-            "q_true": self._z[: self.model.n].copy(),
+            "q_true": parts.start[: self.model.n].copy(),
             "accelerometer": specific_force[0].copy(),  # an ideal one at the base's origin, in base axes
             "gyroscope": rate[0].copy(),
         }
@@ -214,35 +191,6 @@ class MujocoPlant:
         self._wanted = None
         self._mode = "torque"
 
-    def state_command(self, command: StateCommand) -> None:
-        """Ask for a transition: enable, disable, pause, resume, home, unhome.
-
-        Raises:
-            UnsupportedCommandError: No such command.
-            NotReadyError: `home` of a robot that is not enabled.
-        """
-        if command not in STATE_COMMANDS:
-            raise UnsupportedCommandError(
-                f'state command "{command}": expected one of {", ".join(STATE_COMMANDS)}'
-            )
-        if command == "enable" and self._state in ("DISABLED", "FAULT"):
-            self._set_state("ENABLED")
-        elif command == "disable":
-            self._set_state("DISABLED")
-        elif command == "pause" and self._state == "ENABLED":
-            self._set_state("PAUSED")
-        elif command == "resume" and self._state == "PAUSED":
-            self._set_state("ENABLED")
-        elif command == "unhome":
-            self._is_homed = False
-            self._set_state(self._state)
-        elif command == "home":
-            if self._state != "ENABLED":
-                raise NotReadyError(f"home: the robot is {self._state}; enable it first")
-            if not self._is_homed:
-                self._is_homed = True
-                self._set_state("ENABLED")
-
     def wait(self) -> None:
         """Advance by one tick of 1 ms; a motion that no number can follow stops the robot in FAULT."""
         if self._mode == "position":
@@ -251,10 +199,10 @@ class MujocoPlant:
             if self._mode == "brakes":
                 break
             if not self._advance(part):
-                self._set_state("FAULT", f": its motion diverged in tick {self._tick}, at {self.time:.3f} s")
+                self._set_state("FAULT", f"its motion diverged in tick {self._tick}, at {self.time:.3f} s")
         self._tick += 1
         if self._mode == "torque":  # no jump when the servo takes over
-            self._setpoint = self._z[self._joints.drive]
+            self._setpoint = self._motion.parts.start[self._joints.joints.drive]
 
     # what only a simulator can do
 
@@ -280,20 +228,7 @@ class MujocoPlant:
         dynamics = MujocoDynamics(self.model if payload is None else payload.on(self.model))
         self._dynamics, self._payload = dynamics, payload
         self._joints = joint_numbers(self.model, self._hardware, dynamics.dof, dynamics.at)
-        self._packed = pack_joints(self._joints)
         self._base_is_told = False
-
-    @property
-    def _z(self) -> Floats:
-        """Positions of all that moves, (nz,): the robot's coordinates, then its elastic rotors."""
-        z: Floats = self._motion[Z0]
-        return z
-
-    @property
-    def _zd(self) -> Floats:
-        """Their velocities."""
-        zd: Floats = self._motion[ZD0]
-        return zd
 
     def _base_at(self, half_steps: int) -> BaseSamples:
         """Gravity (1, 3) and motion (1, 3, 3) of the base, some half steps after the last tick."""
@@ -309,11 +244,11 @@ class MujocoPlant:
 
     def _mass_matrix(self) -> Floats:
         """Of all that moves, (nz, nz)."""
-        begin_step(self._packed, self._motion, self._dynamics.q, self._dynamics.qd)
+        begin_step(self._joints, self._motion, self._dynamics.tree)
         self._update(0)
-        dof, coupling, n = self._joints.dof, self._joints.coupling, self.model.n
-        mass = np.diag(self._joints.inertia)
-        mass[:n, :n] += coupling.T @ self._dynamics.mass[np.ix_(dof, dof)] @ coupling
+        dof, coupling, n = self._joints.tree.dof, self._joints.coupling, self.model.n
+        mass = np.diag(self._joints.parts.inertia)
+        mass[:n, :n] += coupling.T @ self._dynamics.tree.mass[np.ix_(dof, dof)] @ coupling
         return mass
 
     def _move_setpoint(self) -> None:
@@ -324,60 +259,40 @@ class MujocoPlant:
 
     def _advance(self, part: int) -> bool:
         """Make one step; false, and nothing has moved, where it cannot be made."""
-        dynamics, step, motion = self._dynamics, self._step, self._motion
-        begin_step(self._packed, motion, dynamics.q, dynamics.qd)
+        joints, motion, tree, step = self._joints, self._motion, self._dynamics.tree, self._step
+        begin_step(joints, motion, tree)
         for stage, half_steps in enumerate((0, 1, 1, 2)):
             self._update(2 * part + half_steps)
             if stage == 0 and part == 0 and not self._take_command():
                 return False
-            if not end_stage(
-                self._packed,
-                stage,
-                step,
-                dynamics.mass,
-                dynamics.bias,
-                self._effort,
-                motion,
-                self._factors,
-                dynamics.q,
-                dynamics.qd,
-            ):
+            if not end_stage(joints, motion, tree, self._effort, stage, step):
                 return False
-        return finish_step(self._packed, self._factors[0], step, motion)
+        return finish_step(joints, motion, step)
 
     def _take_command(self) -> bool:
         """Let the servo ask for torques, and the drives give what they can."""
-        dynamics = self._dynamics
         if self._mode == "position" and not servo_torques(
-            self._packed,
-            dynamics.mass,
-            dynamics.bias,
-            self._setpoint,
-            self._motion,
-            BANDWIDTH,
-            SLIP,
-            self._command,
+            self._joints, self._motion, self._dynamics.tree, self._setpoint, self._command
         ):
             return False
         most = self._effort_limit
         np.minimum(np.maximum(self._command, -most, out=self._effort), most, out=self._effort)
         return True
 
-    def _set_state(self, state: StateName, why: str = "") -> None:
-        self._state, self._fault = state, why  # `why` ends messages about the state
-        running = state == "ENABLED" and self._is_homed
-        self._mode = "position" if running else "brakes"
-        self._zd[:] = 0.0  # the brakes hold at once
-        self._setpoint = self._z[self._joints.drive]
+    def _state_changed(self) -> None:
+        self._mode = "position" if self._moves else "brakes"
+        self._motion.parts.start_rate[:] = 0.0  # the brakes hold at once
+        self._setpoint = self._motion.parts.start[self._joints.joints.drive]
         self._wanted = None
         self._command[:], self._effort[:] = 0.0, 0.0
 
-    def _require_ready(self) -> None:
-        if self._state != "ENABLED" or not self._is_homed:
-            homed = "homed" if self._is_homed else "not homed"
-            raise NotReadyError(
-                f"the robot is {self._state} and {homed}{self._fault}; it must be ENABLED and homed to be moved"
-            )
+    def _begin_homing(self) -> None:
+        if not self._is_homed:
+            self._is_homed = True
+            self._state_changed()
+
+    def _unhomed(self) -> None:
+        self._set_state(self._state)
 
 
 def _start(model: RobotModel, start: ArrayLike | None) -> Floats:

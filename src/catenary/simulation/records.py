@@ -21,6 +21,9 @@ PerJoint = Annotated[Floats, "f8", (POSITIONING,)]  # positioning joint, or its 
 PerTool = Annotated[Floats, "f8", (TOOLS,)]
 PerAxis = Annotated[Floats, "f8", (AXES,)]
 CodePerAxis = Annotated[NDArray[np.int64], "i8", (AXES,)]
+# fields of records that come in rows: a number in one of them, an array (N,) in all
+Number = Annotated[Any, "f8", ()]
+Index = Annotated[Any, "i8", ()]
 _SCALARS = {float: "f8", bool: "?"}
 
 

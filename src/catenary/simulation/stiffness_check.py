@@ -25,7 +25,7 @@ def require_stable(joints: JointNumbers, mass: Floats, step: float, names: Seque
     Raises:
         InputError: As above; the message names the joints, or says how short the step must be.
     """
-    n, nz = len(joints.drive), len(mass)
+    n, nz = len(joints.joints), len(mass)
     bare = [name for name, m in zip(names, np.diag(mass), strict=False) if m < LEAST_INERTIA]
     if bare:
         raise InputError(
@@ -36,12 +36,13 @@ def require_stable(joints: JointNumbers, mass: Floats, step: float, names: Seque
         raise InputError(
             "the mass matrix is singular: some joints together move no mass; give them an armature (rotor inertia)"
         )
-    stiffness, damping = np.zeros((nz, nz)), np.diag(joints.damping)
-    for e, j in enumerate(joints.elastic):
+    stiffness, damping = np.zeros((nz, nz)), np.diag(joints.parts.damping)
+    springs = joints.springs
+    for e, (j, k, d) in enumerate(zip(springs.joint, springs.stiffness, springs.damping, strict=True)):
         across = np.zeros(nz)
         across[n + e], across[j] = 1.0, -1.0
-        stiffness += joints.stiffness[e] * np.outer(across, across)
-        damping += joints.spring_damping[e] * np.outer(across, across)
+        stiffness += k * np.outer(across, across)
+        damping += d * np.outer(across, across)
     motion = np.block(
         [
             [np.zeros((nz, nz)), np.eye(nz)],

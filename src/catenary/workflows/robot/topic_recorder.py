@@ -13,9 +13,9 @@ from typing import Self
 
 from catenary.calibration.progress import Progress, silent
 from catenary.crtk.clock import SECOND
+from catenary.crtk.codec import codec
 from catenary.crtk.inbox import Received, Subscription
 from catenary.crtk.transport import Transport
-from catenary.crtk.wire import codec
 from catenary.errors import InputError, RecordingError
 from catenary.recording.journal import MAX_BYTES, About, JournalTopic, JournalWriter
 from catenary.recording.topics import RAVENSTATE, RAVENSTATE_100HZ, Topic

@@ -1,0 +1,162 @@
+"""ROS 1's master, asked over XML-RPC with a limit on the time; needs nothing of ROS.
+
+The master only brings programs together: topics that are connected go on without it.
+API: wiki.ros.org/ROS/Master_API.
+"""
+
+import http.client
+import os
+import socket
+import threading
+import xmlrpc.client
+from typing import Any
+from urllib.parse import urlparse
+
+from catenary.errors import TransportError
+
+DEFAULT_URI = "http://localhost:11311"
+PATIENCE = 2.0  # [s] for an answer
+_NO_SUCH = -1  # the master's code for "I know no such name"
+
+
+class Refused(Exception):
+    """The master, or a node, answered that it cannot."""
+
+
+class _LimitedTransport(xmlrpc.client.Transport):
+    """XML-RPC that does not wait for ever."""
+
+    def make_connection(self, host: Any) -> http.client.HTTPConnection:
+        """Return a connection with a time limit, whatever the process's default is."""
+        connection = super().make_connection(host)
+        connection.timeout = PATIENCE
+        return connection
+
+
+class Master:
+    """Questions to a master, each answered within `PATIENCE` or refused.
+
+    Methods raise TransportError when it does not answer.
+    """
+
+    def __init__(self, uri: str, caller: str) -> None:
+        """Prepare; nothing is asked yet.
+
+        Raises:
+            TransportError: The URI is none.
+        """
+        parts = urlparse(uri)
+        try:
+            valid = parts.scheme == "http" and bool(parts.hostname) and parts.port is not None
+        except ValueError:
+            valid = False
+        if not valid:
+            raise TransportError(f'ROS_MASTER_URI "{uri}": expected http://HOST:PORT, such as {DEFAULT_URI}')
+        self.uri = uri
+        self._caller = caller
+
+    def pid(self) -> int:
+        """Process number, by which a master that was restarted is told from the one before."""
+        return int(self._ask(self.uri, "getPid"))
+
+    def node(self, name: str) -> str | None:
+        """URI of a node that the master knows, or None."""
+        return self._lookup("lookupNode", name)
+
+    def service(self, name: str) -> str | None:
+        """URI of a service that somebody offers, or None."""
+        return self._lookup("lookupService", name)
+
+    def node_answers(self, uri: str) -> bool:
+        """Whether a node is alive: the master also lists those that crashed."""
+        try:
+            self._ask(uri, "getPid")
+        except (TransportError, Refused):
+            return False
+        return True
+
+    def service_answers(self, name: str) -> bool:
+        """Whether a service is offered by a program that is alive."""
+        parts = urlparse(self.service(name) or "")
+        if parts.hostname is None:
+            return False
+        try:
+            with socket.create_connection((parts.hostname, parts.port), PATIENCE):
+                return True
+        except OSError:
+            return False
+
+    def publishers(self, topic: str) -> list[str]:
+        """Return the URIs of nodes that publish a topic and are alive."""
+        return self.publisher_uris(self.publisher_names().get(topic, frozenset()))
+
+    def publisher_uris(self, names: frozenset[str]) -> list[str]:
+        """Return the URIs of those nodes among `names` that are alive."""
+        uris = [self.node(name) for name in sorted(names)]
+        return [uri for uri in uris if uri is not None and self.node_answers(uri)]
+
+    def publisher_names(self) -> dict[str, frozenset[str]]:
+        """Nodes that publish each topic, whether they answer or not."""
+        published, _, _ = self._ask(self.uri, "getSystemState")
+        return {str(topic): frozenset(map(str, nodes)) for topic, nodes in published}
+
+    def publishing(self) -> dict[str, frozenset[str]]:
+        """As `publisher_names`, each with a space and its URI behind its name."""
+        found = self.publisher_names()
+        whole = {name: f"{name} {self.node(name) or ''}" for names in found.values() for name in names}
+        return {topic: frozenset(whole[name] for name in names) for topic, names in found.items()}
+
+    def topics(self) -> dict[str, str]:
+        """Topics that somebody publishes, and their types as the publisher spells them."""
+        return {str(topic): str(kind) for topic, kind in self._ask(self.uri, "getPublishedTopics", "")}
+
+    def tell_publishers(self, node_uri: str, topic: str, publisher_uris: list[str]) -> None:
+        """Tell a node who publishes a topic, as the master does; it connects to those that are new to it."""
+        self._ask(node_uri, "publisherUpdate", topic, publisher_uris)
+
+    def register(self, method: str, *arguments: str) -> Any:
+        """Register a publisher, a subscriber or a service."""
+        return self._ask(self.uri, method, *arguments)
+
+    def _lookup(self, method: str, name: str) -> str | None:
+        try:
+            return str(self._ask(self.uri, method, name))
+        except Refused:
+            return None
+
+    def _ask(self, uri: str, method: str, *arguments: Any) -> Any:
+        """Ask in a thread of its own, because looking up a host's address knows no time limit."""
+        answer: list[Any] = []
+
+        def ask() -> None:
+            try:
+                with xmlrpc.client.ServerProxy(uri, transport=_LimitedTransport()) as server:
+                    answer.append(getattr(server, method)(self._caller, *arguments))
+            except (OSError, http.client.HTTPException, xmlrpc.client.Error) as error:
+                answer.append(error)
+
+        thread = threading.Thread(target=ask, daemon=True)
+        thread.start()
+        thread.join(PATIENCE + 0.5)
+        result = answer[0] if answer else TimeoutError("no answer")
+        if isinstance(result, Exception):
+            if uri != self.uri:
+                raise TransportError(f"node at {uri} does not answer: {result}") from result
+            raise no_master(uri, result) from result
+        code, text, value = result
+        if code != 1:
+            raise Refused(f"{method}: {text}")
+        return value
+
+
+def no_master(uri: str, reason: Exception) -> TransportError:
+    """Error to raise when there is no master."""
+    return TransportError(
+        f"no ROS master at {uri} ({reason}). Start one with roscore, or set ROS_MASTER_URI to that of the robot, "
+        "and ROS_IP to this machine's address as the robot sees it"
+    )
+
+
+def master_uri(given: str | None = None) -> str:
+    """URI of the master: the one given, else ROS_MASTER_URI, else this machine's."""
+    return given or os.environ.get("ROS_MASTER_URI") or DEFAULT_URI

@@ -1,0 +1,167 @@
+"""The one rospy node that a process can have: started, watched, registered again when the master comes back.
+
+Imports rospy, so it is imported only when a `Ros1Transport` is made. rospy keeps its state in module globals: a process
+has one node with one name until it ends. Its signal handlers are not installed and it writes no log files; its loggers
+(`rospy`, `rosout`) are the program's.
+"""
+
+import atexit
+import logging
+import os
+import threading
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import rospy
+
+from catenary.crtk.ros1 import peers
+from catenary.crtk.ros1.master import Master, Refused
+from catenary.crtk.ros1.messages import raw_class, service_class
+from catenary.errors import TransportError
+
+WATCH = 0.5  # [s] between looks at the master
+_logger = logging.getLogger(__name__)
+_node: "Node | None" = None
+
+
+class Node:
+    """This process's node: its topics and services, and what it knows of its master."""
+
+    def __init__(self, name: str, uri: str) -> None:
+        """Start it; see `node`."""
+        caller = f"{os.environ.get('ROS_NAMESPACE', '').rstrip('/')}/{name}"
+        self.name = caller if caller.startswith("/") else f"/{caller}"
+        self.master = Master(uri, self.name)
+        self.master_pid = self.master.pid()
+        other = self.master.node(self.name)
+        if other is not None and self.master.node_answers(other):
+            raise TransportError(
+                f"a node {self.name} runs already, at {other}; ROS would end it for one of the same name. "
+                "Choose another name, or end that one first"
+            )
+        os.environ["ROS_MASTER_URI"] = uri  # rospy knows no other way, and asks again for services
+        configure, rospy.core.configure_logging = rospy.core.configure_logging, lambda *_, **__: None
+        try:
+            # no arguments of the program, whose names could otherwise be remapped
+            rospy.init_node(name, argv=[], disable_signals=True, disable_rosout=True, disable_rostime=True)
+        finally:
+            rospy.core.configure_logging = configure
+        # what rospy has to say of broken connections is no matter for a terminal
+        logging.getLogger("rospy").addHandler(logging.NullHandler())
+        self.uri: str = rospy.get_node_uri()
+        self.up = True
+        self.registered_again = 0
+        self.on_shutdown: Callable[[], None] = lambda: None
+        self._publishers: dict[str, Any] = {}  # rospy's, by topic
+        self._subscribers: dict[str, Any] = {}
+        self._services: dict[str, Any] = {}
+        self._incomplete: frozenset[str] = frozenset()  # topics with publishers that were not connected
+        rospy.on_shutdown(lambda: self.on_shutdown())
+        atexit.register(rospy.signal_shutdown, "the program ends")
+        threading.Thread(target=self._watch, name="ROS master watch", daemon=True).start()
+
+    def publish(self, topic: str, type_name: str, queues: peers.PeerQueues, *, latch: bool) -> Any:
+        """Begin to publish by a `rospy.Publisher`, which `end` ends."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SyntaxWarning)  # rospy recommends a queue; see peers.py
+            made = rospy.Publisher(
+                topic, raw_class(type_name), queues, tcp_nodelay=True, latch=latch, queue_size=None
+            )
+        queues.watch(made)
+        self._publishers[topic] = made
+        return made
+
+    def subscribe(self, topic: str, type_name: str, callback: Callable[[Any], None]) -> Any:
+        """Begin to receive by a `rospy.Subscriber`, which `end` ends; `callback` runs in rospy's threads."""
+        made = rospy.Subscriber(topic, raw_class(type_name), callback, tcp_nodelay=True)
+        self._subscribers[topic] = made
+        return made
+
+    def end(self, publisher_or_subscriber: Any) -> None:
+        """End a topic."""
+        topic = publisher_or_subscriber.resolved_name
+        listed = (
+            self._publishers if isinstance(publisher_or_subscriber, rospy.Publisher) else self._subscribers
+        )
+        listed.pop(topic, None)
+        publisher_or_subscriber.unregister()
+
+    def serve(self, name: str, type_name: str, handler: Callable[[Any], Any]) -> Any:
+        """Offer a service by a `rospy.Service`; `handler` runs in rospy's threads."""
+        made = rospy.Service(name, service_class(type_name), handler)
+        self._services[name] = made
+        return made
+
+    def end_service(self, name: str) -> None:
+        """Offer a service no more."""
+        self._services.pop(name).shutdown()
+
+    def _watch(self) -> None:
+        while not rospy.is_shutdown():
+            try:
+                self._look()
+            except (TransportError, Refused) as error:
+                if self.up:
+                    _logger.warning("%s; topics that are connected go on", error)
+                self.up = False
+            threading.Event().wait(WATCH)
+
+    def _look(self) -> None:
+        """Register again with a master that is another process, or that has forgotten this node."""
+        pid, known = self.master.pid(), self.master.node(self.name)
+        if rospy.is_shutdown():
+            return  # it is being unregistered, and unknown for that
+        if pid != self.master_pid or known is None:
+            self._register()
+            self.master_pid = pid
+            self.registered_again += 1
+            _logger.warning("registered again with the ROS master at %s", self.master.uri)
+        self.up = True
+        self._connect_again()
+
+    def _connect_again(self) -> None:
+        """Connect again to publishers whose connections broke while they lived on; rospy alone gives them up."""
+        listed = self.master.publisher_names()
+        incomplete = frozenset(
+            topic
+            for topic, subscriber in list(self._subscribers.items())
+            if not listed.get(topic, frozenset()) <= set(peers.publishers(subscriber))
+        )
+        # incomplete at two looks: a publisher that has only just come is being connected
+        for topic in incomplete & self._incomplete:
+            self.master.tell_publishers(self.uri, topic, self.master.publisher_uris(listed[topic]))
+        self._incomplete = incomplete
+
+    def _register(self) -> None:
+        register = self.master.register
+        for topic, publisher in list(self._publishers.items()):
+            register("registerPublisher", topic, publisher.type, self.uri)
+        for topic, subscriber in list(self._subscribers.items()):
+            found = register("registerSubscriber", topic, subscriber.type, self.uri)
+            self.master.tell_publishers(self.uri, topic, found)
+        for name, service in list(self._services.items()):
+            register("registerService", name, service.uri, self.uri)
+
+
+def node(name: str, uri: str) -> Node:
+    """Return this process's node; it is started once.
+
+    Raises:
+        TransportError: There is no master, the name is taken, or the process has a node of another name or master, or
+            one that was shut down.
+    """
+    global _node
+    if _node is None:
+        if rospy.core.is_initialized():
+            raise TransportError(
+                f"this process called rospy.init_node as {rospy.get_name()} itself; leave that to catenary"
+            )
+        _node = Node(name, uri)
+    if rospy.is_shutdown():
+        raise TransportError("the ROS node of this process was shut down, and rospy cannot start another")
+    if _node.name.rpartition("/")[2] != name or _node.master.uri != uri:
+        raise TransportError(
+            f"this process is ROS node {_node.name} of {_node.master.uri} until it ends, and cannot be {name} of {uri}"
+        )
+    return _node

@@ -1,0 +1,299 @@
+"""ROS 1 behind the transport protocol, by rospy, which is imported only when a transport is made.
+
+Topic and service names are taken as they are, from the root: no namespace and no remapping. Time is the machine's;
+`/use_sim_time` is not looked at. When the master dies, connected topics go on, and everything is registered again when
+it is back, which rospy alone does not do.
+"""
+
+import importlib
+import threading
+from collections.abc import Mapping
+from time import time_ns
+from typing import Any
+
+from catenary.crtk.codec import codec
+from catenary.crtk.inbox import Callback, Origin, Request, Subscription
+from catenary.crtk.message import Message, message_class
+from catenary.crtk.ros1.find_rospy import make_rospy_importable
+from catenary.crtk.ros1.master import master_uri
+from catenary.crtk.transport import (
+    DEPTH,
+    QUEUE,
+    Connections,
+    Handler,
+    PollingTransport,
+    absolute,
+    other_type,
+)
+from catenary.errors import TransportError
+from catenary.recording.messages import current_name, service_md5_sum
+
+_open: "Ros1Transport | None" = None  # rospy has one node a process
+
+
+class Ros1Publisher:
+    """Publisher of one topic; `publish` never waits for a peer."""
+
+    def __init__(
+        self, transport: "Ros1Transport", topic: str, type_name: str, latch: bool, queue: int
+    ) -> None:
+        self.topic = topic
+        self.type_name = current_name(type_name)
+        self._node, self._latch = transport.node, latch
+        self._queues = _peers().PeerQueues(queue)
+        self._publisher = self._node.publish(topic, type_name, self._queues, latch=latch)
+        self._raw = _messages().raw_class(type_name)
+        self._encode = codec(type_name).encode
+        self._sent = 0
+        self.is_closed = False
+
+    @property
+    def overflowed(self) -> int:
+        """Messages that slow peers missed."""
+        return int(self._queues.overflowed)
+
+    def publish(self, message: Message) -> None:
+        """Send a message; one that nobody listens to, and that is not latched, is not even encoded."""
+        if self.is_closed:
+            raise TransportError(f"publisher of {self.topic} is closed")
+        self._sent += 1
+        if self._latch or self._publisher.get_num_connections():
+            self._publisher.publish(self._raw(self._encode(message, self._sent)))
+
+    def subscribers(self) -> tuple[str, ...]:
+        """Return the names of the nodes that listen."""
+        found: tuple[str, ...] = () if self.is_closed else _peers().subscribers(self._publisher)
+        return found
+
+    def close(self) -> None:
+        """Publish no more."""
+        if not self.is_closed:
+            self.is_closed = True
+            self._node.end(self._publisher)
+
+
+class _Topic:
+    """What this process receives of one topic: one connection per publisher, for all subscriptions."""
+
+    def __init__(self, node: Any, name: str, type_name: str) -> None:
+        self.type_name = current_name(type_name)
+        self._subscriptions: list[Subscription] = []
+        self._latched: dict[str, tuple[bytes, int, Origin]] = {}  # by publisher
+        self._origins: dict[str, Origin] = {}  # the last one of each publisher
+        self._lock = threading.Lock()
+        self._node = node
+        self._subscriber: Any = None
+        with self._lock:  # a message may come before it is known
+            self._subscriber = node.subscribe(name, type_name, self._receive)
+
+    def add(self, subscription: Subscription) -> None:
+        """Give a subscription what comes from now on, and what publishers have latched."""
+        with self._lock:
+            for latched in self._latched.values():
+                subscription.push(*latched)
+            self._subscriptions.append(subscription)
+
+    def remove(self, subscription: Subscription) -> bool:
+        """Take a subscription away; return whether none is left."""
+        with self._lock:
+            self._subscriptions = [one for one in self._subscriptions if one is not subscription]
+            return not self._subscriptions
+
+    def publishers(self) -> tuple[str, ...]:
+        """Return the names of the nodes that it is connected to."""
+        found: tuple[str, ...] = _peers().publishers(self._subscriber)
+        return found
+
+    def close(self) -> None:
+        """Receive no more."""
+        self._node.end(self._subscriber)
+
+    def _receive(self, message: Any) -> None:
+        time = time_ns()
+        with self._lock:
+            origin = self._origin(
+                message._connection_header
+            )  # documented: wiki.ros.org/rospy/Overview/Messages
+            if origin.is_latching:
+                name = origin.process.partition(" ")[0]
+                self._latched[name] = message.data, time, origin
+            for subscription in self._subscriptions:
+                subscription.push(message.data, time, origin)
+
+    def _origin(self, head: dict[str, str]) -> Origin:
+        """Say where a message came from; rospy makes a connection's header anew when it has connected again."""
+        name = head.get("callerid", "")
+        known = self._origins.get(name)
+        if known is None or known.connection is not head:
+            process = f"{name} {_peers().publisher_uri(self._subscriber, head)}"
+            known = self._origins[name] = Origin(process, head, head.get("latching") == "1")
+        return known
+
+
+class Ros1Transport(PollingTransport):
+    """This process's ROS 1 node; one at a time, under one name until the process ends."""
+
+    def __init__(self, name: str, uri: str | None = None) -> None:
+        """Join a ROS 1 network.
+
+        Args:
+            name: Node name; one that runs already is left alone, and this one refused.
+            uri: The master's; ROS_MASTER_URI when None.
+
+        Raises:
+            InputError: The name is none.
+            MissingPackageError: There is no rospy.
+            TransportError: There is no master (known within 3 s), the name is taken, or this process has another node.
+        """
+        global _open
+        super().__init__(name)
+        make_rospy_importable()
+        if _open is not None:
+            raise TransportError(f'this process has the ROS 1 transport "{_open.name}"; close that one first')
+        self.node = importlib.import_module("catenary.crtk.ros1.node").node(name, master_uri(uri))
+        self._publishers: dict[str, Ros1Publisher] = {}
+        self._topics: dict[str, _Topic] = {}
+        self._services: list[str] = []
+        self.node.on_shutdown = self.inbox.close  # ends `spin`
+        _open = self
+
+    def publisher(
+        self, topic: str, type_name: str, *, latch: bool = False, queue: int = QUEUE
+    ) -> Ros1Publisher:
+        """Begin to publish; `queue` counts messages beyond what the system's socket holds."""
+        self.require_open()
+        topic = absolute(topic)
+        codec(type_name)
+        known = self._publishers.get(topic)
+        if known is not None and not known.is_closed:
+            raise TransportError(f'"{self.name}" publishes {topic} already')
+        self._refuse_other_type(topic, type_name)
+        self._publishers[topic] = Ros1Publisher(self, topic, type_name, latch, queue)
+        return self._publishers[topic]
+
+    def subscribe(
+        self, topic: str, type_name: str, callback: Callback | None = None, *, depth: int = DEPTH
+    ) -> Subscription:
+        """Begin to receive."""
+        self.require_open()
+        topic = absolute(topic)
+        subscription = Subscription(
+            topic, current_name(type_name), self.inbox, codec(type_name).decode, callback, depth
+        )
+        found = self._topics.get(topic)
+        if found is None:
+            self._refuse_other_type(topic, type_name)
+            found = self._topics[topic] = _Topic(self.node, topic, type_name)
+        elif found.type_name != current_name(type_name):
+            raise other_type(topic, type_name, found.type_name)
+        found.add(subscription)
+        subscription.on_close(lambda: self._unsubscribe(topic, subscription))
+        return subscription
+
+    def _unsubscribe(self, topic: str, subscription: Subscription) -> None:
+        if self._topics[topic].remove(subscription):
+            self._topics.pop(topic).close()
+
+    def _refuse_other_type(self, topic: str, type_name: str) -> None:
+        """Refuse what rospy would only mention in a log, while nothing arrives."""
+        published = self.node.master.topics().get(topic)
+        if published is None or current_name(published) == current_name(type_name):
+            return
+        if self.node.master.publishers(topic):  # not only one that crashed
+            raise other_type(topic, type_name, published)
+
+    def service(self, name: str, type_name: str, handler: Handler) -> None:
+        """Offer a service."""
+        self.require_open()
+        name = absolute(name)
+        service_md5_sum(type_name)
+        if name in self._services or self.node.master.service_answers(name):
+            raise TransportError(f"service {name} is offered already")
+        rospy, raw_class = importlib.import_module("rospy"), _messages().raw_class
+        asked, answer = codec(f"{type_name}Request"), codec(f"{type_name}Response")
+
+        def serve(raw: Any) -> Any:
+            request = Request(lambda: answer.encode(handler(asked.decode(raw.data)), 0))
+            self.inbox.put(request.run)
+            while not request.wait(0.1):
+                if self.inbox.closed:
+                    raise rospy.ServiceException("the server was closed")
+            try:
+                return raw_class(f"{type_name}Response")(request.result())
+            except Exception as error:
+                raise rospy.ServiceException(str(error)) from error
+
+        self.node.serve(name, type_name, serve)
+        self._services.append(name)
+
+    def call(
+        self, name: str, type_name: str, request: Message | None = None, *, timeout: float = 5.0
+    ) -> Message:
+        """Call a service."""
+        self.require_open()
+        name = absolute(name)
+        service_md5_sum(type_name)
+        asked, answer = codec(f"{type_name}Request"), codec(f"{type_name}Response")
+        data = asked.encode(message_class(f"{type_name}Request")() if request is None else request, 0)
+        if self.node.master.service(name) is None:
+            raise TransportError(f"service {name}: nobody offers it")
+        proxy = importlib.import_module("rospy").ServiceProxy(name, _messages().service_class(type_name))
+        raw = _messages().raw_class(f"{type_name}Request")(data)
+        waiting = Request(lambda: answer.decode(proxy(raw).data))
+        threading.Thread(target=waiting.run, daemon=True).start()  # rospy itself would wait for ever
+        if not waiting.wait(timeout):
+            raise TransportError(f"service {name}: no answer within {timeout} s")
+        try:
+            return waiting.result()
+        except Exception as error:
+            raise TransportError(f"service {name} failed: {error}") from error
+
+    def connections(self, topic: str) -> Connections:
+        """Peers over a topic, by node name."""
+        topic = absolute(topic)
+        publisher, received = self._publishers.get(topic), self._topics.get(topic)
+        return Connections(
+            () if received is None else received.publishers(),
+            () if publisher is None else publisher.subscribers(),
+        )
+
+    def topics(self) -> Mapping[str, str]:
+        """Topics that anyone publishes, with their types in their present spelling."""
+        return {topic: current_name(kind) for topic, kind in sorted(self.node.master.topics().items())}
+
+    def publishing(self) -> Mapping[str, frozenset[str]]:
+        """Processes that publish each topic, also those that do not answer."""
+        found: dict[str, frozenset[str]] = self.node.master.publishing()
+        return found
+
+    def is_up(self) -> bool:
+        """Whether it is open and the master answered when last asked, half a second ago at most."""
+        return self.node.up and not self.inbox.closed
+
+    def close(self) -> None:
+        """End all topics and services; the node itself, without topics, lives as long as the process."""
+        global _open
+        was_shut_down = self.inbox.closed
+        super().close()
+        if _open is not self:
+            return
+        _open = None
+        self.node.on_shutdown = lambda: None
+        if was_shut_down:
+            return  # rospy has ended everything
+        for publisher in self._publishers.values():
+            publisher.close()
+        for topic in self._topics.values():
+            topic.close()
+        for service in self._services:
+            self.node.end_service(service)
+
+
+def _messages() -> Any:
+    """Return the module that imports genpy."""
+    return importlib.import_module("catenary.crtk.ros1.messages")
+
+
+def _peers() -> Any:
+    """Return a module that imports rospy."""
+    return importlib.import_module("catenary.crtk.ros1.peers")

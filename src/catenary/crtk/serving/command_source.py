@@ -1,0 +1,127 @@
+"""Commands of one topic, as a server takes them in: fresh ones only.
+
+Two kinds of old commands reach a server. Stamped ones that were held up say so by their stamp. Latched ones, which a
+living client sent to a robot that has since been restarted, come at once when the new server connects, most of them
+without a stamp (CRTK's Python client and the RAVEN-II's latch and do not stamp). So a topic that somebody published
+before the server began is not obeyed until a second after the connection, unless a stamp says that the command is
+newer than the server. A program that was not among those publishers is obeyed at once, where the transport tells
+programs apart: ROS 1's master goes on listing clients that crashed. Should an old client be out of reach for longer,
+what it first says when it is back is latched too. And when a connection breaks and is made again, the publisher gives
+once more what it said last: that is dropped by the transport (`Subscription.repeated`); something else, said while
+the connection was broken, is of unknown age, and is obeyed with a fresh stamp only. `disable` and `pause` are obeyed
+at any time.
+"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+from catenary.crtk.clock import SECOND
+from catenary.crtk.inbox import Arrival
+from catenary.crtk.message import Message, stamp_of
+from catenary.crtk.names import COMMAND, CrtkTopic
+from catenary.crtk.serving.reports import Reports
+from catenary.crtk.transport import Transport
+
+OLDEST = SECOND // 2  # [ns] age of a stamp beyond which a command is not obeyed
+SETTLE = SECOND  # [ns] after a connection to a client that was there before the server
+LONGEST_WAIT = 10 * SECOND  # [ns] for such a connection, where the client turns out to be dead
+ALWAYS_OBEYED = ("disable", "pause")
+_NOTHING: list[Message] = []
+
+
+class Beginning(NamedTuple):
+    """When a server began, and who was there before it."""
+
+    time: int  # [ns]
+    published: frozenset[str]  # topics
+    publishing: Mapping[str, frozenset[str]] = MappingProxyType(
+        {}
+    )  # processes by topic, where that can be told
+
+
+class CommandSource:
+    """Fresh commands of one topic."""
+
+    def __init__(
+        self, transport: Transport, topic: CrtkTopic, beginning: Beginning, reports: Reports
+    ) -> None:
+        """Subscribe.
+
+        Raises:
+            TransportError: The topic carries another type.
+        """
+        self.topic = topic
+        self._transport = transport
+        self._reports = reports
+        self._begin = beginning.time
+        self._connected: int | None = None
+        self._old = beginning.publishing.get(topic.name, frozenset())
+        self._since: dict[str, int] = {}  # [ns] when programs were first seen to be connected
+        self._waits = topic.name in beginning.published
+        self._subscription = transport.subscribe(topic.name, topic.type)
+        self._missed = 0
+
+    def take(self, now: int) -> list[Message]:
+        """Give the fresh commands that came since the last time, oldest first; `now` in ns."""
+        if not len(self._subscription):
+            return _NOTHING
+        fresh = [one.message for one in self._subscription.take_arrivals() if self._is_fresh(one, now)]
+        lost = self._subscription.overflowed + self._subscription.damaged
+        if lost > self._missed:
+            self._reports.say(f"{self.topic.name}: lost", f"{lost - self._missed} commands", now)
+            self._missed = lost
+        return fresh
+
+    def watch(self, now: int) -> None:
+        """Look at who is connected; called some ten times a second."""
+        if not (self._waits or self._old):
+            return
+        connected = self._transport.connections(self.topic.name).publishers
+        for name in connected:
+            self._since.setdefault(name, now)
+        if not self._waits:
+            return
+        if self._connected is None and connected:
+            self._connected = now
+        since, least = (self._begin, LONGEST_WAIT) if self._connected is None else (self._connected, SETTLE)
+        self._waits = 0 <= now - since < least  # a clock that was set back ends it too
+
+    def _is_fresh(self, arrival: Arrival, now: int) -> bool:
+        message = arrival.message
+        if self.topic.type == COMMAND and message.string.strip() in ALWAYS_OBEYED:
+            return True
+        stamp = stamp_of(message)
+        if stamp:
+            if now - stamp > OLDEST:
+                age = (now - stamp) / SECOND
+                self._reports.say(f"{self.topic.name}: old", f"stamped {age:.2f} s ago, not obeyed", now)
+                return False
+            if stamp > self._begin:
+                return True
+        waits = self._waits and not self._is_newcomer(arrival.process)
+        if waits or (arrival.is_first and self._is_from_before(arrival.process, now)):
+            self._reports.say(
+                f"{self.topic.name}: from before",
+                "its client was there before this server, so this may be an old command: not obeyed, send it anew",
+                now,
+            )
+            return False
+        if arrival.is_renewed:
+            self._reports.say(
+                f"{self.topic.name}: after a break",
+                "said while its client was not connected, so this may be an old command: not obeyed, send it anew",
+                now,
+            )
+            return False
+        return True
+
+    def _is_newcomer(self, process: str) -> bool:
+        """Whether a program is known not to have published the topic when the server began."""
+        name, _, where = process.partition(" ")
+        return bool(where and self._old) and self._old.isdisjoint((process, f"{name} "))
+
+    def _is_from_before(self, process: str, now: int) -> bool:
+        """Whether a program was there before the server, and has been connected for less than a second."""
+        since = self._since.get(process.partition(" ")[0], now)
+        return process in self._old and 0 <= now - since < SETTLE

@@ -1,0 +1,105 @@
+"""Moves that a server makes by itself: smooth, from rest to rest, in joints or along a straight line of the tool."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+from catenary.arrays import Floats
+from catenary.crtk.serving.served_arm import ServedArm
+from catenary.errors import InputError, LimitError
+from catenary.spatial import Pose, rotation_vector
+from catenary.trajectories.point_to_point import go_to
+from catenary.trajectories.reference import Reference, Trajectory
+
+# a third of what a setpoint may do, and there in half a second
+SPEED = {"rad": 0.8, "m": 0.016}  # [rad/s], [m/s]
+ACCELERATION = {"rad": 1.6, "m": 0.032}  # [rad/s2], [m/s2]
+_SPACING = 0.002  # [m] of poses along a line
+_TURN = 0.02  # [rad] likewise
+_FLAT = 1e-3  # [rad|m] least slope of a way, so that one without any ends too
+
+
+def joint_move(arm: ServedArm, q: Floats) -> Trajectory:
+    """Move all joints from the setpoint to q (n,), arriving together.
+
+    Raises:
+        LimitError: A joint would leave its limits; nothing moves.
+    """
+    plant = arm.plant
+    for name, unit, value, lower, upper in zip(
+        plant.joint_names, plant.joint_units, q, plant.lower, plant.upper, strict=True
+    ):
+        if not lower - 1e-9 <= value <= upper + 1e-9:
+            raise LimitError(f'joint "{name}": {value:.6g} {unit} outside [{lower:.6g}, {upper:.6g}]')
+    velocity, acceleration = _bounds(arm)
+    return go_to(arm.setpoint.q, q, max_velocity=velocity, max_acceleration=acceleration)
+
+
+def straight_move(arm: ServedArm, goal: Pose) -> Iterator[Trajectory | None]:
+    """Move the tool along a straight line to a pose, turning it evenly.
+
+    Whether the mechanism can follow is known at once. The rest is worked out piece by piece, one piece each time that
+    the iterator is asked, which gives None until it gives the trajectory: a tick has no time for all of it.
+
+    Raises:
+        UnreachablePoseError: The mechanism refuses a pose on the way; nothing moves.
+        InputError: The arm's kinematics are not known.
+    """
+    tool = arm.tool
+    if tool is None:
+        raise InputError("the arm's kinematics are not known: it has no Cartesian verbs")
+    q = arm.setpoint.q
+    start = tool.pose(q)
+    way, turn = goal.position - start.position, rotation_vector(start.rotation.T @ goal.rotation)
+    pieces = max(np.linalg.norm(way) / _SPACING, np.linalg.norm(turn) / _TURN)
+    count = max(4, int(np.ceil(pieces)))
+    shares = np.arange(1, count + 1)[:, np.newaxis] / count
+    rotations = start.rotation @ Rotation.from_rotvec(shares * turn).as_matrix()
+    rows = tool.path(rotations, start.position + shares * way, q)
+    return _along(np.vstack([q, rows]), *_bounds(arm))
+
+
+def _bounds(arm: ServedArm) -> tuple[Floats, Floats]:
+    units = arm.plant.joint_units
+    return np.array([SPEED[unit] for unit in units]), np.array([ACCELERATION[unit] for unit in units])
+
+
+def _along(rows: Floats, velocity: Floats, acceleration: Floats) -> Iterator[Trajectory | None]:
+    yield None
+    shares = np.linspace(0.0, 1.0, len(rows))
+    path = CubicSpline(shares, rows)
+    yield None
+    dense = np.linspace(0.0, 1.0, 4 * len(rows))
+    steepest, bent = (np.abs(path(dense, order)).max(axis=0) + _FLAT for order in (1, 2))
+    # half of the acceleration for the bends of the way, half for getting faster along it
+    fastest = min(float((velocity / steepest).min()), float(np.sqrt(0.5 * acceleration / bent).min()))
+    soonest = float((0.5 * acceleration / steepest).min())
+    yield None
+    yield _AlongRows(path, go_to([0.0], [1.0], max_velocity=[fastest], max_acceleration=[soonest]))
+
+
+class _AlongRows:
+    """Runs along a path over [0, 1] from rest to rest."""
+
+    def __init__(self, path: CubicSpline, share: Trajectory) -> None:
+        self._path, self._share = path, share
+
+    @property
+    def duration(self) -> float:
+        """How long it takes [s]."""
+        return self._share.duration
+
+    def __call__(self, t: float) -> Reference:
+        """Give the reference at a time [s]."""
+        q, qd, qdd = self.sample([t])
+        return Reference(q[0], qd[0], qdd[0])
+
+    def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """Give references at many times, each (N, n)."""
+        s, speed, quickening = self._share.sample(times)
+        place = np.clip(s[:, 0], 0.0, 1.0)
+        slope, bend = self._path(place, 1), self._path(place, 2)
+        return self._path(place), slope * speed, bend * speed**2 + slope * quickening

@@ -1,0 +1,29 @@
+"""What a server publishes: nothing is sent on topics that nobody listens to."""
+
+from catenary.crtk.message import Message
+from catenary.crtk.names import CrtkTopic
+from catenary.crtk.transport import Transport
+
+
+class Outlet:
+    """A topic that a server publishes, while somebody listens."""
+
+    def __init__(self, transport: Transport, topic: CrtkTopic) -> None:
+        """Begin to publish.
+
+        Raises:
+            TransportError: The topic carries another type, or is published already.
+        """
+        self._transport = transport
+        self.topic = topic
+        latch = topic.verb == "operating_state"  # whoever comes later knows it at once
+        self.publisher = transport.publisher(topic.name, topic.type, latch=latch)
+        self.heard = True
+
+    def publish(self, message: Message) -> None:
+        """Publish a message."""
+        self.publisher.publish(message)
+
+    def watch(self) -> None:
+        """Look whether anybody listens; called some ten times a second."""
+        self.heard = bool(self._transport.connections(self.topic.name).subscribers)

@@ -1,0 +1,75 @@
+"""`/ravenstate` from served arms: the robot's whole state in its own units, as its software publishes it."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.crtk.clock import SECOND
+from catenary.crtk.message import Message, header, message_class
+from catenary.crtk.raven_conversions import CHANNELS
+from catenary.crtk.serving.arm_messages import JAWS
+from catenary.crtk.serving.served_arm import ServedArm
+from catenary.recording.messages import NUMBERS, fields
+from catenary.recording.topics import Arm
+
+_DEGREES = 180.0 / np.pi  # every position and velocity is multiplied by it, metres too
+_UM = 1e6  # truncated to whole ones, as the robot does
+_PLACE: dict[Arm, int] = {"gold": 0, "green": 1}
+_RavenState = message_class("raven_2/raven_state")
+_ARRAYS = {
+    field.name: (field.length, np.dtype(NUMBERS[field.type]))
+    for field in fields("raven_2/raven_state")
+    if field.length
+}
+_HOMING = 3  # sublevel in run level init
+# fields of 16 channels that are columns of telemetry, with what a number in SI is multiplied by
+_TELEMETRY = {
+    "tau": 1.0, "mpos": _DEGREES, "mvel": _DEGREES, "mpos_d": _DEGREES, "encVals": 1.0, "dac_val": 1.0,
+    "encoffsets": 1.0,
+}  # fmt: skip
+
+
+class RavenState:
+    """Makes the message of arms of seven joints; what an arm does not know is zero, as the robot sends it."""
+
+    def __init__(self, arms: Mapping[Arm, ServedArm], period: float) -> None:
+        """Prepare; `period` [s] of a tick."""
+        self._arms = arms
+        self._moving = [arm for arm in arms.values() if arm.machine.can_change]
+        self._nanoseconds = round(SECOND * period)
+        self._arrays: dict[str, Floats] = {name: np.zeros(n, kind) for name, (n, kind) in _ARRAYS.items()}
+        self._written: dict[Arm, int] = {}  # change of an arm that the arrays show
+
+    def message(self, stamp: int) -> Message:
+        """Return the message at `stamp` [ns]; the next one reuses its arrays."""
+        for name, arm in self._arms.items():
+            if self._written.get(name) != arm.changes:
+                self._written[name] = arm.changes
+                self._write(name, arm)
+        # the arm that is furthest
+        level = max((arm.machine.run_level(arm.state) for arm in self._moving), default=0)
+        sublevel = _HOMING if level == 1 else 0
+        return _RavenState(
+            header(stamp), runlevel=level, sublevel=sublevel, dt=self._nanoseconds, **self._arrays
+        )
+
+    def _write(self, name: Arm, arm: ServedArm) -> None:
+        arrays, place, channels = self._arrays, _PLACE[name], CHANNELS[name]
+        measured, setpoint = arm.measured, arm.setpoint
+        rows = {"jpos": measured.q, "jvel": measured.qd, "jpos_d": setpoint.q}
+        for field, row in rows.items():
+            arrays[field].put(channels, _DEGREES * row)
+        telemetry = arm.plant.telemetry()
+        for field, factor in _TELEMETRY.items():
+            if field in telemetry and len(telemetry[field]) == len(channels):
+                arrays[field].put(channels, factor * telemetry[field])
+        arrays["grasp_d"][place] = setpoint.q[-JAWS:].sum()
+        if arm.tool is not None:
+            for pose, position, rotation in (
+                (arm.measured_pose, "pos", "ori"),
+                (arm.setpoint_pose, "pos_d", "ori_d"),
+            ):
+                in_frame_0 = arm.tool.in_frame_0(pose)
+                arrays[position][3 * place : 3 * place + 3] = _UM * in_frame_0.position
+                arrays[rotation][9 * place : 9 * place + 9] = in_frame_0.rotation.ravel()

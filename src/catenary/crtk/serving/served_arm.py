@@ -1,0 +1,256 @@
+"""One arm behind a server: what it was commanded becomes one command a tick for its plant."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.crtk.names import Dialect
+from catenary.crtk.serving.command_queue import FOLLOW, Goal, Increments
+from catenary.crtk.serving.reports import Reports
+from catenary.crtk.serving.state_machine import StateMachine
+from catenary.crtk.serving.tool_pose import ToolPose
+from catenary.errors import CatenaryError, InputError
+from catenary.plant import JointState, OperatingState, Plant
+from catenary.recording.topics import Arm
+from catenary.spatial import Pose
+from catenary.trajectories.reference import Trajectory
+
+FASTEST = {"rad": 2.5, "m": 0.05}  # [rad/s], [m/s] of a setpoint: 0.0025 rad, 0.05 mm in a millisecond
+LEAST_BUSY = 0.05  # [s] CRTK's Python client waits for a busy state and then for none, also after a move to where it is
+GravityTorque = Callable[[Floats, Floats], Floats]  # joints (n,), gravity (3,) -> torques (n,)
+
+
+class ServedArm:
+    """An arm, its state machine, and what it is to do next.
+
+    The last kind of command wins: a goal ends increments, increments end a goal. Only increments add up. Unless the
+    arm is ENABLED, homed and not busy with homing, all commands are forgotten; and so they are when it stops being so.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        dialect: Dialect,
+        reports: Reports,
+        *,
+        arm: Arm | None = None,
+        tool: ToolPose | None = None,
+        gravity_torque: GravityTorque | None = None,
+    ) -> None:
+        """Take over a plant.
+
+        Args:
+            plant: The arm.
+            dialect: Whose rules its states follow.
+            reports: Where troubles go.
+            arm: Which of the robot's arms it is.
+            tool: Its kinematics; without, it has no Cartesian verbs.
+            gravity_torque: What holds it still, for the compensation that CRTK's clients may ask for.
+        """
+        self.plant, self.arm, self.tool, self.gravity_torque = plant, arm, tool, gravity_torque
+        self.label = arm or "arm"
+        self.reports = reports
+        self.names = plant.joint_names
+        self.machine = StateMachine(plant, dialect)
+        self.most = plant.period * np.array([FASTEST[unit] for unit in plant.joint_units])
+        self.increments = Increments(self.most, plant.period)
+        self.goal = Goal(self.most, plant.period)
+        self.compensates_gravity = False
+        self.tick = 0
+        self.changes = 0  # times that its state was read
+        self._velocity: Floats | None = None
+        self._torque: Floats | None = None
+        self._until = 0  # tick at which velocity or torque lapse
+        self._follow = max(1, round(FOLLOW / plant.period))
+        self._move: tuple[Trajectory, int] | None = None
+        self._plan: Iterator[Trajectory | None] | None = None
+        self._was_ready = self._is_known = False
+        self._measured_pose: Pose | None = None
+        self._setpoint_pose: Pose | None = None
+        self._takes_positions = "servo_jp" in plant.supports
+        self.refresh()
+
+    # what it is told
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether commands move it."""
+        state = self.plant.operating_state()
+        return state.state == "ENABLED" and state.is_homed and not state.is_busy
+
+    def increment(self, dq: Floats) -> None:
+        """Move by dq (n,) [rad|m], besides what waits already."""
+        if not self.increments:
+            self._drop()
+        self.increments.add(dq, self.tick)
+
+    def step_towards(self, q: Floats) -> None:
+        """Move one clamped step towards q (n,) [rad|m]."""
+        if not self.goal:
+            self._drop()
+        self.goal.add(q)
+
+    def go_towards(self, q: Floats) -> None:
+        """Move towards q (n,) [rad|m] until it is reached, or until 0.1 s have passed."""
+        self._drop()
+        self.goal.set(q, self.goal.follow)
+
+    def run_at(self, qd: Floats) -> None:
+        """Move at qd (n,) [rad/s|m/s] for 0.1 s."""
+        velocity = np.clip(qd * self.plant.period, -self.most, self.most)
+        self._drop()
+        self._velocity, self._until = velocity, self.tick + self._follow
+
+    def push_with(self, tau: Floats) -> None:
+        """Command joint torques (n,) for 0.1 s, plus gravity's where that was asked for.
+
+        Raises:
+            InputError: The arm takes no torques.
+        """
+        if "servo_jf" not in self.plant.supports:
+            raise InputError("the arm takes no torques")
+        was_pushed = self._torque is not None
+        if not was_pushed:
+            self._drop()
+        self._torque, self._until = tau, self.tick + self._follow
+
+    def go_limp(self) -> None:
+        """Command zero torque, or gravity's alone, until something else is commanded.
+
+        Raises:
+            InputError: The arm takes no torques.
+        """
+        self.push_with(np.zeros(len(self.names)))
+        self._until = 2**62
+
+    def move(self, trajectory: Trajectory) -> None:
+        """Follow a trajectory from the setpoint, busy until it ends."""
+        self._drop()
+        self._move = (trajectory, self.tick)
+
+    def move_when_planned(self, plan: Iterator[Trajectory | None]) -> None:
+        """Follow a trajectory from the setpoint, busy at once; `plan` is asked once a tick until it gives it."""
+        self._drop()
+        self._plan = plan
+
+    def hold(self) -> None:
+        """Forget all commands and stay."""
+        self._drop()
+
+    @property
+    def measured_pose(self) -> Pose:
+        """Pose of its tool in the base, as measured; worked out once a tick. The arm has kinematics."""
+        if self._measured_pose is None:
+            assert self.tool is not None
+            self._measured_pose = self.tool.pose(self.measured.q)
+        return self._measured_pose
+
+    @property
+    def setpoint_pose(self) -> Pose:
+        """Setpoint of that pose."""
+        if self._setpoint_pose is None:
+            assert self.tool is not None
+            self._setpoint_pose = self.tool.pose(self.setpoint.q)
+        return self._setpoint_pose
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether a move is under way."""
+        return self._move is not None or self._plan is not None
+
+    @property
+    def commanded(self) -> Floats:
+        """Setpoint (n,) that it will have when all increments that wait are done: where relative poses begin."""
+        return self.setpoint.q + self.increments.total if self.increments else self.setpoint.q
+
+    def increment_along(self, dq: Floats) -> None:
+        """Move by dq (n,) [rad|m], all scaled down where one exceeds its clamp: a straight way stays straight."""
+        with np.errstate(divide="ignore"):
+            self.increment(dq * min(1.0, float((self.most / np.abs(dq)).min())))
+
+    # what it does
+
+    def advance(self) -> None:
+        """End a tick: command the plant, and let it run."""
+        ready = self.is_ready
+        try:
+            if ready:
+                self._act()
+            elif self._was_ready:
+                self._drop()
+            self._was_ready = ready
+            self.plant.wait()
+        except (
+            CatenaryError
+        ) as error:  # a stop that was not found, a trip between two lines: the server goes on
+            self._drop()
+            self.reports.say(f"{self.label}: fault", str(error), self.reports_time)
+        self.machine.update()
+        self.tick += 1
+        self.refresh()
+
+    reports_time = 0  # [ns] of the tick, for what is reported in it
+
+    def refresh(self) -> None:
+        """Read the plant; one that cannot change, such as a parked arm, but once."""
+        if self._is_known and not self.machine.can_change:
+            return
+        self._is_known = True
+        self.changes += 1
+        self.measured: JointState = self.plant.measured_js()
+        self.setpoint: JointState = self.plant.setpoint_js()
+        self._measured_pose = self._setpoint_pose = None
+        state = self.plant.operating_state()
+        self.state: OperatingState = (
+            state._replace(is_busy=True) if self.is_moving and state.state == "ENABLED" else state
+        )
+
+    def _act(self) -> None:
+        increments = self.increments.next(self.tick)
+        if increments is not None:
+            self._send(self.setpoint.q + increments)
+        elif self._plan is not None:
+            trajectory = next(self._plan)
+            if trajectory is not None:
+                self._plan, self._move = None, (trajectory, self.tick + 1)
+        elif self._move is not None:
+            trajectory, begin = self._move
+            time = (self.tick + 1 - begin) * self.plant.period
+            self._send(trajectory(min(time, trajectory.duration)).q)
+            if time >= max(trajectory.duration, LEAST_BUSY):
+                self._move = None
+        elif self.goal:
+            self._send(self.goal.next(self.setpoint.q))
+        elif self._velocity is not None:
+            self._send(self.setpoint.q + self._velocity)
+            if self.tick >= self._until:
+                self._velocity = None
+        elif self._torque is not None:
+            self._push()
+
+    def _push(self) -> None:
+        assert self._torque is not None
+        if self.tick >= self._until:
+            self._torque = None
+            self._send(self.measured.q)  # the firmware holds where the arm is
+            return
+        tau = self._torque
+        if self.compensates_gravity and self.gravity_torque is not None:
+            tau = tau + self.gravity_torque(self.measured.q, self.measured.gravity)
+        self.plant.servo_jf(tau)
+
+    def _send(self, q: Floats) -> None:
+        if self._takes_positions:
+            self.plant.servo_jp(q)
+        else:
+            self.reports.say(f"{self.label}: cannot", "the robot takes no positions", self.reports_time)
+
+    def _drop(self) -> None:
+        self.increments.clear()
+        self.goal.clear()
+        self._velocity = self._move = self._plan = None
+        if self._torque is not None:
+            self._torque = None
+            if self.is_ready and self._takes_positions:
+                self.plant.servo_jp(self.measured.q)

@@ -1,0 +1,56 @@
+"""The external encoders of a served arm, as the group's rig publishes them: counts, and positions once registered.
+
+They are no part of the RAVEN-II: a program of their own publishes them, 100 times a second.
+"""
+
+import numpy as np
+
+from catenary.crtk.clock import SECOND
+from catenary.crtk.conversions import Stamps, joint_state_message
+from catenary.crtk.names import JOINT_STATE, CrtkTopic
+from catenary.crtk.serving.outlet import Outlet
+from catenary.crtk.transport import Transport
+from catenary.plant import Plant
+from catenary.recording.topics import EXT_JPOS, JOINT_ENC, Topic
+
+
+def has_encoders(plant: Plant) -> bool:
+    """Whether a plant's telemetry holds what external encoders read."""
+    return {topic.columns[0].name for topic in (EXT_JPOS, JOINT_ENC)} <= {c.name for c in plant.columns}
+
+
+class ServedEncoders:
+    """Publishes `joint_enc`, and `ext_jpos` [rad, rad, m] while it is known: no zero stands for what is not."""
+
+    def __init__(self, transport: Transport, plant: Plant) -> None:
+        """Begin to publish what a plant's telemetry holds as `joint_enc` and `ext_jpos`.
+
+        Raises:
+            TransportError: A topic is taken otherwise.
+        """
+        self._plant = plant
+        self.outlets = tuple(_outlet(transport, topic) for topic in (JOINT_ENC, EXT_JPOS))
+        self._every = min(round(SECOND / topic.rate) for topic in (EXT_JPOS, JOINT_ENC))  # [ns]
+        self._due: int | None = None
+        self._stamps = Stamps()
+
+    def publish(self, now: int) -> None:
+        """Publish at `now` [ns] if it is time and anybody listens."""
+        if self._due is not None and 0 <= self._due - now < self._every:
+            return
+        # on a grid, so that ticks that come late do not make it slower; never two to catch up
+        late = now - self._due if self._due is not None else 0
+        self._due = now + self._every - (late if 0 <= late < self._every else 0)
+        if not any(outlet.heard for outlet in self.outlets):
+            return
+        telemetry, stamp = self._plant.telemetry(), self._stamps.next(now)
+        for outlet in self.outlets:
+            values = telemetry[outlet.topic.verb]
+            if outlet.heard and np.isfinite(values).all():
+                outlet.publish(joint_state_message(EXT_JPOS.joint_names, stamp, values))
+
+
+def _outlet(transport: Transport, topic: Topic) -> Outlet:
+    column = topic.columns[0]
+    unit = ", ".join(dict.fromkeys(column.units))
+    return Outlet(transport, CrtkTopic(topic.name, JOINT_STATE, "out", topic.rate, unit, column.name))

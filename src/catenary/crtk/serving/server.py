@@ -1,0 +1,201 @@
+"""A robot as a server: reads commands once a tick, moves, publishes; the same over ROS 1, ROS 2 and within a process.
+
+The server keeps no time: `tick` is called at the robot's rate by whoever does (`catenary.nodes.serve`, a test).
+"""
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from catenary.crtk.clock import SECOND
+from catenary.crtk.conversions import Stamps
+from catenary.crtk.message import Message, message_class
+from catenary.crtk.names import BUTTON, BUTTON_TYPE, COMMAND, CrtkTopic
+from catenary.crtk.serving.command_source import Beginning, CommandSource
+from catenary.crtk.serving.outlet import Outlet
+from catenary.crtk.serving.reports import Reports
+from catenary.crtk.serving.served_arm import ServedArm
+from catenary.crtk.serving.served_encoders import ServedEncoders
+from catenary.crtk.transport import Transport
+from catenary.errors import CatenaryError
+from catenary.recording.topics import Arm
+
+_STARTS = ": starts"
+WATCH = SECOND // 10  # [ns] between two looks at who is connected
+
+
+class Speaker(Protocol):
+    """A dialect: what is published, and what is obeyed."""
+
+    topics: tuple[CrtkTopic, ...]
+
+    def begin(self, outlets: dict[tuple[str, Arm | None], Outlet]) -> None:
+        """Prepare to publish by outlets, verb by verb; called once, before `publish`."""
+        ...
+
+    def publish(self, now: int) -> None:
+        """Publish the arms' states, stamped `now` [ns]."""
+        ...
+
+    def obey(self, topic: CrtkTopic, message: Message) -> None:
+        """Obey a command, or raise one of catenary's errors; state commands are the server's."""
+        ...
+
+
+class Server:
+    """Serves arms over a transport, in a dialect."""
+
+    def __init__(
+        self,
+        transport: Transport,
+        arms: Mapping[Arm, ServedArm],
+        dialect: Speaker,
+        reports: Reports,
+        *,
+        button: bool = False,
+        publish_every: int = 1,
+        encoders: ServedEncoders | None = None,
+    ) -> None:
+        """Publish and subscribe; nothing moves before `tick`.
+
+        Args:
+            transport: What carries the messages; it stays the caller's to close.
+            arms: What is served.
+            dialect: How.
+            reports: Where troubles go.
+            button: Offer the RAVEN-II's silver button as a service.
+            publish_every: Ticks from one publication to the next.
+            encoders: External ones at an arm's joints, which have topics of their own.
+
+        Raises:
+            TransportError: A topic carries another type, or is published by this transport already.
+        """
+        self.transport, self.arms, self.reports = transport, arms, reports
+        self.commands = 0  # taken in, whether they were obeyed or not
+        self.ticks = 0
+        self._dialect = dialect
+        self._every = publish_every
+        self._stamps = Stamps()
+        beginning = Beginning(transport.now(), frozenset(transport.topics()), transport.publishing())
+        wanted = dialect.topics
+        self._sources = [
+            CommandSource(transport, topic, beginning, reports) for topic in wanted if topic.direction == "in"
+        ]
+        # state commands first: what was sent after a `resume` is obeyed in the same tick
+        self._sources.sort(key=lambda source: source.topic.type != COMMAND)
+        self._arrivals = 0  # messages that were looked at
+        self.outlets = {
+            (topic.verb, topic.arm): Outlet(transport, topic) for topic in wanted if topic.direction == "out"
+        }
+        dialect.begin(self.outlets)
+        self._encoders = encoders
+        self._heard = (*self.outlets.values(), *(() if encoders is None else encoders.outlets))
+        self._watched = beginning.time
+        self.button: str | None = None
+        if button:
+            transport.service(BUTTON, BUTTON_TYPE, self._pressed)
+            self.button = BUTTON
+
+    def tick(self) -> None:
+        """Read the commands that have come, move the arms by a tick, publish."""
+        now = self.transport.now()
+        self.transport.poll()
+        arrivals = self.transport.arrivals()
+        if arrivals != self._arrivals:
+            self._arrivals = arrivals
+            for source in self._sources:
+                for message in source.take(now):
+                    self.commands += 1
+                    self._obey(source.topic, message, now)
+        for arm in self.arms.values():
+            arm.reports_time = now
+            arm.advance()
+        if self.ticks % self._every == 0:
+            self._dialect.publish(self._stamps.next(now))
+        if self._encoders is not None:
+            self._encoders.publish(now)
+        self.ticks += 1
+        if not 0 <= now - self._watched < WATCH:
+            self._watched = now
+            for outlet in self._heard:
+                outlet.watch()
+            for source in self._sources:
+                source.watch(now)
+
+    def press_button(self) -> list[str]:
+        """Press the silver button; give what it did, arm by arm."""
+        said = []
+        for name, arm in self.arms.items():
+            if arm.machine.can_change:
+                refused = arm.machine.press_button()
+                said.append(f"{name}: {refused}" if refused else f"{name}{_STARTS}")
+        return said
+
+    def person_says(self, line: str) -> None:
+        """Obey a person: "button", "start" (the button, or enable and home), or a state command for all arms."""
+        now = self.transport.now()
+        if line == "button" or (line == "start" and self.button is not None):
+            said = self.press_button()
+            if not any(text.endswith(_STARTS) for text in said):
+                self.reports.say("button", "; ".join(said), now)
+            return
+        for text in ("enable", "home") if line == "start" else (line,):
+            for arm in self.arms.values():
+                if arm.machine.can_change:
+                    ignored = arm.machine.command(text)
+                    if ignored is not None:
+                        self.reports.say("keyboard", ignored, now)
+
+    def clients(self) -> set[str]:
+        """Names of the programs that listen or command."""
+        found: set[str] = set()
+        for outlet in self._heard:
+            found.update(self.transport.connections(outlet.topic.name).subscribers)
+        for source in self._sources:
+            found.update(self.transport.connections(source.topic.name).publishers)
+        return found
+
+    def hold(self) -> None:
+        """Forget all commands; the arms stay where they are."""
+        for arm in self.arms.values():
+            arm.hold()
+
+    @property
+    def published(self) -> int:
+        """Topics that it publishes."""
+        return len(self._heard)
+
+    @property
+    def overflowed(self) -> int:
+        """Messages that slow clients missed."""
+        return sum(outlet.publisher.overflowed for outlet in self._heard)
+
+    def _pressed(self, request: Message) -> Message:
+        said = self.press_button()
+        return message_class(f"{BUTTON_TYPE}Response")(
+            success=any(text.endswith(_STARTS) for text in said), message="; ".join(said)
+        )
+
+    def _obey(self, topic: CrtkTopic, message: Message, now: int) -> None:
+        try:
+            if topic.type == COMMAND:
+                self._state_command(topic, message.string, now)
+            else:
+                self._dialect.obey(topic, message)
+        except CatenaryError as error:  # whatever a client sends, the robot goes on
+            self.reports.say(f"{topic.name}: refused", str(error), now)
+
+    def _state_command(self, topic: CrtkTopic, text: str, now: int) -> None:
+        if topic.arm is None:
+            arms = [arm for arm in self.arms.values() if arm.machine.can_change]
+            if topic.verb != "state_command":
+                arms = []  # arms that the robot does not have
+        else:
+            arms = [self.arms[topic.arm]]
+        if not arms:
+            self.reports.say(f"{topic.name}: ignored", f"{text}: the robot has no such arm", now)
+        for arm in arms:
+            ignored = arm.machine.command(text)
+            if ignored is not None:
+                self.reports.say(f"{topic.name}: ignored", ignored, now)
+            if not arm.is_ready:
+                arm.hold()

@@ -1,0 +1,101 @@
+"""Where a served arm's tool is, and which joints bring it elsewhere."""
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.dynamics.inverse_kinematics import inverse_kinematics
+from catenary.dynamics.kinematics import frame_poses, jacobian
+from catenary.dynamics.raven_inverse_kinematics import raven_path
+from catenary.errors import InputError
+from catenary.robots.model import RobotModel
+from catenary.spatial import Pose
+
+
+class ToolPose:
+    """Kinematics between a robot's joints and its model's tip.
+
+    A model has the robot's own joints, or, where the robot's last two are jaws, one joint in their place that turns the
+    tool: J6 = (jaw2 - jaw1) / 2. The opening of the jaws, jaw1 + jaw2, then is no matter of the pose.
+    """
+
+    def __init__(self, model: RobotModel, joint_names: tuple[str, ...]) -> None:
+        """Match model and robot.
+
+        Raises:
+            InputError: They do not belong together.
+        """
+        n = len(joint_names)
+        self.model = model
+        self.has_jaws = n == model.n + 1 and joint_names[-2:] == ("jaw1", "jaw2")
+        if not self.has_jaws and n != model.n:
+            raise InputError(
+                f'robot "{model.name}": has {model.n} joints, expected {n} as the robot, or one for both its jaws'
+            )
+        self._to_model = np.eye(model.n, n)
+        if self.has_jaws:
+            self._to_model[-1] = 0.0
+            self._to_model[-1, -2:] = -0.5, 0.5
+        frame_0 = model.frames.get("frame0")
+        self._frame_0 = None if frame_0 is None else frame_0.pose
+        self._base_in_frame_0 = Pose(np.eye(3), np.zeros(3)) if frame_0 is None else frame_0.pose.inverse()
+
+    def pose(self, q: Floats) -> Pose:
+        """Return the tool's pose in the base frame, at joints (n,)."""
+        return Pose(*frame_poses(self.model, self._to_model @ q))
+
+    def velocity(self, q: Floats, qd: Floats) -> Floats:
+        """Return the tool's velocity [m/s] and angular velocity [rad/s] in base axes, (6,)."""
+        twist: Floats = jacobian(self.model, self._to_model @ q) @ (self._to_model @ qd)
+        return twist
+
+    def joints(self, pose: Pose, near: Floats) -> Floats:
+        """Give joints (n,) that bring the tool to a pose, the nearest to some, with their opening of the jaws.
+
+        Raises:
+            UnreachablePoseError: The remote centre, a joint limit or the mechanism refuses the pose.
+        """
+        start = np.clip(self._to_model @ near, self.model.lower, self.model.upper)
+        found = inverse_kinematics(self.model, pose, start)
+        if not self.has_jaws:
+            return found
+        half = 0.5 * (near[-2] + near[-1])
+        return np.array([*found[:-1], half - found[-1], half + found[-1]])
+
+    def path(self, rotations: Floats, positions: Floats, near: Floats) -> Floats:
+        """Give joints (N, n) along a path of poses, (N, 3, 3) and (N, 3) [m], each as `joints` from the one before.
+
+        A RAVEN-II's 50 poses take one compiled call, well within a tick; other arms are searched pose by pose.
+
+        Raises:
+            UnreachablePoseError: The remote centre, a joint limit or the mechanism refuses a pose.
+        """
+        model = self.model
+        start = np.clip(self._to_model @ near, model.lower, model.upper)
+        if model.closed_form == "raven2":
+            found = raven_path(model, rotations, positions, start)
+        else:
+            found = np.empty((len(positions), model.n))
+            for k, (rotation, position) in enumerate(zip(rotations, positions, strict=True)):
+                start = found[k] = inverse_kinematics(model, Pose(rotation, position), start)
+        if not self.has_jaws:
+            return found
+        half, tool = 0.5 * (near[-2] + near[-1]), found[:, -1]
+        return np.column_stack([found[:, :-1], half - tool, half + tool])
+
+    def prepare(self) -> None:
+        """Compile what `path` runs, in the middle of the joints' range, wherever the robot may be."""
+        lower, upper = (
+            np.nan_to_num(end, posinf=0.0, neginf=0.0) for end in (self.model.lower, self.model.upper)
+        )
+        near: Floats = np.linalg.pinv(self._to_model) @ (0.5 * (lower + upper))
+        place = self.pose(near)
+        self.path(place.rotation[np.newaxis], place.position[np.newaxis], near)
+
+    def in_frame_0(self, pose: Pose) -> Pose:
+        """Return a pose of the base in the mechanism's frame 0; the same where it has none."""
+        return pose if self._frame_0 is None else self._base_in_frame_0 @ pose
+
+    def from_frame_0(self, vectors: Floats) -> Floats:
+        """Give directions (3,) or rotations' columns of frame 0 in base axes."""
+        turned: Floats = vectors if self._frame_0 is None else self._frame_0.rotation @ vectors
+        return turned

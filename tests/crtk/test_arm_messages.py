@@ -1,0 +1,140 @@
+"""What a served robot says on each topic, beside what its arms' plants, kinematics and telemetry say."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.crtk.conversions import pose_of
+from catenary.crtk.loopback import Loopback, LoopbackNetwork
+from catenary.crtk.names import find_topic
+from catenary.dynamics.kinematics import forward_kinematics, relative_pose
+from catenary.nodes.serve import Serving, make_server
+from catenary.recording.topics import Arm
+from oracles.cable_arms import homed_plant
+
+ARMS: tuple[Arm, ...] = ("gold", "green")
+
+
+class Said:
+    """A robot with two arms that move, and what it says on each topic in its last tick."""
+
+    def __init__(self, dialect: Any) -> None:
+        network = LoopbackNetwork()
+        plants: Any = {"gold": homed_plant("left"), "green": homed_plant("right")}
+        server = make_server(Serving(dialect=dialect), Loopback("robot", network), plants=plants)
+        client = Loopback("client", network)
+        heard = {key: client.subscribe(one.topic.name, one.topic.type) for key, one in server.outlets.items()}
+        for outlet in server.outlets.values():
+            outlet.watch()
+        rng = np.random.default_rng(5)
+        for _ in range(40):
+            for arm in server.arms.values():
+                arm.increment(rng.uniform(-1.0, 1.0, 7) * arm.most)
+            server.tick()
+        self.dialect, self.arms = dialect, server.arms
+        self.messages = {key: got[-1].message for key, one in heard.items() if (got := one.take())}
+
+
+@pytest.fixture(scope="module", params=["raven", "crtk"])
+def said(request: pytest.FixtureRequest) -> Said:
+    return Said(request.param)
+
+
+def at_tip(q: Any) -> list[float]:
+    """The model's joints at the robot's: half the difference of the jaws turns the tool."""
+    return [*q[:5], 0.5 * (q[6] - q[5])]
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_joint_states_are_the_plants(said: Said, arm: Arm) -> None:
+    served = said.arms[arm]
+    for verb, state in (
+        ("measured_js", served.plant.measured_js()),
+        ("setpoint_js", served.plant.setpoint_js()),
+    ):
+        message = said.messages[verb, arm]
+        assert message.name == served.plant.joint_names
+        assert np.abs(message.position).min() > 0.0
+        assert_array_equal(message.position, state.q)
+        assert_array_equal(message.velocity, state.qd)
+        assert_array_equal(message.effort, state.tau)
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_the_opening_of_the_jaws_is_their_sum_and_its_effort_their_mean(said: Said, arm: Arm) -> None:
+    verb, name = ("grasp_measured_js", "grasp") if said.dialect == "raven" else ("jaw/measured_js", "jaw")
+    message, state = said.messages[verb, arm], said.arms[arm].plant.measured_js()
+    assert message.name == (name,)
+    assert_allclose(
+        [*message.position, *message.velocity, *message.effort],
+        [state.q[-2:].sum(), state.qd[-2:].sum(), state.tau[-2:].mean()],
+    )
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_poses_are_those_of_forward_kinematics(said: Said, arm: Arm) -> None:
+    served = said.arms[arm]
+    assert served.tool is not None
+    for verb, state in (
+        ("measured_cp", served.plant.measured_js()),
+        ("setpoint_cp", served.plant.setpoint_js()),
+    ):
+        message, expected = said.messages[verb, arm], forward_kinematics(served.tool.model, at_tip(state.q))
+        assert message.header.frame_id == "base"
+        assert said.dialect == "crtk" or message.child_frame_id == "tool"
+        assert_allclose(pose_of(message).position, expected.position, atol=1e-12)
+        assert_allclose(pose_of(message).rotation, expected.rotation, atol=1e-12)
+
+
+def test_all_messages_of_a_tick_have_its_stamp(said: Said) -> None:
+    every_tick = [
+        m[0].stamp for (verb, _), m in said.messages.items() if verb.endswith(("_js", "_cp", "_cv"))
+    ]
+    assert len(set(every_tick)) == 1
+
+
+def test_the_whole_state_is_in_the_robots_own_units() -> None:
+    said = Said("raven")
+    message, degrees = said.messages["ravenstate", None], 180.0 / np.pi
+    assert (message.runlevel, message.sublevel, message.dt) == (3, 0, 1_000_000)
+    for k, arm in enumerate(ARMS):
+        served = said.arms[arm]
+        assert served.tool is not None
+        own, channels = served.plant.telemetry(), 8 * k + np.array([0, 1, 2, 4, 5, 6, 7])
+        for name in ("mpos", "jpos", "mvel", "jvel", "mpos_d", "jpos_d"):
+            assert_allclose(getattr(message, name)[channels], degrees * own[name], rtol=1e-6, err_msg=name)
+            assert getattr(message, name)[8 * k + 3] == 0.0  # the channel that is not used
+        for name in ("tau", "encVals", "dac_val", "encoffsets"):
+            assert_allclose(getattr(message, name)[channels], own[name], rtol=1e-6, err_msg=name)
+        for state, position, rotation in (
+            (served.plant.measured_js(), message.pos, message.ori),
+            (served.plant.setpoint_js(), message.pos_d, message.ori_d),
+        ):
+            pose = relative_pose(served.tool.model, at_tip(state.q), "tool", "frame0")
+            assert_allclose(position[3 * k : 3 * k + 3], 1e6 * pose.position, atol=1.0)  # whole um
+            assert_allclose(rotation[9 * k : 9 * k + 9], pose.rotation.ravel(), atol=1e-6)
+        assert message.grasp_d[k] == np.float32(served.plant.setpoint_js().q[-2:].sum())
+
+
+def test_nothing_is_made_while_nobody_listens(monkeypatch: pytest.MonkeyPatch) -> None:
+    network = LoopbackNetwork()
+    server = make_server(
+        Serving(dialect="crtk"), Loopback("robot", network), plants={"gold": homed_plant("left")}
+    )
+    server.tick()  # the state is latched, so it is told once whoever listens
+    published: list[str] = []
+    for outlet in server.outlets.values():
+        outlet.watch()
+        monkeypatch.setattr(
+            outlet, "publish", lambda message, topic=outlet.topic: published.append(topic.verb)
+        )
+    server.tick()
+    assert published == []
+    Loopback("client", network).subscribe(
+        find_topic("crtk", "measured_js", "gold").name, "sensor_msgs/JointState"
+    )
+    server.outlets["measured_js", "gold"].watch()
+    server.tick()
+    assert published == ["measured_js"]
