@@ -44,7 +44,7 @@ class TerminalGuide:
     """Asks in the terminal; Enter says that it is done, q gives up."""
 
     def say(self, text: str) -> None:
-        """Tell on standard error."""
+        """Print on standard error."""
         print(text, file=sys.stderr, flush=True)
 
     def confirm(self, text: str) -> bool:

@@ -316,7 +316,7 @@ def _progress(label: str, project: "Project | None" = None) -> Iterator[Callable
 
 @contextmanager
 def _steps() -> Iterator[Callable[[str], Callable[[float], None]]]:
-    """A line per step on standard error as it begins, and in a terminal a bar for the one that runs."""
+    """Print a line per step on standard error as it begins, and in a terminal a bar for the one that runs."""
     import sys
     import time
 

@@ -185,7 +185,7 @@ def _from_topic(
 
 
 def _json_line(status: "EncoderStatus | GravityStatus", *, final: bool = False) -> None:
-    """One JSON document on one line, so that a program can read them as they come."""
+    """Print one JSON document on one line, so that a program can read them as they come."""
     from catenary.files import json_text
 
     data = json.loads(json_text(status.as_data()))

@@ -109,7 +109,7 @@ def open_robot(
 
 @contextmanager
 def recorded(robot: "OperatedRobot", folder: Path | None) -> "Iterator[Callable[[], str | None]]":
-    """Record a robot beside what is done with it, into a folder or not at all: what to call after each tick."""
+    """Record a robot while it is used, into a folder or not at all; yields what to call after each tick."""
     if folder is None:
         yield lambda: None
         return

@@ -168,7 +168,7 @@ def ik(
 
 
 def pose_numbers(pose: "Pose") -> dict[str, Any]:
-    """Give a pose as plain data: position [m], quaternion (w, x, y, z), rotation matrix."""
+    """Return a pose as plain data: position [m], quaternion (w, x, y, z), rotation matrix."""
     from catenary.spatial import quaternion_from_rotation
 
     return {

@@ -88,7 +88,7 @@ def _opened(
     baud: int,
     tumble: bool,
 ) -> "Iterator[tuple[Feed | None, Mounting]]":
-    """The sensor, and its mounting with its ranges; no feed for a simulated tumble, which is many sensors."""
+    """Open the sensor, with its mounting and ranges; no feed for a simulated tumble, which is many sensors."""
     from dataclasses import replace
 
     from catenary.sensing.mailbox import Mailbox
@@ -139,7 +139,7 @@ def _watch(feed: "Feed", mounting: "Mounting", duration: float | None, hanging: 
 
 @contextmanager
 def _display(as_json: bool) -> "Iterator[Callable[[GravityReading, float], None]]":
-    """What shows readings as they come: a panel that stays in place on a terminal, else a line a second."""
+    """Show readings as they come: a panel that stays in place on a terminal, else a line a second."""
     if as_json:
         yield lambda reading, time: None
         return
