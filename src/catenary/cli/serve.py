@@ -19,28 +19,36 @@ if TYPE_CHECKING:
 
 
 def serve(
-    robot: Annotated[str, Option("--robot", metavar="NAME", help="Which robot.")] = "raven2",
+    robot: Annotated[str, Option("--robot", metavar="NAME", help="Robot to simulate.")] = "raven2",
     dialect: Annotated[
         str, Option("--dialect", metavar="raven|crtk", help="Topics of the RAVEN-II, or the present CRTK.")
     ] = "raven",
     ros: Carrier = "1",
     rate: Annotated[
-        float, Option("--rate", metavar="HZ", help="At which the robot's state is published.")
+        float, Option("--rate", metavar="HZ", help="Rate at which the robot's state is published.")
     ] = 1000.0,
     seed: Annotated[
         int | None,
-        Option("--seed", metavar="N", min=0, help="Another robot of the kind. [default: the nominal one]"),
+        Option(
+            "--seed",
+            metavar="N",
+            min=0,
+            help="Simulate another robot of the kind, drawn with this seed. [default: the nominal one]",
+        ),
     ] = None,
     base_tilt_deg: Annotated[
-        str, Option("--base-tilt-deg", metavar="ROLL,PITCH", help="How the base stands.")
+        str,
+        Option(
+            "--base-tilt-deg",
+            metavar="ROLL,PITCH",
+            help="Tilt of the base: roll about x, then pitch about y.",
+        ),
     ] = "0,0",
-    payload: Annotated[float, Option("--payload", metavar="KG", help="Load at the tool.")] = 0.0,
+    payload: Annotated[float, Option("--payload", metavar="KG", help="Mass at the tool's wrist.")] = 0.0,
     green: Annotated[
-        bool, Option("--green", help="Let the green arm move too; otherwise it stands parked.")
+        bool, Option("--green", help="Let the green arm move too; otherwise it is parked.")
     ] = False,
-    homed: Annotated[
-        bool, Option("--homed", help="Begin as after homing, which otherwise takes half a minute.")
-    ] = False,
+    homed: Annotated[bool, Option("--homed", help="Begin homed; homing takes half a minute.")] = False,
     encoders: Annotated[
         bool,
         Option(

@@ -15,7 +15,7 @@ from catenary.crtk.conversions import joint_values
 from catenary.crtk.latest import Latest
 from catenary.crtk.names import JOINT_STATE, calibrated_namespace
 from catenary.errors import InputError, TransportError
-from catenary.monitor.sample import Rate, Sample
+from catenary.monitor.snapshot import EventRate, Snapshot
 from catenary.plant import JointState, MotionLog, Plant
 from catenary.recording.synchronise import CALIBRATED
 from catenary.trajectories.reference import Trajectory
@@ -84,8 +84,8 @@ def watch_robot(
     motion: Trajectory | None = None,
     observe: Callable[[], str | None] = lambda: None,
     clock: Callable[[], float] = time.monotonic,
-) -> Iterator[Sample]:
-    """Yield a sample every so often, for as long as somebody takes them; a robot is only read.
+) -> Iterator[Snapshot]:
+    """Yield a snapshot every so often, for as long as somebody takes them; a robot is only read.
 
     Without a model, joints are calibrated where `catenary deploy` runs beside a RAVEN-II on ROS.
 
@@ -105,7 +105,7 @@ def watch_robot(
         raise InputError("monitor: moves no robot; only one that is simulated here can be given a motion")
     corrected = _calibrated(plant, model)
     path = None if motion is None else _ThereAndBack(robot, motion)
-    states, late = Rate(), Rate()
+    states, late = EventRate(), EventRate()
     seen_late, last, begun, next_sample = robot.late(), None, 0.0, clock()
     state: JointState | None = None
     while True:
@@ -135,7 +135,7 @@ def watch_robot(
             continue
         next_sample = now + every
         calibrated, inside = (None, None) if corrected is None else corrected.latest()
-        yield Sample(
+        yield Snapshot(
             state.time, plant.joint_names, plant.joint_units, state.q, setpoint,
             calibrated, inside,
             None, state.tau, robot.gravity_torque(state), state.gravity, state.gravity_age, operating,
@@ -151,7 +151,7 @@ def watch_log(
     speed: float = 1.0,
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
-) -> Iterator[Sample]:
+) -> Iterator[Snapshot]:
     """Play a recording, once, at its own speed times `speed`.
 
     Raises:
@@ -185,7 +185,7 @@ def watch_log(
         if ahead > 0.0:
             sleep(ahead)
         encoder = None if log.q_encoder is None else np.where(log.ok[row], log.q_encoder[row], np.nan)
-        yield Sample(
+        yield Snapshot(
             state.time, log.joint_names, log.joint_units, state.q, None,
             *((None, None) if corrected is None else corrected.latest()),
             encoder, None if log.tau is None else tau, rate_hz=1.0 / spacing,
