@@ -1,13 +1,16 @@
 """Recordings made for tests, whose errors are known exactly, and models fitted to them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.fit import FitOptions, choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
+from catenary.calibration.neural import BEST, PAPER
 from catenary.plant import MotionLog
 
 REACH = {"rad": 1.0, "m": 0.1}  # amplitude of the motion
@@ -48,3 +51,13 @@ def fitted(*logs: MotionLog, **options: Any) -> CalibrationModel:
     """Model fitted to all usable rows of recordings."""
     inputs = choose_inputs(logs, FitOptions(**options))
     return fit(calibration_data(logs, inputs.features), inputs, FitOptions(**options))
+
+
+def short_training() -> Iterator[None]:
+    """Train smaller networks, and not for long, where how well they learn is not asked: to be made a fixture."""
+    paper = replace(PAPER, hidden=(20, 20), l2=1e-5, learning_rate=1e-2, epochs=60)
+    best = replace(BEST, hidden=(20, 20), l2=(1e-4, 1e-3), epochs=15)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("catenary.calibration.fit.PAPER", paper)
+        patch.setattr("catenary.calibration.fit.BEST", best)
+        yield

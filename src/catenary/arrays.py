@@ -14,7 +14,7 @@ _FEW = 64  # numbers that Python adds up sooner than NumPy is called
 
 
 def as_array(name: str, values: ArrayLike, shape: tuple[int | None, ...], *, finite: bool = True) -> Floats:
-    """Give `values` as a C-contiguous float64 array of the expected shape.
+    """Return `values` as a C-contiguous float64 array of the expected shape.
 
     Args:
         name: What the values are; opens every error message.
@@ -36,8 +36,20 @@ def as_array(name: str, values: ArrayLike, shape: tuple[int | None, ...], *, fin
     return array
 
 
+def as_positive(name: str, values: ArrayLike, shape: tuple[int | None, ...] = ()) -> Floats:
+    """Return `as_array` of numbers that are all above zero.
+
+    Raises:
+        InputError: As for `as_array`, or zero or less.
+    """
+    array = as_array(name, values, shape)
+    if not (array > 0.0).all():
+        raise InputError(f"{name}: expected more than 0, got {array.tolist()}")
+    return array
+
+
 def as_batch(name: str, values: ArrayLike, width: int) -> tuple[Floats, bool]:
-    """Give `values` of shape (width,) or (N, width) as (N, width), and whether it was a single row.
+    """Return `values` of shape (width,) or (N, width) as (N, width), and whether it was a single row.
 
     Raises:
         InputError: Another shape, NaN or infinity.
@@ -51,7 +63,7 @@ def as_batch(name: str, values: ArrayLike, width: int) -> tuple[Floats, bool]:
 
 
 def refuse_non_finite(name: str, array: NDArray[Any]) -> None:
-    """Raise when an array holds NaN or infinity, and say where the first one is."""
+    """Refuse NaN and infinity, and say where the first one is."""
     # one pass; a finite sum has only finite terms, and may itself overflow, or meet inf - inf
     if array.size <= _FEW:
         if isfinite(sum(array.ravel().tolist())):
@@ -72,14 +84,14 @@ def refuse_non_finite(name: str, array: NDArray[Any]) -> None:
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:
-    """Give a read-only copy."""
+    """Return a read-only copy."""
     copy = np.array(array)
     copy.setflags(write=False)
     return copy
 
 
 def _as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> Floats:
-    """Give a C-contiguous float64 array; text and complex numbers, which NumPy would convert, are refused."""
+    """Return a C-contiguous float64 array; text and complex numbers, which NumPy would convert, are refused."""
     if type(values) is np.ndarray and values.dtype is _FLOAT64 and values.flags.carray:
         return values
     try:

@@ -10,7 +10,9 @@ from catenary.calibration.card import Card, model_card
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import cross_validate, evaluate
 from catenary.calibration.fit import FitOptions, choose_inputs, fit
-from recordings import recording
+from recordings import recording, short_training
+
+quick = pytest.fixture(scope="module", autouse=True)(short_training)
 
 
 def card_of(log: Any = None, *, held_out: bool = True, folds: int = 3, **options: Any) -> Card:

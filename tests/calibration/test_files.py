@@ -252,7 +252,7 @@ def test_column_that_does_not_exist_is_refused(path: Path) -> None:
 
 def test_predictor_without_a_file_format_is_refused_before_writing(path: Path) -> None:
     class Mystery:
-        inputs, outputs = None, 3
+        shape = None, 3
 
     group = replace(MODEL.groups[0], predictor=Mystery())
     with pytest.raises(TypeError, match="no file format for Mystery"):

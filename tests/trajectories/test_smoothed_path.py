@@ -89,7 +89,7 @@ def test_single_point_is_a_joint_at_rest() -> None:
         ([0.0, 1.0], [1.0], 0.1, r"points: expected shape \(2,\)"),
         ([0.0, 1.0], [1.0, np.nan], 0.1, r"points\[1\] is nan"),
         ([0.0, np.inf], [1.0, 1.0], 0.1, r"times\[1\] is inf"),
-        ([0.0, 1.0], [1.0, 2.0], 0.0, "blend: expected more than 0 s"),
+        ([0.0, 1.0], [1.0, 2.0], 0.0, "blend: expected more than 0"),
         ([0.0, 1.0], [1.0, 2.0], np.nan, "blend"),
     ],
 )

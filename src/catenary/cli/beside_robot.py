@@ -32,11 +32,11 @@ class RobotAccess:
         ),
     ] = None
     yes: Annotated[
-        bool, Option("--yes", help="With --ros: ask nobody; the robot's state must permit each step.")
+        bool, Option("--yes", help="With --ros: do not ask; the robot's state must permit each step.")
     ] = False
     simulated: Annotated[
         bool,
-        Option("--simulated", help="With --ros: the robot there is a simulation, and recordings say so."),
+        Option("--simulated", help="With --ros: that robot is a simulation; recordings say so."),
     ] = False
 
 
@@ -44,7 +44,7 @@ class TerminalGuide:
     """Asks in the terminal; Enter says that it is done, q gives up."""
 
     def say(self, text: str) -> None:
-        """Tell on standard error."""
+        """Print on standard error."""
         print(text, file=sys.stderr, flush=True)
 
     def confirm(self, text: str) -> bool:

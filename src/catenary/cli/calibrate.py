@@ -54,7 +54,7 @@ def record(
     project: Folder,
     access: RobotAccess,
     hours: Hours = None,
-    name: Annotated[str, Option("--name", help="Of the recording.")] = "test",
+    name: Annotated[str, Option("--name", help="Name of the recording.")] = "test",
     no_motion: Annotated[
         bool, Option("--no-motion", help="With --ros: record the robot while somebody else moves it.")
     ] = False,
@@ -74,7 +74,9 @@ def record(
     seconds = 60.0 * opened.settings.test_minutes
     if no_motion:
         if opened.settings.connection == "simulation":
-            raise InputError("--no-motion: nobody else moves a simulated robot; it goes with --ros")
+            raise InputError(
+                "--no-motion: a simulated robot is moved by this command alone; use it with --ros"
+            )
         with _progress("record") as tell:
             topics = record_others(opened, name, seconds, simulated=access.simulated, tell=tell)
         what = f"recorded {seconds:.0f} s as {name}"
@@ -157,16 +159,17 @@ def deploy(
     ] = None,
     arm: Annotated[str, Option("--arm", help="With --ros: gold (left) or green.")] = "gold",
     rate: Annotated[
-        float, Option("--rate", metavar="HZ", help="With --ros: of the robot's messages.")
+        float, Option("--rate", metavar="HZ", help="With --ros: rate of the robot's messages.")
     ] = 1000.0,
     gravity_torque: Annotated[
-        bool, Option("--gravity-torque", help="With --ros: publish what holds the joints still.")
+        bool,
+        Option("--gravity-torque", help="With --ros: also publish the torques that hold the joints still."),
     ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Run a model in a robot's loop, or beside one on ROS.
 
-    Tells latency, valid range, and error while it runs.
+    Prints latency, the share of time in the valid range, and the error while it runs.
     """
     source = gravity.source(ros)
     if ros is not None:
@@ -257,7 +260,7 @@ def calibrate(
 
 
 def demo(
-    out: Annotated[Path, Option("--out", metavar="FOLDER", help="Where to put the results.")] = Path("demo"),
+    out: Annotated[Path, Option("--out", metavar="FOLDER", help="Folder for the results.")] = Path("demo"),
     seed: Seed = None,
     as_json: AsJson = False,
 ) -> None:
@@ -316,7 +319,7 @@ def _progress(label: str, project: "Project | None" = None) -> Iterator[Callable
 
 @contextmanager
 def _steps() -> Iterator[Callable[[str], Callable[[float], None]]]:
-    """A line per step on standard error as it begins, and in a terminal a bar for the one that runs."""
+    """Print a line per step on standard error as it begins, and in a terminal a bar for the one that runs."""
     import sys
     import time
 

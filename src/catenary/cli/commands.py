@@ -88,7 +88,7 @@ class CommandGroup(TyperGroup):
             raise InterruptedCommand from interrupt
 
     def get_help_option(self, ctx: Any) -> Any:
-        """The group's own --help, which is False where it is not given.
+        """Return the group's own --help, which is False where it is not given.
 
         By default it is None then, and newer versions of typer import pydantic (0.2 s) to see that this is no bool.
         """

@@ -27,7 +27,7 @@ def export(
         Option(
             "--rate-hz",
             metavar="HZ",
-            help="Of the loop that the model will run in. [default: 1000 in C, the training rows' in ONNX]",
+            help="Rate of the loop that the model will run in. [default: 1000 in C, the training rows' in ONNX]",
         ),
     ] = None,
     as_json: Annotated[bool, Option("--json", help="Print JSON instead of text.")] = False,

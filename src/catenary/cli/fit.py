@@ -26,7 +26,9 @@ Recordings = Annotated[
 ]
 LARGEST = sys.float_info.max
 LARGEST_SEED = 2**32 - 1  # that scikit-learn takes
-Seed = Annotated[int, Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Of everything random.")]
+Seed = Annotated[
+    int, Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Seed of everything random.")
+]
 MaxError = Annotated[
     str | None,
     Option(
@@ -44,7 +46,7 @@ def fit(
         Option(
             "--preset",
             metavar="NAME",
-            help="Of neural: paper (Peng et al.'s network) or best (ours). [default: paper]",
+            help="Preset of a neural model: paper (Peng et al.'s network) or best (ours). [default: paper]",
         ),
     ] = None,
     inputs: Annotated[
@@ -87,7 +89,11 @@ def fit(
     ] = None,
     held_out: Annotated[
         float | None,
-        Option("--held-out", metavar="SHARE", help="Keep this last share of each recording for a test."),
+        Option(
+            "--held-out",
+            metavar="SHARE",
+            help="Keep the last part of each recording, this share of it, for a test.",
+        ),
     ] = None,
     folds: Annotated[
         int,
@@ -108,7 +114,7 @@ def fit(
     report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
-    """Fit a calibration model; tell its error on unseen data.
+    """Fit a calibration model and print its error on unseen data.
 
     Example: catenary fit run1.npz --model linear --history 6 --out arm.npz
     """
@@ -165,7 +171,7 @@ def evaluate(
     report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
-    """Tell a model's error on recordings, before and after.
+    """Print a model's error on recordings, before and after.
 
     RMSE and maximum per joint in deg and mm, and RMSE per window of time.
 

@@ -22,7 +22,7 @@ Simulated = Annotated[
     str,
     Argument(
         metavar="ROBOT",
-        help="raven2 or raven2_right, behind their cables; of any other robot its rigid bodies.",
+        help="raven2 or raven2_right, simulated with their cables, or any other robot, as rigid bodies.",
     ),
 ]
 
@@ -47,7 +47,9 @@ class Conditions:
             help="Rock the base about its y axis between these angles, after the tilt.",
         ),
     ] = None
-    rock_hz: Annotated[float, Option("--rock-hz", metavar="F", min=0.0, help="How often a second.")] = 1.0
+    rock_hz: Annotated[float, Option("--rock-hz", metavar="F", min=0.0, help="Frequency of the rocking.")] = (
+        1.0
+    )
     payload: Annotated[
         float,
         Option(
@@ -60,7 +62,10 @@ class Conditions:
     seed: Annotated[
         int | None,
         Option(
-            "--seed", metavar="N", min=0, help="Draw another robot of the kind. [default: the nominal one]"
+            "--seed",
+            metavar="N",
+            min=0,
+            help="Simulate another robot of the kind, drawn with this seed. [default: the nominal one]",
         ),
     ] = None
 
@@ -101,15 +106,15 @@ def gravity(
     q_deg: QDeg = None,
     tilt_deg: Annotated[
         tuple[float, float] | None,
-        Option("--tilt-deg", metavar="R P", help="The base turned by R about x, then by P about its own y."),
+        Option("--tilt-deg", metavar="R P", help="Turn the base by R about x, then by P about its own y."),
     ] = None,
     vector: Annotated[
         tuple[float, float, float] | None,
-        Option("--gravity", metavar="X Y Z", help="Free-fall acceleration in base axes, z up, in m/s2."),
+        Option("--gravity", metavar="X Y Z", help="Gravity vector in base axes, z up, in m/s2."),
     ] = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
-    """Print what holds an arm still under gravity.
+    """Print the torques that hold an arm still under gravity.
 
     On a base that is tilted, or under any vector; beside it the torques on a level base.
 
@@ -173,16 +178,19 @@ def track(
         ),
     ] = "cartesian",
     q: Annotated[
-        str | None, Option("--q", metavar="Q,Q,...", help="Where cartesian begins, in rad and m.")
+        str | None,
+        Option("--q", metavar="Q,Q,...", help="Joints where a cartesian motion begins, in rad and m."),
     ] = None,
     q_deg: Annotated[str | None, Option("--q-deg", metavar="Q,Q,...", help="The same in deg and mm.")] = None,
     amplitude_mm: Annotated[
-        float, Option("--amplitude-mm", metavar="A", min=0.0, help="Of the sinusoids.")
+        float, Option("--amplitude-mm", metavar="A", min=0.0, help="Amplitude of the sinusoids.")
     ] = 78.74,
     axes: Annotated[
-        str, Option("--axes", metavar="A,A,...", help="Along which the sinusoids are, of the base.")
+        str, Option("--axes", metavar="A,A,...", help="Base axes along which the sinusoids run.")
     ] = "x,y,z",
-    seconds: Annotated[float, Option("--seconds", metavar="S", min=2.0, help="Of the random motion.")] = 20.0,
+    seconds: Annotated[
+        float, Option("--seconds", metavar="S", min=2.0, help="Length of the random motion.")
+    ] = 20.0,
     damping: Annotated[
         str,
         Option(
@@ -196,7 +204,7 @@ def track(
 ) -> None:
     """Let a simulated arm follow a motion.
 
-    Tells the joint errors and the PD term's share of the torque.
+    Prints the joint errors and the PD term's share of the torque.
 
     Example: catenary track raven2 --controller sg --base-tilt-deg 0 20 --motion poses
     """
@@ -259,7 +267,7 @@ def hold(
 ) -> None:
     """Let gravity compensation alone hold an arm.
 
-    A simulated one; tells how far each joint drifts.
+    A simulated one; prints how far each joint drifts.
 
     Example: catenary hold raven2 --base-tilt-deg 0 180 --seconds 2
     """

@@ -49,7 +49,7 @@ class GravityOptions:
             raise InputError("give one of --gravity and --imu")
         if self.mounting is not None and self.imu is None:
             raise InputError(
-                "--mounting goes with --imu; a gravity node has turned what it publishes already"
+                "--mounting goes with --imu; what a gravity node publishes is in base axes already"
             )
         from catenary.crtk.latest import ImuTopic, published_gravity
         from catenary.sensing.mounting import Mounting, load_mounting

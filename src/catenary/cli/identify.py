@@ -17,7 +17,8 @@ Logs = Annotated[
     ),
 ]
 Gravity = Annotated[
-    str | None, Option("--gravity", metavar="X,Y,Z", help="In base axes, m/s2. [default: 0,0,-9.81]")
+    str | None,
+    Option("--gravity", metavar="X,Y,Z", help="Gravity vector in base axes, m/s2. [default: 0,0,-9.81]"),
 ]
 CutOff = Annotated[
     float | None,
@@ -34,10 +35,11 @@ def identify(
         Path, Option("--out", metavar="FILE", help="File to write the parameters to, e.g. arm.npz.")
     ],
     test: Annotated[
-        list[Path] | None, Option("--test", metavar="LOG", help="A recording to judge by; repeatable.")
+        list[Path] | None,
+        Option("--test", metavar="LOG", help="A recording to judge the result by; may be repeated."),
     ] = None,
     terms: Annotated[
-        str, Option("--terms", metavar="WHAT", help="full dynamics, or static: poses at rest.")
+        str, Option("--terms", metavar="WHAT", help="full: all of the dynamics; static: poses at rest.")
     ] = "full",
     cutoff_hz: CutOff = None,
     period: Annotated[
@@ -55,7 +57,10 @@ def identify(
         ),
     ] = None,
     consistent: Annotated[
-        bool, Option("--consistent", help="Only parameters that bodies and friction can have.")
+        bool,
+        Option(
+            "--consistent", help="Only physically possible parameters: positive masses, inertia and friction."
+        ),
     ] = False,
     blocks: Annotated[
         float | None,
@@ -152,7 +157,7 @@ def _refuse_to_overwrite(written: list[Path | None], read: list[Path]) -> None:
     targets = [path.absolute() for path in written if path is not None]
     for path in targets:
         if path in [p.absolute() for p in read]:
-            raise InputError(f"{path}: is read; it will not be overwritten")
+            raise InputError(f"{path}: is read here, and will not be overwritten")
         if targets.count(path) > 1:
             raise InputError(f"{path}: two outputs would be written there")
 
@@ -164,21 +169,27 @@ def excitation(
     ],
     static: Annotated[int | None, Option("--static", metavar="N", min=1, help="N poses to hold.")] = None,
     fourier: Annotated[bool, Option("--fourier", help="One period of a Fourier motion. [default]")] = False,
-    period: Annotated[float, Option("--period-s", metavar="S", help="Of the motion.")] = 10.0,
-    harmonics: Annotated[int, Option("--harmonics", metavar="N", help="Of the motion, 3 or more.")] = 5,
+    period: Annotated[float, Option("--period-s", metavar="S", help="Period of the motion.")] = 10.0,
+    harmonics: Annotated[
+        int, Option("--harmonics", metavar="N", help="Harmonics of the motion, 3 or more.")
+    ] = 5,
     rate: Annotated[float, Option("--rate-hz", metavar="F", help="Rows of the motion per second.")] = 200.0,
     trials: Annotated[
-        int, Option("--trials", metavar="N", min=1, help="Motions to choose from; more show more.")
+        int,
+        Option("--trials", metavar="N", min=1, help="Motions to choose from; more trials find a better one."),
     ] = 300,
     lower: Annotated[
-        str | None, Option("--lower", metavar="Q,Q,...", help="Limits to stay within, rad and m.")
+        str | None, Option("--lower", metavar="Q,Q,...", help="Lower limits to stay within, rad and m.")
     ] = None,
-    upper: Annotated[str | None, Option("--upper", metavar="Q,Q,...", help="The same, upper.")] = None,
+    upper: Annotated[
+        str | None, Option("--upper", metavar="Q,Q,...", help="Upper limits to stay within, rad and m.")
+    ] = None,
     velocity: Annotated[
-        str | None, Option("--velocity", metavar="V,V,...", help="The same, rad/s and m/s.")
+        str | None,
+        Option("--velocity", metavar="V,V,...", help="Limits of velocity to stay within, rad/s and m/s."),
     ] = None,
     gravity: Gravity = None,
-    seed: Annotated[int, Option("--seed", metavar="N", min=0, help="Of everything random.")] = 0,
+    seed: Annotated[int, Option("--seed", metavar="N", min=0, help="Seed of everything random.")] = 0,
     as_json: AsJsonNotTables = False,
 ) -> None:
     """Design poses or a motion that show an arm's dynamics.
@@ -190,7 +201,7 @@ def excitation(
     from catenary.cli.terminal import numbers
     from catenary.identification.excitation import fourier_motion, room_of, static_poses
     from catenary.robots.catalog import load_robot
-    from catenary.workflows.excitation import write_excitation
+    from catenary.workflows.identify import write_excitation
 
     if static is not None and fourier:
         raise InputError("excitation: give one of --static and --fourier")
@@ -243,16 +254,20 @@ def payload(
     ],
     at: Annotated[
         tuple[str, float, float, float] | None,
-        Option("--at", metavar="FRAME X Y Z", help="Where it is, in m in a frame. [default: anywhere]"),
+        Option(
+            "--at", metavar="FRAME X Y Z", help="Place of the payload in a frame, in m. [default: anywhere]"
+        ),
     ] = None,
     unloaded: Annotated[
         list[Path] | None,
-        Option("--unloaded", metavar="LOG", help="A recording without it, of the same day; repeatable."),
+        Option(
+            "--unloaded", metavar="LOG", help="A recording of the same day without payload; may be repeated."
+        ),
     ] = None,
     cutoff_hz: CutOff = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
-    """Tell what an arm carries beyond what it was identified with.
+    """Estimate the payload of an identified arm.
 
     Example: catenary payload loaded.npz --model psm.npz --at pitch 0.024 0.535 0
     """

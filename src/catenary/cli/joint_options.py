@@ -73,7 +73,7 @@ def some_joint_values(
 
 
 def names_and_units(robot: Jointed, names: Sequence[str] | None = None) -> str:
-    """Joints with their units, all or those that are named."""
+    """Return joints with their units, all or those that are named."""
     return ", ".join(
         f"{name} [{unit}]"
         for name, unit in zip(robot.joint_names, robot.joint_units, strict=True)

@@ -32,7 +32,7 @@ def _options(
         False, "--version", callback=_print_version, is_eager=True, help="Print the version."
     ),
 ) -> None:
-    """Take the options that stand before a command."""
+    """Read the options that stand before a command."""
 
 
 def main() -> None:
@@ -66,7 +66,7 @@ def main() -> None:
 
 
 def _with_notes(message: str, error: BaseException) -> str:
-    """An error, and what was noted on its way: that a robot could not be paused, say."""
+    """Return an error's message with its notes, such as that a robot could not be paused."""
     return "; ".join([message, *getattr(error, "__notes__", [])])
 
 

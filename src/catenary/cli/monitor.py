@@ -15,7 +15,7 @@ from catenary.cli.robot_choice import WatchedRobot, open_robot, recorded
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.monitor.sample import Sample
+    from catenary.monitor.snapshot import Snapshot
     from catenary.teleop.terminal import RawTerminal
 
 
@@ -29,11 +29,14 @@ def monitor(
         Path | None,
         Option("--model", metavar="MODEL", help="Calibration model: calibrated joints, valid range."),
     ] = None,
-    speed: Annotated[float, Option("--speed", help="With --log: times its own speed.")] = 1.0,
+    speed: Annotated[float, Option("--speed", help="With --log: factor on its own speed.")] = 1.0,
     rate: Annotated[
-        float | None, Option("--rate", metavar="HZ", help="[default: 25 on a screen, 1 in a pipe]")
+        float | None,
+        Option("--rate", metavar="HZ", help="Samples a second. [default: 25 on a screen, 1 in a pipe]"),
     ] = None,
-    seconds: Annotated[float | None, Option("--seconds", help="End then. [default: Q or Ctrl-C]")] = None,
+    seconds: Annotated[
+        float | None, Option("--seconds", help="How long to watch. [default: until Q or Ctrl-C]")
+    ] = None,
     moving: Annotated[
         bool, Option("--moving", help="The robot simulated here moves at random meanwhile.")
     ] = False,
@@ -84,7 +87,7 @@ def monitor(
 
 
 def _on_screen(
-    name: str, samples: "Iterator[Sample]", terminal: "RawTerminal", seconds: float | None
+    name: str, samples: "Iterator[Snapshot]", terminal: "RawTerminal", seconds: float | None
 ) -> None:
     import os
 
@@ -103,7 +106,7 @@ def _on_screen(
         time.sleep(0.05)  # the end of a recording stays on the screen
 
 
-def _in_lines(samples: "Iterator[Sample]", seconds: float | None, as_json: bool) -> None:
+def _in_lines(samples: "Iterator[Snapshot]", seconds: float | None, as_json: bool) -> None:
     import json
 
     from catenary.files import json_text

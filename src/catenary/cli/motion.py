@@ -38,10 +38,10 @@ def goto(
             help="In place of joints: where the tip goes, in the base frame.",
         ),
     ] = None,
-    speed: Annotated[float, Option("--speed", help="Times 0.2 rad/s and 10 mm/s, at most 5.")] = 1.0,
+    speed: Annotated[float, Option("--speed", help="Factor on 0.2 rad/s and 10 mm/s, at most 5.")] = 1.0,
     as_json: AsJson = False,
 ) -> None:
-    """Bring a robot to a place.
+    """Move a robot to a place.
 
     It goes gently, all joints arriving together. Ctrl-C stops it there. A robot that is not homed and
     enabled is refused.
@@ -70,7 +70,7 @@ def goto(
 def random(
     robot: PacedRobot,
     seconds: Annotated[float, Option("--seconds", help="Length of the motion.")],
-    seed: Annotated[int, Option("--seed", min=0, help="Draws the motion.")] = 0,
+    seed: Annotated[int, Option("--seed", min=0, help="Seed of the motion.")] = 0,
     as_json: AsJson = False,
 ) -> None:
     """Move a robot at random.
@@ -96,17 +96,18 @@ def follow(
         Path, Argument(metavar="FILE", help=".csv, .parquet or .npz: time and joints, with units.")
     ],
     rows_per_second: Annotated[
-        float | None, Option("--rows-per-second", help="Of a CSV of numbers alone. [default: 64.3]")
+        float | None,
+        Option("--rows-per-second", help="Rate of a CSV that holds numbers alone. [default: 64.3]"),
     ] = None,
     blend: Annotated[float, Option("--blend", help="Seconds over which velocities are averaged.")] = 0.5,
     largest_deg_s: Annotated[
-        float | None, Option("--largest-deg-s", help="Fastest turn that is let pass. [default: 28.6]")
+        float | None, Option("--largest-deg-s", help="Refuse a motion that turns faster. [default: 28.6]")
     ] = None,
     largest_mm_s: Annotated[
-        float | None, Option("--largest-mm-s", help="Fastest slide that is let pass. [default: 10]")
+        float | None, Option("--largest-mm-s", help="Refuse a motion that slides faster. [default: 10]")
     ] = None,
     from_afar: Annotated[
-        bool, Option("--from-afar", help="Also start from more than 60 deg or 150 mm away.")
+        bool, Option("--from-afar", help="Allow a start more than 60 deg or 150 mm away.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:

@@ -24,18 +24,18 @@ if TYPE_CHECKING:
 def encoders(
     port: Annotated[str, Option("--port", metavar="PORT", help="Serial port, as /dev/ttyUSB0.")],
     ros: Carrier = "1",
-    bits: Annotated[int, Option("--bits", metavar="16|24|32", help="Of the board's counters.")] = 32,
+    bits: Annotated[int, Option("--bits", metavar="16|24|32", help="Width of the board's counters.")] = 32,
     direction: Annotated[
         str, Option("--direction", metavar="D,D,D", help="-1 for an encoder that counts against its joint.")
     ] = "1,1,1",
     state: Annotated[
-        str, Option("--state", metavar="TOPIC", help="Operating state of the robot that homes.")
+        str, Option("--state", metavar="TOPIC", help="Topic of the homing robot's operating state.")
     ] = "/arm1/operating_state",
     baud: Baud = 115200,
     duration: Duration = None,
     as_json: JsonLines = False,
 ) -> None:
-    """Publish what the joints' own encoders count.
+    """Publish the counts and positions of joint encoders.
 
     Topics: joint_enc (counts) and, once registered, ext_jpos (rad, rad, m). Home the robot while this runs: its
     stops register the encoders.
@@ -82,24 +82,29 @@ def gravity_node(
     ] = None,
     mounting: MountingFile = None,
     ros: Carrier = "1",
-    rate: Annotated[float, Option("--rate", metavar="HZ", help="At which gravity is published.")] = 100.0,
-    topic: Annotated[str, Option("--topic", metavar="TOPIC", help="Where it is published.")] = "/gravity",
-    frame: Annotated[str, Option("--frame", metavar="NAME", help="Its frame_id.")] = "base",
+    rate: Annotated[
+        float, Option("--rate", metavar="HZ", help="Rate at which gravity is published.")
+    ] = 100.0,
+    topic: Annotated[
+        str, Option("--topic", metavar="TOPIC", help="Topic that gravity is published on.")
+    ] = "/gravity",
+    frame: Annotated[
+        str, Option("--frame", metavar="NAME", help="frame_id of the published gravity.")
+    ] = "base",
     fallback: Annotated[
-        str, Option("--fallback", metavar="hold|fade|static|stop", help="When samples stop.")
+        str,
+        Option("--fallback", metavar="hold|fade|static|stop", help="What is published when samples stop."),
     ] = "fade",
     points_down: Annotated[
         bool, Option("--points-down", help="The topic's vectors are gravity, not specific force.")
     ] = False,
-    no_gyroscope: Annotated[
-        bool, Option("--no-gyroscope", help="The Imu's angular rates mean nothing.")
-    ] = False,
+    no_gyroscope: Annotated[bool, Option("--no-gyroscope", help="Ignore the Imu's angular rates.")] = False,
     hanging: Hanging = False,
     baud: Baud = 115200,
     duration: Duration = None,
     as_json: JsonLines = False,
 ) -> None:
-    """Publish gravity as a sensor on the base has it.
+    """Publish gravity as a sensor on the base measures it.
 
     The exit code is 1 when nothing that can be believed was measured.
 
@@ -115,7 +120,7 @@ def gravity_node(
     if sum(source is not None for source in (imu, accel, vector, port)) != 1:
         raise InputError("gravity-node: give one of --imu, --accel, --vector and --port")
     if port is not None and points_down:
-        raise InputError("gravity-node: --points-down is of a topic; a board sends specific force")
+        raise InputError("gravity-node: --points-down goes with a topic; a board sends specific force")
     told, mailbox = Mounting() if mounting is None else load_mounting(mounting), Mailbox()
     with ExitStack() as open_things:
         transport = open_things.enter_context(make_transport(ros, "catenary_gravity"))
@@ -185,7 +190,7 @@ def _from_topic(
 
 
 def _json_line(status: "EncoderStatus | GravityStatus", *, final: bool = False) -> None:
-    """One JSON document on one line, so that a program can read them as they come."""
+    """Print one JSON document on one line, so that a program can read them as they come."""
     from catenary.files import json_text
 
     data = json.loads(json_text(status.as_data()))

@@ -30,7 +30,8 @@ class WatchedRobot:
         ),
     ] = "raven2"
     ros: Annotated[
-        int | None, Option("--ros", metavar="1|2", help="It is on ROS 1 or 2. [default: simulated here]")
+        int | None,
+        Option("--ros", metavar="1|2", help="The robot is on ROS 1 or 2. [default: simulated here]"),
     ] = None
     dialect: Annotated[str, Option("--dialect", help="With --ros: raven or crtk.")] = "raven"
     namespace: Annotated[
@@ -38,7 +39,9 @@ class WatchedRobot:
     ] = None
     simulated: Annotated[
         bool,
-        Option("--simulated", help="With --ros: the robot there is a simulation, and no workspace to clear."),
+        Option(
+            "--simulated", help="With --ros: that robot is a simulation, so there is no workspace to clear."
+        ),
     ] = False
     base_tilt_deg: Annotated[
         str | None,
@@ -48,7 +51,10 @@ class WatchedRobot:
     ] = None
     robot_seed: Annotated[
         int | None,
-        Option("--robot-seed", help="Simulated: draws another RAVEN-II. [default: the nominal one]"),
+        Option(
+            "--robot-seed",
+            help="Simulated: another RAVEN-II, drawn with this seed. [default: the nominal one]",
+        ),
     ] = None
 
 
@@ -56,7 +62,7 @@ class WatchedRobot:
 class MovedRobot(WatchedRobot):
     """Options of a robot that is moved."""
 
-    yes: Annotated[bool, Option("--yes", help="With --ros: the workspace is clear; ask nobody.")] = False
+    yes: Annotated[bool, Option("--yes", help="With --ros: the workspace is clear; do not ask.")] = False
 
 
 @dataclass(frozen=True)
@@ -95,7 +101,7 @@ def open_robot(
         return
     if tilt is not None or seed is not None or fast:
         raise InputError(
-            "--base-tilt-deg, --robot-seed and --fast are of a robot simulated here; not with --ros"
+            "--base-tilt-deg, --robot-seed and --fast go with a robot simulated here, not with --ros"
         )
     with ros_transport(chosen.ros) as transport:
         opened, client = robot_over(
@@ -109,7 +115,7 @@ def open_robot(
 
 @contextmanager
 def recorded(robot: "OperatedRobot", folder: Path | None) -> "Iterator[Callable[[], str | None]]":
-    """Record a robot beside what is done with it, into a folder or not at all: what to call after each tick."""
+    """Record a robot while it is used, into a folder or not at all; yields what to call after each tick."""
     if folder is None:
         yield lambda: None
         return

@@ -81,13 +81,14 @@ def fk(
 def ik(
     robot: Robot,
     position_mm: Annotated[
-        str | None, Option("--position-mm", metavar="X,Y,Z", help="Where the frame shall be.")
+        str | None, Option("--position-mm", metavar="X,Y,Z", help="Position of the frame.")
     ] = None,
     rpy_deg: Annotated[
-        str | None, Option("--rpy-deg", metavar="R,P,Y", help="How it shall be turned: about fixed x, y, z.")
+        str | None,
+        Option("--rpy-deg", metavar="R,P,Y", help="Orientation of the frame: turned about fixed x, y, z."),
     ] = None,
     quaternion: Annotated[
-        str | None, Option("--quaternion", metavar="W,X,Y,Z", help="How it shall be turned.")
+        str | None, Option("--quaternion", metavar="W,X,Y,Z", help="Orientation of the frame.")
     ] = None,
     q: Annotated[
         str | None,
@@ -103,7 +104,8 @@ def ik(
         str, Option("--in", metavar="FRAME", help="Frame, at rest, that the goal is expressed in.")
     ] = "base",
     seed: Annotated[
-        int, Option("--seed", metavar="N", min=0, help="Of the random starts, where a search needs several.")
+        int,
+        Option("--seed", metavar="N", min=0, help="Seed of the random starts, where a search needs several."),
     ] = 0,
     as_json: AsJson = False,
 ) -> None:
@@ -168,7 +170,7 @@ def ik(
 
 
 def pose_numbers(pose: "Pose") -> dict[str, Any]:
-    """Give a pose as plain data: position [m], quaternion (w, x, y, z), rotation matrix."""
+    """Return a pose as plain data: position [m], quaternion (w, x, y, z), rotation matrix."""
     from catenary.spatial import quaternion_from_rotation
 
     return {

@@ -73,11 +73,11 @@ class Parameters:
         return tuple(first + k for k, term in enumerate(self.actuation) if term.kind in NEVER_NEGATIVE)
 
     def link_columns(self, place: int) -> slice:
-        """Give the columns of the link at a place in `links`."""
+        """Return the columns of the link at a place in `links`."""
         return slice(place * self.per_link, (place + 1) * self.per_link)
 
     def regressor(self, q: Floats, qd: Floats, qdd: Floats, gravity: Floats) -> Floats:
-        """Matrix (N, n, k) of tau = Y phi at motions (N, n)."""
+        """Return the matrix (N, n, k) of tau = Y phi at motions (N, n)."""
         whole = torque_regressor(self.model, q, qd, qdd, gravity)
         wanted = [PER_LINK * i + p for i in self.links for p in range(self.per_link)]
         smoothing = actuation_of(self.model).coulomb_velocity

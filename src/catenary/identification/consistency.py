@@ -20,7 +20,7 @@ PREFER_SMALL = 1e-7  # of the squared torque per kg: what torques do not show is
 
 
 def consistent_fit(base: BaseParameters, R: Floats) -> Floats:
-    """All parameters phi (k,) that minimise ||Y phi - tau|| among the physically consistent ones.
+    """Return all parameters phi (k,) that minimise ||Y phi - tau|| among the physically consistent ones.
 
     Torques show combinations only; where they leave a choice, the smallest sum of pseudo-inertia traces is taken.
 
@@ -81,7 +81,7 @@ def consistent_fit(base: BaseParameters, R: Floats) -> Floats:
 
 
 def pseudo_inertia(phi: Floats) -> Floats:
-    """J (4, 4) of one link's parameters (10,) [kg m2, kg m, kg]."""
+    """Return J (4, 4) of one link's parameters (10,) [kg, kg m, kg m2]."""
     mass, moment, six = phi[0], phi[1:4], phi[4:]
     tensor = np.zeros((3, 3))
     tensor[np.triu_indices(3)] = six

@@ -47,7 +47,7 @@ def room_of(
     upper: ArrayLike | None = None,
     velocity: ArrayLike | None = None,
 ) -> Room:
-    """Give the limits to stay within: the robot's own, or narrower ones (n,) [rad, m, rad/s, m/s].
+    """Return the limits to stay within: the robot's own, or narrower ones (n,) [rad, m, rad/s, m/s].
 
     Raises:
         InputError: A limit that neither the robot nor the caller gives, or one beyond the robot's.
@@ -87,7 +87,7 @@ def room_of(
 def static_poses(
     model: RobotModel, count: int, room: Room, rng: np.random.Generator, *, gravity: ArrayLike = LEVEL
 ) -> Excitation:
-    """Poses to hold, each the best of twenty random ones beside those before it (greedy log-determinant).
+    """Choose poses to hold, each the best of twenty random ones beside those before it (greedy log-determinant).
 
     Raises:
         InputError: Fewer poses than show all base parameters.
@@ -130,7 +130,7 @@ def fourier_motion(
     trials: int = 300,
     gravity: ArrayLike = LEVEL,
 ) -> Excitation:
-    """One period of a motion that begins and ends at rest, and shows full dynamics well.
+    """Design one period of a motion that begins and ends at rest, and shows full dynamics well.
 
     q_i = centre + sum_k a_k / (k w) sin k w t - b_k / (k w) cos k w t with w = 2 pi / period (Swevers et al., "Optimal
     robot excitation and identification", IEEE Trans. Robotics and Automation 13(5), 1997), coefficients by random

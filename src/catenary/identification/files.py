@@ -25,7 +25,7 @@ Card = dict[str, Any]
 
 
 def card_path(path: Path) -> Path:
-    """Where the readable copy of a parameter file's card stands: beside it."""
+    """Return the path of the readable copy of a parameter file's card, beside it."""
     return path.with_name(f"{path.stem}.card.json")
 
 
@@ -70,7 +70,7 @@ def identification_card(
 
 
 def residual_record(result: LogResidual) -> dict[str, Any]:
-    """Give a residual as plain data; NaN, on an axis without torque, is null."""
+    """Return a residual as plain data; NaN, on an axis without torque, is null."""
 
     def plain(values: Floats | None) -> list[float | None] | None:
         return None if values is None else [float(v) if np.isfinite(v) else None for v in values]

@@ -53,7 +53,7 @@ class Identification:
         qdd: ArrayLike | None = None,
         gravity: ArrayLike | None = None,
     ) -> Floats:
-        """Torques of a motion, known ones included: Y_b beta + known.
+        """Predict the torques of a motion, known ones included: Y_b beta + known.
 
         Args:
             q: (n,) or (N, n) [rad or m].
@@ -80,12 +80,12 @@ class Identification:
         return tau[0] if single else tau
 
     def predict_unknown(self, q: Floats, qd: Floats, qdd: Floats, gravity: Floats) -> Floats:
-        """Torques (N, n) less those that are known beforehand."""
+        """Predict torques (N, n) without those that are known beforehand."""
         parts = [slice(first, first + CHUNK) for first in range(0, max(len(q), 1), CHUNK)]
         return np.concatenate([self.base.regressor(q[p], qd[p], qdd[p], gravity) @ self.beta for p in parts])
 
     def test(self, samples: Sequence[Samples]) -> "Identification":
-        """Give the same with the verdict on recordings that were not fitted."""
+        """Return this identification with verdicts on recordings that were not fitted."""
         tests = []
         worst = np.max([r.relative_rms for r in self.training], axis=0)
         for part in samples:
@@ -94,13 +94,13 @@ class Identification:
         return replace(self, tests=(*self.tests, *tests))
 
     def compare(self, samples: Samples) -> LogResidual:
-        """Residual on a recording."""
+        """Compute the residual on a recording."""
         gravity = np.array(self.options.gravity)
         predicted = self.predict_unknown(samples.q, samples.qd, samples.qdd, gravity)
         return residual(samples, predicted, filter_of(self.model, self.options).period_samples)
 
     def robot(self) -> RobotModel:
-        """The robot with the identified inertia.
+        """Return the robot with the identified inertia.
 
         Raises:
             MissingInertiaError: The fit was not physically consistent: base parameters are combinations of links',

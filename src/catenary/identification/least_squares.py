@@ -24,18 +24,18 @@ class Triangles:
     independent: float  # rows that count, less what filters tie together
 
     def stacked(self, weights: Floats) -> Floats:
-        """R (b + 1, b + 1) of all axes together, each times its weight."""
+        """Return R (b + 1, b + 1) of all axes together, each times its weight."""
         b = self.R.shape[1]
         return _triangle((self.R * weights[:, None, None]).reshape(-1, b))
 
     def residual_rms(self, beta: Floats) -> Floats:
-        """RMS (n,) of tau - Y_b beta."""
+        """Return the RMS (n,) of tau - Y_b beta."""
         rms: Floats = np.linalg.norm(self.R @ np.append(-beta, 1.0), axis=1) / np.sqrt(self.rows)
         return rms
 
 
 def triangles(base: BaseParameters, gravity: Floats, samples: Sequence[Samples]) -> Triangles:
-    """Reduce recordings, a chunk at a time."""
+    """Reduce recordings to their triangles, a chunk at a time."""
     n, b = samples[0].q.shape[1], base.count
     R = np.zeros((n, 0, b + 1))
     for part in samples:
@@ -52,7 +52,7 @@ def triangles(base: BaseParameters, gravity: Floats, samples: Sequence[Samples])
 
 
 def weigh(weighting: Weighting, samples: Sequence[Samples], reduced: Triangles) -> Floats:
-    """Weight of each axis (n,) [1/Nm or 1/N]; an axis without any torque weighs as the weakest other.
+    """Return the weight of each axis (n,) [1/Nm or 1/N]; an axis without any torque weighs as the weakest other.
 
     range: one over the range of its torque; spread: over its standard deviation; residual: over the RMS of its
     residual, found by fitting twice more.
@@ -72,7 +72,7 @@ def weigh(weighting: Weighting, samples: Sequence[Samples], reduced: Triangles) 
 
 
 def one_over(size: Floats) -> Floats:
-    """Weights of axes by the size of their torque."""
+    """Return the weights of axes by the size of their torque."""
     floor = 1e-9 * float(size.max())
     if not floor > 0.0:
         raise InputError("the recordings' torques do not vary on any axis: there is nothing to identify from")
@@ -81,7 +81,7 @@ def one_over(size: Floats) -> Floats:
 
 
 def solve(R: Floats) -> Floats:
-    """Least squares from the triangle of [Y | tau]; dependent columns share."""
+    """Solve least squares from the triangle of [Y | tau]; dependent columns share."""
     b = R.shape[1] - 1
     scale = np.linalg.norm(R[:b, :b], axis=0)
     scale[scale == 0.0] = 1.0
@@ -91,7 +91,7 @@ def solve(R: Floats) -> Floats:
 
 
 def excitation(R: Floats) -> tuple[int, float, Floats]:
-    """Rank, condition number and weakest direction of a triangle whose columns are scaled to length one.
+    """Return rank, condition number and weakest direction of a triangle whose columns are scaled to length one.
 
     Returns:
         rank; condition, inf where a singular value is zero; the right singular vector (b,) of the smallest one.
@@ -104,7 +104,7 @@ def excitation(R: Floats) -> tuple[int, float, Floats]:
 
 
 def covariance(reduced: Triangles, weights: Floats, beta: Floats) -> Floats:
-    """Covariance (b, b) of beta, each axis with noise of its own.
+    """Return the covariance (b, b) of beta, each axis with noise of its own.
 
     H^-1 (sum_a w_a^4 s_a^2 Y_a' Y_a) H^-1 with H = sum_a w_a^2 Y_a' Y_a. Zero-phase filtering ties neighbouring rows
     together, so the rows that count are fewer: 2 cut-off / rate of them.

@@ -1,4 +1,4 @@
-"""Whether a recording can be of this robot, in rad, m and s: what is noticed before anything is fitted."""
+"""Checks, before anything is fitted, that a recording can be of this robot, in rad, m and s."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ SLOPES = (0.6, 1.6)  # of a velocity on that derivative; filtered velocities of 
 
 
 def check_log(log: MotionLog, model: RobotModel) -> None:
-    """Refuse a recording of other joints, without torques, or in other units by the look of its positions.
+    """Refuse a recording of other joints, without torques, or whose positions seem to be in other units.
 
     Raises:
         InputError: The message names the recording, the joint and what it looks like.

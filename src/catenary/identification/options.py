@@ -45,12 +45,12 @@ class IdentifyOptions:
 
 
 def actuation_of(model: RobotModel) -> Actuation:
-    """Give the robot's actuation; friction on every coordinate where its file says nothing."""
+    """Return the robot's actuation; friction on every coordinate where its file says nothing."""
     return default_actuation(model.joint_names) if model.actuation is None else model.actuation
 
 
 def filter_of(model: RobotModel, options: IdentifyOptions) -> SignalFilter:
-    """Give the filter: what the options say, the robot's file otherwise."""
+    """Return the filter: what the options say, the robot's file otherwise."""
     own = actuation_of(model).filter
     return SignalFilter(
         order=own.order if options.order is None else options.order,

@@ -76,7 +76,7 @@ def estimate_payload(
 def payload_candidates(
     result: Identification, loaded: Sequence[Samples], *, unloaded: Sequence[Samples] = ()
 ) -> tuple[PayloadEstimate, ...]:
-    """What every link would have to carry, in the order of how much of the residual it explains."""
+    """Estimate the payload on every link; the one that explains most of the residual first."""
     found = [_fit(result, loaded, unloaded, link, None) for link in result.base.parameters.links]
     return tuple(sorted(found, key=lambda payload: -payload.explained))
 
@@ -90,7 +90,7 @@ def _reach(model: RobotModel) -> float:
 
 
 def point_mass(position: Floats) -> Floats:
-    """Ten parameters (m, m c, I about the origin) of 1 kg at a place (3,) [m]."""
+    """Return the ten parameters (m, m c, I about the origin) of 1 kg at a place (3,) [m]."""
     tensor = position @ position * np.eye(3) - np.outer(position, position)
     return np.concatenate([[1.0], position, tensor[np.triu_indices(3)]])
 

@@ -57,13 +57,13 @@ def judge(test: LogResidual, training: Floats) -> Verdict:
 
 
 def rms(values: Floats) -> Floats:
-    """RMS of each column."""
+    """Return the RMS of each column."""
     result: Floats = np.sqrt(np.mean(values**2, axis=0))
     return result
 
 
 def relative(error: Floats, of: Floats) -> Floats:
-    """RMS of each column over that of another; NaN where that is zero."""
+    """Return the RMS of each column over that of another; NaN where that is zero."""
     size = rms(of)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(size > 0.0, rms(error) / size, np.nan)

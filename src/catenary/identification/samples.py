@@ -35,7 +35,7 @@ class Samples:
         return len(self.q)
 
     def rows(self, which: NDArray[np.bool_], name: str) -> "Samples":
-        """Give some of the rows under a name of their own."""
+        """Return some of the rows under another name."""
         chosen: dict[str, Floats] = {
             key: getattr(self, key)[which] for key in ("q", "qd", "qdd", "tau", "known", "time")
         }
@@ -126,7 +126,7 @@ def _segment(
 
 
 def alternate_blocks(samples: Samples, length: float) -> tuple[Samples, Samples]:
-    """Part a recording into every first and every second block of a length [s, or rows at rest].
+    """Split a recording into every first and every second block of a length [s, or rows at rest].
 
     Raises:
         InputError: It has not two blocks.

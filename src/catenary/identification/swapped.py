@@ -1,4 +1,4 @@
-"""Whether two axes of a recording stand in each other's columns."""
+"""Detection of two axes of a recording that stand in each other's columns."""
 
 from dataclasses import replace
 from itertools import combinations
@@ -17,7 +17,7 @@ WORSE = 1.2  # times what the other axes had is the most they may have then
 
 
 def swapped_axes(result: Identification, samples: Samples, *, refit: bool = False) -> tuple[int, int] | None:
-    """Give the pair of axes whose swapping back halves their residual in a recording; None when there is none.
+    """Return the pair of axes whose swapping back removes most of their residual, or None.
 
     Positions with velocities and torques are swapped, or torques alone.
 

@@ -24,7 +24,7 @@ class Block(Sequence[bytes]):
         self._ends = np.cumsum(lengths)
 
     def __len__(self) -> int:
-        """How many."""
+        """Return the number of messages."""
         return len(self.lengths)
 
     @overload
@@ -32,7 +32,7 @@ class Block(Sequence[bytes]):
     @overload
     def __getitem__(self, index: slice) -> list[bytes]: ...
     def __getitem__(self, index: int | slice) -> Any:
-        """Bytes of a message."""
+        """Return the bytes of a message, or a list of them."""
         if isinstance(index, slice):
             return [self[i] for i in range(*index.indices(len(self)))]
         end = self._ends[index]
@@ -46,7 +46,7 @@ class Block(Sequence[bytes]):
 
     @classmethod
     def joined(cls, blocks: Sequence["Block"]) -> "Block":
-        """All messages of several."""
+        """Return one block of all messages of several."""
         if len(blocks) == 1:
             return blocks[0]
         return cls(
@@ -56,7 +56,7 @@ class Block(Sequence[bytes]):
 
 
 def chunk_records(chunk: bytes) -> Records:
-    """Records of an unpacked chunk up to its last whole one, (N, 6).
+    """Return the records of an unpacked chunk up to its last whole one, (N, 6).
 
     Columns: op, connection, time [ns], where header, data and record begin, begin and end. Op is -1 of a record whose
     header makes no sense.
@@ -67,7 +67,7 @@ def chunk_records(chunk: bytes) -> Records:
 
 
 def gather(chunk: bytes, records: Records) -> Block:
-    """Messages of a chunk's records."""
+    """Return the messages of a chunk's records."""
     lengths = records[:, END] - records[:, DATA]
     out = np.empty(int(lengths.sum()), dtype=np.uint8)
     _copy(np.frombuffer(chunk, dtype=np.uint8), records, out)

@@ -238,7 +238,7 @@ def _blocks(source: Source, topics: Sequence[str]) -> Iterator[tuple[str, NDArra
 
 
 def _choose(sources: Sequence[Source], topics: Sequence[str] | None) -> tuple[dict[str, Topic], list[str]]:
-    """Topics to extract, by the name they have in the recording, and what is left out."""
+    """Choose the topics to extract, by the name they have in the recording, and say what is left out."""
     there = {t.name: t.type for source in sources for t in source.topics}
     names = {name.strip("/"): name for name in there}
     missing = [name for name in topics or () if name.strip("/") not in names]

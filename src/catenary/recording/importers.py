@@ -146,7 +146,7 @@ def numbers_of(
     *,
     gaps: bool = False,
 ) -> NDArray[np.float64]:
-    """Take one array of a file as numbers.
+    """Return one array of a file as numbers.
 
     Args:
         path: The file, for messages, which name the array as the file does.
@@ -174,7 +174,7 @@ def numbers_of(
 
 
 def is_number(text: str) -> bool:
-    """Whether a cell of a table in text is a number; NaN and infinity are."""
+    """Return true for a cell of a text table that is a number; NaN and infinity are."""
     try:
         float(text)
     except ValueError:

@@ -22,9 +22,8 @@ from catenary.errors import InputError, RecordingError
 from catenary.recording.messages import fields, full_definition, md5_sum
 
 MAGIC = b"catenary journal 1\n"
-HEAD = Struct(
-    "<4sIIHHQq"
-)  # marker, checksum of all that follows, bytes of data, topic, 0, number, stamp [ns]
+# marker, checksum of all that follows, bytes of data, topic, 0, number, stamp [ns]
+HEAD = Struct("<4sIIHHQq")
 MARKER = b"\xc7REC"
 HEADER, FOOTER = 0xFFFF, 0xFFFE  # in place of a topic's index
 FLUSH_INTERVAL = 0.5  # [s] a crash loses at most this and what the disk takes to write it
@@ -53,15 +52,8 @@ class About:
     configuration: Mapping[str, Any] = field(default_factory=dict)
 
     def as_json(self) -> str:
-        """Text that `from_json` reads."""
-        return json.dumps(
-            {
-                "robot": self.robot,
-                "simulated": self.simulated,
-                "seed": self.seed,
-                "configuration": dict(self.configuration),
-            }
-        )
+        """Return JSON text of what `from_mapping` reads."""
+        return json.dumps(vars(self) | {"configuration": dict(self.configuration)})
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> Self:
@@ -75,7 +67,7 @@ class About:
 
 
 def record_bytes(topic: int, number: int, stamp: int, data: bytes) -> bytes:
-    """One record."""
+    """Return the bytes of one record."""
     rest = _REST.pack(len(data), topic, 0, number, stamp)
     return b"".join((MARKER, crc32(data, crc32(rest)).to_bytes(4, "little"), rest, data))
 
@@ -151,12 +143,9 @@ class JournalWriter:
             self._fail()
         if self._closed:
             raise InputError(f"{self.folder}: is closed")
-        try:
-            index = self._index[topic]
-        except KeyError:
-            raise InputError(
-                f'topic "{topic}": not in this recording, which has {", ".join(self._index)}'
-            ) from None
+        index = self._index.get(topic)
+        if index is None:
+            raise InputError(f'topic "{topic}": not in this recording, which has {", ".join(self._index)}')
         if len(data) > MAX_RECORD:
             raise InputError(f'topic "{topic}": {len(data)} bytes, expected {MAX_RECORD} at most')
         with self._append_lock:
@@ -170,7 +159,7 @@ class JournalWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Bring everything to the disk.
+        """Write everything to the disk.
 
         Raises:
             RecordingError: The disk is full or failed.
@@ -219,12 +208,7 @@ class JournalWriter:
         header = {
             "format": "catenary.journal.1",
             "topics": [
-                {
-                    "name": t.name,
-                    "type": t.type,
-                    "md5": md5_sum(t.type),
-                    "definition": full_definition(t.type),
-                }
+                t._asdict() | {"md5": md5_sum(t.type), "definition": full_definition(t.type)}
                 for t in self._topics
             ],
             **json.loads(self._about.as_json()),

@@ -64,7 +64,7 @@ class JournalReader:
         return self.report.problems
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
-        """Give topic, arrival stamp [ns] and bytes of every whole message, in the order of arrival.
+        """Yield topic, arrival stamp [ns] and bytes of every whole message, in the order of arrival.
 
         Args:
             topics: Those to give; None for all. All are counted.
@@ -119,7 +119,7 @@ class JournalReader:
 
 
 def survey_journal(path: Path) -> JournalReport:
-    """Read a journal to its end and give what was found.
+    """Read a journal to its end and report what was found.
 
     Raises:
         FileFormatError: It cannot be opened at all.
@@ -131,7 +131,7 @@ def survey_journal(path: Path) -> JournalReport:
 
 
 def _records(file: Path, report: JournalReport) -> Iterator[_Record]:
-    """Give the whole records of a file; what lies between them goes into the report."""
+    """Yield the whole records of a file; what lies between them goes into the report."""
     with file.open("rb") as opened:
         size = opened.seek(0, 2)
         if size == 0:  # killed between making the file and writing to it
@@ -160,7 +160,7 @@ def _records(file: Path, report: JournalReport) -> Iterator[_Record]:
 
 
 def _record_at(content: mmap.mmap, position: int, size: int) -> _Record | None:
-    """Record that begins there, or None when none does or it is not whole."""
+    """Return the record that begins there, or None when none does or it is not whole."""
     start = position + HEAD.size
     if start > size:
         return None
@@ -174,7 +174,7 @@ def _record_at(content: mmap.mmap, position: int, size: int) -> _Record | None:
 
 
 def _next_record(content: mmap.mmap, position: int) -> int | None:
-    """Where the next whole record begins, or None."""
+    """Return where the next whole record begins, or None."""
     size = len(content)
     while (position := content.find(MARKER, position)) >= 0:
         if _record_at(content, position, size) is not None:

@@ -91,7 +91,7 @@ class _Walk:
 
 
 def layout_of(name: str, data: bytes, encoding: Encoding) -> np.dtype[np.void]:
-    """Structured type that reads this message and all others with strings and sequences of the same lengths.
+    """Return the structured type that reads this message and all others with strings and sequences of the same lengths.
 
     Field names are paths such as `header.stamp.sec` or `position`; `#position` is the length that is stored.
 
@@ -162,7 +162,7 @@ def _blank(name: str, texts: tuple[tuple[str, str], ...], counts: tuple[tuple[st
 def blank_messages(
     name: str, number: int, texts: Mapping[str, str], counts: Mapping[str, int]
 ) -> NDArray[np.void]:
-    """Give ROS 1 messages with all numbers zero, to be filled by field and cut into bytes.
+    """Return ROS 1 messages with all numbers zero, to be filled field by field.
 
     Args:
         name: Message type.

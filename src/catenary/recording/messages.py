@@ -74,7 +74,7 @@ class Field(NamedTuple):
 
 
 def current_name(name: str) -> str:
-    """Name that catenary uses for a type: ROS 1's, without ROS 2's `/msg/`, in its present spelling."""
+    """Return the name that catenary uses for a type: ROS 1's, without ROS 2's `/msg/`, in its present spelling."""
     plain = name.replace("/msg/", "/")
     return OLD_NAMES.get(plain, plain)
 

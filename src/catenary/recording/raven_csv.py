@@ -19,16 +19,25 @@ from catenary.arrays import Floats, as_array
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.extract import topic_file
 from catenary.recording.importers import is_number
-from catenary.recording.series import SECOND, Series, clean_series
+from catenary.recording.series import Series, clean_series
 from catenary.recording.synchronise import (
     Synchronisation,
     SynchroniseOptions,
     build_log,
-    measured_topic,
     open_state,
     read_series,
 )
-from catenary.recording.topics import AXES, EXT_JPOS, JOINTS, RAVENSTATE, Arm, Topic, TopicColumn
+from catenary.recording.topics import (
+    AXES,
+    EXT_JPOS,
+    JOINTS,
+    RAVENSTATE,
+    SECOND,
+    Arm,
+    Topic,
+    TopicColumn,
+    measured_topic,
+)
 
 STATE_FIELDS = (
     "jpos", "runlevel", "sublevel", "last_seq", "type", "pos", "ori", "ori_d", "pos_d", "encVals", "dac_val", "tau",

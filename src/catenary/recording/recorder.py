@@ -47,7 +47,7 @@ class Throttle:
         self._last: float | None = None
 
     def pick(self, time: Floats) -> NDArray[np.int64]:
-        """Give the ticks at which a message goes out: the first at or after each instant, once.
+        """Return the ticks at which a message goes out: the first at or after each instant, once.
 
         Args:
             time: (N,) [s] ascending, after all times that were given before.

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.errors import InputError
+from catenary.recording.topics import SECOND
 
-SECOND = 1_000_000_000  # [ns]
 WIDE = 3.0  # intervals that a gap is long, at least; a slow topic has no gaps merely for being slow
 OFFSET = 0.005  # [s] of a clock against the arrival of messages that is worth a note
 
@@ -23,14 +23,12 @@ class TopicReport:
     messages: int  # as recorded
     rate: float  # [Hz] of what is left, gaps left out; nan for fewer than two
     jitter: float  # [s] standard deviation of the intervals, gaps left out
-    gaps: tuple[
-        tuple[float, float], ...
-    ]  # [s] where each begins, from the first state message or sample, and its length
+    # [s] where each begins, from the first state message or sample, and its length
+    gaps: tuple[tuple[float, float], ...]
     repeated: int  # stamps that were there before; dropped
     shuffled: int  # messages that came after one with a later stamp; sorted
-    clock_offset: (
-        float  # [s] median of arrival minus stamp: transport, and what the clocks differ by; nan if unknown
-    )
+    # [s] median of arrival minus stamp: transport, and what the clocks differ by; nan if unknown
+    clock_offset: float
     stamped_by_arrival: bool  # messages carried no stamps
 
     @property
@@ -39,7 +37,7 @@ class TopicReport:
         return max((length for _, length in self.gaps), default=0.0)
 
     def notes(self) -> list[str]:
-        """What a reader should know, in words."""
+        """Return what a reader should know, in words."""
         notes = []
         if self.gaps:
             notes.append(f"{self.topic}: {len(self.gaps)} gap(s), the longest {self.longest_gap:.3f} s")
@@ -75,7 +73,7 @@ class StoppedEncoder:
     moved: float  # [rad|m] that the motor moved meanwhile
 
     def note(self) -> str:
-        """It, in words."""
+        """Return this in words."""
         return (
             f"encoder of {self.joint}: stood still from {self.start:.2f} s for {self.length:.2f} s while the robot "
             f"reported {self.moved:.4f} of motion; ok is cleared there"
@@ -145,7 +143,7 @@ def clean_series(
 
 
 def interpolate(series: Series, stamp: NDArray[np.int64], max_gap: float) -> tuple[Floats, NDArray[np.bool_]]:
-    """Give values at other stamps, on the straight line between the two samples around each.
+    """Return values at other stamps, on the straight line between the two samples around each.
 
     Returns:
         Values (N, k), NaN where the neighbours lie further apart than `max_gap` [s] or one is missing, and (N,)

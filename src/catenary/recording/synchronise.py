@@ -23,13 +23,11 @@ from catenary.recording.series import (
 from catenary.recording.topics import (
     AXES,
     EXT_JPOS,
-    GOLD_MEASURED_JS,
-    GREEN_MEASURED_JS,
     RAVENSTATE,
     RAVENSTATE_100HZ,
     SECOND,
     Arm,
-    Topic,
+    measured_topic,
 )
 from catenary.transmission.coupling import joint_forces
 
@@ -43,11 +41,8 @@ JOINT_TORQUE: Mapping[str, float] = {
     "shoulder": 136.1963 / 12.25, "elbow": 121.5221 / 12.25, "insertion": 2158.590 / 12.25,  # [1], [1], [1/m]
     "roll": 5.395176 * 7 / 26, "wrist": 8.991960 * 7 / 26, "jaw1": 8.991960 * 7 / 26, "jaw2": 8.991960 * 7 / 26,
 }  # fmt: skip
-
-
-COUPLING = np.array(
-    [0.14545, 0.0077973826, 0.008077387]
-)  # c01, c02, c12 [raven2 source] rad/rad, m/rad, m/rad
+# c01, c02, c12 [raven2 source] rad/rad, m/rad, m/rad
+COUPLING = np.array([0.14545, 0.0077973826, 0.008077387])
 
 
 @dataclass(frozen=True)
@@ -57,11 +52,8 @@ class SynchroniseOptions:
     arm: Arm = "gold"
     max_gap: float = 0.05  # [s] between two samples that are interpolated between
     stopped_after: float = 0.5  # [s] that an encoder stays put while its motor moves
-    moved: Sequence[float] = (
-        0.02,
-        0.02,
-        0.001,
-    )  # [rad, rad, m] by which it must: more than slack and stretch give
+    # [rad, rad, m] by which the motor must move: more than slack and stretch give
+    moved: Sequence[float] = (0.02, 0.02, 0.001)
 
 
 @dataclass(frozen=True)
@@ -137,7 +129,7 @@ def build_log(
     further: Mapping[str, Floats] | None = None,
     further_units: Mapping[str, str] | None = None,
 ) -> Synchronisation:
-    """Make the log of an arm from series that are clean.
+    """Build the log of an arm from cleaned series.
 
     Args:
         name: Of the log.
@@ -194,11 +186,6 @@ def build_log(
         notes=tuple(notes),
     )
     return Synchronisation(log, reports, stopped, int((~ok).sum()), int((~whole).sum()))
-
-
-def measured_topic(arm: Arm) -> Topic:
-    """Topic of an arm's measured_js."""
-    return GOLD_MEASURED_JS if arm == "gold" else GREEN_MEASURED_JS
 
 
 def open_state(folder: Path) -> TopicFile:

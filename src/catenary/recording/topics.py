@@ -21,16 +21,8 @@ from catenary.recording.layout import COUNT, Encoding, blank_messages, read_mess
 from catenary.recording.messages import current_name
 
 Arm = Literal["gold", "green"]
-AXES = (
-    "shoulder",
-    "elbow",
-    "insertion",
-    "unused",
-    "roll",
-    "wrist",
-    "jaw1",
-    "jaw2",
-)  # of 8 channels of an arm
+# of 8 channels of an arm
+AXES = ("shoulder", "elbow", "insertion", "unused", "roll", "wrist", "jaw1", "jaw2")
 JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")  # of measured_js
 MEASURED_JS: Mapping[Arm, str] = {"gold": "/arm2/measured_js", "green": "/arm1/measured_js"}
 SECOND = 1_000_000_000  # [ns]
@@ -80,9 +72,8 @@ class Samples:
     """N messages of one topic, decoded."""
 
     stamp: NDArray[np.int64]  # (N,) [ns] from the header
-    columns: Mapping[
-        str, NDArray[np.float64] | NDArray[np.int32]
-    ]  # (N, width), SI; NaN where a message has none
+    # (N, width), SI; NaN where a message has none
+    columns: Mapping[str, NDArray[np.float64] | NDArray[np.int32]]
 
 
 def _per_joint(unit: str, metres: str) -> tuple[str, ...]:
@@ -169,30 +160,32 @@ ABOUT_TYPE = "std_msgs/String"
 
 
 def topic_named(name: str) -> Topic | None:
-    """Topic of that name, with or without its leading slash, or None."""
+    """Return the topic of that name, with or without its leading slash, or None."""
     return next((topic for topic in TOPICS if topic.name.strip("/") == name.strip("/")), None)
 
 
 def raven_topics(arm: Arm = "gold", *, state_rate: float = 30.0) -> tuple[Topic, ...]:
-    """Topics of a calibration recording of one arm.
+    """Return the topics of a calibration recording of one arm.
 
     Raises:
         InputError: The rate is not positive.
     """
     if not state_rate > 0.0:
         raise InputError(f"rate of /ravenstate: expected a positive number of Hz, got {state_rate}")
-    if state_rate == RAVENSTATE_100HZ.rate:
-        state = RAVENSTATE_100HZ
-    else:
-        state = replace(RAVENSTATE, rate=state_rate)
-    measured = GOLD_MEASURED_JS if arm == "gold" else GREEN_MEASURED_JS
-    return (state, measured, EXT_JPOS, JOINT_ENC)
+    is_fast = state_rate == RAVENSTATE_100HZ.rate
+    state = RAVENSTATE_100HZ if is_fast else replace(RAVENSTATE, rate=state_rate)
+    return (state, measured_topic(arm), EXT_JPOS, JOINT_ENC)
+
+
+def measured_topic(arm: Arm) -> Topic:
+    """Return the topic of an arm's measured_js."""
+    return GOLD_MEASURED_JS if arm == "gold" else GREEN_MEASURED_JS
 
 
 def encode(
     topic: Topic, stamp: NDArray[np.int64], columns: Mapping[str, Floats], *, first_seq: int = 0
 ) -> NDArray[np.void]:
-    """Give N messages of a topic, each element the bytes of one.
+    """Return N messages of a topic, each element the bytes of one.
 
     Args:
         topic: What to make.
@@ -207,9 +200,7 @@ def encode(
     if missing:
         raise InputError(f"topic {topic.name}: telemetry lacks {', '.join(missing)}")
     texts = {f"name.{i}": name for i, name in enumerate(topic.joint_names)}
-    counts = {c.path: c.width for c in topic.columns if c.name in columns} if texts else {}
-    if texts:
-        counts["name"] = len(texts)
+    counts = {c.path: c.width for c in topic.columns if texts and c.name in columns} | {"name": len(texts)}
     messages = blank_messages(topic.type, len(stamp), texts, counts)
     if len(stamp) and (stamp.min() < 0 or stamp.max() // SECOND > np.iinfo(np.uint32).max):
         raise InputError(
@@ -288,7 +279,7 @@ def require_topics(where: Path | str, asked: Iterable[str] | None, there: Iterab
 
 
 def wrong_type(topic: Topic, found: str) -> FileFormatError | None:
-    """Error to raise when a topic carries another type than it should, or None."""
+    """Return the error to raise when a topic carries another type than it should, or None."""
     if current_name(found) == topic.type:
         return None
     return FileFormatError(f"topic {topic.name}: expected {topic.type}, got {found}")

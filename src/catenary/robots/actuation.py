@@ -111,7 +111,7 @@ class Actuation:
         return (*self.friction, *self.motor_inertia, *self.springs, *self.known_torques)
 
     def moves(self, coordinate: int) -> bool:
-        """Whether any effect acts on a coordinate."""
+        """Tell whether any effect acts on a coordinate."""
         return any(term.combination[coordinate] != 0.0 for term in self.terms)
 
 

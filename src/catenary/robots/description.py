@@ -10,7 +10,7 @@ from catenary.robots.model import BASE
 
 
 def read_description(path: Path) -> bytes:
-    """Give a file's content.
+    """Return a file's content.
 
     Raises:
         FileFormatError: The file is missing or cannot be read.
@@ -24,13 +24,13 @@ def read_description(path: Path) -> bytes:
 
 
 def file_source(path: Path, content: bytes) -> str:
-    """Say which file a model comes from, so that a copy can be told from another version."""
+    """Return a line on which file a model comes from, so that a copy can be told from another version."""
     return f"{path.name}, sha256 {sha256(content).hexdigest()}"
 
 
 @contextmanager
 def naming_the_file(where: str) -> Iterator[None]:
-    """Let complaints about a model's numbers open with the file that holds them."""
+    """Prefix errors about a model's numbers with the file that holds them."""
     try:
         yield
     except InputError as error:
@@ -42,7 +42,7 @@ def naming_the_file(where: str) -> Iterator[None]:
 def names_beside_base(
     names: Iterable[str], *, taken: Iterable[str] = (), mark: str = "file"
 ) -> dict[str, str]:
-    """Give each of a file's names the one it has in the model: its own, marked where that is taken.
+    """Map a file's names to those in the model: the same, marked where that is taken.
 
     "base" always means the frame that everything hangs on; another link of that name becomes "base (file)".
     """
@@ -51,11 +51,11 @@ def names_beside_base(
 
 
 def renaming_notes(names: Mapping[str, str]) -> list[str]:
-    """Say which of a file's names are others in the model."""
+    """Return notes on names that differ between the file and the model."""
     return [f'"{old}" of the file is named "{new}" here' for old, new in names.items() if old != new]
 
 
 def left_out(what: str, where: Iterable[str]) -> list[str]:
-    """Give one line on something that the model leaves out, or none when there is nothing."""
+    """Return one line on something that the model leaves out, or none when there is nothing."""
     names = list(where)
     return [f"left out: {what} ({', '.join(names)})"] if names else []

@@ -36,7 +36,7 @@ TREE_SHAPES: dict[str, tuple[int, ...]] = {
 
 
 def robot_record(model: RobotModel) -> dict[str, Any]:
-    """Give a robot as what JSON can hold; limits that are not there are null."""
+    """Return a robot as plain data for JSON; infinite limits are null."""
     return {
         "name": model.name,
         "tip": model.tip,
@@ -53,7 +53,7 @@ def robot_record(model: RobotModel) -> dict[str, Any]:
 
 
 def robot_from_record(record: dict[str, Any]) -> RobotModel:
-    """Give the robot back.
+    """Return the robot of a record.
 
     Raises:
         FileFormatError: Something is missing, or arrays do not fit together.
@@ -106,7 +106,7 @@ def robot_from_record(record: dict[str, Any]) -> RobotModel:
 
 
 def _listed(values: Floats) -> list[Any]:
-    """Give an array as lists, null where it is infinite."""
+    """Return an array as lists, None where it is infinite."""
     if values.ndim > 1:
         return [_listed(row) for row in values]
     return [float(v) if np.isfinite(v) else None for v in values]

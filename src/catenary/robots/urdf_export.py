@@ -29,7 +29,7 @@ def write_urdf(model: RobotModel, path: Path) -> None:
 
 
 def urdf_text(model: RobotModel) -> str:
-    """Give a robot as URDF: a joint that follows another is a mimic joint, named frames are fixed links.
+    """Return a robot as URDF: a joint that follows another is a mimic joint, named frames are fixed links.
 
     Coordinates that move no link (motors that carry friction only) have no place in URDF and are left out, and so is
     the actuation.

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, make_interp_spline
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, as_array, as_positive
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.errors import InputError, LimitError, UnreachablePoseError
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
-from catenary.trajectories.reference import Reference
+from catenary.trajectories.reference import SampledTrajectory
 from catenary.trajectories.smoothed_path import SmoothedPath
 
 AMPLITUDE = 3.1 * 0.0254  # [m] dynamic-gravity-compensation paper, section IV
@@ -32,7 +32,7 @@ _FASTEST = {"rad": 10.0, "m": 1.0}  # [rad/s], [m/s], ours
 _DEGREE = 5  # of the splines: position to acceleration are smooth, and zero at both ends where they must be
 
 
-class CartesianSinusoids:
+class CartesianSinusoids(SampledTrajectory):
     """A trajectory that moves a robot's tip along the axes of its base frame, one after the other.
 
     Its joint positions come from inverse kinematics every `step` seconds, joined by splines of degree 5; all
@@ -69,9 +69,9 @@ class CartesianSinusoids:
             InputError: An argument has another shape or is outside its range.
         """
         start = as_array("q_start", q_start, (model.n,))
-        swing, seconds = _positive("amplitude", amplitude), _positive("period", period)
-        ramp = 0.25 * seconds if ramp is None else _positive("ramp", ramp)
-        step = _positive("step", step)
+        swing, seconds = as_positive("amplitude", amplitude), float(as_positive("period", period))
+        ramp = 0.25 * seconds if ramp is None else float(as_positive("ramp", ramp))
+        step = float(as_positive("step", step))
         if cycles < 1:
             raise InputError(f"cycles: expected at least 1, got {cycles}")
         if not axes or any(axis not in ("x", "y", "z") for axis in axes):
@@ -93,20 +93,11 @@ class CartesianSinusoids:
 
     @property
     def duration(self) -> float:
-        """Time until the tip is at rest at the start again after the last axis [s]."""
+        """Return the time until the tip is at rest at the start again after the last axis [s]."""
         return self._duration
 
-    def __call__(self, t: float) -> Reference:
-        """Reference at `t` [s] after the start."""
-        q, qd, qdd = self.sample(as_array("t", t, ()).reshape(1))
-        return Reference(q[0], qd[0], qdd[0])
-
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """References at many times: q, qd, qdd, each (N, n), at `times` (N,) [s].
-
-        Raises:
-            InputError: `times` has another shape or is not finite.
-        """
+        """Return references at many times (N,) [s]: q, qd, qdd, each (N, n)."""
         t = as_array("times", times, (None,))
         inside = np.clip(t, 0.0, self._duration)
         q, qd, qdd = self._q(inside), self._qd(inside), self._qdd(inside)
@@ -115,7 +106,7 @@ class CartesianSinusoids:
         return q, qd, qdd
 
     def tip_positions(self, times: ArrayLike) -> Floats:
-        """Where the tip is meant to be in the base frame, (N, 3) [m], at `times` (N,) [s]."""
+        """Return where the tip is meant to be in the base frame, (N, 3) [m], at `times` (N,) [s]."""
         phases, _, _ = self._phases.sample(times)
         positions: Floats = self._start.position + np.sin(phases) @ self._swing
         return positions
@@ -170,10 +161,3 @@ def _phases(axes: int, period: float, cycles: int, ramp: float) -> SmoothedPath:
     times = np.sort(np.concatenate([begins, begins + runs]))
     phases = np.where(times[:, np.newaxis] > begins, 2.0 * np.pi * cycles, 0.0)
     return SmoothedPath.through(times, phases, ramp)
-
-
-def _positive(name: str, value: float) -> float:
-    number = float(as_array(name, value, ()))
-    if not number > 0.0:
-        raise InputError(f"{name}: expected more than 0, got {number}")
-    return number

@@ -7,10 +7,10 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
-from catenary.trajectories.reference import Reference, Trajectory
+from catenary.trajectories.reference import SampledTrajectory, Trajectory
 
 
-class Embedded:
+class Embedded(SampledTrajectory):
     """A trajectory of the joints numbered `joints`, the others held at `q_hold`."""
 
     def __init__(self, trajectory: Trajectory, joints: Sequence[int], q_hold: ArrayLike) -> None:
@@ -36,26 +36,13 @@ class Embedded:
 
     @property
     def duration(self) -> float:
-        """Of the trajectory [s]."""
+        """Return the trajectory's duration [s]."""
         return self._trajectory.duration
 
-    def __call__(self, t: float) -> Reference:
-        """Reference of all joints at `t` [s]."""
-        q, qd, qdd = self._trajectory(t)
-        full = self._hold.copy(), np.zeros_like(self._hold), np.zeros_like(self._hold)
-        for whole, part in zip(full, (q, qd, qdd), strict=True):
-            whole[self._joints] = part
-        return Reference(*full)
-
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """References at many times (N,) [s]: q, qd, qdd, each (N, n)."""
+        """Return references of all joints at many times (N,) [s]: q, qd, qdd, each (N, n)."""
         parts = self._trajectory.sample(times)
-        rows = len(parts[0])
-        full = (
-            np.tile(self._hold, (rows, 1)),
-            np.zeros((rows, len(self._hold))),
-            np.zeros((rows, len(self._hold))),
-        )
-        for whole, part in zip(full, parts, strict=True):
-            whole[:, self._joints] = part
-        return full
+        full = np.zeros((3, len(parts[0]), len(self._hold)))
+        full[0] = self._hold
+        full[:, :, self._joints] = parts
+        return full[0], full[1], full[2]

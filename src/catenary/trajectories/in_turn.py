@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
-from catenary.trajectories.reference import Reference, Trajectory
+from catenary.trajectories.reference import Reference, SampledTrajectory, Trajectory
 
 _NEAR = 1e-9  # [rad|m] rounding, between the end of one motion and the start of the next
 
 
-class Rest:
+class Rest(SampledTrajectory):
     """Standing still for a while."""
 
     def __init__(self, q: ArrayLike, duration: float) -> None:
@@ -30,16 +30,11 @@ class Rest:
 
     @property
     def duration(self) -> float:
-        """How long [s]."""
+        """Return how long [s]."""
         return self._duration
 
-    def __call__(self, t: float) -> Reference:
-        """Reference at `t` [s]: always the same."""
-        as_array("time", t, ())
-        return Reference(self._q.copy(), np.zeros(len(self._q)), np.zeros(len(self._q)))
-
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """References at many times (N,) [s]: q, qd, qdd, each (N, n)."""
+        """Return references at many times (N,) [s], all the same: q, qd, qdd, each (N, n)."""
         rows = len(as_array("times", times, (None,)))
         shape = rows, len(self._q)
         return np.tile(self._q, (rows, 1)), np.zeros(shape), np.zeros(shape)
@@ -69,22 +64,22 @@ class InTurn:
 
     @property
     def duration(self) -> float:
-        """Of all of them [s]."""
+        """Return the duration of all of them [s]."""
         return self._duration
 
     @property
     def starts(self) -> tuple[float, ...]:
-        """When each begins [s]."""
+        """Return when each begins [s]."""
         return tuple(self._starts)
 
     def __call__(self, t: float) -> Reference:
-        """Reference at `t` [s]."""
+        """Return the reference at `t` [s]."""
         at = float(as_array("time", t, ()))
         k = max(0, bisect_right(self._starts, at) - 1)
         return self._parts[k](self._local(k, at))
 
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """References at many times (N,) [s]: q, qd, qdd, each (N, n)."""
+        """Return references at many times (N,) [s]: q, qd, qdd, each (N, n)."""
         at = as_array("times", times, (None,))
         which = np.maximum(np.searchsorted(self._starts, at, side="right") - 1, 0)
         n = len(self._parts[0](0.0).q)

@@ -3,8 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array
-from catenary.errors import InputError
+from catenary.arrays import as_array, as_positive
 from catenary.trajectories.smoothed_path import PEAK, BrokenLine, SmoothedPath
 
 
@@ -16,7 +15,7 @@ def go_to(
     max_acceleration: ArrayLike,
     together: bool = True,
 ) -> SmoothedPath:
-    """Shortest smooth motion from rest at one joint position to rest at another.
+    """Return the shortest smooth motion from rest at one joint position to rest at another.
 
     The velocity rises and falls as a smoothstep over 3/2 v/a and is constant between; where the way is too
     short to reach max_velocity v it turns to fall at once, at the greatest speed that acceleration a allows.
@@ -35,8 +34,8 @@ def go_to(
     start = as_array("q_start", q_start, (None,))
     n = len(start)
     goal = as_array("q_goal", q_goal, (n,))
-    velocity = as_bound("max_velocity", max_velocity, n)
-    acceleration = as_bound("max_acceleration", max_acceleration, n)
+    velocity = as_positive("max_velocity", max_velocity, (n,))
+    acceleration = as_positive("max_acceleration", max_acceleration, (n,))
     way = np.abs(goal - start)
     moving = way > 0.0
     if together and moving.any():
@@ -56,18 +55,6 @@ def go_to(
             for j in range(n)
         ]
     )
-
-
-def as_bound(name: str, values: ArrayLike, n: int) -> Floats:
-    """Give a bound (n,) on each joint's speed or acceleration.
-
-    Raises:
-        InputError: Another shape, not finite or not positive.
-    """
-    bound = as_array(name, values, (n,))
-    if not (bound > 0.0).all():
-        raise InputError(f"{name}: expected more than 0 for every joint, got {bound}")
-    return bound
 
 
 def _fastest(way: float, velocity: float, acceleration: float) -> tuple[float, float]:

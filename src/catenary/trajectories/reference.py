@@ -1,10 +1,11 @@
-"""What a trajectory gives: position, velocity and acceleration of every joint at a time."""
+"""The interface of a trajectory: position, velocity and acceleration of every joint at a time."""
 
+from abc import ABC, abstractmethod
 from typing import NamedTuple, Protocol
 
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, as_array
 
 
 class Reference(NamedTuple):
@@ -25,9 +26,26 @@ class Trajectory(Protocol):
     def duration(self) -> float: ...  # noqa: D102  [s]
 
     def __call__(self, t: float) -> Reference:
-        """Reference at `t` [s] after the start."""
+        """Return the reference at `t` [s] after the start."""
         ...
 
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """References at many times: q, qd, qdd, each (N, n), at `times` (N,) [s]."""
+        """Return references at many times (N,) [s]: q, qd, qdd, each (N, n)."""
         ...
+
+
+class SampledTrajectory(ABC):
+    """A trajectory that is a function of many times; one time is a sample of one."""
+
+    def __call__(self, t: float) -> Reference:
+        """Return the reference at `t` [s] after the start."""
+        q, qd, qdd = self.sample(as_array("t", t, ()).reshape(1))
+        return Reference(q[0], qd[0], qdd[0])
+
+    @abstractmethod
+    def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """Return references at many times (N,) [s]: q, qd, qdd, each (N, n).
+
+        Raises:
+            InputError: `times` has another shape or is not finite.
+        """

@@ -9,7 +9,7 @@ and 20 mm of the box's ends, speeds of 1.1 to 3 deg/s, 1.5 to 4 deg/s and 2.5 to
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import as_array, frozen
+from catenary.arrays import as_array, as_positive, frozen
 from catenary.errors import InputError
 from catenary.trajectories.calibration_box import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.trajectories.smoothed_path import BrokenLine, SmoothedPath
@@ -31,7 +31,7 @@ def random_sinusoids(
     fastest: ArrayLike = FASTEST,
     turn_time: float = TURN_TIME,
 ) -> SmoothedPath:
-    """Random motion of each joint by itself, turning near the ends of its range.
+    """Return a random motion of each joint by itself, turning near the ends of its range.
 
     A joint starts at rest at a random turning point near one end, crosses to a random point near the other at
     a random constant speed, slows down to rest within `turn_time`, turns, and speeds up within `turn_time`.
@@ -57,15 +57,13 @@ def random_sinusoids(
     band = as_array("turning_band", turning_band, (n,))
     slow, fast = as_array("slowest", slowest, (n,)), as_array("fastest", fastest, (n,))
     total = float(as_array("duration", duration, ()))
-    turn = float(as_array("turn_time", turn_time, ()))
+    turn = float(as_positive("turn_time", turn_time))
     if n == 0 or not (low < high).all():
         raise InputError(f"lower, upper: expected lower below upper for each joint, got {low} and {high}")
     if not ((0.0 <= band) & (2.0 * band < high - low)).all():
         raise InputError(f"turning_band: expected 0 to less than half of {high - low}, got {band}")
     if not ((0.0 < slow) & (slow <= fast)).all():
         raise InputError(f"slowest, fastest: expected 0 < slowest <= fastest, got {slow} and {fast}")
-    if not turn > 0.0:
-        raise InputError(f"turn_time: expected more than 0 s, got {turn}")
     if not total >= 2.0 * turn:
         raise InputError(f"duration: expected at least two turn times, {2.0 * turn} s, got {total}")
     return SmoothedPath(

@@ -18,10 +18,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, as_array, as_positive
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
-from catenary.trajectories.reference import Reference
+from catenary.trajectories.reference import SampledTrajectory
 
 PEAK = 1.5  # largest value of w: acceleration / (velocity change / blend)
 
@@ -44,7 +44,7 @@ class _Lines(NamedTuple):
     blends: Floats  # (n,) [s]
 
 
-class SmoothedPath:
+class SmoothedPath(SampledTrajectory):
     """A trajectory along one broken line per joint, its corners rounded."""
 
     def __init__(self, lines: Sequence[BrokenLine]) -> None:
@@ -60,12 +60,10 @@ class SmoothedPath:
         for j, line in enumerate(lines):
             line_times = as_array(f"lines[{j}] times", line.times, (None,))
             line_points = as_array(f"lines[{j}] points", line.points, (len(line_times),))
-            blend = float(as_array(f"lines[{j}] blend", line.blend, ()))
+            blend = float(as_positive(f"lines[{j}] blend", line.blend))
             steps = np.diff(line_times)
             if len(line_times) == 0 or not (steps > 0.0).all():
                 raise InputError(f"lines[{j}] times: expected at least one, each later than the one before")
-            if not blend > 0.0:
-                raise InputError(f"lines[{j}] blend: expected more than 0 s, got {blend}")
             times.append(line_times)
             points.append(line_points)
             slopes.append(np.append(np.diff(line_points) / steps, 0.0))
@@ -79,7 +77,7 @@ class SmoothedPath:
 
     @classmethod
     def through(cls, times: ArrayLike, points: ArrayLike, blend: float) -> "SmoothedPath":
-        """Give the path of joints that share their corners: times (K,) [s], points (K, n) [rad|m].
+        """Return the path of joints that share their corners: times (K,) [s], points (K, n) [rad|m].
 
         Raises:
             InputError: As for the class.
@@ -90,12 +88,12 @@ class SmoothedPath:
 
     @property
     def duration(self) -> float:
-        """Time until all joints are at rest again [s]."""
+        """Return the time until all joints are at rest again [s]."""
         return self._duration
 
     @property
     def corner_distance(self) -> Floats:
-        """How far each joint passes from its corners at most, (n,) [rad|m].
+        """Return how far each joint passes from its corners at most, (n,) [rad|m].
 
         It is how far the motion leaves the line, as long as corners lie at least a blend apart.
         """
@@ -107,23 +105,11 @@ class SmoothedPath:
             largest[j] = np.abs(q[:, j] - points[own]).max()
         return largest
 
-    def __call__(self, t: float) -> Reference:
-        """Reference at `t` [s] after the start."""
-        q, qd, qdd = self._evaluate(as_array("t", t, ()).reshape(1))
-        return Reference(q[0], qd[0], qdd[0])
-
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """References at many times: q, qd, qdd, each (N, n), at `times` (N,) [s]; rising times are fastest.
-
-        Raises:
-            InputError: `times` has another shape or is not finite.
-        """
-        return self._evaluate(as_array("times", times, (None,)))
-
-    def _evaluate(self, times: Floats) -> tuple[Floats, Floats, Floats]:
-        shape = (len(times), len(self._lines.blends))
-        q, qd, qdd = np.empty(shape), np.empty(shape), np.empty(shape)
-        _evaluate_lines(self._lines, times, q, qd, qdd)
+        """Return references at many times (N,) [s]: q, qd, qdd, each (N, n); rising times are fastest."""
+        t = as_array("times", times, (None,))
+        q, qd, qdd = np.empty((3, len(t), len(self._lines.blends)))
+        _evaluate_lines(self._lines, t, q, qd, qdd)
         return q, qd, qdd
 
 

@@ -9,16 +9,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, as_array, as_positive
 from catenary.errors import FileFormatError, InputError
-from catenary.trajectories.point_to_point import as_bound
 from catenary.trajectories.smoothed_path import SmoothedPath
 
 
 def follow_waypoints(
     points: ArrayLike, *, speed: ArrayLike, blend: float = 0.5, q_start: ArrayLike | None = None
 ) -> SmoothedPath:
-    """Motion along rows of joint positions, the joint that has farthest to go moving at its speed.
+    """Return a motion along rows of joint positions, the joint that has farthest to go moving at its speed.
 
     It passes near the rows, not through them: its velocity is that of the straight way from row to row,
     averaged over `blend` seconds (smoothed_path.py); `corner_distance` says how near. No joint moves faster
@@ -37,10 +36,8 @@ def follow_waypoints(
     rows = as_array("points", points, (None, None))
     if len(rows) == 0 or rows.shape[1] == 0:
         raise InputError(f"points: expected at least one row of one joint, got shape {rows.shape}")
-    fastest = as_bound("speed", speed, rows.shape[1])
-    pause = float(as_array("blend", blend, ()))
-    if not pause > 0.0:
-        raise InputError(f"blend: expected more than 0 s, got {pause}")
+    fastest = as_positive("speed", speed, (rows.shape[1],))
+    pause = float(as_positive("blend", blend))
     rows = rows[np.append(True, (np.diff(rows, axis=0) != 0.0).any(axis=1))]
     times = _row_times(rows, fastest)
     if q_start is not None:
@@ -55,7 +52,7 @@ def follow_waypoints(
 
 
 def play_rows(points: ArrayLike, *, rows_per_second: float, blend: float = 0.5) -> SmoothedPath:
-    """Motion along rows of joint positions, so many a second; equal rows are a pause.
+    """Return a motion along rows of joint positions, so many a second; equal rows are a pause.
 
     Args:
         points: (N, n) [rad or m], N at least 1.
@@ -66,14 +63,12 @@ def play_rows(points: ArrayLike, *, rows_per_second: float, blend: float = 0.5) 
         InputError: An argument has another shape, is not finite or not positive.
     """
     rows = as_array("points", points, (None, None))
-    rate = float(as_array("rows_per_second", rows_per_second, ()))
-    if not rate > 0.0:
-        raise InputError(f"rows_per_second: expected more than 0, got {rate}")
+    rate = float(as_positive("rows_per_second", rows_per_second))
     return SmoothedPath.through(np.arange(len(rows)) / rate, rows, blend)
 
 
 def read_waypoints(path: Path, joints: int) -> Floats:
-    """Joint positions (N, n) [rad or m] from a `.csv` file of numbers without a heading, or an `.npy` file.
+    """Read joint positions (N, n) [rad or m] from a `.csv` file of numbers without a heading, or an `.npy` file.
 
     Raises:
         FileFormatError: No such file, another ending, not numbers, or another number of columns.

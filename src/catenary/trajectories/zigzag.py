@@ -21,7 +21,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, as_array, as_positive
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 from catenary.spatial import rotation_about_x, rotation_about_z
@@ -42,7 +42,7 @@ _REACH = (0.09093521295520893, 0.9082482904638634)
 
 
 def unit_zigzag(sparsity: float) -> Floats:
-    """Path in the unit cube, sweeping along its first axis.
+    """Return the path in the unit cube, sweeping along its first axis.
 
     Args:
         sparsity: Distance between sweeps, 0.01 to 1; they lie a multiple of 0.001 apart, the next larger one.
@@ -68,7 +68,7 @@ def zigzag_rows(
     lower: ArrayLike = CALIBRATION_LOWER,
     upper: ArrayLike = CALIBRATION_UPPER,
 ) -> Floats:
-    """Rows of a zig-zag path as published: joint positions, equal distances apart, corners sharp.
+    """Return the rows of a zig-zag path as published: joint positions, equal distances apart, corners sharp.
 
     Args:
         direction: Of the sweeps.
@@ -96,7 +96,7 @@ def zigzag(
     rows_per_second: float = ROWS_PER_SECOND,
     blend: float = BLEND,
 ) -> SmoothedPath:
-    """Zig-zag paths one after the other, with continuous position, velocity and acceleration.
+    """Return zig-zag paths one after the other, with continuous position, velocity and acceleration.
 
     The corners are rounded over `blend` seconds: at the defaults the motion stays within 0.14 deg or 0.23 mm of
     the published path (`corner_distance` says how far), and passes its rows half a blend later. Between two
@@ -115,14 +115,10 @@ def zigzag(
         InputError: An argument outside its range, an unknown direction.
     """
     matrix, shift = _placement(direction, lower, upper)
-    rate = float(as_array("rows_per_second", rows_per_second, ()))
-    if not rate > 0.0:
-        raise InputError(f"rows_per_second: expected more than 0, got {rate}")
+    rate = float(as_positive("rows_per_second", rows_per_second))
     if len(sparsities) == 0:
         raise InputError("sparsities: expected at least one, got none")
-    rest = rate * float(as_array("blend", blend, ()))  # rows: a stop of one blend reaches its point exactly
-    if not rest > 0.0:
-        raise InputError(f"blend: expected more than 0 s, got {blend}")
+    rest = rate * float(as_positive("blend", blend))  # rows: a stop of one blend reaches its point exactly
     fastest = _STEP * np.abs(matrix).max(axis=1)  # of each joint, per row
     times: list[Floats] = []  # in rows
     points: list[Floats] = []
@@ -181,7 +177,7 @@ def _corner_rows(path: Floats) -> NDArray[np.int64]:
 
 @compiled
 def _write_zigzag(sparsity: float, out: Floats) -> int:
-    """Write as many rows as `out` (N, 3) has room for; give how many there are.
+    """Write as many rows as `out` (N, 3) has room for; return how many there are.
 
     All sums add 0.001 in floating point, as the published generator does: it decides the number of rows.
     """

@@ -1,0 +1,82 @@
+"""The simulated RAVEN-II: hours in compiled runs with the firmware inside, and single ticks through the protocol."""
+
+import time
+
+import numpy as np
+
+from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.simulated_plant import PERIOD
+from catenary.trajectories.point_to_point import go_to
+from catenary.trajectories.reference import Trajectory
+from catenary.trajectories.sinusoids import random_sinusoids
+from catenary.trajectories.zigzag import zigzag
+from tests.benchmarks.measure import side_by_side, tell
+
+PIECE = 60_000  # ticks in a call
+JOINTS = 3  # that move; the tool stays
+
+
+def homed(substeps: int) -> CablePlant:
+    """An arm, homed and enabled."""
+    plant = CablePlant(substeps=substeps)
+    plant.home()
+    return plant
+
+
+def moved_along(plant: CablePlant, trajectory: Trajectory) -> float:
+    """Run a motion from its beginning to its end, the log of every tick included; returns the CPU time [s]."""
+    ticks, spent = round(trajectory.duration / PERIOD), 0.0
+    for first in range(0, ticks, PIECE):
+        times = np.arange(first, min(first + PIECE, ticks)) * PERIOD
+        rows = np.full((len(times), 7), np.nan)
+        rows[:, :JOINTS] = trajectory.sample(times)[0]
+        begin = time.process_time()
+        plant.run(rows)
+        spent += time.process_time() - begin
+    return spent
+
+
+def run_of(trajectory: Trajectory, substeps: int) -> dict[str, float]:
+    """CPU time of a motion."""
+    plant, start = homed(substeps), trajectory(0.0).q
+    fastest, strongest = [0.2, 0.2, 0.01], [0.5, 0.5, 0.05]
+    here = plant.control.setpoint[:JOINTS]
+    moved_along(plant, go_to(here, start, max_velocity=fastest, max_acceleration=strongest))
+    spent, duration = moved_along(plant, trajectory), trajectory.duration
+    return {
+        "simulated_s": duration,
+        "cpu_s": spent,
+        "times_real_time": duration / spent,
+        "us_per_tick": 1e6 * spent / (duration / PERIOD),
+    }
+
+
+def main() -> None:
+    """Print CPU time of runs, and of what a loop calls in a tick of 1 ms."""
+    plant = homed(2)
+    wanted = plant.setpoint_js().q
+
+    def tick() -> None:
+        plant.servo_jp(wanted)
+        plant.wait()
+
+    calls = {
+        "wait": plant.wait,
+        "servo_jp and wait": tick,
+        "measured_js": plant.measured_js,
+        "telemetry": plant.telemetry,
+    }
+    rng = np.random.default_rng(0)
+    tell(
+        {
+            "runs": {
+                "zig-zag of 17 minutes, 2 substeps": run_of(zigzag("J2-J3", [1 / 2, 1 / 3, 1 / 4]), 2),
+                "random motion of six hours, 1 substep": run_of(random_sinusoids(rng, 6.0 * 3600.0), 1),
+            },
+            "ticks": side_by_side(calls, calls=2000),
+        }
+    )
+
+
+if __name__ == "__main__":
+    main()
