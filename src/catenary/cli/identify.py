@@ -201,7 +201,7 @@ def excitation(
     from catenary.cli.terminal import numbers
     from catenary.identification.excitation import fourier_motion, room_of, static_poses
     from catenary.robots.catalog import load_robot
-    from catenary.workflows.excitation import write_excitation
+    from catenary.workflows.identify import write_excitation
 
     if static is not None and fourier:
         raise InputError("excitation: give one of --static and --fourier")

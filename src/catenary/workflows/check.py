@@ -1,4 +1,4 @@
-"""Say what a file is and what is wrong with it: robot, calibration model, or recording."""
+"""Report what a file is and what is wrong with it: robot, calibration model, or recording."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ LONG_GAP = 10.0  # times the median step between stamps
 
 @dataclass
 class Finding:
-    """What a file is, its facts, and its faults."""
+    """Kind, facts and faults of a file."""
 
     kind: str  # "robot", "calibration model", "identified dynamics" or "recording"
     facts: list[tuple[str, str]] = field(default_factory=list)
@@ -33,7 +33,7 @@ class Finding:
     remarks: list[str] = field(default_factory=list)  # worth knowing
 
     def as_data(self) -> dict[str, Any]:
-        """Give it as plain data."""
+        """Return plain data."""
         return {"kind": self.kind, "facts": dict(self.facts), "faults": self.faults, "remarks": self.remarks}
 
 
@@ -65,13 +65,13 @@ def check_file(source: str, *, units: Sequence[str] | None = None) -> Finding:
             f"{source}: no such file, and no robot of that name; robots: {', '.join(robot_names())}"
         )
     raise FileFormatError(
-        f'{source}: ending "{path.suffix}" is none that catenary reads: robots ({", ".join(ROBOT_ENDINGS)}), '
+        f'{source}: ending "{path.suffix}" is not one that catenary reads: robots ({", ".join(ROBOT_ENDINGS)}), '
         "models (.npz), recordings (.npz, .parquet, .csv)"
     )
 
 
 def check_robot(model: RobotModel) -> Finding:
-    """Look a robot over: inertia, limits, what its file holds that the model leaves out."""
+    """Check a robot: inertia, limits, what its file holds that the model leaves out."""
     finding = Finding("robot")
     joints = []
     for name, unit, low, high in zip(
@@ -119,7 +119,7 @@ def check_robot(model: RobotModel) -> Finding:
 
 
 def check_recording(log: MotionLog) -> Finding:
-    """Look a recording over: rows, rate, gaps, stamps, joints, errors."""
+    """Check a recording: rows, rate, gaps, stamps, joints, errors."""
     finding = Finding("recording")
     finding.facts = [
         ("rows", f"{len(log):,}, {int(log.ok.sum()):,} with a trusted measurement"),

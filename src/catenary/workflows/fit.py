@@ -28,7 +28,7 @@ OUTLIER_SPREADS = 10.0  # robust standard deviations beyond which a measurement 
 
 @dataclass(frozen=True)
 class FitRun:
-    """Everything about a fit that is not the model: what it was asked beside the recordings."""
+    """Options of a fit that do not belong to the model: how recordings are read and held out."""
 
     units: tuple[str, ...] | None = None
     joint_names: tuple[str, ...] | None = None
@@ -46,7 +46,7 @@ class FitRun:
 
 @dataclass(frozen=True)
 class FitResult:
-    """A fitted model, its card, and how it did."""
+    """A fitted model, its card and its errors on data that it did not see."""
 
     model: CalibrationModel
     card: Card
@@ -117,7 +117,7 @@ def fit_calibration(
 
 @dataclass(frozen=True)
 class EvaluationResult:
-    """How a model does on recordings."""
+    """Errors of a model on recordings."""
 
     model: CalibrationModel
     card: Card
@@ -157,7 +157,7 @@ def evaluate_calibration(
 
 
 def evaluation_summary(result: EvaluationResult) -> dict[str, Any]:
-    """Give an evaluation as plain data, in deg and mm."""
+    """Return an evaluation as plain data, in deg and mm."""
     evaluation = result.evaluation
     return {
         "model": {"kind": result.model.kind, "preset": result.model.preset, "target": result.model.target},
@@ -220,7 +220,7 @@ def _limits(max_error: tuple[float, ...] | None, log: MotionLog) -> Floats | Non
 
 
 def _data_notes(data: CalibrationData) -> list[str]:
-    """Say what a person should know about the rows: what was left out, what looks wrong."""
+    """Return notes on the rows: what was left out, what looks wrong."""
     notes = []
     for source in data.sources:
         left_out = {

@@ -1,4 +1,4 @@
-"""Watch a sensor of gravity for a while, and say what it measured and what was wrong."""
+"""Watch a gravity sensor for a while, and report what it measured and what was wrong."""
 
 import time
 from collections.abc import Callable
@@ -22,24 +22,24 @@ _STILL = 0.15  # [m/s2] standard deviation of an axis at rest: three times a che
 
 
 class Feed(Protocol):
-    """Where samples come from, and the clock that they are stamped with."""
+    """Source of samples, and the clock that stamps them."""
 
     @property
     def mailbox(self) -> Mailbox: ...  # noqa: D102
 
     def now(self) -> float:
-        """Time [s]."""
+        """Return the time [s]."""
         ...
 
     def wait(self, seconds: float) -> None:
-        """Let time go by."""
+        """Let time pass."""
         ...
 
     @property
     def has_gyroscope(self) -> bool: ...  # noqa: D102
 
     def link(self) -> dict[str, Any]:
-        """What the line says about itself."""
+        """Return counts of what came over the line."""
         ...
 
 
@@ -51,15 +51,15 @@ class SimulatedFeed:
 
     @property
     def mailbox(self) -> Mailbox:
-        """Where its samples come in."""
+        """Mailbox that its samples arrive in."""
         return self._sensor.mailbox
 
     def now(self) -> float:
-        """Simulated time [s]."""
+        """Return the simulated time [s]."""
         return self._time
 
     def wait(self, seconds: float) -> None:
-        """Let time go by, and the sensor take its samples."""
+        """Let time pass, and the sensor take its samples."""
         self._time += seconds
         self._sensor.advance(self._time)
         if self._paced:
@@ -71,7 +71,7 @@ class SimulatedFeed:
         return self._sensor.model.has_gyroscope
 
     def link(self) -> dict[str, Any]:
-        """Nothing: there is no line."""
+        """Return nothing: there is no line."""
         return {}
 
 
@@ -83,11 +83,11 @@ class SerialFeed:
 
     @property
     def mailbox(self) -> Mailbox:
-        """Where its samples come in."""
+        """Mailbox that its samples arrive in."""
         return self._device.mailbox
 
     def now(self) -> float:
-        """The clock that stamps are on [s]."""
+        """Return the time of the stamps' clock [s]."""
         return time.monotonic()
 
     def wait(self, seconds: float) -> None:
@@ -100,13 +100,13 @@ class SerialFeed:
         return self._device.hello is not None and self._device.hello.has_gyroscope
 
     def link(self) -> dict[str, Any]:
-        """Counts of what came over the line."""
+        """Return counts of what came over the line."""
         return asdict(self._device.counts)
 
 
 @dataclass(frozen=True)
 class SenseSummary:
-    """What a sensor measured over a while; of base axes."""
+    """Measurements of a sensor over some time, in base axes."""
 
     duration: float  # [s]
     reading: GravityReading  # the last
@@ -117,7 +117,7 @@ class SenseSummary:
 
     @property
     def was_live(self) -> bool:
-        """Something was measured, and believed."""
+        """Gravity was measured, and the reading trusted, at least once."""
         return "live" in self.gravity.ticks
 
     def as_data(self) -> dict[str, Any]:
@@ -202,7 +202,7 @@ class StillReading:
 
 
 def read_still(feed: Feed, *, seconds: float = 1.0, patience: float = 20.0) -> StillReading:
-    """Wait until the sensor stands still for a while, and give its means.
+    """Wait until the sensor is still for a while, and return its means.
 
     Raises:
         SensorError: No samples, or it never stood still.

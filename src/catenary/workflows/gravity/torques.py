@@ -1,4 +1,4 @@
-"""What gravity asks of an arm at a pose, on a base that is tilted or under any gravity."""
+"""Gravity torques of an arm at a pose, on a tilted base or under any gravity."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -26,11 +26,11 @@ class GravityTorques:
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Of the torques: Nm or N."""
+        """Units of the torques, Nm or N."""
         return tuple(TORQUE_UNIT[unit] for unit in self.joint_units)
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data in SI."""
+        """Return plain data in SI."""
         return {
             "robot": self.robot,
             "joints": self.joint_names,
@@ -43,7 +43,7 @@ class GravityTorques:
 
 
 def gravity_torques(model: RobotModel, q: ArrayLike, gravity: ArrayLike = LEVEL) -> GravityTorques:
-    """Torques at q (n,) [rad|m] under gravity (3,) in base axes [m/s2].
+    """Return the torques at q (n,) [rad|m] under gravity (3,) in base axes [m/s2].
 
     Raises:
         MissingInertiaError: Links without inertia, by name.

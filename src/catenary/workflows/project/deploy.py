@@ -1,4 +1,4 @@
-"""A calibration model at work: in the 1 kHz loop of a robot, with its latency and its error while it runs."""
+"""Run a calibration model in the 1 kHz loop of a robot, and measure its latency and error there."""
 
 import time
 from collections.abc import Callable
@@ -25,7 +25,7 @@ from catenary.workflows.robot.motion import check_motion, move_to
 
 @dataclass(frozen=True)
 class Deployment:
-    """How a deployed model did, tick by tick, against the joints' true positions."""
+    """Result of a deployed model: its loop, and its errors against the joints' true positions."""
 
     loop: LoopReport
     joint_names: tuple[str, ...]  # of the model
@@ -37,7 +37,7 @@ class Deployment:
     simulated: bool = True
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data: times in microseconds, errors in deg and mm."""
+        """Return plain data: times in microseconds, errors in deg and mm."""
         compute = self.loop.compute
         return {
             "simulated": self.simulated,
@@ -137,7 +137,7 @@ def deploy_on_robot(
 
 
 def _time_correction(corrector: Corrector, states: list[JointState]) -> Timing:
-    """How long the model's part of a tick takes, on the states that the loop saw."""
+    """Return how long the model's part of a tick takes, on the states that the loop saw."""
     n = len(states[0].q)
     out, inside = np.empty(n), np.empty(n, dtype=bool)
     durations = Durations()
