@@ -9,7 +9,7 @@ from typer import Argument, Option
 
 from catenary.cli.beside_robot import RobotAccess, deploy_beside, record_others, robot_of
 from catenary.cli.gravity_source import GravityOptions
-from catenary.cli.options import AsJson
+from catenary.cli.options import AsJson, Units
 from catenary.cli.project_options import (
     ExcitationOptions,
     Folder,
@@ -229,10 +229,7 @@ def calibrate(
     test: Annotated[
         list[Path] | None, Option("--test", metavar="DATA", help="Recording to test on; may be repeated.")
     ] = None,
-    units: Annotated[
-        str | None,
-        Option("--units", metavar="U,U,...", help="rad or m per joint, where recordings do not say."),
-    ] = None,
+    units: Units = None,
     hours: Hours = None,
     as_json: AsJson = False,
 ) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from catenary.cli.options import AsJsonNotTables, Report
+from catenary.cli.options import AsJsonNotTables, Report, Units
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table, progress_bar, words
 from catenary.errors import InputError
 
@@ -78,9 +78,7 @@ def fit(
             help="What to learn: error, the joint error, or position, the joint position end to end.",
         ),
     ] = "error",
-    units: Annotated[
-        str | None, Option("--units", metavar="U,U,...", help="rad or m per joint, where files do not say.")
-    ] = None,
+    units: Units = None,
     robot: Annotated[
         str | None,
         Option(

@@ -12,6 +12,7 @@ from typer import Option
 from catenary.cli.gravity_source import GravityOptions
 from catenary.cli.options import Record
 from catenary.cli.robot_choice import WatchedRobot, open_robot, recorded
+from catenary.cli.terminal import print_json_line
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -107,16 +108,15 @@ def _on_screen(
 
 
 def _in_lines(samples: "Iterator[Snapshot]", seconds: float | None, as_json: bool) -> None:
-    import json
-
-    from catenary.files import json_text
     from catenary.monitor.screen import plain_line
 
     begin: float | None = None  # of the first sample
     for sample in samples:
         begin = time.monotonic() if begin is None else begin
-        text = json.dumps(json.loads(json_text(sample.as_data()))) if as_json else plain_line(sample)
-        print(text, flush=True)
+        if as_json:
+            print_json_line(sample.as_data())
+        else:
+            print(plain_line(sample), flush=True)
         if _is_over(begin, seconds):
             return
 

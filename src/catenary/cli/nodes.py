@@ -1,6 +1,5 @@
 """catenary encoders, gravity-node: devices as topics."""
 
-import json
 import math
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -10,7 +9,7 @@ import typer
 from typer import Option
 
 from catenary.cli.options import Baud, Carrier, Duration, Hanging, JsonLines, MountingFile
-from catenary.cli.terminal import numbers, print_notes
+from catenary.cli.terminal import numbers, print_json_line, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -190,11 +189,7 @@ def _from_topic(
 
 
 def _json_line(status: "EncoderStatus | GravityStatus", *, final: bool = False) -> None:
-    """Print one JSON document on one line, so that a program can read them as they come."""
-    from catenary.files import json_text
-
-    data = json.loads(json_text(status.as_data()))
-    print(json.dumps({"final": data} if final else data), flush=True)
+    print_json_line({"final": status.as_data()} if final else status.as_data())
 
 
 def _encoder_line(status: "EncoderStatus", said: list[str]) -> None:

@@ -10,7 +10,7 @@ import typer
 from typer import Option
 
 from catenary.cli.options import AsJson, Carrier, Duration, JsonLines
-from catenary.cli.terminal import print_json, print_notes, roll_and_pitch
+from catenary.cli.terminal import print_json, print_json_line, print_notes, roll_and_pitch
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -152,6 +152,4 @@ def _show(status: "Status") -> None:
 
 
 def _show_json(status: "Status", *, final: bool = False) -> None:
-    import json
-
-    print(json.dumps(status._asdict() | {"final": final}), flush=True)
+    print_json_line(status._asdict() | {"final": final})
