@@ -110,10 +110,12 @@ def gravity(
     """
     import numpy as np
 
+    from catenary.arrays import as_array
+    from catenary.gravity.torque import gravity_torque
     from catenary.robots.catalog import load_robot
     from catenary.sensing.vector import tilted_gravity
     from catenary.spatial import LEVEL
-    from catenary.workflows.gravity.torques import gravity_torques
+    from catenary.units import TORQUE_UNIT
 
     if tilt_deg is not None and vector is not None:
         raise InputError("gravity: give one of --tilt-deg and --gravity")
@@ -126,18 +128,28 @@ def gravity(
             raise InputError(f"--tilt-deg: expected finite numbers, got {list(tilt_deg)}")
         roll, pitch = np.deg2rad(tilt_deg)
         down = tilted_gravity(float(roll), float(pitch))
-    result = gravity_torques(model, values, down)
+    gravity = as_array("gravity", down, (3,))
+    torques, on_level = (gravity_torque(model, values, vector).tolist() for vector in (gravity, LEVEL))
+    units = [TORQUE_UNIT[unit] for unit in model.joint_units]
     print_notes(beyond_limits(model, values))
     if as_json:
-        print_json(result.as_data())
+        print_json(
+            {
+                "robot": model.name,
+                "joints": model.joint_names,
+                "q": list(values),
+                "gravity": gravity.tolist(),
+                "tau": torques,
+                "unit": units,
+                "level": on_level,
+            }
+        )
         return
     rows = [
         [name, f"{tau:.4f}", f"{level:.4f}", f"{tau - level:+.4f}", unit]
-        for name, tau, level, unit in zip(
-            model.joint_names, result.tau, result.level, result.units, strict=True
-        )
+        for name, tau, level, unit in zip(model.joint_names, torques, on_level, units, strict=True)
     ]
-    shown = ", ".join(f"{v:.4g}" for v in result.gravity)
+    shown = ", ".join(f"{v:.4g}" for v in gravity)
     print_table(
         f"{model.name}: what holds it still under gravity ({shown}) m/s2 in base axes",
         ["joint", "torque", "level base", "difference", "unit"],
