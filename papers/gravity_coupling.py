@@ -51,6 +51,7 @@ from papers.raven_base import Z0, turned_base
 from papers.results import shown, write_results
 
 Complexes = NDArray[np.complexfloating[Any, Any]]
+Response = Callable[[Floats], Complexes]  # of frequencies (N,) [Hz]
 BASE_DEG = 15.0
 FREQUENCIES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)  # [Hz]
 LATENCY = 0.002  # [s]
@@ -71,30 +72,32 @@ class Linear(NamedTuple):
     t: Floats  # (n,) torque per tilt of the base
     own: float = 0.0  # mass, or inertia about the base's axis, of the arm itself: no base with arm has less
 
-    def stiff(self, s: complex) -> Complexes:
-        """M s² + Kd s + Kp, (n, n)."""
-        matrix: Complexes = self.mass * s * s + np.diag(self.kd * s + self.kp)
+    def stiff(self, s: Complexes) -> Complexes:
+        """M s² + Kd s + Kp, (N, n, n) of s (N, 1)."""
+        at = s[..., None]
+        matrix: Complexes = self.mass * at * at + np.eye(len(self.kp)) * (self.kd * s + self.kp)[..., None]
         return matrix
 
 
 class Sensing(NamedTuple):
     """What a sensor makes of gravity with the base's acceleration, and of its angular acceleration."""
 
-    gravity: Callable[[float], complex]  # of a frequency [Hz]
-    turning: Callable[[float], complex]
+    gravity: Response
+    turning: Response
 
 
-def blind(hz: float) -> complex:
+def blind(hz: Floats) -> Complexes:
     """No sensor."""
-    return 0.0
+    return 0j * hz
 
 
-def held_sample(rate_hz: float, latency: float) -> Callable[[float], complex]:
+def held_sample(rate_hz: float, latency: float) -> Response:
     """The last sample, held until the next: a delay, and on average half a period more."""
 
-    def response(hz: float) -> complex:
+    def response(hz: Floats) -> Complexes:
         x = hz / rate_hz
-        return complex(np.exp(-2j * np.pi * hz * latency) * np.exp(-1j * np.pi * x) * np.sinc(x))
+        held: Complexes = np.exp(-2j * np.pi * hz * latency) * np.exp(-1j * np.pi * x) * np.sinc(x)
+        return held
 
     return response
 
@@ -119,24 +122,28 @@ def raven_on(motion: str, q: ArrayLike = RAVEN_START, base_deg: float = BASE_DEG
     return Linear(mass, *gains, h, t, float(links[0, 0]))
 
 
-def joint_response(arm: Linear, hz: float, sensing: Sensing) -> Complexes:
-    """Joint error per motion of the base, (n,), at a frequency [Hz]."""
-    s = 2j * np.pi * hz
-    response: Complexes = np.linalg.solve(arm.stiff(s), _lacking(arm, hz, sensing))
+def joint_response(arm: Linear, hz: ArrayLike, sensing: Sensing) -> Complexes:
+    """Joint errors per motion of the base, (N, n), at frequencies (N,) [Hz]."""
+    at = np.atleast_1d(np.asarray(hz, dtype=float))
+    lacking = _lacking(arm, at, sensing)
+    response: Complexes = np.linalg.solve(arm.stiff(2j * np.pi * at[:, None]), lacking[..., None])[..., 0]
     return response
 
 
-def loop(arm: Linear, hz: float, sensing: Sensing, base_hz: float, zeta: float = ZETA) -> complex:
-    """L of a base of mass or inertia 1: from its motion through sensor, torque and arm back to it."""
-    s, w = 2j * np.pi * hz, 2.0 * np.pi * base_hz
-    back = arm.h * s * s + arm.t
-    return complex(back @ joint_response(arm, hz, sensing) / (s * s + 2.0 * zeta * w * s + w * w))
+def loop(arm: Linear, hz: ArrayLike, sensing: Sensing, base_hz: float, zeta: float = ZETA) -> Complexes:
+    """L (N,) of a base of mass or inertia 1: from its motion through sensor, torque and arm back to it."""
+    s, w = 2j * np.pi * np.atleast_1d(np.asarray(hz, dtype=float)), 2.0 * np.pi * base_hz
+    back = arm.h * (s * s)[:, None] + arm.t
+    around: Complexes = (back * joint_response(arm, hz, sensing)).sum(axis=1) / (
+        s * s + 2.0 * zeta * w * s + w * w
+    )
+    return around
 
 
 def smallest_base(arm: Linear, sensing: Sensing, base_hz: float, zeta: float = ZETA) -> float:
     """Mass [kg], or inertia [kg m2], of base with arm above which small gain makes it stable."""
     grid = np.unique(np.concatenate([GRID, base_hz * np.linspace(0.9, 1.1, 41)]))
-    return float(max(abs(loop(arm, hz, sensing, base_hz, zeta)) for hz in grid))
+    return float(np.abs(loop(arm, grid, sensing, base_hz, zeta)).max())
 
 
 def unstable_roots(
@@ -169,7 +176,7 @@ def _around(arm: Linear, sensing: Sensing, base_hz: float, zeta: float, most_hz:
     grid = np.unique(
         np.concatenate([np.geomspace(1e-3, most_hz, 4000), base_hz * np.linspace(0.8, 1.2, 2001)])
     )
-    return np.array([loop(arm, hz, sensing, base_hz, zeta) for hz in grid])
+    return loop(arm, grid, sensing, base_hz, zeta)
 
 
 def _roots_of(L: Complexes) -> int:
@@ -206,19 +213,17 @@ def estimator(rate_hz: float = 200.0) -> Sensing:
     grid = np.geomspace(0.5, 60.0, 28)
     measured = np.array([estimator_response(hz, rate_hz) for hz in grid])
 
-    def of(column: int) -> Callable[[float], complex]:
+    def of(column: int) -> Response:
         values = np.concatenate([[1.0 + 0.0j], measured[:, column]])
         points = np.concatenate([[0.0], grid])
-        return lambda hz: complex(
-            np.interp(hz, points, values.real) + 1j * np.interp(hz, points, values.imag)
-        )
+        return lambda hz: np.interp(hz, points, values.real) + 1j * np.interp(hz, points, values.imag)
 
     return Sensing(of(0), of(1))
 
 
-def _lacking(arm: Linear, hz: float, sensing: Sensing) -> Complexes:
-    s = 2j * np.pi * hz
-    gravity, turning = sensing.gravity(hz), sensing.turning(hz)
+def _lacking(arm: Linear, hz: Floats, sensing: Sensing) -> Complexes:
+    s = 2j * np.pi * hz[:, None]
+    gravity, turning = sensing.gravity(hz)[:, None], sensing.turning(hz)[:, None]
     # an accelerometer tells sway as it tells gravity; a turning only a gyroscope
     told = turning if arm.t.any() else gravity
     lacking: Complexes = arm.h * s * s * (1.0 - told) + arm.t * (1.0 - gravity)
@@ -242,7 +247,7 @@ def response_table(ways: dict[str, Sensing], frequencies: tuple[float, ...]) -> 
     """Joint 1's error per angle of a base that turns about Z0."""
     arm = raven_on("turn")
     rows = [
-        [f"{hz:g}", *(f"{abs(joint_response(arm, hz, sensing)[0]):.5f}" for sensing in ways.values())]
+        [f"{hz:g}", *(f"{abs(joint_response(arm, hz, sensing)[0, 0]):.5f}" for sensing in ways.values())]
         for hz in frequencies
     ]
     return Table(["rocking [Hz]", *(f"{name} [rad/rad]" for name in ways)], rows)
@@ -283,10 +288,10 @@ def figure(ways: dict[str, Sensing]) -> Picture:
         kept = GRID[(GRID >= 0.1) & (GRID <= 20.0)]
         # a held sample and the accelerometer through the estimator are nearly the same
         style = "--" if name == "DG, accelerometer" else "-"
-        error = [abs(joint_response(turn, hz, sensing)[0]) for hz in kept]
+        error = np.abs(joint_response(turn, kept, sensing)[:, 0])
         left.loglog(kept, error, style, color=color, label=name)
         near = np.unique(np.concatenate([GRID[GRID >= 0.5], np.linspace(9.0, 11.0, 101)]))
-        around = [abs(loop(sway, hz, sensing, 10.0)) / 50.0 for hz in near]
+        around = np.abs(loop(sway, near, sensing, 10.0)) / 50.0
         # a base that sways does not turn: nothing for a gyroscope to add
         right.loglog(near, around, ":" if name == "DG, IMU" else style, color=color)
     left.set_xlabel("base rocks about Z0 [Hz]")

@@ -58,85 +58,15 @@ def test_card_of_a_perfect_offset_has_no_percentage() -> None:
     assert [joint["percent_of_offset"] for joint in card_of(log)["errors"]["held_out"]] == [None] * 3
 
 
-def test_card_names_robot_and_joints_with_units() -> None:
-    card = card_of()
-    assert card["robot"] == "raven2"
-    assert [(joint["name"], joint["unit"]) for joint in card["joints"]] == [
-        ("J1", "rad"),
-        ("J2", "rad"),
-        ("J3", "m"),
-    ]
-
-
-def test_card_lists_inputs_in_order_with_units() -> None:
-    inputs = card_of(history=1)["inputs"]
-    assert [(one["name"], one["unit"]) for one in inputs] == [
-        ("q:J1", "rad"),
-        ("q:J2", "rad"),
-        ("q:J3", "m"),
-        ("q:J1[-1]", "rad"),
-        ("q:J2[-1]", "rad"),
-        ("q:J3[-1]", "m"),
-    ]
-
-
 def test_card_tells_which_joint_takes_which_inputs() -> None:
     joints = card_of(inputs={"J1": ("q:J2",), "J2": ("q:J2", "q:J3")})["joints"]
     assert joints[0]["inputs"] == ["q:J2"]
     assert joints[1]["inputs"] == ["q:J2", "q:J3"]
 
 
-def test_card_gives_scaling_and_valid_range_of_every_input() -> None:
-    log = recording(np.random.default_rng(0), rows=60)
-    first, q = card_of(log)["inputs"][0], log.q_nominal[:48, 0]
-    assert (first["training_mean"], first["training_sd"]) == pytest.approx((q.mean(), q.std()))
-    margin = 0.5 * (q.max() - q.min())
-    # a millionth of the spread is added
-    assert first["valid"]["lower"] == pytest.approx(q.min() - margin, abs=1e-5)
-    assert first["valid"]["upper"] == pytest.approx(q.max() + margin, abs=1e-5)
-
-
-def test_card_gives_the_fixed_offset_of_every_joint() -> None:
-    log = recording(np.random.default_rng(0), rows=60)
-    expected = (log.q_encoder - log.q_nominal)[:48].mean(axis=0)
-    assert [joint["fixed_offset"] for joint in card_of(log)["joints"]] == pytest.approx(list(expected))
-
-
-def test_card_names_the_data_by_hash_and_rows() -> None:
-    source = card_of(history=3)["data"][0]
-    assert (source["name"], source["sha256"], source["rows"]) == ("run", "ab" * 32, 60)
-    assert source["without_history"] == 3
-
-
-def test_card_counts_the_rows_that_were_fitted() -> None:
-    assert card_of(history=3)["rows"] == 48 - 3
-
-
-def test_card_gives_seed_and_settings_of_the_run() -> None:
-    assert card_of(seed=7)["run"] == {"seed": 7, "held_out": 0.2, "folds": 3, "max_error": None}
-
-
-def test_card_gives_versions() -> None:
-    version = card_of()["version"]
-    assert version["catenary"] == catenary.__version__
-    assert version["numpy"] == np.__version__
-
-
-def test_card_gives_errors_with_their_spread() -> None:
-    errors = card_of()["errors"]
-    assert errors["unit"] == {"J1": "deg", "J2": "deg", "J3": "mm"}
-    spread = errors["cross_validation"]["joints"][2]
-    assert (spread["joint"], spread["folds"]) == ("J3", 3)
-    assert spread["rmse_mean"] > spread["rmse_sd"] > 0.0
-
-
 def test_card_says_so_where_nothing_was_estimated() -> None:
     errors = card_of(folds=0, held_out=False)["errors"]
     assert (errors["cross_validation"], errors["held_out"]) == (None, None)
-
-
-def test_card_gives_the_ridge_that_was_used() -> None:
-    assert card_of(kind="polynomial", history=1)["settings"]["ridge"] == 10.0
 
 
 def test_card_describes_the_network() -> None:
@@ -150,5 +80,39 @@ def test_card_says_whether_the_data_were_simulated(simulated: bool) -> None:
     assert card_of(log)["simulated"] is simulated
 
 
-def test_card_keeps_the_notes() -> None:
-    assert card_of()["notes"] == ["one thing was assumed"]
+def test_card_names_robot_joints_inputs_and_data() -> None:
+    log = recording(np.random.default_rng(0), rows=60, sha256="ab" * 32)
+    card = card_of(log, history=1, seed=7)
+    assert (card["robot"], card["rows"], card["notes"]) == ("raven2", 48 - 1, ["one thing was assumed"])
+    units = {"J1": "rad", "J2": "rad", "J3": "m"}
+    assert {joint["name"]: joint["unit"] for joint in card["joints"]} == units
+    expected = (log.q_encoder - log.q_nominal)[1:48].mean(axis=0)
+    assert [joint["fixed_offset"] for joint in card["joints"]] == pytest.approx(list(expected))
+    names = [f"q:{joint}{lag}" for lag in ("", "[-1]") for joint in units]
+    assert [(one["name"], one["unit"]) for one in card["inputs"]] == [(n, units[n[2:4]]) for n in names]
+    source = card["data"][0]
+    assert (source["name"], source["sha256"], source["rows"], source["without_history"]) == (
+        "run",
+        "ab" * 32,
+        60,
+        1,
+    )
+    assert card["run"] == {"seed": 7, "held_out": 0.2, "folds": 3, "max_error": None}
+    assert card["version"]["catenary"] == catenary.__version__
+    assert card["version"]["numpy"] == np.__version__
+    assert card_of(kind="polynomial", history=1)["settings"]["ridge"] == 10.0
+    errors = card["errors"]
+    assert errors["unit"] == {"J1": "deg", "J2": "deg", "J3": "mm"}
+    spread = errors["cross_validation"]["joints"][2]
+    assert (spread["joint"], spread["folds"]) == ("J3", 3)
+    assert spread["rmse_mean"] > spread["rmse_sd"] > 0.0
+
+
+def test_card_gives_scaling_and_valid_range_of_every_input() -> None:
+    log = recording(np.random.default_rng(0), rows=60)
+    first, q = card_of(log)["inputs"][0], log.q_nominal[:48, 0]
+    assert (first["training_mean"], first["training_sd"]) == pytest.approx((q.mean(), q.std()))
+    margin = 0.5 * (q.max() - q.min())
+    # a millionth of the spread is added
+    assert first["valid"]["lower"] == pytest.approx(q.min() - margin, abs=1e-5)
+    assert first["valid"]["upper"] == pytest.approx(q.max() + margin, abs=1e-5)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from catenary.calibration.dataset import CalibrationData, calibration_data
+from catenary.calibration.dataset import CalibrationData, calibration_data, sampling_rate
 from catenary.calibration.features import FeatureSet
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -174,3 +174,26 @@ def test_recording_without_a_usable_row_is_refused_with_the_reasons() -> None:
         InputError, match=r"6 rows, 2 without measurement, 4 without 6 previous commands, 0 beyond"
     ):
         calibration_data([log], FeatureSet(NAMES, UNITS, history=6))
+
+
+def at_rate(rate: float | None) -> MotionLog:
+    return run(time=None if rate is None else np.arange(50) / rate)
+
+
+def test_rate_is_that_of_most_steps() -> None:
+    log = at_rate(30.0)
+    time = log.time.copy()
+    time[20:] += 7.0  # a pause
+    time[40:] -= 9.0  # another recording begins
+    assert sampling_rate(replace(log, time=time)) == pytest.approx(30.0)
+
+
+@pytest.mark.parametrize(
+    ("rates", "common"),
+    [((None,), None), ((30.0, None), None), ((30.0, 30.3), 30.15), ((30.0, 50.0), None), ((30.0,), 30.0)],
+)
+def test_rate_of_the_data_is_that_of_all_recordings(
+    rates: tuple[float | None, ...], common: float | None
+) -> None:
+    rate = calibration_data([at_rate(rate) for rate in rates], PLAIN).rate_hz
+    assert rate == (None if common is None else pytest.approx(common))

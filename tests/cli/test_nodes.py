@@ -76,7 +76,7 @@ def test_a_topic_on_which_nothing_comes_is_told():
         (("encoders", "--port", "/none", "--direction", "1,2,1", "--ros", "none"), "expected 1 or -1"),
         (("gravity-node", "--ros", "none"), "one of --imu, --accel, --vector and --port"),
         (("gravity-node", "--imu", "/a", "--port", "/b"), "one of --imu, --accel, --vector and --port"),
-        (("gravity-node", "--port", "/b", "--points-down"), "--points-down is of a topic"),
+        (("gravity-node", "--port", "/b", "--points-down"), "--points-down goes with a topic"),
         (("gravity-node", "--imu", "/a", "--ros", "none", "--rate", "0"), "rate"),
         (("gravity-node", "--imu", "/a", "--ros", "none", "--fallback", "pray"), "fallback"),
         (("gravity-node", "--imu", "/a", "--mounting", "/none.toml"), "no such file"),

@@ -93,7 +93,7 @@ def test_a_tumble_without_a_keyboard_is_refused(board: SimulatedBoard):
         (("--duration", "1"), "one of --port and --simulated"),
         (("--port", "/dev/none", "--simulated"), "one of --port and --simulated"),
         (("--port", "/dev/none"), "/dev/none: cannot be opened"),
-        (("--port", "/dev/none", "--rate", "100"), "--tilt-deg and --rate are of a simulated sensor"),
+        (("--port", "/dev/none", "--rate", "100"), "--tilt-deg and --rate go with --simulated"),
         (("--simulated", "--rate", "0"), "rate_hz"),
         (("--simulated", "--duration", "-1"), "duration"),
         (("--simulated", "--out", "m.toml"), "add --tumble"),

@@ -1,6 +1,6 @@
 """A stranger's first afternoon: a recording, a model, an evaluation on another day, a look at the files."""
 
-import json
+import contextlib
 import os
 import subprocess
 import sys
@@ -8,21 +8,14 @@ from pathlib import Path
 
 import pytest
 
+import command_line
 import simulated_arm
+from command_line import Outcome, refusal
 
 
-def catenary(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    outcome = subprocess.run(
-        [sys.executable, "-m", "catenary.cli.main", *arguments],
-        cwd=folder,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2] / "src")},
-    )
-    assert "Traceback" not in outcome.stderr
-    return outcome
+def catenary(folder: Path, *arguments: str) -> Outcome:
+    with contextlib.chdir(folder):
+        return command_line.catenary(*arguments)
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +27,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     outcome = catenary(
         folder, "fit", "monday.npz", "--model", "linear", "--out", "arm.npz", "--report", "arm.html"
     )
-    assert outcome.returncode == 0, outcome.stderr
+    assert outcome.code == 0, outcome
     return folder
 
 
@@ -44,22 +37,33 @@ def test_the_fit_leaves_model_card_and_page(folder: Path) -> None:
 
 def test_the_model_takes_most_of_the_error_away_on_another_day(folder: Path) -> None:
     outcome = catenary(folder, "evaluate", "arm.npz", "tuesday.npz", "--report", "tuesday.html", "--json")
-    assert outcome.returncode == 0, outcome.stderr
-    result = json.loads(outcome.stdout)
+    assert outcome.code == 0, outcome
+    result = outcome.json
     assert result["seen_in_training"] == []
     assert all(joint["rmse"] < 0.05 * joint["raw_rmse"] for joint in result["joints"])
     assert "Joint J3" in (folder / "tuesday.html").read_text()
 
 
-def test_check_finds_nothing_wrong_with_any_of_the_files(folder: Path) -> None:
-    for name, kind in (("monday.npz", "recording"), ("arm.npz", "calibration model")):
-        outcome = catenary(folder, "check", name)
-        assert outcome.returncode == 0, outcome.stdout
-        assert outcome.stdout.startswith(f"{name}: {kind}")
+@pytest.mark.parametrize(("name", "kind"), [("monday.npz", "recording"), ("arm.npz", "calibration model")])
+def test_check_in_a_shell_finds_nothing_wrong_with_any_of_the_files(
+    folder: Path, name: str, kind: str
+) -> None:
+    outcome = subprocess.run(
+        [sys.executable, "-m", "catenary.cli.main", "check", name],
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2] / "src")},
+    )
+    assert outcome.returncode == 0, outcome.stdout
+    assert outcome.stdout.startswith(f"{name}: {kind}")
+    assert outcome.stderr == ""
 
 
 def test_a_model_of_the_wrong_arm_is_refused(folder: Path) -> None:
     simulated_arm.write(folder / "other_arm.npz", joint_names=["a", "b", "c"])
-    outcome = catenary(folder, "evaluate", "arm.npz", "other_arm.npz")
-    assert (outcome.returncode, outcome.stdout) == (2, "")
-    assert "the model is for J1 [rad], J2 [rad], J3 [m]" in outcome.stderr
+    with contextlib.chdir(folder):
+        message = refusal("evaluate", "arm.npz", "other_arm.npz")
+    assert "the model is for J1 [rad], J2 [rad], J3 [m]" in message

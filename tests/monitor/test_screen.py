@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from catenary.monitor.sample import Sample
 from catenary.monitor.screen import monitor_lines, plain_line
+from catenary.monitor.snapshot import Snapshot
 from catenary.plant import OperatingState
 from catenary.sensing.vector import tilted_gravity
 
@@ -10,9 +10,9 @@ JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")
 UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
 
 
-def sample(**change: object) -> Sample:
+def sample(**change: object) -> Snapshot:
     q = np.array([np.pi / 6, np.pi / 2, 0.4, 0.0, 0.1, 0.5, -0.5])
-    given = Sample(
+    given = Snapshot(
         12.5, JOINTS, UNITS, q, q, tau=np.zeros(7), gravity_tau=np.array([1.0, 2.0, 3.0]),
         gravity=tilted_gravity(0.1, -0.2), gravity_age=0.02, operating=OperatingState("ENABLED", True, False),
         lower=q - 1.0, upper=q + 1.0, rate_hz=999.7,

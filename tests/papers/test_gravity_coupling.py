@@ -51,7 +51,7 @@ def test_response_of_joints_to_a_rocking_base_is_that_of_the_simulated_bodies() 
         [np.sin(2 * np.pi * hz * time), np.cos(2 * np.pi * hz * time), np.ones(len(time))], axis=1
     )
     fit = np.linalg.lstsq(wave, q, rcond=None)[0]
-    expected = abs(joint_response(linear, hz, NOTHING)[0])
+    expected = abs(joint_response(linear, hz, NOTHING)[0, 0])
     # gravity's own stiffness, a hundredth of kp, and the loop's delay are not in the linear arm
     assert np.hypot(fit[0], fit[1]) / amplitude == pytest.approx(expected, rel=0.05)
 
@@ -85,7 +85,7 @@ ONE = Linear(np.array([[1.0]]), np.array([400.0]), np.array([20.0]), np.array([1
 @pytest.mark.parametrize("size", [3.0, 12.0])
 def test_count_of_unstable_roots_foretells_whether_a_base_swings_up(base_hz: float, size: float) -> None:
     delay = 0.02
-    sensing = Sensing(lambda hz: complex(np.exp(-2j * np.pi * hz * delay)), blind)
+    sensing = Sensing(lambda hz: np.exp(-2j * np.pi * hz * delay), blind)
     unstable = unstable_roots(ONE, sensing, base_hz, size, 0.005, most_hz=300.0)
     assert unstable in (0, 2)
     assert (unstable > 0) == grows(ONE, base_hz, size, 0.005, delay)
@@ -93,7 +93,7 @@ def test_count_of_unstable_roots_foretells_whether_a_base_swings_up(base_hz: flo
 
 def test_largest_unstable_base_swings_up_and_a_larger_one_does_not() -> None:
     delay = 0.02
-    sensing = Sensing(lambda hz: complex(np.exp(-2j * np.pi * hz * delay)), blind)
+    sensing = Sensing(lambda hz: np.exp(-2j * np.pi * hz * delay), blind)
     largest = largest_unstable_base(ONE, sensing, 6.0, 0.005, most_hz=300.0)
     assert grows(ONE, 6.0, 0.9 * largest, 0.005, delay)  # sizes tried are 5 % apart
     assert not grows(ONE, 6.0, 1.1 * largest, 0.005, delay)

@@ -102,7 +102,7 @@ def model_card(
 
 
 def _errors(joint: JointErrors) -> dict[str, Any]:
-    """Give errors as JSON can hold them: null where a percentage of nothing was asked for."""
+    """Return errors as JSON can hold them: null where a percentage of nothing was asked for."""
     return {key: None if value != value else value for key, value in asdict(joint).items()}
 
 

@@ -49,7 +49,7 @@ class CalibrationData:
         return len(self.X)
 
     def rows(self, mask: NDArray[np.bool_]) -> "CalibrationData":
-        """Give the rows where `mask` (N,) is set."""
+        """Return the rows where `mask` (N,) is set."""
         return replace(
             self,
             X=self.X[mask],
@@ -61,7 +61,7 @@ class CalibrationData:
         )
 
     def split_by_time(self, held_out: float) -> tuple["CalibrationData", "CalibrationData"]:
-        """Give the first part of every recording and its last, whose share is `held_out`.
+        """Return the first part of every recording and its last, whose share is `held_out`.
 
         Raises:
             InputError: The share is not between 0 and 1, or leaves a side empty.
@@ -74,7 +74,7 @@ class CalibrationData:
         return self.rows(~late), self.rows(late)
 
     def blocks(self, count: int) -> NDArray[np.int64]:
-        """Number, per row, of the contiguous block it lies in, (N,); each recording's rows make `count` of them."""
+        """Return the number of the contiguous block that each row lies in, (N,); `count` blocks per recording."""
         block = np.zeros(len(self), dtype=np.int64)
         for number in range(len(self.sources)):
             rows = np.flatnonzero(self.recording == number)
@@ -173,7 +173,7 @@ def calibration_data(
 
 
 def sampling_rate(log: MotionLog) -> float | None:
-    """Rows per second of a recording, by the median of its time steps; None where it has no time."""
+    """Return rows per second of a recording, by the median of its time steps; None where it has no time."""
     steps = np.diff(log.time) if log.time is not None else np.zeros(0)
     forward = steps[steps > 0.0]  # where the clock goes back, another recording begins
     return float(1.0 / np.median(forward)) if len(forward) else None

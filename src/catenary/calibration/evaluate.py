@@ -96,48 +96,34 @@ def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | 
     if window is not None and not 0.0 < window < math.inf:
         raise InputError(f"window: expected a positive length, got {window}")
     inside = model.inside(data.X)
-    raw = data.error
-    after_offset = data.error - model.offset
-    after_model = data.error - model.correction(data.X, data.q_nominal)
+    corrected = data.error - model.correction(data.X, data.q_nominal)
+    errors = (data.error, data.error - model.offset, corrected)
     scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])
-    joints = []
-    for j, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True)):
-        raw_rmse, offset_rmse, rmse = (
-            float(scale[j] * rms(e[:, j])) for e in (raw, after_offset, after_model)
+    shown = tuple(scale * each for each in errors)
+    rmse = [_rmse_per_joint(each) for each in shown]
+    largest = [np.abs(each).max(axis=0).tolist() for each in shown]
+    joints = tuple(
+        JointErrors(
+            name=name,
+            unit=DISPLAY[unit][0],
+            n=len(data),
+            raw_rmse=rmse[0][j],
+            offset_rmse=rmse[1][j],
+            rmse=rmse[2][j],
+            raw_max=largest[0][j],
+            offset_max=largest[1][j],
+            max=largest[2][j],
+            percent_of_offset=100.0 * rmse[2][j] / rmse[1][j] if rmse[1][j] > 0.0 else float("nan"),
+            outside_valid_range=float(np.mean(~inside[:, j])),
         )
-        raw_max, offset_max, largest = (
-            float(scale[j] * np.abs(e[:, j]).max()) for e in (raw, after_offset, after_model)
-        )
-        joints.append(
-            JointErrors(
-                name=name,
-                unit=DISPLAY[unit][0],
-                n=len(data),
-                raw_rmse=raw_rmse,
-                offset_rmse=offset_rmse,
-                rmse=rmse,
-                raw_max=raw_max,
-                offset_max=offset_max,
-                max=largest,
-                percent_of_offset=100.0 * rmse / offset_rmse if offset_rmse > 0.0 else float("nan"),
-                outside_valid_range=float(np.mean(~inside[:, j])),
-            )
-        )
-    errors = (raw * scale, after_offset * scale, after_model * scale)
-    return Evaluation(
-        joints=tuple(joints),
-        windows=tuple(_windows(data, errors, window)),
-        window_unit="s" if data.has_time else "rows",
-        data=data,
-        raw=raw,
-        after_offset=after_offset,
-        after_model=after_model,
-        inside=inside,
+        for j, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True))
     )
+    windows = tuple(_windows(data, shown, window))
+    return Evaluation(joints, windows, "s" if data.has_time else "rows", data, *errors, inside)
 
 
 def rms(values: Floats) -> float:
-    """Root of the mean of squares."""
+    """Return the root of the mean of squares."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
@@ -161,7 +147,7 @@ def cross_validate(
     folds: int,
     progress: Progress = silent,
 ) -> tuple[Spread, ...]:
-    """Errors on contiguous blocks of time, each left out of the fit in turn; rows are never shuffled.
+    """Return errors on contiguous blocks of time, each left out of the fit in turn; rows are never shuffled.
 
     Args:
         data: Rows of one or more recordings; each recording is cut into `folds` blocks.
@@ -182,25 +168,17 @@ def cross_validate(
     for i, k in enumerate(present):
         model = fit(data.rows(block != k), part_of(progress, i, len(present)))
         results.append(evaluate(model, data.rows(block == k)).joints)
-    return tuple(
-        Spread(
-            joint=joint.name,
-            unit=joint.unit,
-            folds=len(results),
-            rmse_mean=float(np.mean([r[j].rmse for r in results])),
-            rmse_sd=float(np.std([r[j].rmse for r in results], ddof=1)) if len(results) > 1 else 0.0,
-            offset_rmse_mean=float(np.mean([r[j].offset_rmse for r in results])),
-            offset_rmse_sd=float(np.std([r[j].offset_rmse for r in results], ddof=1))
-            if len(results) > 1
-            else 0.0,
-        )
-        for j, joint in enumerate(results[0])
-    )
+    spreads = []
+    for joint, *of_folds in zip(results[0], *results, strict=True):
+        rmse, offset = np.array([(fold.rmse, fold.offset_rmse) for fold in of_folds]).T
+        means = float(rmse.mean()), float(offset.mean())
+        # of one fold nothing is known about the spread
+        sds = (float(rmse.std(ddof=1)), float(offset.std(ddof=1))) if len(results) > 1 else (0.0, 0.0)
+        spreads.append(Spread(joint.name, joint.unit, len(results), means[0], sds[0], means[1], sds[1]))
+    return tuple(spreads)
 
 
-def _windows(
-    data: CalibrationData, errors: tuple[Floats, Floats, Floats], window: float | None
-) -> list[Window]:
+def _windows(data: CalibrationData, errors: tuple[Floats, ...], window: float | None) -> list[Window]:
     spans = []
     for number, source in enumerate(data.sources):
         rows = np.flatnonzero(data.recording == number)

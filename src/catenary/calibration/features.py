@@ -73,7 +73,7 @@ class FeatureSet:
         return tuple(unit for _, unit, _ in self._columns())
 
     def columns_of(self, signals: Sequence[str]) -> Integers:
-        """Indices of the features that come from the given signals."""
+        """Return indices of the features that come from the given signals."""
         return np.array(
             [i for i, (_, _, signal) in enumerate(self._columns()) if signal in signals], dtype=np.int64
         )
@@ -93,7 +93,7 @@ class FeatureSet:
         ]
 
     def matrix(self, log: MotionLog) -> Floats:
-        """Features of every row, (N, F); NaN on rows that lack `history` predecessors in their recording.
+        """Return features of every row, (N, F); NaN on rows that lack `history` predecessors in their recording.
 
         Rows without a measurement (`ok` not set) are commands all the same and count as predecessors.
 
@@ -180,7 +180,7 @@ def gather(
 
 
 def available_signals(log: MotionLog) -> tuple[str, ...]:
-    """Names of every signal that a model could take from a log."""
+    """Return the names of all signals that a model could take from a log."""
     names = [f"q:{joint}" for joint in log.joint_names]
     for group in ("tau", "qd"):
         if getattr(log, group) is not None:
@@ -189,7 +189,7 @@ def available_signals(log: MotionLog) -> tuple[str, ...]:
 
 
 def signal_of(log: MotionLog, name: str) -> Floats:
-    """One signal of a log by name, (N,).
+    """Return one signal of a log by name, (N,).
 
     Raises:
         InputError: The log has none of that name, or it holds NaN or infinity.
@@ -213,7 +213,7 @@ def signal_of(log: MotionLog, name: str) -> Floats:
 
 
 def signal_unit(log: MotionLog, name: str) -> str:
-    """Unit of a signal."""
+    """Return the unit of a signal."""
     if name in log.signals:
         return log.signal_units.get(name, "")
     group, _, joint = name.partition(":")

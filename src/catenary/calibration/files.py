@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats
 from catenary.calibration.card import Card
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.model import CalibrationModel, JointGroup
@@ -19,11 +18,13 @@ from catenary.files import write_atomically
 from catenary.recording.importers import read_arrays
 
 FORMAT = "catenary.calibration.1"
+SIMPLE: dict[str, type[Predictor]] = {each.kind: each for each in (Constant, Linear, Quadratic)}
+NETWORK_ARRAYS = ("mean", "scale", "out_mean", "out_scale")
 Arrays = dict[str, NDArray[Any]]
 
 
 def card_path(path: Path) -> Path:
-    """Where the readable copy of a model's card stands: beside the model."""
+    """Return where the readable copy of a model's card is: beside the model."""
     return path.with_name(f"{path.stem}.card.json")
 
 
@@ -143,46 +144,28 @@ def _kind(predictor: Predictor) -> str:
 
 
 def _to_arrays(predictor: Predictor) -> Arrays:
-    if isinstance(predictor, Network):
-        arrays: Arrays = {
-            "mean": predictor.mean,
-            "scale": predictor.scale,
-            "out_mean": predictor.out_mean,
-            "out_scale": predictor.out_scale,
-            "activation": np.array(predictor.activation),
-        }
-        for k, (W, b) in enumerate(zip(predictor.weights, predictor.biases, strict=True)):
-            arrays |= {f"weights{k}": W, f"bias{k}": b}
-        if predictor.skip is not None:
-            arrays |= {"skip_weights": predictor.skip.weights, "skip_bias": predictor.skip.bias}
-        return arrays
-    return dict(vars(predictor))
+    if not isinstance(predictor, Network):
+        return dict(vars(predictor))
+    arrays: Arrays = {key: getattr(predictor, key) for key in NETWORK_ARRAYS}
+    arrays["activation"] = np.array(predictor.activation)
+    for k, (W, b) in enumerate(zip(predictor.weights, predictor.biases, strict=True)):
+        arrays |= {f"weights{k}": W, f"bias{k}": b}
+    if predictor.skip is not None:
+        arrays |= {f"skip_{key}": values for key, values in vars(predictor.skip).items()}
+    return arrays
 
 
 def _from_arrays(kind: str, arrays: Arrays) -> Predictor:
-    if kind == Constant.kind:
-        return Constant(**arrays)
-    if kind == Linear.kind:
-        return Linear(**arrays)
-    if kind == Quadratic.kind:
-        return Quadratic(**arrays)
+    if kind in SIMPLE:
+        return SIMPLE[kind](**arrays)
     if kind != Network.kind:
         raise ValueError(f"unknown predictor {kind!r}")
-    layers = sum(key.startswith("weights") for key in arrays)
-    activation = str(arrays["activation"])
-    if activation not in ("logistic", "tanh") or layers == 0:
-        raise ValueError(f"network of {layers} layers with activation {activation!r}")
+    layers = range(sum(key.startswith("weights") for key in arrays))
+    activation: Any = str(arrays["activation"])
     return Network(
-        mean=arrays["mean"],
-        scale=arrays["scale"],
-        weights=tuple(_layer(arrays, "weights", k) for k in range(layers)),
-        biases=tuple(_layer(arrays, "bias", k) for k in range(layers)),
-        activation="tanh" if activation == "tanh" else "logistic",
-        out_mean=arrays["out_mean"],
-        out_scale=arrays["out_scale"],
+        weights=tuple(arrays[f"weights{k}"] for k in layers),
+        biases=tuple(arrays[f"bias{k}"] for k in layers),
+        activation=activation,
         skip=Linear(arrays["skip_weights"], arrays["skip_bias"]) if "skip_weights" in arrays else None,
+        **{key: arrays[key] for key in NETWORK_ARRAYS},
     )
-
-
-def _layer(arrays: Arrays, name: str, k: int) -> Floats:
-    return arrays[f"{name}{k}"]

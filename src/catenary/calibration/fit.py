@@ -72,7 +72,7 @@ class FitOptions:
             raise InputError(f"ridge {self.ridge} of model {self.kind}: only linear and polynomial take one")
 
     def play_shares(self, signals: Sequence[str]) -> tuple[float, ...]:
-        """Shares of each joint's range of motion that the play states take beside the given signals."""
+        """Return shares of each joint's range of motion that the play states take beside the given signals."""
         if self.play is not None:
             return self.play
         torque = any(name.startswith("tau:") for name in signals)
@@ -96,7 +96,7 @@ class Inputs:
 
 
 def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: float = 0.0) -> Inputs:
-    """Settle the features for recordings, looking only at what comes before their held-out last part.
+    """Choose the features for recordings, looking only at what comes before their held-out last part.
 
     Raises:
         InputError: No recording, or an input or a joint that the recordings do not have.
@@ -205,7 +205,7 @@ def _fit_predictor(
 
 
 def extrapolation(kind: str, features: FeatureSet) -> float:
-    """How far beyond the training data a kind of model may go, as a share of their range."""
+    """Return how far beyond the training data a kind of model may go, as a share of their range."""
     memory = features.history > 0 or bool(features.play)
     return POLYNOMIAL_MEMORY_EXTRAPOLATION if kind == "polynomial" and memory else EXTRAPOLATION
 
@@ -215,7 +215,7 @@ def _default_words(log: MotionLog) -> tuple[str, ...]:
 
 
 def _late_edge(data: CalibrationData) -> float:
-    """Where the last fifth of the training part of the recordings begins."""
+    """Return where the last fifth of the training part of the recordings begins."""
     return 0.8 * float(data.position.max())
 
 

@@ -47,15 +47,12 @@ class JointGroup:
             if columns.ndim != 1 or (columns.size and columns.dtype.kind not in "iu"):
                 raise InputError(f"model: {name}: expected indices of features, got {columns!r}")
             object.__setattr__(self, name, np.ascontiguousarray(columns, dtype=np.int64))
-        predictor, watched = self.predictor, len(self.valid_range.lower)
-        if (
-            predictor.inputs not in (None, len(self.columns))
-            or predictor.outputs != len(self.joints)
-            or watched != len(self.watched)
-        ):
+        (inputs, outputs), watched = self.predictor.shape, len(self.valid_range.lower)
+        fits = inputs in (None, len(self.columns)) and outputs == len(self.joints)
+        if not fits or watched != len(self.watched):
             raise InputError(
                 f"model: joints {self.joints} take {len(self.columns)} features, {len(self.watched)} of them watched; "
-                f"the predictor takes {predictor.inputs} and gives {predictor.outputs}, the valid range is of {watched}"
+                f"the predictor takes {inputs} and gives {outputs}, the valid range is of {watched}"
             )
 
     def steps(self, X: Floats, known: Flags, prediction: Floats) -> list[Step]:

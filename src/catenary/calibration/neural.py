@@ -151,7 +151,7 @@ def _step(regressor: MLPRegressor, Z: np.ndarray, target: np.ndarray) -> None:
 
 
 def sklearn_alpha(l2: float, rows: int, outputs: int) -> float:
-    """Give MLPRegressor's `alpha` for which a step on `rows` rows follows Keras's loss.
+    """Return MLPRegressor's `alpha` for which a step on `rows` rows follows Keras's loss.
 
     Keras: mean over rows and outputs of the squared error + l2 sum W^2. MLPRegressor steps along
     (sum over rows and outputs of the error's gradient / 2 + alpha W) / rows: its reported loss averages over

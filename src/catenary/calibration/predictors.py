@@ -38,13 +38,8 @@ class Predictor(ABC):
 
     @property
     @abstractmethod
-    def inputs(self) -> int | None:
-        """Number of features F; None where any number will do."""
-
-    @property
-    @abstractmethod
-    def outputs(self) -> int:
-        """Number of outputs m."""
+    def shape(self) -> tuple[int | None, int]:
+        """Numbers of features F, None where any number will do, and of outputs m."""
 
     @abstractmethod
     def steps(self, X: Floats, Y: Floats) -> list[Step]:
@@ -56,8 +51,9 @@ class Predictor(ABC):
         Raises:
             InputError: X has another shape.
         """
-        X = as_array("features", X, (None, self.inputs), finite=False)
-        Y = np.empty((len(X), self.outputs))
+        inputs, outputs = self.shape
+        X = as_array("features", X, (None, inputs), finite=False)
+        Y = np.empty((len(X), outputs))
         for rows in blocks(len(X)):
             run(self.steps(X[rows], Y[rows]))
         return Y
@@ -78,12 +74,8 @@ class Constant(Predictor):
         self._keep({"value": (None,)})
 
     @property
-    def inputs(self) -> None:  # noqa: D102
-        return None
-
-    @property
-    def outputs(self) -> int:  # noqa: D102
-        return len(self.value)
+    def shape(self) -> tuple[int | None, int]:  # noqa: D102
+        return None, len(self.value)
 
     def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
         return [Step(repeat, (self.value,), (Y,))]
@@ -101,12 +93,8 @@ class Linear(Predictor):
         self._keep({"weights": (None, None), "bias": (np.shape(self.weights)[-1],)})
 
     @property
-    def inputs(self) -> int:  # noqa: D102
-        return len(self.weights)
-
-    @property
-    def outputs(self) -> int:  # noqa: D102
-        return len(self.bias)
+    def shape(self) -> tuple[int | None, int]:  # noqa: D102
+        return len(self.weights), len(self.bias)
 
     def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
         return [Step(dense, (X, self.weights, self.bias), (Y,))]
@@ -130,16 +118,12 @@ class Quadratic(Predictor):
         self._keep({"linear": (inputs, m), "quadratic": (pairs, m)})
 
     @property
-    def inputs(self) -> int:  # noqa: D102
-        return len(self.mean)
-
-    @property
-    def outputs(self) -> int:  # noqa: D102
-        return len(self.bias)
+    def shape(self) -> tuple[int | None, int]:  # noqa: D102
+        return len(self.mean), len(self.bias)
 
     def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
         weights = np.vstack([self.linear, self.quadratic])
-        Z, P = np.empty((len(X), self.inputs)), np.empty((len(X), len(weights)))
+        Z, P = np.empty(X.shape), np.empty((len(X), len(weights)))
         return [
             Step(standardise, (X, self.mean, self.scale), (Z,)),
             Step(monomials, (Z,), (P,)),
@@ -181,16 +165,12 @@ class Network(Predictor):
             )
 
     @property
-    def inputs(self) -> int:  # noqa: D102
-        return len(self.mean)
-
-    @property
-    def outputs(self) -> int:  # noqa: D102
-        return len(self.out_mean)
+    def shape(self) -> tuple[int | None, int]:  # noqa: D102
+        return len(self.mean), len(self.out_mean)
 
     def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
         activate = tanh if self.activation == "tanh" else logistic
-        layer = np.empty((len(X), self.inputs))
+        layer = np.empty(X.shape)
         steps = [Step(standardise, (X, self.mean, self.scale), (layer,))]
         for weights, bias in zip(self.weights, self.biases, strict=True):
             below, layer = layer, np.empty((len(X), len(bias)))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from catenary.cli.options import AsJsonNotTables, Report
+from catenary.cli.options import AsJsonNotTables, Report, Units
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table, progress_bar, words
 from catenary.errors import InputError
 
@@ -26,7 +26,9 @@ Recordings = Annotated[
 ]
 LARGEST = sys.float_info.max
 LARGEST_SEED = 2**32 - 1  # that scikit-learn takes
-Seed = Annotated[int, Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Of everything random.")]
+Seed = Annotated[
+    int, Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Seed of everything random.")
+]
 MaxError = Annotated[
     str | None,
     Option(
@@ -37,32 +39,27 @@ MaxError = Annotated[
 
 def fit(
     data: Recordings,
-    model: Annotated[str, Option("--model", metavar="KIND", help="offset, linear, polynomial or neural.")],
-    out: Annotated[Path, Option("--out", metavar="MODEL", help="File to write the model to, e.g. arm.npz.")],
+    model: Annotated[str, Option(metavar="KIND", help="offset, linear, polynomial or neural.")],
+    out: Annotated[Path, Option(metavar="MODEL", help="File to write the model to, e.g. arm.npz.")],
     preset: Annotated[
         str | None,
         Option(
-            "--preset",
             metavar="NAME",
-            help="Of neural: paper (Peng et al.'s network) or best (ours). [default: paper]",
+            help="Preset of a neural model: paper (Peng et al.'s network) or best (ours). [default: paper]",
         ),
     ] = None,
     inputs: Annotated[
         str | None,
         Option(
-            "--inputs",
             metavar="SIGNALS",
             help="What the model takes: groups q, tau, qd, all, or signals such as q:J1; per joint as "
             "'J1=q:J1,tau:J1;J2=q'. [default: q, and tau if recorded]",
         ),
     ] = None,
-    history: Annotated[
-        int, Option("--history", metavar="K", min=0, help="Also take the K previous commands.")
-    ] = 0,
+    history: Annotated[int, Option(metavar="K", min=0, help="Also take the K previous commands.")] = 0,
     play: Annotated[
         str | None,
         Option(
-            "--play",
             metavar="SHARES",
             help="Also take play states (memory of a cable's slack) as wide as these shares of each joint's "
             "motion: 0.01,0.05,0.2, 'on' for ours, 'off'. [default: off; on for preset best]",
@@ -71,33 +68,26 @@ def fit(
     target: Annotated[
         str,
         Option(
-            "--target",
             metavar="WHAT",
             help="What to learn: error, the joint error, or position, the joint position end to end.",
         ),
     ] = "error",
-    units: Annotated[
-        str | None, Option("--units", metavar="U,U,...", help="rad or m per joint, where files do not say.")
-    ] = None,
+    units: Units = None,
     robot: Annotated[
         str | None,
-        Option(
-            "--robot", metavar="ROBOT", help="Catalogue name or file of the robot: joint names and units."
-        ),
+        Option(metavar="ROBOT", help="Catalogue name or file of the robot: joint names and units."),
     ] = None,
     held_out: Annotated[
         float | None,
-        Option("--held-out", metavar="SHARE", help="Keep this last share of each recording for a test."),
+        Option(metavar="SHARE", help="Keep the last part of each recording, this share of it, for a test."),
     ] = None,
     folds: Annotated[
-        int,
-        Option("--folds", metavar="N", min=0, help="Blocks of time for the cross-validation; 0 for none."),
+        int, Option(metavar="N", min=0, help="Blocks of time for the cross-validation; 0 for none.")
     ] = 5,
     max_error: MaxError = None,
     ridge: Annotated[
         float | None,
         Option(
-            "--ridge",
             metavar="R",
             min=0.0,
             max=LARGEST,
@@ -108,7 +98,7 @@ def fit(
     report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
-    """Fit a calibration model; tell its error on unseen data.
+    """Fit a calibration model and print its error on unseen data.
 
     Example: catenary fit run1.npz --model linear --history 6 --out arm.npz
     """
@@ -158,14 +148,13 @@ def evaluate(
     model: Annotated[Path, Argument(metavar="MODEL", help="A model that catenary fit wrote.")],
     data: Recordings,
     window: Annotated[
-        float | None,
-        Option("--window", metavar="S", help="Length of a time window in s. [default: a tenth of the data]"),
+        float | None, Option(metavar="S", help="Length of a time window in s. [default: a tenth of the data]")
     ] = None,
     max_error: MaxError = None,
     report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
-    """Tell a model's error on recordings, before and after.
+    """Print a model's error on recordings, before and after.
 
     RMSE and maximum per joint in deg and mm, and RMSE per window of time.
 

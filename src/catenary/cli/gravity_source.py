@@ -19,16 +19,12 @@ class GravityOptions:
     gravity: Annotated[
         str | None,
         Option(
-            "--gravity",
-            metavar="TOPIC",
-            help="With --ros: gravity as `catenary gravity-node` publishes it, as /gravity.",
+            metavar="TOPIC", help="With --ros: gravity as `catenary gravity-node` publishes it, as /gravity."
         ),
     ] = None
     imu: Annotated[
         str | None,
-        Option(
-            "--imu", metavar="TOPIC", help="With --ros, in its place: a sensor_msgs/Imu, as /imu/data_raw."
-        ),
+        Option(metavar="TOPIC", help="With --ros, in its place: a sensor_msgs/Imu, as /imu/data_raw."),
     ] = None
     mounting: MountingFile = None
 
@@ -49,7 +45,7 @@ class GravityOptions:
             raise InputError("give one of --gravity and --imu")
         if self.mounting is not None and self.imu is None:
             raise InputError(
-                "--mounting goes with --imu; a gravity node has turned what it publishes already"
+                "--mounting goes with --imu; what a gravity node publishes is in base axes already"
             )
         from catenary.crtk.latest import ImuTopic, published_gravity
         from catenary.sensing.mounting import Mounting, load_mounting

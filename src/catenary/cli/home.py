@@ -23,16 +23,16 @@ def home(
     access: RobotAccess,
     project: Annotated[
         Path | None,
-        Argument(metavar="PROJECT", help="Folder of a project, whose robot it is; made if not there."),
+        Argument(metavar="PROJECT", help="Folder of the robot's project; made if it is not there."),
     ] = None,
     robot: Annotated[
-        str | None, Option("--robot", metavar="ROBOT", help="Without a project: which one. [default: raven2]")
+        str | None, Option(metavar="ROBOT", help="Without a project: which one. [default: raven2]")
     ] = None,
     dialect: Annotated[
-        str | None, Option("--dialect", help="Without a project, with --ros: raven or crtk. [default: raven]")
+        str | None, Option(help="Without a project, with --ros: raven or crtk. [default: raven]")
     ] = None,
     namespace: Annotated[
-        str | None, Option("--namespace", metavar="/NAME", help="With --dialect crtk: in front of its verbs.")
+        str | None, Option(metavar="/NAME", help="With --dialect crtk: in front of its verbs.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -52,9 +52,7 @@ def home(
         _home_project(project, arm, access, as_json)
         return
     if arm.payload is not None or arm.side is not None:
-        raise InputError(
-            "--payload and --side are of a project's robot; without one say --robot raven2_right"
-        )
+        raise InputError("--payload and --side go with a project; without one give --robot raven2_right")
     from catenary.workflows.robot.guide import AnswerYes
     from catenary.workflows.robot.homing import home_operated
 

@@ -17,7 +17,8 @@ Logs = Annotated[
     ),
 ]
 Gravity = Annotated[
-    str | None, Option("--gravity", metavar="X,Y,Z", help="In base axes, m/s2. [default: 0,0,-9.81]")
+    str | None,
+    Option("--gravity", metavar="X,Y,Z", help="Gravity vector in base axes, m/s2. [default: 0,0,-9.81]"),
 ]
 CutOff = Annotated[
     float | None,
@@ -27,50 +28,44 @@ CutOff = Annotated[
 
 def identify(
     logs: Logs,
-    robot: Annotated[
-        str, Option("--robot", metavar="ROBOT", help="Catalogue name or file; needs no inertia.")
-    ],
-    out: Annotated[
-        Path, Option("--out", metavar="FILE", help="File to write the parameters to, e.g. arm.npz.")
-    ],
+    robot: Annotated[str, Option(metavar="ROBOT", help="Catalogue name or file; needs no inertia.")],
+    out: Annotated[Path, Option(metavar="FILE", help="File to write the parameters to, e.g. arm.npz.")],
     test: Annotated[
-        list[Path] | None, Option("--test", metavar="LOG", help="A recording to judge by; repeatable.")
+        list[Path] | None, Option(metavar="LOG", help="A recording to judge the result by; may be repeated.")
     ] = None,
     terms: Annotated[
-        str, Option("--terms", metavar="WHAT", help="full dynamics, or static: poses at rest.")
+        str, Option(metavar="WHAT", help="full: all of the dynamics; static: poses at rest.")
     ] = "full",
     cutoff_hz: CutOff = None,
     period: Annotated[
         int | None,
-        Option(
-            "--period", metavar="N", min=1, help="Samples of the motion's period. [default: the robot file's]"
-        ),
+        Option(metavar="N", min=1, help="Samples of the motion's period. [default: the robot file's]"),
     ] = None,
     weighting: Annotated[
         str | None,
         Option(
-            "--weighting",
             metavar="HOW",
             help="Weight of the axes: none, range or spread of the torque, residual. [default: the robot file's]",
         ),
     ] = None,
     consistent: Annotated[
-        bool, Option("--consistent", help="Only parameters that bodies and friction can have.")
+        bool,
+        Option(
+            "--consistent", help="Only physically possible parameters: positive masses, inertia and friction."
+        ),
     ] = False,
     blocks: Annotated[
-        float | None,
-        Option("--blocks", metavar="S", help="Hold out every second block of S seconds (static: S rows)."),
+        float | None, Option(metavar="S", help="Hold out every second block of S seconds (static: S rows).")
     ] = None,
     rows: Annotated[
-        str | None, Option("--rows", metavar="A:B", help="Rows of the recordings to fit. [default: all]")
+        str | None, Option(metavar="A:B", help="Rows of the recordings to fit. [default: all]")
     ] = None,
     gravity: Gravity = None,
     urdf: Annotated[
-        Path | None,
-        Option("--urdf", metavar="FILE", help="Also write the robot as URDF; needs --consistent."),
+        Path | None, Option(metavar="FILE", help="Also write the robot as URDF; needs --consistent.")
     ] = None,
     report: Annotated[
-        Path | None, Option("--report", metavar="PAGE", help="Also write a self-contained HTML page.")
+        Path | None, Option(metavar="PAGE", help="Also write a self-contained HTML page.")
     ] = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
@@ -152,33 +147,33 @@ def _refuse_to_overwrite(written: list[Path | None], read: list[Path]) -> None:
     targets = [path.absolute() for path in written if path is not None]
     for path in targets:
         if path in [p.absolute() for p in read]:
-            raise InputError(f"{path}: is read; it will not be overwritten")
+            raise InputError(f"{path}: is read here, and will not be overwritten")
         if targets.count(path) > 1:
             raise InputError(f"{path}: two outputs would be written there")
 
 
 def excitation(
     robot: Annotated[str, Argument(metavar="ROBOT", help="Catalogue name or file; needs no inertia.")],
-    out: Annotated[
-        Path, Option("--out", metavar="FILE", help="File to write: .npz or .csv of t, q, dq, ddq.")
-    ],
-    static: Annotated[int | None, Option("--static", metavar="N", min=1, help="N poses to hold.")] = None,
+    out: Annotated[Path, Option(metavar="FILE", help="File to write: .npz or .csv of t, q, dq, ddq.")],
+    static: Annotated[int | None, Option(metavar="N", min=1, help="N poses to hold.")] = None,
     fourier: Annotated[bool, Option("--fourier", help="One period of a Fourier motion. [default]")] = False,
-    period: Annotated[float, Option("--period-s", metavar="S", help="Of the motion.")] = 10.0,
-    harmonics: Annotated[int, Option("--harmonics", metavar="N", help="Of the motion, 3 or more.")] = 5,
+    period: Annotated[float, Option("--period-s", metavar="S", help="Period of the motion.")] = 10.0,
+    harmonics: Annotated[int, Option(metavar="N", help="Harmonics of the motion, 3 or more.")] = 5,
     rate: Annotated[float, Option("--rate-hz", metavar="F", help="Rows of the motion per second.")] = 200.0,
     trials: Annotated[
-        int, Option("--trials", metavar="N", min=1, help="Motions to choose from; more show more.")
+        int, Option(metavar="N", min=1, help="Motions to choose from; more trials find a better one.")
     ] = 300,
     lower: Annotated[
-        str | None, Option("--lower", metavar="Q,Q,...", help="Limits to stay within, rad and m.")
+        str | None, Option(metavar="Q,Q,...", help="Lower limits to stay within, rad and m.")
     ] = None,
-    upper: Annotated[str | None, Option("--upper", metavar="Q,Q,...", help="The same, upper.")] = None,
+    upper: Annotated[
+        str | None, Option(metavar="Q,Q,...", help="Upper limits to stay within, rad and m.")
+    ] = None,
     velocity: Annotated[
-        str | None, Option("--velocity", metavar="V,V,...", help="The same, rad/s and m/s.")
+        str | None, Option(metavar="V,V,...", help="Limits of velocity to stay within, rad/s and m/s.")
     ] = None,
     gravity: Gravity = None,
-    seed: Annotated[int, Option("--seed", metavar="N", min=0, help="Of everything random.")] = 0,
+    seed: Annotated[int, Option(metavar="N", min=0, help="Seed of everything random.")] = 0,
     as_json: AsJsonNotTables = False,
 ) -> None:
     """Design poses or a motion that show an arm's dynamics.
@@ -190,7 +185,7 @@ def excitation(
     from catenary.cli.terminal import numbers
     from catenary.identification.excitation import fourier_motion, room_of, static_poses
     from catenary.robots.catalog import load_robot
-    from catenary.workflows.excitation import write_excitation
+    from catenary.workflows.identify import write_excitation
 
     if static is not None and fourier:
         raise InputError("excitation: give one of --static and --fourier")
@@ -238,21 +233,19 @@ def excitation(
 
 def payload(
     logs: Logs,
-    model: Annotated[
-        Path, Option("--model", metavar="FILE", help="Parameters that catenary identify wrote.")
-    ],
+    model: Annotated[Path, Option(metavar="FILE", help="Parameters that catenary identify wrote.")],
     at: Annotated[
         tuple[str, float, float, float] | None,
-        Option("--at", metavar="FRAME X Y Z", help="Where it is, in m in a frame. [default: anywhere]"),
+        Option(metavar="FRAME X Y Z", help="Place of the payload in a frame, in m. [default: anywhere]"),
     ] = None,
     unloaded: Annotated[
         list[Path] | None,
-        Option("--unloaded", metavar="LOG", help="A recording without it, of the same day; repeatable."),
+        Option(metavar="LOG", help="A recording of the same day without payload; may be repeated."),
     ] = None,
     cutoff_hz: CutOff = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
-    """Tell what an arm carries beyond what it was identified with.
+    """Estimate the payload of an identified arm.
 
     Example: catenary payload loaded.npz --model psm.npz --at pitch 0.024 0.535 0
     """

@@ -10,14 +10,17 @@ from typer import Option
 
 AsJson = Annotated[bool, Option("--json", help="Print JSON.")]
 AsJsonNotTables = Annotated[bool, Option("--json", help="Print JSON instead of tables.")]
+Units = Annotated[
+    str | None, Option("--units", metavar="U,U,...", help="rad or m per joint, where recordings do not say.")
+]
 Report = Annotated[Path | None, Option("--report", metavar="HTML", help="Also write a self-contained page.")]
 JsonLines = Annotated[bool, Option("--json", help="Print a JSON line a second, and one at the end.")]
-Carrier = Annotated[str, Option("--ros", metavar="1|2|none", help="What carries the messages.")]
+Carrier = Annotated[str, Option("--ros", metavar="1|2|none", help="ROS that carries the messages.")]
 Duration = Annotated[
-    float | None, Option("--duration", metavar="S", min=0.0, help="Then end. [default: Ctrl-C]")
+    float | None, Option("--duration", metavar="S", min=0.0, help="How long to run. [default: until Ctrl-C]")
 ]
 Record = Annotated[
-    Path | None, Option("--record", metavar="FOLDER", help="Record a RAVEN-II's topics beside.")
+    Path | None, Option("--record", metavar="FOLDER", help="Also record the topics of a RAVEN-II.")
 ]
 Baud = Annotated[int, Option("--baud", min=300, help="Speed of the serial line.")]
 MountingFile = Annotated[

@@ -21,7 +21,7 @@ def regressor(
     latex: Annotated[bool, Option("--latex", help="Print the compact form for LaTeX.")] = False,
     as_json: Annotated[bool, Option("--json", help="Print JSON: kg and kg m.")] = False,
 ) -> None:
-    """Print what gravity torques tell of a robot's masses.
+    """Print which masses gravity torques can identify.
 
     Example: catenary regressor planar_3r --compact
     """

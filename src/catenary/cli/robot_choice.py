@@ -22,33 +22,27 @@ class WatchedRobot:
     """Options of a robot that is only read: which, and where it is."""
 
     robot: Annotated[
-        str,
-        Option(
-            "--robot",
-            metavar="ROBOT",
-            help="raven2, raven2_right, another of the catalogue, or a robot file.",
-        ),
+        str, Option(metavar="ROBOT", help="raven2, raven2_right, another of the catalogue, or a robot file.")
     ] = "raven2"
     ros: Annotated[
-        int | None, Option("--ros", metavar="1|2", help="It is on ROS 1 or 2. [default: simulated here]")
+        int | None, Option(metavar="1|2", help="The robot is on ROS 1 or 2. [default: simulated here]")
     ] = None
-    dialect: Annotated[str, Option("--dialect", help="With --ros: raven or crtk.")] = "raven"
+    dialect: Annotated[str, Option(help="With --ros: raven or crtk.")] = "raven"
     namespace: Annotated[
-        str | None, Option("--namespace", metavar="/NAME", help="With --dialect crtk: in front of its verbs.")
+        str | None, Option(metavar="/NAME", help="With --dialect crtk: in front of its verbs.")
     ] = None
     simulated: Annotated[
         bool,
-        Option("--simulated", help="With --ros: the robot there is a simulation, and no workspace to clear."),
+        Option(
+            "--simulated", help="With --ros: that robot is a simulation, so there is no workspace to clear."
+        ),
     ] = False
     base_tilt_deg: Annotated[
-        str | None,
-        Option(
-            "--base-tilt-deg", metavar="R,P", help="Simulated: roll about x, then pitch about y, of its base."
-        ),
+        str | None, Option(metavar="R,P", help="Simulated: roll about x, then pitch about y, of its base.")
     ] = None
     robot_seed: Annotated[
         int | None,
-        Option("--robot-seed", help="Simulated: draws another RAVEN-II. [default: the nominal one]"),
+        Option(help="Simulated: another RAVEN-II, drawn with this seed. [default: the nominal one]"),
     ] = None
 
 
@@ -56,7 +50,7 @@ class WatchedRobot:
 class MovedRobot(WatchedRobot):
     """Options of a robot that is moved."""
 
-    yes: Annotated[bool, Option("--yes", help="With --ros: the workspace is clear; ask nobody.")] = False
+    yes: Annotated[bool, Option("--yes", help="With --ros: the workspace is clear; do not ask.")] = False
 
 
 @dataclass(frozen=True)
@@ -95,7 +89,7 @@ def open_robot(
         return
     if tilt is not None or seed is not None or fast:
         raise InputError(
-            "--base-tilt-deg, --robot-seed and --fast are of a robot simulated here; not with --ros"
+            "--base-tilt-deg, --robot-seed and --fast go with a robot simulated here, not with --ros"
         )
     with ros_transport(chosen.ros) as transport:
         opened, client = robot_over(

@@ -26,32 +26,31 @@ _LINE_EVERY = 1.0  # [s] in a file or pipe
 
 def sense(
     port: Annotated[
-        str | None, Option("--port", metavar="PORT", help="Serial port of a board, as /dev/ttyACM0.")
+        str | None, Option(metavar="PORT", help="Serial port of a board, as /dev/ttyACM0.")
     ] = None,
-    simulated: Annotated[bool, Option("--simulated", help="A simulated sensor in its place.")] = False,
+    simulated: Annotated[bool, Option("--simulated", help="Use a simulated sensor.")] = False,
     tilt_deg: Annotated[
-        tuple[float, float] | None,
-        Option("--tilt-deg", metavar="R P", help="Roll, then pitch, of the simulated base."),
+        tuple[float, float] | None, Option(metavar="R P", help="Roll, then pitch, of the simulated base.")
     ] = None,
     rate: Annotated[
-        float | None, Option("--rate", metavar="HZ", help="Of the simulated sensor. [default: 200]")
+        float | None, Option(metavar="HZ", help="Sample rate of the simulated sensor. [default: 200]")
     ] = None,
-    seed: Annotated[int, Option("--seed", min=0, help="Of the simulated sensor's noise.")] = 0,
+    seed: Annotated[int, Option(min=0, help="Seed of the simulated sensor's noise.")] = 0,
     duration: Annotated[
-        float | None, Option("--duration", metavar="S", help="[default: 5; until Ctrl-C on a terminal]")
+        float | None, Option(metavar="S", help="How long to watch. [default: 5; until Ctrl-C on a terminal]")
     ] = None,
     mounting: MountingFile = None,
     hanging: Hanging = False,
     baud: Baud = 115200,
     tumble: Annotated[
-        bool, Option("--tumble", help="Go through attitudes, and write a mounting file.")
+        bool, Option("--tumble", help="Calibrate the sensor in several attitudes and write a mounting file.")
     ] = False,
     out: Annotated[
-        Path | None, Option("--out", metavar="FILE", help="Of --tumble. [default: mounting.toml]")
+        Path | None, Option(metavar="FILE", help="File that --tumble writes. [default: mounting.toml]")
     ] = None,
     as_json: Annotated[bool, Option("--json", help="Print one JSON summary at the end.")] = False,
 ) -> None:
-    """Show gravity as a sensor on the base has it.
+    """Show gravity as a sensor on the base measures it.
 
     With --tumble the sensor is calibrated.
 
@@ -64,7 +63,7 @@ def sense(
     if (port is None) is not simulated:
         raise InputError("sense: give one of --port and --simulated")
     if not simulated and (tilt_deg is not None or rate is not None):
-        raise InputError("sense: --tilt-deg and --rate are of a simulated sensor; with --port leave them out")
+        raise InputError("sense: --tilt-deg and --rate go with --simulated, not with --port")
     if out is not None and not tumble:
         raise InputError("sense: --out is where --tumble writes; add --tumble")
     told = Mounting() if mounting is None else load_mounting(mounting)

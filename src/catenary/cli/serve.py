@@ -3,43 +3,46 @@
 import contextlib
 import logging
 import sys
+from collections import deque
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer import Option
 
 from catenary.cli.options import AsJson, Carrier, Duration, JsonLines
-from catenary.cli.terminal import print_json, print_notes, roll_and_pitch
+from catenary.cli.terminal import print_json, print_json_line, print_notes, roll_and_pitch
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.crtk.serving.server import Server
-    from catenary.nodes.serve import Status, Wishes
+    from catenary.nodes.serve import Status
 
 
 def serve(
-    robot: Annotated[str, Option("--robot", metavar="NAME", help="Which robot.")] = "raven2",
+    robot: Annotated[str, Option(metavar="NAME", help="Robot to simulate.")] = "raven2",
     dialect: Annotated[
-        str, Option("--dialect", metavar="raven|crtk", help="Topics of the RAVEN-II, or the present CRTK.")
+        str, Option(metavar="raven|crtk", help="Topics of the RAVEN-II, or the present CRTK.")
     ] = "raven",
     ros: Carrier = "1",
     rate: Annotated[
-        float, Option("--rate", metavar="HZ", help="At which the robot's state is published.")
+        float, Option(metavar="HZ", help="Rate at which the robot's state is published.")
     ] = 1000.0,
     seed: Annotated[
         int | None,
-        Option("--seed", metavar="N", min=0, help="Another robot of the kind. [default: the nominal one]"),
+        Option(
+            metavar="N",
+            min=0,
+            help="Simulate another robot of the kind, drawn with this seed. [default: the nominal one]",
+        ),
     ] = None,
     base_tilt_deg: Annotated[
-        str, Option("--base-tilt-deg", metavar="ROLL,PITCH", help="How the base stands.")
+        str, Option(metavar="ROLL,PITCH", help="Tilt of the base: roll about x, then pitch about y.")
     ] = "0,0",
-    payload: Annotated[float, Option("--payload", metavar="KG", help="Load at the tool.")] = 0.0,
+    payload: Annotated[float, Option(metavar="KG", help="Mass at the tool's wrist.")] = 0.0,
     green: Annotated[
-        bool, Option("--green", help="Let the green arm move too; otherwise it stands parked.")
+        bool, Option("--green", help="Let the green arm move too; otherwise it is parked.")
     ] = False,
-    homed: Annotated[
-        bool, Option("--homed", help="Begin as after homing, which otherwise takes half a minute.")
-    ] = False,
+    homed: Annotated[bool, Option("--homed", help="Begin homed; homing takes half a minute.")] = False,
     encoders: Annotated[
         bool,
         Option(
@@ -60,7 +63,7 @@ def serve(
     Example: catenary serve --ros none --homed --duration 2
     """
     from catenary.crtk.network import make_transport
-    from catenary.nodes.serve import NODE, Serving, Wishes, make_server
+    from catenary.nodes.serve import NODE, Serving, make_server
     from catenary.nodes.serve import serve as run
 
     if dialect not in ("raven", "crtk"):
@@ -71,10 +74,10 @@ def serve(
     serving = Serving(robot, dialect, seed, tilt, payload, green, homed, encoders)  # type: ignore[arg-type]
     with make_transport(ros, NODE) as transport:
         server = make_server(serving, transport, rate_hz=rate)
-        wishes = Wishes(["start"] if start else [])
+        commands = deque(["start"] if start else [])
         print_notes([_greeting(server, dialect, ros)])
-        _listen(wishes)
-        final = run(server, wishes=wishes, show=_show_json if as_json else _show, duration=duration)
+        _listen(commands)
+        final = run(server, commands=commands, show=_show_json if as_json else _show, duration=duration)
     if as_json:
         _show_json(final, final=True)
     else:
@@ -110,7 +113,7 @@ def _greeting(server: "Server", dialect: str, ros: str) -> str:
     return text
 
 
-def _listen(wishes: "Wishes") -> None:
+def _listen(commands: deque[str]) -> None:
     """Take lines from standard input, in a thread that ends with the program."""
     import threading
 
@@ -123,7 +126,7 @@ def _listen(wishes: "Wishes") -> None:
         ):  # a standard input that nobody can read, or that is closed
             for line in sys.stdin:
                 if line.strip():
-                    wishes.lines.append(line.strip())
+                    commands.append(line.strip())
 
     threading.Thread(target=read, name="keyboard", daemon=True).start()
 
@@ -143,6 +146,4 @@ def _show(status: "Status") -> None:
 
 
 def _show_json(status: "Status", *, final: bool = False) -> None:
-    import json
-
-    print(json.dumps(status._asdict() | {"final": final}), flush=True)
+    print_json_line(status._asdict() | {"final": final})

@@ -61,11 +61,10 @@ def codec(name: str) -> Codec:
         if type(message) is not kind:
             message_fields(name, message)  # says what it is instead
         try:
-            ready = prepare(message)
             if numbered:
-                head = ready[0]
-                ready = kind(type(head)(seq % 2**32, head.stamp, head.frame_id), *ready[1:])
-            return bytes(store.serialize_ros1(ready, rosbags_name))
+                head = message[0]
+                message = kind(type(head)(seq % 2**32, head.stamp, head.frame_id), *message[1:])
+            return bytes(store.serialize_ros1(prepare(message), rosbags_name))
         except _WRONG as error:
             raise InputError(f"{name}: {_misfit(name, message) or error}") from error
 

@@ -16,6 +16,10 @@ from catenary.errors import InputError
 from catenary.plant import JointState, OperatingState, StateName
 from catenary.spatial import Pose, rotation_from_quaternion
 
+_Point, _Quaternion, _Vector3, _Pose, _Transform, _PoseStamped, _TransformStamped = (
+    message_class(f"geometry_msgs/{name}")
+    for name in ("Point", "Quaternion", "Vector3", "Pose", "Transform", "PoseStamped", "TransformStamped")
+)
 _NUMBERS = ("position", "velocity", "effort")
 
 
@@ -28,7 +32,7 @@ def joint_state_message(
     *,
     frame_id: str = "",
 ) -> Message:
-    """Give a sensor_msgs/JointState, at `stamp` [ns]; what is empty is left out of it.
+    """Return a sensor_msgs/JointState, at `stamp` [ns]; what is empty is left out of it.
 
     Raises:
         InputError: Other than one number per joint, NaN or infinity.
@@ -45,7 +49,7 @@ def joint_state_message(
 def joint_values(
     message: Message, names: tuple[str, ...], field: str = "position", *, missing: ArrayLike | None = None
 ) -> Floats:
-    """Give the numbers of a sensor_msgs/JointState in the order of our joints, (n,).
+    """Return the numbers of a sensor_msgs/JointState in the order of our joints, (n,).
 
     With names, each number goes to the joint of its name, in whatever order they come. Without names the first n count,
     in our order, as the RAVEN-II takes them.
@@ -91,7 +95,7 @@ def joint_values(
 def joint_state(
     message: Message, names: tuple[str, ...], *, gravity: ArrayLike, gravity_age: float = np.inf
 ) -> JointState:
-    """Give a joint state from a sensor_msgs/JointState; NaN where it has no velocities or efforts.
+    """Return a joint state from a sensor_msgs/JointState; NaN where it has no velocities or efforts.
 
     Args:
         message: What came.
@@ -119,16 +123,12 @@ def joint_state(
 
 
 def pose_message(pose: Pose, stamp: int, frame_id: str, *, child: str | None = None) -> Message:
-    """Give a geometry_msgs/PoseStamped, or a TransformStamped, as older CRTK has it, when `child` is a frame."""
-    quaternion = message_class("geometry_msgs/Quaternion")(*_quaternion(pose.rotation.tolist()))
+    """Return a geometry_msgs/PoseStamped, or a TransformStamped, as older CRTK has it, when `child` is a frame."""
+    quaternion = _Quaternion(*_quaternion(pose.rotation.tolist()))
     place = pose.position.tolist()
     if child is None:
-        inner = message_class("geometry_msgs/Pose")(message_class("geometry_msgs/Point")(*place), quaternion)
-        return message_class("geometry_msgs/PoseStamped")(header(stamp, frame_id), inner)
-    inner = message_class("geometry_msgs/Transform")(
-        message_class("geometry_msgs/Vector3")(*place), quaternion
-    )
-    return message_class("geometry_msgs/TransformStamped")(header(stamp, frame_id), child, inner)
+        return _PoseStamped(header(stamp, frame_id), _Pose(_Point(*place), quaternion))
+    return _TransformStamped(header(stamp, frame_id), child, _Transform(_Vector3(*place), quaternion))
 
 
 def _quaternion(rotation: list[list[float]]) -> tuple[float, float, float, float]:
@@ -162,9 +162,9 @@ def pose_of(message: Message) -> Pose:
         InputError: Another type, NaN, or a quaternion whose length is not 1 within 1 %: such a one is not a rounded
             rotation but a mistake, most often one that was never set.
     """
-    if isinstance(message, message_class("geometry_msgs/PoseStamped")):
+    if isinstance(message, _PoseStamped):
         place, turn = message.pose
-    elif isinstance(message, message_class("geometry_msgs/TransformStamped")):
+    elif isinstance(message, _TransformStamped):
         place, turn = message.transform
     else:
         raise InputError(f"expected a PoseStamped or a TransformStamped, got {type(message).__name__}")
@@ -178,7 +178,7 @@ def pose_of(message: Message) -> Pose:
 
 
 def operating_state_message(state: OperatingState, stamp: int) -> Message:
-    """Give a crtk_msgs/OperatingState, which is also what the RAVEN-II calls operating_state."""
+    """Return a crtk_msgs/OperatingState, which is also what the RAVEN-II calls operating_state."""
     return message_class("crtk_msgs/OperatingState")(
         header(stamp), state.state, bool(state.is_homed), bool(state.is_busy)
     )
@@ -196,7 +196,7 @@ def operating_state(message: Message) -> OperatingState:
 
 
 def command_message(command: str, stamp: int) -> Message:
-    """Give a crtk_msgs/StringStamped that asks for a transition of the operating state."""
+    """Return a crtk_msgs/StringStamped that asks for a transition of the operating state."""
     return message_class("crtk_msgs/StringStamped")(header(stamp), command)
 
 

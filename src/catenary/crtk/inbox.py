@@ -56,7 +56,7 @@ class Inbox:
             self.changed.notify_all()
 
     def run(self, timeout: float = 0.0) -> int:
-        """Do what had come in when this began, and give how many that were; wait for the first up to `timeout` [s].
+        """Do what had come in when this began, and return how many that were; wait for the first up to `timeout` [s].
 
         An exception of a callback leaves the rest for the next call.
         """
@@ -170,7 +170,7 @@ class Subscription:
             self._came.notify_all()
 
     def take(self, timeout: float = 0.0) -> list[Received]:
-        """Give what has come since the last time, oldest first; wait for the first up to `timeout` [s].
+        """Return what has come since the last time, oldest first; wait for the first up to `timeout` [s].
 
         Raises:
             InputError: The subscription has a callback, which gets them.
@@ -259,7 +259,7 @@ class Request:
         return self._done.is_set()
 
     def result(self) -> Message:
-        """Give the answer, or raise what the handler raised."""
+        """Return the answer, or raise what the handler raised."""
         if self._error is not None:
             raise self._error
         return self._result

@@ -10,11 +10,11 @@ from itertools import count
 
 from catenary.crtk.clock import Clock, WallClock
 from catenary.crtk.codec import codec
-from catenary.crtk.inbox import Callback, Origin, Request, Subscription
-from catenary.crtk.message import Message, message_class
-from catenary.crtk.transport import DEPTH, QUEUE, Connections, Handler, PollingTransport, absolute, other_type
+from catenary.crtk.inbox import Origin, Request, Subscription
+from catenary.crtk.message import Message
+from catenary.crtk.transport import Connections, Handler, Transport, absolute, answer_of, other_type
 from catenary.errors import TransportError
-from catenary.recording.messages import current_name, service_md5_sum
+from catenary.recording.messages import current_name
 
 _PROCESSES = count()  # tells transports of the same name apart
 
@@ -110,7 +110,7 @@ class LoopbackNetwork:
                     publisher.connect()
 
     def reaches(self, name: str) -> bool:
-        """Whether what a transport publishes reaches anybody."""
+        """Return whether what a transport publishes reaches anybody."""
         return name not in self._cut
 
     def drop(self, topic: _Topic, subscription: Subscription) -> None:
@@ -134,7 +134,7 @@ class LoopbackPublisher:
         self._latch = latch
         self._encode = codec(shared.type_name).encode
         self._sent = 0
-        self._closed = False
+        self.is_closed = False
         self._process = f"{transport.name} {next(_PROCESSES)}"
         self.origin = Origin(self._process, object(), latch)
 
@@ -148,7 +148,7 @@ class LoopbackPublisher:
 
     def publish(self, message: Message) -> None:
         """Send a message."""
-        if self._closed:
+        if self.is_closed:
             raise TransportError(f"publisher of {self.topic} is closed")
         self._transport.require_open()
         self._sent += 1
@@ -165,11 +165,11 @@ class LoopbackPublisher:
     def close(self) -> None:
         """Publish no more."""
         with self._transport.network.lock:
-            self._closed = True
+            self.is_closed = True
             self._shared.publishers.pop(self._transport.name, None)
 
 
-class Loopback(PollingTransport):
+class Loopback(Transport):
     """One program's part of a network within the process."""
 
     def __init__(self, name: str, network: LoopbackNetwork | None = None) -> None:
@@ -186,41 +186,24 @@ class Loopback(PollingTransport):
                 raise TransportError(f'name "{name}" is taken; names on this network: {self._names()}')
             self.network.transports[name] = self
 
-    def publisher(
-        self, topic: str, type_name: str, *, latch: bool = False, queue: int = QUEUE
-    ) -> LoopbackPublisher:
+    def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> LoopbackPublisher:
         """Begin to publish; `queue` is not needed, since nothing waits between here and a subscription."""
-        self.require_open()
-        topic, type_name = absolute(topic), _known(type_name)
         with self.network.lock:
-            shared = self.network.topic(topic, type_name)
-            if self.name in shared.publishers:
-                raise TransportError(f'"{self.name}" publishes {topic} already')
+            shared = self.network.topic(topic, current_name(type_name))
             publisher = LoopbackPublisher(self, topic, shared, latch=latch)
             shared.publishers[self.name] = publisher
         return publisher
 
-    def subscribe(
-        self, topic: str, type_name: str, callback: Callback | None = None, *, depth: int = DEPTH
-    ) -> Subscription:
-        """Begin to receive."""
-        self.require_open()
-        topic, type_name = absolute(topic), _known(type_name)
-        subscription = Subscription(topic, type_name, self.inbox, codec(type_name).decode, callback, depth)
+    def _subscribe(self, subscription: Subscription, type_name: str) -> None:
         with self.network.lock:
-            shared = self.network.topic(topic, type_name)
+            shared = self.network.topic(subscription.topic, subscription.type_name)
             shared.subscriptions.append((self.name, subscription))
             subscription.on_close(lambda: self.network.drop(shared, subscription))
             for publisher in shared.publishers.values():
                 if publisher.latched is not None and self.network.reaches(publisher.name):
                     subscription.push(publisher.latched, self.now(), publisher.origin)
-        return subscription
 
-    def service(self, name: str, type_name: str, handler: Handler) -> None:
-        """Offer a service."""
-        self.require_open()
-        name = absolute(name)
-        service_md5_sum(type_name)
+    def _serve(self, name: str, type_name: str, handler: Handler) -> None:
         with self.network.lock:
             if name in self.network.services:
                 raise TransportError(
@@ -228,13 +211,7 @@ class Loopback(PollingTransport):
                 )
             self.network.services[name] = _Service(self, type_name, handler)
 
-    def call(
-        self, name: str, type_name: str, request: Message | None = None, *, timeout: float = 5.0
-    ) -> Message:
-        """Call a service."""
-        self.require_open()
-        name = absolute(name)
-        service_md5_sum(type_name)
+    def _call(self, name: str, type_name: str, request: Message, timeout: float) -> Message:
         service = self.network.services.get(name)
         if service is None:
             offered = ", ".join(sorted(self.network.services)) or "none"
@@ -242,16 +219,10 @@ class Loopback(PollingTransport):
         if service.type_name != type_name:
             raise TransportError(f"service {name} is a {service.type_name}, expected {type_name}")
         asked, answer = codec(f"{type_name}Request"), codec(f"{type_name}Response")
-        sent = asked.encode(message_class(f"{type_name}Request")() if request is None else request, 0)
+        sent = asked.encode(request, 0)
         waiting = Request(lambda: answer.decode(answer.encode(service.handler(asked.decode(sent)), 0)))
         service.transport.inbox.put(waiting.run)
-        serve = None if self.network.threaded else service.transport.poll
-        if not waiting.wait(timeout, serve):
-            raise TransportError(f"service {name}: no answer within {timeout} s")
-        try:
-            return waiting.result()
-        except Exception as error:
-            raise TransportError(f"service {name} failed: {error}") from error
+        return answer_of(name, waiting, timeout, None if self.network.threaded else service.transport.poll)
 
     def connections(self, topic: str) -> Connections:
         """Peers over a topic."""
@@ -269,7 +240,7 @@ class Loopback(PollingTransport):
             return self.network.publishing()
 
     def is_up(self) -> bool:
-        """Whether it is open."""
+        """Return whether it is open."""
         return not self.inbox.closed
 
     def close(self) -> None:
@@ -280,9 +251,3 @@ class Loopback(PollingTransport):
 
     def _names(self) -> str:
         return ", ".join(sorted(self.network.transports))
-
-
-def _known(type_name: str) -> str:
-    """Present name of a type, which must be a known one."""
-    codec(type_name)
-    return current_name(type_name)

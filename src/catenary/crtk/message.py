@@ -46,17 +46,17 @@ def _made(name: str) -> Any:
 
 
 def header(stamp: int, frame_id: str = "") -> Message:
-    """Give a header; `seq` is counted by whoever publishes it.
+    """Return a header; `seq` is counted by whoever publishes it.
 
     Args:
         stamp: [ns].
         frame_id: Frame in which the message's numbers are.
     """
-    return message_class(HEADER)(stamp=stamp, frame_id=frame_id)
+    return message_class(HEADER)(0, stamp, frame_id)
 
 
 def has_header(name: str) -> bool:
-    """Whether a type begins with a header."""
+    """Return whether a type begins with a header."""
     parts = fields(name)
     return bool(parts) and parts[0].type == HEADER and parts[0].length is None
 

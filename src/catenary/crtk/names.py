@@ -180,7 +180,7 @@ def topic_name(dialect: Dialect, verb: str, arm: Arm | None = None) -> str:
 
 
 def topic_finder(dialect: Dialect, arm: Arm, namespace: str | None = None) -> Callable[[str], CrtkTopic]:
-    """Give what finds the topic of a verb of one arm.
+    """Return a function that finds the topic of a verb of one arm.
 
     Args:
         dialect: Raven or crtk.

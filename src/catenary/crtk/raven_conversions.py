@@ -24,7 +24,7 @@ CHANNELS: Mapping[Arm, tuple[int, ...]] = {
 
 
 def raven_state_message(columns: Mapping[str, Floats], stamp: int, *, frame_id: str = "") -> Message:
-    """Give a raven_2/raven_state.
+    """Return a raven_2/raven_state.
 
     Args:
         columns: By the name of raven_state's fields, each (width,) in SI; what is missing is sent as zero, as the robot
@@ -57,12 +57,12 @@ def raven_state_message(columns: Mapping[str, Floats], stamp: int, *, frame_id: 
 
 
 def raven_state_columns(message: Message) -> dict[str, Floats]:
-    """Give raven_state's fields in SI, each (width,)."""
+    """Return raven_state's fields in SI, each (width,)."""
     return {name: raven_state_column(message, name) for name in _COLUMNS}
 
 
 def raven_state_column(message: Message, name: str) -> Floats:
-    """Give one of raven_state's fields in SI, (width,)."""
+    """Return one of raven_state's fields in SI, (width,)."""
     values = np.atleast_1d(np.asarray(getattr(message, name), dtype=np.float64))
     return values / SECOND if name == "dt" else values * _COLUMNS[name].to_si
 

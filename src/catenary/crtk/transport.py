@@ -1,4 +1,4 @@
-"""What carries messages between programs: one protocol for ROS 1, ROS 2 and a single process.
+"""What carries messages between programs: one interface for ROS 1, ROS 2 and a single process.
 
 Every message that reaches a subscription is given once, in the order in which it came, with the time at which it came.
 Nothing is repeated, also not what a latching publisher gives again after its connection was broken. Queues are bounded:
@@ -11,13 +11,16 @@ Callbacks and services run where `poll` is called, in that thread and nowhere el
 import logging
 import re
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Protocol, Self
 
 from catenary.crtk.clock import Clock, Rate, WallClock
-from catenary.crtk.inbox import Callback, Inbox, Subscription
-from catenary.crtk.message import Message
+from catenary.crtk.codec import codec
+from catenary.crtk.inbox import Callback, Inbox, Request, Subscription
+from catenary.crtk.message import Message, message_class
 from catenary.errors import InputError, TransportError
+from catenary.recording.messages import current_name, service_md5_sum
 
 Handler = Callable[[Message], Message]
 _NAME = re.compile(r"/?[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
@@ -54,16 +57,29 @@ class Publisher(Protocol):
         """
         ...
 
+    @property
+    def is_closed(self) -> bool: ...  # noqa: D102
+
     def close(self) -> None:
         """Publish no more."""
         ...
 
 
-class Transport(Protocol):
+class Transport(ABC):
     """Carries messages and calls under one name."""
 
-    @property
-    def name(self) -> str: ...  # noqa: D102
+    def __init__(self, name: str, clock: Clock | None = None) -> None:
+        """Check the name.
+
+        Raises:
+            InputError: It is none for a program on a network of messages.
+        """
+        if not re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII):
+            raise InputError(f'name "{name}": expected a letter, then letters, digits and underscores')
+        self.name = name
+        self.clock: Clock = clock or WallClock()
+        self.inbox = Inbox()
+        self._publishers: dict[str, Publisher] = {}
 
     def publisher(self, topic: str, type_name: str, *, latch: bool = False, queue: int = QUEUE) -> Publisher:
         """Begin to publish.
@@ -78,7 +94,14 @@ class Transport(Protocol):
             InputError: No such name or type.
             TransportError: The topic carries another type, or this transport publishes it already, or is closed.
         """
-        ...
+        self.require_open()
+        topic = absolute(topic)
+        codec(type_name)  # refuses unknown types
+        known = self._publishers.get(topic)
+        if known is not None and not known.is_closed:
+            raise TransportError(f'"{self.name}" publishes {topic} already')
+        made = self._publishers[topic] = self._publisher(topic, type_name, latch=latch, queue=queue)
+        return made
 
     def subscribe(
         self, topic: str, type_name: str, callback: Callback | None = None, *, depth: int = DEPTH
@@ -89,7 +112,12 @@ class Transport(Protocol):
             InputError: No such name or type, or no depth.
             TransportError: The topic carries another type, or the transport is closed.
         """
-        ...
+        self.require_open()
+        topic = absolute(topic)
+        decode = self._decoder(type_name)
+        subscription = Subscription(topic, current_name(type_name), self.inbox, decode, callback, depth)
+        self._subscribe(subscription, type_name)
+        return subscription
 
     def service(self, name: str, type_name: str, handler: Handler) -> None:
         """Offer a service; `handler` makes the response from the request, in `poll`.
@@ -98,99 +126,58 @@ class Transport(Protocol):
             InputError: No such name or type.
             TransportError: The name is taken, or the transport is closed.
         """
-        ...
+        self.require_open()
+        name = absolute(name)
+        service_md5_sum(type_name)  # refuses unknown types
+        self._serve(name, type_name, handler)
 
     def call(
         self, name: str, type_name: str, request: Message | None = None, *, timeout: float = 5.0
     ) -> Message:
-        """Call a service and give its response.
+        """Call a service and return its response.
 
         Raises:
             InputError: No such type, or the request is not of it.
             TransportError: Nobody offers it, it failed, or it did not answer within `timeout` [s].
         """
-        ...
+        self.require_open()
+        name = absolute(name)
+        service_md5_sum(type_name)  # refuses unknown types
+        asked = message_class(f"{type_name}Request")() if request is None else request
+        return self._call(name, type_name, asked, timeout)
 
     def poll(self, timeout: float = 0.0) -> int:
-        """Run callbacks and services for what has come; wait for the first up to `timeout` [s]; give how many ran."""
-        ...
-
-    def arrivals(self) -> int:
-        """How many messages have come so far, of all subscriptions: where it is as before, none of them has any."""
-        ...
-
-    def spin(self) -> None:
-        """Poll until the transport is closed or its network is told to end it."""
-        ...
-
-    def connections(self, topic: str) -> Connections:
-        """Peers that this transport is connected to over a topic."""
-        ...
-
-    def topics(self) -> Mapping[str, str]:
-        """Topics that anyone publishes, with their types."""
-        ...
-
-    def publishing(self) -> Mapping[str, frozenset[str]]:
-        """Processes that publish each topic now, as `Arrival.process` names them; empty where nobody can tell."""
-        ...
-
-    def now(self) -> int:
-        """Time [ns], as it goes into stamps."""
-        ...
-
-    def sleep(self, seconds: float) -> None:
-        """Let time pass."""
-        ...
-
-    def rate(self, hertz: float) -> Rate:
-        """Pace for a loop."""
-        ...
-
-    def is_up(self) -> bool:
-        """Whether it is open, and whatever brings peers together (ROS 1's master) answers."""
-        ...
-
-    def close(self) -> None:
-        """End all publishers, subscriptions and services."""
-        ...
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(self, *exception: object) -> None: ...
-
-
-class PollingTransport:
-    """What every transport here shares: an inbox, a clock, an end."""
-
-    def __init__(self, name: str, clock: Clock | None = None) -> None:
-        """Check the name.
-
-        Raises:
-            InputError: It is none for a program on a network of messages.
-        """
-        if not re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII):
-            raise InputError(f'name "{name}": expected a letter, then letters, digits and underscores')
-        self.name = name
-        self.clock: Clock = clock or WallClock()
-        self.inbox = Inbox()
-
-    def poll(self, timeout: float = 0.0) -> int:
-        """Run callbacks and services for what has come."""
+        """Run callbacks and services for what has come; wait for the first up to `timeout` [s]; return how many ran."""
         self.require_open()
         return self.inbox.run(timeout)
 
     def arrivals(self) -> int:
-        """How many messages have come so far."""
+        """Count messages that have come so far, of all subscriptions: where it is as before, none of them has any."""
         return self.inbox.arrivals
 
     def spin(self) -> None:
-        """Poll until the transport is closed."""
+        """Poll until the transport is closed or its network is told to end it."""
         while not self.inbox.closed:
             self.inbox.run(0.1)
 
+    @abstractmethod
+    def connections(self, topic: str) -> Connections:
+        """Return the peers that this transport is connected to over a topic."""
+
+    @abstractmethod
+    def topics(self) -> Mapping[str, str]:
+        """Return the topics that anyone publishes, with their types."""
+
+    @abstractmethod
+    def publishing(self) -> Mapping[str, frozenset[str]]:
+        """Return the processes that publish each topic, as `Arrival.process` names them; empty where unknown."""
+
+    @abstractmethod
+    def is_up(self) -> bool:
+        """Return whether it is open, and whatever brings peers together (ROS 1's master) answers."""
+
     def now(self) -> int:
-        """Time [ns]."""
+        """Return the time [ns], as it goes into stamps."""
         return self.clock.now()
 
     def sleep(self, seconds: float) -> None:
@@ -198,7 +185,7 @@ class PollingTransport:
         self.clock.sleep(seconds)
 
     def rate(self, hertz: float) -> Rate:
-        """Pace for a loop."""
+        """Return a pace for a loop."""
         return Rate(self.clock, hertz)
 
     def require_open(self) -> None:
@@ -207,7 +194,7 @@ class PollingTransport:
             raise TransportError(f'transport "{self.name}" is closed')
 
     def close(self) -> None:
-        """End the inbox."""
+        """End all publishers, subscriptions and services."""
         self.inbox.close()
 
     def __enter__(self) -> Self:
@@ -215,6 +202,41 @@ class PollingTransport:
 
     def __exit__(self, *exception: object) -> None:
         self.close()
+
+    # what a transport does of these, with names and types that have been checked
+
+    @abstractmethod
+    def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> Publisher: ...
+
+    @abstractmethod
+    def _subscribe(self, subscription: Subscription, type_name: str) -> None:
+        """Have messages pushed into a subscription, of a type as the program spells it."""
+
+    @abstractmethod
+    def _serve(self, name: str, type_name: str, handler: Handler) -> None: ...
+
+    @abstractmethod
+    def _call(self, name: str, type_name: str, request: Message, timeout: float) -> Message: ...
+
+    def _decoder(self, type_name: str) -> Callable[[Any], Message]:
+        """Return what makes messages of what the transport pushes: ROS 1's bytes, unless it says otherwise."""
+        return codec(type_name).decode
+
+
+def answer_of(
+    name: str, waiting: Request, timeout: float, serve: Callable[[], object] | None = None
+) -> Message:
+    """Return the answer of a service, waiting up to `timeout` [s] and calling `serve` meanwhile.
+
+    Raises:
+        TransportError: It failed, or did not come in time.
+    """
+    if not waiting.wait(timeout, serve):
+        raise TransportError(f"service {name}: no answer within {timeout} s")
+    try:
+        return waiting.result()
+    except Exception as error:
+        raise TransportError(f"service {name} failed: {error}") from error
 
 
 class Spinner:

@@ -84,7 +84,7 @@ def mass_entries(model: RobotModel, link: int, gravity: Floats) -> list[Terms | 
 
 
 def _held(z: Floats, down: SymbolicVector | None, seen: SymbolicVector | None, weight: float) -> Terms | None:
-    """Give -weight gravity . (z x v)."""
+    """Return -weight gravity . (z x v)."""
     product = _product(down, None if seen is None else _cross(z, seen))
     return None if product is None else _scaled(product, -weight)
 
@@ -171,7 +171,7 @@ def _way(model: RobotModel, link: int) -> _Way:
 
 
 def _gravity_before(way: _Way, gravity: Floats) -> list[SymbolicVector | None]:
-    """Give gravity in the frame that each turn starts from; None from where it is too long."""
+    """Return gravity in the frame that each turn starts from; None from where it is too long."""
     out: list[SymbolicVector | None] = [None] * len(way.turns)
     v = _constant(gravity)
     try:
@@ -185,7 +185,7 @@ def _gravity_before(way: _Way, gravity: Floats) -> list[SymbolicVector | None]:
 
 
 def _seen_before(way: _Way, axis: Floats) -> list[SymbolicVector | None]:
-    """Give an axis of the way's end in the frame that each turn starts from; None where it is too long."""
+    """Return an axis of the way's end in the frame that each turn starts from; None where it is too long."""
     out: list[SymbolicVector | None] = [None] * len(way.turns)
     v = _constant(way.end @ axis)
     try:
@@ -219,7 +219,7 @@ def _turned(turn: _Turn, v: SymbolicVector, *, back: bool) -> SymbolicVector:
 
 
 def _angle_atom(kind: str, factors: Floats) -> tuple[Atom, float]:
-    """Give the atom of an angle whose first factor is positive, and the sign that a sine then has."""
+    """Return the atom of an angle whose first factor is positive, and the sign that a sine then has."""
     nonzero = [(k, float(f)) for k, f in enumerate(factors) if abs(f) > ROUNDING]
     sign = -1.0 if nonzero and nonzero[0][1] < 0.0 else 1.0
     return (kind, tuple((k, round(sign * f, 12)) for k, f in nonzero)), sign

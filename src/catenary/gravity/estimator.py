@@ -12,10 +12,8 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
-from catenary.gravity.cholesky import factorise, solve_lower, solve_upper
 from catenary.gravity.compact import CompactRegressor, compact_regressor
 from catenary.gravity.regressor import require_parameters
-from catenary.kernels.compiled import compiled
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
 
@@ -42,7 +40,7 @@ class GravityEstimator:
 
     Z^+ is Z^T (Z Z^T + lambda 1)^-1 with lambda = `damping` times the mean square of Z's rows: the pseudo-inverse,
     but for directions in which gravity hardly loads the joints, where that would take torques for huge parameters;
-    and one Cholesky factor of n x n, whose time is bounded. The law holds for arms at rest: while a joint is faster
+    and one linear system of n equations, whose time is bounded. The law holds for arms at rest: while a joint is faster
     than `max_speed`, or a number is missing, s_hat stays.
     """
 
@@ -83,9 +81,7 @@ class GravityEstimator:
             raise InputError(f"damping: expected a positive number, got {damping}")
         self._s = np.zeros(len(labels)) if s0 is None else np.array(require_parameters("s0", s0, labels))
         self._kernel = self.regressor.kernel()
-        self._limits = np.concatenate([as_speeds(max_speed, n), [damping]])
-        self._work = np.empty(n * n + 2 * n)
-        self._rows = np.stack([self.kp, self.kd])
+        self.max_speed, self.damping = as_speeds(max_speed, n), damping
         self._time = np.nan
 
     @property
@@ -100,14 +96,19 @@ class GravityEstimator:
         self._time = np.nan
 
     def update(self, q: Floats, qd: Floats, q_desired: Floats, gravity: Floats, dt: float) -> Floats:
-        """Let dt [s] pass at a measured state, and give the gravity torque (n,) [Nm|N] now estimated there.
+        """Let dt [s] pass at a measured state, and return the gravity torque (n,) [Nm|N] now estimated there.
 
         Arrays are float64 and of the robot's size; NaN stops the law for the tick, and gives NaN.
         """
-        return self._step(q, qd, q_desired, gravity, dt, sent=False)
+        self._require_sizes(q, qd, q_desired)
+        Z = self._kernel(q, gravity)
+        if self._at_rest(Z, qd, dt) and np.isfinite(q).all() and np.isfinite(q_desired).all():
+            self._learn(Z, self.kp * (q_desired - q) - self.kd * qd, dt)
+        torque: Floats = Z @ self._s
+        return torque
 
     def follow(self, state: JointState, q_desired: Floats) -> Floats:
-        """Do the same with time and gravity from a robot's state."""
+        """Update with time and gravity from a robot's state."""
         return self.update(state.q, state.qd, q_desired, state.gravity, self._passed(state.time))
 
     def torque(self, q: Floats, gravity: Floats) -> Floats:
@@ -118,40 +119,38 @@ class GravityEstimator:
     def __call__(self, tick: Observed) -> None:
         """Observe a tick of the control loop."""
         if tick.tau is not None:
-            state = tick.state
-            self._step(state.q, state.qd, tick.tau, state.gravity, self._passed(tick.time), sent=True)
+            state, dt = tick.state, self._passed(tick.time)
+            self._require_sizes(state.q, state.qd, tick.tau)
+            Z = self._kernel(state.q, state.gravity)
+            if self._at_rest(Z, state.qd, dt) and np.isfinite(tick.tau).all():
+                self._learn(Z, tick.tau - Z @ self._s, dt)
 
     def _passed(self, time: float) -> float:
         last, self._time = self._time, time
         step = time - last
         return step if 0.0 < step <= LONGEST_STEP else 0.0  # zero, too, the first time
 
-    def _step(
-        self, q: Floats, qd: Floats, wanted: Floats, gravity: Floats, dt: float, *, sent: bool
-    ) -> Floats:
-        torque = np.empty(len(self.kp))
-        sizes = len(q), len(qd), len(wanted)
-        if sizes != (len(torque),) * 3:
-            raise InputError(f"gravity estimator: is for {len(torque)} joints, the robot has {len(q)}")
-        _law(
-            self._kernel(q, gravity),
-            self._work,
-            self._rows,
-            self.omega,
-            self._limits,
-            self._s,
-            q,
-            qd,
-            wanted,
-            dt,
-            sent,
-            torque,
-        )
-        return torque
+    def _require_sizes(self, *arrays: Floats) -> None:
+        if any(len(array) != len(self.kp) for array in arrays):
+            raise InputError(
+                f"gravity estimator: is for {len(self.kp)} joints, the robot has {len(arrays[0])}"
+            )
+
+    def _at_rest(self, Z: Floats, qd: Floats, dt: float) -> bool:
+        """Tell whether the law holds: time passes, no joint is fast, and no number is missing."""
+        return dt > 0.0 and bool((np.abs(qd) <= self.max_speed).all() and np.isfinite(Z).all())
+
+    def _learn(self, Z: Floats, effort: Floats, dt: float) -> None:
+        """Move s_hat by dt Z^+ Omega effort."""
+        squares = Z @ Z.T
+        damping = self.damping * np.trace(squares) / len(Z)
+        if damping > 0.0:  # else there is no gravity
+            inverse = np.linalg.inv(squares + damping * np.eye(len(Z)))
+            self._s += dt * (Z.T @ (inverse @ (self.omega @ effort)))
 
 
 def as_speeds(values: ArrayLike, n: int) -> Floats:
-    """Give speeds (n,) that count as rest.
+    """Return speeds (n,) that count as rest.
 
     Raises:
         InputError: Another shape, not finite, or not positive.
@@ -163,7 +162,7 @@ def as_speeds(values: ArrayLike, n: int) -> Floats:
 
 
 def regressor_with_effect(model: RobotModel) -> CompactRegressor:
-    """Give a robot's compact regressor.
+    """Return a robot's compact regressor.
 
     Raises:
         InputError: It has no parameters.
@@ -185,64 +184,3 @@ def _as_omega(omega: ArrayLike, n: int) -> Floats:
     if not np.allclose(matrix, matrix.T) or not (np.linalg.eigvalsh(matrix) > 0.0).all():
         raise InputError(f"omega: expected a symmetric positive definite matrix, got {matrix.tolist()}")
     return np.ascontiguousarray(matrix)
-
-
-@compiled
-def _law(
-    Z: Floats,
-    work: Floats,
-    gains: Floats,
-    omega: Floats,
-    limits: Floats,
-    s: Floats,
-    q: Floats,
-    qd: Floats,
-    wanted: Floats,
-    dt: float,
-    sent: bool,
-    torque: Floats,
-) -> None:
-    n, p = len(q), len(s)
-    A, effort, y = work[: n * n].reshape(n, n), work[n * n : n * n + n], work[n * n + n :]
-    _times(Z, s, torque)
-    resting = dt > 0.0
-    for j in range(n):
-        if sent:
-            effort[j] = wanted[j] - torque[j]
-        else:
-            effort[j] = gains[0, j] * (wanted[j] - q[j]) - gains[1, j] * qd[j]
-        # a comparison with NaN is false
-        resting &= abs(qd[j]) <= limits[j] and abs(effort[j]) < np.inf and abs(torque[j]) < np.inf
-    if not resting:
-        return
-    trace = 0.0
-    for i in range(n):
-        y[i] = 0.0
-        for j in range(n):
-            y[i] += omega[i, j] * effort[j]
-        for j in range(i + 1):
-            total = 0.0
-            for c in range(p):
-                total += Z[i, c] * Z[j, c]
-            A[i, j] = total
-        trace += A[i, i]
-    for i in range(n):
-        A[i, i] += limits[n] * trace / n
-    if not factorise(A):
-        return  # no gravity
-    solve_lower(A, y)
-    solve_upper(A, y)
-    for c in range(p):
-        rate = 0.0
-        for i in range(n):
-            rate += Z[i, c] * y[i]
-        s[c] += dt * rate
-    _times(Z, s, torque)
-
-
-@compiled
-def _times(Z: Floats, s: Floats, torque: Floats) -> None:
-    for i in range(len(torque)):
-        torque[i] = 0.0
-        for c in range(len(s)):
-            torque[i] += Z[i, c] * s[c]

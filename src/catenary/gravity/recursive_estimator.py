@@ -3,14 +3,13 @@
 tau = Z(q, gravity) s + noise, whenever the arm rests. In information form, each torque taken weighs its parameters:
 A <- f A + Z^T W Z, s <- s + (A + A_0)^-1 Z^T W (tau - Z s) [Ljung, Soederstroem 1983, Theory and practice of recursive
 identification; A is the inverse of their P]. A_0 holds what is known beforehand, a standard deviation per parameter;
-it is not forgotten, so that what the data do not tell stays where it is, and A + A_0 can always be factorised.
+it is not forgotten, so that what the data do not tell stays where it is, and A + A_0 can always be inverted.
 
 Where it is known which frames take things up, a torque three standard deviations off what noise and P = (A + A_0)^-1
 let expect widens P by what a load there would change, P + V Q V^T, as a Kalman filter does whose state may jump. So
 the payload is told in the first pose, from all the joints that feel it, and what was learnt of the arm itself stays.
 """
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,11 +17,9 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
-from catenary.gravity.cholesky import factorise, solve_lower, solve_upper
 from catenary.gravity.estimator import Observed, as_speeds, regressor_with_effect
 from catenary.gravity.payload import PER_LOAD, load_directions
 from catenary.gravity.regressor import require_parameters
-from catenary.kernels.compiled import compiled
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
 
@@ -86,29 +83,22 @@ class RecursiveGravityEstimator:
         n, labels = model.n, self.regressor.labels
         p = len(labels)
         self._s = np.zeros(p) if s0 is None else np.array(require_parameters("s0", s0, labels))
-        self._rows = np.stack(
-            [
-                as_speeds(max_speed, n),
-                model.lower + _each("margin", margin, n),
-                model.upper - _each("margin", margin, n),
-                1.0 / _positive("noise", noise, n),
-            ]
-        )
-        self._prior = 1.0 / _positive("spread", spread, p) ** 2
+        self._max_speed, self._noise = as_speeds(max_speed, n), _positive("noise", noise, n)
+        from_stop = _each("margin", margin, n)
+        self._lower, self._upper = model.lower + from_stop, model.upper - from_stop
+        self._prior = np.diag(1.0 / _positive("spread", spread, p) ** 2)  # A_0
         for name, value in (("settle", settle), ("interval", interval), ("novelty", novelty)):
             if not 0.0 <= value < np.inf:
                 raise InputError(f"{name}: expected zero or more, got {value}")
         if not 0.0 < forgetting <= 1.0:
             raise InputError(f"forgetting: expected more than 0 and at most 1, got {forgetting}")
-        self._options = np.array([forgetting, settle, interval, novelty])
+        self._forgetting, self._settle, self._interval, self._novelty = forgetting, settle, interval, novelty
         sizes = np.repeat(_positive("load", load, 2), (1, PER_LOAD - 1))
         loads = [load_directions(self.regressor, frame) * sizes for frame in carriers]
-        self._loads = np.ascontiguousarray(np.hstack([np.empty((p, 0)), *loads]))
-        self._load_work = np.empty((2, self._loads.shape[1], max(p, self._loads.shape[1])))
-        self._information = np.zeros((p, p))
+        self._loads = np.hstack([np.empty((p, 0)), *loads])  # V
+        self._information = np.zeros((p, p))  # A
         self._kernel = self.regressor.kernel()
-        self._work = np.empty(p * p + p + n)
-        self._clock = np.array([np.nan, np.nan, 0.0])  # resting since, last torque taken, torques taken
+        self._resting_since, self._last_taken, self._taken = np.nan, np.nan, 0
 
     @property
     def s_hat(self) -> Floats:
@@ -118,41 +108,61 @@ class RecursiveGravityEstimator:
     @property
     def standard_deviations(self) -> Floats:
         """Standard deviations (p,) of s_hat, if the noise is as large as was said, and new in each sample."""
-        deviations: Floats = np.sqrt(np.diag(np.linalg.inv(self._information + np.diag(self._prior))))
+        deviations: Floats = np.sqrt(np.diag(np.linalg.inv(self._information + self._prior)))
         return deviations
 
     @property
     def taken(self) -> int:
         """Torques that passed the gate."""
-        return int(self._clock[2])
+        return self._taken
 
     def update(self, q: Floats, qd: Floats, tau: Floats, gravity: Floats, time: float) -> bool:
-        """See a state and the torque tau (n,) [Nm|N] that acts, at a time [s]; say whether it was taken.
+        """See a state and the torque tau (n,) [Nm|N] that acts, at a time [s]; tell whether it was taken.
 
         Arrays are float64 and of the robot's size; what is not finite is not taken.
         """
         n = self.regressor.model.n
         if not (len(q) == len(qd) == len(tau) == n):
             raise InputError(f"gravity estimator: is for {n} joints, the robot has {len(q)}")
-        return _take(
-            self._kernel(q, gravity),
-            self._work,
-            self._rows,
-            self._prior,
-            self._loads,
-            self._load_work,
-            self._options,
-            self._clock,
-            self._information,
-            self._s,
-            q,
-            qd,
-            tau,
-            time,
-        )
+        free = (self._lower < q) & (q < self._upper) & (np.abs(qd) <= self._max_speed) & np.isfinite(tau)
+        if not free.all():  # also where a number is NaN
+            self._resting_since = np.nan
+            return False
+        if not self._resting_since <= time:  # also when it is NaN
+            self._resting_since = time
+        if time - self._resting_since < self._settle:
+            return False
+        if self._last_taken <= time < self._last_taken + self._interval:
+            return False
+        Z = self._kernel(q, gravity)
+        if not np.isfinite(Z).all():
+            return False
+        if not self._learn(Z / self._noise[:, None], (tau - Z @ self._s) / self._noise):
+            return False
+        self._last_taken, self._taken = time, self._taken + 1
+        return True
+
+    def _learn(self, Z: Floats, missing: Floats) -> bool:
+        """Take a torque, in standard deviations of its noise, if it tells something."""
+        tells = bool((np.abs(missing) > SURPRISE).any())
+        if not tells or self._loads.size:
+            variance = np.sum(Z.T * np.linalg.solve(self._information + self._prior, Z.T), axis=0)
+            tells |= bool((variance > self._novelty**2).any())
+            if (np.abs(missing) > SURPRISE * np.sqrt(1.0 + variance)).any():
+                self._doubt_loads()
+        if tells:
+            self._information = self._forgetting * self._information + Z.T @ Z
+            self._s += np.linalg.solve(self._information + self._prior, Z.T @ missing)
+        return tells
+
+    def _doubt_loads(self) -> None:
+        """Widen the covariance by V V^T: A <- A - B (1 + V^T B)^-1 B^T with B = (A + A_0) V [Woodbury]."""
+        V = self._loads
+        B = (self._information + self._prior) @ V
+        self._information -= B @ np.linalg.solve(np.eye(V.shape[1]) + V.T @ B, B.T)
 
     def follow(self, state: JointState, q_desired: Floats) -> Floats:
-        """Update from a robot's state and the torque it reports, and give the gravity torque (n,) [Nm|N] there."""
+        """Update from a robot's state and the torque it reports, and return the gravity torque (n,) [Nm|N] there."""
         self.update(state.q, state.qd, state.tau, state.gravity, state.time)
         return self.torque(state.q, state.gravity)
 
@@ -176,121 +186,3 @@ def _positive(name: str, values: ArrayLike, n: int) -> Floats:
     if not (array > 0.0).all():
         raise InputError(f"{name}: expected more than 0, got {array.tolist()}")
     return array
-
-
-@compiled
-def _take(
-    Z: Floats,
-    work: Floats,
-    rows: Floats,
-    prior: Floats,
-    loads: Floats,
-    load_work: Floats,
-    options: Floats,
-    clock: Floats,
-    information: Floats,
-    s: Floats,
-    q: Floats,
-    qd: Floats,
-    tau: Floats,
-    time: float,
-) -> bool:
-    n, p = len(q), len(s)
-    forgetting, settle, interval, novelty = options[0], options[1], options[2], options[3]
-    for j in range(n):
-        # comparisons with NaN are false
-        free = rows[1, j] < q[j] < rows[2, j]
-        if not (abs(qd[j]) <= rows[0, j] and free and abs(tau[j]) < np.inf):
-            clock[0] = np.nan
-            return False
-    if not clock[0] <= time:  # also when it is NaN
-        clock[0] = time
-    if time - clock[0] < settle or (clock[1] <= time < clock[1] + interval):
-        return False
-
-    L, column, missing = work[: p * p].reshape(p, p), work[p * p : p * p + p], work[p * p + p :]
-    tells = False
-    for i in range(n):
-        expected = 0.0
-        for c in range(p):
-            Z[i, c] *= rows[3, i]
-            expected += Z[i, c] * s[c]
-        missing[i] = tau[i] * rows[3, i] - expected
-        if not abs(missing[i]) < np.inf:
-            return False
-        tells |= abs(missing[i]) > SURPRISE
-    if not tells or loads.shape[1] > 0:
-        _copy(information, prior, L)
-        if not factorise(L):
-            return False
-        unexpected = False
-        for i in range(n):
-            variance = 0.0
-            for c in range(p):
-                column[c] = Z[i, c]
-            solve_lower(L, column)
-            for c in range(p):
-                variance += column[c] * column[c]
-            tells |= variance > novelty * novelty
-            unexpected |= abs(missing[i]) > SURPRISE * math.sqrt(1.0 + variance)
-        if unexpected:
-            _doubt(information, prior, loads, load_work)
-    if not tells:
-        return False
-
-    for c in range(p):
-        for d in range(c + 1):
-            total = 0.0
-            for i in range(n):
-                total += Z[i, c] * Z[i, d]
-            information[c, d] = forgetting * information[c, d] + total
-            information[d, c] = information[c, d]
-    _copy(information, prior, L)
-    if not factorise(L):
-        return False
-    for c in range(p):
-        column[c] = 0.0
-        for i in range(n):
-            column[c] += Z[i, c] * missing[i]
-    solve_lower(L, column)
-    solve_upper(L, column)
-    for c in range(p):
-        s[c] += column[c]
-    clock[1] = time
-    clock[2] += 1.0
-    return True
-
-
-@compiled
-def _doubt(information: Floats, prior: Floats, loads: Floats, work: Floats) -> None:
-    """Widen the covariance by loads loads^T: I - I V (1 + V^T I V)^-1 V^T I of the information I [Woodbury]."""
-    p, m = loads.shape
-    W, S = work[0, :, :p], work[1, :, :m]  # V^T I (m, p); 1 + V^T I V
-    for a in range(m):
-        for c in range(p):
-            total = prior[c] * loads[c, a]
-            for d in range(p):
-                total += information[c, d] * loads[d, a]
-            W[a, c] = total
-    for a in range(m):
-        for b in range(a + 1):
-            total = 1.0 if a == b else 0.0
-            for c in range(p):
-                total += W[a, c] * loads[c, b]
-            S[a, b] = total
-    if not factorise(S):
-        return
-    for c in range(p):
-        solve_lower(S, W[:, c])
-    for c in range(p):
-        for d in range(p):
-            for a in range(m):
-                information[c, d] -= W[a, c] * W[a, d]
-
-
-@compiled
-def _copy(information: Floats, prior: Floats, L: Floats) -> None:
-    for c in range(len(prior)):
-        for d in range(c + 1):
-            L[c, d] = information[c, d]
-        L[c, c] += prior[c]

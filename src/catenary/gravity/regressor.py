@@ -176,7 +176,7 @@ def carried(tree: Tree) -> tuple[Floats, Floats]:
 
 
 def carried_links(tree: Tree, joint: int) -> set[int]:
-    """Give the links that a joint carries, its own included."""
+    """Return the links that a joint carries, its own included."""
     links = {joint}
     for i in range(joint + 1, len(tree.parent)):
         if int(tree.parent[i]) in links:
@@ -185,7 +185,7 @@ def carried_links(tree: Tree, joint: int) -> set[int]:
 
 
 def require_parameters(name: str, values: ArrayLike, labels: Sequence[str]) -> Floats:
-    """Give a parameter vector as an array.
+    """Return a parameter vector as an array.
 
     Raises:
         InputError: Another number of entries than labels, or not finite; the message names the entry.

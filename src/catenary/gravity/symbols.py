@@ -36,7 +36,7 @@ class Symbol(NamedTuple):
 
 
 def moment_expression(model: RobotModel, link: int, axis: int) -> Expression:
-    """Give the first moment, along an axis of its frame, of a link with all it carries lumped at its joints."""
+    """Return the first moment, along an axis of its frame, of a link with all it carries lumped at its joints."""
     products = []
     for child in children(model, link):
         masses = carried_masses(model, child)
@@ -48,13 +48,13 @@ def moment_expression(model: RobotModel, link: int, axis: int) -> Expression:
 
 
 def mass_expression(model: RobotModel, link: int) -> Expression:
-    """Give the mass that a link's joint carries."""
+    """Return the mass that a link's joint carries."""
     masses = carried_masses(model, link)
     return (Product("", masses),) if masses else ()
 
 
 def monomials(expression: Expression) -> frozenset[tuple[str, int]]:
-    """Give an expression multiplied out; all its terms differ, so equal sets are equal expressions."""
+    """Return an expression multiplied out; all its terms differ, so equal sets are equal expressions."""
     return frozenset((product.length, link) for product in expression for link in product.masses)
 
 
@@ -75,7 +75,7 @@ def expression_latex(expression: Expression) -> str:
 
 
 def symbols_of(model: RobotModel, expressions: Sequence[Expression]) -> dict[str, Symbol]:
-    """Say what the symbols in some expressions stand for, in the order of links: masses, lengths, centres of mass."""
+    """Return what the symbols in expressions stand for, in the order of links: masses, lengths, centres of mass."""
     used = {name for expression in expressions for name, _ in expression}
     massive = sorted(
         {link for expression in expressions for product in expression for link in product.masses}
@@ -109,17 +109,17 @@ def symbols_of(model: RobotModel, expressions: Sequence[Expression]) -> dict[str
 
 
 def children(model: RobotModel, link: int) -> list[int]:
-    """Give the links that hang on a link."""
+    """Return the links that hang on a link."""
     return [int(k) for k in np.flatnonzero(model.tree.parent == link)]
 
 
 def carried_masses(model: RobotModel, joint: int) -> tuple[int, ...]:
-    """Give the links with mass that a joint carries."""
+    """Return the links with mass that a joint carries."""
     return tuple(sorted(link for link in carried_links(model.tree, joint) if _has_mass(model, link)))
 
 
 def _has_mass(model: RobotModel, link: int) -> bool:
-    """Say whether a link's mass is unknown or known to be there; only a declared lack of it is none."""
+    """Tell whether a link may have mass: only one that is declared massless has none."""
     return model.link_names[link] not in model.massless
 
 

@@ -1,1 +1,1 @@
-"""A robot watched, or one of its recordings."""
+"""The picture of a robot, or of one of its recordings, in a terminal."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.monitor.sample import Sample
+from catenary.monitor.snapshot import Snapshot
 from catenary.sensing.vector import tilt_of
 
 BAR = 12  # characters of a joint's range
@@ -11,33 +11,30 @@ _WIDTH = {"reported": 10, "calibrated": 11, "set": 10, "encoder": 10, "torque": 
 
 
 def monitor_lines(
-    name: str, sample: Sample, columns: int = 80, lines: int = 24, *, colour: bool = False
+    name: str, shot: Snapshot, columns: int = 80, lines: int = 24, *, colour: bool = False
 ) -> list[str]:
-    """Give exactly `lines` lines of at most `columns` characters, colours not counted.
+    """Return exactly `lines` lines of at most `columns` characters, colours not counted.
 
     Args:
         name: Of the robot or the recording.
-        sample: What to show.
+        shot: What to show.
         columns: Of the terminal.
         lines: Of the terminal.
-        colour: Warnings in red, what is fine in plain text.
+        colour: Show warnings in red.
     """
-    shown = [_fit(_left_right(f"catenary monitor  {name}", _state(sample), columns), columns)]
-    rate = "-" if sample.rate_hz is None else f"{sample.rate_hz:.0f} Hz"
-    shown += [_fit(_left_right(f"time {sample.time:10.2f} s", f"states {rate:>8}", columns), columns), ""]
-    columns_shown = _columns(sample)
-    shown.append(
-        _fit(
-            f"{'':<14}" + "".join(head.rjust(_WIDTH[head]) for head, _ in columns_shown) + "   range", columns
-        )
-    )
-    for j, joint in enumerate(sample.joint_names):
-        unit = "deg" if sample.joint_units[j] == "rad" else "mm"
-        cells = "".join(_cell(values, j, sample, head) for head, values in columns_shown)
-        shown.append(_fit(f"{joint[:9]:<10}{unit:<4}{cells}   {_bar(sample, j)}", columns))
-    shown += ["", _fit(_gravity(sample), columns)]
-    warnings = sample.warnings()
-    shown += [_fit(sample.recording, columns), ""] if sample.recording is not None else [""]
+    shown = [_fit(_left_right(f"catenary monitor  {name}", _state(shot), columns), columns)]
+    rate = "-" if shot.rate_hz is None else f"{shot.rate_hz:.0f} Hz"
+    shown += [_fit(_left_right(f"time {shot.time:10.2f} s", f"states {rate:>8}", columns), columns), ""]
+    columns_shown = _columns(shot)
+    heads = "".join(head.rjust(_WIDTH[head]) for head, _ in columns_shown)
+    shown.append(_fit(f"{'':<14}{heads}   range", columns))
+    for j, joint in enumerate(shot.joint_names):
+        unit = "deg" if shot.joint_units[j] == "rad" else "mm"
+        cells = "".join(_cell(values, j, shot, head) for head, values in columns_shown)
+        shown.append(_fit(f"{joint[:9]:<10}{unit:<4}{cells}   {_bar(shot, j)}", columns))
+    shown += ["", _fit(_gravity(shot), columns)]
+    warnings = shot.warnings()
+    shown += [_fit(shot.recording, columns), ""] if shot.recording is not None else [""]
     shown += [_warned(_fit(f"! {text}", columns), colour) for text in warnings] or ["no warnings"]
     last = _fit("Q quit", columns)
     shown = shown[: max(0, lines - 1)]
@@ -45,37 +42,35 @@ def monitor_lines(
     return shown[:lines]
 
 
-def plain_line(sample: Sample) -> str:
-    """One line for a pipe or a file: time, state, reported joints in deg and mm, warnings."""
+def plain_line(shot: Snapshot) -> str:
+    """Return one line for a pipe or a file: time, state, reported joints in deg and mm, warnings."""
     values = " ".join(
         f"{joint}={_human(value, unit):.2f}{'deg' if unit == 'rad' else 'mm'}"
-        for joint, value, unit in zip(sample.joint_names, sample.q, sample.joint_units, strict=True)
+        for joint, value, unit in zip(shot.joint_names, shot.q, shot.joint_units, strict=True)
     )
-    warnings = sample.warnings()
-    return f"{sample.time:.2f} s  {_state(sample)}  {values}" + (
-        f"  ! {'; '.join(warnings)}" if warnings else ""
-    )
+    warnings = "; ".join(shot.warnings())
+    return f"{shot.time:.2f} s  {_state(shot)}  {values}" + (f"  ! {warnings}" if warnings else "")
 
 
-def _columns(sample: Sample) -> list[tuple[str, Floats]]:
+def _columns(shot: Snapshot) -> list[tuple[str, Floats]]:
     given = {
-        "reported": sample.q,
-        "calibrated": sample.calibrated,
-        "set": sample.setpoint,
-        "encoder": sample.encoder,
-        "torque": sample.tau,
-        "gravity": sample.gravity_tau,
+        "reported": shot.q,
+        "calibrated": shot.calibrated,
+        "set": shot.setpoint,
+        "encoder": shot.encoder,
+        "torque": shot.tau,
+        "gravity": shot.gravity_tau,
     }
     return [(head, values) for head, values in given.items() if values is not None]
 
 
-def _cell(values: Floats, j: int, sample: Sample, head: str) -> str:
+def _cell(values: Floats, j: int, shot: Snapshot, head: str) -> str:
     if j >= len(values) or not np.isfinite(values[j]):
         return "-".rjust(_WIDTH[head])
-    unit = sample.joint_units[j]
+    unit = shot.joint_units[j]
     if head in ("torque", "gravity"):
         return f"{values[j]:.3f}".rjust(_WIDTH[head])  # [Nm], [N]
-    outside = head == "calibrated" and sample.inside is not None and not sample.inside[j]
+    outside = head == "calibrated" and shot.inside is not None and not shot.inside[j]
     return f"{_human(values[j], unit):.2f}{'?' if outside else ''}".rjust(_WIDTH[head])
 
 
@@ -83,31 +78,30 @@ def _human(value: float, unit: str) -> float:
     return float(np.rad2deg(value) if unit == "rad" else 1e3 * value)
 
 
-def _bar(sample: Sample, j: int) -> str:
-    if sample.lower is None or sample.upper is None:
+def _bar(shot: Snapshot, j: int) -> str:
+    if shot.lower is None or shot.upper is None:
         return ""
-    low, high = sample.lower[j], sample.upper[j]
-    if not (np.isfinite(low) and np.isfinite(high) and np.isfinite(sample.q[j])):
+    low, high = shot.lower[j], shot.upper[j]
+    if not (np.isfinite(low) and np.isfinite(high) and np.isfinite(shot.q[j])):
         return "no limits"
-    place = int(np.clip((sample.q[j] - low) / (high - low), 0.0, 1.0) * (BAR - 1) + 0.5)
+    place = int(np.clip((shot.q[j] - low) / (high - low), 0.0, 1.0) * (BAR - 1) + 0.5)
     return "[" + "." * place + "#" + "." * (BAR - 1 - place) + "]"
 
 
-def _state(sample: Sample) -> str:
-    if sample.operating is None:
+def _state(shot: Snapshot) -> str:
+    if shot.operating is None:
         return "recording"
-    state, is_homed, is_busy = sample.operating
+    state, is_homed, is_busy = shot.operating
     return f"{state}, {'busy' if is_busy else 'homed' if is_homed else 'not homed'}"
 
 
-def _gravity(sample: Sample) -> str:
-    if sample.gravity is None:
-        return "gravity  not told"
-    x, y, z = sample.gravity
-    roll, pitch = (
-        np.round(np.rad2deg(tilt_of(sample.gravity)), 2) + 0.0 if sample.gravity.any() else (np.nan, np.nan)
-    )
-    age = f"age {1e3 * sample.gravity_age:.0f} ms" if np.isfinite(sample.gravity_age) else "nominal"
+def _gravity(shot: Snapshot) -> str:
+    if shot.gravity is None:
+        return "gravity  not known"
+    x, y, z = shot.gravity
+    tilt = tilt_of(shot.gravity) if shot.gravity.any() else (np.nan, np.nan)
+    roll, pitch = np.round(np.rad2deg(tilt), 2) + 0.0  # no -0.00
+    age = f"age {1e3 * shot.gravity_age:.0f} ms" if np.isfinite(shot.gravity_age) else "nominal"
     return f"gravity {x:7.3f} {y:7.3f} {z:7.3f} m/s2  roll {roll:6.2f} pitch {pitch:6.2f} deg  {age}"
 
 

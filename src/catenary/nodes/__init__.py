@@ -1,1 +1,1 @@
-"""What runs beside a robot until somebody ends it."""
+"""Programs that run beside a robot until somebody ends them."""

@@ -37,7 +37,7 @@ LATE = 0.02  # [s] after it came, a message is published only where it is the ne
 
 @dataclass(frozen=True)
 class WireReport:
-    """How a deployed model did beside a robot."""
+    """Report of a model deployed beside a robot."""
 
     seconds: float
     messages: int  # that came
@@ -53,14 +53,13 @@ class WireReport:
     joint_names: tuple[str, ...]
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data: times in microseconds where so named."""
-        latency = None if self.latency is None else {k: 1e6 * v for k, v in self.latency._asdict().items()}
+        """Return plain data: times in microseconds where so named."""
         return {
             "seconds": self.seconds,
             "messages": self.messages,
             "published": self.published,
             "rate_hz": self.rate_hz,
-            "latency_us": latency,
+            "latency_us": None if self.latency is None else self.latency.in_us(),
             "late": self.late,
             "missed": self.missed,
             "silences": self.silences,
@@ -104,7 +103,7 @@ class CalibratedTopics:
                 f"deploy: knows a RAVEN-II's kinematics only; the robot's joints are {', '.join(client.joint_names)}"
             )
         right = "" if client.arm == "gold" else "_right"
-        self._speech = CalibratedMessages(
+        self._publisher = CalibratedMessages(
             client.transport,
             calibrated_namespace(client.arm),
             names,
@@ -130,11 +129,11 @@ class CalibratedTopics:
 
     @property
     def is_silent(self) -> bool:
-        """Whether the robot is silent now."""
+        """The robot is silent now."""
         return self._is_silent
 
     def step(self, timeout: float = 0.0) -> int:
-        """Correct and publish what has come; wait for the first up to `timeout` [s]; give how many were published."""
+        """Correct and publish what has come; wait for the first up to `timeout` [s]; return how many were published."""
         before = self._published
         came = self._messages.take(timeout)
         for received in came:
@@ -156,7 +155,7 @@ class CalibratedTopics:
         return self.report()
 
     def report(self) -> WireReport:
-        """How it did so far."""
+        """Return the report so far."""
         rate = None
         if self._stamps is not None and self._stamps[1] > self._stamps[0]:
             rate = self._stamps[2] * SECOND / (self._stamps[1] - self._stamps[0])
@@ -178,10 +177,10 @@ class CalibratedTopics:
     def close(self) -> None:
         """End its topics; the client stays."""
         self._messages.close()
-        self._speech.close()
+        self._publisher.close()
 
     def _note_silence(self, now: int) -> bool:
-        """Whether there has been a silence until `now` [ns]; each is counted once, when it is noticed."""
+        """Return whether there has been a silence until `now` [ns]; each is counted once, when it is noticed."""
         silence = (now - self._last) / SECOND
         self._longest = max(self._longest, silence)
         if silence <= self._client.stale_after:
@@ -206,7 +205,7 @@ class CalibratedTopics:
             return
         inside = self._inside[self._places]
         self._outside += ~inside
-        self._speech.publish(stamp, self._out, state, is_valid=bool(inside.all()))
+        self._publisher.publish(stamp, self._out, state, is_valid=bool(inside.all()))
         self._published += 1
         self._latency.add(max(0, now() - received.time) / SECOND)
 

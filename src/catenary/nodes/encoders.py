@@ -19,7 +19,7 @@ _STEP = 0.005  # [s] between looks at the board, which sends on its own
 
 
 class EncoderStatus(NamedTuple):
-    """How the node does."""
+    """Status of the node."""
 
     seconds: float  # since it began
     reading: EncoderReading
@@ -29,7 +29,7 @@ class EncoderStatus(NamedTuple):
     is_up: bool  # whether the transport's network answers
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data: counts, rad and m."""
+        """Return plain data: counts, rad and m."""
         reading = self.reading._asdict()
         tally = reading.pop("tally")
         return {
@@ -65,7 +65,7 @@ class EncoderNode:
         self.published = {JOINT_ENC.name: 0, EXT_JPOS.name: 0}
 
     def step(self) -> int:
-        """Publish the rows that have come since the last time; give how many."""
+        """Publish the rows that have arrived since the last call; return how many."""
         for message, _ in self._states.take():
             try:
                 state = operating_state(message)
@@ -90,7 +90,7 @@ class EncoderNode:
         return len(samples)
 
     def status(self, seconds: float) -> EncoderStatus:
-        """How it does, so long after its begin [s]."""
+        """Return the status, `seconds` after the begin."""
         listeners: set[str] = set()
         for topic in self.published:
             listeners.update(self.transport.connections(topic).subscribers)
@@ -110,7 +110,7 @@ def publish_encoders(
     duration: float | None = None,
     show: Callable[[EncoderStatus], None] = lambda status: None,
 ) -> EncoderStatus:
-    """Publish until the duration [s] is over or Ctrl-C; give the last status. `show` gets one every second.
+    """Publish until the duration [s] is over or Ctrl-C; return the last status. `show` gets one every second.
 
     Raises:
         InputError: No positive duration.

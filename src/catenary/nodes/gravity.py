@@ -24,7 +24,7 @@ STRIPPED_HINT = (
 
 
 class GravityStatus(NamedTuple):
-    """How the node does."""
+    """Status of the node."""
 
     seconds: float  # since it began
     reading: GravityReading
@@ -35,11 +35,11 @@ class GravityStatus(NamedTuple):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is wrong, each with its name and what to do."""
+        """Faults, each with its name and what to do."""
         return tuple(f"{fault.names[0]}: {warning(fault)}" for fault in self.reading.faults)
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data, in SI and degrees where the name says so."""
+        """Return plain data, in SI and degrees where the name says so."""
         gravity = self.reading.gravity
         return {
             "seconds": self.seconds,
@@ -58,15 +58,15 @@ class GravityStatus(NamedTuple):
 
 
 def warning(fault: Fault) -> str:
-    """What a fault means; of taken-away gravity also which drivers are known to do it."""
+    """Return what a fault means; for removed gravity also which drivers are known to do it."""
     return f"{fault.message}; {STRIPPED_HINT}" if fault is Fault.GRAVITY_STRIPPED else fault.message
 
 
 class GravityNode:
-    """Publishes what a source says: `gravity` [m/s2, base axes, downwards], and beside it `gravity/status`.
+    """Publishes the reading of a source: `gravity` [m/s2, base axes, downwards], and beside it `gravity/status`.
 
-    The status is text: live, nominal, stale or fallback, then the faults' names. A source that says `stop` has
-    nothing to give, and then no vector is published.
+    The status is text: live, nominal, stale or fallback, then the faults' names. Of a source that says
+    `stop`, no vector is published.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class GravityNode:
         return reading
 
     def subscribers(self) -> int:
-        """Programs that listen."""
+        """Return the number of programs that listen."""
         return len(self.transport.connections(self._vector.topic).subscribers)
 
 
@@ -114,7 +114,7 @@ def publish_gravity(
     link: Callable[[], dict[str, Any]] = dict,
     show: Callable[[GravityStatus], None] = lambda status: None,
 ) -> GravityStatus:
-    """Publish at a rate until the duration [s] is over, the transport closed, or Ctrl-C; give the last status.
+    """Publish at a rate until the duration [s] is over, the transport closed, or Ctrl-C; return the last status.
 
     `show` gets a status every second.
 

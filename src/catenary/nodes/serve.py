@@ -2,8 +2,9 @@
 
 import gc
 import time
+from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +36,7 @@ MODELS: dict[Arm, str] = {"gold": "raven2", "green": "raven2_right"}
 
 @dataclass(frozen=True)
 class Serving:
-    """What is served."""
+    """Settings of a served robot."""
 
     robot: str = "raven2"
     dialect: Dialect = "raven"
@@ -52,7 +53,7 @@ class Serving:
 
 
 class Status(NamedTuple):
-    """How serving goes: one second of it."""
+    """Status of the server over the last second, or over all of its run."""
 
     seconds: float  # since the begin
     rate_hz: float  # ticks
@@ -127,7 +128,7 @@ def _served(name: Arm, plant: Plant, serving: Serving, reports: Reports) -> Serv
 
 
 def _gravity_torque(name: str, n: int) -> GravityTorque:
-    """What holds the positioning joints still, as far as a robot knows: nobody tells it of a load at its tool."""
+    """Return a function of the torques that hold the positioning joints still; a load at the tool is unknown to it."""
     model = load_robot(name)
     kernel = gravity_kernel(model)
     k, torque = model.n, np.zeros(n)
@@ -139,29 +140,21 @@ def _gravity_torque(name: str, n: int) -> GravityTorque:
     return compute
 
 
-@dataclass
-class Wishes:
-    """What a person at the server asks for, from any thread: lines, obeyed between two ticks."""
-
-    lines: list[str] = field(default_factory=list)
-    end: bool = False
-
-
 def serve(
     server: Server,
     *,
-    wishes: Wishes,
+    commands: deque[str],
     show: Callable[[Status], None],
     duration: float | None = None,
 ) -> Status:
-    """Run a server at its robot's rate until `wishes.end`, Ctrl-C, or for `duration` [s]; the arms are paused then.
+    """Run a server at its robot's rate until Ctrl-C, or for `duration` [s]; the arms are paused then.
 
     A tick that is late is made up for by the next ones, up to 20 ms; what is later is given up and counted, so that
     after a stall nothing runs faster than it should for long.
 
     Args:
         server: What is served.
-        wishes: What a person asks for: "button", or a state command for all arms.
+        commands: Of a person, from any thread, obeyed between two ticks: "button", or a state command for all arms.
         show: Called once a second.
         duration: [s]; None for ever.
 
@@ -200,9 +193,9 @@ def serve(
         )
 
     try:
-        while not wishes.end and (duration is None or clock() - begin < duration):
-            while wishes.lines:
-                server.person_says(wishes.lines.pop(0))
+        while duration is None or clock() - begin < duration:
+            while commands:
+                server.person_says(commands.popleft())
             server.tick()
             deadline += period
             now = clock()

@@ -1,4 +1,4 @@
-"""What tracking and holding under gravity came to: tables, and a page with a picture."""
+"""Tables and pages of tracking and holding under gravity."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,7 +16,7 @@ LEAST_RANGE = 0.01  # [deg|mm] of a picture of drift, to either side
 
 
 def tracking_table(result: Tracking) -> Table:
-    """Joint, RMS error, RMS of PD term and of torque, PD share."""
+    """Return a table of RMS error, RMS of PD term and of torque, and PD share per joint."""
     rows = []
     for joint in result.as_data()["joints"]:
         share = joint["pd_share_percent"]
@@ -33,7 +33,7 @@ def tracking_table(result: Tracking) -> Table:
 
 
 def holding_table(result: Holding) -> Table:
-    """Joint, drift of the joint, drift as reported at its motor."""
+    """Return a table of each joint's drift, as it is and as reported at its motor."""
     rows = [
         [
             joint["name"],

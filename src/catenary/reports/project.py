@@ -82,7 +82,7 @@ def write_project_report(
 
 
 def _where(connection: str, simulated: bool) -> str:
-    """What ours is, beside the paper's."""
+    """Return what our numbers are of, beside the paper's robot."""
     if connection == "simulation":
         return "simulated"
     network = connection.replace("ros", "ROS ")

@@ -79,9 +79,7 @@ class SignalFilter:
     cutoff_hz: float = 10.0
     cut_samples: int = 100  # left out at either end, where the filter has not settled
     period_samples: int | None = None  # of the excitation, whose first period is reported too
-    rate_hz: float | None = (
-        None  # recordings with time stamps are brought to this rate; their median one if None
-    )
+    rate_hz: float | None = None  # of recordings with time stamps; their median one if None
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +109,7 @@ class Actuation:
         return (*self.friction, *self.motor_inertia, *self.springs, *self.known_torques)
 
     def moves(self, coordinate: int) -> bool:
-        """Whether any effect acts on a coordinate."""
+        """Tell whether any effect acts on a coordinate."""
         return any(term.combination[coordinate] != 0.0 for term in self.terms)
 
 

@@ -92,7 +92,7 @@ class ActuationTable(Settings):
 
 
 def read_actuation(path: Path, table: ActuationTable, names: Sequence[str]) -> Actuation:
-    """Give the actuation of a robot whose coordinates have these names.
+    """Return the actuation of a robot whose coordinates have these names.
 
     Raises:
         ConfigError: A term acts on a coordinate that the robot does not have.

@@ -28,12 +28,12 @@ class LinkInertia:
     inertia: Floats
 
     def moved(self, pose: Pose) -> "LinkInertia":
-        """Give the same body seen from the frame that `pose` is expressed in."""
+        """Return the same body seen from the frame that `pose` is expressed in."""
         R = pose.rotation
         return LinkInertia(self.mass, R @ self.com + pose.position, R @ self.inertia @ R.T)
 
     def plus(self, other: "LinkInertia") -> "LinkInertia":
-        """Give both bodies, in one frame, as one (parallel-axis theorem)."""
+        """Return both bodies, in one frame, as one (parallel-axis theorem)."""
         mass = self.mass + other.mass
         if mass == 0.0:
             return LinkInertia(0.0, np.zeros(3), self.inertia + other.inertia)
@@ -197,7 +197,7 @@ def _fold(ordered: Sequence[Link]) -> _Folded:
 
 
 def _axes_seen_from(pose: Pose, axes_of_com: Sequence[bool]) -> Flags:
-    """Say on which axes of the frame that `pose` is expressed in a CoM may lie that lies on some of its own."""
+    """Return on which axes of a parent frame a CoM may lie that lies on some of a frame at `pose`."""
     reached = np.abs(pose.rotation)[:, np.array(axes_of_com, dtype=bool)].sum(axis=1)
     off_axis: Flags = np.abs(pose.position) + reached > OFF_AXIS
     return off_axis

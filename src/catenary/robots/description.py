@@ -1,16 +1,17 @@
-"""What reading a robot from a URDF or MJCF file needs alike: the file's hash, its names, its errors."""
+"""What URDF and MJCF files have in common: hash, names, errors, joints that follow other joints."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import Path
+from typing import NamedTuple
 
 from catenary.errors import FileFormatError, InputError, UnsupportedModelError
 from catenary.robots.model import BASE
 
 
 def read_description(path: Path) -> bytes:
-    """Give a file's content.
+    """Return a file's content.
 
     Raises:
         FileFormatError: The file is missing or cannot be read.
@@ -24,13 +25,13 @@ def read_description(path: Path) -> bytes:
 
 
 def file_source(path: Path, content: bytes) -> str:
-    """Say which file a model comes from, so that a copy can be told from another version."""
+    """Return a line on which file a model comes from, so that a copy can be told from another version."""
     return f"{path.name}, sha256 {sha256(content).hexdigest()}"
 
 
 @contextmanager
 def naming_the_file(where: str) -> Iterator[None]:
-    """Let complaints about a model's numbers open with the file that holds them."""
+    """Prefix errors about a model's numbers with the file that holds them."""
     try:
         yield
     except InputError as error:
@@ -42,7 +43,7 @@ def naming_the_file(where: str) -> Iterator[None]:
 def names_beside_base(
     names: Iterable[str], *, taken: Iterable[str] = (), mark: str = "file"
 ) -> dict[str, str]:
-    """Give each of a file's names the one it has in the model: its own, marked where that is taken.
+    """Map a file's names to those in the model: the same, marked where that is taken.
 
     "base" always means the frame that everything hangs on; another link of that name becomes "base (file)".
     """
@@ -51,11 +52,47 @@ def names_beside_base(
 
 
 def renaming_notes(names: Mapping[str, str]) -> list[str]:
-    """Say which of a file's names are others in the model."""
+    """Return notes on names that differ between the file and the model."""
     return [f'"{old}" of the file is named "{new}" here' for old, new in names.items() if old != new]
 
 
 def left_out(what: str, where: Iterable[str]) -> list[str]:
-    """Give one line on something that the model leaves out, or none when there is nothing."""
+    """Return one line on something that the model leaves out, or none when there is nothing."""
     names = list(where)
     return [f"left out: {what} ({', '.join(names)})"] if names else []
+
+
+class Mimic(NamedTuple):
+    """A joint's position is multiplier * (the leader's position) + offset; a constant without a leader."""
+
+    leader: str | None
+    multiplier: float
+    offset: float  # [rad or m]
+
+
+def resolve_mimics(mimics: Mapping[str, Mimic]) -> dict[str, Mimic]:
+    """Express each following joint, q = multiplier * q_leader + offset, by a joint that follows nobody.
+
+    Args:
+        mimics: The following joints, by name; a leader that is not among them follows nobody.
+
+    Raises:
+        UnsupportedModelError: Joints follow each other in a loop.
+    """
+    resolved: dict[str, Mimic] = {}
+    for joint, first in mimics.items():
+        chain = [joint]
+        here = first
+        while here.leader is not None and here.leader in mimics:
+            if here.leader in chain:
+                raise UnsupportedModelError(
+                    f'joint "{joint}" follows itself: {" -> ".join([*chain, here.leader])}; '
+                    "expected a chain of mimic joints that ends at one that is free"
+                )
+            chain.append(here.leader)
+            then = mimics[here.leader]
+            here = Mimic(
+                then.leader, here.multiplier * then.multiplier, here.multiplier * then.offset + here.offset
+            )
+        resolved[joint] = here
+    return resolved

@@ -109,7 +109,7 @@ def from_dh(robot: DHRobot) -> RobotModel:
 
 
 def _constant_parts(row: DHRow, convention: Convention) -> tuple[Pose, Pose]:
-    """Give what comes before and after the joint; Rz(theta + q) Tz(d + q) commute, so both orders do."""
+    """Return what comes before and after the joint; Rz(theta + q) Tz(d + q) commute, so both orders do."""
     along_z = Pose(rotation_about_z(row.theta), np.array([0.0, 0.0, row.d]))
     along_x = Pose(rotation_about_x(row.alpha), np.array([row.a, 0.0, 0.0]))
     if convention == "modified":
@@ -128,7 +128,7 @@ def _has_own_coordinate(row: DHRow) -> bool:
 
 
 def own_coordinates(rows: Sequence[DHRow]) -> list[Coordinate]:
-    """Give the coordinates of rows that move with their own names."""
+    """Return the coordinates of rows that move with their own names."""
     return [
         Coordinate(row.name, "m" if row.joint == "prismatic" else "rad", row.lower, row.upper, row.velocity)
         for row in rows

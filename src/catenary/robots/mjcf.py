@@ -11,14 +11,15 @@ from catenary.arrays import Floats
 from catenary.errors import FileFormatError, MissingPackageError, UnsupportedModelError
 from catenary.robots.assembly import Coordinate, Link, LinkInertia, assemble
 from catenary.robots.description import (
+    Mimic,
     file_source,
     left_out,
     names_beside_base,
     naming_the_file,
     read_description,
     renaming_notes,
+    resolve_mimics,
 )
-from catenary.robots.mimic import Mimic, resolve_mimics
 from catenary.robots.model import BASE, RobotModel
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion
 
@@ -189,7 +190,7 @@ def _body_links(
     joints: Mapping[int, str],
     following: Mapping[str, Mimic],
 ) -> Iterator[Link]:
-    """Give a body as one link per joint, each moving the next; a body without joints as one fixed link."""
+    """Return a body as one link per joint, each moving the next; a body without joints as one fixed link."""
     name = bodies[c.name("body", body)]
     above = int(c.model.body_parentid[body])
     parent = BASE if above == 0 else bodies[c.name("body", above)]
@@ -233,7 +234,7 @@ def _inertia(c: _Compiled, body: int) -> LinkInertia | None:
 
 
 def _coordinate(c: _Compiled, joint: int, name: str) -> Coordinate:
-    """Give the joint's coordinate; its effort limit is the smaller side of `actuatorfrcrange`."""
+    """Return the joint's coordinate; its effort limit is the smaller side of `actuatorfrcrange`."""
     lower, upper = c.model.jnt_range[joint] if c.model.jnt_limited[joint] else (-np.inf, np.inf)
     effort = np.inf
     if c.model.jnt_actfrclimited[joint]:
@@ -271,7 +272,7 @@ def _mimics(c: _Compiled, joints: Mapping[int, str]) -> dict[str, Mimic]:
 
 
 def _notes(c: _Compiled, joints: Mapping[int, str]) -> list[str]:
-    """Say what the file holds and the model leaves out."""
+    """Return notes on what the file holds and the model leaves out."""
     m = c.model
     notes = []
     for what, array in (
@@ -304,7 +305,7 @@ def _model_name(c: _Compiled, path: Path) -> str:
 
 
 def _included(path: Path, content: bytes) -> dict[str, bytes]:
-    """Give the files that <include> brings in, by the name it gives them, relative to the main file."""
+    """Return the files that <include> brings in, by the name it gives them, relative to the main file."""
     found: dict[str, bytes] = {}
     waiting = [content]
     while waiting:

@@ -98,7 +98,7 @@ class RobotModel:
             raise MissingInertiaError(self.name, self.missing_inertia)
 
     def frame(self, name: str | None = None) -> Frame:
-        """Give a frame by name, the tip when no name is given.
+        """Return a frame by name, the tip when no name is given.
 
         Raises:
             InputError: No frame of that name; the message lists those there are.
@@ -111,7 +111,7 @@ class RobotModel:
         return self.frames[key]
 
     def with_massless(self, links: Sequence[str]) -> "RobotModel":
-        """Give the robot with further links declared to have no inertia; fixed links may be named too.
+        """Return the robot with further links declared to have no inertia; fixed links may be named too.
 
         Raises:
             InputError: An unknown link, or one that has a mass; the message names it.
@@ -133,7 +133,7 @@ class RobotModel:
         )
 
     def with_payload(self, frame: str, mass: float, position: Sequence[float] | Floats) -> "RobotModel":
-        """Give the robot carrying a point mass; `without_payload` of the result is this robot again.
+        """Return the robot carrying a point mass; `without_payload` of the result is this robot again.
 
         With a mass of zero it is this robot itself, to the last bit.
 
@@ -172,5 +172,5 @@ class RobotModel:
         )
 
     def renamed(self, name: str) -> "RobotModel":
-        """Give the same robot under another name."""
+        """Return the same robot under another name."""
         return replace(self, name=name)

@@ -12,14 +12,15 @@ from catenary.arrays import Floats
 from catenary.errors import FileFormatError, UnsupportedModelError
 from catenary.robots.assembly import Coordinate, JointKind, Link, LinkInertia, assemble
 from catenary.robots.description import (
+    Mimic,
     file_source,
     left_out,
     names_beside_base,
     naming_the_file,
     read_description,
     renaming_notes,
+    resolve_mimics,
 )
-from catenary.robots.mimic import Mimic, resolve_mimics
 from catenary.robots.model import BASE, RobotModel
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion, rotation_from_rpy
 
@@ -54,7 +55,7 @@ def load_urdf(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
 def parse_urdf(
     text: str | bytes, where: str = "URDF", *, massless: Sequence[str] = (), sources: Sequence[str] = ()
 ) -> RobotModel:
-    """Give the robot that a URDF text describes, as `load_urdf` does; `where` opens error messages."""
+    """Return the robot that a URDF text describes, as `load_urdf` does; `where` opens error messages."""
     robot = _root(text, where)
     links = dict(_named(where, robot, "link"))
     joints = [_joint(where, name, element, links) for name, element in _named(where, robot, "joint")]
@@ -109,7 +110,7 @@ def _root(text: str | bytes, where: str) -> Element:
 
 
 def _named(where: str, robot: Element, tag: str) -> list[tuple[str, Element]]:
-    """Give the robot's links or joints with their names, which must differ."""
+    """Return the robot's links or joints with their names, which must differ."""
     found: dict[str, Element] = {}
     for number, element in enumerate(robot.findall(tag), start=1):
         name = element.get("name")
@@ -160,7 +161,7 @@ def _link_name(what: str, joint: Element, tag: str, links: Mapping[str, Element]
 
 
 def _coordinate(what: str, name: str, kind: str, joint: Element) -> Coordinate:
-    """Give the joint's coordinate; a continuous joint has no position limits, whatever its <limit> says."""
+    """Return the joint's coordinate; a continuous joint has no position limits, whatever its <limit> says."""
     unit = "m" if kind == "prismatic" else "rad"
     limit = joint.find("limit")
     if kind == "fixed" or (limit is None and kind == "continuous"):
@@ -190,7 +191,7 @@ def _mimic(what: str, element: Element) -> Mimic:
 
 
 def _only_root(where: str, links: Mapping[str, Element], joints: Sequence[_Joint]) -> str:
-    """Give the one link that is nobody's child; every other must have one parent."""
+    """Return the one link that is no joint's child; every other must have one parent."""
     carried_by: dict[str, str] = {}
     for joint in joints:
         if joint.child in carried_by:
@@ -210,7 +211,7 @@ def _only_root(where: str, links: Mapping[str, Element], joints: Sequence[_Joint
 
 
 def _leaders(where: str, joints: Sequence[_Joint]) -> tuple[set[str], dict[str, Mimic]]:
-    """Give the joints that are coordinates, and the others in terms of them."""
+    """Return the joints that are coordinates, and the other joints in terms of them."""
     moving = {joint.name for joint in joints if joint.kind != "fixed"}
     mimics = {joint.name: joint.mimic for joint in joints if joint.mimic is not None}
     for name, mimic in mimics.items():
@@ -306,7 +307,7 @@ def _vector(what: str, element: Element, key: str, count: int) -> Floats:
 
 
 def _notes(robot: Element, joints: Sequence[_Joint], following: Mapping[str, Mimic]) -> list[str]:
-    """Say what the file holds and the model leaves out, and which limits look like placeholders."""
+    """Return notes on what the file holds and the model leaves out, and which limits look like placeholders."""
     free = [j for j in joints if j.kind != "fixed" and j.name not in following]
     coordinates = {j.name: j.coordinate for j in free}
     notes = []

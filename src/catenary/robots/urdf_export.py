@@ -29,7 +29,7 @@ def write_urdf(model: RobotModel, path: Path) -> None:
 
 
 def urdf_text(model: RobotModel) -> str:
-    """Give a robot as URDF: a joint that follows another is a mimic joint, named frames are fixed links.
+    """Return a robot as URDF: a joint that follows another is a mimic joint, named frames are fixed links.
 
     Coordinates that move no link (motors that carry friction only) have no place in URDF and are left out, and so is
     the actuation.
@@ -121,9 +121,8 @@ def _add_joint(root: Element, model: RobotModel, i: int, drives: list[_Drive]) -
     SubElement(joint, "parent", link=BASE if parent < 0 else model.link_names[parent])
     SubElement(joint, "child", link=model.link_names[i])
     R, p, axis = model.tree.rotation[i], model.tree.origin[i], model.tree.axis[i]
-    if (
-        leads
-    ):  # one that leads is the coordinate itself: its offset goes into its place, its sign into its axis
+    # one that leads is the coordinate itself: its offset goes into its place, its sign into its axis
+    if leads:
         if slides:
             p = p + R @ axis * float(model.offset[i])
         else:

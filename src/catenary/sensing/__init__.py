@@ -1,1 +1,1 @@
-"""The gravity vector itself: read from sensors, checked, with a fallback, and mounted on a base."""
+"""The gravity vector: sensors on a base, their readings checked, smoothed, and replaced where they fail."""

@@ -1,49 +1,58 @@
-"""Which samples of a sensor may be believed; those that may not are named by their fault."""
+"""Which samples of an accelerometer or a gyroscope are believed; the others are named by their fault."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from catenary.arrays import Floats
 from catenary.errors import InputError
 from catenary.sensing.faults import Fault
-from catenary.spatial import STANDARD_GRAVITY
+from catenary.spatial import STANDARD_GRAVITY, cross
 
 Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class SensorRules:
-    """What is believed of a sensor; the defaults fit a base that people tilt, rock or drive about."""
+    """What is believed of a sensor; the defaults fit a base that people tilt, rock or drive about.
 
-    max_step: float = 1.2  # [m/s2] between a sample and what those before foretell
-    max_rate_step: float = 0.3  # [rad/s] the same of angular rates
-    max_rate: float = 4.0  # [rad/s] at which the base may turn; rocking by 20 degrees at 1 Hz is 2.2
-    max_acceleration: float = 6.0  # [m/s2] of the base: gravity and this bound every reading's length
-    rest_lower: float = 9.0  # [m/s2] length of what is read at rest
-    rest_upper: float = 10.6  # [m/s2]
-    max_tilt: float = math.radians(120.0)  # [rad] from level, when samples begin; pi for a base that may hang
-    stuck_samples: int = 10  # identical ones that make a sensor stuck; 0 believes a sensor without any noise
-    confirm: int = 5  # good samples in a row before a sensor is believed, at first or after a fault
-    accept_jump_after: float = 0.5  # [s] for which a jump that nothing explains must last to be believed
-    future: float = 0.005  # [s] by which a stamp may lie ahead
+    Args:
+        max_step: Largest difference between a reading and what those before it foretell [m/s2].
+        max_rate_step: The same of angular rates [rad/s].
+        max_rate: Fastest turning of the base [rad/s]; rocking by 20 degrees at 1 Hz is 2.2.
+        max_acceleration: Largest acceleration of the base [m/s2]: a reading's length is gravity's, give or take it.
+        rest_lower: Least length of a reading at rest [m/s2].
+        rest_upper: Largest length of a reading at rest [m/s2].
+        max_tilt: Largest angle from level when samples begin [rad]; pi for a base that may hang upside down.
+        stuck_samples: Identical readings in a row that make a sensor stuck; 0 believes a sensor without any noise.
+        confirm: Good readings in a row before a sensor is believed, at first or after a fault.
+        accept_jump_after: Time for which a jump that nothing explains must last to be believed [s].
+        future: Time by which a stamp may lie ahead of the reader's clock [s].
+
+    Raises:
+        InputError: A number out of its range, or rest_lower not below rest_upper.
+    """
+
+    max_step: float = 1.2
+    max_rate_step: float = 0.3
+    max_rate: float = 4.0
+    max_acceleration: float = 6.0
+    rest_lower: float = 9.0
+    rest_upper: float = 10.6
+    max_tilt: float = math.radians(120.0)
+    stuck_samples: int = 10
+    confirm: int = 5
+    accept_jump_after: float = 0.5
+    future: float = 0.005
 
     def __post_init__(self) -> None:
-        for name in (
-            "max_step",
-            "max_rate_step",
-            "max_rate",
-            "max_acceleration",
-            "rest_lower",
-            "max_tilt",
-            "confirm",
-        ):
-            if not getattr(self, name) > 0:
-                raise InputError(f"sensor rules: {name}: expected more than 0, got {getattr(self, name)}")
-        for name in ("stuck_samples", "accept_jump_after", "future"):
-            if not getattr(self, name) >= 0:
-                raise InputError(f"sensor rules: {name}: expected 0 or more, got {getattr(self, name)}")
+        for name, value in asdict(self).items():
+            if name in ("stuck_samples", "accept_jump_after", "future"):
+                if not value >= 0:
+                    raise InputError(f"sensor rules: {name}: expected 0 or more, got {value}")
+            elif not value > 0:
+                raise InputError(f"sensor rules: {name}: expected more than 0, got {value}")
         if not self.rest_lower < self.rest_upper:
             raise InputError(
                 f"sensor rules: rest_lower {self.rest_lower}: expected less than rest_upper {self.rest_upper}"
@@ -51,14 +60,14 @@ class SensorRules:
 
 
 class RawCheck:
-    """What can be told from a reading alone and the one before, in the sensor's own axes."""
+    """Faults that show in a reading alone and the one before, in the sensor's own axes."""
 
     # closer than that is no second measurement, and parabolas through it would be noise
     CLOSEST = 1e-4  # [s]
     ABSURD = 1e5  # in any unit: as good as infinite
 
     def __init__(self, rules: SensorRules, full_range: float, faults: tuple[Fault, Fault, Fault]) -> None:
-        """Take the range of an axis, and what to call readings that are not finite, stuck or saturated."""
+        """Take the range of an axis, and the faults of readings that are not finite, stuck and saturated."""
         self._rules = rules
         # what lies far beyond the range does not come from a sensor that is at its end: another unit, or a spike
         self._end, self._beyond = 0.995 * full_range, 1.05 * full_range
@@ -68,7 +77,7 @@ class RawCheck:
         self._same = 1
 
     def fault(self, stamp: float, vector: Vector, now: float) -> Fault:
-        """What is wrong with a reading, NONE if nothing is."""
+        """Return the fault of a reading, NONE if it has none."""
         if not math.isfinite(stamp) or stamp > now + self._rules.future:
             return Fault.STAMP_FUTURE
         if stamp < self._newest:
@@ -90,7 +99,7 @@ class RawCheck:
 
 
 class GravityCheck:
-    """Whether readings can be gravity seen from a base, and how they go on from those before.
+    """Faults of readings that cannot be gravity seen from a base, or do not follow from those before.
 
     Works on free-fall acceleration in base axes. What no base can do is rejected until the readings come back:
     mistakes of a sensor (opposite sign, swapped axes, another unit), and jumps from one sample to the next. Another
@@ -109,7 +118,7 @@ class GravityCheck:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew, as if nothing had been received."""
+        """Forget all readings."""
         self.reference: Floats | None = None  # gravity as last believed, turned along with the gyroscope
         self._last = np.zeros(3)
         self.last_stamp = -math.inf
@@ -126,12 +135,12 @@ class GravityCheck:
         return self.last_stamp - self.steady_since >= self.REST
 
     def fault(self, stamp: float, gravity: Floats, expected: Floats, rate: Floats | None) -> Fault:
-        """What is wrong with a reading.
+        """Return the fault of a reading, NONE if it has none.
 
         Args:
             stamp: [s].
             gravity: (3,) the reading.
-            expected: (3,) what the believed ones before it foretell; not used before there are any.
+            expected: (3,) prediction by the believed ones before it; not used before there are any.
             rate: (3,) angular velocity [rad/s], where it is known.
         """
         rules = self._rules
@@ -144,7 +153,7 @@ class GravityCheck:
         if self.reference is None:
             return self._begin(gravity, length, step, fault)
         if self._bad > 0 and rate is not None and dt < 0.1:
-            self.reference = self.reference - dt * _cross(rate, self.reference)
+            self.reference = self.reference - dt * cross(rate, self.reference)
         # after a fault the prediction is old: gravity as last believed is what to come back to
         wanted = expected if self._bad == 0 else self.reference
         if fault is Fault.NONE and _norm(gravity - wanted) <= rules.max_step:
@@ -224,7 +233,7 @@ class GravityCheck:
 
 
 class RateCheck:
-    """Whether angular rates can be those of a base, and how they go on from those before."""
+    """Faults of angular rates that cannot be a base's, or do not follow from those before."""
 
     def __init__(self, rules: SensorRules) -> None:
         self._rules = rules
@@ -234,7 +243,7 @@ class RateCheck:
         self.believed = False  # the last one; the first few are waited for, which is no fault
 
     def fault(self, rate: Floats, expected: Floats | None) -> Fault:
-        """What is wrong with a rate (3,) [rad/s], given what those before foretell, None where they are too old."""
+        """Return the fault of a rate (3,) [rad/s]; `expected` is the prediction by those before, None if too old."""
         rules = self._rules
         self._alike = self._alike + 1 if _norm(rate - self._last) <= rules.max_rate_step else 0
         self._last = rate
@@ -252,7 +261,7 @@ class RateCheck:
 
 
 class ForetoldSwing:
-    """How far gravity should swing by what a gyroscope says, to be compared with how far it does.
+    """How far gravity should swing by the angular rates of a gyroscope, to compare with how far it does.
 
     The same high-pass and the same mean as GravityCheck's of the readings themselves: of a sensor that is right both
     give the same, however small and fast the base rocks, and one that turns while gravity stands still is wrong.
@@ -272,7 +281,7 @@ class ForetoldSwing:
         if gravity is None or not 0.0 < dt < GravityCheck.REST:
             self._swing, self._variance = np.zeros(3), 0.0
             return
-        change = _cross(gravity, rate)  # of a vector that stands still, seen from axes that turn
+        change = cross(gravity, rate)  # of a vector that stands still, seen from axes that turn
         if _norm(change) < self.LEAN * _norm(rate) * _norm(gravity):
             change = np.zeros(3)
         share = 1.0 - math.exp(-dt / GravityCheck.MEMORY)
@@ -286,7 +295,7 @@ class ForetoldSwing:
 
 
 def explain(gravity: Floats, wanted: Floats) -> Fault:
-    """Which mistake of a sensor turns the gravity that is wanted into the one that is read, if any does.
+    """Return the mistake of a sensor that turns the expected gravity into the reading, NONE if none does.
 
     A mistake explains a reading when it brings it five times nearer.
     """
@@ -306,8 +315,4 @@ _ORDERS = [np.array(p) for p in ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2,
 
 
 def _norm(v: Floats) -> float:
-    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-
-
-def _cross(a: Floats, b: Floats) -> Floats:
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    return math.hypot(v[0], v[1], v[2])

@@ -1,4 +1,4 @@
-"""What takes the place of gravity that is no longer measured, and how to get there without a jolt."""
+"""Gravity in place of a measured one that is missing, and a transfer from one to the other without a jolt."""
 
 from typing import Literal, get_args
 
@@ -6,7 +6,6 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.errors import InputError
-from catenary.kernels.compiled import compiled
 from catenary.spatial import LEVEL, STANDARD_GRAVITY
 
 # hold: the last vector; fade: gravity along the mean direction of the last seconds; static: of a level base;
@@ -16,10 +15,10 @@ FALLBACKS: tuple[str, ...] = get_args(Fallback)
 
 
 def as_fallback(value: str) -> Fallback:
-    """Give a fallback by its name.
+    """Return the fallback of a name.
 
     Raises:
-        InputError: There is none of that name.
+        InputError: No such fallback.
     """
     if value not in FALLBACKS:
         raise InputError(f'fallback "{value}": expected one of {", ".join(FALLBACKS)}')
@@ -43,7 +42,7 @@ class SlowAttitude:
         self._newest = stamp
 
     def gravity(self) -> Floats:
-        """Gravity (3,) of standard length along the mean direction; that of a level base before any sample."""
+        """Return gravity (3,) of standard length along the mean direction; that of a level base before any sample."""
         length = np.linalg.norm(self._mean)
         return self._mean * (STANDARD_GRAVITY / length) if length > 1.0 else LEVEL.copy()
 
@@ -59,18 +58,22 @@ class SmoothTransfer:
 
     def __init__(self, follow: Floats, recover: Floats) -> None:
         """Take the rates of each of the targets (k,), per second."""
-        self._rates = np.stack([follow, recover], axis=1)
-        k = len(follow)
-        self._target, self._offset = np.zeros((k, 3)), np.zeros((k, 3))
+        self._follow, self._recover = follow[:, None], recover[:, None]
+        self._target, self._offset = np.zeros((len(follow), 3)), np.zeros((len(follow), 3))
         self._begun = False
 
-    def follow(self, targets: Floats, dt: float, out: Floats, *, changed: bool) -> None:
-        """Write outputs (k, 3), dt [s] after the last; `changed` when targets come from elsewhere than before."""
+    def follow(self, targets: Floats, dt: float, *, changed: bool) -> Floats:
+        """Return outputs (k, 3), dt [s] after the last; `changed` when targets come from elsewhere than before."""
         if not self._begun:
-            self._target[:] = targets
-            self._offset[:] = 0.0
+            self._target, self._offset = targets.copy(), np.zeros_like(targets)
             self._begun = True
-        _follow(self._rates, self._target, self._offset, targets, dt, changed, out)
+        moved = targets - self._target
+        allowed = np.zeros_like(self._follow) if changed else self._follow * dt
+        self._offset -= moved * _share_beyond(allowed, moved)
+        self._offset *= _share_beyond(self._recover * dt, self._offset)
+        self._target = targets.copy()
+        outputs: Floats = targets + self._offset
+        return outputs
 
     def restart(self) -> None:
         """Take the next targets as they are."""
@@ -82,25 +85,8 @@ class SmoothTransfer:
         return not self._offset.any()
 
 
-@compiled
-def _follow(
-    rates: Floats, last: Floats, offset: Floats, targets: Floats, dt: float, changed: bool, out: Floats
-) -> None:
-    for k in range(len(targets)):
-        step = 0.0
-        for axis in range(3):
-            step += (targets[k, axis] - last[k, axis]) ** 2
-        step = np.sqrt(step)
-        allowed = 0.0 if changed else rates[k, 0] * dt
-        share = 1.0 - allowed / step if step > allowed else 0.0
-        length = 0.0
-        for axis in range(3):
-            offset[k, axis] -= share * (targets[k, axis] - last[k, axis])
-            last[k, axis] = targets[k, axis]
-            length += offset[k, axis] ** 2
-        length = np.sqrt(length)
-        fade = rates[k, 1] * dt
-        keep = 1.0 - fade / length if length > fade else 0.0
-        for axis in range(3):
-            offset[k, axis] *= keep
-            out[k, axis] = targets[k, axis] + offset[k, axis]
+def _share_beyond(allowed: Floats, vectors: Floats) -> Floats:
+    """Return the share (k, 1) of each vector (k, 3) that exceeds an allowed length (k, 1)."""
+    lengths = np.sqrt(np.sum(vectors * vectors, axis=1, keepdims=True))
+    share: Floats = np.maximum(0.0, 1.0 - allowed / np.maximum(lengths, 1e-300))
+    return share

@@ -1,4 +1,4 @@
-"""What can be wrong with a sensor of gravity, by name, and what each means to a person."""
+"""Faults of a sensor of gravity by name, and what each means to a person."""
 
 from enum import Flag, auto
 
@@ -36,7 +36,7 @@ class Fault(Flag):
 
     @property
     def message(self) -> str:
-        """What a person should know and do; of several faults, a sentence each."""
+        """What it means and what to do about it; a sentence for each of several faults."""
         return "; ".join(_MESSAGES[fault] for fault in self)
 
     @property

@@ -14,7 +14,7 @@ from catenary.sensing.faults import Fault
 from catenary.sensing.mailbox import Kind, Mailbox, SensorSample
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import GravityReading, ReadingStatus
-from catenary.spatial import LEVEL
+from catenary.spatial import LEVEL, cross
 
 # how fast gravity, angular velocity and acceleration of the base may change as measured [m/s3, rad/s2, rad/s3]:
 # ten times what rocking by 10 degrees at 1 Hz takes; and how fast they come back from a fault
@@ -102,12 +102,11 @@ class SensedGravity:
         self._transfer = SmoothTransfer(np.array(FOLLOW), np.array(RECOVER))
         self._seen: dict[Fault, float] = {}  # when each fault showed last
         self._heard = -math.inf  # when the newest sample was taken in, whatever it was worth
-        self._targets, self._held = np.zeros((3, 3)), LEVEL.copy()
+        self._held = LEVEL  # gravity that the fallback "hold" keeps
         self._last_time, self._first_time = math.nan, math.nan
         self._gaps = 0  # after which the parabola of gravity began anew
         self._mode: tuple[ReadingStatus, bool, int] = (ReadingStatus.NOMINAL, False, 0)
         self._dropped = 0
-        self._warm_up()
 
     def read(self, time: float) -> GravityReading:
         """Gravity and the turning of the base at a time [s], on the clock of the samples' stamps."""
@@ -120,18 +119,16 @@ class SensedGravity:
                 self._feed(time)
             self._take(time, _TAKEN_AT_ONCE)
         live, turning = self._status(time), self._turning(time)
-        self._aim(time, live, turning)
         changed = (live, turning, self._gaps) != self._mode
         self._mode = (live, turning, self._gaps)
-        out = np.empty((3, 3))
         dt = min(max(time - self._last_time, 0.0), 0.02)
         self._last_time = time
-        self._transfer.follow(self._targets, dt, out, changed=changed)
+        gravity, *rates = self._transfer.follow(self._target(time, live, turning), dt, changed=changed)
         nominal = live is ReadingStatus.NOMINAL or (
             live is ReadingStatus.FALLBACK and self.fallback == "static"
         )
         age = math.inf if nominal or self._force.newest == -math.inf else max(0.0, time - self._force.newest)
-        return GravityReading(out[0], age, out[1:], live, self._faults(time, live, turning))
+        return GravityReading(gravity, age, np.array(rates), live, self._faults(time, live, turning))
 
     def reset(self) -> None:
         """Forget what was believed: the base was moved, or the sensor put right, while nobody looked."""
@@ -177,19 +174,19 @@ class SensedGravity:
         if stamp - self._force.newest > _FORGET and self._force.newest > -math.inf and self._meet_anew(stamp):
             self._check.forget()
             self._force.clear()
-        rate = self._rate.at(stamp)[0].copy() if self._rate_is_fresh(stamp) else None
+        rate = self._rate.at(stamp)[0] if self._rate_is_fresh(stamp) else None
         expected = self._force.at(min(stamp, self._force.newest + self._horizon))[0]
         fault = self._check.fault(stamp, gravity, expected, rate)
         if fault is Fault.NONE and self._check.reference is not None:
             if stamp - self._force.newest > 0.5 * self._force.window:
                 self._force.clear()  # a parabola over a gap would be a guess
                 self._gaps += 1
-            self._force.add(stamp, *gravity)
+            self._force.add(stamp, gravity)
             self._attitude.add(stamp, gravity)
         return fault
 
     def _meet_anew(self, stamp: float) -> bool:
-        """Whether nothing at all came since; wrong samples keep their reason to be doubted."""
+        """Return whether nothing at all came since; wrong samples keep their reason to be doubted."""
         return stamp - self._check.last_stamp > _FORGET
 
     def _take_rate(self, sample: SensorSample, now: float) -> Fault:
@@ -209,21 +206,24 @@ class SensedGravity:
             return fault
         if stamp - self._rate.newest > 0.5 * self._rate.window:
             self._rate.clear()
-        self._rate.add(stamp, *rate)
+        self._rate.add(stamp, rate)
         return Fault.NONE
 
     @property
     def _horizon(self) -> float:
-        """How far beyond the newest sample a parabola is followed [s]; further it would run away."""
+        """Time beyond the newest sample for which a parabola is followed [s]; further it would run away."""
         return 0.6 * self._force.window
 
     def _rate_is_fresh(self, time: float) -> bool:
         return time - self._rate.newest <= self._stale_after
 
     def _turning(self, time: float) -> bool:
-        """Whether angular terms are known: held with gravity, given up at the age limit."""
-        fit = self._rate
-        return self.angular and fit.span >= 0.6 * fit.window and time - fit.newest <= self._age_limit
+        """Return whether angular terms are known: held with gravity, given up at the age limit."""
+        return self._rate_is_known and time - self._rate.newest <= self._age_limit
+
+    @property
+    def _rate_is_known(self) -> bool:
+        return self.angular and self._rate.span >= 0.6 * self._rate.window
 
     def _status(self, time: float) -> ReadingStatus:
         if self._force.newest == -math.inf:
@@ -238,37 +238,30 @@ class SensedGravity:
     def _fallen(self) -> ReadingStatus:
         return ReadingStatus.STOP if self.fallback == "stop" else ReadingStatus.FALLBACK
 
-    def _aim(self, time: float, status: ReadingStatus, turning: bool) -> None:
-        """Write where gravity, angular velocity and angular acceleration should be."""
-        targets = self._targets
-        targets[1:] = 0.0
-        if status is ReadingStatus.NOMINAL:
-            targets[0] = LEVEL
-            return
-        if status is ReadingStatus.LIVE or status is ReadingStatus.STALE:
-            if turning:
-                targets[1:] = self._rate.at(min(time, self._rate.newest + self._horizon))
-            targets[0] = self._force.at(min(time, self._force.newest + self._horizon))[0]
-            _move_to_origin(targets, self.mounting.position)
-        elif self.fallback == "fade":
-            targets[0] = self._attitude.gravity()
-        elif self.fallback == "static":
-            targets[0] = LEVEL
-        else:
-            self._hold_newest()
-            targets[0] = self._held
-
-    def _hold_newest(self) -> None:
-        """Take gravity at the newest sample for what is held: what a parabola says of later is a guess, and noisier."""
+    def _target(self, time: float, status: ReadingStatus, turning: bool) -> Floats:
+        """Return where gravity, angular velocity and angular acceleration should be, (3, 3)."""
+        if status in (ReadingStatus.LIVE, ReadingStatus.STALE):
+            return self._motion(time, turning)
         newest = self._force.newest
-        if newest == -math.inf:
-            return
-        held = np.zeros((3, 3))
-        if self.angular and self._rate.span >= 0.6 * self._rate.window and self._rate_is_fresh(newest):
-            held[1:] = self._rate.at(min(newest, self._rate.newest + self._horizon))
-        held[0] = self._force.at(newest)[0]
-        _move_to_origin(held, self.mounting.position)
-        self._held[:] = held[0]
+        if status is ReadingStatus.NOMINAL or self.fallback == "static":
+            gravity = LEVEL
+        elif self.fallback == "fade":
+            gravity = self._attitude.gravity()
+        else:
+            if newest > -math.inf:
+                # as of the newest sample: what a parabola says of later is a guess, and noisier
+                self._held = self._motion(newest, self._rate_is_known and self._rate_is_fresh(newest))[0]
+            gravity = self._held
+        return np.array([gravity, np.zeros(3), np.zeros(3)])
+
+    def _motion(self, time: float, turning: bool) -> Floats:
+        """Return gravity at the base's origin, angular velocity and acceleration at a time [s], (3, 3)."""
+        omega, alpha = np.zeros((2, 3))
+        if turning:
+            omega, alpha = self._rate.at(min(time, self._rate.newest + self._horizon))
+        gravity = self._force.at(min(time, self._force.newest + self._horizon))[0]
+        p = self.mounting.position
+        return np.array([gravity + cross(alpha, p) + cross(omega, cross(omega, p)), omega, alpha])
 
     def _faults(self, time: float, status: ReadingStatus, turning: bool) -> Fault:
         faults = Fault.NONE
@@ -281,19 +274,3 @@ class SensedGravity:
         if status is ReadingStatus.LIVE and self.angular and not self._rate_is_fresh(time):
             faults |= Fault.RATES_INTERRUPTED
         return faults
-
-    def _warm_up(self) -> None:
-        """Compile what ticks run."""
-        fit, transfer = DelayFreeFilter(1.0), SmoothTransfer(np.array(FOLLOW), np.array(RECOVER))
-        for k in range(6):
-            fit.add(0.4 * k, 0.0, 0.0, 0.0)
-        transfer.follow(fit.at(2.0)[[0, 0, 0]], 0.001, np.empty((3, 3)), changed=False)
-
-
-def _move_to_origin(targets: Floats, position: Floats) -> None:
-    """Add what turning does between the sensor and the base's origin: alpha x p + omega x (omega x p)."""
-    (wx, wy, wz), (ax, ay, az), (px, py, pz) = targets[1], targets[2], position
-    cx, cy, cz = wy * pz - wz * py, wz * px - wx * pz, wx * py - wy * px
-    targets[0, 0] += ay * pz - az * py + wy * cz - wz * cy
-    targets[0, 1] += az * px - ax * pz + wz * cx - wx * cz
-    targets[0, 2] += ax * py - ay * px + wx * cy - wy * cx

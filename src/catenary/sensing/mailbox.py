@@ -1,4 +1,4 @@
-"""Samples of a sensor on their way from whoever receives them to the control tick."""
+"""Samples of a sensor on their way from the thread that receives them to the control tick."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ MAILBOX = 1024  # samples; 5 s of an accelerometer at 200 Hz
 
 
 class Kind(Enum):
-    """What a sample's three numbers are."""
+    """The quantity that a sample is of."""
 
     SPECIFIC_FORCE = "specific force"  # [m/s2] what an accelerometer reads: upwards at rest
     FREE_FALL = "free-fall acceleration"  # [m/s2] the opposite: gravity, downwards at rest
@@ -29,8 +29,7 @@ class SensorSample(NamedTuple):
 class Mailbox:
     """Where any thread puts samples and the control tick takes them; neither ever waits for the other.
 
-    Nothing is checked here: what is wrong with a sample is for the estimator to say. When nobody takes them the
-    oldest give way, and are counted.
+    Nothing is checked here: that is for the estimator. When nobody takes them the oldest are dropped, and counted.
     """
 
     def __init__(self, size: int = MAILBOX) -> None:
@@ -48,7 +47,7 @@ class Mailbox:
         self._samples.append(SensorSample(float(stamp), (float(x), float(y), float(z)), kind))
 
     def take(self) -> SensorSample | None:
-        """Give the oldest sample; None when there is none."""
+        """Take out and return the oldest sample; None when there is none."""
         try:
             return self._samples.popleft()
         except IndexError:

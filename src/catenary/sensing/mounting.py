@@ -17,7 +17,7 @@ _ZERO = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Mounting:
-    """From what a sensor reads to the base: true = (reading - bias) / scale in its axes, R_base_imu to the base's.
+    """A sensor on a base: true = (reading - bias) / scale in the sensor's axes, R_base_imu turns it to the base's.
 
     `position` is where the sensor is, seen from the base's origin, in base axes.
     """
@@ -42,19 +42,19 @@ class Mounting:
                 raise InputError(f"mounting {name}: expected more than 0, got {getattr(self, name)}")
 
     def gravity(self, reading: Floats, kind: Kind) -> Floats:
-        """Free-fall acceleration (..., 3) in base axes at the sensor, of accelerometer readings (..., 3) [m/s2]."""
+        """Return free-fall acceleration (..., 3) at the sensor in base axes, of accelerometer readings [m/s2]."""
         force = (reading - self.bias) / self.scale
         turned: Floats = force @ self.rotation.T
         return turned if kind is Kind.FREE_FALL else -turned
 
     def rate(self, reading: Floats) -> Floats:
-        """Angular velocity (..., 3) in base axes, of gyroscope readings (..., 3) [rad/s]."""
+        """Return angular velocity (..., 3) in base axes, of gyroscope readings (..., 3) [rad/s]."""
         turned: Floats = (reading - self.rate_bias) @ self.rotation.T
         return turned
 
 
 class SensorSection(Settings):
-    """What the sensor is."""
+    """Name and ranges of the sensor."""
 
     name: str = ""
     range_m_s2: float | None = None
@@ -62,20 +62,20 @@ class SensorSection(Settings):
 
 
 class AccelerometerSection(Settings):
-    """What the accelerometer reads wrong."""
+    """Errors of the accelerometer."""
 
     bias_m_s2: Vector = _ZERO
     scale: Vector = (1.0, 1.0, 1.0)
 
 
 class GyroscopeSection(Settings):
-    """What the gyroscope reads wrong."""
+    """Errors of the gyroscope."""
 
     bias_rad_s: Vector = _ZERO
 
 
 class MountingSection(Settings):
-    """Where the sensor is, and how it is turned."""
+    """Place and rotation of the sensor."""
 
     rotation: tuple[Vector, Vector, Vector]  # R_base_imu, by rows
     position_m: Vector = _ZERO
@@ -133,17 +133,12 @@ def save_mounting(path: Path | str, mounting: Mounting, tumble: TumbleSection | 
         "",
     ]
     lines += ["[sensor]", f"name = {_text(mounting.sensor)}"]
-    if np.isfinite(mounting.acceleration_range):
-        lines.append(f"range_m_s2 = {float(mounting.acceleration_range)!r}")
-    if np.isfinite(mounting.rate_range):
-        lines.append(f"range_rad_s = {float(mounting.rate_range)!r}")
+    for key, limit in (("range_m_s2", mounting.acceleration_range), ("range_rad_s", mounting.rate_range)):
+        if np.isfinite(limit):
+            lines.append(f"{key} = {float(limit)!r}")
     lines += ["", "[accelerometer]", f"bias_m_s2 = {_row(mounting.bias)}", f"scale = {_row(mounting.scale)}"]
-    lines += ["", "[gyroscope]", f"bias_rad_s = {_row(mounting.rate_bias)}"]
-    lines += [
-        "",
-        "[mounting]",
-        "rotation = [  # R_base_imu: takes vectors in the sensor's axes to the base's",
-    ]
+    lines += ["", "[gyroscope]", f"bias_rad_s = {_row(mounting.rate_bias)}", "", "[mounting]"]
+    lines.append("rotation = [  # R_base_imu: takes vectors in the sensor's axes to the base's")
     lines += [f"    {_row(row)}," for row in mounting.rotation]
     lines += ["]", f"position_m = {_row(mounting.position)}  # of the sensor from the base's origin"]
     if tumble is not None:

@@ -1,7 +1,7 @@
 """Bias, scale and mounting of an accelerometer, from readings at rest in several attitudes."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,10 +15,7 @@ from catenary.spatial import STANDARD_GRAVITY
 FEWEST = 6  # readings: bias and scale are six numbers
 _NEAR = np.cos(np.radians(55.0))  # a reading this near an axis covers that side
 _SIDES = ("+x up", "-x up", "+y up", "-y up", "+z up", "-z up")
-_MAX_BIAS, _MAX_SCALE = (
-    3.0,
-    0.2,
-)  # [m/s2], relative: beyond is no accelerometer that a tumble should put right
+_MAX_BIAS, _MAX_SCALE = 3.0, 0.2  # [m/s2], relative: an accelerometer that is farther off is broken
 _GOOD = 0.1  # [m/s2] residual of readings that were at rest
 _PARALLEL = 0.005  # of two directions 8 degrees apart: (1 - cos) / (1 + cos)
 _FLAT = 0.002  # of three directions, level and tilted by 8 degrees about two axes
@@ -28,28 +25,28 @@ _UNITS = {"g": 9.80665, "cm/s2": 0.01, "mg": 0.00980665}  # [m/s2]
 
 @dataclass(frozen=True)
 class Tumble:
-    """What a tumble found; true = (reading - bias) / scale."""
+    """Bias and scale found by a tumble: true = (reading - bias) / scale."""
 
     bias: Floats  # (3,) [m/s2]
     scale: Floats  # (3,)
     residual: (
-        float  # [m/s2] RMS of the corrected lengths minus standard gravity; NaN when nothing is left over
+        float  # [m/s2] RMS of corrected lengths minus standard gravity; NaN of six readings, which leave none
     )
     missing: tuple[str, ...]  # sides of the sensor that never were up
-    faults: tuple[str, ...]  # why the numbers must not be used, in words
+    faults: tuple[str, ...]  # why the numbers must not be used
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """How a sensor is turned against other axes."""
+    """Rotation of a sensor against other axes."""
 
-    rotation: Floats  # (3, 3) from the sensor's axes to those in which `up` was told
-    residual_deg: float  # RMS angle between what is told and what is read
+    rotation: Floats  # (3, 3) from the sensor's axes to those of `up`
+    residual_deg: float  # RMS angle between `up` and the readings
     faults: tuple[str, ...]
 
 
 def fit_tumble(readings: ArrayLike) -> Tumble:
-    """Bias and scale of an accelerometer from readings at rest in attitudes that nobody need know.
+    """Fit bias and scale of an accelerometer to readings at rest in unknown attitudes.
 
     Minimises sum_i (|(y_i - b) / s| - g)^2 over bias b and scale s, both (3,): at rest specific force has gravity's
     length in every attitude. [Frosio, Pedersini, Borghese 2009, Autocalibration of MEMS accelerometers, without
@@ -102,7 +99,7 @@ def fit_tumble(readings: ArrayLike) -> Tumble:
 def align(
     readings: ArrayLike, up: ArrayLike, *, tumble: Tumble | None = None, expected: ArrayLike | None = None
 ) -> Alignment:
-    """How the sensor is turned, from readings at rest whose direction of up is known in other axes.
+    """Fit the sensor's rotation to readings at rest whose direction of up is known in other axes.
 
     The rotation that brings the readings nearest to `up` (Kabsch's solution of Wahba's problem), once each is
     corrected and of length one. Two directions that are not parallel are enough; with three that are not in one
@@ -159,7 +156,7 @@ def align(
 def level_and_tilts(
     level: ArrayLike, roll: ArrayLike, pitch: ArrayLike | None = None
 ) -> tuple[Floats, Floats]:
-    """Readings and directions of up for `align`, of a base that stood level, then tilted by angles nobody measured.
+    """Return readings and directions of up for `align`, of a base that was level, then tilted by unknown angles.
 
     Rolled about its x axis, positive (y side up), it has up in its y-z plane; pitched about its y axis, positive
     (x side down), in its x-z plane. How far follows from the angle between the readings.
@@ -186,18 +183,10 @@ def level_and_tilts(
 def tumbled_mounting(
     tumble: Tumble, alignment: Alignment | None, *, start: Mounting | None = None
 ) -> Mounting:
-    """The mounting that sources of gravity load: what was found, the rest as it was."""
+    """Return a mounting with what was found, and the rest as it was at the start."""
     old = Mounting() if start is None else start
-    return Mounting(
-        rotation=old.rotation if alignment is None else alignment.rotation,
-        position=old.position,
-        bias=tumble.bias,
-        scale=tumble.scale,
-        rate_bias=old.rate_bias,
-        acceleration_range=old.acceleration_range,
-        rate_range=old.rate_range,
-        sensor=old.sensor,
-    )
+    rotation = old.rotation if alignment is None else alignment.rotation
+    return replace(old, rotation=rotation, bias=tumble.bias, scale=tumble.scale)
 
 
 def _length_faults(y: Floats) -> list[str]:
@@ -214,7 +203,7 @@ def _length_faults(y: Floats) -> list[str]:
 
 
 def _axes_text(matrix: Floats) -> str:
-    """Where each of the sensor's axes was found, by the nearest axis."""
+    """Return, in words, the nearest axis to each of the sensor's."""
     parts: Sequence[str] = [
         f"{'xyz'[j]} reads {'-' if matrix[k, j] < 0.0 else '+'}{'xyz'[k]}"
         for j in range(3)

@@ -1,4 +1,4 @@
-"""The gravity vector in the base frame: what a source says of it, and sources that measure nothing."""
+"""The gravity vector in the base frame: readings of it, a source that measures nothing, and tilt."""
 
 from enum import Enum
 from typing import NamedTuple
@@ -24,7 +24,7 @@ class ReadingStatus(Enum):
 
 
 class GravityReading(NamedTuple):
-    """What a source of gravity says at one instant; the arrays are the receiver's own."""
+    """A source of gravity at one instant; the arrays are the receiver's own."""
 
     gravity: Floats  # (3,) [m/s2] in base axes: g - a, a the acceleration of the base's origin
     age: float  # [s] since it was measured; inf when it is nominal
@@ -34,7 +34,7 @@ class GravityReading(NamedTuple):
 
 
 class FixedGravity:
-    """A gravity vector that was told, of a base that stands still; a GravitySource."""
+    """A given gravity vector, of a base that stands still; a GravitySource."""
 
     def __init__(self, gravity: ArrayLike = LEVEL) -> None:
         """Take the vector, (3,) [m/s2] in base axes, downwards.
@@ -45,12 +45,12 @@ class FixedGravity:
         self.gravity = frozen(as_array("gravity", gravity, (3,)))
 
     def read(self, time: float) -> GravityReading:
-        """The vector; its age is infinite, since nothing is measured."""
+        """Return the vector; its age is infinite, since nothing is measured."""
         return GravityReading(self.gravity.copy(), np.inf, AT_REST, ReadingStatus.NOMINAL, Fault.NONE)
 
 
 def tilted_gravity(roll: float, pitch: float) -> Floats:
-    """Gravity in a base turned from level by roll about x, then by pitch about its own y [rad], (3,) [m/s2].
+    """Return gravity in a base turned from level by roll about x, then by pitch about its own y [rad], (3,) [m/s2].
 
     R_world_base = Rx(roll) Ry(pitch), so gravity is R_world_base^T (0, 0, -g).
     """
@@ -60,7 +60,7 @@ def tilted_gravity(roll: float, pitch: float) -> Floats:
 
 
 def tilt_of(gravity: ArrayLike) -> tuple[float, float]:
-    """Roll about x, within 90 degrees, then pitch about the base's y [rad], of which this is the gravity.
+    """Return roll about x, within 90 degrees, then pitch about the base's y [rad], that give this gravity.
 
     Gravity does not tell how a base is turned about the vertical.
 
@@ -75,6 +75,6 @@ def tilt_of(gravity: ArrayLike) -> tuple[float, float]:
 
 
 def tilt_angle(gravity: ArrayLike) -> float:
-    """Angle between this gravity and that of a level base [rad]; NaN of a vector that is zero."""
+    """Return the angle [rad] between this gravity and that of a level base; NaN of a vector that is zero."""
     x, y, z = as_array("gravity", gravity, (3,))
     return float(np.arctan2(np.hypot(x, y), -z)) if x or y or z else float("nan")

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.gravity.cholesky import solve_lower, solve_upper
 from catenary.kernels.compiled import compiled, inlined
+from catenary.simulation.cholesky import solve_lower, solve_upper
 from catenary.simulation.joint_hardware import JointNumbers
 from catenary.simulation.joint_step import StepMotion
 

@@ -5,8 +5,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.gravity.cholesky import factorise, solve_lower, solve_upper
 from catenary.kernels.compiled import compiled, inlined
+from catenary.simulation.cholesky import factorise, solve_lower, solve_upper
 from catenary.simulation.joint_hardware import JointNumbers
 from catenary.simulation.records import Number, Record
 

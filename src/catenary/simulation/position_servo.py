@@ -3,8 +3,8 @@
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.gravity.cholesky import factorise, solve_lower, solve_upper
 from catenary.kernels.compiled import compiled
+from catenary.simulation.cholesky import factorise, solve_lower, solve_upper
 from catenary.simulation.joint_hardware import JointNumbers
 from catenary.simulation.joint_step import StepMotion, TreeTerms, along_robot, spring_torques
 

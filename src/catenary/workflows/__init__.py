@@ -1,1 +1,1 @@
-"""What people do with the package: parts assembled, one file per job."""
+"""What people do with the package, one workflow per file: fit, calibrate, identify, check, export."""

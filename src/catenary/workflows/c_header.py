@@ -155,7 +155,7 @@ def _correction_comment(model: CalibrationModel, corrector: Corrector) -> str:
 
 
 def _somewhere(model: RobotModel) -> list[float]:
-    """Give coordinates to check at, none of them zero."""
+    """Return joint positions to check at, none of them zero."""
     return [0.1 * (k % 7 + 1) for k in range(model.n)]
 
 

@@ -1,4 +1,4 @@
-"""Say what a file is and what is wrong with it: robot, calibration model, or recording."""
+"""Report what a file is and what is wrong with it: robot, calibration model, or recording."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -18,6 +18,7 @@ from catenary.reports.calibration import shortened
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
+from catenary.workflows.fit import outliers
 
 ROBOT_ENDINGS = (".toml", ".urdf", ".xml", ".mjcf")
 LONG_GAP = 10.0  # times the median step between stamps
@@ -25,7 +26,7 @@ LONG_GAP = 10.0  # times the median step between stamps
 
 @dataclass
 class Finding:
-    """What a file is, its facts, and its faults."""
+    """Kind, facts and faults of a file."""
 
     kind: str  # "robot", "calibration model", "identified dynamics" or "recording"
     facts: list[tuple[str, str]] = field(default_factory=list)
@@ -33,7 +34,7 @@ class Finding:
     remarks: list[str] = field(default_factory=list)  # worth knowing
 
     def as_data(self) -> dict[str, Any]:
-        """Give it as plain data."""
+        """Return plain data."""
         return {"kind": self.kind, "facts": dict(self.facts), "faults": self.faults, "remarks": self.remarks}
 
 
@@ -65,13 +66,13 @@ def check_file(source: str, *, units: Sequence[str] | None = None) -> Finding:
             f"{source}: no such file, and no robot of that name; robots: {', '.join(robot_names())}"
         )
     raise FileFormatError(
-        f'{source}: ending "{path.suffix}" is none that catenary reads: robots ({", ".join(ROBOT_ENDINGS)}), '
+        f'{source}: ending "{path.suffix}" is not one that catenary reads: robots ({", ".join(ROBOT_ENDINGS)}), '
         "models (.npz), recordings (.npz, .parquet, .csv)"
     )
 
 
 def check_robot(model: RobotModel) -> Finding:
-    """Look a robot over: inertia, limits, what its file holds that the model leaves out."""
+    """Check a robot: inertia, limits, what its file holds that the model leaves out."""
     finding = Finding("robot")
     joints = []
     for name, unit, low, high in zip(
@@ -119,7 +120,7 @@ def check_robot(model: RobotModel) -> Finding:
 
 
 def check_recording(log: MotionLog) -> Finding:
-    """Look a recording over: rows, rate, gaps, stamps, joints, errors."""
+    """Check a recording: rows, rate, gaps, stamps, joints, errors."""
     finding = Finding("recording")
     finding.facts = [
         ("rows", f"{len(log):,}, {int(log.ok.sum()):,} with a trusted measurement"),
@@ -137,9 +138,7 @@ def check_recording(log: MotionLog) -> Finding:
         if log.q_encoder is not None and log.ok.any():
             error = scale * (log.q_encoder - log.q_nominal)[log.ok, j]
             fact += f", error RMS {np.sqrt(np.mean(error**2)):.3f}, largest {np.abs(error).max():.2f} {shown}"
-            middle = np.median(error)
-            spread = 1.4826 * float(np.median(np.abs(error - middle)))
-            wild = int((np.abs(error - middle) > 10.0 * max(spread, 1e-9)).sum())
+            (wild,), (spread,) = outliers(error[:, None])
             if wild:
                 finding.faults.append(
                     f"{name}: {wild} errors lie beyond 10 robust standard deviations ({10 * spread:.2g} {shown}): "

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.card import Card, model_card
@@ -28,7 +29,7 @@ OUTLIER_SPREADS = 10.0  # robust standard deviations beyond which a measurement 
 
 @dataclass(frozen=True)
 class FitRun:
-    """Everything about a fit that is not the model: what it was asked beside the recordings."""
+    """Options of a fit that do not belong to the model: how recordings are read and held out."""
 
     units: tuple[str, ...] | None = None
     joint_names: tuple[str, ...] | None = None
@@ -46,7 +47,7 @@ class FitRun:
 
 @dataclass(frozen=True)
 class FitResult:
-    """A fitted model, its card, and how it did."""
+    """A fitted model, its card and its errors on data that it did not see."""
 
     model: CalibrationModel
     card: Card
@@ -117,7 +118,7 @@ def fit_calibration(
 
 @dataclass(frozen=True)
 class EvaluationResult:
-    """How a model does on recordings."""
+    """Errors of a model on recordings."""
 
     model: CalibrationModel
     card: Card
@@ -157,7 +158,7 @@ def evaluate_calibration(
 
 
 def evaluation_summary(result: EvaluationResult) -> dict[str, Any]:
-    """Give an evaluation as plain data, in deg and mm."""
+    """Return an evaluation as plain data, in deg and mm."""
     evaluation = result.evaluation
     return {
         "model": {"kind": result.model.kind, "preset": result.model.preset, "target": result.model.target},
@@ -219,8 +220,15 @@ def _limits(max_error: tuple[float, ...] | None, log: MotionLog) -> Floats | Non
     )
 
 
+def outliers(errors: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """Return how many of N errors (N, n) lie beyond OUTLIER_SPREADS robust standard deviations, and these, (n,)."""
+    deviation = np.abs(errors - np.median(errors, axis=0))
+    spread: Floats = 1.4826 * np.median(deviation, axis=0)  # the standard deviation, if errors were normal
+    return (deviation > OUTLIER_SPREADS * np.maximum(spread, 1e-9)).sum(axis=0), spread
+
+
 def _data_notes(data: CalibrationData) -> list[str]:
-    """Say what a person should know about the rows: what was left out, what looks wrong."""
+    """Return notes on the rows: what was left out, what looks wrong."""
     notes = []
     for source in data.sources:
         left_out = {
@@ -231,11 +239,7 @@ def _data_notes(data: CalibrationData) -> list[str]:
         text = ", ".join(f"{count} {why}" for why, count in left_out.items() if count)
         if text:
             notes.append(f"{source.name}: left out {text}, of {source.rows} rows")
-    middle = np.median(data.error, axis=0)
-    deviation = np.abs(data.error - middle)
-    spread = 1.4826 * np.median(deviation, axis=0)  # the standard deviation, if errors were normal
-    suspects = (deviation > OUTLIER_SPREADS * np.maximum(spread, 1e-9)).sum(axis=0)
-    for name, count in zip(data.joint_names, suspects, strict=True):
+    for name, count in zip(data.joint_names, outliers(data.error)[0], strict=True):
         if count:
             notes.append(
                 f"{name}: {count} of {len(data)} errors lie beyond {OUTLIER_SPREADS:g} robust standard deviations; "

@@ -1,5 +1,6 @@
-"""Identify a robot from files, and judge what comes out."""
+"""Identify a robot's dynamics from recordings in files, and judge the result on others."""
 
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -7,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from catenary.errors import InputError
+from catenary.errors import FileFormatError, InputError
+from catenary.files import write_atomically
+from catenary.identification.excitation import Excitation
 from catenary.identification.files import Card, identification_card, residual_record
 from catenary.identification.identification import Identification, identify_samples
 from catenary.identification.options import IdentifyOptions, filter_of
@@ -23,7 +26,7 @@ POOR = 0.6  # relative residual from which on it is asked whether two axes are s
 
 @dataclass(frozen=True)
 class IdentifyResult:
-    """What was identified, its card, what a reader must know, and the rows behind it."""
+    """An identification, its card, notes for the reader, and the samples behind it."""
 
     identification: Identification
     card: Card
@@ -32,7 +35,7 @@ class IdentifyResult:
     tests: tuple[Samples, ...]
 
     def summary(self) -> dict[str, Any]:
-        """Give it as plain data."""
+        """Return plain data."""
         result = self.identification
         return {
             "n_base": result.base.count,
@@ -100,8 +103,36 @@ def identify_files(
     return IdentifyResult(result, card, tuple(notes), tuple(training), tuple(held_out))
 
 
+def write_excitation(design: Excitation, model: RobotModel, path: Path) -> None:
+    """Write poses or a motion: `.npz` with `t`, `q`, `dq`, `ddq`, `joint_names`, `units`, or `.csv` of the same.
+
+    Raises:
+        FileFormatError: Another ending, or the file cannot be written.
+    """
+    if path.suffix == ".npz":
+        buffer = io.BytesIO()
+        np.savez(
+            buffer,
+            allow_pickle=False,
+            t=design.time,
+            q=design.q,
+            dq=design.qd,
+            ddq=design.qdd,
+            joint_names=np.array(model.joint_names),
+            units=np.array(model.joint_units),
+        )
+        write_atomically(path, buffer.getvalue())
+    elif path.suffix == ".csv":
+        header = ["t", *(f"{kind}:{name}" for kind in ("q", "dq", "ddq") for name in model.joint_names)]
+        rows = np.column_stack([design.time, design.q, design.qd, design.qdd])
+        lines = [",".join(header), *(",".join(repr(float(v)) for v in row) for row in rows)]
+        write_atomically(path, ("\n".join(lines) + "\n").encode())
+    else:
+        raise FileFormatError(f'{path}: ending "{path.suffix}": expected .npz or .csv')
+
+
 def filter_notes(model: RobotModel, options: IdentifyOptions) -> list[str]:
-    """Say which filter was assumed where neither the robot's file nor the options choose one."""
+    """Return a note on the filter that was assumed where neither the robot's file nor the options choose one."""
     if model.actuation is not None or options.terms == "static":
         return []
     used = filter_of(model, options)
@@ -112,7 +143,7 @@ def filter_notes(model: RobotModel, options: IdentifyOptions) -> list[str]:
 
 
 def part_of(log: MotionLog, rows: tuple[int, int]) -> MotionLog:
-    """Give some rows of a recording.
+    """Return some rows of a recording.
 
     Raises:
         InputError: It has not so many.

@@ -1,4 +1,4 @@
-"""A calibration model from its file to an ONNX file, and what a program must know to run that."""
+"""Convert a calibration model file to ONNX, and say what a program must know to run it."""
 
 from pathlib import Path
 from typing import Any

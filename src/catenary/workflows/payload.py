@@ -1,4 +1,4 @@
-"""Payload from files."""
+"""Estimate a payload from recordings in files."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,14 +15,14 @@ from catenary.recording.torque_logs import read_torque_log
 
 @dataclass(frozen=True)
 class PayloadResult:
-    """The payload, and what other links would have to carry where its place was not given."""
+    """Estimated payload, and the candidates on other links where its place was not given."""
 
     payload: PayloadEstimate
     candidates: tuple[PayloadEstimate, ...]
     notes: tuple[str, ...]
 
     def summary(self) -> dict[str, Any]:
-        """Give it as plain data."""
+        """Return plain data."""
         return {
             **_record(self.payload),
             "candidates": [_record(other) for other in self.candidates],
@@ -38,7 +38,7 @@ def payload_of_files(
     unloaded: Sequence[Path] = (),
     cutoff_hz: float | None = None,
 ) -> PayloadResult:
-    """Find what an arm carries in recordings, by the parameters identified without it.
+    """Estimate the payload of an arm from recordings and the parameters identified without it.
 
     Args:
         logs: Recordings with the payload.

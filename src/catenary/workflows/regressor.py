@@ -1,4 +1,4 @@
-"""What gravity torques can tell about a robot's masses: its regressor, ranks, and what is identifiable, in words."""
+"""Report what gravity torques reveal of a robot's masses: its regressor, ranks, and identifiable parameters."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -30,7 +30,7 @@ class RegressorReport:
 
     @property
     def unknown(self) -> list[int]:
-        """Which of the standard parameters may be other than zero: those of links that are not declared massless."""
+        """Indices of the standard parameters that may be nonzero: those of links not declared massless."""
         return [
             4 * i + k
             for i, link in enumerate(self.model.link_names)
@@ -39,27 +39,27 @@ class RegressorReport:
         ]
 
     def identifiable(self, name: str) -> tuple[str, ...]:
-        """Say of each standard parameter how torques on a base tell it: a key of WORDS."""
+        """Return how torques on a base determine each standard parameter: a key of WORDS."""
         kinds = ["known"] * len(standard_labels(self.model))
         for parameter, kind in zip(self.unknown, self.bases[name].identifiable, strict=True):
             kinds[parameter] = kind
         return tuple(kinds)
 
     def combinations(self, name: str) -> tuple[str, ...]:
-        """Write out a base's parameters in the standard ones: mx(elbow) + 0.4 m(hand)."""
+        """Return a base's parameters as sums of standard ones: mx(elbow) + 0.4 m(hand)."""
         base, labels = self.bases[name], standard_labels(self.model)
         names = [labels[parameter] for parameter in self.unknown]
         return tuple(base.describe(k, names, digits=4) for k in range(base.count))
 
     def base_values(self, name: str) -> Floats | None:
-        """Values of a base's parameters, None when links have no inertia."""
+        """Return the values of a base's parameters, None when links have no inertia."""
         if self.standard_values is None:
             return None
         values: Floats = self.bases[name].combination @ self.standard_values[self.unknown]
         return values
 
     def added_by_tilting(self) -> tuple[str, ...]:
-        """Base parameters on a tilted base that are none on a level one."""
+        """Return the base parameters that only a tilted base adds to those of a level one."""
         level, tilted = self.bases["level"], self.bases["tilted"]
         return tuple(
             label
@@ -68,7 +68,7 @@ class RegressorReport:
         )
 
     def sentences(self) -> list[str]:
-        """Say what is identifiable and what is not."""
+        """Return what is identifiable and what is not, in sentences."""
         level, tilted = self.bases["level"], self.bases["tilted"]
         names = standard_labels(self.model)
         said = [
@@ -98,7 +98,7 @@ class RegressorReport:
         return said
 
     def as_data(self) -> dict[str, Any]:
-        """Give it as plain data, in kg and kg m."""
+        """Return plain data, in kg and kg m."""
         names = standard_labels(self.model)
         kinds = [self.identifiable(name) for name in ("level", "tilted")]
         return {
@@ -148,7 +148,7 @@ class RegressorReport:
 
 
 def describe_regressor(model: RobotModel) -> RegressorReport:
-    """Look a robot's gravity regressor over; values need inertia, everything else does not."""
+    """Describe a robot's gravity regressor; values need inertia, everything else does not."""
     compact = compact_regressor(model)
     known = not model.missing_inertia
     return RegressorReport(

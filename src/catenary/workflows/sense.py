@@ -1,9 +1,9 @@
-"""Watch a sensor of gravity for a while, and say what it measured and what was wrong."""
+"""Watch a gravity sensor for a while, and report what it measured and what was wrong."""
 
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -21,45 +21,43 @@ _SETTLE = 0.1  # [s] for the first samples
 _STILL = 0.15  # [m/s2] standard deviation of an axis at rest: three times a cheap sensor's noise
 
 
-class Feed(Protocol):
-    """Where samples come from, and the clock that they are stamped with."""
+class Feed:
+    """Source of samples, and the clock that stamps them: this machine's, unless a kind of source has its own."""
 
-    @property
-    def mailbox(self) -> Mailbox: ...  # noqa: D102
+    def __init__(self, mailbox: Mailbox) -> None:
+        self.mailbox = mailbox
 
     def now(self) -> float:
-        """Time [s]."""
-        ...
+        """Return the time [s]."""
+        return time.monotonic()
 
     def wait(self, seconds: float) -> None:
-        """Let time go by."""
-        ...
+        """Let time pass."""
+        time.sleep(seconds)
 
     @property
-    def has_gyroscope(self) -> bool: ...  # noqa: D102
+    def has_gyroscope(self) -> bool:
+        """Samples of angular rates come, too."""
+        return False
 
     def link(self) -> dict[str, Any]:
-        """What the line says about itself."""
-        ...
+        """Return counts of what came over the line; nothing where there is no line."""
+        return {}
 
 
-class SimulatedFeed:
+class SimulatedFeed(Feed):
     """A simulated sensor, in its own time or, when paced, in real time."""
 
     def __init__(self, sensor: SimulatedSensor, *, paced: bool = False) -> None:
+        super().__init__(sensor.mailbox)
         self._sensor, self._paced, self._time = sensor, paced, 0.0
 
-    @property
-    def mailbox(self) -> Mailbox:
-        """Where its samples come in."""
-        return self._sensor.mailbox
-
     def now(self) -> float:
-        """Simulated time [s]."""
+        """Return the simulated time [s]."""
         return self._time
 
     def wait(self, seconds: float) -> None:
-        """Let time go by, and the sensor take its samples."""
+        """Let time pass, and the sensor take its samples."""
         self._time += seconds
         self._sensor.advance(self._time)
         if self._paced:
@@ -70,29 +68,13 @@ class SimulatedFeed:
         """Samples of angular rates come, too."""
         return self._sensor.model.has_gyroscope
 
-    def link(self) -> dict[str, Any]:
-        """Nothing: there is no line."""
-        return {}
 
-
-class SerialFeed:
+class SerialFeed(Feed):
     """A board on a serial line."""
 
     def __init__(self, device: SerialAccelerometer) -> None:
+        super().__init__(device.mailbox)
         self._device = device
-
-    @property
-    def mailbox(self) -> Mailbox:
-        """Where its samples come in."""
-        return self._device.mailbox
-
-    def now(self) -> float:
-        """The clock that stamps are on [s]."""
-        return time.monotonic()
-
-    def wait(self, seconds: float) -> None:
-        """Sleep."""
-        time.sleep(seconds)
 
     @property
     def has_gyroscope(self) -> bool:
@@ -100,13 +82,13 @@ class SerialFeed:
         return self._device.hello is not None and self._device.hello.has_gyroscope
 
     def link(self) -> dict[str, Any]:
-        """Counts of what came over the line."""
+        """Return counts of what came over the line."""
         return asdict(self._device.counts)
 
 
 @dataclass(frozen=True)
 class SenseSummary:
-    """What a sensor measured over a while; of base axes."""
+    """Measurements of a sensor over some time, in base axes."""
 
     duration: float  # [s]
     reading: GravityReading  # the last
@@ -117,11 +99,11 @@ class SenseSummary:
 
     @property
     def was_live(self) -> bool:
-        """Something was measured, and believed."""
+        """Gravity was measured, and the reading trusted, at least once."""
         return "live" in self.gravity.ticks
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data, in SI and degrees where the name says so."""
+        """Return plain data, in SI and degrees where the name says so."""
         roll, pitch = tilt_of(self.reading.gravity)
         return {
             "duration_s": self.duration,
@@ -202,7 +184,7 @@ class StillReading:
 
 
 def read_still(feed: Feed, *, seconds: float = 1.0, patience: float = 20.0) -> StillReading:
-    """Wait until the sensor stands still for a while, and give its means.
+    """Wait until the sensor is still for a while, and return its means.
 
     Raises:
         SensorError: No samples, or it never stood still.

@@ -61,7 +61,7 @@ STEPS = (*SIDES, *SLANTED, *MOUNTED)
 
 @dataclass(frozen=True)
 class TumbleOutcome:
-    """What a tumble gave: a mounting, and why it must not be used if there are faults."""
+    """Result of a tumble: a mounting, and the faults that forbid its use."""
 
     mounting: Mounting
     section: TumbleSection
@@ -69,7 +69,7 @@ class TumbleOutcome:
 
 
 def run_tumble(read: Callable[[Step], StillReading], *, start: Mounting | None = None) -> TumbleOutcome:
-    """Go through all attitudes and work out bias, scale, rotation and the gyroscope's bias.
+    """Go through all attitudes and compute bias, scale, rotation and the gyroscope's bias.
 
     The sides show a wrong sign or order of axes against those printed on the sensor; the slanted attitudes leave a
     residual; the mounted ones give the rotation, from the base's level and two tilts that nobody needs to measure.
@@ -125,7 +125,7 @@ class StillBase:
 
 
 def simulated_reader(model: SensorModel, *, seed: int = 0) -> Callable[[Step], StillReading]:
-    """What reads a simulated sensor in each attitude, as a person would bring it there.
+    """Return a reader of a simulated sensor in each attitude, as a person would bring it there.
 
     Args:
         model: The sensor; by hand it is held by its own axes, mounted it is turned as its mounting says.

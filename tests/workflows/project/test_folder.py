@@ -114,13 +114,13 @@ def test_a_folder_without_a_project_has_no_settings(tmp_path: Path) -> None:
 def test_damaged_settings_are_refused(project: Project, content: str | bytes) -> None:
     path = project.folder / "settings.json"
     path.write_bytes(content.encode() if isinstance(content, str) else content)
-    with pytest.raises(ConfigError, match=r"settings\.json: no settings of a project"):
+    with pytest.raises(ConfigError, match=r"settings\.json: not the settings of a project"):
         project_settings(project.folder)
 
 
 def test_a_folder_with_other_things_in_it_is_no_project(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("")
-    with pytest.raises(FileFormatError, match="is not empty and no project"):
+    with pytest.raises(FileFormatError, match="is neither empty nor a project"):
         Project(tmp_path, ProjectSettings())
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 

@@ -68,7 +68,7 @@ class Master:
         return self._lookup("lookupService", name)
 
     def node_answers(self, uri: str) -> bool:
-        """Whether a node is alive: the master also lists those that crashed."""
+        """Return whether a node is alive: the master also lists those that crashed."""
         try:
             self._ask(uri, "getPid")
         except (TransportError, Refused):
@@ -76,7 +76,7 @@ class Master:
         return True
 
     def service_answers(self, name: str) -> bool:
-        """Whether a service is offered by a program that is alive."""
+        """Return whether a service is offered by a program that is alive."""
         parts = urlparse(self.service(name) or "")
         if parts.hostname is None:
             return False

@@ -12,21 +12,20 @@ from time import time_ns
 from typing import Any
 
 from catenary.crtk.codec import codec
-from catenary.crtk.inbox import Callback, Origin, Request, Subscription
-from catenary.crtk.message import Message, message_class
+from catenary.crtk.inbox import Origin, Request, Subscription
+from catenary.crtk.message import Message
 from catenary.crtk.ros1.find_rospy import make_rospy_importable
 from catenary.crtk.ros1.master import master_uri
 from catenary.crtk.transport import (
-    DEPTH,
-    QUEUE,
     Connections,
     Handler,
-    PollingTransport,
+    Transport,
     absolute,
+    answer_of,
     other_type,
 )
 from catenary.errors import TransportError
-from catenary.recording.messages import current_name, service_md5_sum
+from catenary.recording.messages import current_name
 
 _open: "Ros1Transport | None" = None  # rospy has one node a process
 
@@ -34,12 +33,10 @@ _open: "Ros1Transport | None" = None  # rospy has one node a process
 class Ros1Publisher:
     """Publisher of one topic; `publish` never waits for a peer."""
 
-    def __init__(
-        self, transport: "Ros1Transport", topic: str, type_name: str, latch: bool, queue: int
-    ) -> None:
+    def __init__(self, node: Any, topic: str, type_name: str, latch: bool, queue: int) -> None:
         self.topic = topic
         self.type_name = current_name(type_name)
-        self._node, self._latch = transport.node, latch
+        self._node, self._latch = node, latch
         self._queues = _peers().PeerQueues(queue)
         self._publisher = self._node.publish(topic, type_name, self._queues, latch=latch)
         self._raw = _messages().raw_class(type_name)
@@ -87,7 +84,7 @@ class _Topic:
             self._subscriber = node.subscribe(name, type_name, self._receive)
 
     def add(self, subscription: Subscription) -> None:
-        """Give a subscription what comes from now on, and what publishers have latched."""
+        """Return a subscription what comes from now on, and what publishers have latched."""
         with self._lock:
             for latched in self._latched.values():
                 subscription.push(*latched)
@@ -130,7 +127,7 @@ class _Topic:
         return known
 
 
-class Ros1Transport(PollingTransport):
+class Ros1Transport(Transport):
     """This process's ROS 1 node; one at a time, under one name until the process ends."""
 
     def __init__(self, name: str, uri: str | None = None) -> None:
@@ -151,44 +148,26 @@ class Ros1Transport(PollingTransport):
         if _open is not None:
             raise TransportError(f'this process has the ROS 1 transport "{_open.name}"; close that one first')
         self.node = importlib.import_module("catenary.crtk.ros1.node").node(name, master_uri(uri))
-        self._publishers: dict[str, Ros1Publisher] = {}
         self._topics: dict[str, _Topic] = {}
         self._services: list[str] = []
         self.node.on_shutdown = self.inbox.close  # ends `spin`
         _open = self
 
-    def publisher(
-        self, topic: str, type_name: str, *, latch: bool = False, queue: int = QUEUE
-    ) -> Ros1Publisher:
+    def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> Ros1Publisher:
         """Begin to publish; `queue` counts messages beyond what the system's socket holds."""
-        self.require_open()
-        topic = absolute(topic)
-        codec(type_name)
-        known = self._publishers.get(topic)
-        if known is not None and not known.is_closed:
-            raise TransportError(f'"{self.name}" publishes {topic} already')
         self._refuse_other_type(topic, type_name)
-        self._publishers[topic] = Ros1Publisher(self, topic, type_name, latch, queue)
-        return self._publishers[topic]
+        return Ros1Publisher(self.node, topic, type_name, latch, queue)
 
-    def subscribe(
-        self, topic: str, type_name: str, callback: Callback | None = None, *, depth: int = DEPTH
-    ) -> Subscription:
-        """Begin to receive."""
-        self.require_open()
-        topic = absolute(topic)
-        subscription = Subscription(
-            topic, current_name(type_name), self.inbox, codec(type_name).decode, callback, depth
-        )
+    def _subscribe(self, subscription: Subscription, type_name: str) -> None:
+        topic = subscription.topic
         found = self._topics.get(topic)
         if found is None:
             self._refuse_other_type(topic, type_name)
             found = self._topics[topic] = _Topic(self.node, topic, type_name)
-        elif found.type_name != current_name(type_name):
+        elif found.type_name != subscription.type_name:
             raise other_type(topic, type_name, found.type_name)
         found.add(subscription)
         subscription.on_close(lambda: self._unsubscribe(topic, subscription))
-        return subscription
 
     def _unsubscribe(self, topic: str, subscription: Subscription) -> None:
         if self._topics[topic].remove(subscription):
@@ -202,11 +181,7 @@ class Ros1Transport(PollingTransport):
         if self.node.master.publishers(topic):  # not only one that crashed
             raise other_type(topic, type_name, published)
 
-    def service(self, name: str, type_name: str, handler: Handler) -> None:
-        """Offer a service."""
-        self.require_open()
-        name = absolute(name)
-        service_md5_sum(type_name)
+    def _serve(self, name: str, type_name: str, handler: Handler) -> None:
         if name in self._services or self.node.master.service_answers(name):
             raise TransportError(f"service {name} is offered already")
         rospy, raw_class = importlib.import_module("rospy"), _messages().raw_class
@@ -226,27 +201,15 @@ class Ros1Transport(PollingTransport):
         self.node.serve(name, type_name, serve)
         self._services.append(name)
 
-    def call(
-        self, name: str, type_name: str, request: Message | None = None, *, timeout: float = 5.0
-    ) -> Message:
-        """Call a service."""
-        self.require_open()
-        name = absolute(name)
-        service_md5_sum(type_name)
+    def _call(self, name: str, type_name: str, request: Message, timeout: float) -> Message:
         asked, answer = codec(f"{type_name}Request"), codec(f"{type_name}Response")
-        data = asked.encode(message_class(f"{type_name}Request")() if request is None else request, 0)
+        raw = _messages().raw_class(f"{type_name}Request")(asked.encode(request, 0))
         if self.node.master.service(name) is None:
             raise TransportError(f"service {name}: nobody offers it")
         proxy = importlib.import_module("rospy").ServiceProxy(name, _messages().service_class(type_name))
-        raw = _messages().raw_class(f"{type_name}Request")(data)
         waiting = Request(lambda: answer.decode(proxy(raw).data))
         threading.Thread(target=waiting.run, daemon=True).start()  # rospy itself would wait for ever
-        if not waiting.wait(timeout):
-            raise TransportError(f"service {name}: no answer within {timeout} s")
-        try:
-            return waiting.result()
-        except Exception as error:
-            raise TransportError(f"service {name} failed: {error}") from error
+        return answer_of(name, waiting, timeout)
 
     def connections(self, topic: str) -> Connections:
         """Peers over a topic, by node name."""
@@ -254,7 +217,7 @@ class Ros1Transport(PollingTransport):
         publisher, received = self._publishers.get(topic), self._topics.get(topic)
         return Connections(
             () if received is None else received.publishers(),
-            () if publisher is None else publisher.subscribers(),
+            publisher.subscribers() if isinstance(publisher, Ros1Publisher) else (),
         )
 
     def topics(self) -> Mapping[str, str]:
@@ -267,7 +230,7 @@ class Ros1Transport(PollingTransport):
         return found
 
     def is_up(self) -> bool:
-        """Whether it is open and the master answered when last asked, half a second ago at most."""
+        """Return whether it is open and the master answered when last asked, half a second ago at most."""
         return self.node.up and not self.inbox.closed
 
     def close(self) -> None:

@@ -35,7 +35,7 @@ def ros2_class(name: str, kind: str = "msg") -> Any:
 
 
 def to_ros2(name: str, message: Message) -> Any:
-    """Give a message as an object of rclpy.
+    """Return a message as an object of rclpy.
 
     Raises:
         InputError: A value does not fit its field.
@@ -61,7 +61,7 @@ def fill_ros2(name: str, message: Message, into: Any) -> None:
 
 
 def from_ros2(name: str, given: Any) -> Message:
-    """Give a message from an object of rclpy; `seq` is 0."""
+    """Return a message from an object of rclpy; `seq` is 0."""
     values = []
     for field in fields(name):
         if (current_name(name), field.name) == (HEADER, "seq"):

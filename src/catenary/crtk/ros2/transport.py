@@ -9,15 +9,16 @@ so only the `crtk` dialect works; two programs may have the same name; ROS 2 doe
 import importlib
 import logging
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
-from catenary.crtk.inbox import Callback, Request, Subscription
-from catenary.crtk.message import Message, message_class
+from catenary.crtk.inbox import Request, Subscription
+from catenary.crtk.message import Message
 from catenary.crtk.ros2.messages import fill_ros2, from_ros2, ros2_class, to_ros2
-from catenary.crtk.transport import DEPTH, QUEUE, Connections, Handler, PollingTransport, absolute, other_type
+from catenary.crtk.transport import DEPTH, Connections, Handler, Transport, absolute, other_type
 from catenary.errors import MissingPackageError, TransportError
-from catenary.recording.messages import current_name, fields, service_md5_sum
+from catenary.recording.messages import current_name, fields
 
 _logger = logging.getLogger(__name__)
 
@@ -32,22 +33,22 @@ class Ros2Publisher:
         self.type_name = type_name
         self._transport = transport
         self._handle = handle
-        self._closed = False
+        self.is_closed = False
 
     def publish(self, message: Message) -> None:
         """Send a message."""
-        if self._closed:
+        if self.is_closed:
             raise TransportError(f"publisher of {self.topic} is closed")
         self._handle.publish(to_ros2(self.type_name, message))
 
     def close(self) -> None:
         """Publish no more."""
-        if not self._closed:
-            self._closed = True
+        if not self.is_closed:
+            self.is_closed = True
             self._transport.node.destroy_publisher(self._handle)
 
 
-class Ros2Transport(PollingTransport):
+class Ros2Transport(Transport):
     """A ROS 2 node with a context of its own; a thread of its own receives."""
 
     def __init__(self, name: str) -> None:
@@ -74,7 +75,6 @@ class Ros2Transport(PollingTransport):
             context=self._context
         )
         self._executor.add_node(self.node)
-        self._publishers: dict[str, Ros2Publisher] = {}
         self._thread = threading.Thread(target=self._receive, name=f"{name} receiver", daemon=True)
         self._thread.start()
 
@@ -88,33 +88,20 @@ class Ros2Transport(PollingTransport):
                 _logger.exception("receiver of %s", self.name)
         self.inbox.close()  # ends `spin` where ROS 2 ended the context
 
-    def publisher(
-        self, topic: str, type_name: str, *, latch: bool = False, queue: int = QUEUE
-    ) -> Ros2Publisher:
-        """Begin to publish."""
-        self.require_open()
-        topic = absolute(topic)
-        fields(type_name)
-        known = self._publishers.get(topic)
-        if known is not None and not known._closed:
-            raise TransportError(f'"{self.name}" publishes {topic} already')
+    def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> Ros2Publisher:
         self._refuse_other_type(topic, type_name)
         handle = self.node.create_publisher(
             ros2_class(type_name), topic, self._qos(1 if latch else queue, latch=latch)
         )
-        self._publishers[topic] = Ros2Publisher(self, topic, current_name(type_name), handle)
-        return self._publishers[topic]
+        return Ros2Publisher(self, topic, current_name(type_name), handle)
 
-    def subscribe(
-        self, topic: str, type_name: str, callback: Callback | None = None, *, depth: int = DEPTH
-    ) -> Subscription:
+    def _decoder(self, type_name: str) -> Callable[[Any], Message]:
+        fields(type_name)  # refuses unknown types
+        return partial(from_ros2, type_name)
+
+    def _subscribe(self, subscription: Subscription, type_name: str) -> None:
         """Begin to receive; latched messages of publishers that are there already."""
-        self.require_open()
-        topic, type_name = absolute(topic), current_name(type_name)
-        fields(type_name)
-        subscription = Subscription(
-            topic, type_name, self.inbox, lambda given: from_ros2(type_name, given), callback, depth
-        )
+        topic, depth = subscription.topic, subscription.depth
         self._refuse_other_type(topic, type_name)
         # a subscription that asks for latched messages gets none from publishers that do not latch
         durabilities = {one.qos_profile.durability for one in self.node.get_publishers_info_by_topic(topic)}
@@ -126,11 +113,7 @@ class Ros2Transport(PollingTransport):
             # roomy: what ROS 2 itself drops, nobody counts
             self._qos(max(depth, DEPTH), latch=latch),
         )
-        subscription.on_close(lambda: self._end(handle))
-        return subscription
-
-    def _end(self, handle: Any) -> None:
-        self.node.destroy_subscription(handle)
+        subscription.on_close(partial(self.node.destroy_subscription, handle))
 
     def _qos(self, depth: int, *, latch: bool) -> Any:
         qos = importlib.import_module("rclpy.qos")
@@ -147,11 +130,8 @@ class Ros2Transport(PollingTransport):
         if found is not None and found != current_name(type_name):
             raise other_type(topic, type_name, found)
 
-    def service(self, name: str, type_name: str, handler: Handler) -> None:
+    def _serve(self, name: str, type_name: str, handler: Handler) -> None:
         """Offer a service; what fails is told by the response (`success`, `message`), ROS 2 has no other way."""
-        self.require_open()
-        name = absolute(name)
-        service_md5_sum(type_name)
         if name in dict(self.node.get_service_names_and_types()):
             raise TransportError(f"service {name} is offered already")
         future = importlib.import_module("rclpy.task").Future
@@ -178,21 +158,14 @@ class Ros2Transport(PollingTransport):
 
         self.node.create_service(ros2_class(type_name, "srv"), name, serve)
 
-    def call(
-        self, name: str, type_name: str, request: Message | None = None, *, timeout: float = 5.0
-    ) -> Message:
-        """Call a service."""
-        self.require_open()
-        name = absolute(name)
-        service_md5_sum(type_name)
+    def _call(self, name: str, type_name: str, request: Message, timeout: float) -> Message:
         kind = ros2_class(type_name, "srv")
         client = self.node.create_client(kind, name)
         try:
             if not client.wait_for_service(timeout_sec=min(timeout, 1.0)):
                 raise TransportError(f"service {name}: nobody offers it")
             asked = kind.Request()
-            sent = message_class(f"{type_name}Request")() if request is None else request
-            fill_ros2(f"{type_name}Request", sent, asked)
+            fill_ros2(f"{type_name}Request", request, asked)
             done = threading.Event()
             answer = client.call_async(asked)
             answer.add_done_callback(lambda _: done.set())
@@ -222,7 +195,7 @@ class Ros2Transport(PollingTransport):
         return {}
 
     def is_up(self) -> bool:
-        """Whether it is open; ROS 2 has no master."""
+        """Return whether it is open; ROS 2 has no master."""
         return not self.inbox.closed and self._context.ok()
 
     def close(self) -> None:
@@ -231,7 +204,7 @@ class Ros2Transport(PollingTransport):
             return
         super().close()
         for publisher in self._publishers.values():
-            publisher._closed = True
+            publisher.close()
         self._thread.join()
         self._executor.shutdown()
         self.node.destroy_node()

@@ -1,7 +1,5 @@
 """What a served arm says, verb by verb: its joints, jaws, tool and operating state as messages."""
 
-import numpy as np
-
 from catenary.crtk.conversions import operating_state_message, pose_message
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.serving.served_arm import ServedArm
@@ -62,7 +60,5 @@ def _joint_state(arm: ServedArm, state: JointState, stamp: int) -> Message:
 
 
 def _jaw(state: JointState, stamp: int, name: str) -> Message:
-    position, velocity, effort = (float(row[-JAWS:].sum()) for row in (state.q, state.qd, state.tau))
-    return _JointState(
-        header(stamp), (name,), np.array([position]), np.array([velocity]), np.array([effort / JAWS])
-    )
+    position, velocity, effort = (row[-2] + row[-1] for row in (state.q, state.qd, state.tau))
+    return _JointState(header(stamp), (name,), [position], [velocity], [effort / JAWS])

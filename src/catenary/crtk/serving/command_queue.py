@@ -45,7 +45,7 @@ class Increments:
         self._waiting.append((allowed, tick))
 
     def next(self, tick: int) -> Floats | None:
-        """Give what to move in a tick (n,) [rad|m], or None."""
+        """Return what to move in a tick (n,) [rad|m], or None."""
         waiting = self._waiting
         while waiting and tick - waiting[0][1] > self._patience:
             waiting.popleft()
@@ -101,7 +101,7 @@ class Goal:
         self._q, self._steps = q, min(self._steps + 1, self.follow)
 
     def next(self, setpoint: Floats) -> Floats:
-        """Give the next setpoint (n,) on the way from one."""
+        """Return the next setpoint (n,) on the way from one."""
         assert self._q is not None
         way = self._q - setpoint
         step = np.minimum(np.maximum(way, -self._most), self._most)

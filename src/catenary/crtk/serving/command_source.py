@@ -63,7 +63,7 @@ class CommandSource:
         self._missed = 0
 
     def take(self, now: int) -> list[Message]:
-        """Give the fresh commands that came since the last time, oldest first; `now` in ns."""
+        """Return the fresh commands that came since the last time, oldest first; `now` in ns."""
         if not len(self._subscription):
             return _NOTHING
         fresh = [one.message for one in self._subscription.take_arrivals() if self._is_fresh(one, now)]
@@ -117,11 +117,11 @@ class CommandSource:
         return True
 
     def _is_newcomer(self, process: str) -> bool:
-        """Whether a program is known not to have published the topic when the server began."""
+        """Return whether a program is known not to have published the topic when the server began."""
         name, _, where = process.partition(" ")
         return bool(where and self._old) and self._old.isdisjoint((process, f"{name} "))
 
     def _is_from_before(self, process: str, now: int) -> bool:
-        """Whether a program was there before the server, and has been connected for less than a second."""
+        """Return whether a program was there before the server, and has been connected for less than a second."""
         since = self._since.get(process.partition(" ")[0], now)
         return process in self._old and 0 <= now - since < SETTLE

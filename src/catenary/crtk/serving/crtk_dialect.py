@@ -102,7 +102,7 @@ class CrtkDialect:
 
 
 def _has(arm: ServedArm, verb: str) -> bool:
-    """Whether an arm has what a verb needs."""
+    """Return whether an arm has what a verb needs."""
     if verb in NOT_MEASURED or verb in NOT_TAKEN:
         return False
     if verb.startswith("jaw/"):

@@ -93,12 +93,12 @@ class _AlongRows:
         return self._share.duration
 
     def __call__(self, t: float) -> Reference:
-        """Give the reference at a time [s]."""
+        """Return the reference at a time [s]."""
         q, qd, qdd = self.sample([t])
         return Reference(q[0], qd[0], qdd[0])
 
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """Give references at many times, each (N, n)."""
+        """Return references at many times, each (N, n)."""
         s, speed, quickening = self._share.sample(times)
         place = np.clip(s[:, 0], 0.0, 1.0)
         slope, bend = self._path(place, 1), self._path(place, 2)

@@ -49,6 +49,6 @@ class Reports:
         return self.kinds[kind].count if kind in self.kinds else 0
 
     def take(self) -> list[str]:
-        """Give what was logged since the last time, the latest 20."""
+        """Return what was logged since the last time, the latest 20."""
         fresh, self._fresh = self._fresh, []
         return fresh

@@ -75,7 +75,7 @@ class ServedArm:
 
     @property
     def is_ready(self) -> bool:
-        """Whether commands move it."""
+        """Return whether commands move it."""
         state = self.plant.operating_state()
         return state.state == "ENABLED" and state.is_homed and not state.is_busy
 
@@ -156,7 +156,7 @@ class ServedArm:
 
     @property
     def is_moving(self) -> bool:
-        """Whether a move is under way."""
+        """Return whether a move is under way."""
         return self._move is not None or self._plan is not None
 
     @property

@@ -15,7 +15,7 @@ from catenary.recording.topics import EXT_JPOS, JOINT_ENC, Topic
 
 
 def has_encoders(plant: Plant) -> bool:
-    """Whether a plant's telemetry holds what external encoders read."""
+    """Return whether a plant's telemetry holds what external encoders read."""
     return {topic.columns[0].name for topic in (EXT_JPOS, JOINT_ENC)} <= {c.name for c in plant.columns}
 
 

@@ -122,7 +122,7 @@ class Server:
                 source.watch(now)
 
     def press_button(self) -> list[str]:
-        """Press the silver button; give what it did, arm by arm."""
+        """Press the silver button; return what it did, arm by arm."""
         said = []
         for name, arm in self.arms.items():
             if arm.machine.can_change:

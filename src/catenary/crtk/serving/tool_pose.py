@@ -49,7 +49,7 @@ class ToolPose:
         return twist
 
     def joints(self, pose: Pose, near: Floats) -> Floats:
-        """Give joints (n,) that bring the tool to a pose, the nearest to some, with their opening of the jaws.
+        """Return joints (n,) that bring the tool to a pose, the nearest to some, with their opening of the jaws.
 
         Raises:
             UnreachablePoseError: The remote centre, a joint limit or the mechanism refuses the pose.
@@ -62,7 +62,7 @@ class ToolPose:
         return np.array([*found[:-1], half - found[-1], half + found[-1]])
 
     def path(self, rotations: Floats, positions: Floats, near: Floats) -> Floats:
-        """Give joints (N, n) along a path of poses, (N, 3, 3) and (N, 3) [m], each as `joints` from the one before.
+        """Return joints (N, n) along a path of poses, (N, 3, 3) and (N, 3) [m], each as `joints` from the one before.
 
         A RAVEN-II's 50 poses take one compiled call, well within a tick; other arms are searched pose by pose.
 
@@ -96,6 +96,6 @@ class ToolPose:
         return pose if self._frame_0 is None else self._base_in_frame_0 @ pose
 
     def from_frame_0(self, vectors: Floats) -> Floats:
-        """Give directions (3,) or rotations' columns of frame 0 in base axes."""
+        """Return directions (3,) or rotations' columns of frame 0 in base axes."""
         turned: Floats = vectors if self._frame_0 is None else self._frame_0.rotation @ vectors
         return turned

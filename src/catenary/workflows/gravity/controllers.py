@@ -41,7 +41,7 @@ WHAT: dict[str, str] = {
 def make_controller(
     name: str, arm: SimulatedArm, *, at: At = "measured", damping: Damping = "relative"
 ) -> SplitController:
-    """A controller for an arm, with the arm's own gains.
+    """Return a controller for an arm, with the arm's own gains.
 
     Args:
         name: A ControllerName.
@@ -81,7 +81,7 @@ def make_controller(
 
 
 def make_hold(name: str, arm: SimulatedArm) -> GravityHold:
-    """Gravity compensation alone, by the gravity of a level base (sg) or the sensed one (dg).
+    """Return gravity compensation alone, by the gravity of a level base (sg) or the sensed one (dg).
 
     Raises:
         InputError: No such compensation.

@@ -13,10 +13,9 @@ from catenary.plant import Bounded
 from catenary.robots.model import RobotModel
 from catenary.trajectories.cartesian import AMPLITUDE, CartesianSinusoids
 from catenary.trajectories.in_turn import InTurn, Rest
-from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
-from catenary.workflows.robot.motion import GENTLE_ACCELERATION, GENTLE_VELOCITY
+from catenary.workflows.robot.motion import GENTLE_VELOCITY, gentle_way
 
 MotionName = Literal["cartesian", "random", "poses"]
 # where the published sinusoids of 3.1 inch find room to every side [rad, rad, m]
@@ -48,7 +47,7 @@ def make_motion(
     axes: Sequence[str] = ("x", "y", "z"),
     seconds: float = 20.0,
 ) -> Motion:
-    """A motion of all joints.
+    """Return a motion of all joints by name.
 
     Args:
         name: "cartesian", the paper's sinusoids of the tip along x, y, z; "random", each joint by itself over half of
@@ -100,7 +99,7 @@ def poses_along(
     max_velocity: ArrayLike | None = None,
     max_acceleration: ArrayLike | None = None,
 ) -> Motion:
-    """At rest at one position of a joint after the other, the other joints at q (n,) [rad|m].
+    """Return a motion that rests at one position of a joint after the other, the other joints at q (n,) [rad|m].
 
     The last WATCHED seconds of each rest count.
 
@@ -118,15 +117,13 @@ def poses_along(
     n = len(limits.joint_names)
     rows = np.tile(as_array("q", q, (n,)), (len(as_array("positions", positions, (None,))), 1))
     rows[:, joint] = positions
-    velocity = [GENTLE_VELOCITY[u] for u in limits.joint_units] if max_velocity is None else max_velocity
-    acceleration = (
-        [GENTLE_ACCELERATION[u] for u in limits.joint_units] if max_acceleration is None else max_acceleration
-    )
     parts: list[Trajectory] = [Rest(rows[0], REST)]
     windows = [(REST - WATCHED, REST)]
     end = REST
     for before, row in pairwise(rows):
-        way = go_to(before, row, max_velocity=velocity, max_acceleration=acceleration)
+        way = gentle_way(
+            before, row, limits.joint_units, max_velocity=max_velocity, max_acceleration=max_acceleration
+        )
         parts += [way, Rest(row, REST)]
         end += way.duration + REST
         windows.append((end - WATCHED, end))
@@ -134,7 +131,7 @@ def poses_along(
 
 
 def hold_start(model: RobotModel, limits: Bounded) -> Floats:
-    """Where an arm is put to be held passively, (n,) [rad|m]: HOLD_START, or the middle of its range.
+    """Return where an arm is put to be held passively, (n,) [rad|m]: HOLD_START, or the middle of its range.
 
     Raises:
         InputError: Joints without limits.

@@ -43,7 +43,7 @@ class SimulatedArm:
     stiffness: Floats | None = None  # (n,) of elastic joints [Nm/rad|N/m]
 
     def limits(self) -> TorqueLimits:
-        """Fresh limits of torque."""
+        """Return new torque limits."""
         return default_limits(self.largest_torque, self.plant.joint_units, self.plant.lower, self.plant.upper)
 
 
@@ -93,7 +93,7 @@ def rigid_arm(
     gains: JointGains | None = None,
     motor_inertia: ArrayLike | None = None,
 ) -> SimulatedArm:
-    """Any robot as rigid bodies without friction, enabled; gains by rule where none are given.
+    """Simulate any robot as rigid bodies without friction, enabled; gains by rule where none are given.
 
     Args:
         model: With inertia.
@@ -132,7 +132,7 @@ def rigid_arm(
 
 
 def raven_arm(plant: CablePlant) -> SimulatedArm:
-    """A homed RAVEN-II as an arm of three joints, with its firmware's gains and its nominal springs."""
+    """Return a homed RAVEN-II as an arm of three joints, with its firmware's gains and its nominal springs."""
     nominal = load_cable_arm()
     if plant.side == "right":
         nominal = right_arm(nominal)
@@ -149,7 +149,7 @@ def raven_arm(plant: CablePlant) -> SimulatedArm:
 
 
 def raven_gains(firmware: Firmware) -> JointGains:
-    """Gains of RAVEN-II's own control at its positioning joints: 454, 362 Nm/rad, 57.1 kN/m; 12.1, 9.6, 4564.
+    """Return gains of RAVEN-II's own control at its positioning joints: 454, 362 Nm/rad, 57.1 kN/m; 12.1, 9.6, 4564.
 
     [RAVEN-II source: Kp, Kd per motor, at the gearbox's output]
     """
@@ -158,7 +158,7 @@ def raven_gains(firmware: Firmware) -> JointGains:
 
 
 def raven_torque(firmware: Firmware) -> Floats:
-    """Largest torques of RAVEN-II's positioning joints at level "moderate": 7.5, 6.7 Nm, 95 N, from its DAC limits."""
+    """Return RAVEN-II's largest torques at level "moderate": 7.5, 6.7 Nm, 95 N, from its DAC limits."""
     n = POSITIONING
     return torque_at_joints(
         firmware.dac_limit[:n], firmware.dac_per_ampere[:n], firmware.torque_constant[:n], firmware.ratio[:n]
@@ -166,7 +166,7 @@ def raven_torque(firmware: Firmware) -> Floats:
 
 
 def raven_motor_inertia(arm: CableArm) -> Floats:
-    """What RAVEN-II's motors add to the mass matrix, by its nominal ratios and coupling, (3, 3)."""
+    """Return what RAVEN-II's motors add to the mass matrix, by its nominal ratios and coupling, (3, 3)."""
     n = POSITIONING
     firmware = arm.firmware
     return reflected_inertia(arm.cable.rotor_inertia, np.abs(firmware.ratio[:n]), firmware.coupling)

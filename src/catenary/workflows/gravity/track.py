@@ -11,10 +11,9 @@ from catenary.control.loop import StateCorrector, Tick, run_loop
 from catenary.control.measures import Tracking
 from catenary.errors import InputError
 from catenary.trajectories.in_turn import InTurn, Rest
-from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
 from catenary.workflows.gravity.simulated_arm import SimulatedArm
-from catenary.workflows.robot.motion import GENTLE_ACCELERATION, GENTLE_VELOCITY, check_motion
+from catenary.workflows.robot.motion import check_motion, gentle_way
 
 SETTLE = 1.0  # [s] at the start of a motion, before it begins
 
@@ -83,13 +82,7 @@ def with_approach(arm: SimulatedArm, trajectory: Trajectory, settle: float) -> t
     """
     plant = arm.plant
     start, goal = as_array("measured q", plant.measured_js().q, (None,)), trajectory(0.0).q
-    units = plant.joint_units
-    way = go_to(
-        start,
-        as_array("trajectory", goal, start.shape),
-        max_velocity=[GENTLE_VELOCITY[unit] for unit in units],
-        max_acceleration=[GENTLE_ACCELERATION[unit] for unit in units],
-    )
+    way = gentle_way(start, as_array("trajectory", goal, start.shape), plant.joint_units)
     # the motion begins on a tick
     begin = math.ceil((way.duration + settle) / plant.period - 1e-6) * plant.period
     return InTurn([way, Rest(goal, max(0.0, begin - way.duration)), trajectory]), begin

@@ -1,4 +1,4 @@
-"""The main job in one go: home, excite and record, extract, fit, evaluate, deploy, report; resumable at every step."""
+"""Calibrate a robot in one go, resumable at every step: home, excite, record, extract, fit, evaluate, deploy, page."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -41,7 +41,7 @@ BEST = "neural_best"
 
 
 def models_for(robot: str | None, seed: int) -> Mapping[str, FitOptions]:
-    """Every kind of model, the best last; the paper's network has the paper's inputs, the tool's too."""
+    """Return options for every kind of model, the best last; the paper's network has all of the paper's inputs."""
     everything = ("q", "tau") if robot is not None else None
     positioning = POSITIONING_INPUTS if robot is not None else None
     inputs = RAVEN_INPUTS if robot is not None else None
@@ -55,7 +55,7 @@ def models_for(robot: str | None, seed: int) -> Mapping[str, FitOptions]:
 
 @dataclass(frozen=True)
 class CalibrationResult:
-    """What a project came to."""
+    """Result of a calibration."""
 
     page: Path
     model_path: Path
@@ -64,7 +64,7 @@ class CalibrationResult:
     repeated: tuple[str, ...]  # steps that were run now; the others had been done
 
     def table(self) -> tuple[list[str], list[list[str]]]:
-        """Header and rows: one row per model, one column per joint."""
+        """Return header and rows: one row per model, one column per joint."""
         first = next(iter(self.evaluations.values())).joints
         header = ["model", *(f"{joint.name} [{joint.unit}]" for joint in first)]
         rows = [
@@ -77,7 +77,7 @@ class CalibrationResult:
         return header, rows
 
     def summary(self) -> dict[str, Any]:
-        """Everything as plain data."""
+        """Return plain data."""
         return {
             "page": str(self.page),
             "model": str(self.model_path),
@@ -88,14 +88,14 @@ class CalibrationResult:
 
 
 def excitation(project: Project) -> tuple[Trajectory, Any]:
-    """The project's zig-zag motion, and what it is as plain data."""
+    """Return the project's zig-zag motion, and its description as plain data."""
     settings = project.settings
     motion = {"zigzag": settings.direction, "sparsities": settings.sparsities}
     return zigzag(settings.direction, settings.sparsities), motion  # type: ignore[arg-type]  # zigzag refuses others
 
 
 def random_motion(project: Project, seconds: float, number: int = 0) -> tuple[Trajectory, Any]:
-    """A random motion of the project's robot, and what it is as plain data."""
+    """Return a random motion of the project's robot, and its description as plain data."""
     seed = [0 if project.settings.seed is None else project.settings.seed, 1, number]
     return random_sinusoids(np.random.default_rng(seed), seconds), {"random": seconds, "rng": seed}
 
@@ -111,7 +111,7 @@ def calibrate_robot(
     Args:
         project: Folder and settings.
         robot: Homes, moves, records; the project's simulated one when None.
-        progress: Given a step's name, gives what is told how far it is.
+        progress: Given a step's name, returns a callback for the share done.
 
     Raises:
         CatenaryError: A step failed; what was done before stays, and is not done again.
@@ -172,7 +172,7 @@ def calibrate_recordings(
 
 
 def model_path(project: Project, name: str) -> Path:
-    """Where a model of a project stands."""
+    """Return the path of a project's model."""
     return project.folder / "models" / f"{name}.npz"
 
 

@@ -1,4 +1,4 @@
-"""A calibration model at work: in the 1 kHz loop of a robot, with its latency and its error while it runs."""
+"""Run a calibration model in the 1 kHz loop of a robot, and measure its latency and error there."""
 
 import time
 from collections.abc import Callable
@@ -25,7 +25,7 @@ from catenary.workflows.robot.motion import check_motion, move_to
 
 @dataclass(frozen=True)
 class Deployment:
-    """How a deployed model did, tick by tick, against the joints' true positions."""
+    """Result of a deployed model: its loop, and its errors against the joints' true positions."""
 
     loop: LoopReport
     joint_names: tuple[str, ...]  # of the model
@@ -37,17 +37,15 @@ class Deployment:
     simulated: bool = True
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data: times in microseconds, errors in deg and mm."""
-        compute = self.loop.compute
+        """Return plain data: times in microseconds, errors in deg and mm."""
+        compute, jitter = self.loop.compute, self.loop.jitter
         return {
             "simulated": self.simulated,
             "ticks": self.loop.ticks,
             "rate_hz": self.loop.rate_hz,
-            "compute_us": None if compute is None else {k: 1e6 * v for k, v in compute._asdict().items()},
-            "jitter_us": None
-            if self.loop.jitter is None
-            else {k: 1e6 * v for k, v in self.loop.jitter._asdict().items()},
-            "correction_us": {k: 1e6 * v for k, v in self.correction._asdict().items()},
+            "compute_us": None if compute is None else compute.in_us(),
+            "jitter_us": None if jitter is None else jitter.in_us(),
+            "correction_us": self.correction.in_us(),
             "overruns": self.loop.overruns,
             "real_time_priority": self.loop.has_priority,
             "joints": [
@@ -137,7 +135,7 @@ def deploy_on_robot(
 
 
 def _time_correction(corrector: Corrector, states: list[JointState]) -> Timing:
-    """How long the model's part of a tick takes, on the states that the loop saw."""
+    """Return how long the model's part of a tick takes, on the states that the loop saw."""
     n = len(states[0].q)
     out, inside = np.empty(n), np.empty(n, dtype=bool)
     durations = Durations()

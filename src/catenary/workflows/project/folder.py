@@ -26,7 +26,7 @@ LONGEST_TEST = 48.0 * 60.0  # [min]
 
 @dataclass(frozen=True)
 class ProjectSettings:
-    """What a project is about; changing one repeats every step that depends on it."""
+    """Settings of a project; changing one repeats every step that depends on it."""
 
     robot: str = "raven2"
     side: str = "left"
@@ -40,7 +40,7 @@ class ProjectSettings:
     connection: str = "simulation"  # or ros1, ros2: where the robot is
 
     def __post_init__(self) -> None:
-        """Refuse settings that no robot or motion can have, before a file says them or anything moves."""
+        """Refuse settings that no robot or motion can have, before anything is written or moves."""
         wrong = [
             f"{name}: expected {expected}, got {got}"
             for name, is_right, expected, got in (
@@ -96,7 +96,7 @@ class Project:
         except OSError as error:
             raise FileFormatError(f"{folder}: cannot be made a project: {error.strerror}") from error
         if any(folder.iterdir()) and not (folder / SETTINGS).is_file():
-            raise FileFormatError(f"{folder}: is not empty and no project; give a new or an empty folder")
+            raise FileFormatError(f"{folder}: is neither empty nor a project; give a new or an empty folder")
         self._steps: dict[str, dict[str, Any]] = {}
         path = folder / STEPS
         if path.is_file():
@@ -109,7 +109,7 @@ class Project:
         write(folder / SETTINGS, asdict(settings))
 
     def done(self, step: str, made_from: Any, files: Sequence[Path]) -> bool:
-        """Whether a step was done with the same settings and inputs, and its files are there."""
+        """Return whether a step was done with the same settings and inputs, and its files are there."""
         entry = self._steps.get(step)
         return (
             entry is not None
@@ -118,7 +118,7 @@ class Project:
         )
 
     def run(self, step: str, made_from: Any, files: Sequence[Path], work: Callable[[], Any]) -> bool:
-        """Do a step unless it was done; whether it was done now.
+        """Do a step unless it was done; return whether it was done now.
 
         Args:
             step: Its name.
@@ -141,7 +141,7 @@ class Project:
         return True
 
     def fingerprint_of(self, step: str) -> str:
-        """What a step was made from, as a hash; steps after it depend on that.
+        """Return the hash of what a step was made from; steps after it depend on that.
 
         Raises:
             ConfigError: The step was not done.
@@ -152,7 +152,7 @@ class Project:
 
 
 def project_settings(folder: Path) -> ProjectSettings | None:
-    """Settings that a project was last opened with, or None where there is no project.
+    """Return the settings that a project was last opened with, or None where there is no project.
 
     Raises:
         ConfigError: The file is damaged, or from another version.
@@ -170,11 +170,11 @@ def project_settings(folder: Path) -> ProjectSettings | None:
             }
         )
     except (ValueError, KeyError, TypeError, InputError) as error:
-        raise ConfigError(f"{path}: no settings of a project: {error}") from error
+        raise ConfigError(f"{path}: not the settings of a project: {error}") from error
 
 
 def fingerprint(content: Any) -> str:
-    """Hash of plain data."""
+    """Return the hash of plain data."""
     return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
 
 

@@ -1,4 +1,4 @@
-"""A project's recordings, whatever robot they are of: extracted, synchronised, made into motion logs."""
+"""Extract and synchronise a project's recordings into motion logs, whatever robot they are of."""
 
 from pathlib import Path
 
@@ -36,5 +36,5 @@ def extract_recording(project: Project, name: str) -> bool:
 
 
 def motion_log_path(project: Project, name: str) -> Path:
-    """Where the motion log of a recording stands."""
+    """Return the path of a recording's motion log."""
     return project.folder / f"{name}.parquet"

@@ -1,4 +1,4 @@
-"""What a calibration asks of a robot, simulated or real: the project's steps that need one."""
+"""The steps of a project that need a robot, simulated or real."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping

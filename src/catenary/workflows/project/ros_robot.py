@@ -121,7 +121,7 @@ class RosRobot(ProjectRobot):
         if isinstance(self._guide, AnswerYes):
             state = client.operating_state().state
             if state == "FAULT":
-                raise NotReadyError("the robot is in FAULT; see to it, --yes does not")
+                raise NotReadyError("the robot is in FAULT; clear the fault, --yes does not")
             client.state_command("resume" if state == "PAUSED" else "enable")
         have_done(
             self._guide,
@@ -164,7 +164,7 @@ class RosRobot(ProjectRobot):
 
 
 def required(topics: tuple[Topic, ...]) -> tuple[Topic, ...]:
-    """Topics without which a recording is no calibration: the robot's state and the external encoders."""
+    """Return the topics without which a recording is no calibration: the robot's state and the external encoders."""
     return tuple(topic for topic in topics if topic.type == "raven_2/raven_state" or topic == EXT_JPOS)
 
 
@@ -187,7 +187,7 @@ def _not_enabled(now: OperatingState) -> str | None:
 
 
 def _not_registered(client: CrtkClient) -> str | None:
-    """What is wrong with the encoders of a homed robot."""
+    """Return what is wrong with the encoders of a homed robot, or None."""
     if np.isfinite(client.external_encoders()).all():
         return None
     return f"no reading comes on {EXT_JPOS.name}"

@@ -111,12 +111,12 @@ class SimulatedRobot(ProjectRobot):
 
 
 def left_at(project: Project, step: str) -> Path:
-    """File in which the robot was put away after homing or a recording."""
+    """Return the file in which the robot was put away after homing or a recording."""
     return project.folder / "robot" / ("homed.npz" if step == "home" else f"after_{step}.npz")
 
 
 def make_plant(settings: ProjectSettings) -> CablePlant:
-    """The robot of a project, as it wakes up."""
+    """Return the robot of a project, as it wakes up."""
     roll, pitch = np.deg2rad(settings.base_tilt_deg)
     return CablePlant(
         side=settings.side,
@@ -127,7 +127,7 @@ def make_plant(settings: ProjectSettings) -> CablePlant:
 
 
 def _robot_settings(settings: ProjectSettings) -> Any:
-    """Everything that makes the robot another one; a new version may bring other numbers, or states of another form."""
+    """Return all that makes the robot another one; a new version may bring other numbers, or another form of states."""
     tables = load_cable_arm().file
     numbers = [
         {name: entry.value for name, entry in table.items()}

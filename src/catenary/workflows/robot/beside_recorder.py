@@ -1,4 +1,4 @@
-"""A recording made beside something else: it never stops what it records, and says how it is going."""
+"""Record a robot while something else moves it; a failed recording never stops the robot."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -61,14 +61,14 @@ class BesideRecorder:
 
     @property
     def messages(self) -> int:
-        """Messages until now."""
+        """Number of messages recorded until now."""
         journal = (
             self._wire.journal if self._wire is not None else self._direct.journal if self._direct else None
         )
         return 0 if journal is None else journal.messages
 
     def observe(self) -> str:
-        """Take a tick; give a line that says how the recording goes."""
+        """Record a tick; return a line on how the recording goes."""
         now = self._clock()
         if self.failure is None:
             try:
@@ -83,7 +83,7 @@ class BesideRecorder:
         return f"recording {self._folder.name}: {self.messages} messages, {self._rate:.0f} /s"
 
     def close(self) -> str:
-        """Finish it; give a line that says what is in it."""
+        """Finish the recording; return a line on what is in it."""
         try:
             if self._wire is not None:
                 self._wire.close()
@@ -104,7 +104,7 @@ class BesideRecorder:
                 self._direct.observe(at, self._columns())
 
     def _columns(self) -> Mapping[str, Floats]:
-        """What a simulated arm reports, in raven_state's channels, those of the other arm zero."""
+        """Return what a simulated arm reports, in raven_state's channels, those of the other arm zero."""
         plant = self._robot.plant
         telemetry, state = plant.telemetry(), plant.measured_js()
         columns: dict[str, Floats] = {}

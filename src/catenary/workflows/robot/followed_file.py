@@ -33,13 +33,13 @@ class FollowedFile:
     notes: tuple[str, ...] = ()
 
     def trajectory(self, blend: float = BLEND) -> SmoothedPath:
-        """Motion along the rows, at rest at both ends; velocities are averaged over `blend` seconds."""
+        """Return the motion along the rows, at rest at both ends; velocities are averaged over `blend` seconds."""
         if not 0.0 < blend < np.inf:
             raise InputError(f"blend: expected more than 0 s, got {blend}")
         return SmoothedPath.through(self.time, self.q, blend)
 
     def leaves_rows(self, trajectory: SmoothedPath, blend: float = BLEND) -> Floats:
-        """How far the motion is from the rows at their times, at most, (k,) [rad|m]."""
+        """Return the largest distance of the motion from the rows at their times, (k,) [rad|m]."""
         q, _, _ = trajectory.sample(self.time + 0.5 * blend)
         return np.asarray(np.abs(q - self.q).max(axis=0))
 
@@ -121,7 +121,7 @@ def _read_csv(path: Path, rows_per_second: float | None) -> FollowedFile:
 
 def _of_log(path: Path, log: MotionLog) -> FollowedFile:
     if log.time is None:
-        raise FileFormatError(f"{path}: a motion log without time; nobody can follow it")
+        raise FileFormatError(f"{path}: a motion log without times; it cannot be followed")
     if len(log.starts) > 1:
         raise FileFormatError(f"{path}: holds {len(log.starts)} recordings; give one")
     return FollowedFile(path.name, log.joint_names, log.joint_units, log.time, log.q_nominal)

@@ -1,4 +1,4 @@
-"""What a person does beside a robot, step by step: said, waited for, and checked against what the robot reports."""
+"""Guide a person beside a robot step by step, and check each step against what the robot reports."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -11,35 +11,35 @@ LOOK = 0.1  # [s] between two looks at the robot
 
 
 class Guide(Protocol):
-    """Has things done by hand."""
+    """Asks a person to do things by hand."""
 
     def say(self, text: str) -> None:
-        """Tell what is going on."""
+        """Show a message."""
         ...
 
     def confirm(self, text: str) -> bool:
-        """Ask to do something and to say so; False gives up."""
+        """Ask for something to be done and confirmed; False gives up."""
         ...
 
 
 class AnswerYes:
-    """Says yes to everything, for scripts; whether it is true is the robot's to say."""
+    """Confirms everything, for scripts; the robot's reports decide whether it is so."""
 
     def __init__(self, say: Callable[[str], None] = lambda _: None) -> None:
         self._say = say
 
     def say(self, text: str) -> None:
-        """Tell what is going on."""
+        """Show a message."""
         self._say(text)
 
     def confirm(self, text: str) -> bool:
-        """Yes."""
+        """Confirm."""
         self._say(f"{text} (--yes)")
         return True
 
 
 def clear_workspace(guide: Guide) -> None:
-    """Have somebody say that a robot may move.
+    """Have a person confirm that the robot may move.
 
     Raises:
         NotReadyError: Given up.
@@ -76,5 +76,5 @@ def have_done(
         if fault is None:
             return
         if isinstance(guide, AnswerYes):
-            raise NotReadyError(f"{text}: not so after {patience:g} s: {fault}")
+            raise NotReadyError(f"{text}: not done after {patience:g} s: {fault}")
         guide.say(f"not yet: {fault}")

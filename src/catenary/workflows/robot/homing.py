@@ -18,7 +18,7 @@ HOMING = 180.0  # [s] that a robot may take from the press of its button until i
 
 @dataclass(frozen=True)
 class Homing:
-    """What homing led to."""
+    """Result of homing."""
 
     robot: str
     simulated: bool
@@ -31,7 +31,7 @@ class Homing:
     state: OperatingState
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data, SI."""
+        """Return plain data, SI."""
         return {
             "robot": self.robot,
             "simulated": self.simulated,
@@ -104,7 +104,7 @@ def home_client(client: CrtkClient, guide: Guide, *, patience: float = HOMING) -
 
 
 def not_homed(now: OperatingState) -> str | None:
-    """What is missing until a robot is homed."""
+    """Return what is missing until a robot is homed, or None."""
     if now.is_homed and not now.is_busy:
         return None
     return f"the robot is {now.state}, {'busy' if now.is_busy else 'not homed'}"
@@ -119,7 +119,7 @@ def _home_here(plant: Plant) -> None:
 
 
 def _press_button(client: CrtkClient, guide: Guide) -> None:
-    """What a simulated robot offers in place of its button; CRTK's own commands where there is none."""
+    """Call the service that stands for a simulated robot's button; CRTK's commands where there is none."""
     guide.say("pressing the start button (--yes)")
     try:
         answer = client.transport.call(BUTTON, BUTTON_TYPE)
@@ -133,7 +133,7 @@ def _press_button(client: CrtkClient, guide: Guide) -> None:
 def _command_home(client: CrtkClient) -> None:
     state = client.operating_state()
     if state.state == "FAULT":
-        raise NotReadyError("the robot is in FAULT; see to it, then enable it: home does not")
+        raise NotReadyError("the robot is in FAULT; clear the fault, then enable it; home does neither")
     if state.state != "ENABLED":
         client.state_command("enable")
     client.state_command("home")

@@ -9,6 +9,7 @@ from catenary.arrays import Floats, as_array
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError, LimitError, NotReadyError
 from catenary.plant import Bounded, JointState, Plant, require_ready
+from catenary.trajectories.in_turn import Rest
 from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Reference, Trajectory
 
@@ -66,6 +67,20 @@ def check_motion(
             raise LimitError(
                 _violation(limits, int(moved[j]), float(times[k]), q[k, j], qd[k, j], fastest[j])
             )
+
+
+def gentle_way(
+    start: ArrayLike,
+    goal: ArrayLike,
+    units: Sequence[str],
+    *,
+    max_velocity: ArrayLike | None = None,
+    max_acceleration: ArrayLike | None = None,
+) -> Trajectory:
+    """Go from (k,) to (k,) [rad|m], GENTLE_VELOCITY and GENTLE_ACCELERATION where no others (k,) are given."""
+    velocity = [GENTLE_VELOCITY[unit] for unit in units] if max_velocity is None else max_velocity
+    acceleration = [GENTLE_ACCELERATION[u] for u in units] if max_acceleration is None else max_acceleration
+    return go_to(start, goal, max_velocity=velocity, max_acceleration=acceleration)
 
 
 def move_to(
@@ -190,17 +205,12 @@ def _approach(
 ) -> Trajectory:
     """Go-to from the plant's setpoint; measured positions would make it leap back by its control error."""
     units = [plant.joint_units[j] for j in moved]
-    velocity = [GENTLE_VELOCITY[unit] for unit in units] if max_velocity is None else max_velocity
-    acceleration = (
-        [GENTLE_ACCELERATION[unit] for unit in units] if max_acceleration is None else max_acceleration
-    )
     start = np.array(plant.setpoint_js().q)[moved]
     if np.abs(goal - start).max(initial=0.0) <= _THERE:
         start = goal
-    motion = go_to(start, goal, max_velocity=velocity, max_acceleration=acceleration)
+    motion = gentle_way(start, goal, units, max_velocity=max_velocity, max_acceleration=max_acceleration)
     # on the way every joint stays between start and goal, so the goal alone decides
-    rest = go_to(goal, goal, max_velocity=velocity, max_acceleration=acceleration)
-    check_motion(plant, rest, joints=[plant.joint_names[j] for j in moved])
+    check_motion(plant, Rest(goal, 0.0), joints=[plant.joint_names[j] for j in moved])
     return motion
 
 

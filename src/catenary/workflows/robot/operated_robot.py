@@ -39,7 +39,7 @@ class OperatedRobot:
         return self.plant.joint_names[: self.model.n]
 
     def gravity_torque(self, state: JointState) -> Floats | None:
-        """Torques that hold the model's joints still (n,) [Nm|N]; None for a model without inertia."""
+        """Return torques that hold the model's joints still (n,) [Nm|N]; None for a model without inertia."""
         from catenary.errors import MissingInertiaError
         from catenary.gravity.torque import gravity_torque
 

@@ -29,12 +29,12 @@ NEAR = {
     "m": 0.15,
 }  # way to the start of a file that is gone without being asked twice
 MIDDLE = 0.3  # share of the range, to either side of its middle, in which other robots than RAVEN-II move at random
-HOLD_TICKS = 20  # in which a robot is told that it stays where it is
+HOLD_TICKS = 20  # during which a robot is told to stay where it is
 
 
 @dataclass(frozen=True)
 class MotionSummary:
-    """How a motion went."""
+    """Result of a motion."""
 
     robot: str
     simulated: bool
@@ -49,7 +49,8 @@ class MotionSummary:
     interrupted: bool  # by Ctrl-C: the robot holds where it is
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data, SI."""
+        """Return plain data, SI."""
+        columns = self.q.tolist(), self.max_error.tolist(), self.rms_error.tolist()
         return {
             "robot": self.robot,
             "simulated": self.simulated,
@@ -60,12 +61,7 @@ class MotionSummary:
             "joints": [
                 {"name": name, "unit": unit, "q": q, "max_error": largest, "rms_error": rms}
                 for name, unit, q, largest, rms in zip(
-                    self.joint_names,
-                    self.joint_units,
-                    self.q.tolist(),
-                    self.max_error.tolist(),
-                    self.rms_error.tolist(),
-                    strict=True,
+                    self.joint_names, self.joint_units, *columns, strict=True
                 )
             ],
         }
@@ -95,12 +91,9 @@ def go_to_joints(
     names = robot.plant.joint_names[: len(goal)] if joints is None else tuple(joints)
     if not 0.0 < speed <= 5.0:
         raise InputError(f"--speed: expected more than 0 and at most 5, got {speed}")
-    units = [
-        robot.plant.joint_units[robot.plant.joint_names.index(n)]
-        for n in names
-        if n in robot.plant.joint_names
-    ]
-    velocity = [speed * GENTLE_VELOCITY[unit] for unit in units] if len(units) == len(names) else None
+    units = dict(zip(robot.plant.joint_names, robot.plant.joint_units, strict=True))
+    # move_to refuses unknown names
+    velocity = [speed * GENTLE_VELOCITY[units.get(name, "rad")] for name in names]
     return _watched(
         robot,
         lambda observe: move_to(
@@ -110,7 +103,7 @@ def go_to_joints(
 
 
 def joints_at(robot: OperatedRobot, position: ArrayLike, *, rng: np.random.Generator) -> Floats:
-    """Joints that bring the model's tip to a position (3,) [m] in the base frame, near where they are, (n,) [rad|m].
+    """Return joints (n,) [rad|m], near where they are, that bring the model's tip to (3,) [m] in the base frame.
 
     A robot whose tool can turn keeps its orientation.
 
@@ -125,7 +118,7 @@ def joints_at(robot: OperatedRobot, position: ArrayLike, *, rng: np.random.Gener
 
 
 def random_motion(robot: OperatedRobot, seconds: float, *, rng: np.random.Generator) -> Trajectory:
-    """Random motion of the model's joints: in RAVEN-II's calibration box, elsewhere in the middle of the ranges.
+    """Return a random motion of the model's joints: in RAVEN-II's calibration box, else in the middle of the ranges.
 
     Raises:
         InputError: Too short, or a joint without limits.
@@ -197,7 +190,7 @@ def planned(
     blend: float = BLEND,
     largest_velocity: dict[str, float] | None = None,
 ) -> tuple[tuple[str, ...], Trajectory, Floats]:
-    """Check all of a file's motion; give its joints, the motion, and how far its start is, (k,) [rad|m].
+    """Check all of a file's motion; return its joints, the motion, and how far its start is, (k,) [rad|m].
 
     Raises:
         LimitError: The motion leaves limits or speeds.
@@ -226,7 +219,7 @@ def planned(
 
 
 def hold(plant: Plant) -> None:
-    """Have a robot stay where its setpoint is; nothing where it is not enabled, for then it stands on its brakes."""
+    """Hold a robot at its setpoint; one that is not enabled stands on its brakes and is left alone."""
     q = np.array(plant.setpoint_js().q)
     for _ in range(HOLD_TICKS):
         if plant.operating_state().state != "ENABLED":

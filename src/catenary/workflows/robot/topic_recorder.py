@@ -26,7 +26,7 @@ TICK = 0.02  # [s] between two `collect` of a recording without a motion of ours
 
 @dataclass
 class TopicCount:
-    """What came of one topic, and what was kept."""
+    """Counts of one topic: messages that arrived, were kept, were lost."""
 
     name: str
     came: int = 0
@@ -35,7 +35,7 @@ class TopicCount:
     longest_gap: float = 0.0  # [s] between two that came
 
     def note(self) -> str | None:
-        """What is wrong, or None."""
+        """Return what is wrong, or None."""
         if self.came == 0:
             return f"topic {self.name}: nothing came"
         return (
@@ -94,7 +94,7 @@ class TopicRecorder:
             raise
 
     def collect(self) -> int:
-        """Write what has come since the last time; give how many messages were kept.
+        """Write what has arrived since the last call; return how many messages were kept.
 
         Raises:
             RecordingError: The disk is full or failed; the message says what is safe.
@@ -123,11 +123,11 @@ class TopicRecorder:
 
     @property
     def counts(self) -> tuple[TopicCount, ...]:
-        """What came of each topic."""
+        """Counts of each topic."""
         return tuple(kept.count for kept in self._kept)
 
     def problems(self) -> list[str]:
-        """Topics of which nothing came, or not all was collected."""
+        """Return the topics of which nothing came, or not all was collected."""
         return [note for count in self.counts if (note := count.note()) is not None]
 
     def close(self) -> None:

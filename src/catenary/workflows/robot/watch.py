@@ -15,12 +15,11 @@ from catenary.crtk.conversions import joint_values
 from catenary.crtk.latest import Latest
 from catenary.crtk.names import JOINT_STATE, calibrated_namespace
 from catenary.errors import InputError, TransportError
-from catenary.monitor.sample import Rate, Sample
+from catenary.monitor.snapshot import EventRate, Snapshot
 from catenary.plant import JointState, MotionLog, Plant
 from catenary.recording.synchronise import CALIBRATED
-from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
-from catenary.workflows.robot.motion import GENTLE_ACCELERATION, GENTLE_VELOCITY
+from catenary.workflows.robot.motion import gentle_way
 from catenary.workflows.robot.operated_robot import OperatedRobot
 
 EVERY = 0.04  # [s] between two samples: 25 a second
@@ -43,7 +42,7 @@ class _Calibrated:
 
 
 class _Deployed:
-    """What `catenary deploy` publishes beside a robot, where it runs."""
+    """Reads what `catenary deploy` publishes beside a robot, where it runs."""
 
     def __init__(self, client: CrtkClient) -> None:
         place = calibrated_namespace(client.arm)
@@ -52,10 +51,10 @@ class _Deployed:
         self._valid = Latest(client.transport, f"{place}/is_valid", "std_msgs/Bool")
 
     def take(self, state: JointState) -> None:
-        """Nothing: the states that it corrects are its own."""
+        """Do nothing: the deployed model hears the robot itself."""
 
     def latest(self) -> tuple[Floats | None, Flags | None]:
-        """Calibrated joints, NaN once nothing comes any more, and whether each is trusted; None before any came."""
+        """Return calibrated joints, NaN once nothing comes any more, and which are trusted; None before any came."""
         message = self._positions.message()
         if message is None:
             return None, None
@@ -69,7 +68,7 @@ class _Deployed:
 
 
 def _calibrated(plant: Plant, model: Path | None) -> "_Calibrated | _Deployed | None":
-    """A model of our own, or what is deployed beside a RAVEN-II."""
+    """Return a model that runs here, or the one that is deployed beside a RAVEN-II."""
     if model is not None:
         return _Calibrated(model, plant.joint_names, plant.joint_units, 1.0 / plant.period)
     if isinstance(plant, CrtkClient) and plant.dialect == "raven":
@@ -85,8 +84,8 @@ def watch_robot(
     motion: Trajectory | None = None,
     observe: Callable[[], str | None] = lambda: None,
     clock: Callable[[], float] = time.monotonic,
-) -> Iterator[Sample]:
-    """Give a sample every so often, for as long as somebody takes them; a robot is only read.
+) -> Iterator[Snapshot]:
+    """Yield a snapshot every so often, for as long as somebody takes them; a robot is only read.
 
     Without a model, joints are calibrated where `catenary deploy` runs beside a RAVEN-II on ROS.
 
@@ -106,7 +105,7 @@ def watch_robot(
         raise InputError("monitor: moves no robot; only one that is simulated here can be given a motion")
     corrected = _calibrated(plant, model)
     path = None if motion is None else _ThereAndBack(robot, motion)
-    states, late = Rate(), Rate()
+    states, late = EventRate(), EventRate()
     seen_late, last, begun, next_sample = robot.late(), None, 0.0, clock()
     state: JointState | None = None
     while True:
@@ -136,7 +135,7 @@ def watch_robot(
             continue
         next_sample = now + every
         calibrated, inside = (None, None) if corrected is None else corrected.latest()
-        yield Sample(
+        yield Snapshot(
             state.time, plant.joint_names, plant.joint_units, state.q, setpoint,
             calibrated, inside,
             None, state.tau, robot.gravity_torque(state), state.gravity, state.gravity_age, operating,
@@ -152,7 +151,7 @@ def watch_log(
     speed: float = 1.0,
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
-) -> Iterator[Sample]:
+) -> Iterator[Snapshot]:
     """Play a recording, once, at its own speed times `speed`.
 
     Raises:
@@ -186,7 +185,7 @@ def watch_log(
         if ahead > 0.0:
             sleep(ahead)
         encoder = None if log.q_encoder is None else np.where(log.ok[row], log.q_encoder[row], np.nan)
-        yield Sample(
+        yield Snapshot(
             state.time, log.joint_names, log.joint_units, state.q, None,
             *((None, None) if corrected is None else corrected.latest()),
             encoder, None if log.tau is None else tau, rate_hz=1.0 / spacing,
@@ -199,13 +198,8 @@ class _ThereAndBack:
     def __init__(self, robot: OperatedRobot, motion: Trajectory) -> None:
         self._plant, self._motion = robot.plant, motion
         start = motion(0.0).q
-        units = robot.plant.joint_units[: len(start)]
-        self._approach = go_to(
-            robot.plant.setpoint_js().q[: len(start)],
-            start,
-            max_velocity=[GENTLE_VELOCITY[unit] for unit in units],
-            max_acceleration=[GENTLE_ACCELERATION[unit] for unit in units],
-        )
+        k = len(start)
+        self._approach = gentle_way(robot.plant.setpoint_js().q[:k], start, robot.plant.joint_units[:k])
 
     def drive(self, time: float) -> None:
         """Send the setpoint of a time [s] since the beginning; nothing to a robot that is not enabled."""

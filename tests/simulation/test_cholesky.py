@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.gravity.cholesky import factorise, solve_lower, solve_upper
+from catenary.simulation.cholesky import factorise, solve_lower, solve_upper
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 19])

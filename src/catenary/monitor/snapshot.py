@@ -1,4 +1,4 @@
-"""What is known of a robot at one instant, and what of it should worry somebody."""
+"""A robot at one instant, and what of it deserves a warning."""
 
 from collections import deque
 from typing import Any, NamedTuple
@@ -14,8 +14,8 @@ STALE_GRAVITY = 0.1  # [s], as old as the gravity estimator lets a reading be be
 WINDOW = 1.0  # [s] over which rates are counted
 
 
-class Sample(NamedTuple):
-    """A robot at one instant; None is what nobody tells."""
+class Snapshot(NamedTuple):
+    """A robot at one instant; None for what is not known."""
 
     time: float  # [s] of the robot
     joint_names: tuple[str, ...]
@@ -24,7 +24,7 @@ class Sample(NamedTuple):
     setpoint: Floats | None = None
     calibrated: Floats | None = None
     inside: NDArray[np.bool_] | None = None  # (n,) inside the model's valid range
-    encoder: Floats | None = None  # (n,) where joints really are, as a recording tells; NaN where it does not
+    encoder: Floats | None = None  # (n,) true joint positions of a recording; NaN where there are none
     tau: Floats | None = None  # (n,) [Nm|N]
     gravity_tau: Floats | None = None  # (k,) what holds the first k joints still [Nm|N]
     gravity: Floats | None = None  # (3,) [m/s2] in the base frame
@@ -34,11 +34,11 @@ class Sample(NamedTuple):
     upper: Floats | None = None
     rate_hz: float | None = None  # at which states come
     late: int = 0  # ticks late within the last second
-    silent: str | None = None  # what the robot's silence was reported as
-    recording: str | None = None  # how a recording beside goes
+    silent: str | None = None  # the error that the robot's silence raised
+    recording: str | None = None  # state of a recording made at the same time
 
     def warnings(self) -> list[str]:
-        """What should worry somebody, the worst first."""
+        """Return what deserves a warning, the worst first."""
         found: list[str] = []
         if self.silent is not None:
             found.append(f"stale: {self.silent}")
@@ -67,7 +67,7 @@ class Sample(NamedTuple):
         return [name for name, bad in zip(self.joint_names, near, strict=True) if bad]
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data, SI; null where nobody tells."""
+        """Return plain data, SI; null for what is not known."""
         return {
             "time": self.time,
             "joints": self.joint_names,
@@ -89,24 +89,24 @@ class Sample(NamedTuple):
         }
 
 
-class Rate:
-    """How often something came within the last second."""
+class EventRate:
+    """Counts events, and their mean rate, over the last second."""
 
     def __init__(self) -> None:
         self._times: deque[float] = deque()
 
     def count(self, now: float, times: int = 1) -> None:
-        """Take events at a time [s]."""
+        """Count events at a time [s]."""
         self._times.extend([now] * times)
         self._drop(now)
 
     def within(self, now: float) -> int:
-        """Events within the last second."""
+        """Return the number of events within the last second."""
         self._drop(now)
         return len(self._times)
 
     def hertz(self, now: float) -> float | None:
-        """Mean rate [Hz]; None before two events."""
+        """Return the mean rate [Hz]; None before two events."""
         self._drop(now)
         if len(self._times) < 2 or self._times[-1] <= self._times[0]:
             return None

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from catenary.monitor.sample import Rate, Sample
+from catenary.monitor.snapshot import EventRate, Snapshot
 from catenary.plant import OperatingState
 
-FINE = Sample(
+FINE = Snapshot(
     1.0, ("a", "b"), ("rad", "m"), np.array([0.5, 0.1]), np.array([0.5, 0.1]), gravity=np.array([0.0, 0.0, -9.81]),
     gravity_age=0.01, operating=OperatingState("ENABLED", True, False), lower=np.array([0.0, 0.0]),
     upper=np.array([1.0, 0.2]), rate_hz=1000.0,
@@ -39,7 +39,7 @@ def test_nominal_gravity_is_not_stale() -> None:
 
 
 def test_rate_is_that_of_the_last_second() -> None:
-    rate = Rate()
+    rate = EventRate()
     for k in range(200):
         rate.count(0.1 * k if k < 100 else 9.9 + 0.01 * (k - 99))
     assert rate.hertz(9.9 + 0.01 * 100) == pytest.approx(100.0)
