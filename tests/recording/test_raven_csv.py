@@ -37,16 +37,20 @@ def extraction(bag: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return extract([bag], tmp_path_factory.mktemp("extraction") / "x").folder
 
 
+@pytest.fixture
+def table(extraction: Path, tmp_path: Path) -> Path:
+    """The extraction in the published layout."""
+    write_raven_csv(extraction, tmp_path / "a.csv")
+    return tmp_path / "a.csv"
+
+
 def _rows(path: Path) -> list[list[str]]:
     with path.open(newline="") as file:
         return list(csv.reader(file))
 
 
-def test_every_column_is_the_messages_number_in_its_published_place(
-    bag: Path, extraction: Path, tmp_path: Path
-) -> None:
-    write_raven_csv(extraction, tmp_path / "a.csv")
-    rows = _rows(tmp_path / "a.csv")
+def test_every_column_is_the_messages_number_in_its_published_place(bag: Path, table: Path) -> None:
+    rows = _rows(table)
     assert {len(row) for row in rows} == {252}
     with AnyReader([bag]) as reader:
         messages = {
@@ -79,18 +83,16 @@ def test_every_column_is_the_messages_number_in_its_published_place(
             assert_array_equal(numbers, others[same].position)
 
 
-def test_jpos_is_times_180_over_pi_in_metres_too(extraction: Path, tmp_path: Path) -> None:
-    write_raven_csv(extraction, tmp_path / "a.csv")
-    insertion = np.array([float(row[15]) for row in _rows(tmp_path / "a.csv")])
+def test_jpos_is_times_180_over_pi_in_metres_too(table: Path) -> None:
+    insertion = np.array([float(row[15]) for row in _rows(table)])
     assert (insertion > 18.0).all()  # 0.33 m and more, as if they were radians
-    log = read_raven_csv(tmp_path / "a.csv").log
+    log = read_raven_csv(table).log
     assert (log.q_nominal[:, 2] < 0.42).all()
 
 
-def test_the_csv_reads_back_as_the_log_of_the_recording(extraction: Path, tmp_path: Path) -> None:
+def test_the_csv_reads_back_as_the_log_of_the_recording(extraction: Path, table: Path) -> None:
     expected = synchronise(extraction).log
-    write_raven_csv(extraction, tmp_path / "a.csv")
-    log = read_raven_csv(tmp_path / "a.csv", robot="raven2", simulated=True).log
+    log = read_raven_csv(table, robot="raven2", simulated=True).log
     assert log.tau is not None
     assert expected.tau is not None
     assert_array_equal(log.q_nominal, expected.q_nominal)
@@ -103,21 +105,19 @@ def test_the_csv_reads_back_as_the_log_of_the_recording(extraction: Path, tmp_pa
     assert (log.robot, log.simulated) == ("raven2", True)
 
 
-def test_the_csv_opens_as_a_recording_that_knows_its_file(extraction: Path, tmp_path: Path) -> None:
-    write_raven_csv(extraction, tmp_path / "a.csv")
-    log, expected = read_log(tmp_path / "a.csv"), read_raven_csv(tmp_path / "a.csv").log
+def test_the_csv_opens_as_a_recording_that_knows_its_file(table: Path) -> None:
+    log, expected = read_log(table), read_raven_csv(table).log
     assert log.joint_names == ("shoulder", "elbow", "insertion")
     assert_array_equal(log.q_encoder, expected.q_encoder)
-    assert log.sha256 == hashlib.sha256((tmp_path / "a.csv").read_bytes()).hexdigest()
+    assert log.sha256 == hashlib.sha256(table.read_bytes()).hexdigest()
 
 
 @pytest.mark.parametrize("given", [{"units": ["rad", "rad", "rad"]}, {"joint_names": ["a", "b", "c"]}])
 def test_names_and_units_that_contradict_the_csv_are_refused(
-    extraction: Path, tmp_path: Path, given: dict[str, list[str]]
+    table: Path, given: dict[str, list[str]]
 ) -> None:
-    write_raven_csv(extraction, tmp_path / "a.csv")
     with pytest.raises(InputError, match=r"a\.csv: states the .* were given"):
-        read_log(tmp_path / "a.csv", **given)  # type: ignore[arg-type]
+        read_log(table, **given)  # type: ignore[arg-type]
 
 
 def test_force_makes_256_columns_and_comes_back_as_signals(extraction: Path, tmp_path: Path) -> None:
@@ -132,24 +132,22 @@ def test_force_makes_256_columns_and_comes_back_as_signals(extraction: Path, tmp
     assert log.signal_units["force_z"] == "N"
 
 
-def test_stamps_that_all_count_from_the_first_state_read_the_same(extraction: Path, tmp_path: Path) -> None:
-    write_raven_csv(extraction, tmp_path / "a.csv")
-    rows = _rows(tmp_path / "a.csv")
+def test_stamps_that_all_count_from_the_first_state_read_the_same(table: Path, tmp_path: Path) -> None:
+    rows = _rows(table)
     origin = float(rows[0][12])
     for row in rows:
         row[4], row[12] = (repr(float(row[i]) - origin) for i in (4, 12))
     with (tmp_path / "b.csv").open("w", newline="") as file:
         csv.writer(file).writerows(rows)
-    a, b = read_raven_csv(tmp_path / "a.csv").log, read_raven_csv(tmp_path / "b.csv").log
+    a, b = read_raven_csv(table).log, read_raven_csv(tmp_path / "b.csv").log
     assert_allclose(a.time, b.time, atol=1e-6)
     assert_allclose(a.q_encoder, b.q_encoder, atol=1e-6, equal_nan=True)
 
 
-def test_a_line_of_names_is_passed_over(extraction: Path, tmp_path: Path) -> None:
-    write_raven_csv(extraction, tmp_path / "a.csv")
-    text = (tmp_path / "a.csv").read_text()
+def test_a_line_of_names_is_passed_over(table: Path, tmp_path: Path) -> None:
+    text = table.read_text()
     (tmp_path / "b.csv").write_text(",".join(f"c{i}" for i in range(252)) + "\n" + text)
-    assert len(read_raven_csv(tmp_path / "b.csv").log) == len(read_raven_csv(tmp_path / "a.csv").log)
+    assert len(read_raven_csv(tmp_path / "b.csv").log) == len(read_raven_csv(table).log)
 
 
 def test_rows_without_an_encoder_near_are_written_as_nan_and_not_trusted(
@@ -173,21 +171,19 @@ def test_another_number_of_columns_is_refused(tmp_path: Path) -> None:
         read_raven_csv(tmp_path / "b.csv")
 
 
-def test_a_row_that_is_cut_off_is_refused(extraction: Path, tmp_path: Path) -> None:
-    write_raven_csv(extraction, tmp_path / "a.csv")
-    whole = (tmp_path / "a.csv").read_bytes()
-    (tmp_path / "a.csv").write_bytes(whole[:-300])
+def test_a_row_that_is_cut_off_is_refused(table: Path) -> None:
+    whole = table.read_bytes()
+    table.write_bytes(whole[:-300])
     with pytest.raises(FileFormatError, match="cannot be read as RAVEN-II's CSV"):
-        read_raven_csv(tmp_path / "a.csv")
+        read_raven_csv(table)
 
 
-def test_text_among_the_numbers_is_refused(extraction: Path, tmp_path: Path) -> None:
-    write_raven_csv(extraction, tmp_path / "a.csv")
-    rows = _rows(tmp_path / "a.csv")
+def test_text_among_the_numbers_is_refused(table: Path) -> None:
+    rows = _rows(table)
     rows[3][40] = "oops"
-    (tmp_path / "a.csv").write_text("\n".join(",".join(row) for row in rows))
+    table.write_text("\n".join(",".join(row) for row in rows))
     with pytest.raises(FileFormatError, match="oops"):
-        read_raven_csv(tmp_path / "a.csv")
+        read_raven_csv(table)
 
 
 def test_a_file_of_names_alone_is_refused(tmp_path: Path) -> None:

@@ -3,18 +3,15 @@
 from typing import Annotated
 
 import typer
-from typer import Argument, Option
+from typer import Argument
 
-from catenary.cli.options import AsJson
+from catenary.cli.options import AsJson, Units
 from catenary.cli.terminal import print_fact, print_json, words
 
 
 def check(
     file: Annotated[str, Argument(metavar="FILE", help="A robot, a calibration model or a recording.")],
-    units: Annotated[
-        str | None,
-        Option("--units", metavar="U,U,...", help="rad or m per joint, for a recording that does not say."),
-    ] = None,
+    units: Units = None,
     as_json: AsJson = False,
 ) -> None:
     """Say what a file is and what is wrong with it.

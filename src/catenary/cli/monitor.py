@@ -12,6 +12,7 @@ from typer import Option
 from catenary.cli.gravity_source import GravityOptions
 from catenary.cli.options import Record
 from catenary.cli.robot_choice import WatchedRobot, open_robot, recorded
+from catenary.cli.terminal import print_json_line
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,20 +24,16 @@ def monitor(
     robot: WatchedRobot,
     gravity: GravityOptions,
     log: Annotated[
-        Path | None, Option("--log", metavar="FILE", help="Play a recording: .parquet, .npz or .csv.")
+        Path | None, Option(metavar="FILE", help="Play a recording: .parquet, .npz or .csv.")
     ] = None,
     model: Annotated[
-        Path | None,
-        Option("--model", metavar="MODEL", help="Calibration model: calibrated joints, valid range."),
+        Path | None, Option(metavar="MODEL", help="Calibration model: calibrated joints, valid range.")
     ] = None,
-    speed: Annotated[float, Option("--speed", help="With --log: factor on its own speed.")] = 1.0,
+    speed: Annotated[float, Option(help="With --log: factor on its own speed.")] = 1.0,
     rate: Annotated[
-        float | None,
-        Option("--rate", metavar="HZ", help="Samples a second. [default: 25 on a screen, 1 in a pipe]"),
+        float | None, Option(metavar="HZ", help="Samples a second. [default: 25 on a screen, 1 in a pipe]")
     ] = None,
-    seconds: Annotated[
-        float | None, Option("--seconds", help="How long to watch. [default: until Q or Ctrl-C]")
-    ] = None,
+    seconds: Annotated[float | None, Option(help="How long to watch. [default: until Q or Ctrl-C]")] = None,
     moving: Annotated[
         bool, Option("--moving", help="The robot simulated here moves at random meanwhile.")
     ] = False,
@@ -107,16 +104,15 @@ def _on_screen(
 
 
 def _in_lines(samples: "Iterator[Snapshot]", seconds: float | None, as_json: bool) -> None:
-    import json
-
-    from catenary.files import json_text
     from catenary.monitor.screen import plain_line
 
     begin: float | None = None  # of the first sample
     for sample in samples:
         begin = time.monotonic() if begin is None else begin
-        text = json.dumps(json.loads(json_text(sample.as_data()))) if as_json else plain_line(sample)
-        print(text, flush=True)
+        if as_json:
+            print_json_line(sample.as_data())
+        else:
+            print(plain_line(sample), flush=True)
         if _is_over(begin, seconds):
             return
 

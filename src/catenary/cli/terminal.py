@@ -1,5 +1,6 @@
 """What every command shares with the person at the terminal: lists typed with commas, tables, progress."""
 
+import json
 import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -57,6 +58,13 @@ def print_json(content: Any) -> None:
     from catenary.files import json_text
 
     print(json_text(content))
+
+
+def print_json_line(content: Any) -> None:
+    """Print one JSON document on one line, so that a program can read them as they come."""
+    from catenary.files import json_text
+
+    print(json.dumps(json.loads(json_text(content))), flush=True)
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], *, left: int = 1) -> None:

@@ -79,9 +79,7 @@ class SignalFilter:
     cutoff_hz: float = 10.0
     cut_samples: int = 100  # left out at either end, where the filter has not settled
     period_samples: int | None = None  # of the excitation, whose first period is reported too
-    rate_hz: float | None = (
-        None  # recordings with time stamps are brought to this rate; their median one if None
-    )
+    rate_hz: float | None = None  # of recordings with time stamps; their median one if None
 
 
 @dataclass(frozen=True, eq=False)

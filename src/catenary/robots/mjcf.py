@@ -11,14 +11,15 @@ from catenary.arrays import Floats
 from catenary.errors import FileFormatError, MissingPackageError, UnsupportedModelError
 from catenary.robots.assembly import Coordinate, Link, LinkInertia, assemble
 from catenary.robots.description import (
+    Mimic,
     file_source,
     left_out,
     names_beside_base,
     naming_the_file,
     read_description,
     renaming_notes,
+    resolve_mimics,
 )
-from catenary.robots.mimic import Mimic, resolve_mimics
 from catenary.robots.model import BASE, RobotModel
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion
 

@@ -22,7 +22,7 @@ from catenary.robots.model import Frame, RobotModel, Tree
 from catenary.spatial import Pose
 
 NAMES = ("joint_names", "joint_units", "link_names", "missing_inertia", "massless", "sources", "notes")
-ARRAYS = ("coupling", "offset", "lower", "upper", "velocity_limit", "effort_limit")
+LIMITS = {"lower": -np.inf, "upper": np.inf, "velocity_limit": np.inf, "effort_limit": np.inf}  # where null
 TREE_SHAPES: dict[str, tuple[int, ...]] = {
     "parent": (),
     "prismatic": (),
@@ -33,6 +33,8 @@ TREE_SHAPES: dict[str, tuple[int, ...]] = {
     "com": (3,),
     "inertia": (3, 3),
 }
+TREE_TYPES = {"parent": np.int64, "prismatic": np.bool_}  # float64 otherwise
+TERMS = {"friction": Friction, "motor_inertia": MotorInertia, "springs": Spring, "known_torques": KnownTorque}
 
 
 def robot_record(model: RobotModel) -> dict[str, Any]:
@@ -42,13 +44,14 @@ def robot_record(model: RobotModel) -> dict[str, Any]:
         "tip": model.tip,
         "closed_form": model.closed_form,
         **{key: list(getattr(model, key)) for key in NAMES},
-        **{key: _listed(getattr(model, key)) for key in ARRAYS},
+        **{key: getattr(model, key).tolist() for key in ("coupling", "offset")},
+        **{key: [float(v) if np.isfinite(v) else None for v in getattr(model, key)] for key in LIMITS},
         "tree": {key: array.tolist() for key, array in model.tree._asdict().items()},
         "frames": {
             name: [f.link, f.pose.rotation.tolist(), f.pose.position.tolist()]
             for name, f in model.frames.items()
         },
-        "actuation": None if model.actuation is None else _actuation_record(model.actuation),
+        "actuation": None if model.actuation is None else _plain(asdict(model.actuation)),
     }
 
 
@@ -61,23 +64,14 @@ def robot_from_record(record: dict[str, Any]) -> RobotModel:
     try:
         links, n = len(record["link_names"]), len(record["joint_names"])
         tree: dict[str, Any] = {
-            key: _array(record["tree"][key], (links, *shape), key).astype(
-                {"parent": np.int64, "prismatic": np.bool_}.get(key, np.float64)
-            )
+            key: _array(record["tree"][key], (links, *shape), key).astype(TREE_TYPES.get(key, np.float64))
             for key, shape in TREE_SHAPES.items()
         }
         if not all(-1 <= parent < i for i, parent in enumerate(tree["parent"])):
             raise ValueError("the tree's parents do not come first")
-        coupling = _array(record["coupling"], (links, n), "coupling")
-        offset = _array(record["offset"], (links,), "offset")
         limits: dict[str, Any] = {
-            key: _array(
-                [(-np.inf if key == "lower" else np.inf) if v is None else v for v in record[key]],
-                (n,),
-                key,
-                True,
-            )
-            for key in ARRAYS[2:]
+            key: _array([none if v is None else v for v in record[key]], (n,), key, infinite=True)
+            for key, none in LIMITS.items()
         }
         frames = {
             name: Frame(_link(link, links), Pose(_array(R, (3, 3), name), _array(p, (3,), name)))
@@ -95,8 +89,8 @@ def robot_from_record(record: dict[str, Any]) -> RobotModel:
             closed_form=record["closed_form"],
             **texts,
             tree=Tree(**tree),
-            coupling=coupling,
-            offset=offset,
+            coupling=_array(record["coupling"], (links, n), "coupling"),
+            offset=_array(record["offset"], (links,), "offset"),
             **limits,
             frames=frames,
             actuation=actuation,
@@ -105,14 +99,16 @@ def robot_from_record(record: dict[str, Any]) -> RobotModel:
         raise FileFormatError(f"the robot in it is damaged: {error!r}") from error
 
 
-def _listed(values: Floats) -> list[Any]:
-    """Return an array as lists, None where it is infinite."""
-    if values.ndim > 1:
-        return [_listed(row) for row in values]
-    return [float(v) if np.isfinite(v) else None for v in values]
+def _plain(value: Any) -> Any:
+    """Return dictionaries, lists and numbers of dictionaries, tuples and arrays."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, dict):
+        return {key: _plain(v) for key, v in value.items()}
+    return [_plain(v) for v in value] if isinstance(value, (list, tuple)) else value
 
 
-def _array(values: Any, shape: tuple[int, ...], key: str, infinite: bool = False) -> Floats:
+def _array(values: Any, shape: tuple[int, ...], key: str, *, infinite: bool = False) -> Floats:
     array = np.array(values, dtype=np.float64)
     if array.shape != shape or not (infinite or np.isfinite(array).all()):
         raise ValueError(f"{key} has shape {array.shape}, expected {shape} of finite numbers")
@@ -125,45 +121,23 @@ def _link(value: Any, count: int) -> int:
     return int(value)
 
 
-def _actuation_record(actuation: Actuation) -> dict[str, Any]:
-    content = asdict(actuation)
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, np.ndarray):
-            return value.tolist()
-        if isinstance(value, dict):
-            return {key: plain(v) for key, v in value.items()}
-        return [plain(v) for v in value] if isinstance(value, (list, tuple)) else value
-
-    plained: dict[str, Any] = plain(content)
-    return plained
-
-
 def _actuation(content: dict[str, Any]) -> Actuation:
     unknown = set(content) - {entry.name for entry in fields(Actuation)}
     if unknown or content["weighting"] not in get_args(Weighting):
         raise ValueError(f"actuation with {', '.join(unknown) or content['weighting']}")
-    row = _finite
-    scale = content["effort_scale"]
-    return Actuation(
-        friction=tuple(Friction(**{**t, "combination": row(t["combination"])}) for t in content["friction"]),
-        motor_inertia=tuple(MotorInertia(t["name"], row(t["combination"])) for t in content["motor_inertia"]),
-        springs=tuple(
-            Spring(
-                t["name"], row(t["combination"]), None if t["lever"] is None else LeverSpring(**t["lever"])
-            )
-            for t in content["springs"]
-        ),
-        known_torques=tuple(
-            KnownTorque(t["name"], row(t["combination"]), row(t["along"]), row(t["polynomial"]))
-            for t in content["known_torques"]
-        ),
-        filter=SignalFilter(**content["filter"]),
-        weighting=content["weighting"],
-        coulomb_velocity=float(content["coulomb_velocity"]),
-        effort_scale=None if scale is None else row(scale),
-    )
+    terms: dict[str, Any] = {
+        kind: tuple(term(**_values(entry)) for entry in content[kind]) for kind, term in TERMS.items()
+    }
+    rest = _values({key: value for key, value in content.items() if key not in TERMS})
+    return Actuation(**terms, **(rest | {"coulomb_velocity": float(content["coulomb_velocity"])}))
 
 
-def _finite(values: Any) -> Floats:
-    return _array(values, (len(values),), "actuation")
+def _values(content: dict[str, Any]) -> dict[str, Any]:
+    """Return a term's fields: lists as arrays, a lever and a filter as what they are."""
+    values: dict[str, Any] = {
+        key: _array(v, (len(v),), key) if isinstance(v, list) else v for key, v in content.items()
+    }
+    for key, kind in (("lever", LeverSpring), ("filter", SignalFilter)):
+        if isinstance(values.get(key), dict):
+            values[key] = kind(**values[key])
+    return values

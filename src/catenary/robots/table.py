@@ -36,15 +36,10 @@ class LinkTable(Settings):
     velocity_m_s: Annotated[float, Field(gt=0.0)] | None = None
     mass_kg: float | None = None
     com_m: Vector | None = None
-    inertia_kg_m2: tuple[float, float, float, float, float, float] | None = (
-        None  # xx xy xz yy yz zz, about the CoM
-    )
+    # xx xy xz yy yz zz, about the CoM
+    inertia_kg_m2: tuple[float, float, float, float, float, float] | None = None
     massless: bool = False
-    axes_of_com: tuple[Literal["x", "y", "z"], ...] = (
-        "x",
-        "y",
-        "z",
-    )  # on which the CoM may lie, for the regressor
+    axes_of_com: tuple[Literal["x", "y", "z"], ...] = ("x", "y", "z")  # on which the CoM may lie
     source: str | None = None
 
 

@@ -121,9 +121,8 @@ def _add_joint(root: Element, model: RobotModel, i: int, drives: list[_Drive]) -
     SubElement(joint, "parent", link=BASE if parent < 0 else model.link_names[parent])
     SubElement(joint, "child", link=model.link_names[i])
     R, p, axis = model.tree.rotation[i], model.tree.origin[i], model.tree.axis[i]
-    if (
-        leads
-    ):  # one that leads is the coordinate itself: its offset goes into its place, its sign into its axis
+    # one that leads is the coordinate itself: its offset goes into its place, its sign into its axis
+    if leads:
         if slides:
             p = p + R @ axis * float(model.offset[i])
         else:
