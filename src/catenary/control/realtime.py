@@ -21,6 +21,10 @@ class Timing(NamedTuple):
     p999: float
     max: float
 
+    def in_us(self) -> dict[str, float]:
+        """Return plain data in microseconds."""
+        return {name: 1e6 * value for name, value in self._asdict().items()}
+
 
 class Durations:
     """Distribution of any number of durations in fixed memory."""

@@ -54,13 +54,12 @@ class WireReport:
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data: times in microseconds where so named."""
-        latency = None if self.latency is None else {k: 1e6 * v for k, v in self.latency._asdict().items()}
         return {
             "seconds": self.seconds,
             "messages": self.messages,
             "published": self.published,
             "rate_hz": self.rate_hz,
-            "latency_us": latency,
+            "latency_us": None if self.latency is None else self.latency.in_us(),
             "late": self.late,
             "missed": self.missed,
             "silences": self.silences,

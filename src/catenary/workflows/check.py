@@ -18,6 +18,7 @@ from catenary.reports.calibration import shortened
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
+from catenary.workflows.fit import outliers
 
 ROBOT_ENDINGS = (".toml", ".urdf", ".xml", ".mjcf")
 LONG_GAP = 10.0  # times the median step between stamps
@@ -137,9 +138,7 @@ def check_recording(log: MotionLog) -> Finding:
         if log.q_encoder is not None and log.ok.any():
             error = scale * (log.q_encoder - log.q_nominal)[log.ok, j]
             fact += f", error RMS {np.sqrt(np.mean(error**2)):.3f}, largest {np.abs(error).max():.2f} {shown}"
-            middle = np.median(error)
-            spread = 1.4826 * float(np.median(np.abs(error - middle)))
-            wild = int((np.abs(error - middle) > 10.0 * max(spread, 1e-9)).sum())
+            (wild,), (spread,) = outliers(error[:, None])
             if wild:
                 finding.faults.append(
                     f"{name}: {wild} errors lie beyond 10 robust standard deviations ({10 * spread:.2g} {shown}): "

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.card import Card, model_card
@@ -219,6 +220,13 @@ def _limits(max_error: tuple[float, ...] | None, log: MotionLog) -> Floats | Non
     )
 
 
+def outliers(errors: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """Return how many of N errors (N, n) lie beyond OUTLIER_SPREADS robust standard deviations, and these, (n,)."""
+    deviation = np.abs(errors - np.median(errors, axis=0))
+    spread: Floats = 1.4826 * np.median(deviation, axis=0)  # the standard deviation, if errors were normal
+    return (deviation > OUTLIER_SPREADS * np.maximum(spread, 1e-9)).sum(axis=0), spread
+
+
 def _data_notes(data: CalibrationData) -> list[str]:
     """Return notes on the rows: what was left out, what looks wrong."""
     notes = []
@@ -231,11 +239,7 @@ def _data_notes(data: CalibrationData) -> list[str]:
         text = ", ".join(f"{count} {why}" for why, count in left_out.items() if count)
         if text:
             notes.append(f"{source.name}: left out {text}, of {source.rows} rows")
-    middle = np.median(data.error, axis=0)
-    deviation = np.abs(data.error - middle)
-    spread = 1.4826 * np.median(deviation, axis=0)  # the standard deviation, if errors were normal
-    suspects = (deviation > OUTLIER_SPREADS * np.maximum(spread, 1e-9)).sum(axis=0)
-    for name, count in zip(data.joint_names, suspects, strict=True):
+    for name, count in zip(data.joint_names, outliers(data.error)[0], strict=True):
         if count:
             notes.append(
                 f"{name}: {count} of {len(data)} errors lie beyond {OUTLIER_SPREADS:g} robust standard deviations; "

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -21,38 +21,36 @@ _SETTLE = 0.1  # [s] for the first samples
 _STILL = 0.15  # [m/s2] standard deviation of an axis at rest: three times a cheap sensor's noise
 
 
-class Feed(Protocol):
-    """Source of samples, and the clock that stamps them."""
+class Feed:
+    """Source of samples, and the clock that stamps them: this machine's, unless a kind of source has its own."""
 
-    @property
-    def mailbox(self) -> Mailbox: ...  # noqa: D102
+    def __init__(self, mailbox: Mailbox) -> None:
+        self.mailbox = mailbox
 
     def now(self) -> float:
         """Return the time [s]."""
-        ...
+        return time.monotonic()
 
     def wait(self, seconds: float) -> None:
         """Let time pass."""
-        ...
+        time.sleep(seconds)
 
     @property
-    def has_gyroscope(self) -> bool: ...  # noqa: D102
+    def has_gyroscope(self) -> bool:
+        """Samples of angular rates come, too."""
+        return False
 
     def link(self) -> dict[str, Any]:
-        """Return counts of what came over the line."""
-        ...
+        """Return counts of what came over the line; nothing where there is no line."""
+        return {}
 
 
-class SimulatedFeed:
+class SimulatedFeed(Feed):
     """A simulated sensor, in its own time or, when paced, in real time."""
 
     def __init__(self, sensor: SimulatedSensor, *, paced: bool = False) -> None:
+        super().__init__(sensor.mailbox)
         self._sensor, self._paced, self._time = sensor, paced, 0.0
-
-    @property
-    def mailbox(self) -> Mailbox:
-        """Mailbox that its samples arrive in."""
-        return self._sensor.mailbox
 
     def now(self) -> float:
         """Return the simulated time [s]."""
@@ -70,29 +68,13 @@ class SimulatedFeed:
         """Samples of angular rates come, too."""
         return self._sensor.model.has_gyroscope
 
-    def link(self) -> dict[str, Any]:
-        """Return nothing: there is no line."""
-        return {}
 
-
-class SerialFeed:
+class SerialFeed(Feed):
     """A board on a serial line."""
 
     def __init__(self, device: SerialAccelerometer) -> None:
+        super().__init__(device.mailbox)
         self._device = device
-
-    @property
-    def mailbox(self) -> Mailbox:
-        """Mailbox that its samples arrive in."""
-        return self._device.mailbox
-
-    def now(self) -> float:
-        """Return the time of the stamps' clock [s]."""
-        return time.monotonic()
-
-    def wait(self, seconds: float) -> None:
-        """Sleep."""
-        time.sleep(seconds)
 
     @property
     def has_gyroscope(self) -> bool:
@@ -121,7 +103,7 @@ class SenseSummary:
         return "live" in self.gravity.ticks
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data, in SI and degrees where the name says so."""
+        """Return plain data, in SI and degrees where the name says so."""
         roll, pitch = tilt_of(self.reading.gravity)
         return {
             "duration_s": self.duration,

@@ -38,16 +38,14 @@ class Deployment:
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data: times in microseconds, errors in deg and mm."""
-        compute = self.loop.compute
+        compute, jitter = self.loop.compute, self.loop.jitter
         return {
             "simulated": self.simulated,
             "ticks": self.loop.ticks,
             "rate_hz": self.loop.rate_hz,
-            "compute_us": None if compute is None else {k: 1e6 * v for k, v in compute._asdict().items()},
-            "jitter_us": None
-            if self.loop.jitter is None
-            else {k: 1e6 * v for k, v in self.loop.jitter._asdict().items()},
-            "correction_us": {k: 1e6 * v for k, v in self.correction._asdict().items()},
+            "compute_us": None if compute is None else compute.in_us(),
+            "jitter_us": None if jitter is None else jitter.in_us(),
+            "correction_us": self.correction.in_us(),
             "overruns": self.loop.overruns,
             "real_time_priority": self.loop.has_priority,
             "joints": [

@@ -50,6 +50,7 @@ class MotionSummary:
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, SI."""
+        columns = self.q.tolist(), self.max_error.tolist(), self.rms_error.tolist()
         return {
             "robot": self.robot,
             "simulated": self.simulated,
@@ -60,12 +61,7 @@ class MotionSummary:
             "joints": [
                 {"name": name, "unit": unit, "q": q, "max_error": largest, "rms_error": rms}
                 for name, unit, q, largest, rms in zip(
-                    self.joint_names,
-                    self.joint_units,
-                    self.q.tolist(),
-                    self.max_error.tolist(),
-                    self.rms_error.tolist(),
-                    strict=True,
+                    self.joint_names, self.joint_units, *columns, strict=True
                 )
             ],
         }
