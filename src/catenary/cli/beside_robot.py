@@ -26,17 +26,14 @@ class RobotAccess:
     ros: Annotated[
         int | None,
         Option(
-            "--ros",
-            metavar="1|2",
-            help="The robot is on ROS 1 or 2. [default: the project's, simulated at first]",
+            metavar="1|2", help="The robot is on ROS 1 or 2. [default: the project's, simulated at first]"
         ),
     ] = None
     yes: Annotated[
         bool, Option("--yes", help="With --ros: do not ask; the robot's state must permit each step.")
     ] = False
     simulated: Annotated[
-        bool,
-        Option("--simulated", help="With --ros: that robot is a simulation; recordings say so."),
+        bool, Option("--simulated", help="With --ros: that robot is a simulation; recordings say so.")
     ] = False
 
 

@@ -54,7 +54,7 @@ def record(
     project: Folder,
     access: RobotAccess,
     hours: Hours = None,
-    name: Annotated[str, Option("--name", help="Name of the recording.")] = "test",
+    name: Annotated[str, Option(help="Name of the recording.")] = "test",
     no_motion: Annotated[
         bool, Option("--no-motion", help="With --ros: record the robot while somebody else moves it.")
     ] = False,
@@ -90,7 +90,7 @@ def record(
 
 def extract(
     project: Folder,
-    bag: Annotated[str | None, Option("--bag", help="Also write bags: ros1 or mcap.")] = None,
+    bag: Annotated[str | None, Option(help="Also write bags: ros1 or mcap.")] = None,
     csv: Annotated[bool, Option("--csv", help="Also write the published 252-column CSV.")] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -150,17 +150,14 @@ def deploy(
         Path | None, Argument(metavar="PROJECT", help="Folder of the project; none with --ros.")
     ] = None,
     seconds: Annotated[
-        float | None, Option("--seconds", help="How long it runs. [default: 20; with --ros until Ctrl-C]")
+        float | None, Option(help="How long it runs. [default: 20; with --ros until Ctrl-C]")
     ] = None,
     real_time: Annotated[bool, Option("--real-time/--fast", help="Keep time with the clock.")] = True,
     ros: Annotated[
-        int | None,
-        Option("--ros", metavar="1|2", help="Beside a robot on ROS: publish its messages corrected."),
+        int | None, Option(metavar="1|2", help="Beside a robot on ROS: publish its messages corrected.")
     ] = None,
-    arm: Annotated[str, Option("--arm", help="With --ros: gold (left) or green.")] = "gold",
-    rate: Annotated[
-        float, Option("--rate", metavar="HZ", help="With --ros: rate of the robot's messages.")
-    ] = 1000.0,
+    arm: Annotated[str, Option(help="With --ros: gold (left) or green.")] = "gold",
+    rate: Annotated[float, Option(metavar="HZ", help="With --ros: rate of the robot's messages.")] = 1000.0,
     gravity_torque: Annotated[
         bool,
         Option("--gravity-torque", help="With --ros: also publish the torques that hold the joints still."),
@@ -227,7 +224,7 @@ def calibrate(
         list[Path] | None, Argument(metavar="[DATA...]", help="Recordings to train on, in place of a robot.")
     ] = None,
     test: Annotated[
-        list[Path] | None, Option("--test", metavar="DATA", help="Recording to test on; may be repeated.")
+        list[Path] | None, Option(metavar="DATA", help="Recording to test on; may be repeated.")
     ] = None,
     units: Units = None,
     hours: Hours = None,
@@ -257,7 +254,7 @@ def calibrate(
 
 
 def demo(
-    out: Annotated[Path, Option("--out", metavar="FOLDER", help="Folder for the results.")] = Path("demo"),
+    out: Annotated[Path, Option(metavar="FOLDER", help="Folder for the results.")] = Path("demo"),
     seed: Seed = None,
     as_json: AsJson = False,
 ) -> None:

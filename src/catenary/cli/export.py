@@ -13,19 +13,14 @@ def export(
         str,
         Argument(metavar="WHAT", help="With --c a robot, as fk takes it; with --onnx a calibration model."),
     ],
-    c: Annotated[
-        Path | None, Option("--c", metavar="OUT", help="C header of a robot to write, e.g. arm.h.")
-    ] = None,
-    onnx: Annotated[
-        Path | None, Option("--onnx", metavar="OUT", help="ONNX graph to write, e.g. arm.onnx.")
-    ] = None,
+    c: Annotated[Path | None, Option(metavar="OUT", help="C header of a robot to write, e.g. arm.h.")] = None,
+    onnx: Annotated[Path | None, Option(metavar="OUT", help="ONNX graph to write, e.g. arm.onnx.")] = None,
     model: Annotated[
-        Path | None, Option("--model", metavar="CALIBRATION", help="Calibration model for the C header.")
+        Path | None, Option(metavar="CALIBRATION", help="Calibration model for the C header.")
     ] = None,
     rate_hz: Annotated[
         float | None,
         Option(
-            "--rate-hz",
             metavar="HZ",
             help="Rate of the loop that the model will run in. [default: 1000 in C, the training rows' in ONNX]",
         ),

@@ -39,12 +39,11 @@ MaxError = Annotated[
 
 def fit(
     data: Recordings,
-    model: Annotated[str, Option("--model", metavar="KIND", help="offset, linear, polynomial or neural.")],
-    out: Annotated[Path, Option("--out", metavar="MODEL", help="File to write the model to, e.g. arm.npz.")],
+    model: Annotated[str, Option(metavar="KIND", help="offset, linear, polynomial or neural.")],
+    out: Annotated[Path, Option(metavar="MODEL", help="File to write the model to, e.g. arm.npz.")],
     preset: Annotated[
         str | None,
         Option(
-            "--preset",
             metavar="NAME",
             help="Preset of a neural model: paper (Peng et al.'s network) or best (ours). [default: paper]",
         ),
@@ -52,19 +51,15 @@ def fit(
     inputs: Annotated[
         str | None,
         Option(
-            "--inputs",
             metavar="SIGNALS",
             help="What the model takes: groups q, tau, qd, all, or signals such as q:J1; per joint as "
             "'J1=q:J1,tau:J1;J2=q'. [default: q, and tau if recorded]",
         ),
     ] = None,
-    history: Annotated[
-        int, Option("--history", metavar="K", min=0, help="Also take the K previous commands.")
-    ] = 0,
+    history: Annotated[int, Option(metavar="K", min=0, help="Also take the K previous commands.")] = 0,
     play: Annotated[
         str | None,
         Option(
-            "--play",
             metavar="SHARES",
             help="Also take play states (memory of a cable's slack) as wide as these shares of each joint's "
             "motion: 0.01,0.05,0.2, 'on' for ours, 'off'. [default: off; on for preset best]",
@@ -73,7 +68,6 @@ def fit(
     target: Annotated[
         str,
         Option(
-            "--target",
             metavar="WHAT",
             help="What to learn: error, the joint error, or position, the joint position end to end.",
         ),
@@ -81,27 +75,19 @@ def fit(
     units: Units = None,
     robot: Annotated[
         str | None,
-        Option(
-            "--robot", metavar="ROBOT", help="Catalogue name or file of the robot: joint names and units."
-        ),
+        Option(metavar="ROBOT", help="Catalogue name or file of the robot: joint names and units."),
     ] = None,
     held_out: Annotated[
         float | None,
-        Option(
-            "--held-out",
-            metavar="SHARE",
-            help="Keep the last part of each recording, this share of it, for a test.",
-        ),
+        Option(metavar="SHARE", help="Keep the last part of each recording, this share of it, for a test."),
     ] = None,
     folds: Annotated[
-        int,
-        Option("--folds", metavar="N", min=0, help="Blocks of time for the cross-validation; 0 for none."),
+        int, Option(metavar="N", min=0, help="Blocks of time for the cross-validation; 0 for none.")
     ] = 5,
     max_error: MaxError = None,
     ridge: Annotated[
         float | None,
         Option(
-            "--ridge",
             metavar="R",
             min=0.0,
             max=LARGEST,
@@ -162,8 +148,7 @@ def evaluate(
     model: Annotated[Path, Argument(metavar="MODEL", help="A model that catenary fit wrote.")],
     data: Recordings,
     window: Annotated[
-        float | None,
-        Option("--window", metavar="S", help="Length of a time window in s. [default: a tenth of the data]"),
+        float | None, Option(metavar="S", help="Length of a time window in s. [default: a tenth of the data]")
     ] = None,
     max_error: MaxError = None,
     report: Report = None,

@@ -34,7 +34,6 @@ class Conditions:
     base_tilt_deg: Annotated[
         tuple[float, float] | None,
         Option(
-            "--base-tilt-deg",
             metavar="R P",
             help="Turn the base by R about x, then by P about its own y (of raven2 the axis of joint 1, reversed).",
         ),
@@ -42,27 +41,16 @@ class Conditions:
     rock_deg: Annotated[
         tuple[float, float] | None,
         Option(
-            "--rock-deg",
-            metavar="FROM TO",
-            help="Rock the base about its y axis between these angles, after the tilt.",
+            metavar="FROM TO", help="Rock the base about its y axis between these angles, after the tilt."
         ),
     ] = None
-    rock_hz: Annotated[float, Option("--rock-hz", metavar="F", min=0.0, help="Frequency of the rocking.")] = (
-        1.0
-    )
+    rock_hz: Annotated[float, Option(metavar="F", min=0.0, help="Frequency of the rocking.")] = 1.0
     payload: Annotated[
-        float,
-        Option(
-            "--payload",
-            metavar="KG",
-            min=0.0,
-            help="Mass at the tool's wrist; the model knows nothing of it.",
-        ),
+        float, Option(metavar="KG", min=0.0, help="Mass at the tool's wrist; the model knows nothing of it.")
     ] = 0.0
     seed: Annotated[
         int | None,
         Option(
-            "--seed",
             metavar="N",
             min=0,
             help="Simulate another robot of the kind, drawn with this seed. [default: the nominal one]",
@@ -106,7 +94,7 @@ def gravity(
     q_deg: QDeg = None,
     tilt_deg: Annotated[
         tuple[float, float] | None,
-        Option("--tilt-deg", metavar="R P", help="Turn the base by R about x, then by P about its own y."),
+        Option(metavar="R P", help="Turn the base by R about x, then by P about its own y."),
     ] = None,
     vector: Annotated[
         tuple[float, float, float] | None,
@@ -175,7 +163,6 @@ def track(
     controller: Annotated[
         str,
         Option(
-            "--controller",
             metavar="NAME",
             help="pd, sg (PD and gravity of a level base), dg (PD and sensed gravity), inertia, computed-torque, "
             "elastic-constant, elastic-online or elastic-biased.",
@@ -184,29 +171,22 @@ def track(
     motion: Annotated[
         str,
         Option(
-            "--motion",
             metavar="NAME",
             help="cartesian (sinusoids of the tip along x, y, z), random, or poses (at rest along joint 1's range).",
         ),
     ] = "cartesian",
     q: Annotated[
-        str | None,
-        Option("--q", metavar="Q,Q,...", help="Joints where a cartesian motion begins, in rad and m."),
+        str | None, Option(metavar="Q,Q,...", help="Joints where a cartesian motion begins, in rad and m.")
     ] = None,
-    q_deg: Annotated[str | None, Option("--q-deg", metavar="Q,Q,...", help="The same in deg and mm.")] = None,
-    amplitude_mm: Annotated[
-        float, Option("--amplitude-mm", metavar="A", min=0.0, help="Amplitude of the sinusoids.")
-    ] = 78.74,
+    q_deg: Annotated[str | None, Option(metavar="Q,Q,...", help="The same in deg and mm.")] = None,
+    amplitude_mm: Annotated[float, Option(metavar="A", min=0.0, help="Amplitude of the sinusoids.")] = 78.74,
     axes: Annotated[
-        str, Option("--axes", metavar="A,A,...", help="Base axes along which the sinusoids run.")
+        str, Option(metavar="A,A,...", help="Base axes along which the sinusoids run.")
     ] = "x,y,z",
-    seconds: Annotated[
-        float, Option("--seconds", metavar="S", min=2.0, help="Length of the random motion.")
-    ] = 20.0,
+    seconds: Annotated[float, Option(metavar="S", min=2.0, help="Length of the random motion.")] = 20.0,
     damping: Annotated[
         str,
         Option(
-            "--damping",
             metavar="KIND",
             help="relative, to the motion's velocity, or absolute, as RAVEN-II's own control: it then lags.",
         ),
@@ -270,10 +250,9 @@ def hold(
     q: Q = None,
     q_deg: QDeg = None,
     controller: Annotated[
-        str,
-        Option("--controller", metavar="NAME", help="sg (gravity of a level base) or dg (sensed gravity)."),
+        str, Option(metavar="NAME", help="sg (gravity of a level base) or dg (sensed gravity).")
     ] = "dg",
-    seconds: Annotated[float, Option("--seconds", metavar="S", help="How long to watch.")] = 10.0,
+    seconds: Annotated[float, Option(metavar="S", help="How long to watch.")] = 10.0,
     report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:

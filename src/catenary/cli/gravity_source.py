@@ -19,16 +19,12 @@ class GravityOptions:
     gravity: Annotated[
         str | None,
         Option(
-            "--gravity",
-            metavar="TOPIC",
-            help="With --ros: gravity as `catenary gravity-node` publishes it, as /gravity.",
+            metavar="TOPIC", help="With --ros: gravity as `catenary gravity-node` publishes it, as /gravity."
         ),
     ] = None
     imu: Annotated[
         str | None,
-        Option(
-            "--imu", metavar="TOPIC", help="With --ros, in its place: a sensor_msgs/Imu, as /imu/data_raw."
-        ),
+        Option(metavar="TOPIC", help="With --ros, in its place: a sensor_msgs/Imu, as /imu/data_raw."),
     ] = None
     mounting: MountingFile = None
 

@@ -26,13 +26,13 @@ def home(
         Argument(metavar="PROJECT", help="Folder of the robot's project; made if it is not there."),
     ] = None,
     robot: Annotated[
-        str | None, Option("--robot", metavar="ROBOT", help="Without a project: which one. [default: raven2]")
+        str | None, Option(metavar="ROBOT", help="Without a project: which one. [default: raven2]")
     ] = None,
     dialect: Annotated[
-        str | None, Option("--dialect", help="Without a project, with --ros: raven or crtk. [default: raven]")
+        str | None, Option(help="Without a project, with --ros: raven or crtk. [default: raven]")
     ] = None,
     namespace: Annotated[
-        str | None, Option("--namespace", metavar="/NAME", help="With --dialect crtk: in front of its verbs.")
+        str | None, Option(metavar="/NAME", help="With --dialect crtk: in front of its verbs.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:

@@ -28,30 +28,22 @@ CutOff = Annotated[
 
 def identify(
     logs: Logs,
-    robot: Annotated[
-        str, Option("--robot", metavar="ROBOT", help="Catalogue name or file; needs no inertia.")
-    ],
-    out: Annotated[
-        Path, Option("--out", metavar="FILE", help="File to write the parameters to, e.g. arm.npz.")
-    ],
+    robot: Annotated[str, Option(metavar="ROBOT", help="Catalogue name or file; needs no inertia.")],
+    out: Annotated[Path, Option(metavar="FILE", help="File to write the parameters to, e.g. arm.npz.")],
     test: Annotated[
-        list[Path] | None,
-        Option("--test", metavar="LOG", help="A recording to judge the result by; may be repeated."),
+        list[Path] | None, Option(metavar="LOG", help="A recording to judge the result by; may be repeated.")
     ] = None,
     terms: Annotated[
-        str, Option("--terms", metavar="WHAT", help="full: all of the dynamics; static: poses at rest.")
+        str, Option(metavar="WHAT", help="full: all of the dynamics; static: poses at rest.")
     ] = "full",
     cutoff_hz: CutOff = None,
     period: Annotated[
         int | None,
-        Option(
-            "--period", metavar="N", min=1, help="Samples of the motion's period. [default: the robot file's]"
-        ),
+        Option(metavar="N", min=1, help="Samples of the motion's period. [default: the robot file's]"),
     ] = None,
     weighting: Annotated[
         str | None,
         Option(
-            "--weighting",
             metavar="HOW",
             help="Weight of the axes: none, range or spread of the torque, residual. [default: the robot file's]",
         ),
@@ -63,19 +55,17 @@ def identify(
         ),
     ] = False,
     blocks: Annotated[
-        float | None,
-        Option("--blocks", metavar="S", help="Hold out every second block of S seconds (static: S rows)."),
+        float | None, Option(metavar="S", help="Hold out every second block of S seconds (static: S rows).")
     ] = None,
     rows: Annotated[
-        str | None, Option("--rows", metavar="A:B", help="Rows of the recordings to fit. [default: all]")
+        str | None, Option(metavar="A:B", help="Rows of the recordings to fit. [default: all]")
     ] = None,
     gravity: Gravity = None,
     urdf: Annotated[
-        Path | None,
-        Option("--urdf", metavar="FILE", help="Also write the robot as URDF; needs --consistent."),
+        Path | None, Option(metavar="FILE", help="Also write the robot as URDF; needs --consistent.")
     ] = None,
     report: Annotated[
-        Path | None, Option("--report", metavar="PAGE", help="Also write a self-contained HTML page.")
+        Path | None, Option(metavar="PAGE", help="Also write a self-contained HTML page.")
     ] = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
@@ -164,32 +154,26 @@ def _refuse_to_overwrite(written: list[Path | None], read: list[Path]) -> None:
 
 def excitation(
     robot: Annotated[str, Argument(metavar="ROBOT", help="Catalogue name or file; needs no inertia.")],
-    out: Annotated[
-        Path, Option("--out", metavar="FILE", help="File to write: .npz or .csv of t, q, dq, ddq.")
-    ],
-    static: Annotated[int | None, Option("--static", metavar="N", min=1, help="N poses to hold.")] = None,
+    out: Annotated[Path, Option(metavar="FILE", help="File to write: .npz or .csv of t, q, dq, ddq.")],
+    static: Annotated[int | None, Option(metavar="N", min=1, help="N poses to hold.")] = None,
     fourier: Annotated[bool, Option("--fourier", help="One period of a Fourier motion. [default]")] = False,
     period: Annotated[float, Option("--period-s", metavar="S", help="Period of the motion.")] = 10.0,
-    harmonics: Annotated[
-        int, Option("--harmonics", metavar="N", help="Harmonics of the motion, 3 or more.")
-    ] = 5,
+    harmonics: Annotated[int, Option(metavar="N", help="Harmonics of the motion, 3 or more.")] = 5,
     rate: Annotated[float, Option("--rate-hz", metavar="F", help="Rows of the motion per second.")] = 200.0,
     trials: Annotated[
-        int,
-        Option("--trials", metavar="N", min=1, help="Motions to choose from; more trials find a better one."),
+        int, Option(metavar="N", min=1, help="Motions to choose from; more trials find a better one.")
     ] = 300,
     lower: Annotated[
-        str | None, Option("--lower", metavar="Q,Q,...", help="Lower limits to stay within, rad and m.")
+        str | None, Option(metavar="Q,Q,...", help="Lower limits to stay within, rad and m.")
     ] = None,
     upper: Annotated[
-        str | None, Option("--upper", metavar="Q,Q,...", help="Upper limits to stay within, rad and m.")
+        str | None, Option(metavar="Q,Q,...", help="Upper limits to stay within, rad and m.")
     ] = None,
     velocity: Annotated[
-        str | None,
-        Option("--velocity", metavar="V,V,...", help="Limits of velocity to stay within, rad/s and m/s."),
+        str | None, Option(metavar="V,V,...", help="Limits of velocity to stay within, rad/s and m/s.")
     ] = None,
     gravity: Gravity = None,
-    seed: Annotated[int, Option("--seed", metavar="N", min=0, help="Seed of everything random.")] = 0,
+    seed: Annotated[int, Option(metavar="N", min=0, help="Seed of everything random.")] = 0,
     as_json: AsJsonNotTables = False,
 ) -> None:
     """Design poses or a motion that show an arm's dynamics.
@@ -249,20 +233,14 @@ def excitation(
 
 def payload(
     logs: Logs,
-    model: Annotated[
-        Path, Option("--model", metavar="FILE", help="Parameters that catenary identify wrote.")
-    ],
+    model: Annotated[Path, Option(metavar="FILE", help="Parameters that catenary identify wrote.")],
     at: Annotated[
         tuple[str, float, float, float] | None,
-        Option(
-            "--at", metavar="FRAME X Y Z", help="Place of the payload in a frame, in m. [default: anywhere]"
-        ),
+        Option(metavar="FRAME X Y Z", help="Place of the payload in a frame, in m. [default: anywhere]"),
     ] = None,
     unloaded: Annotated[
         list[Path] | None,
-        Option(
-            "--unloaded", metavar="LOG", help="A recording of the same day without payload; may be repeated."
-        ),
+        Option(metavar="LOG", help="A recording of the same day without payload; may be repeated."),
     ] = None,
     cutoff_hz: CutOff = None,
     as_json: AsJsonNotTables = False,

@@ -24,20 +24,16 @@ def monitor(
     robot: WatchedRobot,
     gravity: GravityOptions,
     log: Annotated[
-        Path | None, Option("--log", metavar="FILE", help="Play a recording: .parquet, .npz or .csv.")
+        Path | None, Option(metavar="FILE", help="Play a recording: .parquet, .npz or .csv.")
     ] = None,
     model: Annotated[
-        Path | None,
-        Option("--model", metavar="MODEL", help="Calibration model: calibrated joints, valid range."),
+        Path | None, Option(metavar="MODEL", help="Calibration model: calibrated joints, valid range.")
     ] = None,
-    speed: Annotated[float, Option("--speed", help="With --log: factor on its own speed.")] = 1.0,
+    speed: Annotated[float, Option(help="With --log: factor on its own speed.")] = 1.0,
     rate: Annotated[
-        float | None,
-        Option("--rate", metavar="HZ", help="Samples a second. [default: 25 on a screen, 1 in a pipe]"),
+        float | None, Option(metavar="HZ", help="Samples a second. [default: 25 on a screen, 1 in a pipe]")
     ] = None,
-    seconds: Annotated[
-        float | None, Option("--seconds", help="How long to watch. [default: until Q or Ctrl-C]")
-    ] = None,
+    seconds: Annotated[float | None, Option(help="How long to watch. [default: until Q or Ctrl-C]")] = None,
     moving: Annotated[
         bool, Option("--moving", help="The robot simulated here moves at random meanwhile.")
     ] = False,

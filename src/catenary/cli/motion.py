@@ -22,23 +22,14 @@ def goto(
     robot: PacedRobot,
     q_deg: Annotated[
         str | None,
-        Option(
-            "--q-deg", metavar="Q,Q,...", help="Joints in deg and mm: the first ones, or those of --joints."
-        ),
+        Option(metavar="Q,Q,...", help="Joints in deg and mm: the first ones, or those of --joints."),
     ] = None,
-    q: Annotated[str | None, Option("--q", metavar="Q,Q,...", help="The same in rad and m.")] = None,
-    joints: Annotated[
-        str | None, Option("--joints", metavar="NAME,...", help="Which joints; the others stay.")
-    ] = None,
+    q: Annotated[str | None, Option(metavar="Q,Q,...", help="The same in rad and m.")] = None,
+    joints: Annotated[str | None, Option(metavar="NAME,...", help="Which joints; the others stay.")] = None,
     position_mm: Annotated[
-        str | None,
-        Option(
-            "--position-mm",
-            metavar="X,Y,Z",
-            help="In place of joints: where the tip goes, in the base frame.",
-        ),
+        str | None, Option(metavar="X,Y,Z", help="In place of joints: where the tip goes, in the base frame.")
     ] = None,
-    speed: Annotated[float, Option("--speed", help="Factor on 0.2 rad/s and 10 mm/s, at most 5.")] = 1.0,
+    speed: Annotated[float, Option(help="Factor on 0.2 rad/s and 10 mm/s, at most 5.")] = 1.0,
     as_json: AsJson = False,
 ) -> None:
     """Move a robot to a place.
@@ -69,8 +60,8 @@ def goto(
 
 def random(
     robot: PacedRobot,
-    seconds: Annotated[float, Option("--seconds", help="Length of the motion.")],
-    seed: Annotated[int, Option("--seed", min=0, help="Seed of the motion.")] = 0,
+    seconds: Annotated[float, Option(help="Length of the motion.")],
+    seed: Annotated[int, Option(min=0, help="Seed of the motion.")] = 0,
     as_json: AsJson = False,
 ) -> None:
     """Move a robot at random.
@@ -96,15 +87,14 @@ def follow(
         Path, Argument(metavar="FILE", help=".csv, .parquet or .npz: time and joints, with units.")
     ],
     rows_per_second: Annotated[
-        float | None,
-        Option("--rows-per-second", help="Rate of a CSV that holds numbers alone. [default: 64.3]"),
+        float | None, Option(help="Rate of a CSV that holds numbers alone. [default: 64.3]")
     ] = None,
-    blend: Annotated[float, Option("--blend", help="Seconds over which velocities are averaged.")] = 0.5,
+    blend: Annotated[float, Option(help="Seconds over which velocities are averaged.")] = 0.5,
     largest_deg_s: Annotated[
-        float | None, Option("--largest-deg-s", help="Refuse a motion that turns faster. [default: 28.6]")
+        float | None, Option(help="Refuse a motion that turns faster. [default: 28.6]")
     ] = None,
     largest_mm_s: Annotated[
-        float | None, Option("--largest-mm-s", help="Refuse a motion that slides faster. [default: 10]")
+        float | None, Option(help="Refuse a motion that slides faster. [default: 10]")
     ] = None,
     from_afar: Annotated[
         bool, Option("--from-afar", help="Allow a start more than 60 deg or 150 mm away.")

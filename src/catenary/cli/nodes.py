@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
 
 def encoders(
-    port: Annotated[str, Option("--port", metavar="PORT", help="Serial port, as /dev/ttyUSB0.")],
+    port: Annotated[str, Option(metavar="PORT", help="Serial port, as /dev/ttyUSB0.")],
     ros: Carrier = "1",
-    bits: Annotated[int, Option("--bits", metavar="16|24|32", help="Width of the board's counters.")] = 32,
+    bits: Annotated[int, Option(metavar="16|24|32", help="Width of the board's counters.")] = 32,
     direction: Annotated[
-        str, Option("--direction", metavar="D,D,D", help="-1 for an encoder that counts against its joint.")
+        str, Option(metavar="D,D,D", help="-1 for an encoder that counts against its joint.")
     ] = "1,1,1",
     state: Annotated[
-        str, Option("--state", metavar="TOPIC", help="Topic of the homing robot's operating state.")
+        str, Option(metavar="TOPIC", help="Topic of the homing robot's operating state.")
     ] = "/arm1/operating_state",
     baud: Baud = 115200,
     duration: Duration = None,
@@ -67,32 +67,17 @@ def encoders(
 
 
 def gravity_node(
-    imu: Annotated[
-        str | None, Option("--imu", metavar="TOPIC", help="A sensor_msgs/Imu, as /imu/data_raw.")
-    ] = None,
-    accel: Annotated[
-        str | None, Option("--accel", metavar="TOPIC", help="A geometry_msgs/AccelStamped.")
-    ] = None,
-    vector: Annotated[
-        str | None, Option("--vector", metavar="TOPIC", help="A geometry_msgs/Vector3Stamped.")
-    ] = None,
-    port: Annotated[
-        str | None, Option("--port", metavar="PORT", help="Serial port of an accelerometer board.")
-    ] = None,
+    imu: Annotated[str | None, Option(metavar="TOPIC", help="A sensor_msgs/Imu, as /imu/data_raw.")] = None,
+    accel: Annotated[str | None, Option(metavar="TOPIC", help="A geometry_msgs/AccelStamped.")] = None,
+    vector: Annotated[str | None, Option(metavar="TOPIC", help="A geometry_msgs/Vector3Stamped.")] = None,
+    port: Annotated[str | None, Option(metavar="PORT", help="Serial port of an accelerometer board.")] = None,
     mounting: MountingFile = None,
     ros: Carrier = "1",
-    rate: Annotated[
-        float, Option("--rate", metavar="HZ", help="Rate at which gravity is published.")
-    ] = 100.0,
-    topic: Annotated[
-        str, Option("--topic", metavar="TOPIC", help="Topic that gravity is published on.")
-    ] = "/gravity",
-    frame: Annotated[
-        str, Option("--frame", metavar="NAME", help="frame_id of the published gravity.")
-    ] = "base",
+    rate: Annotated[float, Option(metavar="HZ", help="Rate at which gravity is published.")] = 100.0,
+    topic: Annotated[str, Option(metavar="TOPIC", help="Topic that gravity is published on.")] = "/gravity",
+    frame: Annotated[str, Option(metavar="NAME", help="frame_id of the published gravity.")] = "base",
     fallback: Annotated[
-        str,
-        Option("--fallback", metavar="hold|fade|static|stop", help="What is published when samples stop."),
+        str, Option(metavar="hold|fade|static|stop", help="What is published when samples stop.")
     ] = "fade",
     points_down: Annotated[
         bool, Option("--points-down", help="The topic's vectors are gravity, not specific force.")

@@ -11,8 +11,7 @@ from typer import Option
 AsJson = Annotated[bool, Option("--json", help="Print JSON.")]
 AsJsonNotTables = Annotated[bool, Option("--json", help="Print JSON instead of tables.")]
 Units = Annotated[
-    str | None,
-    Option("--units", metavar="U,U,...", help="rad or m per joint, where recordings do not say."),
+    str | None, Option("--units", metavar="U,U,...", help="rad or m per joint, where recordings do not say.")
 ]
 Report = Annotated[Path | None, Option("--report", metavar="HTML", help="Also write a self-contained page.")]
 JsonLines = Annotated[bool, Option("--json", help="Print a JSON line a second, and one at the end.")]

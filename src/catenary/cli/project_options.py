@@ -28,13 +28,10 @@ class ArmOptions:
 
     seed: Seed = None
     base_tilt_deg: Annotated[
-        str | None,
-        Option("--base-tilt-deg", metavar="R,P", help="Roll about x, then pitch about y, of the base."),
+        str | None, Option(metavar="R,P", help="Roll about x, then pitch about y, of the base.")
     ] = None
-    payload: Annotated[float | None, Option("--payload", metavar="KG", help="Mass at the tool's wrist.")] = (
-        None
-    )
-    side: Annotated[str | None, Option("--side", help="left (gold) or right (green). [default: left]")] = None
+    payload: Annotated[float | None, Option(metavar="KG", help="Mass at the tool's wrist.")] = None
+    side: Annotated[str | None, Option(help="left (gold) or right (green). [default: left]")] = None
 
 
 @dataclass(frozen=True)
@@ -42,18 +39,13 @@ class ExcitationOptions(ArmOptions):
     """Options of an arm, and of the zig-zag that it is calibrated with."""
 
     direction: Annotated[
-        str | None,
-        Option(
-            "--direction", help="Joints that the zig-zag moves: J1, J2, J3, J1-J2, J2-J3, J1-J3, J1-J2-J3."
-        ),
+        str | None, Option(help="Joints that the zig-zag moves: J1, J2, J3, J1-J2, J2-J3, J1-J3, J1-J2-J3.")
     ] = None
     sparsity: Annotated[
-        str | None,
-        Option("--sparsity", metavar="S,S,...", help="Sparsities of the zig-zags. [default: 1/2,1/3,1/4]"),
+        str | None, Option(metavar="S,S,...", help="Sparsities of the zig-zags. [default: 1/2,1/3,1/4]")
     ] = None
     state_rate: Annotated[
-        float | None,
-        Option("--state-rate", metavar="HZ", help="Rate of raven_state, 30 or 100. [default: 30]"),
+        float | None, Option(metavar="HZ", help="Rate of raven_state, 30 or 100. [default: 30]")
     ] = None
 
 

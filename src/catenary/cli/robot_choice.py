@@ -22,20 +22,14 @@ class WatchedRobot:
     """Options of a robot that is only read: which, and where it is."""
 
     robot: Annotated[
-        str,
-        Option(
-            "--robot",
-            metavar="ROBOT",
-            help="raven2, raven2_right, another of the catalogue, or a robot file.",
-        ),
+        str, Option(metavar="ROBOT", help="raven2, raven2_right, another of the catalogue, or a robot file.")
     ] = "raven2"
     ros: Annotated[
-        int | None,
-        Option("--ros", metavar="1|2", help="The robot is on ROS 1 or 2. [default: simulated here]"),
+        int | None, Option(metavar="1|2", help="The robot is on ROS 1 or 2. [default: simulated here]")
     ] = None
-    dialect: Annotated[str, Option("--dialect", help="With --ros: raven or crtk.")] = "raven"
+    dialect: Annotated[str, Option(help="With --ros: raven or crtk.")] = "raven"
     namespace: Annotated[
-        str | None, Option("--namespace", metavar="/NAME", help="With --dialect crtk: in front of its verbs.")
+        str | None, Option(metavar="/NAME", help="With --dialect crtk: in front of its verbs.")
     ] = None
     simulated: Annotated[
         bool,
@@ -44,17 +38,11 @@ class WatchedRobot:
         ),
     ] = False
     base_tilt_deg: Annotated[
-        str | None,
-        Option(
-            "--base-tilt-deg", metavar="R,P", help="Simulated: roll about x, then pitch about y, of its base."
-        ),
+        str | None, Option(metavar="R,P", help="Simulated: roll about x, then pitch about y, of its base.")
     ] = None
     robot_seed: Annotated[
         int | None,
-        Option(
-            "--robot-seed",
-            help="Simulated: another RAVEN-II, drawn with this seed. [default: the nominal one]",
-        ),
+        Option(help="Simulated: another RAVEN-II, drawn with this seed. [default: the nominal one]"),
     ] = None
 
 

@@ -80,32 +80,25 @@ def fk(
 
 def ik(
     robot: Robot,
-    position_mm: Annotated[
-        str | None, Option("--position-mm", metavar="X,Y,Z", help="Position of the frame.")
-    ] = None,
+    position_mm: Annotated[str | None, Option(metavar="X,Y,Z", help="Position of the frame.")] = None,
     rpy_deg: Annotated[
-        str | None,
-        Option("--rpy-deg", metavar="R,P,Y", help="Orientation of the frame: turned about fixed x, y, z."),
+        str | None, Option(metavar="R,P,Y", help="Orientation of the frame: turned about fixed x, y, z.")
     ] = None,
-    quaternion: Annotated[
-        str | None, Option("--quaternion", metavar="W,X,Y,Z", help="Orientation of the frame.")
-    ] = None,
+    quaternion: Annotated[str | None, Option(metavar="W,X,Y,Z", help="Orientation of the frame.")] = None,
     q: Annotated[
         str | None,
         Option(
-            "--q",
             metavar="Q,Q,...",
             help="Joints to start from, in rad and m; without a position, their pose is the goal.",
         ),
     ] = None,
-    q_deg: Annotated[str | None, Option("--q-deg", metavar="Q,Q,...", help="The same in deg and mm.")] = None,
+    q_deg: Annotated[str | None, Option(metavar="Q,Q,...", help="The same in deg and mm.")] = None,
     frame: FrameName = None,
     in_frame: Annotated[
         str, Option("--in", metavar="FRAME", help="Frame, at rest, that the goal is expressed in.")
     ] = "base",
     seed: Annotated[
-        int,
-        Option("--seed", metavar="N", min=0, help="Seed of the random starts, where a search needs several."),
+        int, Option(metavar="N", min=0, help="Seed of the random starts, where a search needs several.")
     ] = 0,
     as_json: AsJson = False,
 ) -> None:

@@ -26,21 +26,18 @@ _LINE_EVERY = 1.0  # [s] in a file or pipe
 
 def sense(
     port: Annotated[
-        str | None, Option("--port", metavar="PORT", help="Serial port of a board, as /dev/ttyACM0.")
+        str | None, Option(metavar="PORT", help="Serial port of a board, as /dev/ttyACM0.")
     ] = None,
     simulated: Annotated[bool, Option("--simulated", help="Use a simulated sensor.")] = False,
     tilt_deg: Annotated[
-        tuple[float, float] | None,
-        Option("--tilt-deg", metavar="R P", help="Roll, then pitch, of the simulated base."),
+        tuple[float, float] | None, Option(metavar="R P", help="Roll, then pitch, of the simulated base.")
     ] = None,
     rate: Annotated[
-        float | None,
-        Option("--rate", metavar="HZ", help="Sample rate of the simulated sensor. [default: 200]"),
+        float | None, Option(metavar="HZ", help="Sample rate of the simulated sensor. [default: 200]")
     ] = None,
-    seed: Annotated[int, Option("--seed", min=0, help="Seed of the simulated sensor's noise.")] = 0,
+    seed: Annotated[int, Option(min=0, help="Seed of the simulated sensor's noise.")] = 0,
     duration: Annotated[
-        float | None,
-        Option("--duration", metavar="S", help="How long to watch. [default: 5; until Ctrl-C on a terminal]"),
+        float | None, Option(metavar="S", help="How long to watch. [default: 5; until Ctrl-C on a terminal]")
     ] = None,
     mounting: MountingFile = None,
     hanging: Hanging = False,
@@ -49,8 +46,7 @@ def sense(
         bool, Option("--tumble", help="Calibrate the sensor in several attitudes and write a mounting file.")
     ] = False,
     out: Annotated[
-        Path | None,
-        Option("--out", metavar="FILE", help="File that --tumble writes. [default: mounting.toml]"),
+        Path | None, Option(metavar="FILE", help="File that --tumble writes. [default: mounting.toml]")
     ] = None,
     as_json: Annotated[bool, Option("--json", help="Print one JSON summary at the end.")] = False,
 ) -> None:

@@ -19,32 +19,26 @@ if TYPE_CHECKING:
 
 
 def serve(
-    robot: Annotated[str, Option("--robot", metavar="NAME", help="Robot to simulate.")] = "raven2",
+    robot: Annotated[str, Option(metavar="NAME", help="Robot to simulate.")] = "raven2",
     dialect: Annotated[
-        str, Option("--dialect", metavar="raven|crtk", help="Topics of the RAVEN-II, or the present CRTK.")
+        str, Option(metavar="raven|crtk", help="Topics of the RAVEN-II, or the present CRTK.")
     ] = "raven",
     ros: Carrier = "1",
     rate: Annotated[
-        float, Option("--rate", metavar="HZ", help="Rate at which the robot's state is published.")
+        float, Option(metavar="HZ", help="Rate at which the robot's state is published.")
     ] = 1000.0,
     seed: Annotated[
         int | None,
         Option(
-            "--seed",
             metavar="N",
             min=0,
             help="Simulate another robot of the kind, drawn with this seed. [default: the nominal one]",
         ),
     ] = None,
     base_tilt_deg: Annotated[
-        str,
-        Option(
-            "--base-tilt-deg",
-            metavar="ROLL,PITCH",
-            help="Tilt of the base: roll about x, then pitch about y.",
-        ),
+        str, Option(metavar="ROLL,PITCH", help="Tilt of the base: roll about x, then pitch about y.")
     ] = "0,0",
-    payload: Annotated[float, Option("--payload", metavar="KG", help="Mass at the tool's wrist.")] = 0.0,
+    payload: Annotated[float, Option(metavar="KG", help="Mass at the tool's wrist.")] = 0.0,
     green: Annotated[
         bool, Option("--green", help="Let the green arm move too; otherwise it is parked.")
     ] = False,

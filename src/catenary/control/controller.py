@@ -2,6 +2,7 @@
 
 from typing import Protocol
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
@@ -52,4 +53,7 @@ def gravity_and_rates(state: JointState, nominal: Floats | None) -> tuple[Floats
 
     They are the state's own, or nominal gravity on a base at rest.
     """
-    return (state.gravity, *state.base_rates) if nominal is None else (nominal, *AT_REST)
+    # copies: AT_REST is read-only, which kernels take too, but in five times the time
+    if nominal is None:
+        return state.gravity, *np.array(state.base_rates)
+    return nominal, *np.array(AT_REST)
