@@ -46,7 +46,7 @@ class Corrector:
         """
         self.model = model
         self.rate_hz = rate_hz
-        self.decimation = _decimation(model, rate_hz, decimation)
+        self.decimation = decimation_at(model, rate_hz, decimation)
         self._memory = model.features.memory(self.decimation)
         n, signals = len(model.joint_names), len(model.features.signals)
         self._q, self._signals, self._out = np.zeros(n), np.zeros(signals), np.zeros(n)
@@ -192,7 +192,8 @@ class Corrector:
         out[self._places], inside[self._places] = self._out, self._inside
 
 
-def _decimation(model: CalibrationModel, rate_hz: float, decimation: int | None) -> int:
+def decimation_at(model: CalibrationModel, rate_hz: float, decimation: int | None = None) -> int:
+    """Return how many ticks of a loop lie between the previous positions that a model takes; see `Corrector`."""
     if not 0.0 < rate_hz < float("inf"):
         raise InputError(f"rate_hz: expected a positive rate, got {rate_hz}")
     if decimation is not None and decimation < 1:
