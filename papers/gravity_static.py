@@ -28,7 +28,7 @@ from catenary.control.controller import SplitController
 from catenary.control.loop import Tick, run_loop
 from catenary.control.measures import pd_share
 from catenary.files import json_text
-from catenary.reports.page import Block, Heading, Picture, Table, Text, picture, write_page
+from catenary.reports.page import Block, Picture, Table, Text, picture, write_page
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.in_turn import Rest
 from catenary.units import DISPLAY
@@ -37,6 +37,7 @@ from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
 from catenary.workflows.gravity.track import with_approach
 from papers.arguments import folder_and_robots
 from papers.raven_base import turned_base
+from papers.results import shown, spread
 
 Approach = Literal["placed", "driven"]
 APPROACHES: tuple[Approach, ...] = ("placed", "driven")
@@ -161,7 +162,7 @@ def share_table(results: Results, approach: Approach, joint: int) -> Table:
         cells = [f"{angle}"]
         for name in CONTROLLERS[1:]:
             values = [100.0 * results[seed, approach, angle][name].share[joint] for seed in seeds]
-            cells += [f"{values[0]:.1f}", _spread(values[1:])]
+            cells += [f"{values[0]:.1f}", spread(values[1:])]
         rows.append(cells)
     return Table(header, rows)
 
@@ -175,8 +176,8 @@ def error_table(results: Results, approach: Approach) -> Table:
         cells = [f"{angle}"]
         for name in CONTROLLERS:
             error = results[_seeds(results)[0], approach, angle][name].rms_error
-            shown = [f"{e * DISPLAY[unit][1]:.3f}" for e, unit in zip(error, units, strict=True)]
-            cells.append(" ".join(shown))
+            told = [f"{e * DISPLAY[unit][1]:.3f}" for e, unit in zip(error, units, strict=True)]
+            cells.append(" ".join(told))
         rows.append(cells)
     return Table(header, rows)
 
@@ -236,12 +237,6 @@ def _angles(results: Results) -> list[int]:
     return list(dict.fromkeys(angle for _, _, angle in results))
 
 
-def _spread(values: list[float]) -> str:
-    if len(values) < 2:
-        return "-"
-    return f"{np.mean(values):.1f} ± {np.std(values, ddof=1):.1f}"
-
-
 def main(
     folder: Path,
     robots: tuple[int | None, ...] = ROBOTS,
@@ -260,9 +255,9 @@ def main(
     for approach in APPROACHES:
         for joint in range(3):
             title = f"PD share of joint {joint + 1}, {approach}"
-            blocks += [Heading(title), _shown(title, share_table(results, approach, joint))]
+            blocks += shown(title, share_table(results, approach, joint))
         title = f"RMS error, nominal robot, {approach}"
-        blocks += [Heading(title), _shown(title, error_table(results, approach))]
+        blocks += shown(title, error_table(results, approach))
     blocks.append(
         Text(
             "Simulated robots. Positions are those that the robot reports, uncalibrated. Placed: put at the pose, and "
@@ -300,14 +295,6 @@ def main(
         simulated=True,
     )
     return results
-
-
-def _shown(title: str, table: Table) -> Table:
-    """Print a table on the way to the page."""
-    print(f"\n{title}\n\n| " + " | ".join(table.header) + " |\n|" + "---|" * len(table.header))
-    for row in table.rows:
-        print("| " + " | ".join(row) + " |", flush=True)
-    return table
 
 
 if __name__ == "__main__":

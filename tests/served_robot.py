@@ -17,9 +17,19 @@ from catenary.plant import Plant
 from catenary.recording.topics import Arm
 from catenary.simulation.cable_plant import JOINTS, UNITS
 from oracles.cable_arms import homed_plant
+from oracles.ideal_plant import IdealPlant
 
 BEGIN = 1_700_000_000 * 10**9  # [ns]
 JointState = message_class("sensor_msgs/JointState")
+
+
+def homing_plant() -> IdealPlant:
+    """An arm as it is switched on, which takes a quarter of a second to home."""
+    supports = frozenset({"measured_js", "setpoint_js", "servo_jp", "servo_jr", "state_command"})
+    return IdealPlant(
+        homed_plant("left").setpoint_js().q.tolist(), joint_names=JOINTS, joint_units=UNITS, ready=False,
+        homing_ticks=250, supports=supports,
+    )  # fmt: skip
 
 
 class ServedRobot:

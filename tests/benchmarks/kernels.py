@@ -5,6 +5,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -12,14 +13,16 @@ import mujoco
 import numpy as np
 import pinocchio
 
+from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.dynamics.kernels import (
     forward_kinematics_kernel,
     gravity_kernel,
     inverse_dynamics_kernel,
     mass_matrix_kernel,
-    write_gravity_torques,
-    write_mass_matrices,
 )
+from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.gravity.torque import gravity_torque
+from catenary.kernels.kernel import Kernel
 from catenary.robots.model import RobotModel
 from tests.benchmarks.casadi_gravity import casadi_gravity
 from tests.benchmarks.measure import Call, side_by_side, tell
@@ -51,24 +54,26 @@ def single_calls(robot: RandomRobot, folder: Path) -> dict[str, Table]:
     n = model.n
     pin = pinocchio_robot(model)
     data = pin.createData()
-    q, qd, qdd = rng.normal(size=(3, n))
-    q, qd, qdd = q.copy(), qd.copy(), qdd.copy()
-    gravity, tau, M, pose = np.array([0.0, 0.0, -9.81]), np.empty(n), np.empty((n, n)), np.empty((3, 4))
+    q, qd, qdd = (row.copy() for row in rng.normal(size=(3, n)))
+    gravity, still = np.array([0.0, 0.0, -9.81]), np.zeros(3)
+    tau, motion, M, pose = np.empty(n), np.empty(n), np.empty((n, n)), np.empty((3, 4))
 
     def set_and_compute() -> None:
         pin.gravity.linear = gravity
         pinocchio.computeGeneralizedGravity(pin, data, q)
 
     expected = pinocchio.computeGeneralizedGravity(pin, data, q).copy()
-    kernels = {backend: gravity_kernel(model, backend=backend) for backend in ("llvm", "c")}
-    assert np.abs(kernels["llvm"](q, gravity) - expected).max() < 1e-10
+    kernel = gravity_kernel(model)
     contenders: dict[str, Call] = {
         "Pinocchio": partial(pinocchio.computeGeneralizedGravity, pin, data, q),
         "Pinocchio, gravity set each call": set_and_compute,
-        **{f"kernel.into, {k.backend}": partial(k.into, q, gravity, tau) for k in kernels.values()},
-        "kernel, llvm": partial(kernels["llvm"], q, gravity, tau),
-        "kernel, llvm, new array": partial(kernels["llvm"], q, gravity),
+        "bound kernel": kernel.bind(q, gravity, tau),
+        "kernel, new array": partial(kernel, q, gravity),
+        "gravity_torque, checked": partial(gravity_torque, model, q, gravity),
+        "an empty builtin": [].__len__,
     }
+    contenders["bound kernel"]()
+    assert np.abs(tau - expected).max() < 1e-10
     generated = casadi_gravity(model, q, gravity, tau, folder)
     if generated is not None:
         generated()
@@ -78,24 +83,28 @@ def single_calls(robot: RandomRobot, folder: Path) -> dict[str, Table]:
         mj = mujoco_model(robot, gravity=gravity)
         contenders["MuJoCo mj_forward"] = partial(mujoco.mj_forward, mj, mujoco.MjData(mj))
     tables = {"gravity torque": beside("Pinocchio", contenders)}
-    made = {
-        "mass matrix (crba)": (mass_matrix_kernel, (q, M), partial(pinocchio.crba, pin, data, q)),
-        "inverse dynamics (rnea)": (
-            inverse_dynamics_kernel,
-            (q, qd, qdd, gravity, tau),
+    moving = inverse_dynamics_kernel(model).bind(q, qd, qdd, gravity, still, still.copy(), motion)
+    for title, bound, checked, peer in (
+        (
+            "mass matrix (crba)",
+            mass_matrix_kernel(model).bind(q, M),
+            partial(mass_matrix, model, q),
+            partial(pinocchio.crba, pin, data, q),
+        ),
+        (
+            "inverse dynamics (rnea), on a base that may move",
+            moving,
+            partial(inverse_dynamics, model, q, qd, qdd, gravity),
             partial(pinocchio.rnea, pin, data, q, qd, qdd),
         ),
-        "forward kinematics": (
-            forward_kinematics_kernel,
-            (q, pose),
+        (
+            "forward kinematics",
+            forward_kinematics_kernel(model).bind(q, pose),
+            partial(forward_kinematics_kernel(model), q),
             partial(pinocchio.forwardKinematics, pin, data, q),
         ),
-    }
-    for title, (make, arguments, peer) in made.items():
-        ours = {k.backend: partial(k.into, *arguments) for k in (make(model), make(model, backend="c"))}  # type: ignore[operator]
-        tables[title] = beside(
-            "Pinocchio", {"Pinocchio": peer, **{f"kernel.into, {name}": call for name, call in ours.items()}}
-        )
+    ):
+        tables[title] = beside("Pinocchio", {"Pinocchio": peer, "bound kernel": bound, "new array": checked})
     return tables
 
 
@@ -104,6 +113,7 @@ def many(model: RobotModel, rng: np.random.Generator, folder: Path) -> Table:
     pin = pinocchio_robot(model)
     data, n = pin.createData(), pin.nv
     q, gravity = rng.normal(size=(MANY, n)), np.array([[0.0, 0.0, -9.81]])
+    torque, matrix = gravity_kernel(model), mass_matrix_kernel(model)
     tau, M = np.empty((MANY, n)), np.empty((MANY, n, n))
 
     def loop(compute: object) -> None:
@@ -111,21 +121,20 @@ def many(model: RobotModel, rng: np.random.Generator, folder: Path) -> Table:
             compute(pin, data, row)  # type: ignore[operator]
 
     calls: dict[str, Call] = {
-        "gravity, kernel": lambda: write_gravity_torques(model, q, gravity, tau),
+        "gravity, kernel": lambda: torque.rows(q, gravity, out=tau),
         "gravity, Python loop over Pinocchio": lambda: loop(pinocchio.computeGeneralizedGravity),
-        "mass matrix, kernel": lambda: write_mass_matrices(model, q, M),
+        "mass matrix, kernel": lambda: matrix.rows(q, out=M),
         "mass matrix, Python loop over Pinocchio": lambda: loop(pinocchio.crba),
     }
     in_cpp = cpp_loop(model, q, tau, folder)
     if in_cpp is not None:
         calls["gravity, C++ loop over Pinocchio"] = in_cpp
     times: dict[str, list[float]] = {name: [] for name in calls}
-    expected = None
-    for name, call in calls.items():
+    for call in calls.values():
         call()
-        if "gravity" in name and "Python" not in name:
-            assert expected is None or np.abs(tau - expected).max() < 1e-10
-            expected = tau.copy()
+    if in_cpp is not None:
+        in_cpp()
+        assert np.abs(torque.rows(q, gravity) - tau).max() < 1e-10
     for _ in range(ROUNDS):
         for name, call in calls.items():
             begin = time.thread_time_ns()
@@ -164,8 +173,6 @@ def start_up() -> Table:
             ("import numba", "import numba"),
             ("raven2's kernels, cold", use + matrix),
             ("raven2's kernels, cached", use + matrix),
-            ("raven2's kernels by C, cold", (use + matrix).replace("2')", "2'), backend='c'")),
-            ("raven2's kernels by C, cached", (use + matrix).replace("2')", "2'), backend='c'")),
             ("a numba function of raven2, cold", many),
             ("a numba function of raven2, cached", many),
         ):
@@ -183,12 +190,20 @@ def start_up() -> Table:
 
 def compile_times(robot: RandomRobot) -> dict[str, float]:
     """Time tracing and compiling with an empty cache, in this process [s]."""
+    makers: dict[str, Callable[[RobotModel], Kernel]] = {
+        "gravity": gravity_kernel,
+        "inverse dynamics": inverse_dynamics_kernel,
+        "mass matrix": mass_matrix_kernel,
+    }
     table = {}
-    for backend in ("llvm", "c"):
-        for name, make in (("gravity", gravity_kernel), ("mass matrix", mass_matrix_kernel)):
-            begin = time.perf_counter()
-            make(robot.model, backend=backend)  # type: ignore[operator]
-            table[f"{name}, {backend}"] = time.perf_counter() - begin
+    for name, make in makers.items():
+        begin = time.process_time()
+        kernel = make(robot.model)
+        table[name] = time.process_time() - begin
+        arrays = [np.zeros(width) for width in kernel.inputs.values()]
+        begin = time.process_time()
+        kernel.bind(*arrays, np.empty(kernel.shape))
+        table[f"{name}, bound"] = time.process_time() - begin
     return table
 
 

@@ -25,7 +25,7 @@ def contenders(model: RobotModel) -> dict[str, Call]:
     out = np.empty((model.n, len(regressor.labels)))
     torque = pinocchio.computeGeneralizedGravity(pin, data, q)
     assert np.abs(regressor.Z(q, GRAVITY) @ regressor.parameters() - torque).max() < 1e-9
-    kernels = [regressor.kernel(backend=backend) for backend in ("llvm", "c")]
+    kernel = regressor.kernel()
     law = GravityEstimator(model, np.ones(model.n), np.ones(model.n))
     recursive = RecursiveGravityEstimator(model, noise=1.0, settle=0.0, interval=0.0, novelty=0.0)
     ticks = iter(range(10**12))
@@ -33,7 +33,8 @@ def contenders(model: RobotModel) -> dict[str, Call]:
         "Pinocchio computeJointTorqueRegressor": partial(
             pinocchio.computeJointTorqueRegressor, pin, data, q, zero, zero
         ),
-        **{f"kernel.into, {k.backend}": partial(k.into, q, GRAVITY, out) for k in kernels},
+        "kernel, bound": kernel.bind(q, GRAVITY, out),
+        "kernel, new array": partial(kernel, q, GRAVITY),
         "the paper's estimator, a tick": partial(law.update, q, zero, q, GRAVITY, 0.001),
         "least squares, a torque taken": lambda: recursive.update(q, zero, zero, GRAVITY, 0.01 * next(ticks)),
     }

@@ -160,13 +160,12 @@ def test_excitation_of_a_robot_without_limits_takes_them(tmp_path: Path) -> None
     assert content["terms"] == "static"
 
 
-def log(tmp_path: Path, **changes: object) -> Path:
-    path = tmp_path / "log.npz"
-    write_npz(recorded(ARM, 0, seconds=4.0), path, **changes)
-    return path
-
-
 RUN = recorded(ARM, 0, seconds=4.0)
+
+
+def log(tmp_path: Path, **changes: object) -> Path:
+    write_npz(RUN, tmp_path / "log.npz", **changes)
+    return tmp_path / "log.npz"
 
 
 @pytest.mark.parametrize(
@@ -249,6 +248,5 @@ def test_designs_that_cannot_be_are_refused(tmp_path: Path, arguments: list[str]
 
 
 def test_a_design_of_another_ending_is_refused(tmp_path: Path) -> None:
-    assert "expected .npz or .csv" in refusal(
-        "excitation", "panda", "--static", 9, "--out", tmp_path / "x.txt"
-    )
+    out = tmp_path / "x.txt"
+    assert "expected .npz or .csv" in refusal("excitation", "panda", "--static", 9, "--out", out)

@@ -37,14 +37,14 @@ OVER = 0.06 * (CALIBRATION_UPPER - CALIBRATION_LOWER)
 TRAJECTORIES: dict[str, tuple[Callable[[], Trajectory], Floats, Floats]] = {
     **{
         f"zigzag {direction}": (
-            lambda direction=direction: zigzag(direction, [1 / 2, 1 / 3]),
+            lambda direction=direction: zigzag(direction, [1 / 2, 1 / 3] if direction == "J2-J3" else [1 / 2]),
             CALIBRATION_LOWER - OVER,
             CALIBRATION_UPPER + OVER,
         )
         for direction in DIRECTIONS
     },
     "random sinusoids": (
-        lambda: random_sinusoids(np.random.default_rng(1), 300.0),
+        lambda: random_sinusoids(np.random.default_rng(1), 120.0),
         CALIBRATION_LOWER,
         CALIBRATION_UPPER,
     ),
@@ -90,20 +90,20 @@ def trajectory(case: tuple[Trajectory, Floats, Floats]) -> Trajectory:
 
 def test_motion_stays_within_its_range(case: tuple[Trajectory, Floats, Floats]) -> None:
     trajectory, lower, upper = case
-    q, _, _ = trajectory.sample(np.linspace(0.0, trajectory.duration, 20001))
+    q, _, _ = trajectory.sample(np.linspace(0.0, trajectory.duration, 8001))
     assert (q >= lower - 1e-9).all()
     assert (q <= upper + 1e-9).all()
 
 
 def test_velocity_is_the_derivative_of_position(trajectory: Trajectory) -> None:
-    t, h = np.linspace(-1.0, trajectory.duration + 1.0, 5003), 1e-4
+    t, h = np.linspace(-1.0, trajectory.duration + 1.0, 3001), 1e-4
     before, after = trajectory.sample(t - h)[0], trajectory.sample(t + h)[0]
     # central difference: jerk h²/6, at most 50/s3 here, and rounding of 1e-15 / h
     assert_allclose((after - before) / (2.0 * h), trajectory.sample(t)[1], atol=1e-7)
 
 
 def test_acceleration_is_the_derivative_of_velocity(trajectory: Trajectory) -> None:
-    t, h = np.linspace(-1.0, trajectory.duration + 1.0, 5003), 1e-5
+    t, h = np.linspace(-1.0, trajectory.duration + 1.0, 3001), 1e-5
     before, after = trajectory.sample(t - h)[1], trajectory.sample(t + h)[1]
     # where the jerk steps, half of that step times h
     assert_allclose((after - before) / (2.0 * h), trajectory.sample(t)[2], atol=1e-3)
@@ -135,7 +135,7 @@ def test_duration_is_when_the_motion_comes_to_rest(trajectory: Trajectory) -> No
 
 
 def test_sample_equals_calls(trajectory: Trajectory) -> None:
-    times = np.random.default_rng(0).uniform(-1.0, trajectory.duration + 1.0, 200)
+    times = np.random.default_rng(0).uniform(-1.0, trajectory.duration + 1.0, 60)
     sampled = trajectory.sample(times)
     for k, t in enumerate(times):
         assert_array_equal(trajectory(t), [values[k] for values in sampled])

@@ -7,9 +7,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.crtk.conversions import pose_message, pose_of
 from catenary.crtk.message import message_class
 from catenary.crtk.serving.moves import joint_move, straight_move
-from catenary.simulation.cable_plant import CablePlant
 from catenary.spatial import Pose, rotation_from_rpy
-from served_robot import JointState, ServedRobot
+from served_robot import JointState, ServedRobot, homing_plant
 
 EXACT = 1e-12
 Empty = message_class("std_msgs/Empty")
@@ -104,14 +103,14 @@ def test_unhome_touches_only_that(state):
 
 
 def test_homing_is_busy_and_leaves_the_arm_enabled():
-    robot = ServedRobot("crtk", plant=CablePlant())
+    robot = ServedRobot("crtk", plant=homing_plant())
     heard = robot.hear("operating_state")
     robot.tick()
     robot.command("enable")
     robot.tick()
     robot.command("home")
-    for _ in range(60):
-        robot.tick(1000)
+    for _ in range(30):
+        robot.tick(10)
         if robot.server.arms["gold"].state.is_homed:
             break
     states = [one.message for one in heard.take()]

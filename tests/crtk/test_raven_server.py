@@ -12,9 +12,8 @@ from catenary.crtk.names import BUTTON, BUTTON_TYPE
 from catenary.crtk.raven_conversions import arm_channels, raven_state_columns
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.robots.catalog import load_robot
-from catenary.simulation.cable_plant import CablePlant
 from catenary.spatial import Pose, rotation_from_rpy
-from served_robot import JointState, ServedRobot
+from served_robot import JointState, ServedRobot, homing_plant
 
 STEP = np.deg2rad(0.003)  # what a client sends in a millisecond
 UP = np.array([0.0, 0.0, 1.0])
@@ -271,13 +270,13 @@ def test_arms_that_the_robot_has_not_are_listened_to_and_ignored(robot):
 
 
 def test_the_silver_button_homes_busily_and_then_the_pedal_is_up():
-    robot = ServedRobot(plant=CablePlant())
+    robot = ServedRobot(plant=homing_plant())
     assert robot.state() == "DISABLED"
     state = robot.hear("operating_state")
     answer = robot.client.call(BUTTON, BUTTON_TYPE)
     assert answer.success
-    for _ in range(60):
-        robot.tick(1000)
+    for _ in range(30):
+        robot.tick(10)
         if robot.state() == "PAUSED":
             break
     seen = [(one.message.state, one.message.is_homed, one.message.is_busy) for one in state.take()]

@@ -22,8 +22,8 @@ from catenary.kernels import jax_writer
 from catenary.robots.catalog import load_robot
 from oracles.random_trees import random_robot
 
-TREE = random_robot(8).model  # branching, with prismatic joints and coupled coordinates
-ROBOTS = [load_robot("two_link"), load_robot("raven2"), TREE]
+TREE = random_robot(12).model  # branching, three joints slide, four joints on three coordinates
+ROBOTS = [load_robot("raven2"), TREE]
 QUANTITIES = get_args(ExportedQuantity)
 MOVING = ("q", "qd", "qdd", "gravity")
 INPUTS = {"mass_matrix": ("q",), "forward_kinematics": ("q",), "inverse_dynamics": MOVING}

@@ -26,9 +26,9 @@ UPRIGHT = np.array([0.0, 0.0, -9.81])
 
 @pytest.fixture(scope="module")
 def robots(random_robots: list[RandomRobot]) -> list[RandomRobot]:
-    """Fifty random trees, and every robot of the catalogue with random bodies."""
+    """Thirty random trees, and every robot of the catalogue with random bodies."""
     rng = np.random.default_rng(0)
-    return random_robots[:50] + [random_bodies_on(load_robot(name), rng) for name in robot_names()]
+    return random_robots[:30] + [random_bodies_on(load_robot(name), rng) for name in robot_names()]
 
 
 def held_by_mujoco(robot: RandomRobot, q: Floats, gravity: Floats) -> Floats:

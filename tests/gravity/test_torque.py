@@ -5,6 +5,7 @@ import pinocchio
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.dynamics.kernels import FEW
 from catenary.errors import InputError, MissingInertiaError
 from catenary.gravity.torque import gravity_torque, potential_energy
 from catenary.robots.catalog import load_robot
@@ -193,3 +194,22 @@ def test_a_model_without_inertia_is_refused_by_the_links_names() -> None:
         with pytest.raises(MissingInertiaError, match='"elbow", "insertion"') as caught:
             refused(model, np.zeros(3), UPRIGHT)
         assert caught.value.links == ("elbow", "insertion")
+
+
+@pytest.mark.parametrize("name", ["raven2", "planar_3r"])
+def test_from_some_calls_on_the_kernel_gives_the_same_and_checks_as_much(name: str) -> None:
+    model, gravity = load_robot(name), np.array([0.3, -0.2, -9.81])
+    rng = np.random.default_rng(12)
+    fixed = gravity.copy()
+    fixed.setflags(write=False)
+    for k in range(FEW + 5):
+        q = rng.normal(size=model.n)
+        (expected,) = gravity_torque(model, q[None], gravity)
+        for given in (gravity, fixed, list(gravity)):
+            assert_allclose(gravity_torque(model, q, given), expected, rtol=0.0, atol=1e-12, err_msg=str(k))
+    with pytest.raises(InputError, match=r"q\[1\] is nan"):
+        gravity_torque(model, np.array([0.1, np.nan, 0.2]), gravity)
+    with pytest.raises(InputError, match=r"gravity\[0\] is inf"):
+        gravity_torque(model, np.zeros(3), np.array([np.inf, 0.0, 0.0]))
+    with pytest.raises(InputError, match=r"q: expected shape \(3,\) or \(N, 3\), got \(2,\)"):
+        gravity_torque(model, np.zeros(2), gravity)

@@ -81,7 +81,9 @@ def test_many_rows_are_single_ones_to_the_bit(kernel: Kernel, states, count: int
 
 def test_threads_share_rows_without_changing_a_bit(kernel: Kernel, states) -> None:
     expected = kernel.rows(*states)
-    assert (kernel.rows(*states, threads=3) == expected).all()
+    out = np.empty_like(expected)
+    assert kernel.rows(*states, out=out, threads=3) is out
+    assert (out == expected).all()
     assert (kernel.rows(states[0], GRAVITY[None], threads=2) == kernel.rows(states[0], GRAVITY[None])).all()
     with pytest.raises(InputError, match="threads: expected one or more, got 0"):
         kernel.rows(*states, threads=0)
@@ -106,6 +108,8 @@ def test_other_arrays_are_refused_by_name(kernel: Kernel) -> None:
         kernel.rows(Q[None], GRAVITY)
     with pytest.raises(InputError, match="gravity: expected 1 or 4 rows, got 2"):
         kernel.rows(np.zeros((4, 3)), np.zeros((2, 3)))
+    with pytest.raises(InputError, match=r"out: expected a contiguous float64 array of shape \(4, 3\)"):
+        kernel.rows(np.zeros((4, 3)), np.zeros((4, 3)), out=np.zeros((3, 4)))
 
 
 @pytest.mark.parametrize(

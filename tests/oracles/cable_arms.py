@@ -2,7 +2,7 @@
 
 import copy
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,15 +49,15 @@ def linear_arm() -> CableArm:
 
 
 @cache
-def _homed(side: str, seed: int | None, substeps: int) -> CablePlant:
-    plant = CablePlant(side=side, seed=seed, substeps=substeps)
+def _homed(**options: Any) -> CablePlant:
+    plant = CablePlant(**options)
     plant.home()
     return plant
 
 
-def homed_plant(side: str = "left", seed: int | None = None, substeps: int = 2) -> CablePlant:
-    """A homed and enabled arm of one's own, homed once per session."""
-    return copy.deepcopy(_homed(side, seed, substeps))
+def homed_plant(side: str = "left", **options: Any) -> CablePlant:
+    """A homed and enabled arm of one's own, made with CablePlant's options and homed once per session."""
+    return copy.deepcopy(_homed(side=side, **options))
 
 
 def smooth_motion(start: Floats, seconds: float, period: float = 1e-3) -> Floats:

@@ -32,6 +32,7 @@ class IdealPlant:
         period: float = 0.001,
         ready: bool = True,
         pause_after: int | None = None,
+        homing_ticks: int = 0,
         supports: frozenset[str] = frozenset({"measured_js", "setpoint_js", "servo_jp", "servo_jr"}),
     ) -> None:
         n = len(q)
@@ -46,6 +47,7 @@ class IdealPlant:
         self.setpoints: list[Floats] = []
         self.ticks = 0
         self._pause_after = pause_after
+        self._homing_ticks, self._homes_at = homing_ticks, -1
         self._q = np.array(q, dtype=float)
         self._qd = np.zeros(n)
         self._setpoint = self._q.copy()
@@ -77,7 +79,9 @@ class IdealPlant:
 
     def state_command(self, command: StateCommand) -> None:
         state, is_homed, is_busy = self._state
-        if command in ("home", "unhome"):
+        if command == "home" and self._homing_ticks and not is_homed:
+            is_busy, self._homes_at = True, self.ticks + self._homing_ticks
+        elif command in ("home", "unhome"):
             is_homed = command == "home"
         state = "DISABLED" if command == "disable" else _NEXT_STATE.get((command, state), state)
         self._state = OperatingState(state, is_homed, is_busy)
@@ -89,6 +93,8 @@ class IdealPlant:
         self.ticks += 1
         self._qd = (self._setpoint - self._q) / self.period
         self._q = self._setpoint.copy()
+        if self.ticks == self._homes_at:
+            self._state = self._state._replace(is_homed=True, is_busy=False)
         if self.ticks == self._pause_after:
             self.state_command("pause")
 

@@ -43,6 +43,12 @@ def _synchronised(
     return synchronise(tmp_path / "x")
 
 
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Synchronisation:
+    """Of a state and an encoder without any fault."""
+    return _synchronised(tmp_path_factory.mktemp("plain"), RIG_TIME, encoder(RIG_TIME))
+
+
 def test_a_recording_becomes_a_log_with_the_encoder_on_the_states_stamps(tmp_path: Path) -> None:
     record(tmp_path / "r", 20.0)
     extract([tmp_path / "r"], tmp_path / "x")
@@ -65,9 +71,9 @@ def test_a_recording_becomes_a_log_with_the_encoder_on_the_states_stamps(tmp_pat
     )
 
 
-def test_torque_is_at_the_joint_and_other_joints_are_signals(tmp_path: Path) -> None:
+def test_torque_is_at_the_joint_and_other_joints_are_signals(plain: Synchronisation) -> None:
     columns = telemetry(STATE_TIME, np.random.default_rng(0))
-    log = _synchronised(tmp_path, RIG_TIME, encoder(RIG_TIME)).log
+    log = plain.log
     assert log.tau is not None
     # at the joint, the gains 0.3, 0.3, 0.15 per motor radian are 454.3, 361.7 Nm/rad and 57055 N/m
     ratio = np.array([136.1963, 121.5221, 2158.590])
@@ -84,8 +90,8 @@ def test_torque_is_at_the_joint_and_other_joints_are_signals(tmp_path: Path) -> 
     assert_allclose(log.qd, columns["jvel"][:, :3], rtol=1e-6)
 
 
-def test_a_log_written_to_parquet_reads_back(tmp_path: Path) -> None:
-    log = _synchronised(tmp_path, RIG_TIME, encoder(RIG_TIME)).log
+def test_a_log_written_to_parquet_reads_back(plain: Synchronisation, tmp_path: Path) -> None:
+    log = plain.log
     write_parquet(log, tmp_path / "log.parquet")
     back = read_log(tmp_path / "log.parquet")
     assert_array_equal(back.q_nominal, log.q_nominal)
@@ -129,13 +135,14 @@ def test_an_encoder_that_freezes_is_reported_and_not_trusted(tmp_path: Path) -> 
     assert any("encoder of shoulder: stood still from 1.00 s" in note for note in result.log.notes)
 
 
-def test_shuffled_and_repeated_messages_change_nothing_but_the_report(tmp_path: Path) -> None:
+def test_shuffled_and_repeated_messages_change_nothing_but_the_report(
+    plain: Synchronisation, tmp_path: Path
+) -> None:
     rng = np.random.default_rng(5)
     order = np.arange(len(RIG_TIME))
     order[100:110] = order[100:110][::-1]
     again = np.sort(np.concatenate([order, rng.choice(len(order), 30, replace=False)]))
     again[100:110] = again[100:110][::-1]
-    plain = _synchronised(tmp_path / "a", RIG_TIME, encoder(RIG_TIME))
     mixed = _synchronised(tmp_path / "b", RIG_TIME[again], encoder(RIG_TIME[again]))
     assert mixed.log.q_encoder is not None
     assert plain.log.q_encoder is not None

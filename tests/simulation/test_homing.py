@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from catenary.errors import NotReadyError
 from catenary.plant import OperatingState
+from catenary.simulation import homing
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.external_encoders import mean_near_peak
@@ -227,9 +228,10 @@ def arm_without_shoulder_stop():
     return arm._replace(cable=arm.cable.replace(stop_position=position))
 
 
-def test_an_axis_that_meets_no_stop_ends_the_homing():
+def test_an_axis_that_meets_no_stop_ends_the_homing(monkeypatch):
+    monkeypatch.setattr(homing, "LONGEST_SEEK", 12.0)
     plant = CablePlant(arm_without_shoulder_stop(), substeps=1)
-    with pytest.raises(NotReadyError, match="shoulder met no stop"):
+    with pytest.raises(NotReadyError, match=r"shoulder.* met no stop in 12 s"):
         plant.home()
     plant.wait()
     assert plant.operating_state() == OperatingState("FAULT", is_homed=False, is_busy=False)

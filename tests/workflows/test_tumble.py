@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from catenary.sensing.mounting import Mounting, load_mounting, save_mounting
 from catenary.simulation.sensors import SensorModel
 from catenary.workflows.sense import StillReading
-from catenary.workflows.tumble import STEPS, run_tumble, simulated_reader
+from catenary.workflows.tumble import ATTITUDES, run_tumble, simulated_reader
 
 TRUE = Mounting(
     rotation=Rotation.from_euler("xyz", [0.4, -0.8, 2.0]).as_matrix(),
@@ -15,11 +15,13 @@ TRUE = Mounting(
     rate_bias=np.array([0.02, -0.01, 0.03]),
 )
 READER = simulated_reader(SensorModel(mounting=TRUE), seed=1)
-READINGS = {step.name: READER(step) for step in STEPS}
+READINGS = {attitude.name: READER(attitude) for attitude in ATTITUDES}
 
 
 def test_a_tumble_finds_bias_scale_and_rotation_of_a_sensor():
-    outcome = run_tumble(lambda step: READINGS[step.name], start=Mounting(position=np.array([0.1, 0.2, 0.3])))
+    outcome = run_tumble(
+        lambda attitude: READINGS[attitude.name], start=Mounting(position=np.array([0.1, 0.2, 0.3]))
+    )
     assert outcome.faults == ()
     # noise of 0.04 m/s2 over 200 samples
     assert_allclose(outcome.mounting.bias, TRUE.bias, atol=0.01)
@@ -31,14 +33,14 @@ def test_a_tumble_finds_bias_scale_and_rotation_of_a_sensor():
 
 
 def test_what_a_tumble_found_is_loaded_as_it_was(tmp_path):
-    outcome = run_tumble(lambda step: READINGS[step.name])
+    outcome = run_tumble(lambda attitude: READINGS[attitude.name])
     save_mounting(tmp_path / "m.toml", outcome.mounting, outcome.section)
     assert_allclose(load_mounting(tmp_path / "m.toml").rotation, outcome.mounting.rotation)
 
 
 def spoilt(change):
     """A reader of a sensor whose driver changes what it reads."""
-    return lambda step: StillReading(change(READINGS[step.name].force), None)
+    return lambda attitude: StillReading(change(READINGS[attitude.name].force), None)
 
 
 @pytest.mark.parametrize(
@@ -58,11 +60,11 @@ def test_a_driver_that_is_wrong_is_named(change, said):
 
 
 def test_a_base_that_was_tilted_the_other_way_is_told():
-    def read(step):
+    def read(attitude):
         return (
-            READER(step._replace(up=tuple(np.array(step.up) * [-1, 1, 1])))
-            if step.name == "pitched"
-            else READINGS[step.name]
+            READER(attitude._replace(up=tuple(np.array(attitude.up) * [-1, 1, 1])))
+            if attitude.name == "pitched"
+            else READINGS[attitude.name]
         )
 
     outcome = run_tumble(read)
@@ -70,7 +72,7 @@ def test_a_base_that_was_tilted_the_other_way_is_told():
 
 
 def test_sides_that_were_left_out_are_named():
-    def read(step):
-        return READINGS["+z up" if step.name in ("-z up", "slanted 2", "slanted 3") else step.name]
+    def read(attitude):
+        return READINGS["+z up" if attitude.name in ("-z up", "slanted 2", "slanted 3") else attitude.name]
 
     assert any("no reading with -z up" in fault for fault in run_tumble(read).faults)

@@ -46,7 +46,7 @@ class Corrector:
         """
         self.model = model
         self.rate_hz = rate_hz
-        self.decimation = _decimation(model, rate_hz, decimation)
+        self.decimation = decimation_at(model, rate_hz, decimation)
         self._memory = model.features.memory(self.decimation)
         n, signals = len(model.joint_names), len(model.features.signals)
         self._q, self._signals, self._out = np.zeros(n), np.zeros(signals), np.zeros(n)
@@ -54,7 +54,8 @@ class Corrector:
         self._shapes = ((n,), (signals,), (n,), (n,))
         self._tick = self.bind(self._q, self._signals, self._out, self._inside)
         # of no robot yet: no joint state has -1 joints
-        self._robot_joints, self._places, self._sources = -1, np.arange(n), np.zeros(signals, dtype=np.int64)
+        self._robot_shapes = ((-1,),) * 5
+        self._places, self._sources = np.arange(n), np.zeros(signals, dtype=np.int64)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "_tick"}
@@ -161,7 +162,7 @@ class Corrector:
                     f'corrector: input "{signal}" is in no joint state; expected q, qd or tau of {robot}'
                 )
             sources.append(SOURCES.index(group) * size + joint_names.index(joint))
-        self._robot_joints = size
+        self._robot_shapes = ((size,),) * 5
         self._places = np.array([joint_names.index(name) for name in model.joint_names], dtype=np.int64)
         self._sources = np.array(sources, dtype=np.int64)
         self.reset()
@@ -177,21 +178,22 @@ class Corrector:
         Raises:
             InputError: An array has another size than the robot's joints.
         """
-        shapes = tuple(map(np.shape, (state.q, state.qd, state.tau, out, inside)))
-        if any(shape != (self._robot_joints,) for shape in shapes):
+        shapes = (state.q.shape, state.qd.shape, state.tau.shape, out.shape, inside.shape)
+        if shapes != self._robot_shapes:
             raise InputError(
                 "corrector: q, qd, tau, out and inside are not of the robot that it was prepared for: "
                 + ", ".join(map(str, shapes))
             )
         self._signals[:] = np.concatenate((state.q, state.qd, state.tau))[self._sources]
-        self._q[:] = np.asarray(state.q)[self._places]
+        self._q[:] = state.q[self._places]
         self._tick()
         out[:] = state.q
         inside[:] = True
         out[self._places], inside[self._places] = self._out, self._inside
 
 
-def _decimation(model: CalibrationModel, rate_hz: float, decimation: int | None) -> int:
+def decimation_at(model: CalibrationModel, rate_hz: float, decimation: int | None = None) -> int:
+    """Return how many ticks of a loop lie between the previous positions that a model takes; see `Corrector`."""
     if not 0.0 < rate_hz < float("inf"):
         raise InputError(f"rate_hz: expected a positive rate, got {rate_hz}")
     if decimation is not None and decimation < 1:

@@ -74,9 +74,7 @@ def record(
     seconds = 60.0 * opened.settings.test_minutes
     if no_motion:
         if opened.settings.connection == "simulation":
-            raise InputError(
-                "--no-motion: a simulated robot is moved by this command alone; use it with --ros"
-            )
+            raise InputError("--no-motion: goes with --ros; only this command moves a simulated robot")
         with _progress("record") as tell:
             topics = record_others(opened, name, seconds, simulated=access.simulated, tell=tell)
         what = f"recorded {seconds:.0f} s as {name}"

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from catenary.sensing.mounting import Mounting
     from catenary.sensing.vector import GravityReading
     from catenary.workflows.sense import Feed, SenseSummary, StillReading
-    from catenary.workflows.tumble import Step, TumbleOutcome
+    from catenary.workflows.tumble import Attitude, TumbleOutcome
 
 _SHOWN_EVERY = 0.1  # [s] on a terminal
 _LINE_EVERY = 1.0  # [s] in a file or pipe
@@ -205,12 +205,12 @@ def _print_summary(summary: "SenseSummary") -> None:
 def _tumble(feed: "Feed | None", start: "Mounting", rate: float, seed: int, out: Path, as_json: bool) -> None:
     from catenary.sensing.mounting import save_mounting
     from catenary.simulation.sensors import SensorModel
-    from catenary.workflows.tumble import STEPS, run_tumble, simulated_reader
+    from catenary.workflows.tumble import ATTITUDES, run_tumble, simulated_reader
 
     if feed is None:
         outcome = run_tumble(simulated_reader(SensorModel(rate, mounting=start), seed=seed), start=start)
     else:
-        print_notes([f"{len(STEPS)} attitudes; put the sensor there, let go of it, then press Enter"])
+        print_notes([f"{len(ATTITUDES)} attitudes; put the sensor there, let go of it, then press Enter"])
         outcome = run_tumble(_by_hand(feed), start=start)
     if not outcome.faults:
         save_mounting(out, outcome.mounting, outcome.section)
@@ -219,13 +219,13 @@ def _tumble(feed: "Feed | None", start: "Mounting", rate: float, seed: int, out:
         raise typer.Exit(1)
 
 
-def _by_hand(feed: "Feed") -> "Callable[[Step], StillReading]":
+def _by_hand(feed: "Feed") -> "Callable[[Attitude], StillReading]":
     from catenary.workflows.sense import read_still
-    from catenary.workflows.tumble import STEPS
+    from catenary.workflows.tumble import ATTITUDES
 
-    def read(step: "Step") -> "StillReading":
+    def read(attitude: "Attitude") -> "StillReading":
         print(
-            f"{STEPS.index(step) + 1}/{len(STEPS)} {step.instruction}; Enter ",
+            f"{ATTITUDES.index(attitude) + 1}/{len(ATTITUDES)} {attitude.instruction}; Enter ",
             end="",
             file=sys.stderr,
             flush=True,

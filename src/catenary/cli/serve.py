@@ -15,7 +15,7 @@ from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.crtk.serving.server import Server
-    from catenary.nodes.serve import Status
+    from catenary.nodes.serve import ServerStatus
 
 
 def serve(
@@ -131,7 +131,7 @@ def _listen(commands: deque[str]) -> None:
     threading.Thread(target=read, name="keyboard", daemon=True).start()
 
 
-def _show(status: "Status") -> None:
+def _show(status: "ServerStatus") -> None:
     arms = ", ".join(f"{name} {text}" for name, text in status.states.items())
     line = (
         f"{status.seconds:7.0f} s  {status.rate_hz:5.0f} Hz  {100 * status.cpu:3.0f} % cpu  {arms}  "
@@ -145,5 +145,5 @@ def _show(status: "Status") -> None:
     print_notes(status.warnings)
 
 
-def _show_json(status: "Status", *, final: bool = False) -> None:
+def _show_json(status: "ServerStatus", *, final: bool = False) -> None:
     print_json_line(status._asdict() | {"final": final})

@@ -14,7 +14,7 @@ import numpy as np
 from rosbags.serde import SerdeError
 
 from catenary.crtk.clock import SECOND
-from catenary.crtk.message import Message, has_header, message_class, message_fields
+from catenary.crtk.message import HEADER, Message, has_header, message_class, message_fields
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.messages import (
     MESSAGES,
@@ -122,12 +122,20 @@ def _prepared(field: Field) -> Change | None:
             return list(values) if single is None else [single(value) for value in values]
 
         return prepare_each
+    if field.type == HEADER:
+        return _header  # nearly every message has one
     if field.type == "time":
         return _time
     if field.type == "duration":
         return _duration
     is_ready = field.type == "string" or not any(map(_prepared, fields(field.type)))
     return None if is_ready else _preparation(field.type)
+
+
+def _header(header: Message) -> Any:
+    if type(header) is not message_class(HEADER):
+        raise TypeError(f"{type(header).__name__} in place of {HEADER}")
+    return type(header)(header.seq, _time(header.stamp), header.frame_id)
 
 
 def _time(stamp: int) -> _Time:

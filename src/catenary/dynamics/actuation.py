@@ -21,7 +21,7 @@ class ActuationTerm(NamedTuple):
 
 
 def actuation_terms(actuation: Actuation, *, static: bool = False) -> tuple[ActuationTerm, ...]:
-    """Give the parameters in the order of their columns; at rest only constants and springs are left."""
+    """Return the parameters in the order of their columns; at rest only constants and springs are left."""
     terms: list[ActuationTerm] = []
     for friction in actuation.friction:
         for kind in ("coulomb", "viscous", "offset"):
@@ -38,7 +38,7 @@ def actuation_terms(actuation: Actuation, *, static: bool = False) -> tuple[Actu
 def actuation_columns(
     terms: tuple[ActuationTerm, ...], q: Floats, qd: Floats, qdd: Floats, coulomb_velocity: float
 ) -> Floats:
-    """Torques (N, n, k) per unit of each term, at q, qd, qdd (N, n).
+    """Return torques (N, n, k) per unit of each term, at q, qd, qdd (N, n).
 
     A term acts on s = c . q: Coulomb friction by the sign of its rate (tanh(rate / v0) with `coulomb_velocity` v0
     above zero), viscous friction by its rate, a rotor by its second derivative, a linear spring by s itself. The load
@@ -64,7 +64,7 @@ def actuation_columns(
 
 
 def lever_load(lever: LeverSpring, s: Floats) -> Floats:
-    """Torque along s of a spring of stiffness 1 N/m at the end of a lever [Nm], s in rad."""
+    """Return the torque along s of a spring of stiffness 1 N/m at the end of a lever [Nm], s in rad."""
     t = lever.angle + s
     length = np.sqrt(lever.arm**2 + lever.anchor**2 - 2.0 * lever.arm * lever.anchor * np.cos(t))
     load: Floats = lever.arm * lever.anchor * np.sin(t) / length * (length - lever.rest)
@@ -72,7 +72,7 @@ def lever_load(lever: LeverSpring, s: Floats) -> Floats:
 
 
 def known_torque(actuation: Actuation, q: Floats) -> Floats:
-    """Torques (N, n) [Nm or N] that are known beforehand, at q (N, n)."""
+    """Return torques (N, n) [Nm or N] that are known beforehand, at q (N, n)."""
     out = np.zeros(q.shape)
     for term in actuation.known_torques:
         out += np.polyval(term.polynomial, q @ term.combination)[:, None] * term.along

@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
-from catenary.dynamics.coordinates import place_tree, to_robot, to_robot_matrix, to_tree
-from catenary.dynamics.coriolis_recursion import coriolis_recursion
+from catenary.dynamics.coordinates import place_tree, to_robot, to_tree
 from catenary.dynamics.kernels import one_by_kernel
 from catenary.dynamics.lines import inverse_dynamics_line
-from catenary.dynamics.recursion import newton_euler_recursion, place_links
+from catenary.dynamics.recursion import newton_euler_recursion
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
@@ -39,7 +38,7 @@ def inverse_dynamics(
     gravity: ArrayLike,
     base: BaseMotion | None = None,
 ) -> Floats:
-    """Torques that produce a motion: M(q) qdd + C(q, qd) qd + g(q), on a base that may itself move.
+    """Return the torques of a motion: M(q) qdd + C(q, qd) qd + g(q), on a base that may itself move.
 
     Recursive Newton-Euler (Luh, Walker, Paul 1980). A moving base loads the joints with
     gravity - a_base - alpha x r - omega x (omega x r) in place of gravity, and with the moments that turn
@@ -90,9 +89,11 @@ def inverse_dynamics(
 
 
 def coriolis_matrix(model: RobotModel, q: ArrayLike, qd: ArrayLike) -> Floats:
-    """Coriolis matrix of Christoffel's symbols: M_dot - 2 C is skew and C(q, a) b = C(q, b) a.
+    """Return the Coriolis matrix of Christoffel's symbols: M_dot - 2 C is skew and C(q, a) b = C(q, b) a.
 
-    Method and source: coriolis_recursion.py.
+    The velocity terms h(v) = C(q, v) v of the inverse dynamics are a quadratic form, and C(q, a) b the symmetric
+    bilinear form that belongs to it: column j is C(q, qd) e_j = (h(qd + s e_j) - h(qd - s e_j)) / (4 s), exactly and
+    for any s; s = max |qd| loses no digits.
 
     Args:
         model: The robot.
@@ -109,13 +110,33 @@ def coriolis_matrix(model: RobotModel, q: ArrayLike, qd: ArrayLike) -> Floats:
     model.require_inertia()
     rows, single = as_batch("q", q, model.n)
     velocities = _like(rows, single, "qd", qd)
-    out = np.empty((len(rows), model.n, model.n))
-    _coriolis_rows(model.tree, model.coupling, model.offset, rows, velocities, out)
+    largest = np.abs(velocities).max(axis=1, initial=0.0)
+    s = np.where(largest > 0.0, largest, 1.0)[:, None, None]
+    places = np.repeat(rows, model.n, axis=0)
+    still, no_gravity, base_at_rest = np.zeros_like(places), np.zeros((1, 3)), np.zeros((3, 3))
+    terms = []
+    for sign in (1.0, -1.0):
+        moved = (velocities[:, None, :] + sign * s * np.eye(model.n)).reshape(places.shape)
+        h = np.empty_like(places)
+        _inverse_dynamics_rows(
+            model.tree,
+            model.coupling,
+            model.offset,
+            places,
+            moved,
+            still,
+            no_gravity,
+            base_at_rest,
+            h,
+        )
+        terms.append(h.reshape(len(rows), model.n, model.n))
+    matrices = np.swapaxes((terms[0] - terms[1]) / (4.0 * s), 1, 2)
+    out: Floats = np.ascontiguousarray(matrices)
     return out[0] if single else out
 
 
 def gravity_rows(gravity: ArrayLike, count: int) -> Floats:
-    """Give gravity (3,) or (N, 3) as one row for all, or as one row for each of `count` configurations.
+    """Return gravity (3,) or (N, 3) as one row for all, or as one row for each of `count` configurations.
 
     Raises:
         InputError: Another shape or number of rows, NaN or infinity.
@@ -162,45 +183,3 @@ def _inverse_dynamics_rows(
             tree, rotation, position, xd, xdd, omega, alpha, acceleration, force, moment, torque
         )
         to_robot(coupling, torque, out[k])
-
-
-@compiled
-def _coriolis_rows(tree: Tree, coupling: Floats, offset: Floats, q: Floats, qd: Floats, out: Floats) -> None:
-    n = len(tree.parent)
-    work = np.empty((3, n))
-    rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))
-    base_rotation, base_position = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3))
-    xd = np.empty(n)
-    spin, slide, spin_rate, slide_rate = (
-        np.empty((n, 3)),
-        np.empty((n, 3)),
-        np.empty((n, 3)),
-        np.empty((n, 3)),
-    )
-    omega, velocity = np.empty((n + 1, 3)), np.empty((n + 1, 3))
-    mass, moment, inertia = np.empty(n + 1), np.empty((n + 1, 3)), np.empty((n + 1, 3, 3))
-    momentum, turning = np.empty((n + 1, 3)), np.empty((n + 1, 3, 3))
-    tree_matrix, half = np.empty((n, n)), np.empty((n, coupling.shape[1]))
-    for k in range(len(q)):
-        place_tree(tree, coupling, offset, q[k], work, rotation, position)
-        place_links(tree, rotation, position, base_rotation, base_position)
-        to_tree(coupling, qd[k], xd)
-        coriolis_recursion(
-            tree,
-            base_rotation,
-            base_position,
-            xd,
-            spin,
-            slide,
-            spin_rate,
-            slide_rate,
-            omega,
-            velocity,
-            mass,
-            moment,
-            inertia,
-            momentum,
-            turning,
-            tree_matrix,
-        )
-        to_robot_matrix(coupling, tree_matrix, half, out[k])

@@ -28,7 +28,7 @@ def inverse_kinematics(
     starts: int = 20,
     max_iterations: int = 300,
 ) -> Floats:
-    """Coordinates within the joint limits that bring a frame to a pose.
+    """Return coordinates within the joint limits that bring a frame to a pose.
 
     RAVEN-II arms have a closed form: exact, nearest to `q_start` (raven_closed_form.py). Other arms are
     searched by damped least squares from `q_start`, then, if an `rng` is given, from random starts.
@@ -101,7 +101,7 @@ def inverse_kinematics(
 
 
 def _tip_follows(wanted: Frame, tip: Frame, match: Match) -> bool:
-    """Whether the wanted frame's target says where the tip must be: a position alone does so for the tip."""
+    """Return whether the wanted frame's target says where the tip must be: a position alone does so for the tip."""
     if match == "pose":
         return wanted.link == tip.link
     return wanted.link == tip.link and np.array_equal(wanted.pose.position, tip.pose.position)
@@ -118,7 +118,7 @@ def _random_start(model: RobotModel, rng: np.random.Generator) -> Floats:
 
 
 def _search_range(model: RobotModel) -> tuple[Floats, Floats]:
-    """Limits, and where there is none a turn or two metres about zero or beside the limit that there is."""
+    """Return limits, and where there is none a turn or two metres about zero or beside the limit that there is."""
     half = np.where(np.array(model.joint_units) == "m", 1.0, np.pi)
     lower, upper = np.array(model.lower), np.array(model.upper)
     no_lower, no_upper = np.isinf(lower), np.isinf(upper)

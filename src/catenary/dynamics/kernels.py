@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 from weakref import WeakKeyDictionary
 
-import numpy as np
+from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
 from catenary.dynamics.lines import (
@@ -22,7 +22,7 @@ from catenary.kernels.tracing import Line
 from catenary.robots.model import RobotModel
 
 MANY = 50_000  # configurations from which compiling for one robot is worth its while
-FEW = 10  # calls for which no kernel is compiled: whoever calls more often does so in a loop
+FEW = 100  # calls for which no kernel is compiled: whoever calls more often does so in a loop
 Trace = Callable[[RobotModel], Line]
 _known: WeakKeyDictionary[RobotModel, dict[str, Kernel]] = WeakKeyDictionary()
 _single: WeakKeyDictionary[RobotModel, dict[str, int | Kernel]] = WeakKeyDictionary()  # calls, later kernels
@@ -94,12 +94,13 @@ def forward_kinematics_kernel(model: RobotModel, frame: str | None = None) -> Ke
 
 
 def one_by_kernel(
-    model: RobotModel, name: str, trace: Trace, shape: tuple[int, ...], *inputs: object
+    model: RobotModel, name: str, trace: Trace, shape: tuple[int, ...], *inputs: ArrayLike
 ) -> Floats | None:
     """Return a quantity at one configuration by the robot's kernel; None for its first calls and for odd inputs.
 
     The first `FEW` are left to the recursions, so that nothing is compiled for a robot that is asked for little; odd is
     what needs the careful checks: anything but finite, contiguous arrays of float64 of one configuration.
+    Many configurations count as a call too, and are odd.
 
     Args:
         model: The robot.
@@ -108,8 +109,6 @@ def one_by_kernel(
         shape: As in `known_kernel`.
         inputs: Of the kernel.
     """
-    if type(inputs[0]) is not np.ndarray or inputs[0].ndim != 1:
-        return None
     of_model = _single.get(model)
     if of_model is None:
         of_model = _single[model] = {}

@@ -13,7 +13,7 @@ from catenary.spatial import Pose
 
 
 def forward_kinematics(model: RobotModel, q: ArrayLike, frame: str | None = None) -> Pose:
-    """Pose of a frame in the base frame, at one configuration; `frame_poses` takes many.
+    """Return the pose of a frame in the base frame, at one configuration; `frame_poses` takes many.
 
     Args:
         model: The robot.
@@ -28,7 +28,7 @@ def forward_kinematics(model: RobotModel, q: ArrayLike, frame: str | None = None
 
 
 def frame_poses(model: RobotModel, q: ArrayLike, frame: str | None = None) -> tuple[Floats, Floats]:
-    """Poses of a frame in the base frame.
+    """Return the poses of a frame in the base frame.
 
     Args:
         model: The robot.
@@ -52,7 +52,7 @@ def frame_poses(model: RobotModel, q: ArrayLike, frame: str | None = None) -> tu
 
 
 def link_poses(model: RobotModel, q: ArrayLike) -> tuple[Floats, Floats]:
-    """Poses of all moving links in the base frame.
+    """Return the poses of all moving links in the base frame.
 
     Args:
         model: The robot.
@@ -74,7 +74,7 @@ def link_poses(model: RobotModel, q: ArrayLike) -> tuple[Floats, Floats]:
 
 
 def relative_pose(model: RobotModel, q: ArrayLike, frame: str, in_frame: str) -> Pose:
-    """Pose of one frame in another, T_in_frame_frame, at one configuration.
+    """Return the pose of one frame in another, T_in_frame_frame, at one configuration.
 
     Raises:
         InputError: q has another shape or is not finite; no frame of that name.
@@ -85,7 +85,7 @@ def relative_pose(model: RobotModel, q: ArrayLike, frame: str, in_frame: str) ->
 def jacobian(
     model: RobotModel, q: ArrayLike, frame: str | None = None, point: ArrayLike | None = None
 ) -> Floats:
-    """Jacobian of a point fixed in a frame, in base axes.
+    """Return the Jacobian of a point fixed in a frame, in base axes.
 
     (velocity of the point; angular velocity of the frame) = J qd. A revolute joint with axis z through o
     gives the column (z x (p - o); z), a prismatic one (z; 0); joints that do not carry the frame give zeros.

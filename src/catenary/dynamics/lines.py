@@ -191,12 +191,12 @@ def gravity_regressor_line(model: RobotModel) -> Line:
 
 
 def empty(*shape: int) -> Terms:
-    """Give an array for numbers or symbols."""
+    """Return an array for numbers or symbols."""
     return np.empty(shape, dtype=object)
 
 
 def _in_two(model: RobotModel) -> tuple[Tree, Floats, Floats, Floats]:
-    """Give a model's tree, coupling and offset with every link as two, axes along x, y or z, and `turn`."""
+    """Return a model's tree, coupling and offset with every link as two, axes along x, y or z, and `turn`."""
     tree = model.tree
     n = len(tree.parent)
     turn = np.array([_turn_to(axis) for axis in tree.axis])  # R of the new link frame in the old one
@@ -222,7 +222,7 @@ def _in_two(model: RobotModel) -> tuple[Tree, Floats, Floats, Floats]:
 
 
 def _turn_to(axis: Floats) -> Floats:
-    """Give a rotation whose z is the axis; none where the axis is x, y or z already."""
+    """Return a rotation whose z is the axis; none where the axis is x, y or z already."""
     if np.max(np.abs(axis)) > 1.0 - EXACT:
         return np.eye(3)
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
@@ -231,7 +231,7 @@ def _turn_to(axis: Floats) -> Floats:
 
 
 def _rounded(R: Floats) -> Floats:
-    """Give a rotation with its entries that are nearly 0 or 1 exactly so."""
+    """Return a rotation with its entries that are nearly 0 or 1 exactly so."""
     near = np.round(R)
     return np.where(np.abs(R - near) < EXACT, near, R)
 
@@ -251,7 +251,7 @@ def _to_tree(coupling: Floats, rates: Terms | Floats) -> Terms:
 
 
 def _to_robot(coupling: Floats, tree_values: Terms) -> list[Term]:
-    """Give coupling.T @ tree_values."""
+    """Return coupling.T @ tree_values."""
     return [
         _sum(tree_values[i] * float(coupling[i, k]) for i in range(len(coupling)) if coupling[i, k] != 0.0)
         for k in range(coupling.shape[1])

@@ -13,7 +13,7 @@ from catenary.robots.model import RobotModel, Tree
 
 
 def mass_matrix(model: RobotModel, q: ArrayLike, *, threads: int = 1) -> Floats:
-    """Mass matrix: the kinetic energy is qd^T M qd / 2.
+    """Return the mass matrix: the kinetic energy is qd^T M qd / 2.
 
     Composite rigid bodies (Walker, Orin 1982). Motors' inertia is not in it.
 

@@ -195,5 +195,5 @@ def _about_z(angle: float, v: Vector) -> Vector:
 
 @inlined
 def _wrapped(angle: float) -> float:
-    """Give an angle in (-pi, pi]."""
+    """Return an angle in (-pi, pi]."""
     return math.pi - (math.pi - angle) % (2.0 * math.pi)

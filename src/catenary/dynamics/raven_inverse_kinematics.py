@@ -20,7 +20,7 @@ _METRE_IN_RADIANS = 100.0  # the robot's software weighs insertion so when it co
 
 
 def raven_solutions(model: RobotModel, pose: Pose) -> Floats:
-    """All configurations that reach a pose, whatever the joint limits.
+    """Return all configurations that reach a pose, whatever the joint limits.
 
     Args:
         model: A RAVEN-II arm: three joints (the position of the pose counts) or six.
@@ -53,7 +53,7 @@ def raven_solutions(model: RobotModel, pose: Pose) -> Floats:
 def raven_path(
     model: RobotModel, rotations: ArrayLike, positions: ArrayLike, q_start: ArrayLike | None = None
 ) -> Floats:
-    """Configurations within the joint limits along a path of poses, each the nearest to the one before.
+    """Return configurations within the joint limits along a path of poses, each the nearest to the one before.
 
     Distance is in rad, a metre of insertion counting as 100 rad, as in the robot's software; unlike it, a
     solution far away is not refused.

@@ -142,7 +142,7 @@ def gravity_recursion(
     link_gravity: Numbers,
     torque: Numbers,
 ) -> None:
-    """Give the torques and forces that hold every joint against gravity.
+    """Compute the torques and forces that hold every joint against gravity.
 
     Forward, gravity into the links; backward, the first moment of what each joint carries. Then a revolute
     joint holds -a . (moment x g) and a prismatic one -a . g mass, which is the sum of A. Lewis,
@@ -187,7 +187,7 @@ def newton_euler_recursion(
     moment: Numbers,
     torque: Numbers,
 ) -> None:
-    """Give the torques of a motion: recursive Newton-Euler (Luh, Walker, Paul 1980).
+    """Compute the torques of a motion: recursive Newton-Euler (Luh, Walker, Paul 1980).
 
     The caller writes the base's motion into the last rows of `omega`, `alpha` and `acceleration`, gravity as
     an upward acceleration: acceleration[n] = a_base - gravity.
@@ -247,7 +247,7 @@ def newton_euler_recursion(
 
 @inlined
 def _at(w: Vector, dw: Vector, r: Vector) -> Vector:
-    """Give the acceleration at r in a body turning about its origin: dw x r + w x (w x r)."""
+    """Return the acceleration at r in a body turning about its origin: dw x r + w x (w x r)."""
     return add(cross(dw, r), cross(w, cross(w, r)))
 
 
@@ -261,7 +261,7 @@ def composite_body_recursion(
     inertia: Numbers,
     matrix: Numbers,
 ) -> None:
-    """Give the mass matrix: composite rigid bodies (Walker, Orin 1982; Featherstone 2008, table 6.2).
+    """Compute the mass matrix: composite rigid bodies (Walker, Orin 1982; Featherstone 2008, table 6.2).
 
     Locked beyond joint i, the robot is one body. Accelerating it by joint i alone takes a force and a moment,
     whose parts along joint i and the joints before it are a column of the matrix.

@@ -23,7 +23,7 @@ PARAMETER_UNITS = ("kg", "kg m", "kg m", "kg m", *(["kg m2"] * 6))
 def torque_regressor(
     model: RobotModel, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, gravity: ArrayLike
 ) -> Floats:
-    """Matrix Y of tau = Y phi, for the robot's links and its coordinates; needs no inertia.
+    """Return the matrix Y of tau = Y phi, for the robot's links and its coordinates; needs no inertia.
 
     Args:
         model: The robot, with inertia or without.
@@ -50,7 +50,7 @@ def torque_regressor(
 
 
 def link_parameters(tree: Tree) -> Floats:
-    """Give phi, (10 n_tree,): mass [kg], first moment [kg m], inertia about the frame's origin [kg m2] per link."""
+    """Return phi, (10 n_tree,): mass [kg], first moment [kg m], inertia about the frame's origin [kg m2] per link."""
     phi = np.empty((len(tree.parent), PER_LINK))
     for i, (mass, com) in enumerate(zip(tree.mass, tree.com, strict=True)):
         about_origin = tree.inertia[i] + mass * (com @ com * np.eye(3) - np.outer(com, com))
@@ -61,7 +61,7 @@ def link_parameters(tree: Tree) -> Floats:
 
 
 def tree_with_parameters(tree: Tree, phi: ArrayLike) -> Tree:
-    """Give a tree its links' parameters: the inverse of `link_parameters`.
+    """Return a tree with given links' parameters: the inverse of `link_parameters`.
 
     Raises:
         InputError: Not ten finite numbers a link, or first moments or inertia on a link whose mass is not above zero.
@@ -179,7 +179,7 @@ def _symmetric_times(
     same: bool,
     v: tuple[float, float, float],
 ) -> tuple[float, float, float]:
-    """Give (a b^T + b a^T) v, or a a^T v where both are the same."""
+    """Return (a b^T + b a^T) v, or a a^T v where both are the same."""
     one = scale(dot(b, v), a)
     return one if same else add(one, scale(dot(a, v), b))
 

@@ -15,7 +15,7 @@ Numbers = NDArray[Any]  # an array of such numbers
 
 @inlined
 def row(array: Numbers, i: int) -> Vector:
-    """Give row i of an (n, 3) array."""
+    """Return row i of an (n, 3) array."""
     return array[i, 0], array[i, 1], array[i, 2]
 
 
@@ -29,7 +29,7 @@ def put(array: Numbers, i: int, v: Vector) -> None:
 
 @inlined
 def column(matrices: Numbers, i: int, k: int) -> Vector:
-    """Give column k of matrix i of an (n, 3, 3) array."""
+    """Return column k of matrix i of an (n, 3, 3) array."""
     return matrices[i, 0, k], matrices[i, 1, k], matrices[i, 2, k]
 
 
@@ -43,31 +43,31 @@ def put_column(matrices: Numbers, i: int, k: int, v: Vector) -> None:
 
 @inlined
 def add(a: Vector, b: Vector) -> Vector:
-    """Give a + b."""
+    """Return a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @inlined
 def scale(factor: Any, a: Vector) -> Vector:
-    """Give factor * a."""
+    """Return factor * a."""
     return factor * a[0], factor * a[1], factor * a[2]
 
 
 @inlined
 def dot(a: Vector, b: Vector) -> Any:
-    """Give a . b."""
+    """Return a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @inlined
 def cross(a: Vector, b: Vector) -> Vector:
-    """Give a x b."""
+    """Return a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @inlined
 def times(matrices: Numbers, i: int, v: Vector) -> Vector:
-    """Give matrices[i] @ v; with R_parent_i it takes a vector from frame i to its parent."""
+    """Return matrices[i] @ v; with R_parent_i it takes a vector from frame i to its parent."""
     return (
         matrices[i, 0, 0] * v[0] + matrices[i, 0, 1] * v[1] + matrices[i, 0, 2] * v[2],
         matrices[i, 1, 0] * v[0] + matrices[i, 1, 1] * v[1] + matrices[i, 1, 2] * v[2],
@@ -77,7 +77,7 @@ def times(matrices: Numbers, i: int, v: Vector) -> Vector:
 
 @inlined
 def transpose_times(matrices: Numbers, i: int, v: Vector) -> Vector:
-    """Give matrices[i].T @ v; with R_parent_i it takes a vector from the parent to frame i."""
+    """Return matrices[i].T @ v; with R_parent_i it takes a vector from the parent to frame i."""
     return (
         matrices[i, 0, 0] * v[0] + matrices[i, 1, 0] * v[1] + matrices[i, 2, 0] * v[2],
         matrices[i, 0, 1] * v[0] + matrices[i, 1, 1] * v[1] + matrices[i, 2, 1] * v[2],

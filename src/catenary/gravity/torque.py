@@ -19,7 +19,7 @@ __all__ = ["gravity_kernel", "gravity_torque", "potential_energy"]
 
 
 def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike, *, threads: int = 1) -> Floats:
-    """Torques that hold the arm still: g of M(q) qdd + C(q, qd) qd + g(q) = tau.
+    """Return the torques that hold the arm still: g of M(q) qdd + C(q, qd) qd + g(q) = tau.
 
     In frame i let z be the axis of joint i, i_g gravity, and i_r_k the centre of mass of link k, one of the
     links it carries, of mass m_k. A revolute joint holds -z . sum_k i_r_k x (i_g m_k), a prismatic one
@@ -30,7 +30,7 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike, *, threa
         model: The robot.
         q: (n,) or (N, n) coordinates [rad or m].
         gravity: (3,) or (N, 3) free-fall acceleration in base axes, down: (0, 0, -9.81) upright [m/s2].
-        threads: How many to share the rows among. From 50 000 rows or the eleventh single call on, or with threads,
+        threads: How many to share the rows among. From 50 000 rows or the 101st single call on, or with threads,
             the robot's own kernel runs, which takes half a second to compile when it is first used; it differs from
             the recursion in rounding only. Control loops hold `gravity_kernel(model)`, compiled before they begin.
 
@@ -57,7 +57,7 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike, *, threa
 
 
 def potential_energy(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
-    """Potential energy of the links, zero with all mass in the base's origin: U = -sum_k m_k gravity . r_k.
+    """Return the potential energy of the links, zero with all mass in the base's origin: U = -sum_k m_k gravity . r_k.
 
     Args:
         model: The robot.

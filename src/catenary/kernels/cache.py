@@ -37,8 +37,9 @@ OTHERS = stat.S_IRWXG | stat.S_IRWXO
 def load_module(stem: str, text: str, given: dict[str, Any], folder: Path | None = None) -> ModuleType:
     """Run a module's text, once in a process; its machine code is cached where that is safe.
 
-    The text may use `@compiled` (compiled.py), and `@compiled_for(SIGNATURE)`, which compiles for one signature of
-    numba's and refuses others with TypeError. Where the module's `__file__` is None it is in memory.
+    The text may use `@compiled` (compiled.py) and `@compiled_for(SIGNATURE)`, which compiles for one signature of
+    numba's, refuses others with TypeError, and keeps Python's lock: to give it takes as long as a torque. Where the
+    module's `__file__` is None it is in memory.
 
     Args:
         stem: What the file's name begins with; letters, digits and hyphens.
@@ -70,7 +71,7 @@ def load_module(stem: str, text: str, given: dict[str, Any], folder: Path | None
 
 
 def cache_folder() -> Path:
-    """Where modules are kept: catenary/kernels under $XDG_CACHE_HOME, or under ~/.cache."""
+    """Return where modules are kept: catenary/kernels under $XDG_CACHE_HOME, or under ~/.cache."""
     base = os.environ.get("XDG_CACHE_HOME", "")
     return (Path(base) if os.path.isabs(base) else Path.home() / ".cache") / "catenary" / "kernels"
 

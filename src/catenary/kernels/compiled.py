@@ -25,11 +25,6 @@ def compiled(function: Function) -> Function:
     return cast(Function, Compiled(function, cache=True, nogil=True))
 
 
-def compiled_quick(function: Function) -> Function:
-    """Compile a function that takes well under a microsecond: it keeps the Python lock, which costs 0.1 us to give."""
-    return cast(Function, Compiled(function, cache=True))
-
-
 class Compiled:
     """A function that numba compiles when it is first called, from Python or from another compiled function."""
 
@@ -61,33 +56,17 @@ class Compiled:
         return self.code._numba_type_
 
 
+@cache
+def _import_numba() -> ModuleType:
+    import numba
+    import numba.extending
+
+    return cast(ModuleType, numba)
+
+
 def start_numba() -> ModuleType:
     """Import numba, and tell it which functions compiled ones may call."""
     numba = _import_numba()
     while _inlined:
         numba.extending.register_jitable(_inlined.pop())
     return numba
-
-
-@cache
-def _import_numba() -> ModuleType:
-    import numba
-    import numba.extending
-
-    whole, word = numba.types.int32, numba.types.intp
-    send = numba.types.ExternalFunction("send", word(whole, word, word, whole))
-
-    @numba.extending.overload(send_bytes, strict=False)  # type: ignore[untyped-decorator]
-    def compiled_send(socket: Any, address: Any, size: Any) -> Any:
-        return lambda socket, address, size: send(socket, address, size, 0)
-
-    return cast(ModuleType, numba)
-
-
-def send_bytes(socket: int, address: int, size: int) -> int:
-    """Give bytes at an address to an open socket: the C library's `send`, for compiled functions.
-
-    Returns:
-        How many it took; -1 for an error, or where the socket does not wait and takes none now.
-    """
-    raise TypeError("addresses are for compiled functions")

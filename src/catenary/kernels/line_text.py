@@ -8,7 +8,7 @@ ANGLES = ("sin", "cos")
 
 
 def widths_of(line: Line) -> dict[str, int]:
-    """Give the sizes of the input arrays by their names, in the order of calls."""
+    """Return the sizes of the input arrays by their names, in the order of calls."""
     widths: dict[str, int] = {}
     for name, _ in line.inputs:
         widths[name] = widths.get(name, 0) + 1
@@ -16,7 +16,7 @@ def widths_of(line: Line) -> dict[str, int]:
 
 
 def name_of(line: Line, number: int) -> str:
-    """Name of a step's value."""
+    """Return the name of a step's value."""
     step = line.steps[number]
     return f"{step.kind[0]}{step.a}" if step.kind in ANGLES else f"t{number}"
 
@@ -39,7 +39,7 @@ def result(line: Line, k: int) -> str:
 
 
 def needed(line: Line, numbers: Sequence[int], *, stop: Sequence[str]) -> list[int]:
-    """Give the steps that the numbered ones need, and those, in order; not what is behind a kind in `stop`."""
+    """Return the steps that the numbered ones need, and those, in order; not what is behind a kind in `stop`."""
     needed = set(numbers)
     for number in range(len(line.steps) - 1, -1, -1):
         step = line.steps[number]

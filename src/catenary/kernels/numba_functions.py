@@ -71,7 +71,7 @@ def numba_functions(title: str, line: Line, shape: tuple[int, ...]) -> ModuleTyp
         zeros=f"({', '.join(['0'] * (len(widths) + 1))})",
         wrong=" or ".join(f"len({name}) != {width}" for name, width in widths.items()),
         expected=", ".join(f"{name} ({width},)" for name, width in widths.items()),
-        arrays=", ".join(["float64[::1]"] * len(widths)),
+        arrays=", ".join(["Array(float64, 1, 'C', readonly=True)"] * len(widths)),
         out=f"float64[{':, ' * (len(shape) - 1)}::1]",
         steps=", ".join(f"{width} * (len({name}) > 1)" for name, width in widths.items()),
         starts=", ".join(f"step[{i}] * k" for i in range(len(widths))),

@@ -36,7 +36,7 @@ COSINE = (
 
 @inlined
 def sine_cosine(x: float) -> tuple[float, float]:
-    """Give the sine and cosine of any angle [rad]; NaN for NaN and infinity."""
+    """Return the sine and cosine of any angle [rad]; NaN for NaN and infinity."""
     if abs(x) <= LARGEST:
         return small_sine_cosine(x)
     return math.sin(x), math.cos(x)
@@ -44,7 +44,7 @@ def sine_cosine(x: float) -> tuple[float, float]:
 
 @inlined
 def small_sine_cosine(x: float) -> tuple[float, float]:
-    """Give the sine and cosine of an angle between -LARGEST and LARGEST [rad].
+    """Return the sine and cosine of an angle between -LARGEST and LARGEST [rad].
 
     Nothing but + - *: it also runs on several angles side by side (llvm_line.py).
     """

@@ -93,7 +93,7 @@ class Trace:
         self._numbers: dict[Key, int] = {}
 
     def inputs(self, name: str, count: int) -> NDArray[np.object_]:
-        """Give the elements of an input array as symbols, (count,)."""
+        """Return the elements of an input array as symbols, (count,)."""
         symbols = np.empty(count, dtype=object)
         for i in range(count):
             self._inputs.append((name, i))
@@ -101,7 +101,7 @@ class Trace:
         return symbols
 
     def add(self, x: Symbol, y: Term) -> Term:
-        """Give x + y."""
+        """Return x + y."""
         if not isinstance(y, Symbol):
             return self._add_constant(x, float(y))
         x, k = self._without_constant(x)
@@ -109,7 +109,7 @@ class Trace:
         return self._plus(self._add_symbols(x, y), k + l)
 
     def multiply(self, x: Symbol, y: Term) -> Term:
-        """Give x * y."""
+        """Return x * y."""
         if not isinstance(y, Symbol):
             return self._scale(x, float(y))
         # factors that are constant go before the product
@@ -119,7 +119,7 @@ class Trace:
         return self._scale(self._symbol("*", a, b, x.sign * y.sign), k * l)
 
     def sine_cosine(self, x: Term) -> tuple[Term, Term]:
-        """Give the sine and cosine of an angle; quarter turns that are added to it are taken exactly."""
+        """Return the sine and cosine of an angle; quarter turns that are added to it are taken exactly."""
         if not isinstance(x, Symbol):
             return _of_constant(float(x))
         x, k = self._without_constant(x)
@@ -137,7 +137,7 @@ class Trace:
         return sine, cosine
 
     def line(self, results: Sequence[Term]) -> Line:
-        """Give the operations that the results need, renumbered."""
+        """Return the operations that the results need, renumbered."""
         needed = {r.step for r in results if isinstance(r, Symbol)}
         for number in range(len(self._steps) - 1, -1, -1):
             if number in needed:

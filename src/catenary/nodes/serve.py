@@ -52,7 +52,7 @@ class Serving:
             raise InputError(f'robot "{self.robot}": expected raven2, the one robot that can be served')
 
 
-class Status(NamedTuple):
+class ServerStatus(NamedTuple):
     """Status of the server over the last second, or over all of its run."""
 
     seconds: float  # since the begin
@@ -144,9 +144,9 @@ def serve(
     server: Server,
     *,
     commands: deque[str],
-    show: Callable[[Status], None],
+    show: Callable[[ServerStatus], None],
     duration: float | None = None,
-) -> Status:
+) -> ServerStatus:
     """Run a server at its robot's rate until Ctrl-C, or for `duration` [s]; the arms are paused then.
 
     A tick that is late is made up for by the next ones, up to 20 ms; what is later is given up and counted, so that
@@ -174,12 +174,12 @@ def serve(
     ticks_begin, ticks_last, commands_last, lost = server.ticks, server.ticks, server.commands, 0
     total_warnings = 0
 
-    def status(since: float, cpu: float, ticks: int, commands: int, now: float) -> Status:
+    def status(since: float, cpu: float, ticks: int, commands: int, now: float) -> ServerStatus:
         nonlocal total_warnings
         warnings = tuple(server.reports.take())
         total_warnings += len(warnings)
         took = max(now - since, 1e-9)
-        return Status(
+        return ServerStatus(
             seconds=now - begin,
             rate_hz=(server.ticks - ticks) / took,
             cpu=(time.process_time() - cpu) / took,

@@ -21,7 +21,7 @@ STRETCHES = 300  # of a longer recording, each drawn as the range and the median
 
 
 @dataclass(frozen=True)
-class Series:
+class ErrorSeries:
     """Errors (N,) in deg or mm, and how they are drawn."""
 
     label: str
@@ -35,9 +35,9 @@ def joint_picture(evaluation: Evaluation, model: CalibrationModel, j: int) -> Pi
 
     unit, scale = DISPLAY[model.joint_units[j]]
     series = [
-        Series("raw", RAW, scale * evaluation.raw[:, j]),
-        Series("fixed offset", OFFSET, scale * evaluation.after_offset[:, j]),
-        Series(model.kind, MODEL, scale * evaluation.after_model[:, j]),
+        ErrorSeries("raw", RAW, scale * evaluation.raw[:, j]),
+        ErrorSeries("fixed offset", OFFSET, scale * evaluation.after_offset[:, j]),
+        ErrorSeries(model.kind, MODEL, scale * evaluation.after_model[:, j]),
     ]
     figure = Figure(figsize=(10, 3.1), layout="constrained")
     over_time, histogram = figure.subplots(1, 2, width_ratios=[2.6, 1])
@@ -58,7 +58,7 @@ def joint_picture(evaluation: Evaluation, model: CalibrationModel, j: int) -> Pi
     return picture(figure, caption)
 
 
-def _draw_over_time(axes: "Axes", evaluation: Evaluation, series: Sequence[Series]) -> None:
+def _draw_over_time(axes: "Axes", evaluation: Evaluation, series: Sequence[ErrorSeries]) -> None:
     x, breaks = _running_time(evaluation)
     stretches = _stretches(len(x), breaks)
     first = np.array([rows[0] for rows in stretches])
@@ -105,7 +105,7 @@ def _stretches(rows: int, breaks: np.ndarray) -> list[np.ndarray]:
     ]
 
 
-def _draw_histograms(axes: "Axes", series: Sequence[Series], unit: str) -> None:
+def _draw_histograms(axes: "Axes", series: Sequence[ErrorSeries], unit: str) -> None:
     widest = max(float(np.quantile(np.abs(line.values), 0.995)) for line in series)
     edges = np.linspace(-widest, widest, 61).tolist() if widest > 0.0 else 10
     for line in series:

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from catenary.calibration.corrector import Corrector
+from catenary.calibration.corrector import decimation_at
 from catenary.calibration.files import load_model
 from catenary.calibration.onnx import OPSET, save_onnx
 from catenary.errors import InputError
@@ -26,7 +26,7 @@ def export_onnx(path: Path, out: Path, *, rate_hz: float | None = None) -> dict[
     if out.exists() and out.samefile(path):
         raise InputError(f"{out}: is the model that is read here; expected another file to write")
     model, card = load_model(path)
-    decimation = 1 if rate_hz is None else Corrector(model, rate_hz=rate_hz).decimation
+    decimation = 1 if rate_hz is None else decimation_at(model, rate_hz)
     made = save_onnx(model, card, out, decimation=decimation)
     notes = []
     if model.features.history and rate_hz is None:

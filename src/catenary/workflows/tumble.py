@@ -16,7 +16,7 @@ from catenary.spatial import STANDARD_GRAVITY
 from catenary.workflows.sense import SimulatedFeed, StillReading, read_still
 
 
-class Step(NamedTuple):
+class Attitude(NamedTuple):
     """One attitude."""
 
     name: str
@@ -29,34 +29,34 @@ class Step(NamedTuple):
 
 _HALF = 0.57735  # 1 / sqrt(3)
 SIDES = (
-    Step("+x up", "hold the sensor still with its x axis up", (1, 0, 0)),
-    Step("-x up", "turn it over: x axis down", (-1, 0, 0)),
-    Step("+y up", "its y axis up", (0, 1, 0)),
-    Step("-y up", "its y axis down", (0, -1, 0)),
-    Step("+z up", "its z axis up", (0, 0, 1)),
-    Step("-z up", "its z axis down", (0, 0, -1)),
+    Attitude("+x up", "hold the sensor still with its x axis up", (1, 0, 0)),
+    Attitude("-x up", "turn it over: x axis down", (-1, 0, 0)),
+    Attitude("+y up", "its y axis up", (0, 1, 0)),
+    Attitude("-y up", "its y axis down", (0, -1, 0)),
+    Attitude("+z up", "its z axis up", (0, 0, 1)),
+    Attitude("-z up", "its z axis down", (0, 0, -1)),
 )
 SLANTED = (
-    Step("slanted 1", "slanted, any way you like", (_HALF, _HALF, _HALF)),
-    Step("slanted 2", "slanted another way", (-_HALF, _HALF, -_HALF)),
-    Step("slanted 3", "slanted a third way", (_HALF, -_HALF, -_HALF)),
+    Attitude("slanted 1", "slanted, any way you like", (_HALF, _HALF, _HALF)),
+    Attitude("slanted 2", "slanted another way", (-_HALF, _HALF, -_HALF)),
+    Attitude("slanted 3", "slanted a third way", (_HALF, -_HALF, -_HALF)),
 )
 MOUNTED = (
-    Step("level", "mount it on the robot's base; base level", (0, 0, 1), mounted=True),
-    Step(
+    Attitude("level", "mount it on the robot's base; base level", (0, 0, 1), mounted=True),
+    Attitude(
         "rolled",
         "tilt the base about its x axis by 10 degrees or more, y side up",
         (0, 0.34202, 0.93969),
         mounted=True,
     ),
-    Step(
+    Attitude(
         "pitched",
         "level again, then tilt it about its y axis by 10 degrees or more, x side down",
         (-0.34202, 0, 0.93969),
         mounted=True,
     ),
 )
-STEPS = (*SIDES, *SLANTED, *MOUNTED)
+ATTITUDES = (*SIDES, *SLANTED, *MOUNTED)
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class TumbleOutcome:
     faults: tuple[str, ...]
 
 
-def run_tumble(read: Callable[[Step], StillReading], *, start: Mounting | None = None) -> TumbleOutcome:
+def run_tumble(read: Callable[[Attitude], StillReading], *, start: Mounting | None = None) -> TumbleOutcome:
     """Go through all attitudes and compute bias, scale, rotation and the gyroscope's bias.
 
     The sides show a wrong sign or order of axes against those printed on the sensor; the slanted attitudes leave a
@@ -82,7 +82,7 @@ def run_tumble(read: Callable[[Step], StillReading], *, start: Mounting | None =
         SensorError: From `read`.
         InputError: The base was not tilted.
     """
-    readings = {step.name: read(step) for step in STEPS}
+    readings = {attitude.name: read(attitude) for attitude in ATTITUDES}
     by_hand = np.array([readings[s.name].force for s in (*SIDES, *SLANTED)])
     sides = np.array([s.up for s in SIDES], dtype=float)
     fit = fit_tumble(by_hand)
@@ -124,7 +124,7 @@ class StillBase:
         return BaseSamples(self._gravity[None, :], np.zeros((1, 3, 3)))
 
 
-def simulated_reader(model: SensorModel, *, seed: int = 0) -> Callable[[Step], StillReading]:
+def simulated_reader(model: SensorModel, *, seed: int = 0) -> Callable[[Attitude], StillReading]:
     """Return a reader of a simulated sensor in each attitude, as a person would bring it there.
 
     Args:
@@ -132,13 +132,13 @@ def simulated_reader(model: SensorModel, *, seed: int = 0) -> Callable[[Step], S
         seed: Of its noise.
     """
 
-    def read(step: Step) -> StillReading:
-        up = np.array(step.up, dtype=float)
+    def read(attitude: Attitude) -> StillReading:
+        up = np.array(attitude.up, dtype=float)
         gravity = -STANDARD_GRAVITY * up / np.linalg.norm(up)
-        if not step.mounted:
+        if not attitude.mounted:
             gravity = model.mounting.rotation @ gravity
         sensor = SimulatedSensor(
-            StillBase(gravity), Mailbox(), model, seed=seed + [s.name for s in STEPS].index(step.name)
+            StillBase(gravity), Mailbox(), model, seed=seed + [s.name for s in ATTITUDES].index(attitude.name)
         )
         return read_still(SimulatedFeed(sensor))
 

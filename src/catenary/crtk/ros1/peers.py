@@ -115,7 +115,7 @@ class PeerQueues(rospy.SubscribeListener):  # type: ignore[misc]  # rospy is not
         self._look()
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
-        """Return a peer that has just connected its queue; rospy calls this."""
+        """Give a peer that has just connected its queue; rospy calls this."""
         self._look()
 
     def peer_unsubscribe(self, topic_name: str, num_peers: int) -> None:

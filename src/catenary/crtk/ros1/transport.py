@@ -84,7 +84,7 @@ class _Topic:
             self._subscriber = node.subscribe(name, type_name, self._receive)
 
     def add(self, subscription: Subscription) -> None:
-        """Return a subscription what comes from now on, and what publishers have latched."""
+        """Give a subscription what comes from now on, and what publishers have latched."""
         with self._lock:
             for latched in self._latched.values():
                 subscription.push(*latched)
