@@ -78,11 +78,11 @@ class Plant(Bounded, Protocol):
     def columns(self) -> tuple[Column, ...]: ...  # noqa: D102  of telemetry
 
     def measured_js(self) -> JointState:
-        """Latest measured joint state."""
+        """Return the latest measured joint state."""
         ...
 
     def setpoint_js(self) -> JointState:
-        """Latest joint setpoint."""
+        """Return the latest joint setpoint."""
         ...
 
     def servo_jp(self, q: Floats) -> None:
@@ -98,7 +98,7 @@ class Plant(Bounded, Protocol):
         ...
 
     def operating_state(self) -> OperatingState:
-        """Operating state."""
+        """Return the operating state."""
         ...
 
     def state_command(self, command: StateCommand) -> None:
@@ -106,7 +106,7 @@ class Plant(Bounded, Protocol):
         ...
 
     def telemetry(self) -> Mapping[str, Floats]:
-        """Latest sample of every declared column, each (width,)."""
+        """Return the latest sample of every declared column, each (width,)."""
         ...
 
     def wait(self) -> None:

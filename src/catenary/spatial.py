@@ -27,33 +27,33 @@ class Pose(NamedTuple):
     position: Floats  # (3,) origin of b in a [m]
 
     def __matmul__(self, other: "Pose") -> "Pose":
-        """T_a_b @ T_b_c gives T_a_c."""
+        """Return T_a_c of T_a_b @ T_b_c."""
         return Pose(self.rotation @ other.rotation, self.rotation @ other.position + self.position)
 
     def inverse(self) -> "Pose":
-        """Give T_b_a."""
+        """Return T_b_a."""
         return Pose(self.rotation.T, -self.rotation.T @ self.position)
 
 
 def identity_pose() -> Pose:
-    """Give the pose of a frame in itself."""
+    """Return the pose of a frame in itself."""
     return Pose(np.eye(3), np.zeros(3))
 
 
 def rotation_about_x(angle: float) -> Floats:
-    """Rotation by `angle` [rad] about x, (3, 3)."""
+    """Return the rotation by `angle` [rad] about x, (3, 3)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
 def rotation_about_z(angle: float) -> Floats:
-    """Rotation by `angle` [rad] about z, (3, 3)."""
+    """Return the rotation by `angle` [rad] about z, (3, 3)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def rotation_from_rpy(rpy: ArrayLike) -> Floats:
-    """Rotation Rz(yaw) Ry(pitch) Rx(roll) of fixed-axis angles (roll, pitch, yaw) [rad], as URDF has it."""
+    """Return the rotation Rz(yaw) Ry(pitch) Rx(roll) of fixed-axis angles (roll, pitch, yaw) [rad], as URDF has it."""
     from scipy.spatial.transform import Rotation
 
     matrix: Floats = Rotation.from_euler("xyz", as_array("rpy", rpy, (3,))).as_matrix()
@@ -61,7 +61,7 @@ def rotation_from_rpy(rpy: ArrayLike) -> Floats:
 
 
 def rotation_from_quaternion(quaternion: ArrayLike) -> Floats:
-    """Rotation matrix of a quaternion (w, x, y, z); it is normalised first.
+    """Return the rotation matrix of a quaternion (w, x, y, z), which is normalised first.
 
     Raises:
         InputError: The quaternion is zero.
@@ -76,7 +76,7 @@ def rotation_from_quaternion(quaternion: ArrayLike) -> Floats:
 
 
 def quaternion_from_rotation(rotation: ArrayLike) -> Floats:
-    """Unit quaternion (w, x, y, z) with w >= 0 of a rotation matrix (3, 3)."""
+    """Return the unit quaternion (w, x, y, z) with w >= 0 of a rotation matrix (3, 3)."""
     from scipy.spatial.transform import Rotation
 
     x, y, z, w = Rotation.from_matrix(as_rotation("rotation", rotation)).as_quat(canonical=True)
@@ -84,7 +84,7 @@ def quaternion_from_rotation(rotation: ArrayLike) -> Floats:
 
 
 def rotation_vector(rotation: ArrayLike) -> Floats:
-    """Axis times angle [rad] of a rotation matrix, (3,); the inverse of the exponential map."""
+    """Return the axis times angle [rad] of a rotation matrix, (3,); the inverse of the exponential map."""
     from scipy.spatial.transform import Rotation
 
     vector: Floats = Rotation.from_matrix(as_array("rotation", rotation, (3, 3))).as_rotvec()
@@ -92,7 +92,7 @@ def rotation_vector(rotation: ArrayLike) -> Floats:
 
 
 def rotation_from_vector(vector: ArrayLike) -> Floats:
-    """Rotation matrix (3, 3) of an axis times angle (3,) [rad]; the inverse of `rotation_vector`."""
+    """Return the rotation matrix (3, 3) of an axis times angle (3,) [rad]; the inverse of `rotation_vector`."""
     from scipy.spatial.transform import Rotation  # slow to import
 
     matrix: Floats = Rotation.from_rotvec(as_array("vector", vector, (3,))).as_matrix()
@@ -100,7 +100,7 @@ def rotation_from_vector(vector: ArrayLike) -> Floats:
 
 
 def as_rotation(name: str, values: ArrayLike) -> Floats:
-    """Give a proper rotation matrix (3, 3).
+    """Return the values as a proper rotation matrix (3, 3).
 
     Raises:
         InputError: Not orthonormal to 1e-6, or a reflection.

@@ -101,14 +101,17 @@ def test_calibrate_does_what_is_missing_and_no_more(project_folder: Path, quick:
     first = catenary("calibrate", project_folder)
     assert "1 kHz loop" in first.out
     assert "nothing to do" not in first.out
-    assert "deploy" in first.err  # steps are told as they begin
+    assert "deploy" in first.err  # its steps
     assert "deploy\n" not in first.out
+    assert catenary("calibrate", project_folder, "--json").json["steps_run"] == []
     assert "nothing to do: every step had been done" in catenary("calibrate", project_folder).out
-    assert catenary("record", project_folder, "--hours", "0.003").code == 0
-    steps = catenary("calibrate", project_folder, "--json").json["steps_run"]
+
+
+def test_record_of_the_test_motion_and_calibrate_agree(finished_folder: Path, quick: None) -> None:
+    assert catenary("record", finished_folder, "--hours", "0.003").code == 0
+    steps = catenary("calibrate", finished_folder, "--json").json["steps_run"]
     assert "record" not in steps
     assert "extract test" in steps
-    assert catenary("calibrate", project_folder, "--json").json["steps_run"] == []
 
 
 def test_calibrate_takes_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -34,7 +34,7 @@ def test_ravens_torques_at_the_joints_are_those_of_the_mechanism_page() -> None:
 
 
 def test_gains_give_the_torque_of_the_firmware_where_cables_are_not_coupled() -> None:
-    firmware = FIRMWARE._replace(coupling=np.zeros(3))
+    firmware = FIRMWARE.replace(coupling=np.zeros(3))
     kp, _ = gains_at_joints(firmware.kp, firmware.kd, firmware.ratio, firmware.gearbox)
     error = np.array([0.01, -0.02, 0.001, 0.1, 0.0, 0.0, 0.0])
     asked = firmware.kp * firmware.ratio * error

@@ -22,7 +22,7 @@ def state(q: Floats, qd: Floats, rates: Floats = AT_REST) -> JointState:
 
 def test_torque_is_that_of_the_matrices(random_robots: list[RandomRobot]) -> None:
     rng = np.random.default_rng(1)
-    for robot in random_robots[2:60:14]:  # each kernel is compiled
+    for robot in (random_robots[3], random_robots[13]):  # each kernel is compiled
         m = robot.model
         q, qd, q_ref, qd_ref, qdd_ref = rng.normal(size=(5, m.n))
         kp, kv = rng.uniform(0.0, 50.0, (2, m.n))

@@ -9,7 +9,7 @@ from catenary.trajectories.reference import Reference
 
 
 class Carrying:
-    """The torque of a controller, and what holds the load against gravity.
+    """Adds the torque that holds a load against gravity to the torque of a controller.
 
     Gravity is that of the state, so a controller that believes in another one carries the load rightly all the same.
     While nothing is carried the torques are the controller's own, to the bit. A load that comes or goes is a step of
@@ -17,11 +17,11 @@ class Carrying:
     """
 
     def __init__(self, controller: Controller, load: CarriedLoad) -> None:
-        """Take the controller, and the load, which others may attach and detach between ticks."""
+        """Take the controller and the load, which may be attached and detached between ticks."""
         self.controller, self.load = controller, load
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
-        """Torques (n,) [Nm|N]; NaN where the controller's are, or a position or gravity that a load needs.
+        """Return torques (n,) [Nm|N]; NaN where the controller's are, or a position or gravity that a load needs.
 
         Raises:
             InputError: The robot has another number of joints.

@@ -55,7 +55,7 @@ class ElasticPD:
         gravity: ArrayLike | None = None,
         damping: Damping = "relative",
     ) -> None:
-        """Take the robot, gains and springs, refuse those that gravity overcomes, and compile.
+        """Take the robot, gains and springs, and refuse those that gravity overcomes.
 
         Args:
             model: With inertia.
@@ -107,7 +107,7 @@ class ElasticPD:
 
 
 class StiffnessMargin(NamedTuple):
-    """How fast gravity changes, against how stiff the joints are."""
+    """The slope of gravity compared with the stiffness of the joints."""
 
     slope: float  # largest share of the joints' stiffness that dg/dq takes; the proofs need less than 1
     stiffness: Floats  # (n,) of spring and gain in series [Nm/rad|N/m]
@@ -116,11 +116,11 @@ class StiffnessMargin(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether the arm has one equilibrium, and the proofs hold."""
+        """The arm has one equilibrium, and the proofs hold."""
         return self.slope < 1.0
 
     def require(self, robot: str) -> None:
-        """Refuse what the proofs do not cover.
+        """Refuse springs and gains that the proofs do not cover.
 
         Raises:
             InputError: With the numbers.
@@ -191,7 +191,7 @@ def stiffness_margin(
 
 
 def _range(model: RobotModel) -> tuple[Floats, Floats]:
-    """Joint range to look at."""
+    """Return the joint range to search."""
     turn = np.array([unit == "rad" for unit in model.joint_units])
     lower = np.where(np.isfinite(model.lower) | ~turn, model.lower, -np.pi)
     upper = np.where(np.isfinite(model.upper) | ~turn, model.upper, np.pi)
@@ -208,7 +208,7 @@ def _short(values: Floats) -> str:
 
 
 def _direction(u: float, v: float) -> Floats:
-    """Unit vector from two numbers in [0, 1], evenly over the sphere."""
+    """Return a unit vector from two numbers in [0, 1], evenly over the sphere."""
     z, angle = 2.0 * u - 1.0, 2.0 * np.pi * v
     r = np.sqrt(max(0.0, 1.0 - z * z))
     return np.array([r * np.cos(angle), r * np.sin(angle), z])

@@ -12,10 +12,10 @@ from catenary.trajectories.reference import Reference
 
 
 class GravityLearner(Protocol):
-    """What learns gravity as it goes, such as `GravityEstimator` or `RecursiveGravityEstimator`."""
+    """An estimator of gravity in the loop, such as `GravityEstimator` or `RecursiveGravityEstimator`."""
 
     def follow(self, state: JointState, q_desired: Floats) -> Floats:
-        """Take a tick's state in, and give the gravity torque (n,) [Nm|N] there."""
+        """Learn from a tick's state, and return the gravity torque (n,) [Nm|N] there."""
         ...
 
 
@@ -27,7 +27,7 @@ class EstimatedGravityPD:
     """
 
     def __init__(self, kp: ArrayLike, kd: ArrayLike, estimator: GravityLearner) -> None:
-        """Take the gains, (n,) stiffness [Nm/rad|N/m] and damping [Nms/rad|Ns/m], and what learns gravity.
+        """Take the gains, (n,) stiffness [Nm/rad|N/m] and damping [Nms/rad|Ns/m], and the estimator.
 
         Raises:
             InputError: Gains of different lengths, negative or not finite.
@@ -37,7 +37,7 @@ class EstimatedGravityPD:
         self.feedforward = np.zeros(len(self.pd.kp))  # gravity of the last torque [Nm|N]
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
-        """Torques (n,) [Nm|N]; NaN where a position or velocity is, and where gravity cannot be told without it.
+        """Return torques (n,) [Nm|N]; NaN where a position or velocity is, and where gravity depends on it.
 
         Raises:
             InputError: The robot has another number of joints than the gains.

@@ -39,7 +39,7 @@ class JointGains(NamedTuple):
 
 
 def gains_at_joints(kp: ArrayLike, kd: ArrayLike, ratio: ArrayLike, gearbox: ArrayLike) -> JointGains:
-    """Gains at the joints of a robot that controls its motors.
+    """Return gains at the joints of a robot that controls its motors.
 
     Args:
         kp: (n,) torque at the gearbox's output per turning of the motor [Nm/rad].
@@ -58,7 +58,7 @@ def gains_at_joints(kp: ArrayLike, kd: ArrayLike, ratio: ArrayLike, gearbox: Arr
 def torque_at_joints(
     dac_limit: ArrayLike, dac_per_ampere: ArrayLike, torque_constant: ArrayLike, ratio: ArrayLike
 ) -> Floats:
-    """Largest torques (n,) [Nm|N] at the joints that a motor board gives.
+    """Return the largest torques (n,) [Nm|N] at the joints that a motor board can give.
 
     Args:
         dac_limit: (n,) of the board's output; 0 for none.
@@ -77,7 +77,7 @@ def torque_at_joints(
 
 
 def reflected_inertia(rotor_inertia: ArrayLike, ratio: ArrayLike, coupling: ArrayLike) -> Floats:
-    """What the motors of three coupled joints add to the mass matrix: C^T diag(J ratio^2) C, (3, 3).
+    """Return what the motors of three coupled joints add to the mass matrix: C^T diag(J ratio^2) C, (3, 3).
 
     Args:
         rotor_inertia: (3,) at the shafts [kg m2].
@@ -102,7 +102,7 @@ def gains_from_mass(
     rate_hz: float = RATE_HZ,
     motor_inertia: ArrayLike | None = None,
 ) -> JointGains:
-    """Gains by rule: kp = w^2 M_jj, kd = 2 damping_ratio w M_jj, with M_jj the largest over the joint range.
+    """Return gains by a rule: kp = w^2 M_jj, kd = 2 damping_ratio w M_jj, with M_jj the largest over the joint range.
 
     Each joint alone, the others held, then oscillates at `frequency_hz` where its inertia is largest, and faster and
     less damped elsewhere. A joint without limits is taken over a whole turn, or a metre. Where axes fall into line
@@ -161,7 +161,7 @@ def _give_way(inertia: Floats, masses: Floats, most: float) -> Floats:
 
 
 def default_limits(torque: ArrayLike, units: tuple[str, ...], lower: Floats, upper: Floats) -> TorqueLimits:
-    """Limits of torque from the largest ones: RISE_TIME from none to all of it, fading over TAPER to joint limits.
+    """Return torque limits: RISE_TIME from none to all of `torque`, which fades over TAPER to joint limits.
 
     Args:
         torque: (n,) largest [Nm|N]; infinity for none, which has no largest rate either.

@@ -62,7 +62,6 @@ class TorqueLimits:
                 raise InputError(f"{name}: expected zero or more, got {values.tolist()}")
         if not (self.lower <= self.upper).all():
             raise InputError(f"lower {self.lower.tolist()}: expected at most upper {self.upper.tolist()}")
-        self._rows = np.stack([self.torque, self.slew, self.lower, self.upper, self.taper])
         self._last = np.zeros(shape)
         self._counts = np.zeros(2, dtype=np.int64)
 
@@ -76,11 +75,6 @@ class TorqueLimits:
         """Ticks in which any torque or position was NaN or infinite."""
         return int(self._counts[1])
 
-    @property
-    def arrays(self) -> tuple[Floats, Floats, NDArray[np.int64]]:
-        """What `limit` takes, not copies: torque, slew, lower, upper, taper (5, n); last torque (n,); counts (2,)."""
-        return self._rows, self._last, self._counts
-
     def reset(self, tau: Floats) -> None:
         """Begin from a torque (n,) [Nm|N] that is being applied; NaN counts as none.
 
@@ -92,31 +86,40 @@ class TorqueLimits:
         self._counts[:] = 0
 
     def apply(self, tau: Floats, q: Floats, dt: float) -> Floats:
-        """What may be sent of tau (n,) [Nm|N], at positions q (n,) [rad|m], dt [s] after the last."""
+        """Return what may be sent of tau (n,) [Nm|N], at positions q (n,) [rad|m], dt [s] after the last."""
         sent = np.empty(len(self._last))
-        limit(self._rows, self._last, self._counts, tau, q, dt, sent)
+        bounds = self.torque, self.slew, self.lower, self.upper, self.taper
+        _limit(*bounds, self._last, self._counts, tau, q, dt, sent)
         return sent
 
 
 @compiled
-def limit(
-    rows: Floats, last: Floats, counts: NDArray[np.int64], tau: Floats, q: Floats, dt: float, sent: Floats
+def _limit(
+    largest: Floats,
+    slew: Floats,
+    lower: Floats,
+    upper: Floats,
+    taper: Floats,
+    last: Floats,
+    counts: NDArray[np.int64],
+    tau: Floats,
+    q: Floats,
+    dt: float,
+    sent: Floats,
 ) -> None:
-    """Write what may be sent of tau; see TorqueLimits."""
     limited, not_finite = False, False
     for j in range(len(sent)):
         # a torque that is missing is as good as NaN
         wanted = tau[j] if j < len(tau) and j < len(q) else np.nan
-        torque, slew, lower, upper, taper = rows[0, j], rows[1, j], rows[2, j], rows[3, j], rows[4, j]
         if not (np.isfinite(wanted) and np.isfinite(q[j])):
             wanted = 0.0
             not_finite = True
         value = wanted
-        if taper > 0.0 and value != 0.0:  # then the position is a number, too
-            room = (upper - q[j] if value > 0.0 else q[j] - lower) / taper
+        if taper[j] > 0.0 and value != 0.0:  # then the position is a number, too
+            room = (upper[j] - q[j] if value > 0.0 else q[j] - lower[j]) / taper[j]
             value *= min(max(room, 0.0), 1.0)
-        value = min(max(value, -torque), torque)
-        step = slew * dt
+        value = min(max(value, -largest[j]), largest[j])
+        step = slew[j] * dt
         value = min(max(value, last[j] - step), last[j] + step)
         limited |= value != wanted
         last[j] = value

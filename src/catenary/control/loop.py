@@ -28,7 +28,7 @@ _log = logging.getLogger(__name__)
 
 
 class StateCorrector(Protocol):
-    """What tells the loop where the joints really are, such as a deployed calibration model."""
+    """A source of true joint positions for the loop, such as a deployed calibration model."""
 
     def prepare(self, joint_names: Sequence[str], joint_units: Sequence[str], rate_hz: float) -> None:
         """Get ready for a robot, or raise; forget all previous ticks."""
@@ -40,15 +40,15 @@ class StateCorrector(Protocol):
 
 
 class GravitySource(Protocol):
-    """What tells the loop gravity in the base frame, and how the base turns, such as a sensor on the base."""
+    """A source of gravity in the base frame and of the base's rates, such as a sensor on the base."""
 
     def read(self, time: float) -> GravityReading:
-        """What it says at the time of a joint state [s]; raises nothing, and waits for nothing."""
+        """Return its reading at the time of a joint state [s]; it raises nothing, and waits for nothing."""
         ...
 
 
 class Tick(NamedTuple):
-    """What one tick measured and sent; the arrays are the observer's to keep, not to change."""
+    """State and command of one tick; observers may keep the arrays, and must not change them."""
 
     number: int
     time: float  # [s] since the start, in ticks
@@ -206,7 +206,7 @@ def run_loop(
 
 
 def _require_ready(plant: Plant, controller: Controller | None, rate_hz: float) -> int:
-    """Refuse what cannot run; give the number of the plant's ticks in one of the loop's."""
+    """Refuse what cannot run, and return the number of the plant's ticks in one of the loop's."""
     require_ready(plant, "servo_jp" if controller is None else "servo_jf")
     if not 0.0 < rate_hz < math.inf:
         raise InputError(f"rate_hz: expected a positive rate, got {rate_hz}")

@@ -1,4 +1,4 @@
-"""Keeping time on an operating system that does not promise it."""
+"""Deadlines kept on an operating system that does not guarantee them."""
 
 import gc
 import math
@@ -14,7 +14,7 @@ _BINS = 12 * _PER_DECADE  # up to 1000 s
 
 
 class Timing(NamedTuple):
-    """How durations are distributed [s], to 1 %."""
+    """Quantiles of durations [s], to 1 %."""
 
     median: float
     p99: float
@@ -40,7 +40,7 @@ class Durations:
         self._max = max(self._max, seconds)
 
     def timing(self) -> Timing | None:
-        """The distribution; None when nothing was counted."""
+        """Return the quantiles; None when nothing was counted."""
         total = sum(self._counts)
         if total == 0:
             return None

@@ -1,4 +1,4 @@
-"""What a run of the control loop says about itself."""
+"""The report of a run of the control loop: timing, tracking, trust."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -81,23 +81,42 @@ class Tally:
     """Sums over the ticks of a run."""
 
     def __init__(self, joints: int) -> None:
-        self._sums = np.zeros((5, joints))
+        self._nominal, self._calibrated = RunningRms(joints), RunningRms(joints)
+        self._outside = np.zeros(joints)
 
     def add(self, q_ref: Floats, q_nominal: Floats, q_calibrated: Floats, inside: Flags) -> None:
         """Count a tick, each (n,)."""
-        _add(self._sums, q_ref, q_nominal, q_calibrated, inside)
+        self._nominal.add(q_ref, q_nominal)
+        self._calibrated.add(q_ref, q_calibrated)
+        self._outside += ~inside
 
     def tracking_nominal(self) -> tuple[float, ...]:
-        """RMS of reference - q_nominal (n,) over the ticks in which it was a number [rad|m]."""
-        return _rms(self._sums[0], self._sums[1])
+        """Return the RMS of reference - q_nominal (n,) [rad|m] over the ticks in which it was a number."""
+        return self._nominal.value()
 
     def tracking_calibrated(self) -> tuple[float, ...]:
-        """Same of q_calibrated."""
-        return _rms(self._sums[2], self._sums[3])
+        """Return the same of q_calibrated."""
+        return self._calibrated.value()
 
     def outside(self, ticks: int) -> tuple[float, ...]:
-        """Share of ticks outside the valid range (n,)."""
-        return tuple(float(v) / max(1, ticks) for v in self._sums[4])
+        """Return the share of ticks outside the valid range (n,)."""
+        return tuple((self._outside / max(1, ticks)).tolist())
+
+
+class RunningRms:
+    """RMS of a difference, per joint, over the times at which it was a number."""
+
+    def __init__(self, joints: int) -> None:
+        self._squares, self._counts = np.zeros(joints), np.zeros(joints)
+
+    def add(self, a: Floats, b: Floats) -> None:
+        """Count a - b, each (n,)."""
+        _add_squares(a, b, self._squares, self._counts)
+
+    def value(self) -> tuple[float, ...]:
+        """Return the RMS (n,); NaN where it never was a number."""
+        with np.errstate(invalid="ignore"):
+            return tuple(np.sqrt(self._squares / self._counts).tolist())
 
 
 class GravityTally:
@@ -115,7 +134,7 @@ class GravityTally:
             self._largest_age = reading.age
 
     def report(self) -> GravityReport:
-        """What was counted."""
+        """Return what was counted."""
         ticks: dict[str, int] = {}
         faults: dict[Fault, int] = {}
         for (status, shown), count in self._counts.items():
@@ -130,22 +149,10 @@ class GravityTally:
         )
 
 
-def _rms(squares: Floats, counts: Floats) -> tuple[float, ...]:
-    return tuple(
-        float(np.sqrt(square / count)) if count > 0.0 else float("nan")
-        for square, count in zip(squares, counts, strict=True)
-    )
-
-
 @compiled
-def _add(sums: Floats, q_ref: Floats, q_nominal: Floats, q_calibrated: Floats, inside: Flags) -> None:
-    for j in range(sums.shape[1]):
-        nominal, calibrated = q_ref[j] - q_nominal[j], q_ref[j] - q_calibrated[j]
-        if np.isfinite(nominal):
-            sums[0, j] += nominal * nominal
-            sums[1, j] += 1.0
-        if np.isfinite(calibrated):
-            sums[2, j] += calibrated * calibrated
-            sums[3, j] += 1.0
-        if not inside[j]:
-            sums[4, j] += 1.0
+def _add_squares(a: Floats, b: Floats, squares: Floats, counts: Floats) -> None:
+    for j in range(len(squares)):
+        difference = a[j] - b[j]
+        if np.isfinite(difference):
+            squares[j] += difference * difference
+            counts[j] += 1.0

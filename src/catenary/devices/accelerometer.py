@@ -28,7 +28,7 @@ ASK = b"?\n"  # the board answers with a hello
 
 @dataclass
 class LinkCounts:
-    """What came over the line since it was opened."""
+    """Counts of what came over the line since it was opened."""
 
     samples: int = 0
     damaged: int = 0  # lines that failed the checksum, or were noise
@@ -62,7 +62,7 @@ class SerialAccelerometer:
         """
         self.port, self.mailbox, self.counts = port, mailbox, LinkCounts()
         self.hello: Hello | None = None
-        self.complaint = ""  # the last line that was malformed, in words
+        self.complaint = ""  # why the last malformed line was refused
         self._baud = baud
         self._board_clock = BoardClock()
         self._last_number: int | None = None
@@ -92,10 +92,10 @@ class SerialAccelerometer:
         return self._line.is_connected
 
     def wait_ready(self, timeout: float = 5.0) -> Hello:
-        """Wait until the board has said what it is; an Arduino restarts when its port is opened, and takes 2 s.
+        """Wait for the board's hello and return it; an Arduino restarts when its port is opened, and takes 2 s.
 
         Raises:
-            SensorError: It has not; the message says what came instead.
+            SensorError: None came; the message says what came instead.
         """
         if not self._greeted.wait(timeout) or self.hello is None:
             c = self.counts
@@ -108,7 +108,7 @@ class SerialAccelerometer:
         return self.hello
 
     def with_ranges(self, mounting: Mounting) -> Mounting:
-        """The mounting with the board's ranges where it states none.
+        """Return the mounting with the board's ranges where it states none.
 
         Raises:
             SensorError: The board has not said hello.

@@ -1,4 +1,4 @@
-"""When a board's sample was taken, on the host's clock."""
+"""Time stamps of a board's samples on the host's clock."""
 
 WRAP = 2**32  # [us] at which a board's clock begins anew: every 71.6 minutes
 DRIFT = 0.01  # by which the clocks may run apart; ceramic resonators are good to 0.005
@@ -20,7 +20,7 @@ class BoardClock:
         self.restarts = 0
 
     def stamp(self, micros: int, arrival: float) -> float:
-        """Time of a sample [s] on the host's clock, of the board's time [us] modulo 2^32 and its arrival [s]."""
+        """Return a sample's time [s] on the host's clock, from the board's [us], modulo 2^32, and its arrival [s]."""
         if self._last is None:
             self._begin(arrival)
         else:

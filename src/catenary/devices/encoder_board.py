@@ -25,7 +25,7 @@ _UNKNOWN = frozen(np.full(3, np.nan))
 
 @dataclass
 class EncoderTally:
-    """What came over the line since it was opened."""
+    """Counts of what came over the line since it was opened."""
 
     rows: int = 0  # good ones
     malformed: int = 0  # lines that are none: noise, cut ones
@@ -46,7 +46,7 @@ class EncoderSample(NamedTuple):
 
 
 class EncoderReading(NamedTuple):
-    """How the board stands now."""
+    """State of the board, and its newest positions."""
 
     counts: Floats  # (3,) the last good ones; NaN before any
     q_encoder: Floats  # (3,) [rad, rad, m]; NaN while they are not valid
@@ -57,7 +57,7 @@ class EncoderReading(NamedTuple):
     is_connected: bool
     is_registered: bool
     is_watching: bool  # for the stops
-    complaint: str  # the last line or row that was left out, in words
+    complaint: str  # why the last line or row was left out
     tally: dict[str, int]
 
 
@@ -115,16 +115,16 @@ class EncoderBoard:
         self._line.close()
 
     def now(self) -> float:
-        """Time [s] on the clock that samples are stamped with."""
+        """Return the time [s] on the clock that samples are stamped with."""
         return self._clock()
 
     def tell(self, *, is_busy: bool, is_homed: bool) -> None:
-        """Hear of the robot's operating state: it homes while it is busy and not homed."""
+        """Take the robot's operating state: it homes while it is busy and not homed."""
         with self._lock:
             self._registration.tell(is_busy and not is_homed, is_homed)
 
     def take(self) -> list[EncoderSample]:
-        """Good rows since the last time, oldest first."""
+        """Take out and return the good rows since the last call, oldest first."""
         with self._lock:
             taken = list(self._samples)
             self._samples.clear()
@@ -147,7 +147,7 @@ class EncoderBoard:
             time.sleep(0.005)
 
     def reading(self) -> EncoderReading:
-        """How it stands now."""
+        """Return the state of the board, and its newest positions."""
         with self._lock:
             last, registration = self._last, self._registration
             age = math.inf if last is None else max(0.0, self._clock() - last.time)

@@ -39,7 +39,7 @@ def parse_counts(line: str, bits: int = 32) -> Raw:
 
 
 class Verdict(Enum):
-    """What a row of counts is."""
+    """Judgement of a row of counts."""
 
     GOOD = "good"
     REJECTED = "rejected"  # no joint moves so far in the time: left out
@@ -102,7 +102,7 @@ class CountTracker:
     def _doubt(
         self, candidate: tuple[Raw, float, int], raw: Raw, time: float, step: Floats, late: float
     ) -> Tracked:
-        """A row after one that was rejected: is it near the last good one, or near the rejected one?"""
+        """Judge a row after one that was rejected: is it near the last good one, or near the rejected one?"""
         other, since, agree = candidate
         gap = max(0.0, time - since)
         # shares of what joints move in the time of a row, and of two; not of all rejected ones, or any leap would
@@ -120,7 +120,7 @@ class CountTracker:
         return Tracked(Verdict.REJECTED, self._counts, reason)
 
     def _step(self, before: Raw, after: Raw) -> Floats:
-        """Counts from one row to another, the short way round, in the joints' direction."""
+        """Return counts from one row to another, the short way round, in the joints' direction."""
         half = self._range // 2
         short = [(b - a + half) % self._range - half for a, b in zip(before, after, strict=True)]
         steps: Floats = self._rig.direction * np.array(short, dtype=float)

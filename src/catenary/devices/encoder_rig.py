@@ -49,6 +49,6 @@ class EncoderRig:
             raise InputError(f"encoder rig bits: expected one of {BITS}, got {self.bits}")
 
     def positions(self, counts: Floats, zero: Floats) -> Floats:
-        """Joint positions (..., 3) [rad, rad, m] of counts (..., 3); `zero` (3,) are those at the stops."""
+        """Return joint positions (..., 3) [rad, rad, m] of counts (..., 3); `zero` (3,) are those at the stops."""
         positions: Floats = self.stop + (counts - zero) / self.counts
         return positions

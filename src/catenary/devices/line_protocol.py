@@ -12,7 +12,7 @@ LONGEST = 200  # bytes of a line; what is longer is noise
 
 
 class Hello(NamedTuple):
-    """What a board says about itself, when asked and once a second."""
+    """A board's description of itself, sent when asked and once a second."""
 
     sensor: str
     acceleration_unit: str  # a key of ACCELERATION_UNITS
@@ -37,7 +37,7 @@ class BoardSample(NamedTuple):
 
 
 def checksum(body: str) -> str:
-    """Exclusive or of all characters between $ and *, as NMEA 0183 has it: two hexadecimal digits."""
+    """Return the exclusive or of all characters between $ and *, as NMEA 0183 has it: two hexadecimal digits."""
     value = 0
     for character in body:
         value ^= ord(character)
@@ -45,7 +45,7 @@ def checksum(body: str) -> str:
 
 
 def hello_line(hello: Hello) -> str:
-    """The line that says hello, with its end."""
+    """Return the line of a hello, with its end."""
     fields = (
         hello.sensor,
         hello.acceleration_unit,
@@ -57,7 +57,7 @@ def hello_line(hello: Hello) -> str:
 
 
 def sample_line(sample: BoardSample) -> str:
-    """The line of a sample, with its end."""
+    """Return the line of a sample, with its end."""
     numbers = sample.acceleration + (() if sample.rate is None else sample.rate)
     return _line(f"CATAC,{sample.number},{sample.micros}," + ",".join(f"{v:.5f}" for v in numbers))
 
@@ -94,13 +94,13 @@ class ChecksumError(InputError):
 
 
 class LineSplitter:
-    """Lines out of pieces of bytes; noise without ends is thrown away."""
+    """Splits bytes, which come in pieces, into lines; noise without line ends is dropped."""
 
     def __init__(self) -> None:
         self._rest = b""
 
     def feed(self, data: bytes) -> list[str]:
-        """Lines that are whole by now, without their ends."""
+        """Take bytes, and return the lines that are whole by now, without their ends."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         if len(self._rest) > LONGEST:
             lines.append(self._rest)  # it will be refused, and counted

@@ -1,4 +1,4 @@
-"""Where the encoders' zero is: found while the robot homes, which runs each joint into its stop.
+"""Registration of the encoders: their zero, found while the robot homes, which runs each joint into its stop.
 
 The rig's rule [raven2_CRTK_Python_controller]: within 60 s each joint runs into its stop; zero is the mean of the
 counts within a window of the farthest ones. The rig begins when it is started; here the robot's state says when it
@@ -18,12 +18,8 @@ LONGEST = 60.0  # [s]
 # beyond its farthest by a push into the stop, cables give way and the joint creeps back by as much
 REST = 100.0  # counts from the farthest, within which a joint stands at its stop: 0.45 deg, 0.5 mm
 TOGETHER = 0.2  # [s] for which all joints stand at their stops at once: the robot waits so long to register
-TRAVEL = (
-    np.deg2rad(1.0),
-    np.deg2rad(1.0),
-    0.002,
-)  # [rad, rad, m] towards its stop that a joint must have come
-BEYOND = (np.deg2rad(1.0), np.deg2rad(1.0), 0.002)  # [rad, rad, m] past a stop that is none
+TRAVEL = (np.deg2rad(1.0), np.deg2rad(1.0), 0.002)  # [rad, rad, m] that a joint must come towards its stop
+BEYOND = TRAVEL  # past a stop, which then was none
 
 
 class Registration:
@@ -61,7 +57,7 @@ class Registration:
         self._clear()
 
     def tell(self, homing: bool, homed: bool) -> None:
-        """Hear of the robot's operating state: whether it homes now, and whether it is homed."""
+        """Take the robot's operating state: whether it homes now, and whether it is homed."""
         was, self._told = self._told, homing
         if homing and not was:
             self.zero, self.reason = None, "not registered: the robot homes"
@@ -105,7 +101,7 @@ class Registration:
             self._give_up(came)
 
     def _has_left(self, time: float, toward: Floats, came: Flags) -> bool:
-        """Whether all joints stood at their farthest together, and one has left."""
+        """Return whether all joints stood at their farthest together, and one has left."""
         if came.all() and (self._peak - toward <= REST).all():
             # where one still goes on towards its stop, nobody stands yet
             if self._together_since == math.inf or (self._peak - self._anchor > REST).any():
@@ -116,7 +112,7 @@ class Registration:
         return stood
 
     def _register(self) -> None:
-        """Mean of the counts within a window of the farthest."""
+        """Take the mean of the counts within a window of the farthest for zero."""
         seen, side = np.array(self._seen), self._rig.side
         near = self._peak - seen * side <= self._rig.window
         self.zero = frozen(np.where(near, seen, 0.0).sum(axis=0) / near.sum(axis=0))

@@ -62,7 +62,7 @@ def inverse_dynamics(
     model.require_inertia()
     if base is None:
         inputs = q, qd, qdd, gravity, _AT_REST, _AT_REST
-        quick = one_by_kernel(model, "inverse-dynamics", inverse_dynamics_line, (model.n,), *inputs)
+        quick = one_by_kernel(model, "inverse-dynamics", inverse_dynamics_line, 1, *inputs)
         if quick is not None:
             return quick
     rows, single = as_batch("q", q, model.n)

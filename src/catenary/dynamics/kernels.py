@@ -94,7 +94,7 @@ def forward_kinematics_kernel(model: RobotModel, frame: str | None = None) -> Ke
 
 
 def one_by_kernel(
-    model: RobotModel, name: str, trace: Trace, shape: tuple[int, ...], *inputs: ArrayLike
+    model: RobotModel, name: str, trace: Trace, dimensions: int, *inputs: ArrayLike
 ) -> Floats | None:
     """Return a quantity at one configuration by the robot's kernel; None for its first calls and for odd inputs.
 
@@ -106,7 +106,7 @@ def one_by_kernel(
         model: The robot.
         name: As in `known_kernel`.
         trace: As in `known_kernel`.
-        shape: As in `known_kernel`.
+        dimensions: Of the result, each as long as the robot has coordinates.
         inputs: Of the kernel.
     """
     of_model = _single.get(model)
@@ -117,7 +117,7 @@ def one_by_kernel(
         if kernel < FEW:
             of_model[name] = kernel + 1
             return None
-        kernel = of_model[name] = known_kernel(model, name, trace, shape)
+        kernel = of_model[name] = known_kernel(model, name, trace, (model.n,) * dimensions)
     return kernel.of_finite(*inputs)
 
 

@@ -30,7 +30,7 @@ def mass_matrix(model: RobotModel, q: ArrayLike, *, threads: int = 1) -> Floats:
         InputError: q has another shape or is not finite.
     """
     model.require_inertia()
-    quick = one_by_kernel(model, "mass-matrix", mass_matrix_line, (model.n, model.n), q)
+    quick = one_by_kernel(model, "mass-matrix", mass_matrix_line, 2, q)
     if quick is not None:
         return quick
     rows, single = as_batch("q", q, model.n)

@@ -43,7 +43,7 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike, *, threa
         InputError: An argument has another shape or is not finite.
     """
     model.require_inertia()
-    quick = one_by_kernel(model, "gravity", gravity_line, (model.n,), q, gravity)
+    quick = one_by_kernel(model, "gravity", gravity_line, 1, q, gravity)
     if quick is not None:
         return quick
     rows, single = as_batch("q", q, model.n)

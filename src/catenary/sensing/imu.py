@@ -29,8 +29,8 @@ _FORGET = 1.0  # [s] without samples, after which a sensor is met anew
 class SensedGravity:
     """Gravity, angular velocity and angular acceleration of a base, from samples in a mailbox; a GravitySource.
 
-    Each tick takes what came, checks it (sensor_checks), fits a parabola through the last few samples of each kind
-    (local_fit) and reads it now, so that neither filtering nor the wait between samples delays what is said. The
+    Each tick takes what came, checks it (checks.py), fits a parabola through the last few samples of each kind
+    (DelayFreeFilter) and reads it now, so that neither filtering nor the wait between samples delays the reading. The
     sensor's place is accounted for: with p its position from the base's origin,
 
         gravity = gravity at the sensor + alpha x p + omega x (omega x p)

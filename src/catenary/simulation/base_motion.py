@@ -21,7 +21,7 @@ class MovingBase(Protocol):
     """Anything an arm can stand on."""
 
     def sample(self, times: Floats) -> BaseSamples:
-        """Motion at times (N,) [s]."""
+        """Return the motion at times (N,) [s]."""
         ...
 
 
@@ -33,7 +33,7 @@ class FixedBase:
     pitch: float = 0.0
 
     def sample(self, times: Floats) -> BaseSamples:
-        """One row for all times: nothing changes."""
+        """Return one row for all times: nothing changes."""
         gravity = tilt(self.roll, self.pitch).T @ LEVEL
         return BaseSamples(gravity[None, :], np.zeros((1, 3, 3)))
 
@@ -53,7 +53,7 @@ class RockingBase:
     start: FixedBase = field(default_factory=FixedBase)
 
     def sample(self, times: Floats) -> BaseSamples:
-        """Gravity turned into the base, and the accelerations that rocking brings."""
+        """Return gravity in base axes, and the accelerations of rocking."""
         t = as_array("times", times, (None,))
         axis = as_array("axis", self.axis, (3,))
         axis = axis / np.linalg.norm(axis)
@@ -70,7 +70,7 @@ class RockingBase:
 
 
 def tilt(roll: float, pitch: float) -> Floats:
-    """R_world_base of a base turned by roll about x, then by pitch about its own y [rad]."""
+    """Return R_world_base of a base turned by roll about x, then by pitch about its own y [rad]."""
     c, s = np.cos(pitch), np.sin(pitch)
     about_y = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
     R_world_base: Floats = rotation_about_x(roll) @ about_y
@@ -94,9 +94,9 @@ class BaseTimeline:
         return len(self._block.gravity) == 1
 
     def rows(self, first: int, count: int) -> tuple[BaseSamples, int]:
-        """Motion from tick `first` on, at most `count` ticks of it, and for how many ticks it holds.
+        """Return the motion from tick `first` on, and for how many ticks it holds, `count` at most.
 
-        A base that stands still gives one row for all of them.
+        A base that stands still has one row for all of them.
         """
         number, start = divmod(first, self.BLOCK)
         if number != self._number:
@@ -112,5 +112,5 @@ class BaseTimeline:
 
 
 def imu_reading(samples: BaseSamples) -> tuple[Floats, Floats]:
-    """What an ideal inertial unit at the base's origin reads: specific force (N, 3) [m/s2], rate (N, 3) [rad/s]."""
+    """Return an ideal IMU's reading at the base's origin: specific force (N, 3) [m/s2], rate (N, 3) [rad/s]."""
     return samples.motion[:, 2] - samples.gravity, samples.motion[:, 0]

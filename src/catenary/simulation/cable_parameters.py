@@ -178,7 +178,7 @@ def varied(arm: CableArm, rng: np.random.Generator) -> CableArm:
 
 
 def right_arm(arm: CableArm) -> CableArm:
-    """The green arm: DAC signs of the positioning joints and the tool's insertion sign turned, J3's damping lower."""
+    """Return the green arm: other DAC signs at the positioning joints, the tool on the other side, J3 less damped."""
     f = arm.firmware
     sign, kd = f.dac_sign.copy(), f.kd.copy()
     sign[:POSITIONING] *= -1.0

@@ -109,7 +109,7 @@ def physics_step(
 
 
 def unstretched_rotors(cable: Cable, q: Floats) -> Floats:
-    """Positions (3,) of the positioning motors [rad] at which no cable is stretched at joint positions q (3,)."""
+    """Return the positioning motors' positions (3,) [rad] at which no cable is stretched at joint positions q (3,)."""
     true_ratio = cable.ratio * (1.0 + cable.ratio_error)
     fixed = np.array(winding_of(cable.coupling, q)) - cable.pulley_runout * np.sin(q + cable.pulley_phase)
     rotor = true_ratio * fixed
@@ -121,7 +121,7 @@ def unstretched_rotors(cable: Cable, q: Floats) -> Floats:
 
 @inlined
 def _pull(cable: Cable, state: ArmState, j: int, winding: float, winding_rate: float, step: float) -> None:
-    """Stretch cable j and write its tension; let it remember, creep, set and wear."""
+    """Stretch cable j and write its tension; update its hysteresis, creep, set and wear."""
     true_ratio = cable.ratio[j] * (1.0 + cable.ratio_error[j])
     runout = cable.capstan_runout[j] * math.sin(
         state.rotor[j] / cable.gearbox[j] + cable.capstan_phase[j]

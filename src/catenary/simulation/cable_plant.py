@@ -64,7 +64,7 @@ class CablePlant(SimulatedPlant):
             substeps: Physics steps in 1 ms; 1 is enough for hours-long runs.
 
         Raises:
-            InputError: A side that is none, a negative payload, or no substep.
+            InputError: An unknown side, a negative payload, or fewer than one substep.
         """
         if side not in ("left", "right"):
             raise InputError(f'side "{side}": expected left or right')

@@ -62,7 +62,7 @@ class TickLog(Record):
 
 @inlined
 def _motors_of(firmware: Firmware, joint: Floats, insertion_motor: float, out: Floats) -> None:
-    """Motor positions at joint positions; the tools' depend on where the insertion motor is."""
+    """Write the motor positions at joint positions; the tools' depend on where the insertion motor is."""
     winding = winding_of(firmware.coupling, joint)
     for j in range(3):
         out[j] = firmware.ratio[j] * winding[j]
@@ -74,7 +74,7 @@ def _motors_of(firmware: Firmware, joint: Floats, insertion_motor: float, out: F
 
 @inlined
 def _joints_of(firmware: Firmware, motor: Floats, out: Floats) -> None:
-    """Joint positions at motor positions, through rigid cables of the nominal ratios."""
+    """Write the joint positions at motor positions, through rigid cables of the nominal ratios."""
     first, second, third = joints_of(
         firmware.coupling,
         (motor[0] / firmware.ratio[0], motor[1] / firmware.ratio[1], motor[2] / firmware.ratio[2]),
@@ -100,7 +100,7 @@ def read_encoders(firmware: Firmware, arm: ArmState, control: ControlState) -> N
 
 @compiled
 def read_encoders_of(firmware: Firmware, arm: ArmState, control: ControlState) -> None:
-    """`read_encoders`, outside of a run."""
+    """Call `read_encoders` from Python."""
     read_encoders(firmware[()], arm[()], control[()])
 
 
@@ -180,7 +180,7 @@ def register(firmware: Firmware, control: ControlState, joint: Floats, axes: NDA
 
 
 def joint_torques(firmware: Firmware, torque: Floats) -> Floats:
-    """Joint torques (..., 7) that motors were asked for with `torque` (..., 7) [Nm] at their gearboxes' outputs.
+    """Return the joint torques (..., 7) of motor torques (..., 7) [Nm] demanded at the gearboxes' outputs.
 
     Through the nominal ratios and coupling; what friction takes on the way is unknown.
     """

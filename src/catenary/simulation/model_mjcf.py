@@ -24,7 +24,7 @@ def tree_mjcf(model: RobotModel) -> str:
 
     Raises:
         MissingInertiaError: Links without inertia.
-        InputError: A link's inertia is none that a body can have; the message names it.
+        InputError: A link's inertia is not that of any rigid body; the message names the link.
     """
     model.require_inertia()
     children: list[list[int]] = [[] for _ in range(len(model.link_names) + 1)]
@@ -57,15 +57,15 @@ def _body(model: RobotModel, i: int, inside: str) -> str:
 
 
 def _principal(model: RobotModel, i: int) -> tuple[Floats, Floats]:
-    """Principal moments (3,), rising, and their axes as columns, right-handed."""
+    """Return the principal moments (3,), rising, and their axes as columns, right-handed."""
     moments, axes = np.linalg.eigh(model.tree.inertia[i])
     axes = axes * np.linalg.det(axes)
     tolerance = _ROUNDING * moments[2]
     if moments[0] < -tolerance or moments[0] + moments[1] < moments[2] - tolerance:
         raise InputError(
             f'robot "{model.name}": link "{model.link_names[i]}": principal moments of inertia '
-            f"{moments.tolist()} kg m2: no body has these; expected none below zero, and no two that add up to "
-            "less than the third"
+            f"{moments.tolist()} kg m2 are not those of a rigid body; expected none below zero, and each at most "
+            "the sum of the other two"
         )
     moments = np.maximum(moments, LEAST_INERTIA)
     # a rod's moments (0, I, I) may miss the inequality by rounding, and MuJoCo takes it exactly

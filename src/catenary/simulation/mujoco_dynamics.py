@@ -47,7 +47,7 @@ class MujocoDynamics:
         self._write_mass = _mass_writer(mujoco, m, d, self.tree.mass)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "MujocoDynamics":
-        """Another one in the same state; its arrays are views into its own MuJoCo."""
+        """Return another one in the same state; its arrays are views into its own MuJoCo."""
         twin = MujocoDynamics(self._robot)
         memo[id(self)] = twin
         twin.tree.q[:], twin.tree.qd[:], twin._qdd[:] = self.tree.q, self.tree.qd, self._qdd
@@ -88,7 +88,7 @@ def _import() -> Any:
 
 
 def _mass_writer(mujoco: Any, model: Any, data: Any, mass: Floats) -> Any:
-    """What writes the mass matrix; MuJoCo 4 changed the call."""
+    """Return the call that writes the mass matrix; MuJoCo 4 changed it."""
     try:
         mujoco.mj_fullM(model, data, mass)
     except TypeError:

@@ -136,7 +136,7 @@ class MujocoPlant(SimulatedPlant):
         return self._payload
 
     def measured_js(self) -> JointState:
-        """Joint state: of the rotors where joints are elastic, of the joints elsewhere."""
+        """Return the joint state: of the rotors where joints are elastic, of the joints elsewhere."""
         parts, drive = self._motion.parts, self._joints.joints.drive
         gravity, motion = self._base_at(0)
         return JointState(
@@ -151,11 +151,11 @@ class MujocoPlant(SimulatedPlant):
         )
 
     def setpoint_js(self) -> JointState:
-        """Setpoint of the position servo."""
+        """Return the setpoint of the position servo."""
         return self.measured_js()._replace(q=self._setpoint.copy(), qd=np.zeros(self.model.n))
 
     def telemetry(self) -> Mapping[str, Floats]:
-        """Latest sample of every column of `columns`."""
+        """Return the latest sample of every column of `columns`."""
         parts, drive = self._motion.parts, self._joints.joints.drive
         specific_force, rate = imu_reading(self._base_at(0))
         return {
@@ -215,7 +215,7 @@ class MujocoPlant(SimulatedPlant):
         """Carry a payload from now on, in place of the last one; it is taken up at the speed of its place.
 
         Raises:
-            InputError: Its mass, place or frame is none.
+            InputError: A negative mass, a place of another shape, or an unknown frame.
         """
         self._take_up(payload)
 
@@ -231,7 +231,7 @@ class MujocoPlant(SimulatedPlant):
         self._base_is_told = False
 
     def _base_at(self, half_steps: int) -> BaseSamples:
-        """Gravity (1, 3) and motion (1, 3, 3) of the base, some half steps after the last tick."""
+        """Return gravity (1, 3) and motion (1, 3, 3) of the base, some half steps after the last tick."""
         return self._base.rows(2 * self._substeps * self._tick + half_steps, 1)[0]
 
     def _update(self, half_steps: int) -> None:
@@ -243,7 +243,7 @@ class MujocoPlant(SimulatedPlant):
         self._dynamics.update()
 
     def _mass_matrix(self) -> Floats:
-        """Of all that moves, (nz, nz)."""
+        """Return the mass matrix of all moving parts, (nz, nz)."""
         begin_step(self._joints, self._motion, self._dynamics.tree)
         self._update(0)
         dof, coupling, n = self._joints.tree.dof, self._joints.coupling, self.model.n

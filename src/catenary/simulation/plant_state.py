@@ -58,7 +58,7 @@ def restore_plant(plant: CablePlant, path: Path) -> None:
 
 
 def _robot(plant: CablePlant) -> dict[str, object]:
-    """Everything that makes an arm another one, or makes it stand elsewhere."""
+    """Return everything that makes an arm another one, or makes it stand elsewhere."""
     return {
         "format": FORMAT,
         "side": plant.side,

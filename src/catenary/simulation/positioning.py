@@ -43,11 +43,11 @@ class PositioningArm:
         return self.arm.state.q.copy()
 
     def measured_js(self) -> JointState:
-        """Joint state as the firmware believes it."""
+        """Return the joint state as the firmware believes it."""
         return _first(self.arm.measured_js())
 
     def setpoint_js(self) -> JointState:
-        """Joint setpoint of the firmware."""
+        """Return the joint setpoint of the firmware."""
         return _first(self.arm.setpoint_js())
 
     def servo_jp(self, q: Floats) -> None:
@@ -65,7 +65,7 @@ class PositioningArm:
         self.arm.servo_jf(as_array("servo_jf", tau, (POSITIONING,)))
 
     def operating_state(self) -> OperatingState:
-        """CRTK's operating state."""
+        """Return CRTK's operating state."""
         return self.arm.operating_state()
 
     def state_command(self, command: StateCommand) -> None:
@@ -73,7 +73,7 @@ class PositioningArm:
         self.arm.state_command(command)
 
     def telemetry(self) -> Mapping[str, Floats]:
-        """Latest sample of every column, the tool's numbers included."""
+        """Return the latest sample of every column, the tool's numbers included."""
         return self.arm.telemetry()
 
     def wait(self) -> None:

@@ -33,7 +33,7 @@ COLUMNS = (
 
 
 def telemetry_of(plant: CablePlant, log: TickLog) -> dict[str, Floats]:
-    """Give T ticks of a run as telemetry: column name to (T, width), SI.
+    """Return T ticks of a run as telemetry: column name to (T, width), SI.
 
     `pos` and `ori` are the tool's pose in the arm's frame 0, as the robot believes it from its motors.
     """
@@ -63,7 +63,7 @@ def telemetry_of(plant: CablePlant, log: TickLog) -> dict[str, Floats]:
 
 
 def _tool_poses(plant: CablePlant, joint: Floats) -> tuple[Floats, Floats]:
-    """Rotation (T, 3, 3) and position (T, 3) [m] of the tool in the arm's frame 0."""
+    """Return the rotation (T, 3, 3) and position (T, 3) [m] of the tool in the arm's frame 0."""
     q = np.column_stack([joint[:, :5], 0.5 * (joint[:, 6] - joint[:, 5])])
     rotation, position = frame_poses(plant.model, q, plant.model.tip)
     base = plant.model.frames["frame0"].pose

@@ -5,7 +5,6 @@ record is one array for NumPy, with a structured data type, and a struct for num
 writes, the same memory in Python and in compiled code.
 """
 
-from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Self, get_args, get_type_hints
 
 import numpy as np
@@ -83,13 +82,9 @@ class Record(np.ndarray[Any, np.dtype[Any]]):
             copy[name] = value
         return copy
 
-    def as_dict(self) -> Mapping[str, Any]:
-        """Return every field by name; arrays are views."""
-        return {name: getattr(self, name) for name in self.fields}
-
 
 def _storage(hint: Any) -> tuple[str, tuple[int, ...]]:
-    """NumPy's name of a field's type, and the field's shape."""
+    """Return NumPy's name of a field's type, and the field's shape."""
     if hint in _SCALARS:
         return _SCALARS[hint], ()
     _, kind, shape = get_args(hint)

@@ -56,13 +56,13 @@ class InjectedFault:
             raise InputError(f'fault "{self.kind}": expected one of {", ".join(FAULT_KINDS)}')
 
     def holds(self, stamp: float) -> bool:
-        """Whether a sample taken at this time [s] is wrong."""
+        """Return whether a sample taken at this time [s] is wrong."""
         return self.start <= stamp < self.start + self.duration
 
 
 @dataclass(frozen=True)
 class SensorModel:
-    """What a sensor does to the truth. The defaults are of the MPU-6050's class, at its range of 2 g and 250 deg/s."""
+    """How a sensor's readings differ from the truth; by default as of an MPU-6050 at 2 g and 250 deg/s."""
 
     rate_hz: float = 200.0
     # MPU-6000/6050 product specification rev. 3.4, tables 6.1 and 6.2
@@ -88,7 +88,7 @@ class SensorModel:
 def ideal_sensor(
     rate_hz: float, mounting: Mounting | None = None, *, has_gyroscope: bool = True
 ) -> SensorModel:
-    """A sensor without noise, resolution, latency or end of range.
+    """Return a sensor without noise, resolution, latency or end of range.
 
     Its samples repeat bit for bit on a base that stands still: give the estimator SensorRules(stuck_samples=0).
     """
@@ -196,7 +196,7 @@ def _spoil(
     number: int,
     end: float,
 ) -> tuple[float, Floats] | None:
-    """What becomes of a sample under a fault; None when it is lost."""
+    """Return a sample as a fault changes it; None when it is lost."""
     name = fault.kind
     if name == "drop_out":
         return None
@@ -252,7 +252,7 @@ class TelemetryBase:
         self._last: tuple[float, Floats] | None = None
 
     def sample(self, times: Floats) -> BaseSamples:
-        """Motion now, for every one of times (N,)."""
+        """Return the motion now, for every one of times (N,)."""
         stamps = as_array("times", times, (None,))
         telemetry = self._plant.telemetry()
         force, rate = telemetry["accelerometer"], np.asarray(telemetry["gyroscope"], dtype=float)

@@ -155,7 +155,7 @@ class CartesianSinusoids(SampledTrajectory):
 
 
 def _phases(axes: int, period: float, cycles: int, ramp: float) -> SmoothedPath:
-    """Phase of each axis' sine [rad]: it rises through all its cycles while the others stand."""
+    """Return the phase of each axis' sine [rad]: it rises through all its cycles while the others stand."""
     runs = cycles * period
     begins = np.arange(axes) * (runs + ramp)
     times = np.sort(np.concatenate([begins, begins + runs]))

@@ -92,5 +92,5 @@ class InTurn:
         return out[0], out[1], out[2]
 
     def _local(self, k: int, t: float) -> float:
-        """Time since part k began; at the end of all, its very end, whatever the sums round to."""
+        """Return the time since part k began; at the end of all, its very end, whatever the sums round to."""
         return self._parts[k].duration if t >= self._duration else t - self._starts[k]

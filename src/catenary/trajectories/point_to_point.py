@@ -58,7 +58,7 @@ def go_to(
 
 
 def _fastest(way: float, velocity: float, acceleration: float) -> tuple[float, float]:
-    """Time of the line and of the blend that cover a way [s]; the motion takes their sum."""
+    """Return the time of the line and of the blend that cover a way [s]; the motion takes their sum."""
     # at this speed or below, the line takes at least a blend: only then does the motion reach its speed
     speed = min(velocity, np.sqrt(way * acceleration / PEAK))
     return way / speed, min(PEAK * speed / acceleration, way / speed)

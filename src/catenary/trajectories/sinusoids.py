@@ -79,7 +79,7 @@ def _swings(
     speeds: tuple[float, float],
     turn: float,
 ) -> BrokenLine:
-    """One joint's line: it stands at every turning point for one blend, so that it comes to rest there."""
+    """Draw one joint's line: it stands at every turning point for one blend, so that it comes to rest there."""
     stop = duration - turn  # where the line ends: the motion is at rest one blend later
     end = int(rng.integers(2))
     times, points = [0.0], [_turning_point(rng, ends, end, band)]

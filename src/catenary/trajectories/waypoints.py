@@ -88,6 +88,6 @@ def read_waypoints(path: Path, joints: int) -> Floats:
 
 
 def _row_times(rows: Floats, fastest: Floats) -> Floats:
-    """When each row is reached if the joint that has farthest to go moves at its speed, (N,) [s]."""
+    """Return when each row is reached if the joint that has farthest to go moves at its speed, (N,) [s]."""
     steps = (np.abs(np.diff(rows, axis=0)) / fastest).max(axis=1, initial=0.0)
     return np.append(0.0, np.cumsum(steps))

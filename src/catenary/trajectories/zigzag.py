@@ -139,7 +139,7 @@ def zigzag(
 
 
 def _placement(direction: str, lower: ArrayLike, upper: ArrayLike) -> tuple[Floats, Floats]:
-    """Matrix (3, 3) and shift (3,) that take the unit cube's path to joint positions."""
+    """Return the matrix (3, 3) and shift (3,) that take the unit cube's path to joint positions."""
     if direction not in DIRECTIONS:
         raise InputError(f"direction: expected one of {', '.join(DIRECTIONS)}, got {direction!r}")
     low, high = as_array("lower", lower, (3,)), as_array("upper", upper, (3,))
@@ -169,7 +169,7 @@ def _placement(direction: str, lower: ArrayLike, upper: ArrayLike) -> tuple[Floa
 
 
 def _corner_rows(path: Floats) -> NDArray[np.int64]:
-    """Indices of the rows where the path turns, first and last row included."""
+    """Return the indices of the rows where the path turns, first and last row included."""
     steps = np.sign(np.round(np.diff(path, axis=0) / _STEP))
     turns = np.flatnonzero((steps[1:] != steps[:-1]).any(axis=1)) + 1
     return np.concatenate([[0], turns, [len(path) - 1]])

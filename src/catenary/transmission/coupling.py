@@ -13,13 +13,13 @@ from catenary.kernels.compiled import inlined
 
 @inlined
 def winding_of(coupling: Numbers, q: Numbers) -> Vector:
-    """Winding of each cable at joint positions (or velocities) q (3,)."""
+    """Return the winding of each cable at joint positions (or velocities) q (3,)."""
     return q[0], q[1] + coupling[0] * q[0], q[2] + coupling[1] * q[0] + coupling[2] * q[1]
 
 
 @inlined
 def joints_of(coupling: Numbers, winding: Vector) -> Vector:
-    """Joint positions (or velocities) at which the cables have the given winding."""
+    """Return the joint positions (or velocities) at which the cables have the given winding."""
     first = winding[0]
     second = winding[1] - coupling[0] * first
     return first, second, winding[2] - coupling[1] * first - coupling[2] * second
@@ -27,7 +27,7 @@ def joints_of(coupling: Numbers, winding: Vector) -> Vector:
 
 @inlined
 def joint_forces(coupling: Numbers, tension: Vector) -> Vector:
-    """Joint torques of cable tensions [Nm or N]: the transpose of `winding_of`, so that power is kept."""
+    """Return the joint torques of cable tensions [Nm or N]: the transpose of `winding_of`, so that power is kept."""
     return (
         tension[0] + coupling[0] * tension[1] + coupling[1] * tension[2],
         tension[1] + coupling[2] * tension[2],
@@ -37,7 +37,7 @@ def joint_forces(coupling: Numbers, tension: Vector) -> Vector:
 
 @inlined
 def tensions_for(coupling: Numbers, force: Numbers) -> Vector:
-    """Cable tensions that give joint torques (3,): the inverse of `joint_forces`."""
+    """Return the cable tensions that give joint torques (3,): the inverse of `joint_forces`."""
     third = force[2]
     second = force[1] - coupling[2] * third
     return force[0] - coupling[0] * second - coupling[1] * third, second, third

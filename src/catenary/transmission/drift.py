@@ -9,7 +9,7 @@ LARGEST_LOSS = 0.3  # of the stiffness
 def set_rate(
     tension: float, reference: float, side: float, speed: float, slack: float, rate: float, most: float
 ) -> float:
-    """Rate at which a cable's permanent set grows [rad/s or m/s].
+    """Return the rate at which a cable's permanent set grows [rad/s or m/s].
 
     d(set)/dt = rate (1/2 + side T / T_ref) |dq/dt| (1 - |set| / most): by travel, more under tension, ever
     slower.
@@ -28,5 +28,5 @@ def set_rate(
 
 @inlined
 def loss_rate(tension: float, reference: float, speed: float, loss: float, rate: float) -> float:
-    """Rate at which the share of stiffness that is lost grows [1/s]: by travel under tension, at most 0.3 in all."""
+    """Return the rate at which the lost share of stiffness grows [1/s]: by travel under tension, 0.3 at most."""
     return rate * abs(tension / reference) * speed * (1.0 - loss / LARGEST_LOSS)

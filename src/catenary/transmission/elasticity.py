@@ -5,7 +5,7 @@ from catenary.kernels.compiled import inlined
 
 @inlined
 def beyond_backlash(stretch: float, width: float) -> float:
-    """Stretch that the cable feels: nothing inside a backlash of total width `width`, less half of it outside."""
+    """Return the stretch that the cable feels beyond a backlash of total width `width`; zero inside it."""
     half = 0.5 * width
     if stretch > half:
         return stretch - half
@@ -26,7 +26,7 @@ def tension_of(
     slow_share: float,
     damping: float,
 ) -> float:
-    """Tension of a cable [Nm or N].
+    """Return the tension of a cable [Nm or N].
 
     T = a K s + (1 - a) K w z + k K (s - s_v) + D ds/dt: an elastic part, a Bouc-Wen part with state z, a
     Maxwell branch with state s_v, and a damper. The first two and the damper are the model of M. Miyasaka et

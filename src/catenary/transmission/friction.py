@@ -6,7 +6,7 @@ from catenary.kernels.compiled import inlined
 
 @inlined
 def coulomb(velocity: float, most: float) -> float:
-    """Velocity after friction that can change it by at most `most` has acted; zero if it can stop it."""
+    """Return the velocity after friction that can change it by at most `most` has acted; zero if it can stop it."""
     if velocity > most:
         return velocity - most
     if velocity < -most:

@@ -7,7 +7,7 @@ from catenary.kernels.compiled import inlined
 
 @inlined
 def bouc_wen_step(state: float, stretching: float, width: float) -> float:
-    """Bouc-Wen state after the stretch has grown by `stretching`.
+    """Return the Bouc-Wen state after the stretch has grown by `stretching`.
 
     dz = ds / w (1 - |z| (1/2 sgn(ds z) + 1/2)): unloading follows a straight line to zero, loading nears 1
     exponentially. Both are solved exactly, so only the path counts, not the steps in which it is taken, and z
@@ -31,5 +31,5 @@ def bouc_wen_step(state: float, stretching: float, width: float) -> float:
 
 @inlined
 def maxwell_step(slow_stretch: float, stretch: float, step: float, time_constant: float) -> float:
-    """Stretch that a Maxwell branch has forgotten, a time `step` [s] on: ds_v/dt = (s - s_v) / time_constant."""
+    """Return the stretch that a Maxwell branch has relaxed, `step` [s] later: ds_v/dt = (s - s_v) / time_constant."""
     return slow_stretch + (stretch - slow_stretch) * step / time_constant
