@@ -43,10 +43,15 @@ def test_excite_that_was_done_does_nothing(project_folder: Path) -> None:
     assert catenary("excite", project_folder, "--json").json["run"] is False
 
 
-def test_excite_homes_a_new_robot_first(tmp_path: Path) -> None:
-    outcome = catenary("excite", tmp_path / "new", "--direction", "J1", "--sparsity", "1", "--json")
+def test_excite_homes_a_new_robot_first_and_records_its_state_at_100_hz(tmp_path: Path) -> None:
+    project = tmp_path / "new"
+    outcome = catenary(
+        "excite", project, "--direction", "J1", "--sparsity", "1", "--state-rate", "100", "--json"
+    )
     assert outcome.json["run"] is True
-    assert {p.name for p in (tmp_path / "new").iterdir()} >= {"robot", "recordings", "settings.json"}
+    assert {p.name for p in project.iterdir()} >= {"robot", "recordings", "settings.json"}
+    topics = catenary("extract", project, "--json").json["train"]["topics"]
+    assert {t["topic"]: round(t["rate"], -1) for t in topics}["ravenstate_100hz"] == 100.0
 
 
 def test_record_makes_further_recordings(project_folder: Path) -> None:
@@ -61,38 +66,23 @@ def test_extract_tells_rates_and_gaps(project_folder: Path) -> None:
     assert "/ravenstate" in outcome.out
 
 
-def test_extract_as_json_names_the_logs(project_folder: Path) -> None:
-    content = catenary("extract", project_folder, "--json").json
-    assert {name: Path(found["log"]).is_file() for name, found in content.items()} == {
-        "train": True,
-        "test": True,
-    }
-
-
-def test_extract_writes_the_published_table(project_folder: Path) -> None:
-    content = catenary("extract", project_folder, "--csv", "--json").json
-    first = Path(content["train"]["csv"]).read_text().splitlines()[0]
-    assert len(first.split(",")) == 252
-
-
 def test_a_model_is_fitted_to_and_evaluated_on_the_published_table(
     project_folder: Path, tmp_path: Path
 ) -> None:
     content = catenary("extract", project_folder, "--csv", "--json").json
+    assert {name: Path(found["log"]).is_file() for name, found in content.items()} == {
+        "train": True,
+        "test": True,
+    }
     train, test = content["train"]["csv"], content["test"]["csv"]
-    fitted = catenary("fit", train, "--model", "linear", "--out", tmp_path / "a.npz", "--json")
+    assert len(Path(train).read_text().splitlines()[0].split(",")) == 252
+    fitted = catenary(
+        "fit", train, "--model", "linear", "--folds", "0", "--out", tmp_path / "a.npz", "--json"
+    )
     assert fitted.code == 0, fitted
     outcome = catenary("evaluate", tmp_path / "a.npz", test, "--json")
     assert outcome.code == 0, outcome
     assert catenary("check", test, "--json").json["kind"] == "recording"
-
-
-def test_state_can_be_recorded_at_100_hz(tmp_path: Path) -> None:
-    project = tmp_path / "fast"
-    outcome = catenary("excite", project, "--direction", "J1", "--sparsity", "1", "--state-rate", "100")
-    assert outcome.code == 0, outcome
-    topics = catenary("extract", project, "--json").json["train"]["topics"]
-    assert {t["topic"]: round(t["rate"], -1) for t in topics}["ravenstate_100hz"] == 100.0
 
 
 def test_extract_writes_bags(project_folder: Path) -> None:
@@ -104,9 +94,6 @@ def test_deploy_tells_errors_and_latency(recorded: Path, model: Path) -> None:
     content = catenary("deploy", model, recorded, "--seconds", "2", "--fast", "--json").json
     assert [joint["unit"] for joint in content["joints"]] == ["deg", "deg", "mm"]
     assert content["correction_us"]["median"] > 0.0
-
-
-def test_deploy_prints_a_table(recorded: Path, model: Path) -> None:
     assert "RMSE while the loop ran" in catenary("deploy", model, recorded, "--seconds", "2", "--fast").out
 
 
@@ -224,13 +211,9 @@ def test_a_missing_model_is_not_deployed(recorded: Path, tmp_path: Path) -> None
     assert "none.npz" in refusal("deploy", tmp_path / "none.npz", recorded)
 
 
-def test_recording_before_exciting_is_refused(tmp_path: Path) -> None:
+def test_recording_and_extracting_before_exciting_are_refused(tmp_path: Path) -> None:
     assert catenary("home", tmp_path / "new").code == 0
     assert "record train was not done yet" in refusal("record", tmp_path / "new")
-
-
-def test_extracting_nothing_is_refused(tmp_path: Path) -> None:
-    assert catenary("home", tmp_path / "new").code == 0
     assert "holds no recordings" in refusal("extract", tmp_path / "new")
 
 

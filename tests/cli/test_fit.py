@@ -19,11 +19,13 @@ def run(tmp_path: Path) -> Path:
     return simulated_arm.write(tmp_path / "run.npz")
 
 
-@pytest.fixture
-def model(tmp_path: Path, run: Path) -> Path:
-    path = tmp_path / "model.npz"
-    assert catenary("fit", run, "--model", "linear", "--out", path).code == 0
-    return path
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model of `run`; not to be written."""
+    folder = tmp_path_factory.mktemp("model")
+    run = simulated_arm.write(folder / "run.npz")
+    assert catenary("fit", run, "--model", "linear", "--out", folder / "model.npz").code == 0
+    return folder / "model.npz"
 
 
 def fit_json(data: Path, *options: object) -> Any:
@@ -77,20 +79,13 @@ def test_evaluate_tells_the_error_that_the_arm_has(tmp_path: Path, model: Path) 
     np.testing.assert_allclose([joint["raw_max"] for joint in joints], largest, rtol=1e-12)
 
 
-def test_a_percentage_of_nothing_is_null(tmp_path: Path) -> None:
+def test_a_percentage_of_nothing_is_null_and_a_dash_in_the_table(tmp_path: Path) -> None:
     q = simulated_arm.arrays()["q_des"]
     perfect = simulated_arm.write(tmp_path / "perfect.npz", q_act=q)
     fit_json(perfect, "--model", "offset", "--folds", "0")
     joints = evaluate_json(tmp_path / "out.npz", perfect)["joints"]
     assert [joint["percent_of_offset"] for joint in joints] == [None, None, None]
-
-
-def test_a_percentage_of_nothing_is_a_dash_in_the_table(tmp_path: Path) -> None:
-    q = simulated_arm.arrays()["q_des"]
-    perfect = simulated_arm.write(tmp_path / "perfect.npz", q_act=q)
-    fit_json(perfect, "--model", "offset", "--folds", "0")
-    outcome = catenary("evaluate", tmp_path / "out.npz", perfect)
-    assert "nan" not in outcome.out
+    assert "nan" not in catenary("evaluate", tmp_path / "out.npz", perfect).out
 
 
 def test_notes_do_not_stand_in_the_json(tmp_path: Path) -> None:
@@ -155,16 +150,8 @@ def test_rows_beyond_the_error_limit_are_left_out(tmp_path: Path) -> None:
 def test_robot_gives_names_and_units(tmp_path: Path) -> None:
     path = simulated_arm.write(tmp_path / "run.npz", units=None)
     content = fit_json(path, "--model", "offset", "--robot", "raven2")
-    assert [(j["joint"], j["unit"]) for j in content["cross_validation"]] == [
-        ("shoulder", "deg"),
-        ("elbow", "deg"),
-        ("insertion", "mm"),
-    ]
-
-
-def test_a_model_of_a_robot_evaluates_a_bare_recording(tmp_path: Path) -> None:
-    path = simulated_arm.write(tmp_path / "run.npz", units=None)
-    fit_json(path, "--model", "offset", "--robot", "raven2")
+    found = [(j["joint"], j["unit"]) for j in content["cross_validation"]]
+    assert found == [("shoulder", "deg"), ("elbow", "deg"), ("insertion", "mm")]
     assert [j["name"] for j in evaluate_json(tmp_path / "out.npz", path)["joints"]][2] == "insertion"
 
 
@@ -312,20 +299,22 @@ def test_recordings_of_different_joints_are_refused(run: Path, tmp_path: Path) -
     assert "not of the same joints: J1 [rad], J2 [rad], J3 [m] against a [rad], b [rad], c [m]" in message
 
 
-def test_a_recording_of_other_joints_than_the_models_is_refused(model: Path, tmp_path: Path) -> None:
-    names = simulated_arm.write(tmp_path / "named.npz", joint_names=["a", "b", "c"])
-    assert "the model is for J1 [rad], J2 [rad], J3 [m]" in refusal("evaluate", model, names)
-
-
-def test_a_recording_in_other_units_than_the_models_is_refused(model: Path, tmp_path: Path) -> None:
-    other = simulated_arm.write(tmp_path / "other.npz", units=["m", "rad", "rad"])
-    assert "the model is for J1 [rad], J2 [rad], J3 [m]" in refusal("evaluate", model, other)
-
-
-def test_a_recording_of_more_joints_than_the_models_is_refused(model: Path, tmp_path: Path) -> None:
-    six = np.zeros((50, 6))
-    other = simulated_arm.write(tmp_path / "six.npz", rows=50, q_des=six, q_act=six, units=None)
-    assert "has 6 joints; the model is for 3: J1, J2, J3" in refusal("evaluate", model, other)
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"joint_names": ["a", "b", "c"]}, "the model is for J1 [rad], J2 [rad], J3 [m]"),
+        ({"units": ["m", "rad", "rad"]}, "the model is for J1 [rad], J2 [rad], J3 [m]"),
+        (
+            {"rows": 50, "q_des": np.zeros((50, 6)), "q_act": np.zeros((50, 6)), "units": None},
+            "has 6 joints; the model is for 3: J1, J2, J3",
+        ),
+    ],
+)
+def test_a_recording_of_other_joints_than_the_models_is_refused(
+    model: Path, tmp_path: Path, changes: dict[str, Any], words: str
+) -> None:
+    other = simulated_arm.write(tmp_path / "other.npz", **changes)
+    assert words in refusal("evaluate", model, other)
 
 
 @pytest.mark.parametrize("length", ["0", "-1", "nan", "inf"])
@@ -335,37 +324,28 @@ def test_windows_have_a_length(model: Path, run: Path, length: str) -> None:
 
 def broken(path: Path, kind: str) -> Path:
     whole = simulated_arm.write(path.with_name("whole.npz")).read_bytes()
+    content = {
+        "empty": b"",
+        "cut": whole[:1000],
+        "not a text": b"\xff\xfe\x00",
+        "damaged": whole[:200] + 20 * b"x" + whole[220:],
+    }
     if kind == "folder":
         path.mkdir()
     elif kind != "missing":
-        damaged = bytearray(whole)
-        damaged[200:220] = 20 * b"x"
-        content = {
-            "empty": b"",
-            "cut": whole[:1000],
-            "not a text": b"\xff\xfe\x00",
-            "damaged": bytes(damaged),
-        }
         path.write_bytes(content[kind])
     return path
 
 
-@pytest.mark.parametrize("ending", [".npz", ".parquet"])
 @pytest.mark.parametrize("kind", ["missing", "folder", "empty", "cut", "not a text", "damaged"])
 def test_a_file_that_cannot_be_read_is_refused_by_name(
-    tmp_path: Path, model: Path, ending: str, kind: str
+    tmp_path: Path, run: Path, model: Path, kind: str
 ) -> None:
-    path = broken(tmp_path / f"bad{ending}", kind)
-    for command in (
-        ["fit", path, "--model", "linear", "--out", tmp_path / "out.npz"],
-        ["evaluate", model, path],
-    ):
-        assert f"bad{ending}" in refusal(*command)
-
-
-@pytest.mark.parametrize("kind", ["missing", "folder", "empty", "cut", "not a text", "damaged"])
-def test_a_model_that_cannot_be_read_is_refused_by_name(tmp_path: Path, run: Path, kind: str) -> None:
-    assert "bad.npz" in refusal("evaluate", broken(tmp_path / "bad.npz", kind), run)
+    for ending in (".npz", ".parquet"):
+        path = broken(tmp_path / f"bad{ending}", kind)
+        assert f"bad{ending}" in refusal("fit", path, "--model", "linear", "--out", tmp_path / "out.npz")
+        assert f"bad{ending}" in refusal("evaluate", model, path)
+    assert "bad.npz" in refusal("evaluate", tmp_path / "bad.npz", run)
 
 
 def test_a_recording_is_no_model(run: Path) -> None:
