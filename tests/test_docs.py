@@ -24,6 +24,9 @@ def blocks(language: str) -> list[tuple[str, str]]:
 def test_python_on_the_pages_runs(
     page: str, text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    (tmp_path / "examples").symlink_to(
+        ROOT / "examples"
+    )  # pages run from the root, and what they write goes elsewhere
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "agg")
     exec(compile(text, page, "exec"), {})

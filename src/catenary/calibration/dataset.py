@@ -15,7 +15,7 @@ RATE_TOLERANCE = 0.03  # recordings whose rates differ by more were not taken at
 
 
 @dataclass(frozen=True)
-class Source:
+class TrainingSource:
     """One recording that rows came from."""
 
     name: str
@@ -40,7 +40,7 @@ class CalibrationData:
     recording: NDArray[np.int64]  # (N,) index into `sources`
     position: Floats  # (N,) how far into its recording the row lies, 0 to 1
     time: Floats  # (N,) [s], or the row number where a recording has no time
-    sources: tuple[Source, ...]
+    sources: tuple[TrainingSource, ...]
     has_time: bool
     robot: str | None = None
     rate_hz: float | None = None  # of the recordings' rows; None without time, or when they differ
@@ -107,7 +107,7 @@ def calibration_data(
             raise InputError(f"max_error: expected positive limits, got {max_error.tolist()}")
     has_time = all(log.time is not None for log in logs)
     parts: list[tuple[Floats, ...]] = []
-    sources: list[Source] = []
+    sources: list[TrainingSource] = []
     for i, log in enumerate(logs):
         _same_joints(first, log)
         if log.q_encoder is None:
@@ -123,7 +123,7 @@ def calibration_data(
             inside[usable] = (np.abs(error[usable]) <= max_error).all(axis=1)
         keep = usable & inside
         sources.append(
-            Source(
+            TrainingSource(
                 name=log.name,
                 sha256=log.sha256,
                 rows=len(log),

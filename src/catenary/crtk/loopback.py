@@ -20,7 +20,7 @@ _PROCESSES = count()  # tells transports of the same name apart
 
 
 @dataclass
-class _Topic:
+class _LocalTopic:
     type_name: str
     publishers: dict[str, "LoopbackPublisher"] = field(default_factory=dict)  # by name of transport
     subscriptions: list[tuple[str, Subscription]] = field(default_factory=list)
@@ -46,16 +46,16 @@ class LoopbackNetwork:
         self.lock = threading.RLock()
         self.transports: dict[str, Loopback] = {}
         self.services: dict[str, _Service] = {}
-        self._topics: dict[str, _Topic] = {}
+        self._topics: dict[str, _LocalTopic] = {}
         self._cut: set[str] = set()
 
-    def topic(self, name: str, type_name: str) -> _Topic:
+    def topic(self, name: str, type_name: str) -> _LocalTopic:
         """Topic of that name, begun if nobody uses it.
 
         Raises:
             TransportError: It carries another type.
         """
-        found = self._topics.setdefault(name, _Topic(type_name))
+        found = self._topics.setdefault(name, _LocalTopic(type_name))
         if found.type_name != type_name:
             if found.publishers or found.subscriptions:
                 raise other_type(name, type_name, found.type_name)
@@ -113,7 +113,7 @@ class LoopbackNetwork:
         """Return whether what a transport publishes reaches anybody."""
         return name not in self._cut
 
-    def drop(self, topic: _Topic, subscription: Subscription) -> None:
+    def drop(self, topic: _LocalTopic, subscription: Subscription) -> None:
         """Remove a subscription."""
         with self.lock:
             topic.subscriptions = [one for one in topic.subscriptions if one[1] is not subscription]
@@ -124,7 +124,7 @@ class LoopbackPublisher:
 
     overflowed = 0  # a message goes straight into the subscriptions, which count for themselves
 
-    def __init__(self, transport: "Loopback", topic: str, shared: _Topic, *, latch: bool) -> None:
+    def __init__(self, transport: "Loopback", topic: str, shared: _LocalTopic, *, latch: bool) -> None:
         self.topic = topic
         self.name = transport.name
         self.type_name = shared.type_name

@@ -19,7 +19,7 @@ from catenary.gravity.compact_line import compact_line
 from catenary.gravity.entries import SHORT, Terms, mass_entries, moment_entries, terms_text
 from catenary.gravity.regressor import (
     CARRIED_MASS,
-    Column,
+    RegressorColumn,
     carried_links,
     gravity_parameters,
     regressor_columns,
@@ -27,7 +27,7 @@ from catenary.gravity.regressor import (
 )
 from catenary.gravity.symbols import (
     Expression,
-    Symbol,
+    NamedSymbol,
     expression_latex,
     expression_text,
     mass_expression,
@@ -55,7 +55,7 @@ class CompactRegressor:
     model: RobotModel
     expressions: tuple[Expression, ...]  # (p,) of the parameters, in the robot's symbols
     units: tuple[str, ...]  # (p,) "kg m", or "kg" of a prismatic joint's carried mass
-    columns: tuple[Column, ...]  # what the columns are made of
+    columns: tuple[RegressorColumn, ...]  # what the columns are made of
     targets: tuple[int, ...]  # the parameter that each of these belongs to: merged masses are added
     sources: tuple[tuple[int, ...], ...]  # (p,) entries of the full form that are merged in each parameter
     zeros: tuple[int, ...]  # entries of the full form that are zero
@@ -67,7 +67,7 @@ class CompactRegressor:
         return tuple(expression_text(expression) for expression in self.expressions)
 
     @property
-    def symbols(self) -> dict[str, Symbol]:
+    def symbols(self) -> dict[str, NamedSymbol]:
         """What the symbols in the labels stand for."""
         return symbols_of(self.model, self.expressions)
 
@@ -214,8 +214,8 @@ def compact_regressor(model: RobotModel) -> CompactRegressor:
     tree = model.tree
     n = len(tree.parent)
     prismatic = [int(k) for k in np.flatnonzero(tree.prismatic)]
-    wanted = [Column(j, a) for j in range(n) for a in range(3)]
-    wanted += [Column(j, CARRIED_MASS) for j in prismatic]
+    wanted = [RegressorColumn(j, a) for j in range(n) for a in range(3)]
+    wanted += [RegressorColumn(j, CARRIED_MASS) for j in prismatic]
     effects = _effects(model, wanted)
     merged: dict[frozenset[tuple[str, int]], int] = {}
     expressions: list[Expression] = []
@@ -223,7 +223,7 @@ def compact_regressor(model: RobotModel) -> CompactRegressor:
     sources: list[list[int]] = []
     zeros: list[int] = []
     ineffective: list[str] = []
-    columns: list[Column] = []
+    columns: list[RegressorColumn] = []
     targets: list[int] = []
     for (link, along), effect in zip(wanted, effects, strict=True):
         if along == CARRIED_MASS:
@@ -246,7 +246,7 @@ def compact_regressor(model: RobotModel) -> CompactRegressor:
             units.append("kg" if along == CARRIED_MASS else "kg m")
             sources.append([])
         sources[merged[key]] += places
-        columns.append(Column(link, along))
+        columns.append(RegressorColumn(link, along))
         targets.append(merged[key])
     return CompactRegressor(
         model=model,
@@ -260,7 +260,7 @@ def compact_regressor(model: RobotModel) -> CompactRegressor:
     )
 
 
-def _effects(model: RobotModel, wanted: Sequence[Column]) -> list[bool]:
+def _effects(model: RobotModel, wanted: Sequence[RegressorColumn]) -> list[bool]:
     """Tell which columns are not zero everywhere: at random configurations and gravities none is by accident."""
     rng = np.random.default_rng(0)
     Z = regressor_columns(model, wanted, rng.normal(size=(4, model.n)), rng.normal(size=(4, 3)))

@@ -6,12 +6,14 @@ import numpy as np
 
 from catenary.dynamics.lines import empty, placed
 from catenary.dynamics.vectors import Vector, cross, dot, put, row, transpose_times
-from catenary.gravity.regressor import CARRIED_MASS, Column
+from catenary.gravity.regressor import CARRIED_MASS, RegressorColumn
 from catenary.kernels.tracing import Line, Term
 from catenary.robots.model import RobotModel
 
 
-def compact_line(model: RobotModel, columns: Sequence[Column], targets: Sequence[int], width: int) -> Line:
+def compact_line(
+    model: RobotModel, columns: Sequence[RegressorColumn], targets: Sequence[int], width: int
+) -> Line:
     """Trace the regressor (n, width), row by row; inputs q (n,) and gravity (3,).
 
     As `regressor_columns` has it, but in the links' frames. A first moment e asks z . (gravity x e) = e . (z x gravity)
@@ -43,7 +45,7 @@ def compact_line(model: RobotModel, columns: Sequence[Column], targets: Sequence
         if p.tree.prismatic[own]:
             effort = -dot(axis, row(link_gravity, own))
             if (k, CARRIED_MASS) in columns:
-                add_in_row(k, targets[columns.index(Column(k, CARRIED_MASS))], effort)
+                add_in_row(k, targets[columns.index(RegressorColumn(k, CARRIED_MASS))], effort)
             continue
         turning: dict[int, Vector] = {own: cross(axis, row(link_gravity, own))}  # by link, in its frame
         for i in range(own + 1, m):

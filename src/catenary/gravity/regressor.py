@@ -20,7 +20,7 @@ STANDARD = ("m", "mx", "my", "mz")  # mass, and first moment about the frame's o
 CARRIED_MASS = 3  # in place of an axis 0, 1, 2
 
 
-class Column(NamedTuple):
+class RegressorColumn(NamedTuple):
     """What one column of a regressor stands for: a first moment on a link, or what a prismatic joint carries."""
 
     link: int  # index into the tree
@@ -59,7 +59,7 @@ def gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Fl
     arm = _placed(model, rows, gravity_rows(gravity, N))
     frames = np.concatenate([np.broadcast_to(np.eye(3), (N, 1, 3, 3)), arm.rotation], axis=1)
     blocks = np.einsum("Nka,Njab->Nkjb", arm.pull, frames).reshape(N, n, 3 * (n + 1))
-    masses = [Column(int(link), CARRIED_MASS) for link in np.flatnonzero(tree.prismatic)]
+    masses = [RegressorColumn(int(link), CARRIED_MASS) for link in np.flatnonzero(tree.prismatic)]
     out: Floats = np.concatenate(
         [
             np.einsum("kr,Nkc->Nrkc", model.coupling, blocks).reshape(N, model.n, 3 * n * (n + 1)),
@@ -70,7 +70,9 @@ def gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Fl
     return out[0] if single else out
 
 
-def regressor_columns(model: RobotModel, columns: Sequence[Column], q: Floats, gravity: Floats) -> Floats:
+def regressor_columns(
+    model: RobotModel, columns: Sequence[RegressorColumn], q: Floats, gravity: Floats
+) -> Floats:
     """Return chosen columns (N, n, len(columns)) of the regressor; inputs are not checked.
 
     The mass that a prismatic joint with axis z carries asks -gravity . z of the joint itself and, because the joint
@@ -231,7 +233,7 @@ def _moments(model: RobotModel, arm: _Placed) -> Floats:
     return moments
 
 
-def _columns(model: RobotModel, columns: Sequence[Column], q: Floats, arm: _Placed) -> Floats:
+def _columns(model: RobotModel, columns: Sequence[RegressorColumn], q: Floats, arm: _Placed) -> Floats:
     moments = _moments(model, arm)
     out = np.empty((*q.shape, len(columns)))
     for c, (link, along) in enumerate(columns):

@@ -28,7 +28,7 @@ class Product(NamedTuple):
 Expression = tuple[Product, ...]
 
 
-class Symbol(NamedTuple):
+class NamedSymbol(NamedTuple):
     """What a symbol stands for, and its value where the model has one."""
 
     meaning: str
@@ -74,7 +74,7 @@ def expression_latex(expression: Expression) -> str:
     return " + ".join(parts) or "0"
 
 
-def symbols_of(model: RobotModel, expressions: Sequence[Expression]) -> dict[str, Symbol]:
+def symbols_of(model: RobotModel, expressions: Sequence[Expression]) -> dict[str, NamedSymbol]:
     """Return what the symbols in expressions stand for, in the order of links: masses, lengths, centres of mass."""
     used = {name for expression in expressions for name, _ in expression}
     massive = sorted(
@@ -82,7 +82,7 @@ def symbols_of(model: RobotModel, expressions: Sequence[Expression]) -> dict[str
     )
     known = not model.missing_inertia
     table = {
-        f"m{link + 1}": Symbol(
+        f"m{link + 1}": NamedSymbol(
             f"mass of {model.link_names[link]} [kg]", float(model.tree.mass[link]) if known else None
         )
         for link in massive
@@ -94,14 +94,14 @@ def symbols_of(model: RobotModel, expressions: Sequence[Expression]) -> dict[str
                 continue
             if (name := _step_name(model, child, axis)) in used:
                 parent = model.link_names[model.tree.parent[child]]
-                table[name] = Symbol(
+                table[name] = NamedSymbol(
                     f"from {parent} to {model.link_names[child]}, along {'xyz'[axis]} of {parent} [m]",
                     step,
                 )
     for link in range(len(model.link_names)):
         for axis in range(3):
             if model.axes_of_com[link, axis] and (name := _com_name(model, link, axis)) in used:
-                table[name] = Symbol(
+                table[name] = NamedSymbol(
                     f"centre of mass of {model.link_names[link]}, along {'xyz'[axis]} [m]",
                     float(model.tree.com[link, axis]) if known else None,
                 )

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from catenary.kernels.tracing import Line, Step
+from catenary.kernels.tracing import Line, Operation
 
 ANGLES = ("sin", "cos")
 
@@ -21,7 +21,7 @@ def name_of(line: Line, number: int) -> str:
     return f"{step.kind[0]}{step.a}" if step.kind in ANGLES else f"t{number}"
 
 
-def operation(line: Line, step: Step) -> str:
+def operation(line: Line, step: Operation) -> str:
     """Write a sum or product, the same in Python and in C."""
     a = name_of(line, step.a)
     if step.kind.endswith("k"):

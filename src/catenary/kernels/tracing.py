@@ -25,7 +25,7 @@ Term = Union["Symbol", float]  # constants stay plain floats
 Key = tuple[str, float | int, float | int]
 
 
-class Step(NamedTuple):
+class Operation(NamedTuple):
     """One operation; `a` and `b` are numbers of earlier steps, but for what is said here.
 
     "in": input number a (see Line.inputs). "+", "-", "*": of two steps. "+k", "*k": of step a and the constant b.
@@ -41,7 +41,7 @@ class Line(NamedTuple):
     """A straight line of operations: what a back end writes out."""
 
     inputs: tuple[tuple[str, int], ...]  # array and index of each input
-    steps: tuple[Step, ...]  # an operation uses earlier ones only
+    steps: tuple[Operation, ...]  # an operation uses earlier ones only
     results: tuple[tuple[int, int] | float, ...]  # sign and step of each result, or a constant
 
     @property
@@ -89,7 +89,7 @@ class Trace:
 
     def __init__(self) -> None:
         self._inputs: list[tuple[str, int]] = []
-        self._steps: list[Step] = []
+        self._steps: list[Operation] = []
         self._numbers: dict[Key, int] = {}
 
     def inputs(self, name: str, count: int) -> NDArray[np.object_]:
@@ -147,7 +147,7 @@ class Trace:
         for old in sorted(needed):
             step = self._steps[old]
             b = numbers[int(step.b)] if step.kind in ("+", "-", "*") else step.b
-            steps.append(Step(step.kind, step.a if step.kind == "in" else numbers[step.a], b))
+            steps.append(Operation(step.kind, step.a if step.kind == "in" else numbers[step.a], b))
         return Line(
             tuple(self._inputs),
             tuple(steps),
@@ -159,7 +159,7 @@ class Trace:
         number = self._numbers.get(key)
         if number is None:
             number = self._numbers[key] = len(self._steps)
-            self._steps.append(Step(kind, a, b))
+            self._steps.append(Operation(kind, a, b))
         return Symbol(self, number, sign)
 
     def _add_symbols(self, x: Symbol, y: Symbol) -> Term:
@@ -207,7 +207,7 @@ class Trace:
         return Symbol(self, step.a, x.sign), step.b
 
 
-def _operands(step: Step) -> tuple[int, ...]:
+def _operands(step: Operation) -> tuple[int, ...]:
     if step.kind == "in":
         return ()
     return (step.a, int(step.b)) if step.kind in ("+", "-", "*") else (step.a,)

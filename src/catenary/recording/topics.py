@@ -68,7 +68,7 @@ class Topic:
 
 
 @dataclass(frozen=True)
-class Samples:
+class TopicSamples:
     """N messages of one topic, decoded."""
 
     stamp: NDArray[np.int64]  # (N,) [ns] from the header
@@ -230,7 +230,7 @@ def encode(
     return messages
 
 
-def decode(topic: Topic, messages: Sequence[bytes], encoding: Encoding = "ros1") -> Samples:
+def decode(topic: Topic, messages: Sequence[bytes], encoding: Encoding = "ros1") -> TopicSamples:
     """Decode messages of a topic into SI.
 
     Raises:
@@ -263,7 +263,7 @@ def decode(topic: Topic, messages: Sequence[bytes], encoding: Encoding = "ros1")
                 out[column.name][where] = values
             else:
                 out[column.name][where] = np.multiply(values, column.to_si, dtype=np.float64)
-    return Samples(stamp, out)
+    return TopicSamples(stamp, out)
 
 
 def require_topics(where: Path | str, asked: Iterable[str] | None, there: Iterable[str]) -> None:
