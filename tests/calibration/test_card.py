@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import catenary
-from catenary.calibration.card import Card, model_card
+from catenary.calibration.card import model_card
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import cross_validate, evaluate
 from catenary.calibration.fit import FitOptions, choose_inputs, fit
+from catenary.calibration.model import Card
 from recordings import recording, short_training
 
 quick = pytest.fixture(scope="module", autouse=True)(short_training)

@@ -1,6 +1,8 @@
 import json
 import os
 import pickle
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -236,3 +238,15 @@ def test_numbers_keep_every_bit(path: Path) -> None:
     back = load_model(path)[0].groups[0].predictor
     assert back.weights.tobytes() == odd.weights.tobytes()
     assert back.bias.tobytes() == odd.bias.tobytes()
+
+
+def test_loading_a_model_for_a_loop_imports_nothing_that_fits_one() -> None:
+    program = (
+        "import sys, catenary.calibration.files, catenary.calibration.corrector; "
+        "print({'sklearn', 'pyarrow', 'matplotlib'} & set(sys.modules))"
+    )
+    environment = {"PYTHONPATH": str(Path(__file__).parents[2] / "src")}
+    outcome = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, check=True, env=environment
+    )
+    assert outcome.stdout.strip() == b"set()"

@@ -9,11 +9,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.calibration.c_source import c_correction
-from catenary.calibration.card import Card
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.files import save_model
 from catenary.calibration.kernels import Step
-from catenary.calibration.model import CalibrationModel
+from catenary.calibration.model import CalibrationModel, Card
 from catenary.errors import InputError, MissingInertiaError
 from catenary.gravity.compact import compact_regressor
 from catenary.gravity.torque import gravity_torque

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.card import Card, model_card
+from catenary.calibration.card import model_card
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import Evaluation
@@ -21,7 +21,7 @@ from catenary.calibration.files import load_model as read_model
 from catenary.calibration.files import save_model
 from catenary.calibration.fit import FitOptions, Kind, Preset, choose_inputs
 from catenary.calibration.fit import fit as fit_rows
-from catenary.calibration.model import CalibrationModel, Target
+from catenary.calibration.model import CalibrationModel, Card, Target
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.plant import MotionLog

@@ -8,11 +8,10 @@ from catenary import __version__
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import Evaluation, JointErrors, Spread
 from catenary.calibration.fit import FitOptions, extrapolation
-from catenary.calibration.model import CalibrationModel
+from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.neural import BEST, PAPER, NetworkSettings
 from catenary.units import DISPLAY
 
-Card = dict[str, Any]
 LIBRARIES = ("numpy", "scikit-learn", "numba")
 
 

@@ -170,11 +170,12 @@ def cross_validate(
         results.append(evaluate(model, data.rows(block == k)).joints)
     spreads = []
     for joint, *of_folds in zip(results[0], *results, strict=True):
-        rmse, offset = np.array([(fold.rmse, fold.offset_rmse) for fold in of_folds]).T
-        means = float(rmse.mean()), float(offset.mean())
-        # of one fold nothing is known about the spread
-        sds = (float(rmse.std(ddof=1)), float(offset.std(ddof=1))) if len(results) > 1 else (0.0, 0.0)
-        spreads.append(Spread(joint.name, joint.unit, len(results), means[0], sds[0], means[1], sds[1]))
+        errors = np.array([(fold.rmse, fold.offset_rmse) for fold in of_folds])
+        (rmse, offset), (rmse_sd, offset_sd) = (
+            errors.mean(axis=0).tolist(),
+            errors.std(axis=0, ddof=1).tolist(),
+        )
+        spreads.append(Spread(joint.name, joint.unit, len(results), rmse, rmse_sd, offset, offset_sd))
     return tuple(spreads)
 
 

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.calibration.card import Card
 from catenary.calibration.features import FeatureSet
-from catenary.calibration.model import CalibrationModel, JointGroup
+from catenary.calibration.model import CalibrationModel, Card, JointGroup
 from catenary.calibration.predictors import Constant, Linear, Network, Predictor, Quadratic
 from catenary.calibration.valid_range import ValidRange
 from catenary.errors import FileFormatError, InputError

@@ -1,7 +1,7 @@
 """A fitted calibration model: what to add to the reported joint positions, and where it may be trusted."""
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from catenary.errors import InputError
 from catenary.plant import MotionLog
 
 Target = Literal["error", "position"]
+Card = dict[str, Any]  # everything a stranger must know before trusting a model, as JSON holds it
 
 
 @dataclass(frozen=True)

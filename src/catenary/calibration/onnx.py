@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary import __version__
-from catenary.calibration.card import Card
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.kernels import Step
-from catenary.calibration.model import CalibrationModel
+from catenary.calibration.model import CalibrationModel, Card
 from catenary.errors import InputError, MissingPackageError
 from catenary.files import json_text, write_atomically
 

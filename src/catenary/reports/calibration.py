@@ -5,9 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from catenary.calibration.card import Card
 from catenary.calibration.evaluate import Evaluation, Spread
-from catenary.calibration.model import CalibrationModel
+from catenary.calibration.model import CalibrationModel, Card
 from catenary.files import json_text
 from catenary.reports.joint_picture import joint_picture
 from catenary.reports.page import Block, Facts, Heading, Listing, Remarks, Table, Text, write_page

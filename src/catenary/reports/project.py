@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from catenary.calibration.card import Card
 from catenary.calibration.evaluate import Evaluation
-from catenary.calibration.model import CalibrationModel
+from catenary.calibration.model import CalibrationModel, Card
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
 from catenary.reports.calibration import write_calibration_report

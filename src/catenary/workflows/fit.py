@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.calibration.card import Card, model_card
+from catenary.calibration.card import model_card
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import Evaluation, Spread, cross_validate, evaluate
 from catenary.calibration.files import load_model
 from catenary.calibration.fit import SMALLEST_DATA, FitOptions, choose_inputs, fit
-from catenary.calibration.model import CalibrationModel
+from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.plant import MotionLog
