@@ -107,6 +107,7 @@ def test_calibrate_does_what_is_missing_and_no_more(project_folder: Path, quick:
     assert "nothing to do: every step had been done" in catenary("calibrate", project_folder).out
 
 
+@pytest.mark.slow
 def test_record_of_the_test_motion_and_calibrate_agree(finished_folder: Path, quick: None) -> None:
     assert catenary("record", finished_folder, "--hours", "0.003").code == 0
     steps = catenary("calibrate", finished_folder, "--json").json["steps_run"]

@@ -71,6 +71,7 @@ def test_kernels_give_what_the_recursions_give(name: str) -> None:
             assert_allclose(result, expected, rtol=0.0, atol=1e-12 * max(1.0, np.abs(expected).max()))
 
 
+@pytest.mark.slow
 def test_traces_of_sixty_trees_give_what_the_recursions_give(random_robots: list[RandomRobot]) -> None:
     for robot in random_robots:
         m = robot.model

@@ -143,6 +143,7 @@ def test_jax_takes_batches_and_names():
     assert function(gravity=gravity, q=q[0].astype(np.float32)).dtype == np.float64
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantity", ["inverse_dynamics", "compact_regressor"])
 def test_jax_runs_long_lines_in_a_loop(quantity, monkeypatch):
     monkeypatch.setattr(jax_writer, "LONGEST", 0)

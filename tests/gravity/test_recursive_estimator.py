@@ -52,6 +52,7 @@ def test_without_forgetting_it_is_weighted_least_squares_with_the_prior() -> Non
         assert_allclose(estimator.standard_deviations, np.sqrt(np.diag(covariance)), rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [None, [5.0, -1.0, 2.0]])
 def test_poses_and_a_payload_are_learnt_beside_a_pd(start: list[float] | None) -> None:
     estimator = RecursiveGravityEstimator(PLANAR, noise=0.05, s0=start)

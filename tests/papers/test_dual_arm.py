@@ -76,6 +76,7 @@ def test_every_case_is_measured_against_pd_alone_under_its_own_load(tmp_path: Pa
     assert "least squares, from zero: reached" in verdict([summaries[Case("rls")]])
 
 
+@pytest.mark.slow
 def test_results_are_written_with_a_picture_of_every_run(tmp_path: Path) -> None:
     runs = {case: errors(0.5) for case in CASES}
     write_results(tmp_path, runs, summarise(runs))

@@ -9,6 +9,7 @@ def table():
     return {row.source: row.whole for row in residuals()}
 
 
+@pytest.mark.slow
 def test_an_ideal_imu_at_200_hz_leaves_less_than_one_per_cent_of_the_holding_torque(table):
     assert table["IMU, 200 Hz"] < 0.01
     assert table["IMU, 100 Hz"] < 0.01

@@ -25,6 +25,7 @@ def message(connection: int, stamp: int, data: bytes, order: tuple[int, ...] = (
     return record([fields[i] for i in order], data)
 
 
+@pytest.mark.slow
 @settings(deadline=None)  # compiled on first use
 @given(
     st.lists(

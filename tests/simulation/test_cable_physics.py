@@ -111,6 +111,7 @@ BALANCED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effects", BALANCED)
 def test_energy_is_kept_to_the_first_order_of_the_step(effects):
     (work, coarse), (_, fine) = (energy_balance(BALANCED[effects], step) for step in (2e-4, 1e-4))
