@@ -30,10 +30,6 @@ def test_arrays_of_a_model_cannot_be_written(model):
             array[...] = 0
 
 
-def test_a_model_has_as_many_coordinates_as_names(model):
-    assert model.n == 1
-
-
 def test_missing_inertia_is_refused_by_link_name(model):
     with pytest.raises(MissingInertiaError, match=r'robot "robot": no inertia for link.*"b"') as caught:
         model.require_inertia()
