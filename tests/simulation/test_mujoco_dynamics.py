@@ -28,22 +28,14 @@ def terms(model, q, qd, gravity=(0.0, 0.0, 0.0), motion=((0.0,) * 3,) * 3):
     return A.T @ dynamics.tree.mass[np.ix_(pick, pick)] @ A, A.T @ dynamics.tree.bias[pick]
 
 
-def test_mass_matrix_is_the_recursions(random_robots):
-    rng = np.random.default_rng(0)
-    for robot in random_robots[:20]:
-        q = rng.normal(size=robot.model.n)
-        M, _ = terms(robot.model, q, np.zeros(robot.model.n))
-        expected = mass_matrix(robot.model, q)
-        assert_allclose(M, expected, atol=1e-11 * np.abs(expected).max())
-
-
-def test_torques_on_an_accelerating_base_are_the_recursions(random_robots):
+def test_terms_on_an_accelerating_base_are_the_recursions(random_robots):
     rng = np.random.default_rng(1)
-    for robot in random_robots[:20]:
+    for robot in random_robots[:12]:
         n = robot.model.n
-        q, qd, gravity, motion = (rng.normal(size=s) for s in (n, n, 3, (3, 3)))
+        q, qd, qdd, gravity, motion = (rng.normal(size=s) for s in (n, n, n, 3, (3, 3)))
         M, h = terms(robot.model, q, qd, 9.81 * gravity, motion)
-        qdd = rng.normal(size=n)
+        inertia = mass_matrix(robot.model, q)
+        assert_allclose(M, inertia, atol=1e-11 * np.abs(inertia).max())
         expected = inverse_dynamics(robot.model, q, qd, qdd, 9.81 * gravity, BaseMotion(*motion))
         assert_allclose(M @ qdd + h, expected, atol=1e-11 * max(1.0, np.abs(expected).max()))
 

@@ -79,6 +79,17 @@ class MujocoPlant(SimulatedPlant):
         timeline = BaseTimeline(FixedBase() if base is None else base, self._step / 2.0)
         super().__init__(timeline, is_homed=True)
         n = model.n
+        self.joint_names, self.joint_units = model.joint_names, model.joint_units
+        self.columns = (
+            Column("jpos", "rad|m", n),
+            Column("jvel", "rad/s|m/s", n),
+            Column("jpos_d", "rad|m", n),
+            Column("tau", "Nm|N", n),  # as commanded
+            Column("effort", "Nm|N", n),  # as it acts, within the effort limits
+            Column("q_true", "rad|m", n),  # of the links, behind their springs
+            Column("accelerometer", "m/s2", 3),
+            Column("gyroscope", "rad/s", 3),
+        )
         q = _start(model, start)
         self._take_up(payload)
         self._motion = new_motion(n, len(self._joints.parts))
@@ -88,22 +99,11 @@ class MujocoPlant(SimulatedPlant):
         self._command = np.zeros(n)  # torques that were asked for
         self._effort = np.zeros(n)  # torques that act
         self._setpoint = self._motion.parts.start[self._joints.joints.drive]
-        self._wanted: Floats | None = None
         self._effort_limit = np.array(model.effort_limit)
         self._setpoint_step = model.velocity_limit * PERIOD
         require_stable(self._joints, self._mass_matrix(), self._step, model.joint_names)
 
     # what a Plant says about itself
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Of the model."""
-        return self.model.joint_names
-
-    @property
-    def joint_units(self) -> tuple[str, ...]:
-        """Of the model."""
-        return self.model.joint_units
 
     @property
     def lower(self) -> Floats:
@@ -114,21 +114,6 @@ class MujocoPlant(SimulatedPlant):
     def upper(self) -> Floats:
         """Joint limits above, (n,)."""
         return np.array(self.model.upper)
-
-    @property
-    def columns(self) -> tuple[Column, ...]:
-        """Of telemetry."""
-        n = self.model.n
-        return (
-            Column("jpos", "rad|m", n),
-            Column("jvel", "rad/s|m/s", n),
-            Column("jpos_d", "rad|m", n),
-            Column("tau", "Nm|N", n),  # as commanded
-            Column("effort", "Nm|N", n),  # as it acts, within the effort limits
-            Column("q_true", "rad|m", n),  # of the links, behind their springs
-            Column("accelerometer", "m/s2", 3),
-            Column("gyroscope", "rad/s", 3),
-        )
 
     @property
     def payload(self) -> Payload | None:
@@ -171,19 +156,6 @@ class MujocoPlant(SimulatedPlant):
 
     # what a Plant obeys
 
-    def servo_jp(self, q: Floats) -> None:
-        """Move the setpoint towards q (n,) in the next tick, as fast as the velocity limits allow."""
-        self._require_ready()
-        self._wanted = as_array("servo_jp", q, (self.model.n,)).copy()
-        self._mode = "position"
-
-    def servo_jr(self, dq: Floats) -> None:
-        """Move the setpoint by dq (n,); several in a tick add up, then the limits hold."""
-        self._require_ready()
-        start = self._setpoint if self._wanted is None else self._wanted
-        self._wanted = start + as_array("servo_jr", dq, (self.model.n,))
-        self._mode = "position"
-
     def servo_jf(self, tau: Floats) -> None:
         """Command joint torques (n,) [Nm|N]; they hold until the next command, and the setpoint follows the robot."""
         self._require_ready()
@@ -205,11 +177,6 @@ class MujocoPlant(SimulatedPlant):
             self._setpoint = self._motion.parts.start[self._joints.joints.drive]
 
     # what only a simulator can do
-
-    def home(self) -> None:
-        """Enable, and make sure that it is homed."""
-        self.state_command("enable")
-        self.state_command("home")
 
     def attach(self, payload: Payload) -> None:
         """Carry a payload from now on, in place of the last one; it is taken up at the speed of its place.
@@ -278,6 +245,9 @@ class MujocoPlant(SimulatedPlant):
         most = self._effort_limit
         np.minimum(np.maximum(self._command, -most, out=self._effort), most, out=self._effort)
         return True
+
+    def _control_position(self) -> None:
+        self._mode = "position"
 
     def _state_changed(self) -> None:
         self._mode = "position" if self._moves else "brakes"

@@ -4,7 +4,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.kernels.compiled import compiled
-from catenary.simulation.cholesky import factorise, solve_lower, solve_upper
+from catenary.simulation.cholesky import factorise, solve_factored
 from catenary.simulation.joint_hardware import JointNumbers
 from catenary.simulation.joint_step import StepMotion, TreeTerms, along_robot, spring_torques
 
@@ -53,8 +53,7 @@ def servo_torques(
                 inner[e, f] = mass[i, joints.springs[f].joint]
         if not factorise(inner):
             return False
-        solve_lower(inner, rest)
-        solve_upper(inner, rest)
+        solve_factored(inner, rest)
         for e in range(m):
             a[joints.springs[e].joint] = rest[e]
     for j in range(n):
