@@ -50,18 +50,14 @@ def test_gravity_at_the_motors_leaves_the_error_that_the_paper_derives() -> None
     assert_allclose(KP * (theta_ref - theta), g - gravity_torque(ARM, theta, DOWN), atol=1e-9)
 
 
-def test_motors_at_rest_beyond_a_stiff_spring_are_those_of_a_rigid_arm() -> None:
-    stiff = ElasticPD(ARM, KP, KD, 1e12 * np.ones(2), compensation="online")
-    theta = np.array([0.3, -0.5])
+def test_motors_are_taken_for_links_beyond_stiff_springs_and_for_the_goals_when_biased() -> None:
+    theta, stiff = np.array([0.3, -0.5]), np.full(2, 1e12)
+    controller = ElasticPD(ARM, KP, KD, stiff, compensation="online")
     expected = KP * (GOAL.q - theta) + gravity_torque(ARM, theta, DOWN)
-    assert_allclose(stiff.torque(state(theta), GOAL), expected, rtol=1e-9)
-
-
-def test_biased_motor_position_is_that_of_the_links_at_the_goal() -> None:
-    controller = ElasticPD(ARM, KP, KD, SPRINGS)
-    g = gravity_torque(ARM, GOAL.q, DOWN)
-    controller.torque(state(GOAL.q + g / SPRINGS), GOAL)
-    assert_allclose(controller.feedforward, g, rtol=1e-12)
+    assert_allclose(controller.torque(state(theta), GOAL), expected, rtol=1e-9)
+    biased, g = ElasticPD(ARM, KP, KD, SPRINGS), gravity_torque(ARM, GOAL.q, DOWN)
+    biased.torque(state(GOAL.q + g / SPRINGS), GOAL)
+    assert_allclose(biased.feedforward, g, rtol=1e-12)
 
 
 def test_slope_of_a_pendulum_is_its_weight_times_its_arm() -> None:

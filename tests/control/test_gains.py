@@ -89,15 +89,19 @@ def test_short_arm_gives_no_stiffness_away() -> None:
     assert_allclose(gains_from_mass(arm).kp, gains_from_mass(arm, rate_hz=1e6).kp, rtol=1e-12)
 
 
-def test_joint_that_moves_nothing_is_named() -> None:
-    with pytest.raises(InputError, match='"roll" moves no mass'):
-        gains_from_mass(load_robot("raven2_full"))
-
-
-@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
-def test_frequency_that_is_none_is_refused(value: float) -> None:
-    with pytest.raises(InputError, match="frequency_hz: expected more than 0"):
-        gains_from_mass(load_robot("two_link"), frequency_hz=value)
+@pytest.mark.parametrize(
+    ("robot", "options", "message"),
+    [
+        ("raven2_full", {}, '"roll" moves no mass'),
+        *(
+            ("two_link", {"frequency_hz": wrong}, "frequency_hz: expected more than 0")
+            for wrong in (0.0, -1.0, np.nan, np.inf)
+        ),
+    ],
+)
+def test_impossible_gains_are_refused(robot: str, options: dict[str, float], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        gains_from_mass(load_robot(robot), **options)
 
 
 def test_limits_rise_to_the_largest_torque_in_twenty_milliseconds() -> None:

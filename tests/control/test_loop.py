@@ -1,6 +1,7 @@
 import gc
 import os
 import time
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from catenary.plant import JointState, OperatingState
 from catenary.trajectories.in_turn import Rest
 from catenary.trajectories.reference import Reference, Trajectory
 from oracles.calibration_models import random_model
-from oracles.mass_plant import MassPlant
+from oracles.ideal_plant import MassPlant
 
 ZERO = np.zeros(2)
 
@@ -151,10 +152,20 @@ def test_a_slower_loop_lets_the_robot_take_several_of_its_ticks() -> None:
     assert plant.time == pytest.approx(0.102)
 
 
-@pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf, 2000.0, 700.0])
-def test_rates_that_the_robot_cannot_keep_are_refused(rate: float) -> None:
-    with pytest.raises(InputError, match="rate_hz"):
-        run_loop(MassPlant(ZERO), PD, Swing(0.1), rate_hz=rate)
+@pytest.mark.parametrize(
+    ("joints", "options", "message"),
+    [
+        *((2, {"rate_hz": rate}, "rate_hz") for rate in (0.0, -1.0, np.nan, np.inf, 2000.0, 700.0)),
+        (3, {}, r"reference q: expected shape \(3,\), got \(2,\)"),
+        (2, {"limits": TorqueLimits([1.0, 1.0, 1.0])}, "tau"),
+        (2, {"duration": -1.0}, "duration"),
+    ],
+)
+def test_what_does_not_fit_the_robot_is_refused(joints: int, options: dict[str, Any], message: str) -> None:
+    plant = MassPlant(np.zeros(joints))
+    with pytest.raises(InputError, match=message):
+        run_loop(plant, PD, Swing(0.1), **options)
+    assert plant.log == []
 
 
 @pytest.mark.parametrize(
@@ -190,17 +201,6 @@ def test_setpoints_are_not_made_to_leap_at_the_start(q: list[float]) -> None:
     assert plant.log == []
 
 
-def test_trajectories_limits_and_durations_that_do_not_fit_are_refused() -> None:
-    plant = MassPlant(np.zeros(3))
-    with pytest.raises(InputError, match=r"reference q: expected shape \(3,\), got \(2,\)"):
-        run_loop(plant, PD, Swing(0.1))
-    with pytest.raises(InputError, match="tau"):
-        run_loop(MassPlant(ZERO), PD, Swing(0.1), limits=TorqueLimits([1.0, 1.0, 1.0]))
-    with pytest.raises(InputError, match="duration"):
-        run_loop(MassPlant(ZERO), PD, Swing(0.1), duration=-1.0)
-    assert plant.log == []
-
-
 @pytest.mark.parametrize("error", [ValueError("a mistake"), KeyboardInterrupt()])
 def test_whatever_ends_the_loop_the_robot_holds_and_pauses(error: BaseException) -> None:
     plant = MassPlant(np.array([0.3, -0.3]))
@@ -224,6 +224,17 @@ def test_a_robot_without_position_control_is_left_without_torque() -> None:
     assert plant.state.state == "PAUSED"
 
 
+def test_a_second_interrupt_does_not_keep_the_robot_from_being_paused(monkeypatch) -> None:
+    def interrupt(q: Floats) -> None:
+        raise KeyboardInterrupt
+
+    plant = MassPlant(ZERO)
+    monkeypatch.setattr(plant, "servo_jp", interrupt)
+    with pytest.raises(ValueError, match="a mistake"):
+        run_loop(plant, Pushing(ZERO, error=ValueError("a mistake")), Swing(1.0))
+    assert plant.state.state == "PAUSED"
+
+
 def test_a_robot_that_stops_by_itself_ends_the_loop() -> None:
     plant = MassPlant(ZERO)
 
@@ -235,17 +246,6 @@ def test_a_robot_that_stops_by_itself_ends_the_loop() -> None:
         run_loop(plant, PD, Swing(1.0), observers=[emergency_stop])
     assert report_of(caught.value).ticks == 8
     assert any("holding the robot failed" in note for note in caught.value.__notes__)
-
-
-def test_a_second_interrupt_does_not_keep_the_robot_from_being_paused() -> None:
-    class Interrupted(MassPlant):
-        def servo_jp(self, q: Floats) -> None:
-            raise KeyboardInterrupt
-
-    plant = Interrupted(ZERO)
-    with pytest.raises(ValueError, match="a mistake"):
-        run_loop(plant, Pushing(ZERO, error=ValueError("a mistake")), Swing(1.0))
-    assert plant.state.state == "PAUSED"
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from catenary.sensing.vector import FixedGravity, GravityReading, ReadingStatus
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
 from catenary.trajectories.in_turn import Rest
-from oracles.mass_plant import MassPlant
+from oracles.ideal_plant import MassPlant
 
 PD = JointPD([400.0, 400.0], [40.0, 40.0])
 

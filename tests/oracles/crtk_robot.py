@@ -19,20 +19,8 @@ from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError
 from catenary.plant import Plant
 from catenary.recording.topics import EXT_JPOS, JOINT_ENC, Arm
+from catenary.simulation.columns import CONTROL_FIELDS
 from oracles.ticking_clock import TickingClock
-
-_IN_RAVENSTATE = (
-    "encVals",
-    "mpos",
-    "mvel",
-    "jpos",
-    "jvel",
-    "jpos_d",
-    "mpos_d",
-    "tau",
-    "dac_val",
-    "encoffsets",
-)
 
 
 class CrtkRobot:
@@ -104,7 +92,7 @@ class CrtkRobot:
             return
         telemetry = self.plant.telemetry()
         columns = {"runlevel": np.array([3.0]), "dt": np.array([self.plant.period])}
-        for name in _IN_RAVENSTATE:
+        for name in CONTROL_FIELDS:  # what an arm's firmware says
             columns[name] = np.zeros(16)
             columns[name][list(CHANNELS[self.arm])] = telemetry.get(name, np.zeros(7))
         self._out["ravenstate"].publish(raven_state_message(columns, stamp))

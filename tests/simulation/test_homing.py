@@ -80,27 +80,19 @@ def homings() -> list[Homing]:
 
 
 @pytest.mark.slow
-def test_homing_takes_as_long_as_its_slowest_joints(homings):
+def test_every_homing_registers_the_stops_and_ends_at_home(homings):
     for h in homings:
         # the amplifiers 1 s, tools to their stops some 4.5 s, two registrations of 0.2 s, two moves of 2.5 s
         to_stops = np.abs(load_cable_arm().cable.stop_position - h.start) / np.abs(SEEK_SPEED[:3])
         assert_allclose(h.seconds, 11.0 + to_stops.max(), atol=2.0)
-
-
-@pytest.mark.slow
-def test_robot_registers_its_stops(homings):
-    for h in homings:
         assert_allclose(h.robot_at_stops, STOPS, atol=0.02)  # a tick's motion after registration
-
-
-@pytest.mark.slow
-def test_rig_registers_the_same_stops_as_it_calls_them(homings):
-    for h in homings:
         # the insertion has sprung back from the peak by what its stop gives way, 60 N on 1e5 N/m; the elbow has
         # left its stop: its motor went on following the shoulder, by up to 85 deg times the error of the coupling
-        assert (np.abs(h.rig_at_stops - RIG_STOPS) < [0.05, 85.0 * (0.14545 - 0.0874), 0.8]).all(), (
-            h.rig_at_stops
-        )
+        off = np.abs(h.rig_at_stops - RIG_STOPS)
+        assert (off < [0.05, 85.0 * (0.14545 - 0.0874), 0.8]).all(), h.rig_at_stops
+        assert_allclose(h.robot_at_home, HOME, atol=0.3)  # gravity and friction against the PD: 0.2 deg a Nm
+        # without damping the tool's integral hunts about its friction: 5 mNm of 0.013 Nm/rad, over the ratio
+        assert_allclose(h.tools_at_home, [0.0, 0.0, np.pi / 4, np.pi / 4], atol=0.15)
 
 
 def test_robot_and_rig_differ_by_their_registrations_where_cables_are_known_and_stiff():
@@ -110,14 +102,6 @@ def test_robot_and_rig_differ_by_their_registrations_where_cables_are_known_and_
     h = home_and_watch(np.array([0.5, 1.5, 0.4]), arm, substeps=4)
     # wound up at the stops by 4 Nm on 2560 Nm/rad and less; the insertion's stop gives way by 60 N on 1e5 N/m
     assert (np.abs(h.robot_at_home - h.rig_at_home - [0.0, 7.5, -10.467]) < [0.15, 0.15, 0.7]).all(), h
-
-
-@pytest.mark.slow
-def test_robot_believes_to_be_at_home(homings):
-    for h in homings:
-        assert_allclose(h.robot_at_home, HOME, atol=0.3)  # gravity and friction against the PD: 0.2 deg a Nm
-        # without damping the tool's integral hunts about its friction: 5 mNm of 0.013 Nm/rad, over the ratio
-        assert_allclose(h.tools_at_home, [0.0, 0.0, np.pi / 4, np.pi / 4], atol=0.15)
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from catenary.errors import InputError, NotReadyError
 from catenary.plant import JointState
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel, Tree
-from catenary.simulation.base_motion import BaseTimeline, FixedBase, MovingBase
+from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase
 from catenary.simulation.cable_parameters import CableArm, Rig, load_cable_arm, right_arm, varied
 from catenary.simulation.cable_physics import ArmState, Work, unstretched_rotors
 from catenary.simulation.columns import COLUMNS, sample
@@ -116,28 +116,22 @@ class CablePlant(SimulatedPlant):
 
     def measured_js(self) -> JointState:
         """Return the joint state that the firmware believes; gravity and base rates are an ideal sensor's."""
-        return self._joint_state(self.control.joint.copy(), self.control.joint_velocity.copy())
+        control = self.control
+        tau = joint_torques(self.firmware, control.torque)
+        return self._joint_state(
+            control.joint.copy(), control.joint_velocity.copy(), tau, control.motor.copy()
+        )
 
     def setpoint_js(self) -> JointState:
         """Return the firmware's joint setpoint."""
-        return self._joint_state(self.control.setpoint.copy(), np.zeros(AXES))
+        return self.measured_js()._replace(q=self.control.setpoint.copy(), qd=np.zeros(AXES))
 
-    def _joint_state(self, q: Floats, qd: Floats) -> JointState:
-        gravity, motion = self._base.rows(self._tick, 1)[0]
-        return JointState(
-            self.time,
-            q,
-            qd,
-            joint_torques(self.firmware, self.control.torque),
-            self.control.motor.copy(),
-            gravity[0] - motion[0, 2],  # an accelerometer cannot tell one from the other
-            0.0,
-            motion[0, :2].copy(),
-        )
+    def _base_now(self) -> BaseSamples:
+        return self._base.rows(self._tick, 1)[0]
 
     def telemetry(self) -> Mapping[str, Floats]:
         """Return the latest sample of every column of `columns`."""
-        return sample(self.control, self.state.q, self.encoders, self._base.rows(self._tick, 1)[0])
+        return sample(self.control, self.state.q, self.encoders, self._base_now())
 
     # what a Plant obeys
 

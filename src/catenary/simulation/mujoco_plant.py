@@ -123,17 +123,8 @@ class MujocoPlant(SimulatedPlant):
     def measured_js(self) -> JointState:
         """Return the joint state: of the rotors where joints are elastic, of the joints elsewhere."""
         parts, drive = self._motion.parts, self._joints.joints.drive
-        gravity, motion = self._base_at(0)
-        return JointState(
-            self.time,
-            parts.start[drive],
-            parts.start_rate[drive],
-            self._command.copy(),
-            parts.start[self.model.n :].copy(),
-            gravity[0] - motion[0, 2],
-            0.0,
-            motion[0, :2].copy(),
-        )
+        rotors = parts.start[self.model.n :].copy()
+        return self._joint_state(parts.start[drive], parts.start_rate[drive], self._command.copy(), rotors)
 
     def setpoint_js(self) -> JointState:
         """Return the setpoint of the position servo."""
@@ -142,7 +133,7 @@ class MujocoPlant(SimulatedPlant):
     def telemetry(self) -> Mapping[str, Floats]:
         """Return the latest sample of every column of `columns`."""
         parts, drive = self._motion.parts, self._joints.joints.drive
-        specific_force, rate = imu_reading(self._base_at(0))
+        specific_force, rate = imu_reading(self._base_now())
         return {
             "jpos": parts.start[drive],
             "jvel": parts.start_rate[drive],
@@ -195,7 +186,9 @@ class MujocoPlant(SimulatedPlant):
         dynamics = MujocoDynamics(self.model if payload is None else payload.on(self.model))
         self._dynamics, self._payload = dynamics, payload
         self._joints = joint_numbers(self.model, self._hardware, dynamics.dof, dynamics.at)
-        self._base_is_told = False
+
+    def _base_now(self) -> BaseSamples:
+        return self._base_at(0)
 
     def _base_at(self, half_steps: int) -> BaseSamples:
         """Return gravity (1, 3) and motion (1, 3, 3) of the base, some half steps after the last tick."""
@@ -203,10 +196,8 @@ class MujocoPlant(SimulatedPlant):
 
     def _update(self, half_steps: int) -> None:
         """Compute the rigid-body terms where `begin_step` and `end_stage` look."""
-        if not (self._base_is_told and self._base.is_still):
-            gravity, motion = self._base_at(half_steps)
-            self._dynamics.move_base(gravity[0], motion[0])
-            self._base_is_told = True
+        gravity, motion = self._base_at(half_steps)
+        self._dynamics.move_base(gravity[0], motion[0])
         self._dynamics.update()
 
     def _mass_matrix(self) -> Floats:
@@ -230,21 +221,17 @@ class MujocoPlant(SimulatedPlant):
         begin_step(joints, motion, tree)
         for stage, half_steps in enumerate((0, 1, 1, 2)):
             self._update(2 * part + half_steps)
-            if stage == 0 and part == 0 and not self._take_command():
-                return False
+            if stage == 0 and part == 0:
+                self._take_command()
             if not end_stage(joints, motion, tree, self._effort, stage, step):
                 return False
         return finish_step(joints, motion, step)
 
-    def _take_command(self) -> bool:
+    def _take_command(self) -> None:
         """Let the servo ask for torques, and the drives give what they can."""
-        if self._mode == "position" and not servo_torques(
-            self._joints, self._motion, self._dynamics.tree, self._setpoint, self._command
-        ):
-            return False
-        most = self._effort_limit
-        np.minimum(np.maximum(self._command, -most, out=self._effort), most, out=self._effort)
-        return True
+        if self._mode == "position":
+            self._command[:] = servo_torques(self._joints, self._motion, self._dynamics.tree, self._setpoint)
+        np.clip(self._command, -self._effort_limit, self._effort_limit, out=self._effort)
 
     def _control_position(self) -> None:
         self._mode = "position"

@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 from catenary.arrays import Floats, as_array
 from catenary.errors import NotReadyError, UnsupportedCommandError
 from catenary.plant import STATE_COMMANDS, Column, JointState, OperatingState, StateCommand, StateName
-from catenary.simulation.base_motion import BaseTimeline, MovingBase
+from catenary.simulation.base_motion import BaseSamples, BaseTimeline, MovingBase
 
 PERIOD = 1e-3  # [s]
 # command: state before, state after; where a state is not named, nothing happens
@@ -124,6 +124,17 @@ class SimulatedPlant(ABC):
     def _set_state(self, state: StateName, why: str = "") -> None:
         self._state, self._fault = state, f": {why}" if why else ""
         self._state_changed()
+
+    @abstractmethod
+    def _base_now(self) -> BaseSamples:
+        """Return the base's motion at this instant, one row."""
+
+    def _joint_state(self, q: Floats, qd: Floats, tau: Floats, q_motor: Floats) -> JointState:
+        gravity, motion = self._base_now()
+        # an accelerometer cannot tell free fall from the acceleration of what it stands on
+        return JointState(
+            self.time, q, qd, tau, q_motor, gravity[0] - motion[0, 2], 0.0, motion[0, :2].copy()
+        )
 
     @abstractmethod
     def _control_position(self) -> None:
