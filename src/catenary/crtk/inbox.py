@@ -141,10 +141,7 @@ class Subscription:
         self._leave = leave
 
     def push(self, data: Any, time: int, origin: Origin | None = None) -> None:
-        """Take in a message as the transport has it, at `time` [ns]; transports call this, from any thread.
-
-        With an origin, `data` are ROS 1's bytes.
-        """
+        """Take in a message as ROS 1's bytes, at `time` [ns]; transports call this, from any thread."""
         with self._inbox.lock:
             if self._closed:
                 return
