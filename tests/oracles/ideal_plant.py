@@ -6,16 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
-from catenary.plant import Column, JointState, OperatingState, StateCommand
+from catenary.plant import TRANSITIONS, Column, JointState, OperatingState, StateCommand
 
 Floats = NDArray[np.float64]
-
-_NEXT_STATE = {
-    ("enable", "DISABLED"): "ENABLED",
-    ("enable", "FAULT"): "ENABLED",
-    ("pause", "ENABLED"): "PAUSED",
-    ("resume", "PAUSED"): "ENABLED",
-}
 
 
 class IdealPlant:
@@ -91,7 +84,7 @@ class IdealPlant:
             is_busy, self._homes_at = True, self.ticks + self._homing_ticks
         elif command in ("home", "unhome"):
             is_homed = command == "home"
-        state = "DISABLED" if command == "disable" else _NEXT_STATE.get((command, state), state)
+        state = TRANSITIONS[command].get(state, state)
         self.state = OperatingState(state, is_homed, is_busy)
 
     def telemetry(self) -> Mapping[str, Floats]:

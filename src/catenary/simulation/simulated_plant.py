@@ -4,17 +4,18 @@ from abc import ABC, abstractmethod
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import NotReadyError, UnsupportedCommandError
-from catenary.plant import STATE_COMMANDS, Column, JointState, OperatingState, StateCommand, StateName
+from catenary.plant import (
+    STATE_COMMANDS,
+    TRANSITIONS,
+    Column,
+    JointState,
+    OperatingState,
+    StateCommand,
+    StateName,
+)
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, MovingBase
 
 PERIOD = 1e-3  # [s]
-# command: state before, state after; where a state is not named, nothing happens
-_TRANSITIONS: dict[str, dict[StateName, StateName]] = {
-    "enable": {"DISABLED": "ENABLED", "FAULT": "ENABLED"},
-    "disable": {"DISABLED": "DISABLED", "ENABLED": "DISABLED", "PAUSED": "DISABLED", "FAULT": "DISABLED"},
-    "pause": {"ENABLED": "PAUSED"},
-    "resume": {"PAUSED": "ENABLED"},
-}
 
 
 class SimulatedPlant(ABC):
@@ -94,8 +95,8 @@ class SimulatedPlant(ABC):
         elif command == "unhome":
             self._is_homed = False
             self._unhomed()
-        elif self._state in _TRANSITIONS[command]:
-            self._set_state(_TRANSITIONS[command][self._state])
+        elif self._state in TRANSITIONS[command]:
+            self._set_state(TRANSITIONS[command][self._state])
 
     def home(self) -> None:
         """Enable and home, as fast as the machine runs.
