@@ -10,20 +10,22 @@ from typing import NamedTuple
 
 import numpy as np
 
+from catenary import (
+    GravityPD,
+    InertiaPD,
+    JointPD,
+    JointState,
+    RobotModel,
+    go_to,
+    inverse_dynamics,
+    load_robot,
+    mass_matrix,
+)
 from catenary.arrays import Floats
 from catenary.control.controller import Controller
 from catenary.control.gains import DAMPING_RATIO, FREQUENCY_HZ, gains_from_mass
-from catenary.control.gravity_pd import GravityPD
-from catenary.control.inertia_pd import InertiaPD
-from catenary.control.pd import JointPD
-from catenary.dynamics.inverse_dynamics import inverse_dynamics
-from catenary.dynamics.mass_matrix import mass_matrix
-from catenary.plant import JointState
-from catenary.robots.catalog import load_robot
-from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 from catenary.trajectories.in_turn import InTurn, Rest
-from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
 from papers.arguments import folder_argument
 
@@ -77,7 +79,7 @@ def simulate(
 
 
 def controllers(model: RobotModel) -> dict[str, Controller]:
-    """The tutorial's controller, term by term; all aim at the same natural frequency and damping."""
+    """Return the tutorial's controller, term by term; all have the same natural frequency and damping."""
     kp, kd = gains_from_mass(model)
     w = 2.0 * np.pi * FREQUENCY_HZ
     acceleration = w * w, 2.0 * DAMPING_RATIO * w
@@ -91,7 +93,7 @@ def controllers(model: RobotModel) -> dict[str, Controller]:
 
 
 def motion() -> InTurn:
-    """From START to GOAL, and a rest there."""
+    """Return the motion from START to GOAL, and a rest there."""
     way = go_to(START, GOAL, max_velocity=[FASTEST] * 2, max_acceleration=[QUICKEST] * 2)
     return InTurn([way, Rest(GOAL, 0.7)])
 

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
+from catenary import RobotModel
 from catenary.arrays import Floats
 from catenary.dynamics.lines import empty
 from catenary.dynamics.recursion import gravity_recursion, place_joints
-from catenary.robots.model import RobotModel
 
 
 def casadi_gravity(
     model: RobotModel, q: Floats, gravity: Floats, out: Floats, folder: Path
 ) -> Callable[[], None] | None:
-    """Give a call of the generated C by CasADi's buffer interface, on these arrays; None without casadi."""
+    """Return a call of the generated C by CasADi's buffer interface, on these arrays; None without casadi."""
     if importlib.util.find_spec("casadi") is None or shutil.which("gcc") is None:
         return None
     import casadi

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio
 
+from catenary import RobotModel
 from catenary.arrays import Floats
-from catenary.robots.model import RobotModel
 
 SOURCE = """\
 #include <pinocchio/fwd.hpp>
@@ -69,7 +69,7 @@ def _library(folder: Path) -> ctypes.CDLL | None:
 
 
 def cpp_loop(model: RobotModel, q: Floats, out: Floats, folder: Path) -> Callable[[], None] | None:
-    """Give a call that writes gravity torques (N, n) at q (N, n), or None without compiler or headers.
+    """Return a call that writes gravity torques (N, n) at q (N, n), or None without compiler or headers.
 
     The model is as `robots.pinocchio_robot` takes it, with joints along z only; it is built anew at every call.
     """

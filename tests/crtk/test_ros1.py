@@ -224,8 +224,8 @@ def port_of(topic: str, node: str, master: Master) -> int:
 
 def test_a_peer_that_says_nothing_keeps_no_other_out(master: Master) -> None:
     with (
-        Program(master, TALKER, "talker", "100", "10", "") as talker,
-        socket.create_connection(("127.0.0.1", port_of("/count", "/talker", master))),
+        Program(master, TALKER, "asked", "100", "10", "") as talker,
+        socket.create_connection(("127.0.0.1", port_of("/count", "/asked", master))),
     ):
         begin = time.monotonic()
         with Program(master, LISTENER, "listener"):
