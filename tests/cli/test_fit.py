@@ -289,7 +289,7 @@ def test_the_page_overwrites_neither_recording_nor_model(run: Path, model: Path)
     before = model.read_bytes()
     for path in (run, model):
         assert "is a file that is read here" in refusal("evaluate", model, run, "--report", path)
-    assert "are written there" in refusal("fit", run, "--model=linear", "--out", model, "--report", model)
+    assert "is written there" in refusal("fit", run, "--model=linear", "--out", model, "--report", model)
     assert model.read_bytes() == before
 
 

@@ -118,7 +118,7 @@ def test_hold_writes_a_page_with_the_drift_over_time(tmp_path: Path) -> None:
     text = page.read_text()
     assert "Distance of every joint from where it began" in text
     assert "0, 90" in text  # the base's tilt
-    assert "a folder that exists" in refusal("hold", "two_link", "--report", tmp_path / "none" / "hold.html")
+    assert "none does not exist" in refusal("hold", "two_link", "--report", tmp_path / "none" / "hold.html")
 
 
 def test_any_other_robot_is_held_and_moved_as_rigid_bodies() -> None:
@@ -137,7 +137,7 @@ def test_any_other_robot_is_held_and_moved_as_rigid_bodies() -> None:
         (("track", "raven2", "--controller", "best"), "expected one of pd, sg, dg"),
         (("track", "raven2", "--motion", "dance"), "expected one of cartesian, random, poses"),
         (("track", "raven2", "--damping", "none"), "expected one of relative, absolute"),
-        (("track", "raven2", "--report", "/nowhere/page.html"), "expected a file in a folder that exists"),
+        (("track", "raven2", "--report", "/nowhere/page.html"), "folder /nowhere does not exist"),
         (("track", "raven2", "--base-tilt-deg", "nan", "0"), "--base-tilt-deg: expected finite"),
         (("track", "raven2", "--amplitude-mm", "400"), "Cartesian"),
         (("hold", "raven2", "--controller", "pd"), "expected one of sg, dg"),

@@ -49,7 +49,7 @@ def test_blocks_stand_in_their_order(tmp_path: Path) -> None:
         Remarks([NASTY]),
         Listing(NASTY, NASTY),
     ],
-    ids=lambda block: block.kind,
+    ids=lambda block: type(block).__name__,
 )
 def test_text_is_escaped(tmp_path: Path, block: Block) -> None:
     text = page(tmp_path / "p.html", [block])

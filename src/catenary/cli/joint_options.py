@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 Q = Annotated[str | None, Option("--q", metavar="Q,Q,...", help="Joint coordinates in rad and m.")]
 QDeg = Annotated[str | None, Option("--q-deg", metavar="Q,Q,...", help="Joint coordinates in deg and mm.")]
 
+SameInDeg = Annotated[str | None, Option("--q-deg", metavar="Q,Q,...", help="The same in deg and mm.")]
+
 
 class Jointed(Protocol):
     """What has joints: a plant or a robot model."""
@@ -37,6 +39,11 @@ def joint_values(model: "RobotModel", q: str | None, q_deg: str | None) -> "Floa
             f"{names_and_units(model)}"
         )
     return some_joint_values(model, q, q_deg, model.joint_names)[0]
+
+
+def given_joints(model: "RobotModel", q: str | None, q_deg: str | None) -> "Floats | None":
+    """Read all joints of a robot from one of the two options, (n,) in rad and m; None when neither is given."""
+    return None if q is None and q_deg is None else joint_values(model, q, q_deg)
 
 
 def some_joint_values(

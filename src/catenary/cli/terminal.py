@@ -2,9 +2,11 @@
 
 import json
 import math
+import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from shutil import get_terminal_size
 from textwrap import fill
 from typing import Any, TextIO
@@ -12,11 +14,11 @@ from typing import Any, TextIO
 from catenary.errors import InputError
 
 
-def numbers(option: str, text: str) -> tuple[float, ...]:
-    """Read numbers separated by commas or spaces.
+def numbers(option: str, text: str, count: int | None = None) -> tuple[float, ...]:
+    """Read numbers separated by commas or spaces, as many as `count` says.
 
     Raises:
-        InputError: A word is no number; the message names the option.
+        InputError: A word is no number, or they are none or not so many; the message names the option.
     """
     values = []
     for word in text.replace(",", " ").split():
@@ -26,8 +28,9 @@ def numbers(option: str, text: str) -> tuple[float, ...]:
             raise InputError(
                 f"{option}: expected numbers separated by commas, got {word!r} in {text!r}"
             ) from None
-    if not values:
-        raise InputError(f"{option}: expected numbers separated by commas, got {text!r}")
+    if not values or len(values) != (count or len(values)):
+        expected = f"{count} numbers" if count else "numbers"
+        raise InputError(f"{option}: expected {expected} separated by commas, got {text!r}")
     return tuple(values)
 
 
@@ -46,6 +49,29 @@ def roll_and_pitch(option: str, text: str) -> tuple[float, float]:
 def words(text: str) -> tuple[str, ...]:
     """Read words separated by commas."""
     return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
+def refuse_unwritable(option: str, path: Path) -> None:
+    """Refuse, before minutes of work, a file that could not be written after them."""
+    if path.is_dir():
+        raise InputError(f"{option} {path}: is a folder, expected a file to write")
+    if not path.parent.is_dir():
+        raise InputError(f"{option} {path}: folder {path.parent} does not exist")
+    if not os.access(path.parent, os.W_OK):
+        raise InputError(f"{option} {path}: folder {path.parent} cannot be written to")
+
+
+def refuse_to_overwrite(written: Mapping[str, Path | None], read: Sequence[Path]) -> None:
+    """Refuse a file to write, by its option, that is read as well, or that two options write."""
+    places: list[Path] = []
+    for option, path in written.items():
+        if path is None:
+            continue
+        if path.exists() and any(each.exists() and path.samefile(each) for each in read):
+            raise InputError(f"{option} {path}: is a file that is read here; expected another")
+        if path.absolute() in places:
+            raise InputError(f"{option} {path}: something else is written there; expected another file")
+        places.append(path.absolute())
 
 
 def human(value: float, unit: str, digits: int) -> str:
