@@ -2,6 +2,7 @@
 
 import json
 import sys
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -92,18 +93,14 @@ def _say(found: "Homing", as_json: bool) -> None:
         return
     how = f"homed in {found.seconds:.1f} s" if found.was_run else "homed before; nothing has moved"
     print(f"{found.robot}: {how}; {found.state.state}\n")
-    encoders = [] if found.external_encoders is None else found.external_encoders.tolist()
+    columns = [found.believed]
+    if found.external_encoders is not None:
+        columns.append(found.external_encoders)
     rows = [
-        [
-            name,
-            human(q, unit, 2),
-            *([human(encoders[j], unit, 2) if j < len(encoders) else ""] if encoders else []),
-        ]
-        for j, (name, unit, q) in enumerate(
-            zip(found.joint_names, found.joint_units, found.believed, strict=True)
-        )
+        [name, *("" if q is None else human(q, unit, 2) for q in seen)]
+        for name, unit, *seen in zip_longest(found.joint_names, found.joint_units, *columns)
     ]
-    print_table("Joints", ["joint", "now", *(["external encoder"] if encoders else [])], rows)
+    print_table("Joints", ["joint", "now", "external encoder"][: 1 + len(columns)], rows)
 
 
 def _tell(text: str) -> None:

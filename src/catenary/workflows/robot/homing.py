@@ -32,16 +32,9 @@ class Homing:
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, SI."""
-        return {
-            "robot": self.robot,
-            "simulated": self.simulated,
-            "run": self.was_run,
-            "seconds": self.seconds,
-            "joint_names": self.joint_names,
-            "believed": self.believed,
-            "external_encoders": self.external_encoders,
-            "state": self.state._asdict(),
-        }
+        said = ("robot", "simulated", "seconds", "joint_names", "believed", "external_encoders")
+        values = {name: getattr(self, name) for name in said}
+        return values | {"run": self.was_run, "state": self.state._asdict()}
 
 
 def home_operated(robot: OperatedRobot, guide: Guide) -> Homing:
