@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
 from catenary.plant import Column, JointState, OperatingState, StateCommand
+from catenary.robots.catalog import load_robot
+from catenary.workflows.robot.operated_robot import OperatedRobot
 
 Floats = NDArray[np.float64]
 
@@ -115,3 +117,12 @@ class IdealPlant:
             gravity=np.array([0.0, 0.0, -9.81]),
             gravity_age=np.inf,
         )
+
+
+def ideal_robot(
+    q: Sequence[float], name: str = "raven2", kind: type[IdealPlant] = IdealPlant, **options: object
+) -> OperatedRobot:
+    """A robot of the catalogue without physics, at q."""
+    model = load_robot(name)
+    joints = {key: getattr(model, key) for key in ("joint_names", "joint_units", "lower", "upper")}
+    return OperatedRobot(name, kind(q, **joints, **options), model, lambda: 0)  # type: ignore[arg-type]

@@ -1,7 +1,6 @@
 """catenary excite, record, extract, deploy, calibrate, demo: one project folder, step by step or in one go."""
 
 import json
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -21,7 +20,7 @@ from catenary.cli.project_options import (
     open_project,
     require_project,
 )
-from catenary.cli.terminal import print_json, print_notes, print_table, progress_bar, words
+from catenary.cli.terminal import announce, print_json, print_notes, print_table, progress_bar, words
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,8 +40,8 @@ def excite(project: Folder, arm: ExcitationOptions, access: RobotAccess, as_json
     with robot_of(opened, access) as robot:
         with _progress("homing", opened):
             robot.home(opened)
-        with _progress("excite", opened) as tell:
-            was_run = robot.record(opened, TRAIN, motion, what, after="home", progress=tell)
+        with _progress("excite", opened) as progress:
+            was_run = robot.record(opened, TRAIN, motion, what, after="home", progress=progress)
     said = f"recorded {motion.duration:.0f} s as {TRAIN}"
     _say(opened, said, was_run, as_json, {"seconds": motion.duration})
 
@@ -72,14 +71,14 @@ def record(
     if no_motion:
         if opened.settings.connection == "simulation":
             raise InputError("--no-motion: goes with --ros; only this command moves a simulated robot")
-        with _progress("record") as tell:
-            topics = record_others(opened, name, seconds, simulated=access.simulated, tell=tell)
+        with _progress("record") as progress:
+            topics = record_others(opened, name, seconds, simulated=access.simulated, progress=progress)
         what = f"recorded {seconds:.0f} s as {name}"
         _say(opened, what, True, as_json, {"seconds": seconds, "topics": topics})
         return
     motion, what = random_motion(opened, seconds)
-    with robot_of(opened, access) as robot, _progress("record", opened) as tell:
-        was_run = robot.record(opened, name, motion, what, after=TRAIN, progress=tell)
+    with robot_of(opened, access) as robot, _progress("record", opened) as progress:
+        was_run = robot.record(opened, name, motion, what, after=TRAIN, progress=progress)
     _say(opened, f"recorded {seconds:.0f} s as {name}", was_run, as_json, {"seconds": seconds})
 
 
@@ -221,18 +220,16 @@ def calibrate(
     from catenary.workflows.fit import FitRun
     from catenary.workflows.project.calibrate import calibrate_recordings, calibrate_robot
 
+    if test and not train:
+        raise InputError("--test: goes with recordings to train on; without them the robot records its own")
     opened = open_project(project, arm, hours=hours, ros=access.ros)
-    with _steps() as tell:
+    with _steps() as progress:
         if train:
             run = FitRun(units=words(units) if units else None)
-            result = calibrate_recordings(opened, train, test or [], run, progress=tell)
-        elif test:
-            raise InputError(
-                "--test: goes with recordings to train on; without, the simulated robot records its own"
-            )
+            result = calibrate_recordings(opened, train, test or [], run, progress=progress)
         else:
             with robot_of(opened, access) as robot:
-                result = calibrate_robot(opened, robot, progress=tell)
+                result = calibrate_robot(opened, robot, progress=progress)
     _conclude(result, as_json)
 
 
@@ -249,8 +246,8 @@ def demo(
     from catenary.workflows.project.folder import Project, ProjectSettings
 
     settings = ProjectSettings(seed=seed, sparsities=(1 / 2, 1 / 3), test_minutes=5.0)
-    with _steps() as tell:
-        result = calibrate_robot(Project(out, settings), progress=tell)
+    with _steps() as progress:
+        result = calibrate_robot(Project(out, settings), progress=progress)
     _conclude(result, as_json)
 
 
@@ -284,8 +281,8 @@ def _progress(label: str, project: "Project | None" = None) -> Iterator[Callable
     if project is not None and project.settings.connection != "simulation":
         yield lambda _: None  # a bar would hide what the person beside the robot is asked
         return
-    with progress_bar(label) as tell:
-        yield tell
+    with progress_bar(label) as progress:
+        yield progress
 
 
 @contextmanager
@@ -296,7 +293,7 @@ def _steps() -> Iterator[Callable[[str], Callable[[float], None]]]:
 
         def step(name: str) -> Callable[[float], None]:
             bar.close()  # of the step before
-            print(f"[{time.monotonic() - begin:4.0f} s] {name}", file=sys.stderr, flush=True)
+            announce(f"[{time.monotonic() - begin:4.0f} s] {name}")
             return bar.enter_context(progress_bar(name))
 
         yield step

@@ -14,8 +14,9 @@ from catenary.cli.joint_options import (
     names_and_units,
 )
 from catenary.cli.options import AsJsonNotTables
-from catenary.cli.terminal import human, numbers, print_json, print_notes, print_table
+from catenary.cli.terminal import numbers, print_json, print_notes, print_table
 from catenary.errors import InputError
+from catenary.units import in_words
 
 if TYPE_CHECKING:
     from catenary.dynamics.inverse_kinematics import Match
@@ -143,7 +144,7 @@ def ik(
         print_json({**asked, "goal": pose_numbers(goal) | free, "reached": pose_numbers(reached)})
         return
     rows = [
-        [n, f"{v:.9g} {u}", human(v, u, 4)]
+        [n, f"{v:.9g} {u}", in_words(v, u, 4)]
         for n, v, u in zip(model.joint_names, solution, model.joint_units, strict=True)
     ]
     print_table(f"{model.name}: joints that bring {name} to the goal", ["joint", "", ""], rows)

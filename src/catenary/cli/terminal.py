@@ -1,7 +1,6 @@
 """What every command shares with the person at the terminal: lists typed with commas, tables, progress."""
 
 import json
-import math
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -74,11 +73,6 @@ def refuse_to_overwrite(written: Mapping[str, Path | None], read: Sequence[Path]
         places.append(path.absolute())
 
 
-def human(value: float, unit: str, digits: int) -> str:
-    """Write a joint's value, in rad or m, in deg or mm."""
-    return f"{math.degrees(value):.{digits}f} deg" if unit == "rad" else f"{1e3 * value:.{digits}f} mm"
-
-
 def print_json(content: Any) -> None:
     """Print one JSON document on standard output."""
     from catenary.files import json_text
@@ -119,6 +113,11 @@ def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]
 def print_fact(name: str, text: str, *, width: int) -> None:
     """Print a name and what it stands for, the text on as many lines of a terminal as it takes."""
     print(_wrapped(f"  {name:<{width}}  ", text, sys.stdout))
+
+
+def announce(text: str) -> None:
+    """Print a line on standard error at once."""
+    print(text, file=sys.stderr, flush=True)
 
 
 def print_notes(notes: Sequence[str]) -> None:

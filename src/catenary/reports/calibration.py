@@ -64,14 +64,9 @@ def write_calibration_report(
         Facts(card_facts(card)),
         Listing("The whole card", json_text(card)),
     ]
-    robot = card.get("robot") or "an arm"
-    write_page(
-        path,
-        f"Calibration of {robot}: {model_name(model)}",
-        f"Tested on {tested_on}: {len(evaluation.data):,} rows.",
-        blocks,
-        simulated=simulated,
-    )
+    title = f"Calibration of {card.get('robot') or 'an arm'}: {model_name(model)}"
+    lead = f"Tested on {tested_on}: {len(evaluation.data):,} rows."
+    write_page(path, title, lead, blocks, simulated=simulated)
 
 
 def model_name(model: CalibrationModel) -> str:
@@ -86,23 +81,14 @@ def model_name(model: CalibrationModel) -> str:
 
 def error_table(evaluation: Evaluation) -> Table:
     """RMSE and maximum per joint, raw, after the fixed offset and after the model."""
-    return Table(
-        ["joint", "unit", "raw", "offset", "model", "of offset", "raw max", "model max", "outside"],
-        [
-            [
-                j.name,
-                j.unit,
-                f"{j.raw_rmse:.3f}",
-                f"{j.offset_rmse:.3f}",
-                f"{j.rmse:.3f}",
-                percent(j.percent_of_offset, 1),
-                f"{j.raw_max:.2f}",
-                f"{j.max:.2f}",
-                f"{100.0 * j.outside_valid_range:.1f} %",
-            ]
-            for j in evaluation.joints
-        ],
-    )
+    rows = []
+    for j in evaluation.joints:
+        errors = [f"{value:.3f}" for value in (j.raw_rmse, j.offset_rmse, j.rmse)]
+        largest = [f"{value:.2f}" for value in (j.raw_max, j.max)]
+        outside = f"{100.0 * j.outside_valid_range:.1f} %"
+        rows.append([j.name, j.unit, *errors, percent(j.percent_of_offset, 1), *largest, outside])
+    header = ["joint", "unit", "raw", "offset", "model", "of offset", "raw max", "model max", "outside"]
+    return Table(header, rows)
 
 
 def percent(value: float, digits: int) -> str:
@@ -114,36 +100,21 @@ def window_table(evaluation: Evaluation) -> Table:
     """RMSE after the model per window of time."""
     unit = evaluation.window_unit
     names = [f"{j.name} [{j.unit}]" for j in evaluation.joints]
-    return Table(
-        ["recording", f"from [{unit}]", f"to [{unit}]", "rows", *names],
-        [
-            [
-                w.recording,
-                f"{w.start:.0f}",
-                f"{w.end:.0f}",
-                str(w.n),
-                *(f"{value:.3f}" for value in w.rmse),
-            ]
-            for w in evaluation.windows
-        ],
-    )
+    header = ["recording", f"from [{unit}]", f"to [{unit}]", "rows", *names]
+    rows = [
+        [w.recording, f"{w.start:.0f}", f"{w.end:.0f}", str(w.n), *(f"{value:.3f}" for value in w.rmse)]
+        for w in evaluation.windows
+    ]
+    return Table(header, rows)
 
 
 def spread_table(spread: Sequence[Spread]) -> Table:
     """Mean and standard deviation over the blocks."""
-    return Table(
-        ["joint", "unit", "blocks", "offset RMSE", "model RMSE"],
-        [
-            [
-                s.joint,
-                s.unit,
-                str(s.folds),
-                f"{s.offset_rmse_mean:.3f} ± {s.offset_rmse_sd:.3f}",
-                f"{s.rmse_mean:.3f} ± {s.rmse_sd:.3f}",
-            ]
-            for s in spread
-        ],
-    )
+    rows = []
+    for s in spread:
+        offset = f"{s.offset_rmse_mean:.3f} ± {s.offset_rmse_sd:.3f}"
+        rows.append([s.joint, s.unit, str(s.folds), offset, f"{s.rmse_mean:.3f} ± {s.rmse_sd:.3f}"])
+    return Table(["joint", "unit", "blocks", "offset RMSE", "model RMSE"], rows)
 
 
 def card_facts(card: Card) -> list[tuple[str, str]]:

@@ -49,7 +49,7 @@ def test_a_full_disk_ends_the_recording_and_nothing_else(
     def full(*_: object) -> None:
         raise RecordingError("no space left; what came before is safe")
 
-    monkeypatch.setattr(recorder._direct.journal, "append", full)
+    monkeypatch.setattr(recorder._recorder.journal, "append", full)
     run(recorder, plant)
     assert "no space left" in recorder.observe()
     assert "no space left" in recorder.close()

@@ -2,14 +2,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.crtk.client import CrtkClient
 from catenary.crtk.joints import model_joints
 from catenary.errors import NotReadyError
 from catenary.plant import OperatingState, StateCommand
 from catenary.robots.catalog import load_robot
 from catenary.workflows.robot.guide import AnswerYes
 from catenary.workflows.robot.homing import home_client, home_operated
-from catenary.workflows.robot.operated_robot import OperatedRobot, robot_over
+from catenary.workflows.robot.operated_robot import robot_over
 from oracles.crtk_robot import RobotOnLoopback
 from oracles.encoded_plant import OFFSET, EncodedPlant
 from oracles.ideal_plant import IdealPlant
@@ -50,14 +49,10 @@ class LongHoming(EncodedPlant):
         return super().operating_state()._replace(is_busy=self.busy)
 
 
-def operated(setup: RobotOnLoopback, **options: object) -> tuple[OperatedRobot, CrtkClient]:
-    return robot_over(setup.transport, **options)  # type: ignore[arg-type]
-
-
 def test_a_person_clears_the_workspace_then_presses_the_button() -> None:
     setup = RobotOnLoopback(EncodedPlant(ready=False))
     person = Person([True, True], setup)
-    robot, client = operated(setup)
+    robot, client = robot_over(setup.transport)
     with client:
         found = home_operated(robot, person)
     assert ["workspace" in person.asked[0], "start button" in person.asked[1]] == [True, True]
@@ -67,7 +62,7 @@ def test_a_person_clears_the_workspace_then_presses_the_button() -> None:
 
 def test_external_encoders_are_reported_beside_what_the_robot_believes() -> None:
     setup = RobotOnLoopback(EncodedPlant(ready=False))
-    robot, client = operated(setup, simulated=True)
+    robot, client = robot_over(setup.transport, simulated=True)
     with client:
         found = home_operated(robot, AnswerYes())
         client.wait()
@@ -77,7 +72,7 @@ def test_external_encoders_are_reported_beside_what_the_robot_believes() -> None
 def test_a_homed_robot_is_left_alone_and_nobody_is_asked() -> None:
     setup = RobotOnLoopback(EncodedPlant())
     person = Person([], setup)
-    robot, client = operated(setup)
+    robot, client = robot_over(setup.transport)
     with client:
         found = home_operated(robot, person)
     assert not found.was_run
@@ -87,7 +82,7 @@ def test_a_homed_robot_is_left_alone_and_nobody_is_asked() -> None:
 
 def test_a_workspace_that_is_not_clear_leaves_the_robot_unhomed() -> None:
     setup = RobotOnLoopback(EncodedPlant(ready=False))
-    robot, client = operated(setup)
+    robot, client = robot_over(setup.transport)
     with client, pytest.raises(NotReadyError, match="nothing has moved"):
         home_operated(robot, Person([False], setup))
     assert not setup.robot.plant.operating_state().is_homed
@@ -100,7 +95,7 @@ def test_a_robot_that_speaks_crtk_is_homed_by_commands() -> None:
     )
     setup = RobotOnLoopback(plant, dialect="crtk")
     person = Person([True], setup)
-    robot, client = operated(setup, robot="two_link", dialect="crtk", namespace="/arm1")
+    robot, client = robot_over(setup.transport, robot="two_link", dialect="crtk", namespace="/arm1")
     assert client.joint_names == model_joints(model).names
     with client:
         found = home_operated(robot, person)
@@ -111,7 +106,7 @@ def test_a_robot_that_speaks_crtk_is_homed_by_commands() -> None:
 
 def test_a_homing_that_ends_early_is_stopped() -> None:
     setup = RobotOnLoopback(LongHoming(ready=False))
-    robot, client = operated(setup, simulated=True)
+    robot, client = robot_over(setup.transport, simulated=True)
     with client, pytest.raises(NotReadyError, match="not done after 1 s") as failure:
         home_client(client, AnswerYes(), patience=1.0)
     assert setup.robot.plant.operating_state() == ("DISABLED", False, False)
@@ -123,7 +118,9 @@ def test_a_robot_in_fault_is_not_homed_by_commands() -> None:
     plant = IdealPlant([0.0, 0.0], joint_names=load_robot("two_link").joint_names)
     plant.state_command("disable")
     setup = RobotOnLoopback(plant, dialect="crtk")
-    robot, client = operated(setup, robot="two_link", dialect="crtk", namespace="/arm1", simulated=True)
+    robot, client = robot_over(
+        setup.transport, robot="two_link", dialect="crtk", namespace="/arm1", simulated=True
+    )
     fault = OperatingState("FAULT", False, False)
     plant.operating_state = lambda: fault  # type: ignore[method-assign]
     client.wait()

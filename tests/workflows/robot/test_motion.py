@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -6,7 +8,7 @@ from catenary.errors import InputError, LimitError, NotReadyError, UnsupportedCo
 from catenary.plant import JointState
 from catenary.robots.catalog import load_robot
 from catenary.trajectories.point_to_point import go_to
-from catenary.trajectories.reference import Reference
+from catenary.trajectories.reference import Reference, Trajectory
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.trajectories.zigzag import zigzag
 from catenary.workflows.robot.motion import GENTLE_VELOCITY, check_motion, move_to, run_trajectory
@@ -126,22 +128,28 @@ def test_motion_beyond_a_limit_is_refused_with_joint_time_and_limit() -> None:
     assert plant.setpoints == []
 
 
-def test_motion_beyond_a_velocity_is_refused() -> None:
-    with pytest.raises(LimitError, match=r'"shoulder" at 0\.\d+ s: velocity 0.1\d+ rad/s beyond 0.15 rad/s'):
-        check_motion(arm(), swing(), joints=["shoulder"], max_velocity=[0.15])
+SPIKE = SmoothedPath.through([0.0, 50.0, 50.1, 50.2, 100.0], [[0.5], [0.5], [1.9], [0.5], [0.5]], 0.05)
+BEYOND_AT_ITS_END = go_to([1.5], [1.6001], max_velocity=[0.1], max_acceleration=[1.0])
+
+
+@pytest.mark.parametrize(
+    ("motion", "options", "message"),
+    [
+        (SPIKE, {}, r"at 50\.\d+ s"),
+        (BEYOND_AT_ITS_END, {"step": 0.7}, r"1.6001 rad outside"),
+        (
+            swing(),
+            {"max_velocity": [0.15]},
+            r'"shoulder" at 0\.\d+ s: velocity 0.1\d+ rad/s beyond 0.15 rad/s',
+        ),
+    ],
+)
+def test_short_excursions_the_last_instant_and_velocities_are_checked(
+    motion: Trajectory, options: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(LimitError, match=message):
+        check_motion(arm(), motion, joints=["shoulder"], **options)
     check_motion(arm(), swing(), joints=["shoulder"], max_velocity=[0.2])
-
-
-def test_short_excursion_is_found() -> None:
-    spike = SmoothedPath.through([0.0, 50.0, 50.1, 50.2, 100.0], [[0.5], [0.5], [1.9], [0.5], [0.5]], 0.05)
-    with pytest.raises(LimitError, match=r"at 50\.\d+ s"):
-        check_motion(arm(), spike, joints=["shoulder"])
-
-
-def test_last_instant_is_checked() -> None:
-    beyond = go_to([1.5], [1.6001], max_velocity=[0.1], max_acceleration=[1.0])
-    with pytest.raises(LimitError, match=r"1.6001 rad outside"):
-        check_motion(arm(), beyond, joints=["shoulder"], step=0.7)
 
 
 def test_robot_models_have_limits_too() -> None:

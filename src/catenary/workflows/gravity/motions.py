@@ -72,15 +72,9 @@ def make_motion(
         middle, half = 0.5 * (lower + upper), 0.25 * (upper - lower)
         fastest = np.array([GENTLE_VELOCITY[unit] for unit in limits.joint_units])
         trajectory = random_sinusoids(
-            rng,
-            seconds,
-            lower=middle - half,
-            upper=middle + half,
-            turning_band=0.25 * half,
-            slowest=0.4 * fastest,
-            fastest=fastest,
-            turn_time=_TURN,
-        )
+            rng, seconds, lower=middle - half, upper=middle + half, turning_band=0.25 * half,
+            slowest=0.4 * fastest, fastest=fastest, turn_time=_TURN,
+        )  # fmt: skip
         return Motion(trajectory, None)
     start = _start(model, limits) if q_start is None else as_array("q_start", q_start, (model.n,))
     if name == "cartesian":

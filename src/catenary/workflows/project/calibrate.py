@@ -227,15 +227,7 @@ def conclude(
     write(project.folder / "evaluation.json", concluded.summary())
     best = results[BEST]
     write_project_report(
-        page,
-        project.settings.connection,
-        best.model,
-        best.card,
-        best.evaluation,
-        concluded.table(),
-        train,
-        test,
-        deployment,
-        notes=best.notes,
-    )
+        page, project.settings.connection, best.model, best.card, best.evaluation, concluded.table(),
+        train, test, deployment, notes=best.notes,
+    )  # fmt: skip
     return concluded

@@ -59,9 +59,8 @@ class ProjectRobot(ABC):
         before = after if after == "home" else f"record {after}"
         made_from = [motion, project.settings.state_rate_hz, project.fingerprint_of(before)]
         take = Take(project.folder / "recordings" / name, name, trajectory, motion, after, progress)
-        return project.run(
-            f"record {name}", made_from, self.files(project, take), lambda: self.drive(project, take)
-        )
+        files = self.files(project, take)
+        return project.run(f"record {name}", made_from, files, lambda: self.drive(project, take))
 
     @abstractmethod
     def drive(self, project: Project, take: Take) -> None:

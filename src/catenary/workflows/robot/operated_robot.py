@@ -15,6 +15,7 @@ from catenary.crtk.names import Dialect
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError
 from catenary.plant import JointState, Plant
+from catenary.recording.topics import Arm
 from catenary.robots.catalog import RAVEN_SIDES, load_robot
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import FixedBase
@@ -147,13 +148,9 @@ def robot_over(
             f'robot "{robot}": expected one of {", ".join(RAVEN_SIDES)} with the dialect raven; others speak crtk'
         )
     model = load_robot(robot)
+    arm: Arm = "green" if robot == "raven2_right" else "gold"
+    joints = None if robot in RAVEN_SIDES else model_joints(model)
     client = CrtkClient(
-        transport,
-        dialect=dialect,
-        arm="green" if robot == "raven2_right" else "gold",
-        namespace=namespace,
-        joints=None if robot in RAVEN_SIDES else model_joints(model),
-        simulated=simulated,
-        imu=imu,
+        transport, dialect=dialect, arm=arm, namespace=namespace, joints=joints, simulated=simulated, imu=imu
     )
     return OperatedRobot(model.name, client, model, lambda: client.late), client
