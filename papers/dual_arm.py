@@ -20,20 +20,23 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from catenary import (
+    EstimatedGravityPD,
+    GravityEstimator,
+    JointPD,
+    MujocoPlant,
+    RobotModel,
+    compact_regressor,
+    load_robot,
+    mass_matrix,
+    run_loop,
+)
 from catenary.arrays import Floats
 from catenary.control.controller import Controller
-from catenary.control.estimated_gravity_pd import EstimatedGravityPD
-from catenary.control.loop import Tick, run_loop
-from catenary.control.pd import JointPD
-from catenary.dynamics.mass_matrix import mass_matrix
-from catenary.gravity.compact import compact_regressor
-from catenary.gravity.estimator import GravityEstimator
+from catenary.control.loop import Tick
 from catenary.gravity.payload import Payload
 from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
-from catenary.robots.catalog import load_robot
-from catenary.robots.model import RobotModel
 from catenary.simulation.joint_hardware import JointHardware
-from catenary.simulation.mujoco_plant import MujocoPlant
 from catenary.trajectories.smoothed_path import SmoothedPath
 from papers.arguments import folder_argument
 

@@ -31,12 +31,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from catenary import BaseMotion, gravity_torque, inverse_dynamics, load_robot, mass_matrix
 from catenary.arrays import Floats
-from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
-from catenary.dynamics.mass_matrix import mass_matrix
-from catenary.gravity.torque import gravity_torque
 from catenary.reports.page import Block, Picture, Table, Text, picture
-from catenary.robots.catalog import load_robot
 from catenary.sensing.checks import SensorRules
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mailbox import Mailbox

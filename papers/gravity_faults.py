@@ -20,19 +20,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from catenary import CablePlant, FixedBase, random_sinusoids, run_loop
 from catenary.arrays import Floats
-from catenary.control.loop import Tick, run_loop
+from catenary.control.loop import Tick
 from catenary.control.report import GravityReport, LoopReport
 from catenary.errors import SensorError
 from catenary.reports.page import Block, Picture, Table, Text, picture
 from catenary.sensing.fallback import FALLBACKS
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mailbox import Mailbox
-from catenary.simulation.base_motion import FixedBase
-from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.sensors import FAULT_KINDS, InjectedFault, SimulatedSensor
 from catenary.trajectories.in_turn import Rest
-from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.units import DISPLAY
 from catenary.workflows.gravity.controllers import make_controller

@@ -21,14 +21,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from catenary import CablePlant, Reference, gravity_torque, load_robot, mass_matrix
 from catenary.arrays import Floats
-from catenary.dynamics.mass_matrix import mass_matrix
-from catenary.gravity.torque import gravity_torque
 from catenary.reports.page import Block, Picture, Table, Text, picture
-from catenary.robots.catalog import load_robot
-from catenary.simulation.cable_plant import CablePlant
 from catenary.spatial import LEVEL
-from catenary.trajectories.reference import Reference
 from catenary.units import DISPLAY
 from catenary.workflows.gravity.controllers import make_hold
 from catenary.workflows.gravity.hold import hold

@@ -16,11 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from catenary import BaseMotion, RobotModel, inverse_dynamics, load_robot
 from catenary.arrays import Floats
-from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
 from catenary.reports.page import Table
-from catenary.robots.catalog import load_robot
-from catenary.robots.model import RobotModel
 from catenary.sensing.checks import SensorRules
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mailbox import Mailbox

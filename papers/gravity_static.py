@@ -22,14 +22,13 @@ from typing import Literal
 
 import numpy as np
 
-from catenary import __version__
+from catenary import CablePlant, __version__, run_loop
 from catenary.arrays import Floats
 from catenary.control.controller import SplitController
-from catenary.control.loop import Tick, run_loop
+from catenary.control.loop import Tick
 from catenary.control.measures import pd_share
 from catenary.files import json_text
 from catenary.reports.page import Block, Picture, Table, Text, picture, write_page
-from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.in_turn import Rest
 from catenary.units import DISPLAY
 from catenary.workflows.gravity.controllers import make_controller, make_hold

@@ -20,19 +20,18 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from catenary import CablePlant, go_to, run_loop
 from catenary.arrays import Floats
-from catenary.control.loop import GravitySource, Tick, run_loop
+from catenary.control.loop import GravitySource, Tick
 from catenary.reports.page import Block, Picture, Table, Text, picture
 from catenary.sensing.faults import Fault
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mailbox import Mailbox
 from catenary.sensing.vector import GravityReading, ReadingStatus
 from catenary.simulation.base_motion import BaseSamples, MovingBase
-from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.sensors import SimulatedSensor
 from catenary.spatial import LEVEL
 from catenary.trajectories.in_turn import InTurn, Rest
-from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
 from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.motions import RAVEN_START

@@ -23,12 +23,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from catenary import CablePlant, gravity_torque, load_robot
 from catenary.arrays import Floats
-from catenary.gravity.torque import gravity_torque
 from catenary.reports.page import Block, Picture, Table, Text, picture
-from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
-from catenary.simulation.cable_plant import CablePlant
 from catenary.spatial import LEVEL
 from catenary.transmission.coupling import winding_of
 from catenary.workflows.gravity.motions import RAVEN_START

@@ -23,17 +23,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from catenary import CablePlant, GravityPD, JointState, Reference
 from catenary.arrays import Floats
 from catenary.control.controller import SplitController
-from catenary.control.gravity_pd import GravityPD
 from catenary.control.pd import Damping
-from catenary.plant import AT_REST, JointState
+from catenary.plant import AT_REST
 from catenary.reports.page import Block, Heading, Picture, Table, Text, picture
 from catenary.simulation.base_motion import MovingBase
 from catenary.simulation.cable_parameters import CableArm
-from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.cartesian import AMPLITUDE, CYCLES, PERIOD, CartesianSinusoids
-from catenary.trajectories.reference import Reference
 from catenary.units import DISPLAY
 from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.motions import RAVEN_START

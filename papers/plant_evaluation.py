@@ -9,18 +9,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from catenary import CablePlant, MotionLog, random_sinusoids, record_simulated, zigzag
 from catenary.arrays import Floats
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import Evaluation, evaluate
 from catenary.calibration.fit import FitOptions, choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
-from catenary.plant import MotionLog
 from catenary.simulation.cable_parameters import CableArm
-from catenary.simulation.cable_plant import CablePlant
-from catenary.trajectories.sinusoids import random_sinusoids
-from catenary.trajectories.zigzag import DIRECTIONS, Direction, zigzag
+from catenary.trajectories.zigzag import DIRECTIONS, Direction
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
-from catenary.workflows.simulated_recording import record_simulated
 
 SPARSITIES = (1 / 2, 1 / 3, 1 / 4)
 TEST_SECONDS = 1200.0

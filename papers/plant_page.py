@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from catenary import Corrector
 from catenary.arrays import Floats
-from catenary.calibration.corrector import Corrector
 from catenary.reports.page import Block, Heading, Remarks, Table, write_page
 from catenary.simulation.cable_parameters import CableArm
 from papers.calibration_paper import (

@@ -11,18 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from catenary import CablePlant, GravityPD, JointPD, JointState, Reference, load_robot, run_loop
 from catenary.arrays import Floats
 from catenary.control.gains import gains_at_joints
-from catenary.control.gravity_pd import GravityPD
-from catenary.control.loop import StateCorrector, Tick, run_loop
-from catenary.control.pd import JointPD
-from catenary.plant import JointState
-from catenary.robots.catalog import load_robot
+from catenary.control.loop import StateCorrector, Tick
 from catenary.simulation.cable_parameters import CableArm, Firmware
-from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.records import POSITIONING
 from catenary.spatial import LEVEL
-from catenary.trajectories.reference import Reference
 from catenary.trajectories.smoothed_path import BrokenLine, SmoothedPath
 from papers.raven_base import turned_base
 

@@ -5,8 +5,9 @@ Lewis and Hannaford 2014, sections IV-B and V: base angles "about the Z0 axis" o
 
 import numpy as np
 
+from catenary import FixedBase
 from catenary.arrays import frozen
-from catenary.simulation.base_motion import FixedBase, RockingBase
+from catenary.simulation.base_motion import RockingBase
 
 Z0 = frozen(np.array([0.0, -1.0, 0.0]))  # in base axes, whose z is up
 

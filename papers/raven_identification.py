@@ -23,31 +23,36 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from catenary import __version__
+from catenary import (
+    CablePlant,
+    EstimatedGravityPD,
+    FixedBase,
+    JointPD,
+    JointState,
+    MotionLog,
+    RobotModel,
+    __version__,
+    compact_regressor,
+    gravity_torque,
+    identify,
+    load_robot,
+    record_simulated,
+    run_loop,
+    zigzag,
+)
 from catenary.arrays import Floats
 from catenary.calibration.model import CalibrationModel
-from catenary.control.estimated_gravity_pd import EstimatedGravityPD
-from catenary.control.loop import Tick, run_loop
+from catenary.control.loop import Tick
 from catenary.control.measures import pd_share
-from catenary.control.pd import JointPD
 from catenary.errors import ExcitationError
 from catenary.files import json_text
-from catenary.gravity.compact import CompactRegressor, compact_regressor
-from catenary.gravity.torque import gravity_torque
+from catenary.gravity.compact import CompactRegressor
 from catenary.identification.base_parameters import gravity_base_parameters
-from catenary.identification.identification import identify
 from catenary.identification.options import IdentifyOptions
-from catenary.plant import JointState, MotionLog
 from catenary.reports.page import Block, Heading, Table, Text, write_page
-from catenary.robots.catalog import load_robot
-from catenary.robots.model import RobotModel
-from catenary.simulation.base_motion import FixedBase
-from catenary.simulation.cable_plant import CablePlant
 from catenary.spatial import LEVEL
 from catenary.trajectories.smoothed_path import SmoothedPath
-from catenary.trajectories.zigzag import zigzag
 from catenary.workflows.gravity.simulated_arm import raven_arm
-from catenary.workflows.simulated_recording import record_simulated
 from papers.arguments import folder_argument
 from papers.plant_evaluation import linear_model
 

@@ -11,20 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from catenary import __version__
+from catenary import CablePlant, MotionLog, __version__, random_sinusoids, record_simulated, zigzag
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit import FitOptions, choose_inputs, fit
 from catenary.files import json_text
-from catenary.plant import MotionLog
 from catenary.reports.page import Block, Heading, Table, Text, write_page
 from catenary.reports.project import TABLE_1
-from catenary.simulation.cable_plant import CablePlant
-from catenary.trajectories.sinusoids import random_sinusoids
-from catenary.trajectories.zigzag import zigzag
 from catenary.workflows.project.calibrate import RAVEN_INPUTS
-from catenary.workflows.simulated_recording import record_simulated
 from papers.arguments import folder_and_robots
 
 SPARSITIES = (1 / 2, 1 / 3, 1 / 4)

@@ -10,20 +10,22 @@ from typing import NamedTuple
 
 import numpy as np
 
+from catenary import (
+    GravityPD,
+    InertiaPD,
+    JointPD,
+    JointState,
+    RobotModel,
+    go_to,
+    inverse_dynamics,
+    load_robot,
+    mass_matrix,
+)
 from catenary.arrays import Floats
 from catenary.control.controller import Controller
 from catenary.control.gains import DAMPING_RATIO, FREQUENCY_HZ, gains_from_mass
-from catenary.control.gravity_pd import GravityPD
-from catenary.control.inertia_pd import InertiaPD
-from catenary.control.pd import JointPD
-from catenary.dynamics.inverse_dynamics import inverse_dynamics
-from catenary.dynamics.mass_matrix import mass_matrix
-from catenary.plant import JointState
-from catenary.robots.catalog import load_robot
-from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 from catenary.trajectories.in_turn import InTurn, Rest
-from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
 from papers.arguments import folder_argument
 

@@ -1,13 +1,15 @@
 """What a reader may rely on in every room: names once, short files, a page that knows them all."""
 
 import ast
+import pkgutil
 import re
 from collections import Counter
 from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parents[1] / "src" / "catenary"
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "src" / "catenary"
 FILES = sorted(PACKAGE.rglob("*.py"))
 
 
@@ -27,13 +29,37 @@ def test_no_folder_holds_more_files_than_a_reader_can_survey() -> None:
     assert {folder: count for folder, count in counts.items() if count > 25} == {}
 
 
-ARCHITECTURE = (PACKAGE.parents[1] / "docs" / "architecture.md").read_text()
+PAGES = [ROOT / "README.md", ROOT / "Makefile", *sorted((ROOT / "docs").glob("*.md"))]
+# scripts of other projects
+OF_OTHERS = r"run_r\w+|raven_py_controller|crtk_\w+_example|ral_ros1|utils|make_msgs"
 
 
-def test_files_that_the_architecture_page_sends_readers_to_exist() -> None:
-    named = re.findall(r"`([a-z_0-9/]+/[a-z_0-9]+\.py)`", ARCHITECTURE)
-    assert len(named) > 30
-    assert [name for name in named if not (PACKAGE / name).is_file()] == []
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_what_a_page_names_exists(page: Path) -> None:
+    text = page.read_text()
+    targets = re.findall(r"^([a-z0-9-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert set(re.findall(r"(?:`|^)make ([a-z0-9-]+)", text, re.MULTILINE)) <= set(targets)
+    programs = re.findall(r"python -m ((?:papers|tests)\.[\w.]+\w)", text)
+    folders = re.findall(r"`((?:src|tests|papers|docs|examples)/[\w./]*)`", text)
+    paths = [*folders, *(f"{name.replace('.', '/')}.py" for name in programs)]
+    assert [path for path in paths if not (ROOT / path).exists()] == []
+    links = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text)
+    assert [link for link in links if not (page.parent / link).exists()] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_files_and_names_of_the_package_that_a_page_names_exist(page: Path) -> None:
+    text = page.read_text()
+    files = [
+        f"/{path}" for room in ("src", "papers", "tests", "examples") for path in (ROOT / room).rglob("*.py")
+    ]
+    named = [name for name in re.findall(r"[\w/]+\.py\b", text) if not re.fullmatch(OF_OTHERS, name[:-3])]
+    assert [name for name in named if not any(file.endswith(f"/{name.lstrip('/')}") for file in files)] == []
+    for name in re.findall(r"\bcatenary(?:\.[A-Za-z]\w*)+(?![.\w])", text):
+        assert pkgutil.resolve_name(name) is not None, name
+
+
+ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text()
 
 
 @pytest.mark.parametrize("room", sorted(path.parent.name for path in PACKAGE.glob("*/__init__.py")))

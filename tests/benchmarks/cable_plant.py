@@ -4,12 +4,9 @@ import time
 
 import numpy as np
 
-from catenary.simulation.cable_plant import CablePlant
+from catenary import CablePlant, go_to, random_sinusoids, zigzag
 from catenary.simulation.simulated_plant import PERIOD
-from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
-from catenary.trajectories.sinusoids import random_sinusoids
-from catenary.trajectories.zigzag import zigzag
 from tests.benchmarks.measure import side_by_side, tell
 
 PIECE = 60_000  # ticks in a call

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from catenary import RobotModel
 from catenary.arrays import Floats
 from catenary.dynamics.lines import empty
 from catenary.dynamics.recursion import gravity_recursion, place_joints
-from catenary.robots.model import RobotModel
 
 
 def casadi_gravity(

@@ -4,15 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from catenary import Corrector, GravityPD, JointPD, JointState, Reference, TorqueLimits, run_loop
 from catenary.arrays import Floats
-from catenary.calibration.corrector import Corrector
 from catenary.control.controller import Controller
-from catenary.control.gravity_pd import GravityPD
-from catenary.control.limits import TorqueLimits
-from catenary.control.loop import run_loop
-from catenary.control.pd import JointPD
-from catenary.plant import JointState
-from catenary.trajectories.reference import Reference, Trajectory
+from catenary.trajectories.reference import Trajectory
 from tests.benchmarks.measure import ROUNDS, tell
 from tests.benchmarks.robots import robots
 from tests.oracles.calibration_models import random_model, random_network

@@ -16,8 +16,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))  # `ros`, as pytest finds it
 
 from benchmarks.programs import CATENARY, cpu_seconds, memory, options, tell
+from catenary import MotionLog
 from catenary.calibration.files import save_model
-from catenary.plant import MotionLog
 from recordings import fitted
 from ros import Program, running_master
 

@@ -9,8 +9,8 @@ from functools import partial
 
 import numpy as np
 
+from catenary import Corrector
 from catenary.arrays import Floats
-from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.onnx import to_onnx
 from tests.benchmarks.inference_peers import Fitted, peers, session_call, session_of

@@ -13,17 +13,9 @@ import mujoco
 import numpy as np
 import pinocchio
 
-from catenary.dynamics.inverse_dynamics import inverse_dynamics
-from catenary.dynamics.kernels import (
-    forward_kinematics_kernel,
-    gravity_kernel,
-    inverse_dynamics_kernel,
-    mass_matrix_kernel,
-)
-from catenary.dynamics.mass_matrix import mass_matrix
-from catenary.gravity.torque import gravity_torque
+from catenary import RobotModel, gravity_kernel, gravity_torque, inverse_dynamics, mass_matrix
+from catenary.dynamics.kernels import forward_kinematics_kernel, inverse_dynamics_kernel, mass_matrix_kernel
 from catenary.kernels.kernel import Kernel
-from catenary.robots.model import RobotModel
 from tests.benchmarks.casadi_gravity import casadi_gravity
 from tests.benchmarks.measure import Call, side_by_side, tell
 from tests.benchmarks.pinocchio_loop import cpp_loop

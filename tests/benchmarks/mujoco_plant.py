@@ -2,12 +2,9 @@
 
 import numpy as np
 
-from catenary.dynamics.mass_matrix import mass_matrix
-from catenary.gravity.torque import gravity_torque
-from catenary.robots.catalog import load_robot
-from catenary.simulation.base_motion import FixedBase, RockingBase
+from catenary import FixedBase, MujocoPlant, gravity_torque, load_robot, mass_matrix
+from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.joint_hardware import JointHardware
-from catenary.simulation.mujoco_plant import MujocoPlant
 from tests.benchmarks.measure import Call, side_by_side, tell
 
 BASES = {"still base": FixedBase(), "rocking base": RockingBase(mean=0.1, amplitude=0.2, frequency=0.5)}

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio
 
+from catenary import RobotModel
 from catenary.arrays import Floats
-from catenary.robots.model import RobotModel
 
 SOURCE = """\
 #include <pinocchio/fwd.hpp>

@@ -5,10 +5,8 @@ from functools import partial
 import numpy as np
 import pinocchio
 
-from catenary.gravity.compact import compact_regressor
-from catenary.gravity.estimator import GravityEstimator
+from catenary import GravityEstimator, RobotModel, compact_regressor
 from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
-from catenary.robots.model import RobotModel
 from tests.benchmarks.measure import Call, side_by_side, tell
 from tests.benchmarks.robots import pinocchio_robot, robots
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pinocchio
 
+from catenary import RobotModel, load_robot
 from catenary.robots.assembly import Coordinate, Link, assemble
-from catenary.robots.catalog import load_robot
-from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
 from tests.oracles.random_trees import RandomRobot, random_inertia
 

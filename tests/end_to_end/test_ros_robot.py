@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary import CrtkClient, read_log
 from catenary.calibration.fit import FitOptions
 from catenary.crtk import network
-from catenary.crtk.client import CrtkClient
 from catenary.crtk.ros1.transport import Ros1Transport
 from catenary.errors import TransportError
 from catenary.nodes.deploy import CalibratedTopics
-from catenary.recording.logs import read_log
 from catenary.trajectories.waypoints import follow_waypoints
 from catenary.workflows.fit import FitRun, fit_calibration
 from catenary.workflows.project import calibrate

@@ -14,18 +14,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary import CrtkClient, MotionLog, forward_kinematics, gravity_torque, load_robot
 from catenary.calibration.files import save_model
 from catenary.crtk import network
-from catenary.crtk.client import CrtkClient
 from catenary.crtk.conversions import joint_values, pose_of
 from catenary.crtk.names import find_topic
 from catenary.crtk.ros1.transport import Ros1Transport
-from catenary.dynamics.kinematics import forward_kinematics
-from catenary.gravity.torque import gravity_torque
-from catenary.plant import MotionLog
 from catenary.recording.source import open_recording
 from catenary.recording.topics import topic_named
-from catenary.robots.catalog import load_robot
 from command_line import Outcome, catenary
 from patience import longer_limits, until
 from recordings import fitted

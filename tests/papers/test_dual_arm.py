@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.gravity.torque import gravity_torque
-from catenary.robots.catalog import load_robot
+from catenary import gravity_torque, load_robot
 from papers.dual_arm import (
     CASES,
     ESTIMATION,

@@ -5,10 +5,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.control.loop import Tick, run_loop
-from catenary.control.pd import JointPD
-from catenary.dynamics.mass_matrix import mass_matrix
-from catenary.robots.catalog import load_robot
+from catenary import JointPD, load_robot, mass_matrix, run_loop
+from catenary.control.loop import Tick
 from catenary.simulation.base_motion import RockingBase
 from catenary.trajectories.in_turn import Rest
 from catenary.workflows.gravity.motions import RAVEN_START

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.gravity.torque import gravity_torque
-from catenary.robots.catalog import load_robot
+from catenary import gravity_torque, load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import raven_gains

@@ -2,13 +2,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.gravity.torque import gravity_torque
-from catenary.plant import JointState
-from catenary.robots.catalog import load_robot
+from catenary import JointState, Reference, gravity_torque, load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.spatial import LEVEL
-from catenary.trajectories.reference import Reference
 from papers.plant_pd_share import (
     HOLD,
     LOOKED_AT,

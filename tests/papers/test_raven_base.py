@@ -1,8 +1,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from catenary.gravity.torque import gravity_torque
-from catenary.robots.catalog import load_robot
+from catenary import gravity_torque, load_robot
 from catenary.spatial import LEVEL
 from papers.raven_base import Z0, rocking_base, turned_base
 

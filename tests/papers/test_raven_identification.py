@@ -2,13 +2,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary import FixedBase, MotionLog, compact_regressor, gravity_torque, load_robot
 from catenary.arrays import Floats
-from catenary.gravity.compact import compact_regressor
-from catenary.gravity.torque import gravity_torque
 from catenary.identification.base_parameters import gravity_base_parameters
-from catenary.plant import MotionLog
-from catenary.robots.catalog import load_robot
-from catenary.simulation.base_motion import FixedBase
 from papers.raven_identification import (
     BASES,
     BELIEVED,

@@ -6,9 +6,7 @@ import pytest
 import sympy as sp
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.mass_matrix import mass_matrix
-from catenary.gravity.torque import gravity_torque, potential_energy
-from catenary.robots.catalog import load_robot
+from catenary import gravity_torque, load_robot, mass_matrix, potential_energy
 from catenary.spatial import LEVEL
 from oracles import two_link_symbols as symbols
 from papers.tutorial_two_link import controllers, main, motion, simulate

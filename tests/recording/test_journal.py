@@ -14,7 +14,7 @@ import pytest
 
 from catenary.errors import FileFormatError, InputError, RecordingError
 from catenary.recording.journal import HEAD, MAGIC, MARKER, About, JournalTopic, JournalWriter
-from catenary.recording.journal_reader import JournalReader, survey_journal
+from catenary.recording.journal_reader import JournalReader, JournalReport
 from patience import PATIENCE, until
 
 TOPICS = (JournalTopic("/a", "std_msgs/String"), JournalTopic("/b", "std_msgs/Header"))
@@ -33,6 +33,12 @@ def _write(folder: Path, messages: int = 50, **options: int) -> list[tuple[str, 
 
 def _read(path: Path) -> list[tuple[str, int, bytes]]:
     return list(JournalReader(path).messages())
+
+
+def _report(path: Path) -> JournalReport:
+    reader = JournalReader(path)
+    list(reader.messages())
+    return reader.report
 
 
 def test_what_is_written_is_read(tmp_path: Path) -> None:
@@ -60,7 +66,7 @@ def test_long_recordings_are_split_and_each_file_reads_by_itself(tmp_path: Path)
     assert all(file.stat().st_size < 6000 for file in files)
     assert _read(tmp_path / "r") == sent
     assert [m for file in files for m in _read(file)] == sent
-    assert survey_journal(tmp_path / "r").problems == []
+    assert _report(tmp_path / "r").problems == []
 
 
 def test_a_missing_file_in_the_middle_is_counted(tmp_path: Path) -> None:
@@ -68,7 +74,7 @@ def test_a_missing_file_in_the_middle_is_counted(tmp_path: Path) -> None:
     gone = sorted((tmp_path / "r").iterdir())[1]
     lost = len(_read(gone))
     gone.unlink()
-    report = survey_journal(tmp_path / "r")
+    report = _report(tmp_path / "r")
     assert sum(report.messages.values()) == len(sent) - lost
     assert report.lost == lost + 2  # its header and footer
     assert any("missing" in problem for problem in report.problems)
@@ -77,7 +83,7 @@ def test_a_missing_file_in_the_middle_is_counted(tmp_path: Path) -> None:
 def test_missing_files_at_the_end_are_noticed(tmp_path: Path) -> None:
     _write(tmp_path / "r", 200, max_bytes=4000)
     sorted((tmp_path / "r").iterdir())[-1].unlink()
-    report = survey_journal(tmp_path / "r")
+    report = _report(tmp_path / "r")
     assert not report.closed
     assert "was not closed" in report.problems[0]
 
@@ -173,7 +179,7 @@ def test_threads_append_without_loss(tmp_path: Path) -> None:
             thread.start()
         for thread in threads:
             thread.join()
-    report = survey_journal(tmp_path / "r")
+    report = _report(tmp_path / "r")
     assert report.messages == {"/a": 1000, "/b": 1000}
     assert report.problems == []
 

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
-from catenary.recording.journal_reader import JournalReader, survey_journal
+from catenary.recording.journal_reader import JournalReader
 from catenary.recording.recorder import Recorder, Throttle
 from catenary.recording.topics import EXT_JPOS, RAVENSTATE, decode, raven_topics
 from oracles.raven_recording import ABOUT, START_NS, encoder, nominal, record, telemetry
@@ -101,7 +101,7 @@ def test_a_robot_slower_than_the_topic_sends_every_sample_once(tmp_path: Path) -
     time = 0.05 * np.arange(40)
     with Recorder(tmp_path / "r", (EXT_JPOS,), ["ext_jpos"], np.random.default_rng(0)) as recorder:
         recorder.observe_many(time, {"ext_jpos": np.zeros((40, 3))})
-    assert survey_journal(tmp_path / "r").messages["/ext_jpos"] == 40
+    assert len(list(JournalReader(tmp_path / "r").messages())) == 40
 
 
 @pytest.mark.parametrize(("rate", "jitter"), [(0.0, 0.1), (np.nan, 0.1), (10.0, -0.1), (10.0, 2.0)])

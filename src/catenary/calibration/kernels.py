@@ -84,15 +84,26 @@ def rescale(Z: Floats, scale: Floats, mean: Floats, Y: Floats) -> None:
 
 @compiled
 def dense(X: Floats, weights: Floats, bias: Floats, Y: Floats) -> None:
-    """Write Y = X @ weights + bias, weights (F, m)."""
-    for row in range(len(X)):
-        for k in range(len(bias)):
-            Y[row, k] = bias[k]
-        # inputs outside, outputs inside: the inner loop runs along a row of weights, several outputs at once
-        for i in range(len(weights)):
-            x = X[row, i]
+    """Write Y = X @ weights + bias, weights (F, m), each output summed in the order of its inputs.
+
+    Eight rows share what they read of the weights, and four inputs what they read and write of Y.
+    """
+    fours = len(weights) - len(weights) % 4
+    for first in range(0, len(X), 8):
+        rows = range(first, min(first + 8, len(X)))
+        for row in rows:
             for k in range(len(bias)):
-                Y[row, k] += x * weights[i, k]
+                Y[row, k] = bias[k]
+        for i in range(0, fours, 4):
+            for row in rows:
+                a, b, c, d = X[row, i], X[row, i + 1], X[row, i + 2], X[row, i + 3]
+                for k in range(len(bias)):
+                    sum_of_two = Y[row, k] + a * weights[i, k] + b * weights[i + 1, k]
+                    Y[row, k] = sum_of_two + c * weights[i + 2, k] + d * weights[i + 3, k]
+        for i in range(fours, len(weights)):
+            for row in rows:
+                for k in range(len(bias)):
+                    Y[row, k] += X[row, i] * weights[i, k]
 
 
 @compiled

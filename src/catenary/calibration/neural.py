@@ -1,13 +1,12 @@
 """How feed-forward networks are trained: the paper's way, and ours."""
 
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
-from sklearn.neural_network import MLPRegressor
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
+from catenary.calibration.backpropagation import TrainedNetwork
 from catenary.calibration.predictors import Activation, Network
 from catenary.calibration.progress import Progress, part_of, silent
 from catenary.calibration.regression import fit_linear
@@ -27,9 +26,7 @@ class NetworkSettings:
     batch: int
     epochs: int
     cosine: bool = False  # learning rate falls to zero along half a cosine
-    skip_ridge: float | None = (
-        None  # ridge of a linear model that the network corrects; None for no such model
-    )
+    skip_ridge: float | None = None  # of a linear model that the network corrects; None for no such model
 
 
 # Peng et al., section IV-B: two hidden layers of 100 sigmoid units, mean squared error, L2 5e-4 on the kernels,
@@ -66,26 +63,25 @@ def fit_neural(
         progress: Called with the share done.
     """
     candidates = settings.l2 if isinstance(settings.l2, tuple) else (settings.l2,)
-    runs = len(candidates) + 1 if len(candidates) > 1 else 1
+    if not late.any() or late.all():
+        candidates = candidates[:1]
+    trials = len(candidates) if len(candidates) > 1 else 0
+    # a third of the training tells candidates apart where a pass over the data has many steps
+    short = settings if len(X) <= MANY_ROWS else replace(settings, epochs=max(1, settings.epochs // 3))
+    losses = np.zeros(len(candidates))
     with threadpool_limits(limits=1):  # two BLAS threads on two busy cores are slower than one
-        chosen = candidates[0]
-        if len(candidates) > 1 and late.any() and not late.all():
-            losses = []
-            for i, l2 in enumerate(candidates):
-                part = part_of(progress, i, runs)
-                # a third of the training tells candidates apart where a pass over the data has many steps
-                epochs = settings.epochs if len(X) <= MANY_ROWS else max(1, settings.epochs // 3)
-                short = replace(settings, l2=l2, epochs=epochs)
-                trial = _train(X[~late], Y[~late], short, seed, part)
-                errors = np.mean((trial.predict(X[late]) - Y[late]) ** 2, axis=0)
-                losses.append(
-                    float(np.mean(np.log(errors + 1e-30)))
-                )  # a noisy output must not outweigh the others
-            chosen = candidates[int(np.argmin(losses))]
-        return _train(X, Y, replace(settings, l2=chosen), seed, part_of(progress, runs - 1, runs))
+        for i in range(trials):
+            part = part_of(progress, i, trials + 1)
+            trial = _train(X[~late], Y[~late], short, candidates[i], seed, part)
+            errors = np.mean((trial.predict(X[late]) - Y[late]) ** 2, axis=0)
+            losses[i] = np.mean(np.log(errors + 1e-30))  # a noisy output must not outweigh the others
+        chosen = candidates[int(np.argmin(losses))]
+        return _train(X, Y, settings, chosen, seed, part_of(progress, trials, trials + 1))
 
 
-def _train(X: Floats, Y: Floats, settings: NetworkSettings, seed: int, progress: Progress) -> Network:
+def _train(
+    X: Floats, Y: Floats, settings: NetworkSettings, l2: float, seed: int, progress: Progress
+) -> Network:
     skip = None if settings.skip_ridge is None else fit_linear(X, Y, ridge=settings.skip_ridge)
     mean, scale = standardisation(X)
     out_mean, out_scale = standardisation(Y)
@@ -95,70 +91,30 @@ def _train(X: Floats, Y: Floats, settings: NetworkSettings, seed: int, progress:
         target = (Y - out_mean) / out_scale
     # an output that a constant or the linear model gives exactly gets no ripple from the network
     out_scale = np.where(np.ptp(target, axis=0) > 1e-9, out_scale, 0.0)
-    Z = ((X - mean) / scale).astype(np.float32)  # single precision trains twice as fast, as Keras does
-    target = target.astype(np.float32)
-    outputs = target.shape[1]
-    if outputs == 1:
-        target = target[:, 0]  # scikit-learn warns about a single column
-
+    # single precision trains twice as fast, as Keras does
+    Z, wanted = ((X - mean) / scale).astype(np.float32), target.astype(np.float32)
     rng = np.random.default_rng(seed)
-    regressor = MLPRegressor(
-        hidden_layer_sizes=settings.hidden,
-        activation=settings.activation,
-        solver="adam",
-        learning_rate_init=settings.learning_rate,
-        tol=0.0,
-        shuffle=False,
-        random_state=seed,
-    )
-    batches = max(1, -(-len(Z) // settings.batch))
+    network = TrainedNetwork((Z.shape[1], *settings.hidden, wanted.shape[1]), settings.activation, seed)
+    batches = -(-len(Z) // settings.batch)
     steps, step = settings.epochs * batches, 0
     for epoch in range(settings.epochs):
         order = rng.permutation(len(Z))
-        for rows in (
-            np.array_split(order, batches) if settings.cosine else _keras_batches(order, settings.batch)
-        ):
-            regressor.alpha = sklearn_alpha(float(np.max(settings.l2)), len(rows), outputs)
-            regressor.batch_size = len(rows)
-            if settings.cosine and step > 0:
-                # scikit-learn has no schedule for Adam; its optimiser reads this at every step
-                regressor._optimizer.learning_rate_init = (
-                    settings.learning_rate * 0.5 * (1.0 + np.cos(np.pi * step / steps))
-                )
-            _step(regressor, Z[rows], target[rows])
+        # Keras leaves a small batch for the end; batches alike are better for a rate that falls
+        parts = batches if settings.cosine else range(settings.batch, len(Z), settings.batch)
+        for rows in np.array_split(order, parts):
+            rate = settings.learning_rate
+            if settings.cosine:
+                rate *= 0.5 * (1.0 + np.cos(np.pi * step / steps))
+            network.step(network.gradient(Z[rows], wanted[rows], l2), rate)
             step += 1
         progress((epoch + 1) / settings.epochs)
     return Network(
         mean=mean,
         scale=scale,
-        weights=tuple(W.astype(np.float64) for W in regressor.coefs_),
-        biases=tuple(b.astype(np.float64) for b in regressor.intercepts_),
+        weights=tuple(W.astype(np.float64) for W in network.weights),
+        biases=tuple(b.astype(np.float64) for b in network.biases),
         activation=settings.activation,
         out_mean=out_mean,
         out_scale=out_scale,
         skip=skip,
     )
-
-
-def _step(regressor: MLPRegressor, Z: np.ndarray, target: np.ndarray) -> None:
-    """Take one step; scikit-learn turns an interrupt within it into a warning, and would train on."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("error", message="Training interrupted by user")
-        try:
-            regressor.partial_fit(Z, target)
-        except UserWarning as interrupted:
-            raise KeyboardInterrupt from interrupted
-
-
-def sklearn_alpha(l2: float, rows: int, outputs: int) -> float:
-    """Return MLPRegressor's `alpha` for which a step on `rows` rows follows Keras's loss.
-
-    Keras: mean over rows and outputs of the squared error + l2 sum W^2. MLPRegressor steps along
-    (sum over rows and outputs of the error's gradient / 2 + alpha W) / rows: its reported loss averages over
-    outputs, its gradient does not. Equal directions need alpha = l2 * rows * outputs.
-    """
-    return l2 * rows * outputs
-
-
-def _keras_batches(order: np.ndarray, batch: int) -> list[np.ndarray]:
-    return [order[i : i + batch] for i in range(0, len(order), batch)]

@@ -59,12 +59,12 @@ def inverse_dynamics(
         MissingInertiaError: Links without inertia.
         InputError: An argument has another shape or is not finite.
     """
-    model.require_inertia()
     if base is None:
         inputs = q, qd, qdd, gravity, _AT_REST, _AT_REST
-        quick = one_by_kernel(model, "inverse-dynamics", inverse_dynamics_line, 1, *inputs)
+        quick = one_by_kernel(model, "inverse-dynamics", inverse_dynamics_line, 1, inputs)
         if quick is not None:
             return quick
+    model.require_inertia()
     rows, single = as_batch("q", q, model.n)
     velocities = _like(rows, single, "qd", qd)
     accelerations = _like(rows, single, "qdd", qdd)

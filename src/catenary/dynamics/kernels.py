@@ -5,7 +5,6 @@ They are made when they are asked for and kept for as long as the model lives; a
 
 import re
 from collections.abc import Callable
-from weakref import WeakKeyDictionary
 
 from numpy.typing import ArrayLike
 
@@ -24,8 +23,6 @@ from catenary.robots.model import RobotModel
 MANY = 50_000  # configurations from which compiling for one robot is worth its while
 FEW = 100  # calls for which no kernel is compiled: whoever calls more often does so in a loop
 Trace = Callable[[RobotModel], Line]
-_known: WeakKeyDictionary[RobotModel, dict[str, Kernel]] = WeakKeyDictionary()
-_single: WeakKeyDictionary[RobotModel, dict[str, int | Kernel]] = WeakKeyDictionary()  # calls, later kernels
 
 
 def gravity_kernel(model: RobotModel) -> Kernel:
@@ -36,7 +33,6 @@ def gravity_kernel(model: RobotModel) -> Kernel:
     Raises:
         MissingInertiaError: Links without inertia.
     """
-    model.require_inertia()
     return known_kernel(model, "gravity", gravity_line, (model.n,)).ready()
 
 
@@ -52,7 +48,6 @@ def holding_kernel(model: RobotModel) -> Kernel:
     Raises:
         MissingInertiaError: Links without inertia.
     """
-    model.require_inertia()
     return known_kernel(model, "holding", holding_line, (model.n,)).ready()
 
 
@@ -65,7 +60,6 @@ def inverse_dynamics_kernel(model: RobotModel) -> Kernel:
     Raises:
         MissingInertiaError: Links without inertia.
     """
-    model.require_inertia()
     return known_kernel(model, "inverse-dynamics", inverse_dynamics_line, (model.n,)).ready()
 
 
@@ -75,7 +69,6 @@ def mass_matrix_kernel(model: RobotModel) -> Kernel:
     Raises:
         MissingInertiaError: Links without inertia.
     """
-    model.require_inertia()
     return known_kernel(model, "mass-matrix", mass_matrix_line, (model.n, model.n)).ready()
 
 
@@ -94,7 +87,7 @@ def forward_kinematics_kernel(model: RobotModel, frame: str | None = None) -> Ke
 
 
 def one_by_kernel(
-    model: RobotModel, name: str, trace: Trace, dimensions: int, *inputs: ArrayLike
+    model: RobotModel, name: str, trace: Trace, dimensions: int, inputs: tuple[ArrayLike, ...]
 ) -> Floats | None:
     """Return a quantity at one configuration by the robot's kernel; None for its first calls and for odd inputs.
 
@@ -108,17 +101,18 @@ def one_by_kernel(
         trace: As in `known_kernel`.
         dimensions: Of the result, each as long as the robot has coordinates.
         inputs: Of the kernel.
+
+    Raises:
+        MissingInertiaError: As `trace` has it.
     """
-    of_model = _single.get(model)
-    if of_model is None:
-        of_model = _single[model] = {}
-    kernel = of_model.get(name, 0)
-    if isinstance(kernel, int):
+    kernel = model.kernels.get(name, 0)
+    if isinstance(kernel, int):  # calls so far
         if kernel < FEW:
-            of_model[name] = kernel + 1
+            model.kernels[name] = kernel + 1
             return None
-        kernel = of_model[name] = known_kernel(model, name, trace, (model.n,) * dimensions)
-    return kernel.of_finite(*inputs)
+        kernel = known_kernel(model, name, trace, (model.n,) * dimensions)
+    found: Floats | None = kernel.of_finite(inputs)
+    return found
 
 
 def known_kernel(model: RobotModel, name: str, trace: Trace, shape: tuple[int, ...]) -> Kernel:
@@ -130,10 +124,8 @@ def known_kernel(model: RobotModel, name: str, trace: Trace, shape: tuple[int, .
         trace: Its line of operations.
         shape: Of one configuration's result.
     """
-    known = _known.get(model)
-    if known is None:
-        known = _known[model] = {}
-    if name not in known:
+    kernel = model.kernels.get(name)
+    if not isinstance(kernel, Kernel):
         title = re.sub(r"[^A-Za-z0-9]+", "-", f"{model.name} {name}")[:80]  # names come from files
-        known[name] = Kernel(title, trace(model), shape)
-    return known[name]
+        kernel = model.kernels[name] = Kernel(title, trace(model), shape)
+    return kernel

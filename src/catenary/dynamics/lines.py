@@ -5,6 +5,8 @@ place, and one that only turns about, or moves along, its axis. So a vector is t
 (four products for a twist about x, none for a quarter turn) and by the joint then (four), where their product
 would take up to nine, and entries of it besides. The recursions do not know.
 
+Torques and masses need every link's inertia: their lines raise MissingInertiaError without.
+
 To trace a further quantity, write it in plain arithmetic on the arrays of `Placed`, and give `Trace.line` its
 results in the order of the output array.
 """
@@ -65,6 +67,7 @@ def placed(model: RobotModel) -> Placed:
 
 def gravity_line(model: RobotModel) -> Line:
     """Trace the torques (n,) that hold the arm; inputs q (n,) and gravity (3,)."""
+    model.require_inertia()
     p = placed(model)
     m = len(p.tree.parent)
     g = p.trace.inputs("gravity", 3)
@@ -84,6 +87,7 @@ def gravity_line(model: RobotModel) -> Line:
 
 def mass_matrix_line(model: RobotModel) -> Line:
     """Trace the mass matrix (n, n), row by row; input q (n,)."""
+    model.require_inertia()
     p = placed(model)
     m, n = len(p.tree.parent), model.n
     matrix = empty(m, m)
@@ -99,6 +103,7 @@ def mass_matrix_line(model: RobotModel) -> Line:
 
 def holding_line(model: RobotModel) -> Line:
     """Trace the torques (n,) that hold the arm on a base that moves; inputs q (n,) and gravity, omega, alpha (3,)."""
+    model.require_inertia()
     p = placed(model)
     still = np.zeros(model.n)
     return _newton_euler_line(p, still, still)
@@ -106,6 +111,7 @@ def holding_line(model: RobotModel) -> Line:
 
 def inverse_dynamics_line(model: RobotModel, *, moving_base: bool = True) -> Line:
     """Trace the torques (n,) of a motion; inputs q, qd, qdd (n,) and gravity (3,), omega and alpha of a moving base."""
+    model.require_inertia()
     p = placed(model)
     qd, qdd = p.trace.inputs("qd", model.n), p.trace.inputs("qdd", model.n)
     return _newton_euler_line(p, qd, qdd, moving_base=moving_base)

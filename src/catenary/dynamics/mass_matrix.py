@@ -29,10 +29,10 @@ def mass_matrix(model: RobotModel, q: ArrayLike, *, threads: int = 1) -> Floats:
         MissingInertiaError: Links without inertia.
         InputError: q has another shape or is not finite.
     """
-    model.require_inertia()
-    quick = one_by_kernel(model, "mass-matrix", mass_matrix_line, 2, q)
+    quick = one_by_kernel(model, "mass-matrix", mass_matrix_line, 2, (q,))
     if quick is not None:
         return quick
+    model.require_inertia()
     rows, single = as_batch("q", q, model.n)
     if len(rows) >= MANY or threads > 1:
         kernel = known_kernel(model, "mass-matrix", mass_matrix_line, (model.n, model.n))

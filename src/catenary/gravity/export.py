@@ -100,7 +100,6 @@ def _traced(model: RobotModel, quantity: ExportedQuantity, frame: str | None) ->
     if quantity == "compact_regressor":
         regressor = compact_regressor(model)
         return _Traced(regressor.line(), (n, len(regressor.labels)), "Z")
-    model.require_inertia()
     traces: dict[str, Callable[[RobotModel], Line]] = {
         "gravity": gravity_line,
         "mass_matrix": mass_matrix_line,

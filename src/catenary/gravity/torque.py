@@ -42,10 +42,10 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike, *, threa
         MissingInertiaError: Links without inertia.
         InputError: An argument has another shape or is not finite.
     """
-    model.require_inertia()
-    quick = one_by_kernel(model, "gravity", gravity_line, 1, q, gravity)
+    quick = one_by_kernel(model, "gravity", gravity_line, 1, (q, gravity))
     if quick is not None:
         return quick
+    model.require_inertia()
     rows, single = as_batch("q", q, model.n)
     gravities = gravity_rows(gravity, len(rows))
     if len(rows) >= MANY or threads > 1:

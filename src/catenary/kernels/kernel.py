@@ -66,20 +66,17 @@ class Kernel:
         Raises:
             InputError: Another number of arrays, or an array of another shape.
         """
-        out = np.empty(self.shape)
-        if len(inputs) == len(self.inputs) and _are_plain(inputs):
-            try:
-                self._single(*inputs, out)
-                return out
-            except InputError:
-                pass  # another size: as_array tells which
-        widths = zip(self.inputs.items(), self._counted(inputs), strict=True)
-        self._single(*(as_array(name, given, (width,), finite=False) for (name, width), given in widths), out)
-        return out
+        found = self.of_finite(inputs)
+        if found is None:
+            widths = zip(self.inputs.items(), self._counted(inputs), strict=True)
+            found = np.empty(self.shape)
+            self._single(*(as_array(name, each, (n,), finite=False) for (name, n), each in widths), found)
+        return found
 
-    def of_finite(self, *inputs: ArrayLike) -> Floats | None:
+    def of_finite(self, inputs: tuple[ArrayLike, ...]) -> Floats | None:
         """Return the quantity at one configuration; None where inputs are not finite float64 arrays of its size."""
-        for given in inputs:  # `_are_plain`, without a call
+        for given in inputs:
+            # numba would refuse other arrays too, but in 300 us
             if (
                 type(given) is not NDARRAY
                 or given.dtype is not FLOAT64
@@ -89,7 +86,7 @@ class Kernel:
         out = np.empty(self.shape)
         try:
             return out if self._single(*inputs, out) else None
-        except InputError:
+        except (InputError, TypeError):  # another size or number of arrays
             return None
 
     def bind(self, *arrays: Floats) -> Callable[[], None]:
@@ -166,14 +163,6 @@ class Kernel:
                 f"{self.name}: expected {len(names)} arrays ({', '.join(names)}), got {len(given)}"
             )
         return given
-
-
-def _are_plain(inputs: tuple[ArrayLike, ...]) -> bool:
-    """Return whether inputs are contiguous rows of float64, which machine code takes as they are."""
-    for given in inputs:
-        if type(given) is not NDARRAY or given.dtype is not FLOAT64 or given.strides != ONE_AFTER_THE_OTHER:
-            return False
-    return True
 
 
 def _in_threads(rows: Callable[..., None], inputs: list[Floats], out: Floats, threads: int) -> None:

@@ -18,8 +18,8 @@ from rosbags.rosbag2 import Writer as Writer2
 
 from catenary.errors import InputError
 from catenary.recording.journal import About
-from catenary.recording.layout import blank_messages
-from catenary.recording.messages import MESSAGES, current_name, full_definition, md5_sum, ros2_name, typestore
+from catenary.recording.layout import Encoding, blank_messages
+from catenary.recording.messages import MESSAGES, current_name, ros2_name, typestore
 from catenary.recording.source import Source
 from catenary.recording.topics import ABOUT_TOPIC, ABOUT_TYPE, topic_named
 
@@ -106,14 +106,13 @@ class _Bag:
     """A bag that is being written, and those that follow when it grows too long."""
 
     def __init__(self, path: Path, kind: BagKind, source: Source, about: About | None) -> None:
-        self.types: dict[str, str] = {}
+        self.types: dict[str, str] = {} if about is None else {ABOUT_TOPIC: ABOUT_TYPE}
         self._first, self._kind, self._about = path, kind, about
-        self._same = source.encoding == ("ros1" if kind == "ros1" else "cdr")
+        self._given = source.encoding
+        self._encoding: Encoding = "ros1" if kind == "ros1" else "cdr"
         self._done: list[Path] = []
         self._writer: Writer1 | Writer2 | None = None
-        self._connections: dict[str, Connection] = {}
         self._messages = 0
-        self._store = typestore(2)  # its converters know that ROS 2's header lacks seq
 
     def open(self) -> None:
         number = len(self._done)
@@ -125,46 +124,31 @@ class _Bag:
                 raise InputError(f"{path}: is there already, and is never overwritten")
         self._path.parent.mkdir(parents=True, exist_ok=True)
         self._messages = 0
-        types = {**self.types, **({ABOUT_TOPIC: ABOUT_TYPE} if self._about is not None else {})}
         if self._kind == "ros1":
-            ros1 = Writer1(self._part)
-            ros1.open()
-            self._writer = ros1
-            self._connections = {
-                topic: ros1.add_connection(
-                    topic, ros2_name(name), msgdef=full_definition(name), md5sum=md5_sum(name)
-                )
-                for topic, name in types.items()
-            }
+            self._writer, store = Writer1(self._part), typestore(1)
         else:
-            ros2 = Writer2(self._part, version=ROS2_VERSION, storage_plugin=StoragePlugin.MCAP)
-            ros2.open()
-            self._writer = ros2
-            self._connections = {
-                topic: ros2.add_connection(topic, ros2_name(name), typestore=self._store)
-                for topic, name in types.items()
-            }
+            self._writer = Writer2(self._part, version=ROS2_VERSION, storage_plugin=StoragePlugin.MCAP)
+            store = typestore(2)
+        self._writer.open()
+        self._connections: dict[str, Connection] = {
+            topic: self._writer.add_connection(topic, ros2_name(name), typestore=store)
+            for topic, name in self.types.items()
+        }
 
     def write(self, topic: str, stamp: int, data: bytes) -> None:
-        if self._messages == 0:
-            self.state(stamp)
-        elif self._messages >= MAX_MESSAGES:
+        if self._messages >= MAX_MESSAGES:
             self._finish()
             self.open()
-            self.write(topic, stamp, data)
-            return
-        if self._same:
-            self._put(topic, stamp, data)
-        elif self._kind == "ros1":
-            self._put(topic, stamp, self._store.cdr_to_ros1(data, ros2_name(self.types[topic])))
-        else:
-            self._put(topic, stamp, self._store.ros1_to_cdr(data, ros2_name(self.types[topic])))
+        if self._messages == 0:
+            self.state(stamp)
+        self._put(topic, stamp, data, self._given)
         self._messages += 1
 
     def state(self, stamp: int) -> None:
         """Write what the recording is of, where that belongs into this bag."""
         if self._about is not None:
-            self._put(ABOUT_TOPIC, stamp, self._about_message(self._about))
+            message = blank_messages(ABOUT_TYPE, 1, {"data": self._about.as_json()}, {}).tobytes()
+            self._put(ABOUT_TOPIC, stamp, message, "ros1")
 
     def close(self) -> list[Path]:
         self._finish()
@@ -175,9 +159,13 @@ class _Bag:
         if self._writer is not None:
             self._writer.abort()
 
-    def _put(self, topic: str, stamp: int, data: bytes | memoryview) -> None:
+    def _put(self, topic: str, stamp: int, data: bytes | memoryview, encoding: Encoding) -> None:
         if self._writer is None:
             raise InputError(f"{self._path}: is closed")
+        if encoding != self._encoding:
+            store = typestore(2)  # its converters know that ROS 2's header lacks seq
+            convert = store.cdr_to_ros1 if self._encoding == "ros1" else store.ros1_to_cdr
+            data = convert(data, ros2_name(self.types[topic]))
         self._writer.write(self._connections[topic], stamp, data)
 
     def _finish(self) -> None:
@@ -187,7 +175,3 @@ class _Bag:
         self._writer = None
         self._part.rename(self._path)
         self._done.append(self._path)
-
-    def _about_message(self, about: About) -> bytes | memoryview:
-        message = blank_messages(ABOUT_TYPE, 1, {"data": about.as_json()}, {}).tobytes()
-        return message if self._kind == "ros1" else self._store.ros1_to_cdr(message, ros2_name(ABOUT_TYPE))

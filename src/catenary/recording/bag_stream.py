@@ -3,6 +3,7 @@
 import bz2
 import json
 from collections.abc import Callable, Collection, Iterator
+from io import BytesIO
 from pathlib import Path
 from struct import Struct, error
 from typing import BinaryIO, TypeVar
@@ -58,30 +59,23 @@ class BagStream:
         self.path = path
         self.problems: list[str] = []
         with path.open("rb") as file:
-            self.has_blocks = file.read(len(ROS1_MAGIC)) == ROS1_MAGIC  # `blocks` can read it: a ROS 1 bag
-            file.seek(0)
-            if not self.has_blocks and file.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
-                raise FileFormatError(
-                    f"{path}: cannot be read: begins neither as a ROS 1 bag nor as MCAP; "
-                    "nothing in it can be saved"
-                )
+            begin = file.read(len(ROS1_MAGIC))
+        self.has_blocks = begin == ROS1_MAGIC  # `blocks` can read it: a ROS 1 bag
+        if not self.has_blocks and not begin.startswith(MCAP_MAGIC):
+            raise FileFormatError(
+                f"{path}: cannot be read: begins neither as a ROS 1 bag nor as MCAP; nothing in it can be saved"
+            )
         self.encoding: Encoding = "ros1" if self.has_blocks else "cdr"
         self.about: About | None = None
         self._types: dict[str, str] = {}
         self.counts: dict[str, int] = {}
-        if self.has_blocks:
-            for found in self._guarded(lambda file, size: self._bag(file, size, self._bag_counts)):
-                self._count(*found)
-        else:
-            for name, _, data in self._whole():
-                self._count(name, 1, data)
+        found = self._guarded(self._bag_counts) if self.has_blocks else self._guarded(self._mcap_counts)
+        for name, number, first in found:
+            if name == ABOUT_TOPIC:
+                self.about = about_of(first, self.encoding)
+            else:
+                self.counts[name] = self.counts.get(name, 0) + number
         self.topics = tuple(JournalTopic(n, t) for n, t in self._types.items() if n != ABOUT_TOPIC)
-
-    def _count(self, name: str, number: int, first: bytes) -> None:
-        if name == ABOUT_TOPIC:
-            self.about = about_of(first, self.encoding)
-        else:
-            self.counts[name] = self.counts.get(name, 0) + number
 
     def whole_text(self) -> str:
         """Say in words what can still be read."""
@@ -98,7 +92,7 @@ class BagStream:
         """
         require_topics(self.path, topics, self._types)
         self.problems.clear()
-        for message in self._whole():
+        for message in self._guarded(self._bag_messages if self.has_blocks else self._mcap):
             if message[0] != ABOUT_TOPIC and (topics is None or message[0] in topics):
                 yield message
 
@@ -108,17 +102,9 @@ class BagStream:
         Within a topic messages keep their order.
         """
         self.problems.clear()
-
-        def gathered(chunk: bytes, names: dict[int, str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:
-            for name, own in self._bag_topics(chunk, names, topics):
-                yield name, own[:, TIME], gather(chunk, own)
-
-        yield from self._guarded(lambda file, size: self._bag(file, size, gathered))
-
-    def _whole(self) -> Iterator[tuple[str, int, bytes]]:
-        if self.has_blocks:
-            return self._guarded(lambda file, size: self._bag(file, size, self._bag_messages))
-        return self._guarded(lambda file, size: self._mcap(file, size, {}))
+        for chunk, name, records in self._guarded(self._bag_topics):
+            if name in topics:
+                yield name, records[:, TIME], gather(chunk, records)
 
     def _guarded(self, read: Callable[[BinaryIO, int], Iterator[Read]]) -> Iterator[Read]:
         """Read up to what is damaged, which becomes a problem."""
@@ -135,11 +121,8 @@ class BagStream:
     def _cut_off(self, left: int) -> None:
         self.problems.append(f"{self.path}: is cut off within its last {left} bytes")
 
-    def _bag(
-        self, file: BinaryIO, size: int, read_chunk: Callable[[bytes, dict[int, str]], Iterator[Read]]
-    ) -> Iterator[Read]:
-        """Yield what `read_chunk` makes of every chunk."""
-        names: dict[int, str] = {}
+    def _unpacked(self, file: BinaryIO, size: int) -> Iterator[bytes]:
+        """Yield the chunks of a ROS 1 bag."""
         missing = None  # records that the bag's header promises behind the chunks
         while file.tell() < size:
             start = file.tell()
@@ -148,7 +131,7 @@ class BagStream:
             values = {} if head is None else _header(head)
             if data is None:
                 if values.get(b"compression") == b"none":
-                    yield from read_chunk(file.read(), names)
+                    yield file.read()
                 self._cut_off(size - start)
                 return
             kind = values[b"op"][0]
@@ -160,91 +143,73 @@ class BagStream:
                 unpack = _UNPACK.get(values[b"compression"])
                 if unpack is None:
                     raise ValueError(f"unknown compression {values[b'compression'].decode(errors='replace')}")
-                yield from read_chunk(unpack(data), names)
+                yield unpack(data)
         if missing != 0:
             self.problems.append(f"{self.path}: lacks its index, or part of it: it was cut off or not closed")
 
-    def _bag_messages(self, chunk: bytes, names: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:
-        for row in chunk_records(chunk).tolist():
-            if row[KIND] == _MESSAGE:
+    def _bag_chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records, dict[int, str]]]:
+        """Yield every chunk, the records of its messages, and the topics of connections by number."""
+        names: dict[int, str] = {}
+        for chunk in self._unpacked(file, size):
+            records = chunk_records(chunk)
+            damaged = np.flatnonzero(records[:, KIND] < 0)
+            whole = records[: damaged[0]] if len(damaged) else records  # what comes before it can be read
+            for row in whole[whole[:, KIND] == _CONNECTION].tolist():
+                names[row[CONNECTION]] = self._bag_connection(chunk, row)
+            yield chunk, whole[whole[:, KIND] == _MESSAGE], names
+            if len(damaged):
+                raise ValueError("a record's header makes no sense")
+
+    def _bag_messages(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
+        for chunk, records, names in self._bag_chunks(file, size):
+            for row in records.tolist():
                 yield names[row[CONNECTION]], row[TIME], chunk[row[DATA] : row[END]]
-            else:
-                self._bag_connection(chunk, row, names)
 
-    def _bag_counts(self, chunk: bytes, names: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:
-        for name, own in self._bag_topics(chunk, names):
-            yield name, len(own), chunk[own[0, DATA] : own[0, END]]
+    def _bag_topics(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, str, Records]]:
+        """Yield every chunk with each topic that it has messages of, and their records."""
+        for chunk, records, names in self._bag_chunks(file, size):
+            numbers = records[:, CONNECTION]
+            topics = {number: names[number] for number in dict.fromkeys(numbers.tolist())}
+            for name in dict.fromkeys(topics.values()):
+                own = [number for number, topic in topics.items() if topic == name]
+                yield chunk, name, records if len(own) == len(topics) else records[np.isin(numbers, own)]
 
-    def _bag_topics(
-        self, chunk: bytes, names: dict[int, str], wanted: Collection[str] | None = None
-    ) -> Iterator[tuple[str, Records]]:
-        """Yield the records of each topic's messages."""
-        records = chunk_records(chunk)
-        is_message = records[:, KIND] == _MESSAGE
-        damaged = np.flatnonzero(records[:, KIND] < 0)
-        whole = damaged[0] if len(damaged) else len(records)  # what comes before it can be read
-        for row in records[:whole][~is_message[:whole]].tolist():
-            self._bag_connection(chunk, row, names)
-        messages = records[:whole][is_message[:whole]]
-        numbers = messages[:, CONNECTION]
-        topics = {number: names[number] for number in dict.fromkeys(numbers.tolist())}
-        for name in dict.fromkeys(topics.values()):
-            if wanted is None or name in wanted:
-                ours = [number for number, topic in topics.items() if topic == name]
-                own = messages
-                if len(ours) == 1 < len(topics):  # nearly always: one program publishes a topic
-                    own = messages[numbers == ours[0]]
-                elif len(ours) < len(topics):
-                    own = messages[np.isin(numbers, ours)]
-                yield name, own
-        if len(damaged):
-            self._bag_connection(chunk, records[whole].tolist(), names)
+    def _bag_counts(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
+        for chunk, name, records in self._bag_topics(file, size):
+            yield name, len(records), chunk[records[0, DATA] : records[0, END]]
 
-    def _bag_connection(self, chunk: bytes, row: list[int], names: dict[int, str]) -> None:
-        """Take in a record that is no message; one that makes no sense is an error."""
-        if row[KIND] < 0:
-            raise ValueError("a record's header makes no sense")
-        if row[KIND] == _CONNECTION:
-            values = _header(chunk[row[HEADER] : row[DATA] - 4])
-            about = _header(chunk[row[DATA] : row[END]])
-            name = values[b"topic"].decode()
-            kind = about[b"type"].decode()
-            text = about[b"message_definition"].decode(errors="replace")
-            check_ros1_type(self.path, name, kind, about[b"md5sum"].decode(), text)
-            names[row[CONNECTION]], self._types[name] = name, current_name(kind)
+    def _bag_connection(self, chunk: bytes, row: list[int]) -> str:
+        """Check and keep the type of a connection's topic; return the topic."""
+        values = _header(chunk[row[HEADER] : row[DATA] - 4])
+        about = _header(chunk[row[DATA] : row[END]])
+        name, kind = values[b"topic"].decode(), about[b"type"].decode()
+        text = about[b"message_definition"].decode(errors="replace")
+        check_ros1_type(self.path, name, kind, about[b"md5sum"].decode(), text)
+        self._types[name] = current_name(kind)
+        return name
 
-    def _mcap(self, file: BinaryIO, size: int, names: dict[int, str]) -> Iterator[tuple[str, int, bytes]]:
+    def _mcap_counts(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
+        for name, _, data in self._mcap(file, size):
+            yield name, 1, data
+
+    def _mcap(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
         schemas: dict[int, tuple[str, str]] = {}
-        while file.tell() + 9 <= size:
-            start = file.tell()
-            kind = file.read(1)[0]
-            length = _U64.unpack(file.read(8))[0]
+        names: dict[int, str] = {}
+        for kind, data, is_whole in _mcap_records(file, size):
+            records = [(kind, data)] if is_whole else []
             if kind == _DATA_END:
                 return  # whole but for the index
-            cut = file.tell() + length > size
-            data = file.read(min(length, size))
             if kind == _MCAP_CHUNK and len(data) > _CHUNK_HEAD:
                 compression, position = _text(data, 28)
-                if not compression:
-                    yield from self._mcap_records(data[position + 8 :], schemas, names)
-                elif not cut:
+                if compression and is_whole:
                     raise ValueError(f"chunks compressed by {compression} are not read here")
-            elif not cut:
+                inside = b"" if compression else data[position + 8 :]
+                found = _mcap_records(BytesIO(inside), len(inside))
+                records = [(kind, data) for kind, data, is_whole in found if is_whole]
+            for kind, data in records:
                 yield from self._mcap_record(kind, data, schemas, names)
-            if cut:
-                self._cut_off(size - start)
-                return
-
-    def _mcap_records(
-        self, chunk: bytes, schemas: dict[int, tuple[str, str]], names: dict[int, str]
-    ) -> Iterator[tuple[str, int, bytes]]:
-        position = 0
-        while position + 9 <= len(chunk):
-            end = position + 9 + _U64.unpack_from(chunk, position + 1)[0]
-            if end > len(chunk):
-                return
-            yield from self._mcap_record(chunk[position], chunk[position + 9 : end], schemas, names)
-            position = end
+            if not is_whole:
+                self._cut_off(9 + len(data))
 
     def _mcap_record(
         self, kind: int, data: bytes, schemas: dict[int, tuple[str, str]], names: dict[int, str]
@@ -267,6 +232,14 @@ def about_of(data: bytes, encoding: Encoding) -> About:
     """Read the message on `/catenary/recording`."""
     text = data[4:] if encoding == "ros1" else data[8:].rstrip(b"\0")
     return About.from_mapping(json.loads(text))
+
+
+def _mcap_records(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes, bool]]:
+    """Yield kind and data of every record, and whether it is whole: the last one may not be."""
+    while len(head := file.read(9)) == 9:
+        length = _U64.unpack_from(head, 1)[0]
+        data = file.read(min(length, size))
+        yield head[0], data, len(data) == length
 
 
 def _sized(file: BinaryIO, size: int) -> bytes | None:

@@ -118,18 +118,6 @@ class JournalReader:
         )
 
 
-def survey_journal(path: Path) -> JournalReport:
-    """Read a journal to its end and report what was found.
-
-    Raises:
-        FileFormatError: It cannot be opened at all.
-    """
-    reader = JournalReader(path)
-    for _ in reader.messages(()):
-        pass
-    return reader.report
-
-
 def _records(file: Path, report: JournalReport) -> Iterator[_Record]:
     """Yield the whole records of a file; what lies between them goes into the report."""
     with file.open("rb") as opened:

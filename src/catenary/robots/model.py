@@ -2,7 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,10 +84,18 @@ class RobotModel:
         }
         object.__setattr__(self, "frames", frames)
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "kernels"}
+
     @property
     def n(self) -> int:
         """Number of the robot's coordinates."""
         return len(self.joint_names)
+
+    @cached_property
+    def kernels(self) -> dict[str, Any]:
+        """What has been compiled for this robot, kept by `catenary.dynamics.kernels` for as long as the model lives."""
+        return {}
 
     def require_inertia(self) -> None:
         """Refuse a model that cannot give torques or masses.

@@ -1,0 +1,87 @@
+"""A feed-forward network while it is trained: its gradient by back-propagation, and Adam's steps, in single precision.
+
+Numbers are those of scikit-learn's MLPRegressor with the same seed, to the bit; that has no schedule of the learning
+rate for Adam.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit
+
+from catenary.calibration.predictors import Activation
+
+Singles = NDArray[np.float32]
+MOMENTUM, SQUARES, EPSILON = (
+    0.9,
+    0.999,
+    1e-8,
+)  # Adam's decay rates and what it adds to a root [Kingma and Ba 2014]
+
+
+class TrainedNetwork:
+    """Layers of units; the last one is linear."""
+
+    def __init__(self, widths: Sequence[int], activation: Activation, seed: int) -> None:
+        """Draw weights and biases uniformly [Glorot and Bengio 2010].
+
+        Args:
+            widths: Numbers of inputs, of units of each hidden layer, and of outputs.
+            activation: Of the hidden layers.
+            seed: Of the draw.
+        """
+        self._logistic = activation == "logistic"
+        self.weights: list[Singles] = []
+        self.biases: list[Singles] = []
+        rng = np.random.RandomState(seed)
+        for below, width in pairwise(widths):
+            bound = np.sqrt((2.0 if self._logistic else 6.0) / (below + width))
+            self.weights.append(rng.uniform(-bound, bound, (below, width)).astype(np.float32))
+            self.biases.append(rng.uniform(-bound, bound, width).astype(np.float32))
+        self._means = [np.zeros_like(each) for each in self._parameters]
+        self._squares = [np.zeros_like(each) for each in self._parameters]
+        self._steps = 0
+
+    @property
+    def _parameters(self) -> list[Singles]:
+        return [*self.weights, *self.biases]
+
+    def gradient(self, X: Singles, Y: Singles, l2: float) -> list[Singles]:
+        """Return the gradient of the loss, times m / 2: first by the weights, then by the biases.
+
+        The loss is Keras's: mean over rows and outputs of the squared error, + l2 * sum of squared weights. Adam's
+        steps do not depend on the factor.
+
+        Args:
+            X: (N, F) inputs.
+            Y: (N, m) outputs that are wanted.
+            l2: Weight on the squared weights.
+        """
+        layers = [X]
+        for weights, bias in zip(self.weights, self.biases, strict=True):
+            layer = layers[-1] @ weights + bias
+            if len(layers) < len(self.weights):
+                layer = expit(layer) if self._logistic else np.tanh(layer)
+            layers.append(layer)
+        rows, delta = len(X), layers.pop() - Y
+        by_weights: list[Singles] = []
+        by_biases: list[Singles] = []
+        for layer, weights in zip(reversed(layers), reversed(self.weights), strict=True):
+            by_weights.insert(0, (layer.T @ delta + l2 * rows * Y.shape[1] * weights) / rows)
+            by_biases.insert(0, delta.sum(axis=0) / rows)
+            if layer is not X:
+                delta = delta @ weights.T
+                delta = delta * layer * (1 - layer) if self._logistic else delta * (1 - layer**2)
+        return [*by_weights, *by_biases]
+
+    def step(self, gradient: Sequence[Singles], learning_rate: float) -> None:
+        """Take one step of Adam [Kingma and Ba 2014, algorithm 1]."""
+        self._steps += 1
+        rate = learning_rate * np.sqrt(1 - SQUARES**self._steps) / (1 - MOMENTUM**self._steps)
+        parts = zip(self._parameters, gradient, self._means, self._squares, strict=True)
+        for k, (values, slope, mean, square) in enumerate(parts):
+            self._means[k] = MOMENTUM * mean + (1 - MOMENTUM) * slope
+            self._squares[k] = SQUARES * square + (1 - SQUARES) * slope**2
+            values += -rate * self._means[k] / (np.sqrt(self._squares[k]) + EPSILON)
