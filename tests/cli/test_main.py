@@ -7,38 +7,10 @@ from catenary import __version__
 from command_line import catenary
 
 COMMANDS = [
-    "calibrate",
-    "home",
-    "excite",
-    "record",
-    "extract",
-    "fit",
-    "evaluate",
-    "deploy",
-    "goto",
-    "random",
-    "follow",
-    "teleop",
-    "monitor",
-    "gravity",
-    "track",
-    "hold",
-    "export",
-    "serve",
-    "button",
-    "identify",
-    "excitation",
-    "payload",
-    "check",
-    "fk",
-    "ik",
-    "regressor",
-    "sense",
-    "encoders",
-    "gravity-node",
-    "robots",
-    "demo",
-]
+    "calibrate", "home", "excite", "record", "extract", "fit", "evaluate", "deploy", "goto", "random", "follow", "teleop",
+    "monitor", "gravity", "track", "hold", "export", "serve", "button", "identify", "excitation", "payload", "check",
+    "fk", "ik", "regressor", "sense", "encoders", "gravity-node", "robots", "demo",
+]  # fmt: skip
 HEAVY = ("numpy", "numba", "scipy", "sklearn", "matplotlib", "pydantic", "mujoco", "pyarrow", "rich.table")
 
 
