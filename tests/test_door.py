@@ -52,9 +52,12 @@ def test_the_whole_mission_is_offered_and_a_misspelt_name_is_told() -> None:
         catenary.gravity_torqe  # noqa: B018
 
 
-def test_examples_use_the_door_alone() -> None:
+def test_examples_use_the_door_alone_and_pages_where_it_does() -> None:
     for path in (ROOT / "examples").glob("*.py"):
         assert not re.search(r"(from|import) catenary\.", path.read_text()), path.name
+    for path in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")):
+        deeper = re.findall(r"^from catenary[.\w]* import (.*)$", path.read_text(), re.MULTILINE)
+        assert not set(re.findall(r"\w+", " ".join(deeper))) & set(catenary.__all__), path.name
 
 
 def test_a_model_is_fitted_to_arrays() -> None:
