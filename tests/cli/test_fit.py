@@ -222,13 +222,17 @@ def test_recordings_of_different_joints_are_refused(run: Path, tmp_path: Path) -
     assert "not of the same joints: J1 [rad], J2 [rad], J3 [m] against a [rad], b [rad], c [m]" in message
 
 
+OTHER_JOINTS = "the model is for J1 [rad], J2 [rad], J3 [m]"
+SIX = np.zeros((50, 6))
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"joint_names": ["a", "b", "c"]}, "the model is for J1 [rad], J2 [rad], J3 [m]"),
-        ({"units": ["m", "rad", "rad"]}, "the model is for J1 [rad], J2 [rad], J3 [m]"),
+        ({"joint_names": ["a", "b", "c"]}, OTHER_JOINTS),
+        ({"units": ["m", "rad", "rad"]}, OTHER_JOINTS),
         (
-            {"rows": 50, "q_des": np.zeros((50, 6)), "q_act": np.zeros((50, 6)), "units": None},
+            {"rows": 50, "q_des": SIX, "q_act": SIX, "units": None},
             "has 6 joints; the model is for 3: J1, J2, J3",
         ),
     ],
@@ -240,27 +244,28 @@ def test_a_recording_of_other_joints_than_the_models_is_refused(
     assert words in refusal("evaluate", model, other)
 
 
-def broken(path: Path, kind: str) -> Path:
-    whole = simulated_arm.write(path.with_name("whole.npz")).read_bytes()
-    content = {
-        "empty": b"",
-        "cut": whole[:1000],
-        "not a text": b"\xff\xfe\x00",
-        "damaged": whole[:200] + 20 * b"x" + whole[220:],
-    }
-    if kind == "folder":
-        path.mkdir()
-    elif kind != "missing":
-        path.write_bytes(content[kind])
-    return path
+WHOLE = io.BytesIO()
+np.savez(WHOLE, **simulated_arm.arrays())
+BROKEN: dict[str, bytes | None] = {
+    "missing": None,
+    "folder": None,
+    "empty": b"",
+    "cut": WHOLE.getvalue()[:1000],
+    "not a text": b"\xff\xfe\x00",
+    "damaged": WHOLE.getvalue()[:200] + 20 * b"x" + WHOLE.getvalue()[220:],
+}
 
 
-@pytest.mark.parametrize("kind", ["missing", "folder", "empty", "cut", "not a text", "damaged"])
+@pytest.mark.parametrize("kind", BROKEN)
 def test_a_file_that_cannot_be_read_is_refused_by_name(
     tmp_path: Path, run: Path, model: Path, kind: str
 ) -> None:
     for ending in (".npz", ".parquet"):
-        path = broken(tmp_path / f"bad{ending}", kind)
+        path, content = tmp_path / f"bad{ending}", BROKEN[kind]
+        if content is not None:
+            path.write_bytes(content)
+        elif kind == "folder":
+            path.mkdir()
         assert f"bad{ending}" in refusal("fit", path, "--model", "linear", "--out", tmp_path / "out.npz")
         assert f"bad{ending}" in refusal("evaluate", model, path)
     assert "bad.npz" in refusal("evaluate", tmp_path / "bad.npz", run)

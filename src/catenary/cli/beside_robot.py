@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RobotAccess:
-    """Options of a project's robot: where it is, and who stands beside it."""
+    """Options of a project's robot: where it is, and whether a person beside it is asked."""
 
     ros: Annotated[
         int | None,
@@ -41,7 +41,7 @@ class TerminalGuide:
     """Asks in the terminal; Enter says that it is done, q gives up."""
 
     def say(self, text: str) -> None:
-        """Print on standard error."""
+        """Show a message."""
         announce(text)
 
     def confirm(self, text: str) -> bool:

@@ -30,7 +30,7 @@ Simulated = Annotated[
 
 @dataclass(frozen=True)
 class Conditions:
-    """Options that say what a simulated arm stands on, carries and is."""
+    """Options of a simulated arm: its base, its payload, its seed."""
 
     base_tilt_deg: Annotated[
         tuple[float, float] | None,
@@ -52,7 +52,7 @@ class Conditions:
     seed: SimulatedSeed = None
 
     def as_data(self) -> dict[str, object]:
-        """Return them as the JSON and the page have them."""
+        """Return plain data, for the JSON and the page."""
         return {
             "base_tilt_deg": self.base_tilt_deg or (0.0, 0.0),
             "rock_deg": self.rock_deg,

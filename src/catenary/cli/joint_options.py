@@ -19,7 +19,7 @@ SameInDeg = Annotated[str | None, Option("--q-deg", metavar="Q,Q,...", help="The
 
 
 class Jointed(Protocol):
-    """What has joints: a plant or a robot model."""
+    """Anything with joints: a plant or a robot model."""
 
     @property
     def joint_names(self) -> tuple[str, ...]: ...  # noqa: D102
@@ -89,7 +89,7 @@ def names_and_units(robot: Jointed, names: Sequence[str] | None = None) -> str:
 
 
 def beyond_limits(model: "RobotModel", values: "Floats") -> list[str]:
-    """Say which joints are beyond their limits."""
+    """Return a remark on each joint that is beyond its limits."""
     return [
         f"{name}: {value:g} {unit} is outside its limits, {low:g} to {high:g} {unit}"
         for name, unit, value, low, high in zip(

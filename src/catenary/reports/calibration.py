@@ -25,7 +25,7 @@ def write_calibration_report(
     opening: Sequence[Block] = (),
     further: Sequence[Block] = (),
 ) -> None:
-    """Write one self-contained page.
+    """Write the page about a calibration, one self-contained file.
 
     Args:
         path: The HTML file.
@@ -70,7 +70,7 @@ def write_calibration_report(
 
 
 def model_name(model: CalibrationModel) -> str:
-    """Kind, preset and memory of a model, in words."""
+    """Return a model's kind, preset and memory in words."""
     name = model.kind if model.preset is None else f"{model.kind}, preset {model.preset}"
     if model.features.history:
         name += f", {model.features.history} previous commands"
@@ -80,7 +80,7 @@ def model_name(model: CalibrationModel) -> str:
 
 
 def error_table(evaluation: Evaluation) -> Table:
-    """RMSE and maximum per joint, raw, after the fixed offset and after the model."""
+    """Return RMSE and maximum per joint: raw, after the fixed offset and after the model."""
     rows = []
     for j in evaluation.joints:
         errors = [f"{value:.3f}" for value in (j.raw_rmse, j.offset_rmse, j.rmse)]
@@ -92,12 +92,12 @@ def error_table(evaluation: Evaluation) -> Table:
 
 
 def percent(value: float, digits: int) -> str:
-    """A percentage as text; a dash where there was nothing to take it of."""
+    """Return a percentage as text; a dash for NaN, a percentage of nothing."""
     return f"{value:.{digits}f} %" if np.isfinite(value) else "-"
 
 
 def window_table(evaluation: Evaluation) -> Table:
-    """RMSE after the model per window of time."""
+    """Return the RMSE after the model per window of time."""
     unit = evaluation.window_unit
     names = [f"{j.name} [{j.unit}]" for j in evaluation.joints]
     header = ["recording", f"from [{unit}]", f"to [{unit}]", "rows", *names]
@@ -109,7 +109,7 @@ def window_table(evaluation: Evaluation) -> Table:
 
 
 def spread_table(spread: Sequence[Spread]) -> Table:
-    """Mean and standard deviation over the blocks."""
+    """Return mean and standard deviation of the RMSE over the blocks of a cross-validation."""
     rows = []
     for s in spread:
         offset = f"{s.offset_rmse_mean:.3f} ± {s.offset_rmse_sd:.3f}"
@@ -118,7 +118,7 @@ def spread_table(spread: Sequence[Spread]) -> Table:
 
 
 def card_facts(card: Card) -> list[tuple[str, str]]:
-    """The card's main lines."""
+    """Return the card's main lines."""
     data = ", ".join(f"{s['name']} ({s['rows']:,} rows, {_short(s['sha256'])})" for s in card["data"])
     version = ", ".join(f"{name} {number}" for name, number in card["version"].items())
     return [
@@ -133,7 +133,7 @@ def card_facts(card: Card) -> list[tuple[str, str]]:
 
 
 def shortened(names: Sequence[str], most: int = 8) -> str:
-    """The first names of a list, and how many more there are."""
+    """Return the first names of a list, and how many more there are."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
 

@@ -31,7 +31,7 @@ SHOWN = 3000  # rows a picture draws; more are not seen
 def write_identification_report(
     path: Path, found: Identification, card: Card, shown: Sequence[Samples], *, notes: Sequence[str] = ()
 ) -> None:
-    """Write one self-contained page.
+    """Write the page about an identification, one self-contained file.
 
     Args:
         path: The HTML file.
@@ -71,7 +71,7 @@ def write_identification_report(
 
 
 def residual_table(found: Identification) -> Table:
-    """Relative residual per recording and axis, with the verdict."""
+    """Return the relative residual per recording and axis, with the verdict."""
     rows = [
         [r.log, str(r.rows), *(_share(v) for v in r.relative_rms), r.verdict or "fitted"] for r in _all(found)
     ]
@@ -79,14 +79,14 @@ def residual_table(found: Identification) -> Table:
 
 
 def absolute_table(found: Identification) -> Table:
-    """Residual per recording and axis in Nm and N."""
+    """Return the RMS residual per recording and axis in Nm and N."""
     model = found.model
     names = [f"{n} [{TORQUE_UNIT[u]}]" for n, u in zip(model.joint_names, model.joint_units, strict=True)]
     return Table(["RMS residual", *names], [[r.log, *(f"{v:.4f}" for v in r.rms)] for r in _all(found)])
 
 
 def parameter_table(found: Identification) -> Table:
-    """Every base parameter with its standard deviation."""
+    """Return every base parameter with its standard deviation."""
     columns = zip(found.base.names, found.base.units, found.beta, found.std, strict=True)
     rows = [
         [name, unit, f"{value:.5g}", f"{std:.2g}", f"{100 * std / abs(value):.0f} %" if value else "-"]
@@ -96,7 +96,7 @@ def parameter_table(found: Identification) -> Table:
 
 
 def excitation_facts(found: Identification) -> list[tuple[str, str]]:
-    """Rank, condition, weights."""
+    """Return rank, condition, weights and physical consistency."""
     return [
         ("rank", f"{found.rank} of {found.base.count} base parameters"),
         ("condition", f"{found.condition:.4g} (weighted rows, columns scaled to length one)"),

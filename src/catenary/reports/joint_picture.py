@@ -30,7 +30,7 @@ class ErrorSeries:
 
 
 def joint_picture(evaluation: Evaluation, model: CalibrationModel, j: int) -> Picture:
-    """Error of one joint over time and as histograms: raw, after the fixed offset, after the model."""
+    """Draw the error of one joint over time and as histograms: raw, after the fixed offset, after the model."""
     from matplotlib.figure import Figure
 
     unit, scale = DISPLAY[model.joint_units[j]]

@@ -65,7 +65,7 @@ Block = Heading | Text | Table | Facts | Remarks | Picture | Listing
 
 
 def settings_facts(settings: Mapping[str, object]) -> Facts:
-    """Settings as a person reads them: lists without brackets, numbers without digits of rounding, None left out."""
+    """Return settings as people read them: lists without brackets, numbers without rounding digits, None left out."""
     rows = [(name.replace("_", " "), _told(value)) for name, value in settings.items() if value is not None]
     return Facts(rows)
 

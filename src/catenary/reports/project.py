@@ -41,7 +41,7 @@ def write_project_report(
     *,
     notes: Sequence[str] = (),
 ) -> None:
-    """Write the page.
+    """Write the page of a project.
 
     Args:
         path: The HTML file.
@@ -120,7 +120,7 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str) -> list[B
 
 
 def _coverage(train: Sequence[MotionLog], test: Sequence[MotionLog]) -> Picture:
-    """Pairs of the first three joints: where the training and the test motion went."""
+    """Draw where the training and the test motion went, for each pair of the first three joints."""
     from matplotlib.figure import Figure
 
     first = train[0]

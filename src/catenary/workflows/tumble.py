@@ -68,7 +68,7 @@ def run_tumble(read: Callable[[Attitude], StillReading], *, start: Mounting | No
     residual; the mounted ones give the rotation, from the base's level and two tilts that nobody needs to measure.
 
     Args:
-        read: Gives the reading of an attitude, once it is there.
+        read: Returns the reading of an attitude, once the sensor is held so.
         start: What is known already: position, ranges, name.
 
     Raises:
@@ -106,7 +106,7 @@ def run_tumble(read: Callable[[Attitude], StillReading], *, start: Mounting | No
 
 
 class StillBase:
-    """A base at rest under a gravity (3,) [m/s2] in its axes."""
+    """A base at rest, with gravity (3,) [m/s2] in its axes."""
 
     def __init__(self, gravity: Floats) -> None:
         self._gravity = gravity
@@ -117,7 +117,7 @@ class StillBase:
 
 
 def simulated_reader(model: SensorModel, *, seed: int = 0) -> Callable[[Attitude], StillReading]:
-    """Return a reader of a simulated sensor in each attitude, as a person would bring it there.
+    """Return a function that reads a simulated sensor in an attitude, as if a person held it so.
 
     Args:
         model: The sensor; by hand it is held by its own axes, mounted it is turned as its mounting says.

@@ -125,7 +125,7 @@ def poses_along(
 
 
 def hold_start(model: RobotModel, limits: Bounded) -> Floats:
-    """Return where an arm is put to be held passively, (n,) [rad|m]: HOLD_START, or the middle of its range.
+    """Return the pose from which an arm is held passively, (n,) [rad|m]: HOLD_START, or the middle of its range.
 
     Raises:
         InputError: Joints without limits.

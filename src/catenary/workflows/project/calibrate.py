@@ -55,7 +55,7 @@ def models_for(robot: str | None, seed: int) -> Mapping[str, FitOptions]:
 
 @dataclass(frozen=True)
 class CalibrationResult:
-    """Result of a calibration."""
+    """Page, models, errors and deployment of a calibration."""
 
     page: Path
     model_path: Path

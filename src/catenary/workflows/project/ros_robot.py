@@ -57,7 +57,7 @@ class RosRobot(ProjectRobot):
         self._is_clear = False  # whether the workspace was said to be
 
     def home(self, project: Project) -> bool:
-        """Home it, encoders mounted; whether it had to be done."""
+        """Home it with its encoders mounted; return whether that had to be done."""
         path = project.folder / "robot" / "home.json"
 
         def work() -> None:
@@ -116,7 +116,7 @@ class RosRobot(ProjectRobot):
         if isinstance(self._guide, AnswerYes):
             state = client.operating_state().state
             if state == "FAULT":
-                raise NotReadyError("the robot is in FAULT; clear the fault, --yes does not")
+                raise NotReadyError("the robot is in FAULT; clear the fault by hand: --yes does not clear it")
             client.state_command("resume" if state == "PAUSED" else "enable")
         pedal = "press the pedal, so that the robot is ENABLED"
         self._have(pedal, lambda: _not_enabled(client.operating_state()))

@@ -112,7 +112,7 @@ def left_at(project: Project, step: str) -> Path:
 
 
 def make_plant(settings: ProjectSettings) -> CablePlant:
-    """Return the robot of a project, as it wakes up."""
+    """Return the robot of a project, just switched on."""
     roll, pitch = np.deg2rad(settings.base_tilt_deg)
     base = FixedBase(float(roll), float(pitch))
     return CablePlant(side=settings.side, seed=settings.seed, payload=settings.payload_kg, base=base)

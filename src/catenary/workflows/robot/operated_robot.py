@@ -51,7 +51,7 @@ class OperatedRobot:
 
 
 class PacedPlant:
-    """A simulated plant whose ticks last as long as a robot's; a late tick delays the next one, it makes none leap.
+    """A simulated plant whose ticks take as long as a robot's; time lost by a late tick is not caught up.
 
     Every other verb is the plant's own.
     """
@@ -87,13 +87,13 @@ def simulated_robot(
     homed: bool = True,
     real_time: bool = True,
 ) -> OperatedRobot:
-    """Put a simulated robot up, enabled and homed: RAVEN-II with its cables, any other by MuJoCo.
+    """Set up a simulated robot, enabled and homed: RAVEN-II with its cables, any other by MuJoCo.
 
     Args:
         robot: Name in the catalogue, or a robot file with inertia.
         seed: Draws another RAVEN-II of the kind; the nominal one when None.
         base_tilt_deg: Roll about x, then pitch about y, of the base.
-        homed: False leaves it as it wakes up.
+        homed: False leaves it as it is when switched on.
         real_time: False lets its ticks be as short as the machine makes them.
 
     Raises:

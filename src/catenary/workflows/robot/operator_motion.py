@@ -35,7 +35,7 @@ HOLD_TICKS = 20  # during which a robot is told to stay where it is
 
 @dataclass(frozen=True)
 class MotionSummary:
-    """Result of a motion."""
+    """Errors and final state of a motion."""
 
     robot: str
     simulated: bool
@@ -158,7 +158,7 @@ def follow(
     from_afar: bool = False,
     progress: Progress = silent,
 ) -> MotionSummary:
-    """Follow a file from its beginning, after all of it was checked and a gentle way to its start.
+    """Check the whole motion of a file, go to its start gently, and follow it.
 
     Args:
         robot: Enabled and homed.
