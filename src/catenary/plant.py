@@ -14,6 +14,15 @@ JOINT_UNITS = ("rad", "m")
 StateName = Literal["DISABLED", "ENABLED", "PAUSED", "FAULT"]
 StateCommand = Literal["enable", "disable", "pause", "resume", "home", "unhome"]
 STATE_COMMANDS: tuple[str, ...] = get_args(StateCommand)
+# command: states in which a robot obeys it, each with the one that follows; home and unhome change is_homed only
+TRANSITIONS: Mapping[StateCommand, Mapping[StateName, StateName]] = {
+    "enable": {"DISABLED": "ENABLED", "FAULT": "ENABLED"},
+    "disable": {"DISABLED": "DISABLED", "ENABLED": "DISABLED", "PAUSED": "DISABLED", "FAULT": "DISABLED"},
+    "pause": {"ENABLED": "PAUSED"},
+    "resume": {"PAUSED": "ENABLED"},
+    "home": {"ENABLED": "ENABLED"},
+    "unhome": {state: state for state in get_args(StateName)},
+}
 AT_REST = frozen(np.zeros((2, 3)))  # base_rates of a base that stands still, or whose motion nobody measures
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Protocol
+from typing import Any
 
 import pytest
 
@@ -13,25 +13,11 @@ from catenary.errors import SensorError
 from catenary.sensing.mailbox import Mailbox
 from oracles.simulated_board import SimulatedBoard
 from oracles.simulated_encoders import SimulatedEncoders
-from oracles.simulated_port import SimulatedPort
 from patience import PATIENCE, until
 
 
-class Bench(Protocol):
-    """A device and its board, in the terms that both share."""
-
-    board: SimulatedPort
-
-    def line(self) -> bytes: ...
-    def good(self) -> int: ...
-    def bad(self) -> int: ...
-    def unplugged(self) -> int: ...
-    def connected(self) -> bool: ...
-    def close(self) -> None: ...
-
-
 class AccelerometerBench:
-    """Its clock ends after five samples."""
+    """A device and its board, whose clock ends after five samples."""
 
     def __init__(self, link: Path) -> None:
         self.board = SimulatedBoard(link, gyroscope=False, start_us=2**32 - 50_000)
@@ -43,25 +29,14 @@ class AccelerometerBench:
     def line(self) -> bytes:
         return self.board.line()
 
-    def good(self) -> int:
-        return self.device.counts.samples
-
-    def bad(self) -> int:
-        return self.device.counts.damaged + self.device.counts.malformed
-
-    def unplugged(self) -> int:
-        return self.device.counts.unplugged
-
-    def connected(self) -> bool:
-        return self.device.is_connected
-
-    def close(self) -> None:
-        self.device.close()
-        self.board.close()
+    def counts(self) -> tuple[int, int, int]:
+        """Good lines, bad ones, times unplugged."""
+        counts = self.device.counts
+        return counts.samples, counts.damaged + counts.malformed, counts.unplugged
 
 
 class EncoderBench:
-    """Its counters of 16 bits end after five rows."""
+    """A device and its board, whose counters of 16 bits end after five rows."""
 
     def __init__(self, link: Path) -> None:
         self.board = SimulatedEncoders(link, bits=16, offset=(32_762, -32_763, 32_760))
@@ -73,87 +48,72 @@ class EncoderBench:
         self.row += 1
         return self.board.line([self.row, -self.row, self.row])
 
-    def good(self) -> int:
-        return self.device.tally.rows
-
-    def bad(self) -> int:
-        return self.device.tally.malformed
-
-    def unplugged(self) -> int:
-        return self.device.tally.unplugged
-
-    def connected(self) -> bool:
-        return self.device.reading().is_connected
-
-    def close(self) -> None:
-        self.device.close()
-        self.board.close()
+    def counts(self) -> tuple[int, int, int]:
+        """Good lines, bad ones, times unplugged."""
+        tally = self.device.tally
+        return tally.rows, tally.malformed, tally.unplugged
 
 
 @pytest.fixture(params=[AccelerometerBench, EncoderBench])
-def bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Bench]:
+def bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Any]:
     bench = request.param(tmp_path / "board")
     yield bench
-    bench.close()
+    bench.device.close()
+    bench.board.close()
 
 
-def send(bench, count):
+def send(bench: Any, count: int = 3) -> None:
     for _ in range(count):
-        before = bench.good()
+        before = bench.counts()[0]
         bench.board.write(bench.line())
-        until(lambda before=before: bench.good() > before)
+        until(lambda before=before: bench.counts()[0] > before)
 
 
-def test_lines_go_on_over_the_ends_of_all_counters(bench):
+def test_lines_go_on_over_the_ends_of_all_counters(bench: Any) -> None:
     send(bench, 20)
-    assert (bench.good(), bench.bad()) == (20, 0)
+    assert bench.counts() == (20, 0, 0)
 
 
-@pytest.mark.parametrize("noise", [b"\xff\x00\xfe\n", b"$*\n", b"___\n", b"x" * 1000 + b"\n", b"1_2_3_4\r\n"])
-def test_noise_is_counted_and_the_next_line_is_good(bench, noise):
-    send(bench, 3)
-    bench.board.write(noise)
-    until(lambda: bench.bad() >= 1)
-    send(bench, 3)
-    assert bench.good() == 6
+@pytest.mark.parametrize(
+    "damaged",
+    [
+        *(
+            lambda line, noise=noise: noise
+            for noise in (b"\xff\x00\xfe\n", b"$*\n", b"___\n", b"x" * 1000 + b"\n")
+        ),
+        lambda line: b"1_2_3_4\r\n",
+        lambda line: line()[:3] + b"\r\n",
+        lambda line: line().rstrip() + line(),
+    ],
+    ids=["noise", "frame only", "separators only", "long", "one more number", "cut", "end of line lost"],
+)
+def test_damage_is_counted_and_costs_no_other_line(bench: Any, damaged: Any) -> None:
+    send(bench)
+    bench.board.write(damaged(bench.line))
+    until(lambda: bench.counts()[1] >= 1)
+    send(bench)
+    assert bench.counts()[0] == 6
 
 
-def test_a_cut_line_costs_no_other(bench):
-    send(bench, 3)
-    line = bench.line()
-    bench.board.write(line[:3] + b"\r\n")
-    until(lambda: bench.bad() == 1)
-    send(bench, 3)
-    assert bench.good() == 6
-
-
-def test_a_lost_end_of_line_costs_two_lines(bench):
-    send(bench, 3)
-    bench.board.write(bench.line().rstrip() + bench.line())
-    until(lambda: bench.bad() == 1)
-    send(bench, 3)
-    assert bench.good() == 6
-
-
-def test_a_few_missed_lines_are_lived_through(bench):
-    send(bench, 3)
+def test_a_few_missed_lines_are_lived_through(bench: Any) -> None:
+    send(bench)
     for _ in range(5):
         bench.line()
-    send(bench, 3)
-    assert bench.good() == 6
+    send(bench)
+    assert bench.counts() == (6, 0, 0)
 
 
-def test_an_unplugged_board_is_waited_for_twice(bench):
-    send(bench, 3)
+def test_an_unplugged_board_is_waited_for_twice(bench: Any) -> None:
+    send(bench)
     for times in (1, 2):
         bench.board.unplug()
-        until(lambda: not bench.connected())
+        until(lambda: not bench.device.is_connected)
         bench.board.plug()
-        until(bench.connected)
-        assert bench.unplugged() == times
+        until(lambda: bench.device.is_connected)
+        assert bench.counts()[2] == times
         bench.board.write(b"\n7\n")
-        before = bench.good()
-        until(lambda before=before: bench.board.write(bench.line()) or bench.good() > before)
+        before = bench.counts()[0]
+        until(lambda before=before: bench.board.write(bench.line()) or bench.counts()[0] > before)
 
 
 @pytest.mark.parametrize("make", [lambda port: SerialAccelerometer(port, Mailbox()), EncoderBoard])

@@ -11,12 +11,10 @@ from scipy.spatial.transform import Rotation
 from catenary.crtk.codec import codec
 from catenary.crtk.conversions import (
     Stamps,
-    age,
     command_message,
     joint_state,
     joint_state_message,
     joint_values,
-    nanoseconds,
     operating_state,
     operating_state_message,
     pose_message,
@@ -24,7 +22,7 @@ from catenary.crtk.conversions import (
     seconds,
     specific_force,
 )
-from catenary.crtk.message import header, message_class
+from catenary.crtk.message import message_class
 from catenary.errors import InputError
 from catenary.plant import OperatingState
 from catenary.spatial import Pose
@@ -162,17 +160,9 @@ def test_an_imu_without_an_accelerometer_is_refused() -> None:
         specific_force(message_class("std_msgs/String")())
 
 
-@given(st.integers(0, 2**32 * 10**9 - 1))
-@settings(deadline=None)
-def test_a_stamp_survives_as_seconds_to_a_quarter_of_a_microsecond(stamp: int) -> None:
-    # the spacing of doubles at 2^32 s is 2^-20 s, half of which is rounded away
-    assert abs(nanoseconds(seconds(stamp)) - stamp) <= 2**-21 * 1e9 + 1
-
-
-@pytest.mark.parametrize("time", [-1.0, np.nan, np.inf])
-def test_a_time_that_no_stamp_can_hold_is_refused(time: float) -> None:
-    with pytest.raises(InputError, match="zero or more"):
-        nanoseconds(time)
+def test_seconds_of_a_stamp_are_exact_to_a_quarter_of_a_microsecond() -> None:
+    spacing = 2**-22  # of doubles between 2^30 and 2^31 s
+    assert abs((seconds(1_700_000_000_123_456_789) - 1_700_000_000) - 0.123456789) <= spacing
 
 
 @given(st.lists(st.integers(0, 100), min_size=2))
@@ -182,10 +172,3 @@ def test_stamps_strictly_increase_whatever_the_clock_does(clock: list[int]) -> N
     given_out = [stamps.next(now) for now in clock]
     assert all(a < b for a, b in itertools.pairwise(given_out))
     assert all(stamp >= now for stamp, now in zip(given_out, clock, strict=True))
-
-
-def test_age_is_the_time_since_the_stamp_where_there_is_one() -> None:
-    message = message_class("crtk_msgs/StringStamped")(header(2_000_000_000))
-    assert age(message, 2_250_000_000) == 0.25
-    assert age(message_class("crtk_msgs/StringStamped")(), 5) is None
-    assert age(message_class("std_msgs/Empty")(), 5) is None

@@ -19,7 +19,6 @@ def test_every_topic_has_a_known_type_a_name_and_is_listed_once(dialect: str) ->
     for topic in listed:
         message_class(topic.type)
         assert absolute(topic.name) == topic.name
-        assert (topic.rate is None) == (topic.direction == "in")
         assert find_topic(dialect, topic.verb, topic.arm) == topic  # type: ignore[arg-type]
 
 

@@ -127,33 +127,6 @@ def test_a_board_whose_clock_wraps_goes_on(tmp_path):
     board.close()
 
 
-def test_a_board_that_is_unplugged_is_waited_for(board):
-    with opened(board) as device:
-        board.hello()
-        board.write(board.line())
-        until(lambda: device.counts.samples == 1)
-        board.unplug()
-        until(lambda: not device.is_connected)
-        board.plug()
-        until(lambda: device.is_connected)
-        board.hello()
-        board.write(board.line())
-        until(lambda: device.counts.samples == 2)
-        assert device.counts.unplugged == 1
-
-
-def test_a_port_that_is_not_there_is_told_with_those_that_are(tmp_path):
-    with pytest.raises(SensorError, match=r"none: cannot be opened: .*; serial ports here: "):
-        SerialAccelerometer(str(tmp_path / "none"), Mailbox())
-
-
-def test_closing_ends_the_thread(board):
-    device = opened(board)
-    device.close()
-    assert not device.is_connected
-    until(lambda: not device._line.is_reading)
-
-
 def test_gravity_lives_through_unplugging_and_plugging_in_again(board):
     mailbox = Mailbox()
     source = SensedGravity(mailbox, rules=SensorRules(stuck_samples=0), angular=False)

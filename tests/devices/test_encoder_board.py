@@ -187,11 +187,6 @@ def test_a_silent_board_is_told(bench):
         bench.driver.wait_ready(0.05)
 
 
-def test_a_port_that_is_not_there_is_told(tmp_path):
-    with pytest.raises(SensorError, match=r"none: cannot be opened: .*; serial ports here: "):
-        EncoderBoard(str(tmp_path / "none"))
-
-
 @pytest.mark.slow
 def test_a_simulated_arm_that_homes_is_registered_over_the_line_as_by_its_own_rig(tmp_path):
     h = homing_counts()

@@ -12,27 +12,21 @@ from catenary.crtk.conversions import (
     operating_state_message,
 )
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
-from catenary.crtk.message import message_class
+from catenary.crtk.message import header, message_class
 from catenary.crtk.names import BUTTON, BUTTON_TYPE, NAMESPACES, Dialect, crtk_topics, find_topic
-from catenary.crtk.raven_conversions import CHANNELS, raven_state_message
+from catenary.crtk.raven_conversions import CHANNELS
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError
 from catenary.plant import Plant
 from catenary.recording.topics import EXT_JPOS, JOINT_ENC, Arm
 from oracles.ticking_clock import TickingClock
 
-_IN_RAVENSTATE = (
-    "encVals",
-    "mpos",
-    "mvel",
-    "jpos",
-    "jvel",
-    "jpos_d",
-    "mpos_d",
-    "tau",
-    "dac_val",
-    "encoffsets",
-)
+_DEGREES = 180.0 / np.pi  # the robot multiplies every position and velocity by it, metres too
+_IN_RAVENSTATE = {
+    **dict.fromkeys(("mpos", "mvel", "jpos", "jvel", "jpos_d", "mpos_d"), (_DEGREES, np.float32)),
+    **dict.fromkeys(("tau", "encoffsets"), (1.0, np.float32)),
+    **dict.fromkeys(("encVals", "dac_val"), (1.0, np.int32)),
+}  # factor, type
 
 
 class CrtkRobot:
@@ -103,11 +97,11 @@ class CrtkRobot:
         if "ravenstate" not in self._out:
             return
         telemetry = self.plant.telemetry()
-        columns = {"runlevel": np.array([3.0]), "dt": np.array([self.plant.period])}
-        for name in _IN_RAVENSTATE:
-            columns[name] = np.zeros(16)
-            columns[name][list(CHANNELS[self.arm])] = telemetry.get(name, np.zeros(7))
-        self._out["ravenstate"].publish(raven_state_message(columns, stamp))
+        columns = {name: np.zeros(16, kind) for name, (_, kind) in _IN_RAVENSTATE.items()}
+        for name, (factor, _) in _IN_RAVENSTATE.items():
+            columns[name][list(CHANNELS[self.arm])] = factor * telemetry.get(name, np.zeros(7))
+        state = message_class("raven_2/raven_state")(header(stamp), 3, dt=1_000_000, **columns)
+        self._out["ravenstate"].publish(state)
         for one in (EXT_JPOS, JOINT_ENC):
             name = one.columns[0].name
             if name in self._out and np.isfinite(telemetry[name]).all():

@@ -1,11 +1,10 @@
 """A stand-in for rclpy, within one process: the interface of rclpy (Humble) as far as a transport uses it.
 
-It is as strict as the original where that matters: setters of messages check types as rosidl's generated Python does,
+It is as strict as the original where that matters: messages are bytes of their types (as Humble defines them),
 qualities of service must be compatible, callbacks run only while an executor spins, histories keep the last `depth`
 messages, and coroutines are run by the executor.
 """
 
-import array
 import copy
 import enum
 import inspect
@@ -18,9 +17,11 @@ from contextlib import contextmanager
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
-import numpy as np
+from rosbags.typesys import Stores, get_typestore
 
-from catenary.recording.messages import MESSAGES, NUMBERS, SERVICES, Field, fields
+from catenary.recording.messages import MESSAGES, SERVICES, fields, ros2_name
+
+HUMBLE = get_typestore(Stores.ROS2_HUMBLE)
 
 
 class DurabilityPolicy(enum.Enum):
@@ -135,26 +136,25 @@ class SingleThreadedExecutor:
 class Publisher:
     def __init__(self, node: "Node", kind: Any, topic: str, qos: QoSProfile) -> None:
         self.node, self.kind, self.topic, self.qos = node, kind, topic, qos
-        self.history: deque[Any] = deque(maxlen=max(qos.depth, 1))
+        self.history: deque[bytes] = deque(maxlen=max(qos.depth, 1))
 
-    def publish(self, message: Any) -> None:
-        if not isinstance(message, self.kind):
-            raise TypeError(f"Expected {self.kind}, got {type(message)}")
+    def publish(self, message: bytes) -> None:
+        if not isinstance(message, bytes):
+            raise TypeError(f"Expected bytes, got {type(message)}")
+        if self.kind.ros2_name in HUMBLE.fielddefs:
+            HUMBLE.deserialize_cdr(message, self.kind.ros2_name)
         with GRAPH.lock:
             if self.qos.durability is DurabilityPolicy.TRANSIENT_LOCAL:
-                self.history.append(copy.deepcopy(message))
+                self.history.append(message)
             for subscription in GRAPH.subscriptions:
                 if subscription.matches(self):
                     subscription.deliver(message)
-
-    def get_subscription_count(self) -> int:
-        return sum(one.matches(self) for one in GRAPH.subscriptions)
 
 
 class Subscription:
     def __init__(self, node: "Node", kind: Any, topic: str, callback: Any, qos: QoSProfile) -> None:
         self.node, self.kind, self.topic, self.callback, self.qos = node, kind, topic, callback, qos
-        self._history: deque[Any] = deque(maxlen=max(qos.depth, 1))
+        self._history: deque[bytes] = deque(maxlen=max(qos.depth, 1))
 
     def matches(self, publisher: Publisher) -> bool:
         asks_more = (
@@ -163,8 +163,8 @@ class Subscription:
         )
         return self.topic == publisher.topic and self.kind is publisher.kind and not asks_more
 
-    def deliver(self, message: Any) -> None:
-        self._history.append(copy.deepcopy(message))
+    def deliver(self, message: bytes) -> None:
+        self._history.append(message)
         self.node.executor.put(self._take)
 
     def _take(self) -> None:
@@ -220,8 +220,9 @@ class Node:
         return made
 
     def create_subscription(
-        self, msg_type: Any, topic: str, callback: Any, qos_profile: QoSProfile
+        self, msg_type: Any, topic: str, callback: Any, qos_profile: QoSProfile, *, raw: bool = False
     ) -> Subscription:
+        assert raw, "this stand-in knows bytes only"
         made = Subscription(self, msg_type, topic, callback, qos_profile)
         with GRAPH.lock:
             GRAPH.subscriptions.append(made)
@@ -307,71 +308,21 @@ def shutdown(*, context: Context) -> None:
     context._running = False
 
 
-def _checked(field: Field, value: Any, kinds: dict[str, Any]) -> Any:
-    """What a setter of rosidl's generated Python accepts."""
-    if field.length is not None and field.type in NUMBERS:
-        kind = np.dtype(NUMBERS[field.type])
-        if field.length:
-            assert isinstance(value, np.ndarray), "expected a numpy.ndarray"
-            assert value.dtype == kind
-            assert value.size == field.length
-            return value
-        if isinstance(value, array.array):
-            assert np.dtype(value.typecode) == kind, "array.array type code"
-            return value
-        assert isinstance(value, list | tuple), "expected a sequence"
-        return array.array(
-            np.dtype(kind).char, [_checked(field._replace(length=None), one, kinds) for one in value]
-        )
-    if field.length is not None:
-        assert isinstance(value, list | tuple), "expected a sequence"
-        assert not field.length or len(value) == field.length
-        return [_checked(field._replace(length=None), one, kinds) for one in value]
-    if field.type == "bool":
-        assert isinstance(value, bool)
-    elif field.type in NUMBERS and np.dtype(NUMBERS[field.type]).kind == "f":
-        assert isinstance(value, float), f"The '{field.name}' field must be of type 'float'"
-    elif field.type in NUMBERS:
-        limits = np.iinfo(NUMBERS[field.type])
-        assert isinstance(value, int)
-        assert limits.min <= value <= limits.max
-    elif field.type == "string":
-        assert isinstance(value, str), f"The '{field.name}' field must be of type 'str'"
-    else:
-        assert isinstance(value, kinds[field.type]), (
-            f"The '{field.name}' field must be of type '{field.type}'"
-        )
-    return value
+def _half_of_service(name: str) -> Any:
+    """A request's or response's class, whose setters check types as rosidl's generated Python does."""
+    kinds = {field.name: {"bool": bool, "string": str}[field.type] for field in fields(name)}
 
-
-def _default(field: Field, kinds: dict[str, Any]) -> Any:
-    if field.length and field.type in NUMBERS:
-        return np.zeros(field.length, dtype=NUMBERS[field.type])
-    if field.length is not None:
-        return [_default(field._replace(length=None), kinds) for _ in range(field.length)]
-    if field.type in NUMBERS:
-        return False if field.type == "bool" else 0.0 if field.type.startswith("float") else 0
-    return "" if field.type == "string" else kinds[field.type]()
-
-
-def _message(name: str, parts: tuple[Field, ...], kinds: dict[str, Any]) -> Any:
-    def __init__(self: Any, **given: Any) -> None:
-        assert set(given) <= {field.name for field in parts}, (
-            f"Invalid arguments passed to constructor: {given}"
-        )
-        for field in parts:
-            setattr(self, field.name, given.get(field.name, _default(field, kinds)))
+    def __init__(self: Any) -> None:
+        for key, kind in kinds.items():
+            setattr(self, key, kind())
 
     def __setattr__(self: Any, key: str, value: Any) -> None:
-        field = next((field for field in parts if field.name == key), None)
-        if field is None:
+        if key not in kinds:
             raise AttributeError(f"'{name}' object has no attribute '{key}'")
-        object.__setattr__(self, key, _checked(field, value, kinds))
+        assert isinstance(value, kinds[key]), f"The '{key}' field must be of type '{kinds[key].__name__}'"
+        object.__setattr__(self, key, value)
 
-    package, _, short = name.partition("/")
-    return type(
-        short, (), {"__init__": __init__, "__setattr__": __setattr__, "ros2_name": f"{package}/msg/{short}"}
-    )
+    return type(name.rpartition("/")[2], (), {"__init__": __init__, "__setattr__": __setattr__})
 
 
 @contextmanager
@@ -390,21 +341,13 @@ def installed() -> Iterator[None]:
             "HistoryPolicy": HistoryPolicy,
         },
     }
-    kinds: dict[str, Any] = {}
-    for kind, sec in (("time", "int32"), ("duration", "int32")):
-        parts = (Field("sec", sec, None), Field("nanosec", "uint32", None))
-        kinds[kind] = _message(f"builtin_interfaces/{kind.capitalize()}", parts, kinds)
-    modules["builtin_interfaces.msg"] = {"Time": kinds["time"], "Duration": kinds["duration"]}
     for name in MESSAGES:
         package, _, short = name.partition("/")
-        if package == "raven_2":
-            continue
-        parts = tuple(f for f in fields(name) if (name, f.name) != ("std_msgs/Header", "seq"))
-        kinds[name] = _message(name, parts, kinds)
-        modules.setdefault(f"{package}.msg", {})[short] = kinds[name]
+        if package != "raven_2":
+            modules.setdefault(f"{package}.msg", {})[short] = type(short, (), {"ros2_name": ros2_name(name)})
     for name in SERVICES:
         package, _, short = name.partition("/")
-        halves = {h: _message(f"{name}{h}", fields(f"{name}{h}"), kinds) for h in ("Request", "Response")}
+        halves = {half: _half_of_service(f"{name}{half}") for half in ("Request", "Response")}
         modules.setdefault(f"{package}.srv", {})[short] = type(short, (), halves)
     packages = {name.partition(".")[0] for name in modules} - set(modules)
     before = {name: sys.modules.get(name) for name in (*modules, *packages)}

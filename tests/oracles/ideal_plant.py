@@ -6,18 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
-from catenary.plant import Column, JointState, OperatingState, StateCommand
+from catenary.plant import TRANSITIONS, Column, JointState, OperatingState, StateCommand
 from catenary.robots.catalog import load_robot
 from catenary.workflows.robot.operated_robot import OperatedRobot
 
 Floats = NDArray[np.float64]
-
-_NEXT_STATE = {
-    ("enable", "DISABLED"): "ENABLED",
-    ("enable", "FAULT"): "ENABLED",
-    ("pause", "ENABLED"): "PAUSED",
-    ("resume", "PAUSED"): "ENABLED",
-}
 
 
 class IdealPlant:
@@ -85,7 +78,7 @@ class IdealPlant:
             is_busy, self._homes_at = True, self.ticks + self._homing_ticks
         elif command in ("home", "unhome"):
             is_homed = command == "home"
-        state = "DISABLED" if command == "disable" else _NEXT_STATE.get((command, state), state)
+        state = TRANSITIONS[command].get(state, state)
         self._state = OperatingState(state, is_homed, is_busy)
 
     def telemetry(self) -> Mapping[str, Floats]:

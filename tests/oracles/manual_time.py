@@ -9,7 +9,9 @@ from typing import Any
 import pytest
 
 from catenary.crtk.clock import SECOND
-from catenary.devices.serial_line import SerialLine
+from catenary.devices.accelerometer import SerialAccelerometer
+from catenary.devices.encoder_board import EncoderBoard
+from catenary.devices.serial_board import SerialBoard
 from oracles.simulated_port import SimulatedPort
 from oracles.ticking_clock import TickingClock
 from patience import until
@@ -52,23 +54,22 @@ class BoardTime(ManualTime):
 
     def rule(self, patch: pytest.MonkeyPatch, *modules: str) -> None:
         """Take the place of `time` in modules, and of the clock of devices."""
-        from catenary.devices.accelerometer import SerialAccelerometer
-        from catenary.devices.encoder_board import EncoderBoard
-
         for module in modules:
             patch.setattr(f"{module}.time", self)
         for device in (SerialAccelerometer, EncoderBoard):
             patch.setitem(device.__init__.__kwdefaults__, "clock", self.monotonic)
-        begin = SerialLine.__init__
+            patch.setattr(device, "_take", self._counted(device._take))
+        begin = SerialBoard.__init__
 
-        def counting(
-            line: SerialLine, port: str, take: Callable[[list[str], float], None], **options: Any
-        ) -> None:
-            def taken(lines: list[str], arrival: float) -> None:
-                take(lines, arrival)
-                self._heard += len(lines)
-
-            begin(line, port, taken, **options)
+        def greeted(board: SerialBoard, *arguments: Any, **options: Any) -> None:
+            begin(board, *arguments, **options)
             self._greet()
 
-        patch.setattr(SerialLine, "__init__", counting)
+        patch.setattr(SerialBoard, "__init__", greeted)
+
+    def _counted(self, take: Callable[..., None]) -> Callable[..., None]:
+        def taken(board: SerialBoard, lines: list[str], arrival: float) -> None:
+            take(board, lines, arrival)
+            self._heard += len(lines)
+
+        return taken

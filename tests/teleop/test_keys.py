@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from catenary.teleop.keys import PATIENCE, KeyReader, decode_keys
+from catenary.teleop.keys import PATIENCE, KeyReader
 
 SENT = {
     "up": b"\x1b[A",
@@ -27,13 +27,13 @@ def test_keys_are_the_same_however_the_bytes_are_split(keys: list[str], data: st
 
 @given(st.binary(max_size=40))
 def test_no_bytes_are_too_strange(data: bytes) -> None:
-    keys, rest = decode_keys(data, final=True)
-    assert rest == b""
-    assert all(key.isprintable() for key in keys)
+    reader = KeyReader()
+    assert all(key.isprintable() for key in reader.feed(data, 0.0) + reader.feed(b"", 2.0 * PATIENCE))
+    assert reader.feed(b"q", 3.0 * PATIENCE) == ["q"]
 
 
 def test_letters_of_other_keys_sequences_move_nothing() -> None:
-    assert decode_keys(b"\x1b[15~\x1b[1;5C\x1bq\x1b[200~") == ([], b"")
+    assert KeyReader().feed(b"\x1b[15~\x1b[1;5C\x1bq\x1b[200~", 0.0) == []
 
 
 def test_a_lone_escape_is_a_key_once_nothing_follows() -> None:

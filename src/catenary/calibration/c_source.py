@@ -24,7 +24,6 @@ def _each(array: str, statement: str) -> str:
 # by name of the compiled function, in terms of its arguments; X_size is the length of X
 BODIES = {
     "take": _each("columns", "Y[k] = X[columns[k]];"),
-    "centre": _each("mean", "Z[k] = X[k] - mean[k];"),
     "standardise": _each("mean", "Z[k] = (X[k] - mean[k]) / scale[k];"),
     "rescale": _each("mean", "Y[k] = Z[k] * scale[k] + mean[k];"),
     "dense": """\

@@ -166,11 +166,7 @@ def fit(
     options = FitOptions(
         kind=model,
         preset=preset,
-        inputs={joint: tuple(words) for joint, words in inputs.items()}
-        if isinstance(inputs, Mapping)
-        else None
-        if inputs is None
-        else tuple(inputs),
+        inputs=_words(inputs),
         history=history,
         play=None if play is None else tuple(play),
         target=target,
@@ -209,6 +205,14 @@ def evaluate(
     return loaded.evaluate(q_nominal, q_encoder, tau=tau, qd=qd, time=time, window=window)
 
 
+def _words(
+    inputs: Sequence[str] | Mapping[str, Sequence[str]] | None,
+) -> tuple[str, ...] | dict[str, tuple[str, ...]] | None:
+    if isinstance(inputs, Mapping):
+        return {joint: tuple(words) for joint, words in inputs.items()}
+    return None if inputs is None else tuple(inputs)
+
+
 def _with_card(model: CalibrationModel, card: Card) -> Calibration:
     return Calibration(**{each.name: getattr(model, each.name) for each in fields(model)}, card=card)
 
@@ -220,11 +224,11 @@ def _logs(
     **quantities: ArrayLike | None,
 ) -> list[MotionLog]:
     """Return recordings as logs; arrays become one."""
-    several = [motion] if isinstance(motion, MotionLog | str | Path) else motion
+    recordings = [motion] if isinstance(motion, Recording) else motion
     if (
-        isinstance(several, Sequence)
-        and several
-        and all(isinstance(r, MotionLog | str | Path) for r in several)
+        isinstance(recordings, Sequence)
+        and recordings
+        and all(isinstance(each, Recording) for each in recordings)
     ):
         given = [name for name, values in quantities.items() if values is not None]
         if given:
@@ -232,10 +236,8 @@ def _logs(
                 f"{', '.join(given)}: recordings have their own; expected arrays with arrays only"
             )
         return [
-            recording
-            if isinstance(recording, MotionLog)
-            else read_log(Path(recording), units=units, joint_names=joint_names)
-            for recording in several
+            each if isinstance(each, MotionLog) else read_log(each, units=units, joint_names=joint_names)
+            for each in recordings
         ]
     q = as_array("q_nominal", motion, (None, None))  # type: ignore[arg-type]  # no recordings: an array
     if units is None:

@@ -50,15 +50,8 @@ class CalibrationData:
 
     def rows(self, mask: NDArray[np.bool_]) -> "CalibrationData":
         """Return the rows where `mask` (N,) is set."""
-        return replace(
-            self,
-            X=self.X[mask],
-            q_nominal=self.q_nominal[mask],
-            error=self.error[mask],
-            recording=self.recording[mask],
-            position=self.position[mask],
-            time=self.time[mask],
-        )
+        columns = ("X", "q_nominal", "error", "recording", "position", "time")
+        return replace(self, **{name: getattr(self, name)[mask] for name in columns})
 
     def split_by_time(self, held_out: float) -> tuple["CalibrationData", "CalibrationData"]:
         """Return the first part of every recording and its last, whose share is `held_out`.
@@ -135,16 +128,8 @@ def calibration_data(
         )
         index = np.arange(len(log), dtype=float)
         time = log.time if has_time and log.time is not None else index
-        parts.append(
-            (
-                X[keep],
-                log.q_nominal[keep],
-                error[keep],
-                np.full(int(keep.sum()), i),
-                index[keep] / len(log),
-                time[keep],
-            )
-        )
+        columns = (X, log.q_nominal, error, np.full(len(log), i), index / len(log), time)
+        parts.append(tuple(column[keep] for column in columns))
     X, q_nominal, error, recording, position, time = (np.concatenate(p) for p in zip(*parts, strict=True))
     if len(X) == 0:
         raise InputError(
@@ -162,7 +147,7 @@ def calibration_data(
         X=X,
         q_nominal=q_nominal,
         error=error,
-        recording=recording.astype(np.int64),
+        recording=recording,
         position=position,
         time=time,
         sources=tuple(sources),

@@ -100,23 +100,13 @@ def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | 
     errors = (data.error, data.error - model.offset, corrected)
     scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])
     shown = tuple(scale * each for each in errors)
-    rmse = [_rmse_per_joint(each) for each in shown]
-    largest = [np.abs(each).max(axis=0).tolist() for each in shown]
+    rmse = np.array([_rmse_per_joint(each) for each in shown])
+    largest = np.array([np.abs(each).max(axis=0) for each in shown])
+    percent = 100.0 * np.divide(rmse[2], rmse[1], where=rmse[1] > 0.0, out=np.full(len(scale), np.nan))
+    columns = np.vstack([rmse, largest, percent, np.mean(~inside, axis=0)]).T.tolist()
     joints = tuple(
-        JointErrors(
-            name=name,
-            unit=DISPLAY[unit][0],
-            n=len(data),
-            raw_rmse=rmse[0][j],
-            offset_rmse=rmse[1][j],
-            rmse=rmse[2][j],
-            raw_max=largest[0][j],
-            offset_max=largest[1][j],
-            max=largest[2][j],
-            percent_of_offset=100.0 * rmse[2][j] / rmse[1][j] if rmse[1][j] > 0.0 else float("nan"),
-            outside_valid_range=float(np.mean(~inside[:, j])),
-        )
-        for j, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True))
+        JointErrors(name, DISPLAY[unit][0], len(data), *numbers)
+        for name, unit, numbers in zip(model.joint_names, model.joint_units, columns, strict=True)
     )
     windows = tuple(_windows(data, shown, window))
     return Evaluation(joints, windows, "s" if data.has_time else "rows", data, *errors, inside)
@@ -171,11 +161,8 @@ def cross_validate(
     spreads = []
     for joint, *of_folds in zip(results[0], *results, strict=True):
         errors = np.array([(fold.rmse, fold.offset_rmse) for fold in of_folds])
-        (rmse, offset), (rmse_sd, offset_sd) = (
-            errors.mean(axis=0).tolist(),
-            errors.std(axis=0, ddof=1).tolist(),
-        )
-        spreads.append(Spread(joint.name, joint.unit, len(results), rmse, rmse_sd, offset, offset_sd))
+        of_both = np.column_stack([errors.mean(axis=0), errors.std(axis=0, ddof=1)])
+        spreads.append(Spread(joint.name, joint.unit, len(results), *of_both.ravel().tolist()))
     return tuple(spreads)
 
 
@@ -203,17 +190,8 @@ def _windows(data: CalibrationData, errors: tuple[Floats, ...], window: float | 
         index = np.minimum(index, max(0, math.ceil(duration / length - 1e-9) - 1))
         for k in np.unique(index):
             part = rows[index == k]
-            windows.append(
-                Window(
-                    recording=name,
-                    start=start + k * length,
-                    end=start + (k + 1) * length,
-                    n=len(part),
-                    raw_rmse=_rmse_per_joint(errors[0][part]),
-                    offset_rmse=_rmse_per_joint(errors[1][part]),
-                    rmse=_rmse_per_joint(errors[2][part]),
-                )
-            )
+            rmse = (_rmse_per_joint(each[part]) for each in errors)
+            windows.append(Window(name, start + k * length, start + (k + 1) * length, len(part), *rmse))
     return windows
 
 

@@ -90,6 +90,9 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
             int(structure["history"]),
             tuple((str(name), float(width)) for name, width in structure["play"]),
         )
+        rate = structure.get("rate_hz")  # not known, or the file is older than the field
+        if rate is not None and not 0.0 < rate < float("inf"):
+            raise ValueError(f"rate of {rate} Hz")
         groups = tuple(_group(arrays, i, entry) for i, entry in enumerate(structure["groups"]))
         model = CalibrationModel(
             kind=structure["kind"],
@@ -100,7 +103,7 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
             target=structure["target"],
             offset=arrays["offset"],
             groups=groups,
-            rate_hz=_rate(structure.get("rate_hz")),
+            rate_hz=rate,
         )
         card = json.loads(str(arrays["card"]))
         if not isinstance(card, dict):
@@ -110,15 +113,6 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
         raise
     except (KeyError, TypeError, ValueError, IndexError, InputError) as error:
         raise FileFormatError(f"{path}: is a damaged calibration model: {error!r}") from error
-
-
-def _rate(value: Any) -> float | None:
-    if value is None:  # not known, or the file is older than the field
-        return None
-    rate = float(value)
-    if not 0.0 < rate < float("inf"):
-        raise ValueError(f"rate of {rate} Hz")
-    return rate
 
 
 def _group(arrays: Arrays, i: int, entry: dict[str, Any]) -> JointGroup:

@@ -59,14 +59,6 @@ def take(X: Floats, columns: Integers, Y: Floats) -> None:
 
 
 @compiled
-def centre(X: Floats, mean: Floats, Z: Floats) -> None:
-    """Write Z = X - mean."""
-    for row in range(len(X)):
-        for k in range(len(mean)):
-            Z[row, k] = X[row, k] - mean[k]
-
-
-@compiled
 def standardise(X: Floats, mean: Floats, scale: Floats, Z: Floats) -> None:
     """Write Z = (X - mean) / scale."""
     for row in range(len(X)):

@@ -6,19 +6,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from catenary.arrays import Floats, as_array
+from catenary.calibration import kernels
 from catenary.calibration.features import FeatureSet, Memory
-from catenary.calibration.kernels import (
-    Flags,
-    Integers,
-    Step,
-    blocks,
-    choose,
-    errors_of_positions,
-    finite,
-    run,
-    take,
-    total,
-)
+from catenary.calibration.kernels import Flags, Integers, Step
 from catenary.calibration.predictors import Predictor
 from catenary.calibration.valid_range import ValidRange
 from catenary.errors import InputError
@@ -66,9 +56,9 @@ class JointGroup:
         """
         taken, watched = np.empty((len(X), len(self.columns))), np.empty((len(X), len(self.watched)))
         return [
-            Step(take, (X, self.columns), (taken,)),
-            Step(finite, (taken,), (known,)),
-            Step(take, (X, self.watched), (watched,)),
+            Step(kernels.take, (X, self.columns), (taken,)),
+            Step(kernels.finite, (taken,), (known,)),
+            Step(kernels.take, (X, self.watched), (watched,)),
             *self.valid_range.steps(watched, known),
             *self.predictor.steps(taken, prediction),
         ]
@@ -125,8 +115,8 @@ class CalibrationModel:
         X = as_array("features", X, (None, len(self.features.names)), finite=False)
         q = as_array("q_nominal", q_nominal, (len(X), len(self.joint_names)), finite=False)
         correction, inside = np.empty_like(q), np.empty(q.shape, dtype=bool)
-        for rows in blocks(len(X)):
-            run(self.steps(X[rows], q[rows], correction[rows], inside[rows]))
+        for rows in kernels.blocks(len(X)):
+            kernels.run(self.steps(X[rows], q[rows], correction[rows], inside[rows]))
         return correction, inside
 
     def steps(self, X: Floats, q: Floats, correction: Floats, inside: Flags) -> list[Step]:
@@ -144,9 +134,9 @@ class CalibrationModel:
             known, prediction = np.empty(len(X), dtype=bool), np.empty((len(X), len(joints)))
             steps += group.steps(X, known, prediction)
             if self.target == "position":
-                steps.append(Step(errors_of_positions, (q, joints), (prediction,)))
+                steps.append(Step(kernels.errors_of_positions, (q, joints), (prediction,)))
             chosen_from = (prediction, known, q, joints, self.offset)
-            steps.append(Step(choose, chosen_from, (correction, inside)))
+            steps.append(Step(kernels.choose, chosen_from, (correction, inside)))
         return steps
 
     def tick_steps(
@@ -165,7 +155,7 @@ class CalibrationModel:
         return [
             self.features.step(signals, memory, X),
             *self.steps(X, q, correction, inside),
-            Step(total, (q, correction), (calibrated,)),
+            Step(kernels.total, (q, correction), (calibrated,)),
         ]
 
     def calibrate(self, log: MotionLog) -> Floats:

@@ -216,8 +216,6 @@ def _written(graph: _Graph, step: Step) -> str:
     match step.function.__name__:
         case "take":
             return add("Gather", *given, axis=1)
-        case "centre":
-            return add("Sub", *given)
         case "standardise":
             return add("Div", add("Sub", *given[:2]), given[2])
         case "rescale":

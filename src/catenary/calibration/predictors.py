@@ -13,19 +13,8 @@ from typing import ClassVar, Literal, get_args
 import numpy as np
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.kernels import (
-    Step,
-    add,
-    blocks,
-    dense,
-    logistic,
-    monomials,
-    repeat,
-    rescale,
-    run,
-    standardise,
-    tanh,
-)
+from catenary.calibration import kernels
+from catenary.calibration.kernels import Step
 from catenary.errors import InputError
 
 Activation = Literal["logistic", "tanh"]
@@ -54,8 +43,8 @@ class Predictor(ABC):
         inputs, outputs = self.shape
         X = as_array("features", X, (None, inputs), finite=False)
         Y = np.empty((len(X), outputs))
-        for rows in blocks(len(X)):
-            run(self.steps(X[rows], Y[rows]))
+        for rows in kernels.blocks(len(X)):
+            kernels.run(self.steps(X[rows], Y[rows]))
         return Y
 
     def _keep(self, shapes: Mapping[str, tuple[int | None, ...]]) -> None:
@@ -78,7 +67,7 @@ class Constant(Predictor):
         return None, len(self.value)
 
     def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
-        return [Step(repeat, (self.value,), (Y,))]
+        return [Step(kernels.repeat, (self.value,), (Y,))]
 
 
 @dataclass(frozen=True)
@@ -97,7 +86,7 @@ class Linear(Predictor):
         return len(self.weights), len(self.bias)
 
     def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
-        return [Step(dense, (X, self.weights, self.bias), (Y,))]
+        return [Step(kernels.dense, (X, self.weights, self.bias), (Y,))]
 
 
 @dataclass(frozen=True)
@@ -125,9 +114,9 @@ class Quadratic(Predictor):
         weights = np.vstack([self.linear, self.quadratic])
         Z, P = np.empty(X.shape), np.empty((len(X), len(weights)))
         return [
-            Step(standardise, (X, self.mean, self.scale), (Z,)),
-            Step(monomials, (Z,), (P,)),
-            Step(dense, (P, weights, self.bias), (Y,)),
+            Step(kernels.standardise, (X, self.mean, self.scale), (Z,)),
+            Step(kernels.monomials, (Z,), (P,)),
+            Step(kernels.dense, (P, weights, self.bias), (Y,)),
         ]
 
 
@@ -149,16 +138,13 @@ class Network(Predictor):
         if self.activation not in get_args(Activation) or not self.weights:
             raise InputError(f"network of {len(self.weights)} layers with activation {self.activation!r}")
         widths = (len(self.mean), *(len(bias) for bias in self.biases))
-        self._keep(
-            {"mean": widths[:1], "scale": widths[:1], "out_mean": widths[-1:], "out_scale": widths[-1:]}
-        )
-        for name, shapes in (
-            ("weights", list(pairwise(widths))),
-            ("biases", [(width,) for width in widths[1:]]),
-        ):
-            arrays = zip(getattr(self, name), shapes, strict=True)
-            checked = [as_array(f"{name} {k}", values, shape) for k, (values, shape) in enumerate(arrays)]
-            object.__setattr__(self, name, tuple(checked))
+        inputs, outputs = widths[:1], widths[-1:]
+        self._keep({"mean": inputs, "scale": inputs, "out_mean": outputs, "out_scale": outputs})
+        layers = zip(self.weights, pairwise(widths), strict=True)
+        weights = tuple(as_array(f"weights {k}", W, shape) for k, (W, shape) in enumerate(layers))
+        biases = tuple(as_array(f"biases {k}", b, (None,)) for k, b in enumerate(self.biases))
+        object.__setattr__(self, "weights", weights)
+        object.__setattr__(self, "biases", biases)
         if self.skip is not None and self.skip.weights.shape != (widths[0], widths[-1]):
             raise InputError(
                 f"skip: expected weights of shape {(widths[0], widths[-1])}, got {self.skip.weights.shape}"
@@ -169,14 +155,15 @@ class Network(Predictor):
         return len(self.mean), len(self.out_mean)
 
     def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
-        activate = tanh if self.activation == "tanh" else logistic
+        activate = kernels.tanh if self.activation == "tanh" else kernels.logistic
         layer = np.empty(X.shape)
-        steps = [Step(standardise, (X, self.mean, self.scale), (layer,))]
+        steps = [Step(kernels.standardise, (X, self.mean, self.scale), (layer,))]
         for weights, bias in zip(self.weights, self.biases, strict=True):
             below, layer = layer, np.empty((len(X), len(bias)))
-            steps += [Step(dense, (below, weights, bias), (layer,)), Step(activate, (), (layer,))]
-        steps[-1:] = [Step(rescale, (layer, self.out_scale, self.out_mean), (Y,))]  # the last layer is linear
+            steps += [Step(kernels.dense, (below, weights, bias), (layer,)), Step(activate, (), (layer,))]
+        # the last layer is linear
+        steps[-1:] = [Step(kernels.rescale, (layer, self.out_scale, self.out_mean), (Y,))]
         if self.skip is not None:
             skipped = np.empty_like(Y)
-            steps += [*self.skip.steps(X, skipped), Step(add, (skipped,), (Y,))]
+            steps += [*self.skip.steps(X, skipped), Step(kernels.add, (skipped,), (Y,))]
         return steps

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.kernels import Flags, Step, between, blocks, centre, dense, run
+from catenary.calibration.kernels import Flags, Step, between, blocks, dense, run, standardise
 
 SMALLEST_RANGE = 1e-6  # [standard deviations] below it a direction counts as not moved at all
 
@@ -37,10 +37,11 @@ class ValidRange:
     def steps(self, X: Floats, inside: Flags) -> list[Step]:
         """Return the compiled steps that clear the flags (N,) of rows of X (N, F) outside either box; NaN is."""
         centred, projection = np.empty_like(X), np.empty_like(X)
+        ones, zeros = np.ones(len(self.lower)), np.zeros(len(self.lower))
         return [
             Step(between, (X, self.lower, self.upper), (inside,)),
-            Step(centre, (X, self.mean), (centred,)),
-            Step(dense, (centred, self.axes, np.zeros(len(self.lower))), (projection,)),
+            Step(standardise, (X, self.mean, ones), (centred,)),
+            Step(dense, (centred, self.axes, zeros), (projection,)),
             Step(between, (projection, self.axis_lower, self.axis_upper), (inside,)),
         ]
 

@@ -12,7 +12,7 @@ which refuses a state older than `stale_after`.
 State commands are never latched: a robot that restarts must not be enabled by what was asked of it before.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Self
 
 import numpy as np
@@ -20,8 +20,13 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.crtk.clock import SECOND
-from catenary.crtk.confirmation import CONFIRMED, SETTLE, patience_of
-from catenary.crtk.conversions import Stamps, command_message, joint_state_message, joint_values
+from catenary.crtk.conversions import (
+    Stamps,
+    command_message,
+    joint_state,
+    joint_state_message,
+    joint_values,
+)
 from catenary.crtk.conversions import operating_state as operating_state_of
 from catenary.crtk.joints import RobotJoints, checked_joints, raven_joints
 from catenary.crtk.latest import ImuTopic, Latest, MeasuredGravity
@@ -37,6 +42,17 @@ from catenary.spatial import LEVEL
 STALE_AFTER = 0.2  # [s] without measured_js after which a robot counts as lost
 CONNECT_TIMEOUT = 5.0  # [s] that CRTK's own client allows
 REACHED = 1e-6  # [rad|m] a robot's setpoint this near is the goal: RAVEN-II computes in floats of 32 bits
+COMMAND_TIMEOUT = 2.0  # [s] until a transition must have been confirmed
+HOMING_TIMEOUT = 180.0  # [s]; RAVEN-II's external encoders alone are given 60 s
+SETTLE = 0.05  # [s] in which a robot takes up `home`: before, its state is still the one from before
+_CONFIRMED: Mapping[StateCommand, Callable[[OperatingState], bool]] = {
+    "enable": lambda now: now.state == "ENABLED",
+    "disable": lambda now: now.state == "DISABLED",
+    "pause": lambda now: now.state != "ENABLED",  # one that is not enabled is not under way either
+    "resume": lambda now: now.state == "ENABLED",
+    "home": lambda now: now.is_homed and not now.is_busy,
+    "unhome": lambda now: not now.is_homed,
+}
 _READS = ("measured_js", "setpoint_js", "operating_state")
 
 
@@ -81,10 +97,12 @@ class CrtkClient:
                 f"client: expected positive times, got period {period}, stale_after {stale_after}, "
                 f"connect_timeout {connect_timeout}"
             )
-        self._joints = checked_joints(raven_joints(arm) if joints is None else joints)
+        found = checked_joints(raven_joints(arm) if joints is None else joints)
+        self.joint_names, self.joint_units = found.names, found.units
+        self._lower, self._upper = found.lower, found.upper
         self.transport, self.dialect, self.arm = transport, dialect, arm
         self.period, self.stale_after, self.simulated = period, stale_after, simulated
-        self._topics = topic_finder(dialect, arm, namespace)
+        topics = topic_finder(dialect, arm, namespace)
         self._stamps = Stamps()
         self._goal: Floats | None = None  # (n,) sent last
         self._arrived = False  # whether the robot's setpoint has been at the goal
@@ -94,66 +112,46 @@ class CrtkClient:
         self._publishers: dict[str, Publisher] = {}
         self._state: RavenTelemetry | None = None
         self._gravity: MeasuredGravity | None = None
+        self.columns: tuple[
+            Column, ...
+        ] = ()  # telemetry: raven_state's fields, encoders that were published then
         try:
             for verb in _READS:
-                topic = self._topics(verb)
-                self._latest[verb] = Latest(transport, topic.name, topic.type)
+                self._latest[verb] = Latest(transport, topics(verb).name, topics(verb).type)
             if dialect == "raven":
                 self._state = RavenTelemetry(transport, arm, stale_after)
+                self.columns = self._state.columns
             self._gravity = None if imu is None else MeasuredGravity(transport, imu)
             for verb in ("servo_jp", "state_command", *(("servo_jf",) if dialect == "crtk" else ())):
-                topic = self._topics(verb)
+                topic = topics(verb)
                 self._publishers[verb] = transport.publisher(topic.name, topic.type)
             self._connect(connect_timeout)
             self._position(self._latest["measured_js"].message())  # refuses other joints here and now
         except BaseException:
             self.close()
             raise
-        verbs = {"servo_jp", "servo_jr", "state_command"}
-        if (
-            "servo_jf" in self._publishers
-            and transport.connections(self._topics("servo_jf").name).subscribers
-        ):
-            verbs.add("servo_jf")
-        self.supports = frozenset(verbs)
+        self.measured_topic = self._latest["measured_js"].topic
+        torques = self._publishers.get("servo_jf")
+        obeys = torques is not None and transport.connections(torques.topic).subscribers
+        self.supports = frozenset(
+            {"servo_jp", "servo_jr", "state_command", *(("servo_jf",) if obeys else ())}
+        )
         self._rate = transport.rate(1.0 / period)
-
-    # what the robot is
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names, in the order of all arrays."""
-        return self._joints.names
-
-    @property
-    def joint_units(self) -> tuple[str, ...]:
-        """Rad or m."""
-        return self._joints.units
-
-    @property
-    def lower(self) -> Floats:
-        """Limits below, (n,)."""
-        return self._joints.lower.copy()
-
-    @property
-    def upper(self) -> Floats:
-        """Limits above, (n,)."""
-        return self._joints.upper.copy()
-
-    @property
-    def columns(self) -> tuple[Column, ...]:
-        """Telemetry: raven_state's fields and external encoders where they were published when this began."""
-        return () if self._state is None else self._state.columns
-
-    @property
-    def measured_topic(self) -> str:
-        """Topic of the arm's measured_js."""
-        return self._latest["measured_js"].topic
 
     # what it says
 
+    @property
+    def lower(self) -> Floats:
+        """Lower joint limits (n,) [rad|m]."""
+        return self._lower.copy()
+
+    @property
+    def upper(self) -> Floats:
+        """Upper joint limits (n,) [rad|m]."""
+        return self._upper.copy()
+
     def measured_js(self) -> JointState:
-        """Latest joint state; its time is the robot's, since the client's first message.
+        """Return the latest joint state; its time is the robot's, since the client's first message.
 
         Torques are those at the joints, from raven_state where there is one, as a motion log has them.
 
@@ -163,40 +161,34 @@ class CrtkClient:
         return self.state_of(self._fresh())
 
     def state_of(self, message: Message) -> JointState:
-        """Joint state of a message of measured_js, with the latest torques and gravity."""
-        n = len(self.joint_names)
-        q = self._position(message)
-        qd, tau = (
-            joint_values(message, self.joint_names, field)
-            if len(getattr(message, field))
-            else np.full(n, np.nan)
-            for field in ("velocity", "effort")
-        )
-        q_motor = np.zeros(0)
-        if self._state is not None:
-            tau = joint_torques(self._state.arm_values("tau"))
-            q_motor = self._state.arm_values("mpos")
+        """Return the joint state of a message of measured_js, with the latest torques and gravity."""
         gravity, age = (LEVEL.copy(), np.inf) if self._gravity is None else self._gravity.now()
+        state = joint_state(message, self.joint_names, gravity=gravity, gravity_age=age)
+        tau, q_motor = state.tau, state.q_motor
+        if self._state is not None:
+            tau, q_motor = joint_torques(self._state.arm_values("tau")), self._state.arm_values("mpos")
         if self._origin is None:
             self._origin = message.header.stamp
         time = (message.header.stamp - self._origin) / SECOND
-        return JointState(time, np.array(q), np.array(qd), np.array(tau), q_motor, gravity, age)
+        return state._replace(
+            time=time, q=np.array(state.q), qd=np.array(state.qd), tau=np.array(tau), q_motor=q_motor
+        )
 
     def setpoint_js(self) -> JointState:
-        """Latest joint setpoint that the robot reports; at rest where it reports no velocity.
+        """Return the latest joint setpoint that the robot reports; at rest where it reports no velocity.
 
         Raises:
             TransportError: The robot's state is older than `stale_after`.
         """
         state = self.measured_js()
         message = self._latest["setpoint_js"].message()
-        velocity = message.velocity
-        rest = np.zeros(len(self.joint_names))
-        qd = joint_values(message, self.joint_names, "velocity") if len(velocity) else rest
-        return state._replace(q=np.array(self._position(message)), qd=np.array(qd))
+        qd = np.zeros(len(self.joint_names))
+        if len(message.velocity):
+            qd[:] = joint_values(message, self.joint_names, "velocity")
+        return state._replace(q=np.array(self._position(message)), qd=qd)
 
     def operating_state(self) -> OperatingState:
-        """Operating state.
+        """Return the operating state.
 
         Raises:
             TransportError: Nothing has come from the robot for `stale_after`.
@@ -205,11 +197,11 @@ class CrtkClient:
         return operating_state_of(self._latest["operating_state"].message())
 
     def telemetry(self) -> Mapping[str, Floats]:
-        """Latest sample of every declared column; NaN of an encoder that fell silent."""
+        """Return the latest sample of every declared column; NaN for an encoder that fell silent."""
         return {} if self._state is None else self._state.sample()
 
     def external_encoders(self) -> Floats:
-        """Where the joints really are, as external encoders say, (3,) [rad, rad, m]; NaN where none do."""
+        """Return the external encoders' reading of the joints (3,) [rad, rad, m]; NaN where there is none."""
         return np.full(3, np.nan) if self._state is None else self._state.encoder("ext_jpos")
 
     @property
@@ -273,7 +265,7 @@ class CrtkClient:
             )
         self._goal = None
         begin = self.transport.now()
-        patience = timeout or patience_of(command)
+        patience = timeout or (HOMING_TIMEOUT if command == "home" else COMMAND_TIMEOUT)
         settle = SETTLE if command == "home" else 0.0
         self._publishers["state_command"].publish(command_message(command, self._stamps.next(begin)))
         latest = self._latest["operating_state"]
@@ -283,7 +275,7 @@ class CrtkClient:
             now = operating_state_of(latest.message())
             # a robot may publish its state only when it changes: then what held before holds
             is_news = latest.arrived is not None and latest.arrived > begin
-            if elapsed >= settle and (is_news or elapsed > 10.0 * SETTLE) and CONFIRMED[command](now):
+            if elapsed >= settle and (is_news or elapsed > 10.0 * SETTLE) and _CONFIRMED[command](now):
                 return
             if elapsed > patience:
                 self._fresh()
@@ -308,14 +300,9 @@ class CrtkClient:
 
     def close(self) -> None:
         """End its topics; the transport stays open."""
-        parts: list[Latest | RavenTelemetry | Publisher | MeasuredGravity]
-        parts = [*self._latest.values(), *self._publishers.values()]
-        if self._state is not None:
-            parts.append(self._state)
-        if self._gravity is not None:
-            parts.append(self._gravity)
-        for part in parts:
-            part.close()
+        for part in (*self._latest.values(), *self._publishers.values(), self._state, self._gravity):
+            if part is not None:
+                part.close()
 
     def __enter__(self) -> Self:
         return self
@@ -325,8 +312,7 @@ class CrtkClient:
 
     def _send_goal(self, goal: Floats) -> None:
         setpoint = self._setpoint()
-        low, high = np.minimum(self._joints.lower, setpoint), np.maximum(self._joints.upper, setpoint)
-        self._goal = np.clip(goal, low, high)
+        self._goal = np.clip(goal, np.minimum(self._lower, setpoint), np.maximum(self._upper, setpoint))
         self._arrived = False
         self._publish("servo_jp", position=self._goal)
 
@@ -356,7 +342,7 @@ class CrtkClient:
         return joint_values(message, self.joint_names)
 
     def _fresh(self) -> Message:
-        """Latest measured_js."""
+        """Return the latest measured_js, or refuse it as too old."""
         latest = self._latest["measured_js"]
         age = latest.age()
         if age > self.stale_after:
@@ -380,18 +366,16 @@ class CrtkClient:
             self.transport.sleep(0.01)
 
     def _missing(self) -> list[str]:
-        """What the robot does not offer yet."""
-        reads = [*self._latest.values(), *([] if self._state is None else [self._state.latest])]
-        faults = []
-        for latest in reads:
+        """Say which topics lack messages or a listener."""
+        faults, connections = [], self.transport.connections
+        for latest in (*self._latest.values(), *(() if self._state is None else (self._state.latest,))):
             if latest.message() is None:
-                senders = self.transport.connections(latest.topic).publishers
+                senders = ", ".join(connections(latest.topic).publishers)
                 faults.append(
-                    f"{latest.topic}: "
-                    + (f"{', '.join(senders)} sends nothing" if senders else "nobody publishes it")
+                    f"{latest.topic}: {senders + ' sends nothing' if senders else 'nobody publishes it'}"
                 )
         for verb in ("servo_jp", "state_command"):
-            topic = self._topics(verb).name
-            if not self.transport.connections(topic).subscribers:
+            topic = self._publishers[verb].topic
+            if not connections(topic).subscribers:
                 faults.append(f"{topic}: nobody listens")
         return faults

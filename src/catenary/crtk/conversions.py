@@ -1,6 +1,6 @@
 """Messages to what catenary computes with, and back: joint states by name, poses, operating states, stamps.
 
-The RAVEN-II's own `raven_state` has a file of its own, `raven_conversions`.
+The RAVEN-II's own `raven_state` is in `raven_conversions`.
 """
 
 from math import sqrt
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.crtk.clock import SECOND
-from catenary.crtk.message import Message, header, message_class, stamp_of
+from catenary.crtk.message import Message, header, message_class
 from catenary.errors import InputError
 from catenary.plant import JointState, OperatingState, StateName
 from catenary.spatial import Pose, rotation_from_quaternion
@@ -111,15 +111,8 @@ def joint_state(
         joint_values(message, names, field) if len(getattr(message, field)) else np.full(len(names), np.nan)
         for field in ("velocity", "effort")
     )
-    return JointState(
-        seconds(message.header.stamp),
-        q,
-        qd,
-        tau,
-        np.zeros(0),
-        as_array("gravity", gravity, (3,)),
-        gravity_age,
-    )
+    down = as_array("gravity", gravity, (3,))
+    return JointState(seconds(message.header.stamp), q, qd, tau, np.zeros(0), down, gravity_age)
 
 
 def pose_message(pose: Pose, stamp: int, frame_id: str, *, child: str | None = None) -> Message:
@@ -131,36 +124,34 @@ def pose_message(pose: Pose, stamp: int, frame_id: str, *, child: str | None = N
     return _TransformStamped(header(stamp, frame_id), child, _Transform(_Vector3(*place), quaternion))
 
 
-def _quaternion(rotation: list[list[float]]) -> tuple[float, float, float, float]:
+def _quaternion(rotation: list[list[float]]) -> list[float]:
     """Return the quaternion (x, y, z, w) of a rotation matrix, as messages have it [Shepperd 1978].
 
     Poses are published every millisecond; scipy's takes 0.1 ms.
     """
-    (a, b, c), (d, e, f), (g, h, i) = rotation
-    largest = max(a + e + i, a, e, i)
-    if largest == a + e + i:
-        w = 0.5 * sqrt(1.0 + a + e + i)
-        s = 0.25 / w
-        return (h - f) * s, (c - g) * s, (d - b) * s, w
-    if largest == a:
-        x = 0.5 * sqrt(1.0 + a - e - i)
-        s = 0.25 / x
-        return x, (b + d) * s, (c + g) * s, (h - f) * s
-    if largest == e:
-        y = 0.5 * sqrt(1.0 - a + e - i)
-        s = 0.25 / y
-        return (b + d) * s, y, (f + h) * s, (c - g) * s
-    z = 0.5 * sqrt(1.0 - a - e + i)
-    s = 0.25 / z
-    return (c + g) * s, (f + h) * s, z, (d - b) * s
+    r, quaternion = rotation, [0.0] * 4
+    trace = r[0][0] + r[1][1] + r[2][2]
+    i = max(range(3), key=lambda axis: r[axis][axis])
+    j, k = (i + 1) % 3, (i + 2) % 3
+    if trace > r[i][i]:
+        w = quaternion[3] = 0.5 * sqrt(1.0 + trace)
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            quaternion[i] = (r[k][j] - r[j][k]) * 0.25 / w
+        return quaternion
+    quaternion[i] = 0.5 * sqrt(1.0 + r[i][i] - r[j][j] - r[k][k])
+    scale = 0.25 / quaternion[i]
+    quaternion[j], quaternion[k] = (r[j][i] + r[i][j]) * scale, (r[k][i] + r[i][k]) * scale
+    quaternion[3] = (r[k][j] - r[j][k]) * scale
+    return quaternion
 
 
 def pose_of(message: Message) -> Pose:
-    """Pose of a geometry_msgs/PoseStamped or TransformStamped.
+    """Return the pose of a geometry_msgs/PoseStamped or TransformStamped.
 
     Raises:
-        InputError: Another type, NaN, or a quaternion whose length is not 1 within 1 %: such a one is not a rounded
-            rotation but a mistake, most often one that was never set.
+        InputError: Another type, NaN, or a quaternion whose length is not 1 within 1 %, which is no rounding error:
+            most often it was never set.
     """
     if isinstance(message, _PoseStamped):
         place, turn = message.pose
@@ -185,10 +176,10 @@ def operating_state_message(state: OperatingState, stamp: int) -> Message:
 
 
 def operating_state(message: Message) -> OperatingState:
-    """Operating state of a crtk_msgs/OperatingState.
+    """Return the operating state of a crtk_msgs/OperatingState.
 
     Raises:
-        InputError: The state's name is none of CRTK's.
+        InputError: CRTK has no state of this name.
     """
     if message.state not in get_args(StateName):
         raise InputError(f'operating state "{message.state}": expected {", ".join(get_args(StateName))}')
@@ -201,9 +192,9 @@ def command_message(command: str, stamp: int) -> Message:
 
 
 def specific_force(message: Message) -> Floats:
-    """Acceleration (3,) that an accelerometer read [m/s2], in its own axes: minus gravity when at rest.
+    """Return what an accelerometer read (3,) [m/s2], in its own axes: minus gravity when at rest.
 
-    Takes sensor_msgs/Imu, geometry_msgs/AccelStamped and Vector3Stamped, all read alike.
+    Takes sensor_msgs/Imu, geometry_msgs/AccelStamped and Vector3Stamped.
 
     Raises:
         InputError: Another type, NaN, or an Imu that says (covariance -1) that it measures no acceleration.
@@ -224,20 +215,8 @@ def specific_force(message: Message) -> Floats:
 
 
 def seconds(stamp: int) -> float:
-    """Time [s] of a stamp [ns]; since 1970 that is exact to 0.24 us."""
+    """Return the time [s] of a stamp [ns]; of times since 1970 it is exact to 0.24 us."""
     return stamp / SECOND
-
-
-def nanoseconds(time: float) -> int:
-    """Stamp [ns] of a time [s].
-
-    Raises:
-        InputError: It is negative, infinite or NaN.
-    """
-    if not 0.0 <= time < np.inf:
-        raise InputError(f"time: expected seconds, zero or more, got {time}")
-    whole = int(time)
-    return whole * SECOND + round((time - whole) * SECOND)
 
 
 class Stamps:
@@ -247,12 +226,6 @@ class Stamps:
         self._last = 0
 
     def next(self, now: int) -> int:
-        """Give `now` [ns], or one nanosecond more than the last where that is later."""
+        """Return `now` [ns], or one nanosecond more than the last stamp where that is later."""
         self._last = max(now, self._last + 1)
         return self._last
-
-
-def age(message: Message, now: int) -> float | None:
-    """Seconds since a message's stamp, or None where it has no header, or a stamp that was never set."""
-    stamp = stamp_of(message)
-    return None if not stamp else (now - stamp) / SECOND

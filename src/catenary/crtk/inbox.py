@@ -18,7 +18,7 @@ class Received(NamedTuple):
 
 
 class Origin(NamedTuple):
-    """Whom a message came from, and over which connection."""
+    """The program that a message came from, and the connection."""
 
     process: str  # program's name, a space, and what differs when a program of that name is started again
     connection: object  # another one once it was broken and made again
@@ -26,7 +26,7 @@ class Origin(NamedTuple):
 
 
 class Arrival(NamedTuple):
-    """A message as it came, and what it may have been: said long ago, and given to whoever connects."""
+    """A message as it came, and whether it may be an old one that a latching publisher gives to whoever connects."""
 
     message: Message
     time: int  # [ns] by the transport's clock
@@ -39,7 +39,7 @@ Callback = Callable[[Received], None]
 
 
 class Inbox:
-    """Order in which messages of all topics, and requests, came in. Any thread may put in."""
+    """Messages of all topics, and requests, in the order in which they came. Any thread may put in."""
 
     def __init__(self) -> None:
         self.lock = threading.RLock()
@@ -132,7 +132,7 @@ class Subscription:
         self._came = threading.Condition(inbox.lock)
         self._decode = decode
         self._callback = callback
-        self._waiting: deque[tuple[Any, int, str, bool, bool]] = deque()
+        self._waiting: deque[Arrival] = deque()  # not decoded yet
         self._closed = False
         self._leave: Callable[[], None] | None = None
 
@@ -141,10 +141,7 @@ class Subscription:
         self._leave = leave
 
     def push(self, data: Any, time: int, origin: Origin | None = None) -> None:
-        """Take in a message as the transport has it, at `time` [ns]; transports call this, from any thread.
-
-        With an origin, `data` are ROS 1's bytes.
-        """
+        """Take in a message as ROS 1's bytes, at `time` [ns]; transports call this, from any thread."""
         with self._inbox.lock:
             if self._closed:
                 return
@@ -159,7 +156,7 @@ class Subscription:
                     if last is not None and renewed and self._is_same(data, last[1]):
                         self.repeated += 1
                         return
-            self._waiting.append((data, time, process, first, renewed))
+            self._waiting.append(Arrival(data, time, process, first, renewed))
             if len(self._waiting) > self.depth:
                 # the job that was put for the oldest now stands for the newest
                 self._waiting.popleft()
@@ -190,16 +187,11 @@ class Subscription:
         with self._inbox.lock:
             if timeout > 0.0:
                 self._inbox.wait_for(self._came, timeout, lambda: self._waiting or self._closed)
-            raw, self._waiting = self._waiting, deque()
-        found = []
-        for data, arrived, process, first, renewed in raw:
-            received = self._received(data, arrived)
-            if received is not None:
-                found.append(Arrival(received.message, received.time, process, first, renewed))
-        return found
+            waiting, self._waiting = self._waiting, deque()
+        return [found for arrival in waiting if (found := self._decoded(arrival)) is not None]
 
     def __len__(self) -> int:
-        """How many wait."""
+        """Return how many wait."""
         return len(self._waiting)
 
     def close(self) -> None:
@@ -216,17 +208,17 @@ class Subscription:
         with self._inbox.lock:
             if not self._waiting:
                 return  # closed meanwhile
-            raw = self._waiting.popleft()
-        received = self._received(raw[0], raw[1])
-        if received is not None and self._callback is not None:
-            self._callback(received)
+            arrival = self._waiting.popleft()
+        found = self._decoded(arrival)
+        if found is not None and self._callback is not None:
+            self._callback(Received(found.message, found.time))
 
     def _is_same(self, data: Any, other: Any) -> bool:
         return bool(data[self._behind_seq :] == other[self._behind_seq :])
 
-    def _received(self, data: Any, time: int) -> Received | None:
+    def _decoded(self, arrival: Arrival) -> Arrival | None:
         try:
-            return Received(self._decode(data), time)
+            return arrival._replace(message=self._decode(arrival.message))
         except FileFormatError:
             self.damaged += 1
             return None

@@ -34,13 +34,13 @@ class Latest:
         self.arrived: int | None = None  # [ns] by the transport's clock; None before the first message
 
     def message(self) -> Message:
-        """Newest message, or None before the first."""
+        """Return the newest message, or None before the first."""
         for received in self._subscription.take():
             self._message, self.arrived = received
         return self._message
 
     def age(self) -> float:
-        """Seconds since the newest message came in; infinite before the first.
+        """Return the seconds since the newest message came in; infinite before the first.
 
         By arrival, not by stamp: the robot's clock need not be ours.
         """
@@ -64,12 +64,12 @@ class ImuTopic(NamedTuple):
 
 
 def published_gravity(topic: str) -> ImuTopic:
-    """Gravity in base axes as `catenary gravity-node` publishes it, with its status beside it."""
+    """Return the topic on which `catenary gravity-node` publishes gravity in base axes, its status beside it."""
     return ImuTopic(topic, "geometry_msgs/Vector3Stamped", kind=Kind.FREE_FALL)
 
 
 class MeasuredGravity:
-    """Gravity in the base frame from a topic; what is no gravity is left out and counted.
+    """Gravity in the base frame from a topic; what cannot be gravity is left out.
 
     A reading is as old as its message. What a gravity node publishes while it does not measure (its status is not
     "live") is taken for gravity, but is as old as the last that was measured.
@@ -78,7 +78,6 @@ class MeasuredGravity:
     def __init__(self, transport: Transport, imu: ImuTopic) -> None:
         """Begin to receive."""
         self.latest = Latest(transport, imu.topic, imu.type_name)
-        self.implausible = 0
         self._mounting, self._kind = imu.mounting, imu.kind
         self._transport = transport
         self._status = (
@@ -91,7 +90,7 @@ class MeasuredGravity:
         self._gravity = LEVEL.copy()
 
     def now(self) -> tuple[Floats, float]:
-        """Gravity (3,) [m/s2] and its age [s]; nominal and infinitely old before the first reading."""
+        """Return gravity (3,) [m/s2] and its age [s]; nominal and infinitely old before the first reading."""
         message = self.latest.message()
         if self.latest.arrived != self._seen:
             self._seen = self.latest.arrived
@@ -110,10 +109,8 @@ class MeasuredGravity:
         try:
             gravity = self._mounting.gravity(specific_force(message), self._kind)
         except InputError:  # NaN, or an Imu that measures no acceleration
-            self.implausible += 1
             return
         if not PLAUSIBLE[0] < np.linalg.norm(gravity) < PLAUSIBLE[1]:
-            self.implausible += 1
             return
         self._gravity = gravity
         status = None if self._status is None else self._status.message()

@@ -47,10 +47,9 @@ class LoopbackNetwork:
         self.transports: dict[str, Loopback] = {}
         self.services: dict[str, _Service] = {}
         self._topics: dict[str, _LocalTopic] = {}
-        self._cut: set[str] = set()
 
     def topic(self, name: str, type_name: str) -> _LocalTopic:
-        """Topic of that name, begun if nobody uses it.
+        """Return the topic of that name, begun if nobody uses it.
 
         Raises:
             TransportError: It carries another type.
@@ -63,26 +62,24 @@ class LoopbackNetwork:
         return found
 
     def published(self) -> dict[str, str]:
-        """Topics with a publisher, and their types."""
+        """Return the topics with a publisher, and their types."""
         return {name: topic.type_name for name, topic in sorted(self._topics.items()) if topic.publishers}
 
     def publishing(self) -> dict[str, frozenset[str]]:
-        """Processes that publish each topic."""
+        """Return the processes that publish each topic."""
         return {
             name: frozenset(one.origin.process for one in topic.publishers.values())
             for name, topic in self._topics.items()
         }
 
     def connections(self, name: str, of: str) -> Connections:
-        """Peers of one transport over a topic."""
+        """Return the peers of one transport over a topic."""
         topic = self._topics.get(name)
         if topic is None:
             return Connections((), ())
-        subscribers = sorted({owner for owner, _ in topic.subscriptions})
-        return Connections(
-            tuple(filter(self.reaches, sorted(topic.publishers))) if of in subscribers else (),
-            tuple(subscribers) if of in topic.publishers and self.reaches(of) else (),
-        )
+        publishers = tuple(sorted(name for name, one in topic.publishers.items() if one.is_connected))
+        subscribers = tuple(sorted({owner for owner, _ in topic.subscriptions}))
+        return Connections(publishers if of in subscribers else (), subscribers if of in publishers else ())
 
     def forget(self, name: str) -> None:
         """Remove a transport and all that is its."""
@@ -94,24 +91,6 @@ class LoopbackNetwork:
                 for owner, subscription in tuple(topic.subscriptions):
                     if owner == name:
                         subscription.close()
-
-    def cut(self, name: str) -> None:
-        """Break all connections over which a transport sends, as a network would: what it publishes reaches nobody."""
-        with self.lock:
-            self._cut.add(name)
-
-    def mend(self, name: str) -> None:
-        """Make those connections again; latched messages come again."""
-        with self.lock:
-            self._cut.discard(name)
-            for topic in self._topics.values():
-                publisher = topic.publishers.get(name)
-                if publisher is not None:
-                    publisher.connect()
-
-    def reaches(self, name: str) -> bool:
-        """Return whether what a transport publishes reaches anybody."""
-        return name not in self._cut
 
     def drop(self, topic: _LocalTopic, subscription: Subscription) -> None:
         """Remove a subscription."""
@@ -135,12 +114,13 @@ class LoopbackPublisher:
         self._encode = codec(shared.type_name).encode
         self._sent = 0
         self.is_closed = False
+        self.is_connected = True  # a test may break its connections, and call `connect`
         self._process = f"{transport.name} {next(_PROCESSES)}"
         self.origin = Origin(self._process, object(), latch)
 
     def connect(self) -> None:
         """Connect to all subscriptions anew; the network's lock is held."""
-        self.origin = Origin(self._process, object(), self._latch)
+        self.origin, self.is_connected = Origin(self._process, object(), self._latch), True
         if self.latched is not None:
             now = self._transport.network.clock.now()
             for _, subscription in self._shared.subscriptions:
@@ -157,7 +137,7 @@ class LoopbackPublisher:
         with network.lock:
             if self._latch:
                 self.latched = data
-            if network.reaches(self._transport.name):
+            if self.is_connected:
                 now = network.clock.now()
                 for _, subscription in self._shared.subscriptions:
                     subscription.push(data, now, self.origin)
@@ -176,7 +156,7 @@ class Loopback(Transport):
         """Join a network; one of its own when None.
 
         Raises:
-            InputError: The name is none.
+            InputError: It is not a valid name.
             TransportError: The name is taken.
         """
         self.network = network or LoopbackNetwork()
@@ -200,7 +180,7 @@ class Loopback(Transport):
             shared.subscriptions.append((self.name, subscription))
             subscription.on_close(lambda: self.network.drop(shared, subscription))
             for publisher in shared.publishers.values():
-                if publisher.latched is not None and self.network.reaches(publisher.name):
+                if publisher.latched is not None and publisher.is_connected:
                     subscription.push(publisher.latched, self.now(), publisher.origin)
 
     def _serve(self, name: str, type_name: str, handler: Handler) -> None:
@@ -225,17 +205,17 @@ class Loopback(Transport):
         return answer_of(name, waiting, timeout, None if self.network.threaded else service.transport.poll)
 
     def connections(self, topic: str) -> Connections:
-        """Peers over a topic."""
+        """Return the peers over a topic."""
         with self.network.lock:
             return self.network.connections(absolute(topic), self.name)
 
     def topics(self) -> Mapping[str, str]:
-        """Topics that anyone publishes, with their types."""
+        """Return the topics that anyone publishes, with their types."""
         with self.network.lock:
             return self.network.published()
 
     def publishing(self) -> Mapping[str, frozenset[str]]:
-        """Processes that publish each topic."""
+        """Return the processes that publish each topic."""
         with self.network.lock:
             return self.network.publishing()
 

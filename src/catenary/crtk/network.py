@@ -1,11 +1,7 @@
 """Joining a network of messages by its name."""
 
-from typing import Literal
-
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError
-
-Ros = Literal["1", "2", "none"]
 
 
 def make_transport(ros: str, name: str) -> Transport:

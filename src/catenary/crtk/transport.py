@@ -13,7 +13,7 @@ import re
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple, Protocol, Self
+from typing import NamedTuple, Protocol, Self
 
 from catenary.crtk.clock import Clock, Rate, WallClock
 from catenary.crtk.codec import codec
@@ -114,8 +114,9 @@ class Transport(ABC):
         """
         self.require_open()
         topic = absolute(topic)
-        decode = self._decoder(type_name)
-        subscription = Subscription(topic, current_name(type_name), self.inbox, decode, callback, depth)
+        subscription = Subscription(
+            topic, current_name(type_name), self.inbox, codec(type_name).decode, callback, depth
+        )
         self._subscribe(subscription, type_name)
         return subscription
 
@@ -210,17 +211,13 @@ class Transport(ABC):
 
     @abstractmethod
     def _subscribe(self, subscription: Subscription, type_name: str) -> None:
-        """Have messages pushed into a subscription, of a type as the program spells it."""
+        """Have messages pushed into a subscription, as ROS 1's bytes; the type is as the program spells it."""
 
     @abstractmethod
     def _serve(self, name: str, type_name: str, handler: Handler) -> None: ...
 
     @abstractmethod
     def _call(self, name: str, type_name: str, request: Message, timeout: float) -> Message: ...
-
-    def _decoder(self, type_name: str) -> Callable[[Any], Message]:
-        """Return what makes messages of what the transport pushes: ROS 1's bytes, unless it says otherwise."""
-        return codec(type_name).decode
 
 
 def answer_of(

@@ -5,7 +5,6 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from types import TracebackType
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from catenary.devices.line_protocol import (
     Hello,
     parse_line,
 )
-from catenary.devices.serial_line import BAUD, SerialLine
+from catenary.devices.serial_board import BAUD, SerialBoard
 from catenary.errors import InputError, SensorError
 from catenary.sensing.mailbox import Kind, Mailbox
 from catenary.sensing.mounting import Mounting
@@ -40,11 +39,10 @@ class LinkCounts:
     restarts: int = 0  # of the board
 
 
-class SerialAccelerometer:
+class SerialAccelerometer(SerialBoard):
     """Reads a board and puts its samples into a mailbox, in m/s2 and rad/s, stamped on the host's clock.
 
-    A board that is unplugged is waited for, and goes on where it is plugged in again under the same name. Stamps
-    are on `clock`, which must be the one that the robot's JointState.time is on. Use as a context manager.
+    Stamps are on `clock`, which must be the one that the robot's JointState.time is on.
     """
 
     def __init__(
@@ -60,36 +58,13 @@ class SerialAccelerometer:
         Raises:
             SensorError: The port cannot be opened; the message lists those that there are.
         """
-        self.port, self.mailbox, self.counts = port, mailbox, LinkCounts()
+        self.mailbox, self.counts = mailbox, LinkCounts()
         self.hello: Hello | None = None
         self.complaint = ""  # why the last malformed line was refused
-        self._baud = baud
         self._board_clock = BoardClock()
         self._last_number: int | None = None
         self._greeted = threading.Event()
-        self._line = SerialLine(
-            port,
-            self._take_lines,
-            baud=baud,
-            clock=clock,
-            ask=ASK,
-            on_gone=self._count_loss,
-            on_back=self._begin_anew,
-        )
-        self._line.start()
-
-    def __enter__(self) -> "SerialAccelerometer":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    @property
-    def is_connected(self) -> bool:
-        """The port is open; samples may come."""
-        return self._line.is_connected
+        super().__init__(port, baud=baud, clock=clock, ask=ASK)
 
     def wait_ready(self, timeout: float = 5.0) -> Hello:
         """Wait for the board's hello and return it; an Arduino restarts when its port is opened, and takes 2 s.
@@ -103,7 +78,7 @@ class SerialAccelerometer:
                 f"{self.port}: no hello within {timeout:g} s: {c.before_hello} samples, {c.damaged} damaged lines"
                 + (f", {c.malformed} malformed ({self.complaint})" if c.malformed else "")
                 + "; expected the protocol of docs/devices.md at "
-                + f"{self._baud} baud"
+                + f"{self.baud} baud"
             )
         return self.hello
 
@@ -121,36 +96,28 @@ class SerialAccelerometer:
             mounting = replace(mounting, rate_range=hello.rate_range * RATE_UNITS[hello.rate_unit])
         return mounting if mounting.sensor else replace(mounting, sensor=hello.sensor)
 
-    def close(self) -> None:
-        """Stop reading and close the port."""
-        self._line.close()
-
-    def _count_loss(self) -> None:
+    def _on_gone(self) -> None:
         self.counts.unplugged += 1
 
-    def _begin_anew(self) -> None:
+    def _on_back(self) -> None:
         self._last_number = None
         self._board_clock = BoardClock()
 
-    def _take_lines(self, lines: list[str], arrival: float) -> None:
+    def _take(self, lines: list[str], arrival: float) -> None:
         for text in lines:
-            self._take(text, arrival)
-
-    def _take(self, text: str, arrival: float) -> None:
-        try:
-            line = parse_line(text)
-        except ChecksumError:
-            self.counts.damaged += 1
-            return
-        except InputError as error:
-            self.counts.malformed += 1
-            self.complaint = str(error)
-            return
-        if isinstance(line, Hello):
-            self.hello = line
-            self._greeted.set()
-        else:
-            self._deliver(line, arrival)
+            try:
+                line = parse_line(text)
+            except ChecksumError:
+                self.counts.damaged += 1
+            except InputError as error:
+                self.counts.malformed += 1
+                self.complaint = str(error)
+            else:
+                if isinstance(line, Hello):
+                    self.hello = line
+                    self._greeted.set()
+                else:
+                    self._deliver(line, arrival)
 
     def _deliver(self, sample: BoardSample, arrival: float) -> None:
         counts = self.counts

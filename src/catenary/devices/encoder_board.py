@@ -6,7 +6,6 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from types import TracebackType
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,7 @@ from catenary.arrays import Floats, frozen
 from catenary.devices.encoder_counts import CountTracker, Verdict, parse_counts
 from catenary.devices.encoder_rig import EncoderRig
 from catenary.devices.registration import Registration
-from catenary.devices.serial_line import BAUD, SerialLine
+from catenary.devices.serial_board import BAUD, SerialBoard
 from catenary.errors import InputError, SensorError
 
 QUEUE = 4096  # samples that wait to be taken: 40 s at 100 Hz
@@ -61,11 +60,11 @@ class EncoderReading(NamedTuple):
     tally: dict[str, int]
 
 
-class EncoderBoard:
+class EncoderBoard(SerialBoard):
     """Reads a board and registers it while the robot homes.
 
     Positions are valid once registered against the joints' stops. Unplugging loses the counts, and with them the
-    registration: the robot must be homed again. Use as a context manager.
+    registration: the robot must be homed again.
     """
 
     def __init__(
@@ -87,32 +86,16 @@ class EncoderBoard:
         Raises:
             SensorError: The port cannot be opened; the message lists those that there are.
         """
-        self.port, self.rig = port, EncoderRig() if rig is None else rig
+        self.rig = EncoderRig() if rig is None else rig
         self.tally = EncoderTally()
         self.complaint = ""
-        self._clock = clock
         self._tracker, self._registration = CountTracker(self.rig), Registration(self.rig)
         self._samples: deque[EncoderSample] = deque(maxlen=QUEUE)
         self._last: EncoderSample | None = None
         self._period = math.nan  # [s] between rows, as they come
         self._fresh = True  # the next line is the first since the port was opened
         self._lock = threading.Lock()
-        self._line = SerialLine(
-            port, self._take, baud=baud, clock=clock, on_gone=self._on_gone, on_back=self._on_back
-        )
-        self._line.start()
-
-    def __enter__(self) -> "EncoderBoard":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Stop reading and close the port."""
-        self._line.close()
+        super().__init__(port, baud=baud, clock=clock)
 
     def now(self) -> float:
         """Return the time [s] on the clock that samples are stamped with."""
@@ -152,7 +135,7 @@ class EncoderBoard:
             last, registration = self._last, self._registration
             age = math.inf if last is None else max(0.0, self._clock() - last.time)
             zero = registration.zero
-            connected, registered = self._line.is_connected, zero is not None
+            connected, registered = self.is_connected, zero is not None
             reason = registration.reason
             if not connected:
                 reason = "unplugged: the counts are lost; plug in, then home the robot"

@@ -44,24 +44,6 @@ def checksum(body: str) -> str:
     return f"{value:02X}"
 
 
-def hello_line(hello: Hello) -> str:
-    """Return the line of a hello, with its end."""
-    fields = (
-        hello.sensor,
-        hello.acceleration_unit,
-        hello.acceleration_range,
-        hello.rate_unit,
-        hello.rate_range,
-    )
-    return _line(f"CATHI,{VERSION}," + ",".join(map(str, (*fields, hello.rate_hz))))
-
-
-def sample_line(sample: BoardSample) -> str:
-    """Return the line of a sample, with its end."""
-    numbers = sample.acceleration + (() if sample.rate is None else sample.rate)
-    return _line(f"CATAC,{sample.number},{sample.micros}," + ",".join(f"{v:.5f}" for v in numbers))
-
-
 def parse_line(line: str) -> Hello | BoardSample:
     """Read a line without its end.
 
@@ -122,7 +104,3 @@ def _hello(fields: list[str]) -> Hello:
     if not (hello.acceleration_range > 0.0 and hello.rate_hz > 0.0 and hello.rate_range >= 0.0):
         raise InputError(f"hello: expected positive ranges and rate, got {fields}")
     return hello
-
-
-def _line(body: str) -> str:
-    return f"${body}*{checksum(body)}\r\n"

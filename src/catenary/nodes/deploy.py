@@ -28,6 +28,7 @@ from catenary.crtk.names import JOINT_STATE, POSE, TRANSFORM, calibrated_namespa
 from catenary.errors import InputError, TransportError
 from catenary.nodes.calibrated_messages import CalibratedMessages
 from catenary.plant import JointState
+from catenary.recording.topics import JOINTS
 from catenary.robots.catalog import load_robot
 
 DEPTH = 100  # messages that wait: 0.1 s; older ones are worth nothing
@@ -54,17 +55,10 @@ class WireReport:
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data: times in microseconds where so named."""
-        return {
-            "seconds": self.seconds,
-            "messages": self.messages,
-            "published": self.published,
-            "rate_hz": self.rate_hz,
+        same = ("seconds", "messages", "published", "rate_hz", "late", "missed", "silences", "not_homed")
+        return {name: getattr(self, name) for name in same} | {
             "latency_us": None if self.latency is None else self.latency.in_us(),
-            "late": self.late,
-            "missed": self.missed,
-            "silences": self.silences,
             "longest_silence_s": self.longest_silence,
-            "not_homed": self.not_homed,
             "outside_valid_range": dict(zip(self.joint_names, self.outside, strict=True)),
         }
 
@@ -97,21 +91,21 @@ class CalibratedTopics:
         self._corrector = Corrector(model, rate_hz=rate_hz)
         self._corrector.prepare(client.joint_names, client.joint_units, rate_hz)
         self._places = [client.joint_names.index(name) for name in model.joint_names]
-        names = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")
-        if client.joint_names != names:
+        if client.joint_names != JOINTS:
             raise InputError(
-                f"deploy: knows a RAVEN-II's kinematics only; the robot's joints are {', '.join(client.joint_names)}"
+                f"deploy: the kinematics are a RAVEN-II's, with joints {', '.join(JOINTS)}; "
+                f"the robot's joints are {', '.join(client.joint_names)}"
             )
         right = "" if client.arm == "gold" else "_right"
         self._publisher = CalibratedMessages(
             client.transport,
             calibrated_namespace(client.arm),
-            names,
+            JOINTS,
             load_robot(f"raven2_full{right}"),
             pose_type=TRANSFORM if client.dialect == "raven" else POSE,
             positioning=load_robot(f"raven2{right}") if gravity_torque else None,
         )
-        n = len(names)
+        n = len(JOINTS)
         self._out, self._inside = np.empty(n), np.empty(n, dtype=bool)
         rest = np.zeros(n)
         self._corrector.correct_state(
@@ -129,7 +123,7 @@ class CalibratedTopics:
 
     @property
     def is_silent(self) -> bool:
-        """The robot is silent now."""
+        """Nothing has come from the robot for longer than the client allows."""
         return self._is_silent
 
     def step(self, timeout: float = 0.0) -> int:

@@ -30,17 +30,9 @@ class EncoderStatus(NamedTuple):
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data: counts, rad and m."""
-        reading = self.reading._asdict()
-        tally = reading.pop("tally")
-        return {
-            "seconds": self.seconds,
-            **reading,
-            "line": tally,
-            "robot": self.robot,
-            "published": self.published,
-            "subscribers": self.subscribers,
-            "is_up": self.is_up,
-        }
+        data = self._asdict() | self.reading._asdict()
+        del data["reading"]
+        return data | {"line": data.pop("tally")}
 
 
 class EncoderNode:
@@ -54,7 +46,7 @@ class EncoderNode:
         """Begin to publish, and to listen to the robot.
 
         Raises:
-            TransportError: A topic is taken otherwise.
+            TransportError: A topic carries another type.
         """
         self.board, self.transport = board, transport
         self.robot = ""
@@ -71,14 +63,11 @@ class EncoderNode:
                 state = operating_state(message)
             except InputError:
                 continue  # a state of another kind of robot says nothing of homing
-            self.robot = (
-                f"{state.state}{' homed' if state.is_homed else ''}{' busy' if state.is_busy else ''}"
-            )
+            self.robot = state.state + " homed" * state.is_homed + " busy" * state.is_busy
             self.board.tell(is_busy=state.is_busy, is_homed=state.is_homed)
         samples = self.board.take()
-        shift = self.transport.now() - round(
-            self.board.now() * SECOND
-        )  # from the board's clock to the stamps'
+        # from the board's clock to the stamps'
+        shift = self.transport.now() - round(self.board.now() * SECOND)
         names = JOINT_ENC.joint_names
         for sample in samples:
             stamp = self._stamps.next(round(sample.time * SECOND) + shift)
@@ -91,9 +80,8 @@ class EncoderNode:
 
     def status(self, seconds: float) -> EncoderStatus:
         """Return the status, `seconds` after the begin."""
-        listeners: set[str] = set()
-        for topic in self.published:
-            listeners.update(self.transport.connections(topic).subscribers)
+        connections = self.transport.connections
+        listeners = {name for topic in self.published for name in connections(topic).subscribers}
         return EncoderStatus(
             seconds,
             self.board.reading(),

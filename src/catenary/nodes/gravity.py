@@ -40,20 +40,16 @@ class GravityStatus(NamedTuple):
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, in SI and degrees where the name says so."""
-        gravity = self.reading.gravity
-        return {
-            "seconds": self.seconds,
-            "status": self.reading.status.value,
-            "gravity": gravity,
-            "magnitude": float(np.linalg.norm(gravity)),
-            "tilt_deg": float(np.degrees(tilt_angle(gravity))),
-            "age_s": self.reading.age,
-            "faults": list(self.reading.faults.names),
+        data = self._asdict()
+        reading: GravityReading = data.pop("reading")
+        return data | {
+            "status": reading.status.value,
+            "gravity": reading.gravity,
+            "magnitude": float(np.linalg.norm(reading.gravity)),
+            "tilt_deg": float(np.degrees(tilt_angle(reading.gravity))),
+            "age_s": reading.age,
+            "faults": list(reading.faults.names),
             "warnings": list(self.warnings),
-            "published": self.published,
-            "subscribers": self.subscribers,
-            "is_up": self.is_up,
-            "link": self.link,
         }
 
 
@@ -75,7 +71,7 @@ class GravityNode:
         """Begin to publish.
 
         Raises:
-            TransportError: The topic is taken otherwise.
+            TransportError: The topic carries another type.
         """
         self.transport, self.source, self.frame_id = transport, source, frame_id
         self.tally, self.published = GravityTally(), 0

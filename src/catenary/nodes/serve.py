@@ -5,7 +5,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -53,18 +53,31 @@ class Serving:
 
 
 class ServerStatus(NamedTuple):
-    """Status of the server over the last second, or over all of its run."""
+    """Status of the server over the last second, or over its whole run."""
 
-    seconds: float  # since the begin
+    seconds: float  # since it began
     rate_hz: float  # ticks
     cpu: float  # cores
     states: dict[str, str]  # by arm
     commands_hz: float
     clients: int  # programs that listen or command
-    lost_ticks: int  # given up since the begin, because the machine was late
-    overflowed: int  # messages that slow clients missed since the begin
+    lost_ticks: int  # given up since it began, because the machine was late
+    overflowed: int  # messages that slow clients missed since it began
     is_up: bool  # whether the transport's network answers
     warnings: tuple[str, ...]
+
+
+class _Counts(NamedTuple):
+    """Counters of a server at one moment."""
+
+    time: float  # [s]
+    cpu: float  # [s]
+    ticks: int
+    commands: int
+
+    @classmethod
+    def now(cls, server: Server) -> Self:
+        return cls(time.perf_counter(), time.process_time(), server.ticks, server.commands)
 
 
 def make_server(
@@ -80,7 +93,7 @@ def make_server(
 
     Raises:
         InputError: A number is out of its range.
-        TransportError: A topic is taken otherwise.
+        TransportError: A topic carries another type.
     """
     reports = Reports()
     plants = _plants(serving) if plants is None else plants
@@ -154,12 +167,13 @@ def serve(
 
     Args:
         server: What is served.
-        commands: Of a person, from any thread, obeyed between two ticks: "button", or a state command for all arms.
+        commands: From a person, put in by any thread, obeyed between two ticks: "button", or a state command for all
+            arms.
         show: Called once a second.
         duration: [s]; None for ever.
 
     Returns:
-        How it went altogether.
+        Status over the whole run.
     """
     period = max(arm.plant.period for arm in server.arms.values())
     server.tick()  # whatever is compiled on first use is compiled here
@@ -169,41 +183,35 @@ def serve(
     settled = RealTime(period)
     settled.begin()
     clock = time.perf_counter
-    begin = deadline = last = clock()
-    cpu_begin = cpu_last = time.process_time()
-    ticks_begin, ticks_last, commands_last, lost = server.ticks, server.ticks, server.commands, 0
-    total_warnings = 0
+    begin = last = _Counts.now(server)
+    deadline, lost = begin.time, 0
 
-    def status(since: float, cpu: float, ticks: int, commands: int, now: float) -> ServerStatus:
-        nonlocal total_warnings
-        warnings = tuple(server.reports.take())
-        total_warnings += len(warnings)
-        took = max(now - since, 1e-9)
+    def status(since: _Counts, now: _Counts) -> ServerStatus:
+        took = max(now.time - since.time, 1e-9)
         return ServerStatus(
-            seconds=now - begin,
-            rate_hz=(server.ticks - ticks) / took,
-            cpu=(time.process_time() - cpu) / took,
+            seconds=now.time - begin.time,
+            rate_hz=(now.ticks - since.ticks) / took,
+            cpu=(now.cpu - since.cpu) / took,
             states={name: _state_text(arm) for name, arm in server.arms.items()},
-            commands_hz=(server.commands - commands) / took,
+            commands_hz=(now.commands - since.commands) / took,
             clients=len(server.clients()),
             lost_ticks=lost,
             overflowed=server.overflowed,
             is_up=server.transport.is_up(),
-            warnings=warnings,
+            warnings=tuple(server.reports.take()),
         )
 
     try:
-        while duration is None or clock() - begin < duration:
+        while duration is None or clock() - begin.time < duration:
             while commands:
                 server.person_says(commands.popleft())
             server.tick()
             deadline += period
             now = clock()
-            if now - last >= 1.0:
-                show(status(last, cpu_last, ticks_last, commands_last, now))
+            if now - last.time >= 1.0:
+                before, last = last, _Counts.now(server)
+                show(status(before, last))
                 gc.collect(0)  # the loop runs without the collector; what rospy leaves behind is little
-                last, cpu_last = now, time.process_time()
-                ticks_last, commands_last = server.ticks, server.commands
                 now = clock()
             if deadline > now:
                 time.sleep(deadline - now)
@@ -220,7 +228,7 @@ def serve(
             if arm.machine.can_change:
                 arm.machine.command("pause")
                 arm.advance()
-    return status(begin, cpu_begin, ticks_begin, 0, clock())
+    return status(begin, _Counts.now(server))
 
 
 def _state_text(arm: ServedArm) -> str:

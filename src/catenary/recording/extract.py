@@ -4,8 +4,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -115,19 +114,9 @@ class TopicFile:
 
     def read(self, columns: Sequence[str], group: int | None = None) -> dict[str, NDArray[Any]]:
         """Read columns by name, such as `stamp` or `jpos:gold_shoulder`; of one row group, or of all."""
-        if group is None:
-            table = self._file.read(columns=list(columns))
-        else:
-            table = self._file.read_row_group(group, columns=list(columns))
+        groups = range(self.row_groups) if group is None else [group]
+        table = self._file.read_row_groups(groups, columns=list(columns))
         return {name: table.column(name).to_numpy() for name in columns}
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._file.close()
 
 
 def topic_file(folder: Path, topic: Topic) -> TopicFile:

@@ -61,21 +61,17 @@ def write_parquet(log: MotionLog, path: str | Path) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    columns: list[tuple[str, NDArray[Any], str]] = []
-    if log.time is not None:
-        columns.append(("time", log.time, "s"))
-    columns.append(("ok", log.ok, ""))
+    columns: dict[str, tuple[NDArray[Any], str]] = {} if log.time is None else {"time": (log.time, "s")}
+    columns["ok"] = log.ok, ""
     for prefix in PER_JOINT:
         values = getattr(log, prefix)
         if values is not None:
-            for i, (joint, unit) in enumerate(zip(log.joint_names, log.joint_units, strict=True)):
-                columns.append((f"{prefix}:{joint}", values[:, i], _unit(prefix, unit)))
+            for joint, unit, column in zip(log.joint_names, log.joint_units, values.T, strict=True):
+                columns[f"{prefix}:{joint}"] = column, _unit(prefix, unit)
     for name, values in log.signals.items():
-        columns.append((name, values, log.signal_units.get(name, "")))
-    names = [name for name, _, _ in columns]
-    for name in log.signals:
-        if names.count(name) > 1:
+        if name in columns:
             raise InputError(f'recording "{log.name}": signal "{name}" has the name of a column of every log')
+        columns[name] = values, log.signal_units.get(name, "")
     about = {
         "format": FORMAT,
         "joint_names": log.joint_names,
@@ -85,14 +81,12 @@ def write_parquet(log: MotionLog, path: str | Path) -> None:
         "simulated": log.simulated,
         "notes": log.notes,
     }
-    schema = pa.schema(
-        [
-            pa.field(name, pa.bool_() if values.dtype == bool else pa.float64(), metadata={"unit": unit})
-            for name, values, unit in columns
-        ],
-        metadata={"catenary": json.dumps(about)},
-    )
-    table = pa.table([values for _, values, _ in columns], schema=schema)
+    fields = [
+        pa.field(name, pa.bool_() if values.dtype == bool else pa.float64(), metadata={"unit": unit})
+        for name, (values, unit) in columns.items()
+    ]
+    schema = pa.schema(fields, metadata={"catenary": json.dumps(about)})
+    table = pa.table([values for values, _ in columns.values()], schema=schema)
     try:
         pq.write_table(table, path, compression="zstd", write_page_checksum=True)
     except OSError as error:

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.extract import topic_file
 from catenary.recording.importers import is_number
 from catenary.recording.series import Series, clean_series
 from catenary.recording.synchronise import (
@@ -25,7 +24,7 @@ from catenary.recording.synchronise import (
     SynchroniseOptions,
     build_log,
     open_state,
-    read_series,
+    read_first_column,
 )
 from catenary.recording.topics import (
     AXES,
@@ -34,7 +33,6 @@ from catenary.recording.topics import (
     RAVENSTATE,
     SECOND,
     Arm,
-    Topic,
     TopicColumn,
     measured_topic,
 )
@@ -73,7 +71,7 @@ def write_raven_csv(
         FileFormatError: raven_state, ext_jpos or measured_js is not in the extraction.
         InputError: The force is of another shape.
     """
-    parts = [_samples(folder, EXT_JPOS, max_gap), _samples(folder, measured_topic(arm), max_gap)]
+    parts = [read_first_column(folder, topic, max_gap) for topic in (EXT_JPOS, measured_topic(arm))]
     last = None
     if force is not None:
         stamp = as_array("force stamps", force[0], (None,))
@@ -83,7 +81,8 @@ def write_raven_csv(
     names = [name for column in STATE_COLUMNS for name in column.names]
     part = path.with_name(f"{path.name}.part")
     options = pa.csv.WriteOptions(include_header=False, quoting_style="none")
-    with open_state(folder) as file, part.open("wb") as out:
+    file = open_state(folder)
+    with part.open("wb") as out:
         first = int(file.read(["stamp"], 0)["stamp"][0]) if file.rows else 0
         for group in range(file.row_groups):
             content = file.read(["stamp", *names], group)
@@ -151,11 +150,6 @@ def read_raven_csv(
         further_units=dict.fromkeys(force, "N"),
         reports=(clean.report, encoder.report, *(() if measured is None else (measured.report,))),
     )
-
-
-def _samples(folder: Path, topic: Topic, max_gap: float) -> Series:
-    with topic_file(folder, topic) as file:
-        return read_series(file, file.topic.columns[0].names, max_gap)
 
 
 def _nearest(series: Series, stamp: NDArray[np.int64], max_gap: float, origin: int = 0) -> Iterator[Floats]:

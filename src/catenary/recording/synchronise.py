@@ -27,6 +27,7 @@ from catenary.recording.topics import (
     RAVENSTATE_100HZ,
     SECOND,
     Arm,
+    Topic,
     measured_topic,
 )
 from catenary.transmission.coupling import joint_forces
@@ -92,18 +93,14 @@ def synchronise(folder: Path, options: SynchroniseOptions | None = None) -> Sync
         )
     arm = options.arm
     state_names = [f"{kind}:{arm}_{axis}" for kind in ("jpos", "tau", "jvel") for axis in AXES]
-    with open_state(folder) as file:
-        about = file.about
-        state = read_series(file, state_names, options.max_gap)
-    origin = int(state.stamp[0])
-    span = (origin, int(state.stamp[-1]))
-    with topic_file(folder, EXT_JPOS) as file:
-        encoder = read_series(file, EXT_JPOS.columns[0].names, options.max_gap, span)
+    file = open_state(folder)
+    about = file.about
+    state = read_series(file, state_names, options.max_gap)
+    span = (int(state.stamp[0]), int(state.stamp[-1]))
+    encoder = read_first_column(folder, EXT_JPOS, options.max_gap, span)
     reports = [state.report, encoder.report]
-    topic = measured_topic(arm)
-    if (folder / f"{topic.stem}.parquet").is_file():
-        with topic_file(folder, topic) as file:
-            reports.append(read_series(file, topic.columns[0].names, options.max_gap, span).report)
+    if (folder / f"{measured_topic(arm).stem}.parquet").is_file():
+        reports.append(read_first_column(folder, measured_topic(arm), options.max_gap, span).report)
     return build_log(
         name=folder.name,
         robot=about.robot if about.robot is not None else ROBOT[arm],
@@ -200,6 +197,13 @@ def open_state(folder: Path) -> TopicFile:
             f"{folder}: has {' and '.join(t.name for t in there)}; expected one, extract only that"
         )
     return topic_file(folder, there[0] if there else RAVENSTATE)
+
+
+def read_first_column(
+    folder: Path, topic: Topic, max_gap: float, span: tuple[int, int] | None = None
+) -> Series:
+    """Read the positions of an extracted topic, which come first; see `read_series`."""
+    return read_series(topic_file(folder, topic), topic.columns[0].names, max_gap, span)
 
 
 def read_series(

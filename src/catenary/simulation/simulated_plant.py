@@ -3,17 +3,10 @@
 from abc import ABC, abstractmethod
 
 from catenary.errors import NotReadyError, UnsupportedCommandError
-from catenary.plant import STATE_COMMANDS, OperatingState, StateCommand, StateName
+from catenary.plant import STATE_COMMANDS, TRANSITIONS, OperatingState, StateCommand, StateName
 from catenary.simulation.base_motion import BaseTimeline, MovingBase
 
 PERIOD = 1e-3  # [s]
-# command: state before, state after; where a state is not named, nothing happens
-_TRANSITIONS: dict[str, dict[StateName, StateName]] = {
-    "enable": {"DISABLED": "ENABLED", "FAULT": "ENABLED"},
-    "disable": {"DISABLED": "DISABLED", "ENABLED": "DISABLED", "PAUSED": "DISABLED", "FAULT": "DISABLED"},
-    "pause": {"ENABLED": "PAUSED"},
-    "resume": {"PAUSED": "ENABLED"},
-}
 
 
 class SimulatedPlant(ABC):
@@ -68,8 +61,8 @@ class SimulatedPlant(ABC):
         elif command == "unhome":
             self._is_homed = False
             self._unhomed()
-        elif self._state in _TRANSITIONS[command]:
-            self._set_state(_TRANSITIONS[command][self._state])
+        elif self._state in TRANSITIONS[command]:
+            self._set_state(TRANSITIONS[command][self._state])
 
     @property
     def _is_homing(self) -> bool:

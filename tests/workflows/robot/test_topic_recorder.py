@@ -48,16 +48,16 @@ def test_topics_come_at_the_rates_they_are_recorded_at(journal: Path) -> None:
 
 def test_stamps_and_numbers_are_the_robots_own(journal: Path, robot: RobotOnLoopback, tmp_path: Path) -> None:
     extract([journal], tmp_path)
-    with topic_file(tmp_path, RAVENSTATE_100HZ) as file:
-        content = file.read(["stamp", "arrival", "jpos:gold_insertion"])
+    file = topic_file(tmp_path, RAVENSTATE_100HZ)
+    content = file.read(["stamp", "arrival", "jpos:gold_insertion"])
     assert (content["stamp"] <= content["arrival"]).all()
     assert (content["arrival"] - content["stamp"] < 2_000_000).all()  # loopback: the same tick
     held = robot.robot.plant.measured_js().q[2]
     assert_allclose(content["jpos:gold_insertion"][-1], held, atol=1e-6)  # float32 on the way
-    with topic_file(tmp_path, EXT_JPOS) as file:
-        assert file.about.robot == "raven2"
-        shoulder = file.read(["ext_jpos:shoulder"])["ext_jpos:shoulder"]
-        assert_allclose(shoulder, robot.robot.plant.state.q[0], atol=1e-3)
+    file = topic_file(tmp_path, EXT_JPOS)
+    assert file.about.robot == "raven2"
+    shoulder = file.read(["ext_jpos:shoulder"])["ext_jpos:shoulder"]
+    assert_allclose(shoulder, robot.robot.plant.state.q[0], atol=1e-3)
 
 
 def test_bags_of_it_are_made_like_any_others(journal: Path, tmp_path: Path) -> None:

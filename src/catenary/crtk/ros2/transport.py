@@ -1,5 +1,7 @@
 """ROS 2 behind the transport protocol, by rclpy, which is imported only when a transport is made.
 
+Messages pass rclpy as ROS 2's bytes (CDR), which rosbags makes from ROS 1's; so every transport has the same codec.
+
 Not tried on a real ROS 2: rclpy comes neither by pip nor with Debian. Its tests run against a stand-in that keeps to
 rclpy's documented interface (Humble). What differs from ROS 1: headers have no `seq`; types of raven_2 do not exist,
 so only the `crtk` dialect works; two programs may have the same name; ROS 2 does not count what a peer misses, so
@@ -9,18 +11,36 @@ so only the `crtk` dialect works; two programs may have the same name; ROS 2 doe
 import importlib
 import logging
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
+from catenary.crtk.codec import codec
 from catenary.crtk.inbox import Request, Subscription
-from catenary.crtk.message import Message
-from catenary.crtk.ros2.messages import fill_ros2, from_ros2, ros2_class, to_ros2
+from catenary.crtk.message import Message, message_class, message_fields
 from catenary.crtk.transport import DEPTH, Connections, Handler, Transport, absolute, other_type
 from catenary.errors import MissingPackageError, TransportError
-from catenary.recording.messages import current_name, fields
+from catenary.recording.messages import current_name, fields, ros2_name, typestore
 
 _logger = logging.getLogger(__name__)
+
+
+def ros2_class(name: str, kind: str = "msg") -> Any:
+    """Return ROS 2's class of a message type (`kind` "msg") or service type ("srv").
+
+    Raises:
+        MissingPackageError: Its package is not installed for ROS 2; there is none for raven_2.
+    """
+    package, _, type_name = current_name(name).partition("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.{kind}"), type_name)
+    except (ImportError, AttributeError) as error:
+        hint = (
+            "the RAVEN-II's own messages exist for ROS 1 only, the crtk dialect does without them"
+            if package == "raven_2"
+            else f"install it (apt install ros-$ROS_DISTRO-{package.replace('_', '-')}) and source ROS 2's setup file"
+        )
+        raise MissingPackageError(f"{ros2_name(name)}: not found in ROS 2: {hint}") from error
 
 
 class Ros2Publisher:
@@ -33,13 +53,15 @@ class Ros2Publisher:
         self.type_name = type_name
         self._transport = transport
         self._handle = handle
+        self._encode = codec(type_name).encode
         self.is_closed = False
 
     def publish(self, message: Message) -> None:
         """Send a message."""
         if self.is_closed:
             raise TransportError(f"publisher of {self.topic} is closed")
-        self._handle.publish(to_ros2(self.type_name, message))
+        data = self._encode(message, 0)
+        self._handle.publish(bytes(typestore(2).ros1_to_cdr(data, ros2_name(self.type_name))))
 
     def close(self) -> None:
         """Publish no more."""
@@ -95,10 +117,6 @@ class Ros2Transport(Transport):
         )
         return Ros2Publisher(self, topic, current_name(type_name), handle)
 
-    def _decoder(self, type_name: str) -> Callable[[Any], Message]:
-        fields(type_name)  # refuses unknown types
-        return partial(from_ros2, type_name)
-
     def _subscribe(self, subscription: Subscription, type_name: str) -> None:
         """Begin to receive; latched messages of publishers that are there already."""
         topic, depth = subscription.topic, subscription.depth
@@ -106,12 +124,14 @@ class Ros2Transport(Transport):
         # a subscription that asks for latched messages gets none from publishers that do not latch
         durabilities = {one.qos_profile.durability for one in self.node.get_publishers_info_by_topic(topic)}
         latch = durabilities == {importlib.import_module("rclpy.qos").DurabilityPolicy.TRANSIENT_LOCAL}
+        to_ros1 = partial(typestore(2).cdr_to_ros1, typename=ros2_name(type_name))
         handle = self.node.create_subscription(
             ros2_class(type_name),
             topic,
-            lambda given: subscription.push(given, self.now()),
+            lambda data: subscription.push(bytes(to_ros1(data)), self.now()),
             # roomy: what ROS 2 itself drops, nobody counts
             self._qos(max(depth, DEPTH), latch=latch),
+            raw=True,
         )
         subscription.on_close(partial(self.node.destroy_subscription, handle))
 
@@ -139,7 +159,7 @@ class Ros2Transport(Transport):
         async def serve(request: Any, response: Any) -> Any:
             """Let `poll` answer, while this thread goes on receiving."""
             done = future(executor=self._executor)
-            waiting = Request(lambda: handler(from_ros2(f"{type_name}Request", request)))
+            waiting = Request(lambda: handler(_plain_message(f"{type_name}Request", request)))
 
             def answer() -> None:
                 waiting.run()
@@ -148,10 +168,8 @@ class Ros2Transport(Transport):
             self.inbox.put(answer)
             await done
             try:
-                fill_ros2(f"{type_name}Response", waiting.result(), response)
-            except (
-                Exception
-            ) as error:  # ROS 2 has no other way to tell the caller, and would end the receiver
+                _fill(f"{type_name}Response", waiting.result(), response)
+            except Exception as error:  # it would end the receiver
                 _logger.warning("service %s failed: %s", name, error)
                 response.success, response.message = False, str(error)
             return response
@@ -165,13 +183,13 @@ class Ros2Transport(Transport):
             if not client.wait_for_service(timeout_sec=min(timeout, 1.0)):
                 raise TransportError(f"service {name}: nobody offers it")
             asked = kind.Request()
-            fill_ros2(f"{type_name}Request", request, asked)
+            _fill(f"{type_name}Request", request, asked)
             done = threading.Event()
             answer = client.call_async(asked)
             answer.add_done_callback(lambda _: done.set())
             if not done.wait(timeout):
                 raise TransportError(f"service {name}: no answer within {timeout} s")
-            return from_ros2(f"{type_name}Response", answer.result())
+            return _plain_message(f"{type_name}Response", answer.result())
         finally:
             self.node.destroy_client(client)
 
@@ -213,3 +231,14 @@ class Ros2Transport(Transport):
 
 def _names(endpoints: Any) -> tuple[str, ...]:
     return tuple(sorted({f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in endpoints}))
+
+
+def _fill(name: str, message: Message, into: Any) -> None:
+    """Write a message into rclpy's object of half a service, whose fields are plain; it demands exact types."""
+    for field, value in message_fields(name, codec(name).decode(codec(name).encode(message, 0))):
+        setattr(into, field.name, value)
+
+
+def _plain_message(name: str, given: Any) -> Message:
+    """Return a message from rclpy's object of half a service."""
+    return message_class(name)(*(getattr(given, field.name) for field in fields(name)))

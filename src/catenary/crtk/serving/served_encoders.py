@@ -51,6 +51,4 @@ class ServedEncoders:
 
 
 def _outlet(transport: Transport, topic: Topic) -> Outlet:
-    column = topic.columns[0]
-    unit = ", ".join(dict.fromkeys(column.units))
-    return Outlet(transport, CrtkTopic(topic.name, JOINT_STATE, "out", topic.rate, unit, column.name))
+    return Outlet(transport, CrtkTopic(topic.name, JOINT_STATE, "out", topic.columns[0].name))

@@ -8,22 +8,15 @@ else does: init is ENABLED and busy while the arm homes; then the pedal is up, P
 pressed, ENABLED; `pause` for the pedal released; `disable` for the emergency stop. `enable` is ignored.
 """
 
+from collections.abc import Mapping
 from typing import Literal, cast
 
 from catenary.crtk.names import Dialect
 from catenary.errors import NotReadyError
-from catenary.plant import STATE_COMMANDS, OperatingState, Plant, StateCommand, StateName
+from catenary.plant import STATE_COMMANDS, TRANSITIONS, OperatingState, Plant, StateCommand, StateName
 
-# state command: states in which it acts
-_CRTK: dict[str, tuple[StateName, ...]] = {
-    "enable": ("DISABLED", "FAULT"),
-    "disable": ("ENABLED", "PAUSED", "FAULT"),
-    "pause": ("ENABLED",),
-    "resume": ("PAUSED",),
-    "home": ("ENABLED",),
-    "unhome": ("DISABLED", "ENABLED", "PAUSED", "FAULT"),
-}
-_RAVEN = _CRTK | {"enable": (), "home": ("ENABLED", "PAUSED")}
+_Transitions = Mapping[StateCommand, Mapping[StateName, StateName]]
+_RAVEN: _Transitions = {**TRANSITIONS, "enable": {}, "home": {"ENABLED": "ENABLED", "PAUSED": "ENABLED"}}
 # state that a command asks for: it is no mistake to ask for the one that there is
 _ASKED_FOR: dict[str, StateName] = {"enable": "ENABLED", "disable": "DISABLED", "pause": "PAUSED"}
 RunLevel = Literal[0, 1, 2, 3]  # emergency stop, init, pedal up, pedal down
@@ -40,14 +33,14 @@ class StateMachine:
 
     def __init__(self, plant: Plant, dialect: Dialect) -> None:
         self._plant = plant
-        self._table = _RAVEN if dialect == "raven" else _CRTK
+        self._table = _RAVEN if dialect == "raven" else TRANSITIONS
         self._pauses = dialect == "raven"
         self._homing = False
         self.can_change = "state_command" in plant.supports
 
     def command(self, text: str) -> str | None:
         """Obey a state command; where it is ignored, say why."""
-        name = text.strip()
+        name = cast(StateCommand, text.strip())
         if name not in STATE_COMMANDS:
             return f'"{name}": ignored, expected one of {", ".join(STATE_COMMANDS)}'
         if not self.can_change:
@@ -56,15 +49,14 @@ class StateMachine:
         if _ASKED_FOR.get(name) == state.state:
             return None
         if state.state not in self._table[name]:
-            hint = (
-                "; the silver button starts the robot" if self._pauses and name in ("enable", "home") else ""
-            )
+            starts = self._pauses and name in ("enable", "home")
+            hint = "; the silver button starts the robot" if starts else ""
             return f"{name}: ignored while {state.state}{hint}"
         if name == "resume" and not state.is_homed:
             return "resume: ignored, the arm is not homed"
         if name == "home":
             return None if state.is_homed or state.is_busy else self._home(state)
-        return self._ask(cast(StateCommand, name))
+        return self._ask(name)
 
     def press_button(self) -> str | None:
         """Press the RAVEN-II's silver button: leave the emergency stop, home what is not homed; say why where not."""

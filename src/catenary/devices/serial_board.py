@@ -1,9 +1,10 @@
-"""Lines of text from a serial port, read by a thread of their own; a port that goes away is waited for."""
+"""A board on a serial port, its lines read by a thread of its own; a port that goes away is waited for."""
 
 import logging
 import threading
-import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
+from typing import Self
 
 import serial
 import serial.tools.list_ports
@@ -14,48 +15,29 @@ from catenary.errors import SensorError
 BAUD = 115200
 RETRY = 0.25  # [s] between attempts to find a board that was unplugged
 _log = logging.getLogger(__name__)
-TakeLines = Callable[[list[str], float], None]
 
 
-def _nothing() -> None:
-    pass
+class SerialBoard(ABC):
+    """A board whose lines are handed over as they come, those read together at once.
 
-
-class SerialLine:
-    """Hands over lines as they come, those of one read together, with the time [s] at which they came.
-
-    A board that is unplugged is waited for, and goes on where it is plugged in again under the same name.
+    A board that is unplugged is waited for, and goes on where it is plugged in again under the same name. Use as a
+    context manager.
     """
 
-    def __init__(
-        self,
-        port: str,
-        take: TakeLines,
-        *,
-        baud: int = BAUD,
-        clock: Callable[[], float] = time.monotonic,
-        ask: bytes = b"",
-        on_gone: Callable[[], None] = _nothing,
-        on_back: Callable[[], None] = _nothing,
-    ) -> None:
-        """Open the port; `start` begins to read.
+    def __init__(self, port: str, *, baud: int, clock: Callable[[], float], ask: bytes = b"") -> None:
+        """Open the port and begin to read; subclasses call this when they are ready to take lines.
 
         Args:
             port: As /dev/ttyACM0.
-            take: Gets lines without their ends, and their time on `clock`; called by the reading thread, as are
-                the next.
             baud: Speed of the line.
-            clock: Of the times [s].
+            clock: Of the lines' times [s].
             ask: Sent whenever the port is opened.
-            on_gone: Called when the board is unplugged.
-            on_back: Called when it is there again, before its first line.
 
         Raises:
             SensorError: The port cannot be opened; the message lists those that there are.
         """
         self.port, self.baud = port, baud
-        self._take, self._clock, self._ask = take, clock, ask
-        self._on_gone, self._on_back = on_gone, on_back
+        self._clock, self._ask = clock, ask
         self._ending = threading.Event()
         try:
             self._line: serial.Serial | None = self._open()
@@ -63,27 +45,36 @@ class SerialLine:
             ports = ", ".join(sorted(p.device for p in serial.tools.list_ports.comports())) or "none"
             raise SensorError(f"{port}: cannot be opened: {error}; serial ports here: {ports}") from error
         self._thread = threading.Thread(target=self._run, name=f"catenary {port}", daemon=True)
-
-    def start(self) -> None:
-        """Begin to read."""
         self._thread.start()
+
+    @abstractmethod
+    def _take(self, lines: list[str], arrival: float) -> None:
+        """Take lines without their ends, which came at a time [s]; this and the next two run in the reading thread."""
+
+    @abstractmethod
+    def _on_gone(self) -> None:
+        """Take note that the board was unplugged."""
+
+    @abstractmethod
+    def _on_back(self) -> None:
+        """Take note that it is there again, before its first line."""
 
     @property
     def is_connected(self) -> bool:
         """The port is open; lines may come."""
         return self._line is not None
 
-    @property
-    def is_reading(self) -> bool:
-        """The thread runs."""
-        return self._thread.is_alive()
-
     def close(self) -> None:
         """Stop reading and close the port."""
         self._ending.set()
-        if self._thread.is_alive():
-            self._thread.join(timeout=2.0)
+        self._thread.join(timeout=2.0)
         self._drop()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
 
     def _open(self) -> serial.Serial:
         line = serial.Serial(self.port, self.baud, timeout=0.05, write_timeout=0.2)
