@@ -86,7 +86,7 @@ def run(start: Start, fault: str | None, fallback: str) -> tuple[Floats, Gravity
     """Follow the motion, with a fault or none: true positions (T, 3), the report, whether it was stopped."""
     plant = deepcopy(start.plant)
     arm = raven_arm(plant)
-    faults = [] if fault is None else [InjectedFault(fault, plant.time + WARM + BEGIN, LASTS)]  # type: ignore[arg-type]
+    faults = [] if fault is None else [InjectedFault(fault, plant.time + WARM + BEGIN, LASTS)]
     mailbox = Mailbox()
     sensor = SimulatedSensor(start.base, mailbox, faults=faults, seed=1, start=plant.time)
     source = SensedGravity(mailbox, sensor.model.mounting, fallback=fallback, feed=sensor.advance)

@@ -11,7 +11,7 @@ from catenary.trajectories.reference import Trajectory
 from tests.benchmarks.measure import ROUNDS, tell
 from tests.benchmarks.robots import robots
 from tests.oracles.calibration_models import random_model, random_network
-from tests.oracles.mass_plant import MassPlant
+from tests.oracles.ideal_plant import MassPlant
 
 N = 7
 SECONDS = 5.0

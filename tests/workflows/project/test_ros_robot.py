@@ -102,7 +102,7 @@ def test_yes_presses_a_button_but_clears_no_fault_and_needs_encoders(tmp_path: P
     homed(project(tmp_path / "a"), setup)
     plant = setup.robot.plant
     assert plant.operating_state().is_homed
-    plant._state = plant.operating_state()._replace(state="FAULT")
+    plant.state = plant.operating_state()._replace(state="FAULT")
     with pytest.raises(NotReadyError, match="FAULT"):
         homed(project(tmp_path / "b"), setup)
     blind = RobotOnLoopback(EncodedPlant(), encoders=False, every=5)
