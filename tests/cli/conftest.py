@@ -6,6 +6,7 @@ import pytest
 
 import simulated_arm
 from catenary.robots.catalog import load_robot
+from catenary.workflows.project.folder import Project, ProjectSettings
 from command_line import catenary
 from moving_arm import recorded as recorded_arm
 from moving_arm import write_npz
@@ -26,12 +27,9 @@ def model(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def raven_model(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A model of the recorded project's robot."""
-    path = tmp_path_factory.mktemp("model") / "raven.npz"
-    fitted = catenary("fit", recorded / "train.parquet", "--model", "linear", "--folds", "0", "--out", path)
-    assert fitted.code == 0, fitted
-    return path
+def begun(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a project in which nothing was done yet."""
+    return Project(tmp_path_factory.mktemp("begun"), ProjectSettings()).folder
 
 
 @pytest.fixture(scope="session")

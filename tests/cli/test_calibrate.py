@@ -9,6 +9,15 @@ from command_line import catenary, refusal
 from simulated_project import QUICK_MODELS
 
 
+@pytest.fixture(scope="module")
+def raven_model(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model of the recorded project's robot."""
+    path = tmp_path_factory.mktemp("model") / "raven.npz"
+    line = ("fit", recorded / "train.parquet", "--model", "linear", "--folds", "0", "--out", path)
+    assert catenary(*line).code == 0
+    return path
+
+
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Linear models, and two seconds in the loop."""
@@ -80,6 +89,14 @@ def test_deploy_tells_errors_and_latency(recorded: Path, raven_model: Path) -> N
     assert [joint["unit"] for joint in content["joints"]] == ["deg", "deg", "mm"]
     assert content["correction_us"]["median"] > 0.0
     assert "RMSE while the loop ran" in catenary(*line).out
+
+
+def test_a_loop_of_no_length_or_with_a_model_of_another_robot_is_refused(
+    recorded: Path, raven_model: Path, model: Path
+) -> None:
+    for seconds in ("nan", "inf", "0", "-1"):
+        assert "duration" in refusal("deploy", raven_model, recorded, f"--seconds={seconds}")
+    assert "J1" in refusal("deploy", model, recorded, "--seconds", "2", "--fast")
 
 
 @pytest.mark.usefixtures("_no_page")

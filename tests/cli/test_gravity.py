@@ -15,29 +15,28 @@ POSE = ("raven2", "--q", "0,1.57,0.32")
 ARM = load_robot("raven2")
 
 
-def test_gravity_gives_torques_with_their_units() -> None:
-    content = catenary("gravity", *POSE, "--json").json
-    assert_allclose(content["tau"], gravity_torque(ARM, [0.0, 1.57, 0.32], DOWN), rtol=1e-15)
+TILTED = Rotation.from_euler("XY", [20.0, -50.0], degrees=True).inv().apply(DOWN)
+
+
+@pytest.mark.parametrize(
+    ("options", "gravity"),
+    [
+        ((), DOWN),
+        (("--gravity", "1", "-2", "-3.5"), [1.0, -2.0, -3.5]),
+        (("--tilt-deg", "20", "-50"), TILTED),  # rolled about x, then pitched about the base's own y
+    ],
+)
+def test_gravity_gives_torques_with_their_units(options: tuple[str, ...], gravity: np.ndarray) -> None:
+    content = catenary("gravity", *POSE, *options, "--json").json
+    assert_allclose(content["gravity"], gravity, atol=1e-14)
+    assert_allclose(content["tau"], gravity_torque(ARM, [0.0, 1.57, 0.32], gravity), atol=1e-13)
+    assert_allclose(content["level"], gravity_torque(ARM, [0.0, 1.57, 0.32], DOWN), atol=1e-13)
     assert content["unit"] == ["Nm", "Nm", "N"]
-    assert content["level"] == content["tau"]
 
 
 def test_gravity_takes_degrees_and_millimetres() -> None:
     shown = catenary("gravity", "raven2", "--q-deg", "0,90,320", "--json").json
     assert_allclose(shown["tau"], [1.5120, -0.1962, 2.1879], atol=1e-4)  # published for the mechanism
-
-
-def test_tilt_rolls_about_x_and_then_pitches_about_the_bases_own_y() -> None:
-    content = catenary("gravity", *POSE, "--tilt-deg", "20", "-50", "--json").json
-    R_world_base = Rotation.from_euler("XY", [20.0, -50.0], degrees=True)
-    gravity = R_world_base.inv().apply(DOWN)
-    assert_allclose(content["gravity"], gravity, atol=1e-14)
-    assert_allclose(content["tau"], gravity_torque(ARM, [0.0, 1.57, 0.32], gravity), atol=1e-13)
-
-
-def test_gravity_may_be_any_vector() -> None:
-    content = catenary("gravity", *POSE, "--gravity", "1", "-2", "-3.5", "--json").json
-    assert_allclose(content["tau"], gravity_torque(ARM, [0.0, 1.57, 0.32], [1.0, -2.0, -3.5]), rtol=1e-15)
 
 
 def test_table_shows_the_difference_to_a_level_base() -> None:

@@ -1,6 +1,6 @@
 """What each command refuses, with which words; and that it leaves nothing behind.
 
-A line is typed in an empty folder. {run}, {model}, {recorded} and {raven_model} stand for the fixtures of these names.
+A line is typed in an empty folder. {run}, {model}, {motion} and {begun} stand for the fixtures of these names.
 """
 
 import shlex
@@ -35,23 +35,21 @@ REFUSALS = {
     **{f"{c} new {o}": w for c in ("excite", "calibrate") for o, w in A_ZIGZAG_THAT_CANNOT_BE.items()},
     **{
         f"{command} --hours={hours}": "test motion: expected"
-        for command in ("record {recorded}", "calibrate new")
+        for command in ("record {begun}", "calibrate new")
         for hours in ("nan", "inf", "0", "-1", "1000", "1e-4")
     },
-    **{f"record {{recorded}} --name={name}": "--name" for name in ("train", "''", "../away", "'a b'")},
-    **{f"{command} none": "is no project" for command in ("record", "extract", "deploy {raven_model}")},
-    **{f"deploy {{raven_model}} {{recorded}} --seconds={s}": "duration" for s in ("nan", "inf", "0", "-1")},
-    "deploy {model} {recorded} --seconds 2 --fast": "J1",
-    "deploy none.npz {recorded}": "none.npz",
+    **{f"record {{begun}} --name={name}": "--name" for name in ("train", "''", "../away", "'a b'")},
+    **{f"{command} none": "is no project" for command in ("record", "extract", "deploy {model}")},
+    "deploy none.npz {begun}": "none.npz",
     "deploy model.npz p --ros 1": "give no project",
     "deploy model.npz": "folder of a project",
     "deploy model.npz --ros 1 --arm left": "expected gold or green",
     "deploy model.npz --ros 1 --seconds 0": "more than 0",
-    "extract {recorded} --bag ros9": "ros1 or mcap",
-    "record {recorded} --no-motion": "goes with --ros",
+    "extract {begun} --bag ros9": "ros1 or mcap",
+    "record {begun} --no-motion": "goes with --ros",
     "calibrate new --test b.npz": "--test",
     "home p --ros 3": "expected 1 or 2",
-    "home {recorded} --yes": "go with --ros",
+    "home {begun} --yes": "go with --ros",
     "home p --robot raven2": "go without a project",
     "home p --dialect crtk": "go without a project",
     "home --side left": "--robot raven2_right",
