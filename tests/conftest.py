@@ -1,9 +1,11 @@
 import os
 from collections.abc import Iterator
+from fcntl import LOCK_EX, flock
 from hashlib import sha256
 from pathlib import Path
 from shutil import copytree
 from typing import TYPE_CHECKING
+from weakref import WeakSet
 
 import hypothesis
 import numba
@@ -37,6 +39,30 @@ def pytest_configure() -> None:
     hypothesis.settings.load_profile("patient")
     # robots' own kernels: none of the user's are read or left behind
     os.environ["XDG_CACHE_HOME"] = str(ROOT / ".cache")
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        _compile_one_at_a_time(Path(numba.config.CACHE_DIR))
+
+
+def _compile_one_at_a_time(folder: Path) -> None:
+    """Let one worker compile a function, and those that need it meanwhile wait and find it in numba's cache.
+
+    They begin together, with tests that need the same few functions: each would spend as long on them as one does.
+    """
+    from catenary.kernels.compiled import Compiled
+
+    call, called = Compiled.__call__, WeakSet[Compiled]()
+    folder.mkdir(parents=True, exist_ok=True)
+
+    def first_call_alone(function: Compiled, *arguments: object) -> object:
+        if function in called:
+            return call(function, *arguments)
+        called.add(function)
+        name = f"{function.__module__}.{function.__name__}.lock"
+        with (folder / name).open("w") as lock:
+            flock(lock, LOCK_EX)
+            return call(function, *arguments)
+
+    Compiled.__call__ = first_call_alone  # type: ignore[method-assign]
 
 
 @pytest.fixture(scope="session")

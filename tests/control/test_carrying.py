@@ -74,16 +74,6 @@ def test_a_load_that_is_announced_in_a_running_loop_makes_the_arm_sag_no_more() 
     assert sag[True] < 1e-6
 
 
-def test_what_cannot_be_carried_is_refused_and_changes_nothing() -> None:
-    load = CarriedLoad(ARM)
-    load.attach(1.0, "wrist")
-    with pytest.raises(InputError, match="mass -1 kg, expected zero or more"):
-        load.attach(-1.0)
-    with pytest.raises(InputError, match=r"position: expected shape \(3,\)"):
-        load.attach(2.0, "wrist", [0.0])
-    assert load.mass == 1.0
-
-
 def test_a_load_of_another_robot_is_refused() -> None:
     carries = Carrying(JointPD(KP, KD), CarriedLoad(load_robot("panda")))
     with pytest.raises(InputError, match="is for 7 joints, the robot has 3"):

@@ -14,23 +14,22 @@ from catenary.errors import InputError
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.firmware import joint_torques
+from catenary.transmission.coupling import winding_of
 
 NOMINAL = load_cable_arm()
 FIRMWARE = NOMINAL.firmware
+# units and joint limits of three joints, the last one without
+BOX = ("rad", "m", "rad"), np.array([0.0, 0.2, -np.inf]), np.array([1.5, 0.5, np.inf])
 
 
-def test_ravens_gains_at_the_joints_are_those_of_the_mechanism_page() -> None:
+def test_ravens_gains_and_torques_at_the_joints_are_those_of_the_mechanism_page() -> None:
     f = FIRMWARE
     kp, kd = gains_at_joints(f.kp[:6], f.kd[:6], f.ratio[:6], f.gearbox[:6])
     assert_allclose(kp, [454.3, 361.7, 57_055.0, 0.7053, 1.0884, 1.0884], rtol=2e-4)  # four digits
     assert_allclose(kd, [12.11, 9.644, 4564.0, 0.00784, 0.0, 0.0], rtol=1e-3)
-
-
-def test_ravens_torques_at_the_joints_are_those_of_the_mechanism_page() -> None:
-    f = FIRMWARE
     most = torque_at_joints(f.dac_limit, f.dac_per_ampere, f.torque_constant, f.ratio)
-    assert_allclose(most[:6], [7.521, 6.710, 95.36, 0.1595, 0.2658, 0.3366], rtol=1e-3)
-    assert most[6] == np.inf  # the last jaw is never checked
+    # the last jaw is never checked
+    assert_allclose(most, [7.521, 6.710, 95.36, 0.1595, 0.2658, 0.3366, np.inf], rtol=1e-3)
 
 
 def test_gains_give_the_torque_of_the_firmware_where_cables_are_not_coupled() -> None:
@@ -42,10 +41,8 @@ def test_gains_give_the_torque_of_the_firmware_where_cables_are_not_coupled() ->
 
 
 def test_motors_add_the_kinetic_energy_of_their_turning() -> None:
-    rng = np.random.default_rng(1)
-    qd = rng.normal(size=3) * [1.0, 1.0, 0.1]
-    c01, c02, c12 = FIRMWARE.coupling
-    motor = FIRMWARE.ratio[:3] * [qd[0], qd[1] + c01 * qd[0], qd[2] + c02 * qd[0] + c12 * qd[1]]
+    qd = np.random.default_rng(1).normal(size=3) * [1.0, 1.0, 0.1]
+    motor = FIRMWARE.ratio[:3] * winding_of(FIRMWARE.coupling, qd)
     J = NOMINAL.cable.rotor_inertia
     inertia = reflected_inertia(J, FIRMWARE.ratio[:3], FIRMWARE.coupling)
     assert_allclose(qd @ inertia @ qd, np.sum(J * motor**2), rtol=1e-12)
@@ -92,32 +89,31 @@ def test_short_arm_gives_no_stiffness_away() -> None:
     assert_allclose(gains_from_mass(arm).kp, gains_from_mass(arm, rate_hz=1e6).kp, rtol=1e-12)
 
 
-def test_joint_that_moves_nothing_is_named() -> None:
-    with pytest.raises(InputError, match='"roll" moves no mass'):
-        gains_from_mass(load_robot("raven2_full"))
-
-
-@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
-def test_frequency_that_is_none_is_refused(value: float) -> None:
-    with pytest.raises(InputError, match="frequency_hz: expected more than 0"):
-        gains_from_mass(load_robot("two_link"), frequency_hz=value)
+@pytest.mark.parametrize(
+    ("robot", "options", "message"),
+    [
+        ("raven2_full", {}, '"roll" moves no mass'),
+        *(
+            ("two_link", {"frequency_hz": wrong}, "frequency_hz: expected more than 0")
+            for wrong in (0.0, -1.0, np.nan, np.inf)
+        ),
+    ],
+)
+def test_impossible_gains_are_refused(robot: str, options: dict[str, float], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        gains_from_mass(load_robot(robot), **options)
 
 
 def test_limits_rise_to_the_largest_torque_in_twenty_milliseconds() -> None:
-    limits = default_limits([7.5, 95.0], ("rad", "m"), np.array([0.0, 0.2]), np.array([1.5, 0.5]))
-    middle = np.array([0.7, 0.35])
-    sent = np.array([limits.apply(np.array([100.0, 1e4]), middle, 1e-3) for _ in range(25)])
-    assert_allclose(sent[18], 19.0 / 20.0 * np.array([7.5, 95.0]), rtol=1e-9)
-    assert_allclose(sent[-1], [7.5, 95.0])
+    limits = default_limits([7.5, 95.0, np.inf], *BOX)
+    sent = [limits.apply(np.array([100.0, 1e4, 1e6]), np.array([0.7, 0.35, 0.0]), 1e-3) for _ in range(25)]
+    assert_allclose(sent[18][:2], 19.0 / 20.0 * np.array([7.5, 95.0]), rtol=1e-9)
+    assert_allclose(sent[-1][:2], [7.5, 95.0])
+    assert sent[0][2] == 1e6  # no largest torque, no largest rate
 
 
 def test_limits_fade_towards_a_joint_limit() -> None:
-    limits = default_limits([np.inf, 95.0], ("rad", "m"), np.array([0.0, 0.2]), np.array([1.5, 0.5]))
+    limits = default_limits([np.inf, 95.0, np.inf], *BOX)
     for _ in range(30):
-        sent = limits.apply(np.array([4.0, 90.0]), np.array([1.5, 0.499]), 1e-3)
-    assert_allclose(sent, [0.0, 45.0], atol=1e-9)
-
-
-def test_no_largest_torque_means_no_largest_rate() -> None:
-    limits = default_limits([np.inf], ("rad",), np.array([-np.inf]), np.array([np.inf]))
-    assert limits.apply(np.array([1e6]), np.zeros(1), 1e-3)[0] == 1e6
+        sent = limits.apply(np.array([4.0, 90.0, 0.0]), np.array([1.5, 0.499, 0.0]), 1e-3)
+    assert_allclose(sent, [0.0, 45.0, 0.0], atol=1e-9)

@@ -9,7 +9,7 @@ from catenary.control.gravity_pd import GravityHold, GravityPD
 from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
 from catenary.errors import InputError, MissingInertiaError
 from catenary.gravity.torque import gravity_torque
-from catenary.plant import JointState
+from catenary.plant import AT_REST, JointState
 from catenary.robots.catalog import load_robot
 from catenary.trajectories.reference import Reference
 
@@ -23,60 +23,41 @@ PD = KP * (Q_REF - Q) + KD * (QD_REF - QD)
 RATES = np.array([[0.1, -0.2, 0.3], [1.0, 2.0, -0.5]])
 
 
-def state(gravity: Floats = TILTED, rates: Floats | None = None) -> JointState:
-    at = JointState(0.0, Q, QD, np.zeros(3), np.zeros(0), gravity, 0.0)
-    return at if rates is None else at._replace(base_rates=rates)
+def state(gravity: Floats = TILTED, rates: Floats = AT_REST) -> JointState:
+    return JointState(0.0, Q, QD, np.zeros(3), np.zeros(0), gravity, 0.0, rates)
 
 
-def test_static_gravity_does_not_look_at_what_is_sensed() -> None:
-    controller = GravityPD(ARM, KP, KD, gravity=LEVEL)
-    assert_allclose(
-        controller.torque(state(rates=RATES), REFERENCE), PD + gravity_torque(ARM, Q, LEVEL), rtol=1e-13
-    )
+@pytest.mark.parametrize(
+    ("options", "rates", "expected"),
+    [
+        ({"gravity": LEVEL}, RATES, lambda: gravity_torque(ARM, Q, LEVEL)),
+        ({}, AT_REST, lambda: gravity_torque(ARM, Q, TILTED)),
+        ({}, RATES, lambda: inverse_dynamics(ARM, Q, np.zeros(3), np.zeros(3), TILTED, BaseMotion(*RATES))),
+        ({"at": "desired"}, AT_REST, lambda: gravity_torque(ARM, Q_REF, TILTED)),
+    ],
+    ids=["static: whatever is sensed", "dynamic", "dynamic on a turning base", "at the reference"],
+)
+def test_torque_is_the_pds_and_gravitys(options, rates, expected) -> None:
+    controller = GravityPD(ARM, KP, KD, **options)
+    assert_allclose(controller.torque(state(rates=rates), REFERENCE), PD + expected(), rtol=1e-12)
+    assert_allclose(controller.feedforward, expected(), rtol=1e-12)
 
 
-def test_dynamic_gravity_follows_what_is_sensed() -> None:
-    controller = GravityPD(ARM, KP, KD)
-    assert_allclose(controller.torque(state(), REFERENCE), PD + gravity_torque(ARM, Q, TILTED), rtol=1e-13)
-
-
-def test_dynamic_gravity_on_a_turning_base_takes_the_whole_term() -> None:
-    expected = PD + inverse_dynamics(ARM, Q, np.zeros(3), np.zeros(3), TILTED, BaseMotion(RATES[0], RATES[1]))
-    assert_allclose(GravityPD(ARM, KP, KD).torque(state(rates=RATES), REFERENCE), expected, rtol=1e-12)
-
-
-def test_gravity_at_the_desired_position_is_that_of_the_reference() -> None:
-    controller = GravityPD(ARM, KP, KD, at="desired")
-    controller.torque(state(), REFERENCE)
-    assert_allclose(controller.feedforward, gravity_torque(ARM, Q_REF, TILTED), rtol=1e-13)
-
-
-def test_absolute_damping_lags_a_moving_reference() -> None:
+def test_absolute_damping_leaves_the_velocity_of_the_reference_out() -> None:
     controller = GravityPD(ARM, KP, KD, damping="absolute")
-    controller.torque(state(), REFERENCE)
+    controller.torque(state(), Reference(Q_REF, np.full(3, np.nan), np.zeros(3)))
     assert_allclose(controller.feedback, KP * (Q_REF - Q) - KD * QD, rtol=1e-13)
 
 
-def test_hold_gives_gravity_and_nothing_else() -> None:
-    hold = GravityHold(ARM)
-    assert_allclose(hold.torque(state(), REFERENCE), gravity_torque(ARM, Q, TILTED), rtol=1e-13)
+def test_hold_gives_gravity_and_does_not_look_at_the_reference() -> None:
+    hold, nowhere = GravityHold(ARM), Reference(*np.full((3, 3), np.nan))
+    assert_allclose(hold.torque(state(), nowhere), gravity_torque(ARM, Q, TILTED), rtol=1e-13)
     assert (hold.feedback == 0.0).all()
 
 
-def test_hold_does_not_look_at_the_reference() -> None:
-    nowhere = Reference(*np.full((3, 3), np.nan))
-    assert np.isfinite(GravityHold(ARM).torque(state(), nowhere)).all()
-
-
-def test_unknown_gravity_gives_nan_and_not_zero() -> None:
-    assert np.isnan(GravityPD(ARM, KP, KD).torque(state(np.full(3, np.nan)), REFERENCE)).all()
-    assert np.isnan(GravityHold(ARM).torque(state(np.full(3, np.nan)), REFERENCE)).all()
-
-
-def test_velocity_that_is_left_out_may_be_unknown() -> None:
-    reference = Reference(Q_REF, np.full(3, np.nan), np.zeros(3))
-    controller = GravityPD(ARM, KP, KD, damping="absolute")
-    assert np.isfinite(controller.torque(state(), reference)).all()
+@pytest.mark.parametrize("controller", [GravityPD(ARM, KP, KD), GravityHold(ARM)])
+def test_unknown_gravity_gives_nan_and_not_zero(controller) -> None:
+    assert np.isnan(controller.torque(state(np.full(3, np.nan)), REFERENCE)).all()
 
 
 def test_arm_without_inertia_is_refused_by_its_links() -> None:

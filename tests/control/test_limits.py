@@ -15,38 +15,38 @@ def once(limits: TorqueLimits, tau: list[float], q: list[float] | None = None) -
     return limits.apply(np.array(tau), np.array(q if q is not None else [0.0] * len(tau)), DT).tolist()
 
 
-def test_small_torques_pass_unchanged() -> None:
+def test_small_torques_pass_unchanged_and_large_ones_are_cut() -> None:
     limits = TorqueLimits([2.0, 3.0], slew=[1e6, 1e6], lower=[-1.0, -1.0], upper=[1.0, 1.0], taper=[0.1, 0.0])
     assert once(limits, [1.9, -2.9], [0.5, 0.99]) == [1.9, -2.9]
     assert limits.limited == 0
-
-
-def test_large_torques_are_cut() -> None:
-    limits = TorqueLimits([2.0, 3.0])
     assert once(limits, [5.0, -5.0]) == [2.0, -3.0]
     assert limits.limited == 1
 
 
-def test_torque_changes_no_faster_than_the_slew_rate() -> None:
+@pytest.mark.parametrize(
+    ("applied", "demanded", "sent"),
+    [
+        (0.0, [5.0, 5.0, 1.5, -9.0], [1.0, 2.0, 1.5, 0.5]),
+        (7.0, [0.0], [6.0]),
+        (5.0, [np.nan, 5.0], [4.0, 5.0]),
+    ],
+    ids=["from zero", "from the torque being applied", "at a single NaN"],
+)
+def test_torque_changes_no_faster_than_the_slew_rate(
+    applied: float, demanded: list[float], sent: list[float]
+) -> None:
     limits = TorqueLimits([10.0], slew=[1000.0])
-    assert [once(limits, [tau])[0] for tau in (5.0, 5.0, 1.5, -9.0)] == [1.0, 2.0, 1.5, 0.5]
+    limits.reset(np.array([applied]))
+    assert [once(limits, [tau])[0] for tau in demanded] == sent
 
 
-def test_slew_begins_from_the_torque_being_applied() -> None:
-    limits = TorqueLimits([10.0], slew=[1000.0])
-    limits.reset(np.array([7.0]))
-    assert once(limits, [0.0]) == [6.0]
-
-
-def test_torque_towards_a_joint_limit_fades_and_away_from_it_stays() -> None:
-    q = np.array([0.8, 0.9, 0.95, 1.0, 1.1])
-    limits = TorqueLimits(
-        np.full(5, 9.0), lower=np.full(5, -1.0), upper=np.full(5, 1.0), taper=np.full(5, 0.2)
-    )
-    assert_allclose(limits.apply(np.full(5, 4.0), q, DT), [4.0, 2.0, 1.0, 0.0, 0.0], atol=1e-12)
-    assert_array_equal(limits.apply(np.full(5, -4.0), q, DT), np.full(5, -4.0))
-    assert_allclose(limits.apply(np.full(5, -4.0), -q, DT), [-4.0, -2.0, -1.0, 0.0, 0.0], atol=1e-12)
-    assert_array_equal(limits.apply(np.full(5, 4.0), -q, DT), np.full(5, 4.0))
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_torque_towards_a_joint_limit_fades_and_away_from_it_stays(side: float) -> None:
+    q, four = side * np.array([0.8, 0.9, 0.95, 1.0, 1.1]), np.full(5, side * 4.0)
+    one = np.ones(5)
+    limits = TorqueLimits(9.0 * one, lower=-one, upper=one, taper=0.2 * one)
+    assert_allclose(limits.apply(four, q, DT), side * np.array([4.0, 2.0, 1.0, 0.0, 0.0]), atol=1e-12)
+    assert_array_equal(limits.apply(-four, q, DT), -four)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
@@ -55,12 +55,6 @@ def test_what_is_no_number_becomes_zero_torque_of_that_joint(bad: float) -> None
     assert once(limits, [bad, 1.0]) == [0.0, 1.0]
     assert once(limits, [1.0, 1.0], [0.0, bad]) == [1.0, 0.0]
     assert limits.not_finite == 2
-
-
-def test_a_single_nan_does_not_make_the_torque_leap() -> None:
-    limits = TorqueLimits([10.0], slew=[1000.0])
-    limits.reset(np.array([5.0]))
-    assert [once(limits, [tau])[0] for tau in (np.nan, 5.0)] == [4.0, 5.0]
 
 
 def test_a_torque_of_too_few_joints_is_none_for_the_rest() -> None:

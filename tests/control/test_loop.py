@@ -1,6 +1,7 @@
 import gc
 import os
 import time
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,9 +15,10 @@ from catenary.control.pd import JointPD
 from catenary.control.report import LoopReport
 from catenary.errors import InputError, LimitError, NotReadyError, UnsupportedCommandError
 from catenary.plant import JointState, OperatingState
+from catenary.trajectories.in_turn import Rest
 from catenary.trajectories.reference import Reference, Trajectory
 from oracles.calibration_models import random_model
-from oracles.mass_plant import MassPlant
+from oracles.ideal_plant import MassPlant
 
 ZERO = np.zeros(2)
 
@@ -58,13 +60,14 @@ def report_of(error: BaseException) -> LoopReport:
 
 
 def test_pd_holds_a_mass_on_its_trajectory() -> None:
-    plant = MassPlant(ZERO)
-    report = run_loop(plant, PD, Swing(2.0))
+    report = run_loop(MassPlant(ZERO), PD, Swing(2.0))
     assert report.finished
     assert report.ticks == 2001  # both ends
     # stiffness 400 on a unit mass at 1 Hz: acceleration 3.9 / 400 lags behind, plus the start at rest
     assert max(report.tracking_nominal) < 0.02
     assert 0.0 < min(report.tracking_nominal)
+    assert report.jitter is None  # simulated time runs as fast as it can
+    assert report.overruns is None
 
 
 def test_torque_moves_a_mass_as_newton_says() -> None:
@@ -98,17 +101,10 @@ def test_observers_see_what_was_measured_and_sent() -> None:
 
 
 def test_limits_taper_by_the_robots_own_positions() -> None:
-    plant = MassPlant(np.array([0.95, 0.0]))
+    plant, seen = MassPlant(np.array([0.95, 0.0])), list[Tick]()
     limits = TorqueLimits([9.0, 9.0], lower=[-1.0, -1.0], upper=[1.0, 1.0], taper=[0.1, 0.1])
-    seen: list[Tick] = []
-    run_loop(
-        plant,
-        Pushing(np.full(2, 4.0)),
-        Swing(0.0),
-        limits=limits,
-        corrector=Shift(7.0),
-        observers=[seen.append],
-    )
+    push = Pushing(np.full(2, 4.0))
+    run_loop(plant, push, Swing(0.0), limits=limits, corrector=Shift(7.0), observers=[seen.append])
     assert_allclose(seen[0].tau, [2.0, 4.0])
     assert_allclose(seen[0].state.q, [7.95, 7.0])
 
@@ -130,22 +126,12 @@ class Shift:
 
 def test_controller_sees_calibrated_positions() -> None:
     plant, corrector = MassPlant(ZERO, friction=1.0), Shift(0.02)
-    report = run_loop(plant, PD, Still(), corrector=corrector, duration=4.0)
+    report = run_loop(plant, PD, Rest(ZERO, 0.0), corrector=corrector, duration=4.0)
     assert corrector.rate == 1000.0
     assert_allclose(plant.q, [-0.02, -0.02], atol=1e-6)  # so that the calibrated position is zero
     assert report.outside_valid_range == (0.0, pytest.approx(0.5, abs=1e-3))
     assert report.tracking_calibrated is not None
     assert max(report.tracking_calibrated) < min(report.tracking_nominal)
-
-
-class Still(Swing):
-    """Zero, for no time."""
-
-    def __init__(self) -> None:
-        super().__init__(0.0)
-
-    def __call__(self, t: float) -> Reference:
-        return Reference(np.zeros(2), np.zeros(2), np.zeros(2))
 
 
 def test_a_deployed_model_corrects_in_the_loop() -> None:
@@ -166,10 +152,20 @@ def test_a_slower_loop_lets_the_robot_take_several_of_its_ticks() -> None:
     assert plant.time == pytest.approx(0.102)
 
 
-@pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf, 2000.0, 700.0])
-def test_rates_that_the_robot_cannot_keep_are_refused(rate: float) -> None:
-    with pytest.raises(InputError, match="rate_hz"):
-        run_loop(MassPlant(ZERO), PD, Swing(0.1), rate_hz=rate)
+@pytest.mark.parametrize(
+    ("joints", "options", "message"),
+    [
+        *((2, {"rate_hz": rate}, "rate_hz") for rate in (0.0, -1.0, np.nan, np.inf, 2000.0, 700.0)),
+        (3, {}, r"reference q: expected shape \(3,\), got \(2,\)"),
+        (2, {"limits": TorqueLimits([1.0, 1.0, 1.0])}, "tau"),
+        (2, {"duration": -1.0}, "duration"),
+    ],
+)
+def test_what_does_not_fit_the_robot_is_refused(joints: int, options: dict[str, Any], message: str) -> None:
+    plant = MassPlant(np.zeros(joints))
+    with pytest.raises(InputError, match=message):
+        run_loop(plant, PD, Swing(0.1), **options)
+    assert plant.log == []
 
 
 @pytest.mark.parametrize(
@@ -205,25 +201,13 @@ def test_setpoints_are_not_made_to_leap_at_the_start(q: list[float]) -> None:
     assert plant.log == []
 
 
-def test_trajectories_limits_and_durations_that_do_not_fit_are_refused() -> None:
-    plant = MassPlant(np.zeros(3))
-    with pytest.raises(InputError, match=r"reference q: expected shape \(3,\), got \(2,\)"):
-        run_loop(plant, PD, Swing(0.1))
-    with pytest.raises(InputError, match="tau"):
-        run_loop(MassPlant(ZERO), PD, Swing(0.1), limits=TorqueLimits([1.0, 1.0, 1.0]))
-    with pytest.raises(InputError, match="duration"):
-        run_loop(MassPlant(ZERO), PD, Swing(0.1), duration=-1.0)
-    assert plant.log == []
-
-
 @pytest.mark.parametrize("error", [ValueError("a mistake"), KeyboardInterrupt()])
 def test_whatever_ends_the_loop_the_robot_holds_and_pauses(error: BaseException) -> None:
     plant = MassPlant(np.array([0.3, -0.3]))
     with pytest.raises(type(error)) as caught:
-        run_loop(plant, Pushing(np.full(2, 5.0), error=error), Swing(1.0))
+        run_loop(plant, Pushing(np.full(2, 5.0), error=error), Swing(np.inf))
     assert caught.value is error
-    verbs = [verb for verb, _ in plant.log]
-    assert verbs == ["servo_jf"] * 5 + ["servo_jp", "state_command"]
+    assert [verb for verb, _ in plant.log] == ["servo_jf"] * 5 + ["servo_jp", "state_command"]
     assert_allclose(plant.q, [0.3, -0.3], atol=1e-3)
     assert plant.state.state == "PAUSED"
     report = report_of(error)
@@ -240,6 +224,17 @@ def test_a_robot_without_position_control_is_left_without_torque() -> None:
     assert plant.state.state == "PAUSED"
 
 
+def test_a_second_interrupt_does_not_keep_the_robot_from_being_paused(monkeypatch) -> None:
+    def interrupt(q: Floats) -> None:
+        raise KeyboardInterrupt
+
+    plant = MassPlant(ZERO)
+    monkeypatch.setattr(plant, "servo_jp", interrupt)
+    with pytest.raises(ValueError, match="a mistake"):
+        run_loop(plant, Pushing(ZERO, error=ValueError("a mistake")), Swing(1.0))
+    assert plant.state.state == "PAUSED"
+
+
 def test_a_robot_that_stops_by_itself_ends_the_loop() -> None:
     plant = MassPlant(ZERO)
 
@@ -253,30 +248,19 @@ def test_a_robot_that_stops_by_itself_ends_the_loop() -> None:
     assert any("holding the robot failed" in note for note in caught.value.__notes__)
 
 
-def test_a_second_interrupt_does_not_keep_the_robot_from_being_paused() -> None:
-    class Interrupted(MassPlant):
-        def servo_jp(self, q: Floats) -> None:
-            raise KeyboardInterrupt
-
-    plant = Interrupted(ZERO)
-    with pytest.raises(ValueError, match="a mistake"):
-        run_loop(plant, Pushing(ZERO, error=ValueError("a mistake")), Swing(1.0))
-    assert plant.state.state == "PAUSED"
-
-
-def test_at_the_end_of_torque_control_the_robot_holds() -> None:
+@pytest.mark.parametrize(
+    ("supports", "last", "state"),
+    [({"servo_jp", "servo_jf"}, "servo_jp", "ENABLED"), ({"servo_jf"}, "state_command", "PAUSED")],
+)
+def test_at_the_end_of_torque_control_the_robot_holds_or_is_paused(
+    supports: set[str], last: str, state: str
+) -> None:
     plant = MassPlant(ZERO)
+    plant.supports = frozenset(supports)
     run_loop(plant, PD, Swing(0.1))
-    assert plant.log[-1][0] == "servo_jp"
-    assert plant.state.state == "ENABLED"
-
-
-def test_at_the_end_a_robot_without_position_control_is_paused() -> None:
-    plant = MassPlant(ZERO)
-    plant.supports = frozenset({"servo_jf"})
-    run_loop(plant, PD, Swing(0.1))
+    assert plant.log[-1][0] == last
     assert_array_equal(plant.tau, ZERO)
-    assert plant.state.state == "PAUSED"
+    assert plant.state.state == state
 
 
 def test_a_torque_that_is_no_number_is_never_sent() -> None:
@@ -289,29 +273,32 @@ def test_a_torque_that_is_no_number_is_never_sent() -> None:
 
 @pytest.mark.parametrize("simulated", [True, False])
 def test_real_time_is_kept_where_it_is_asked_for_or_real(simulated: bool) -> None:
-    plant = MassPlant(ZERO, simulated=simulated)
-    enabled, frozen = gc.isenabled(), gc.get_freeze_count()
-    policy = os.sched_getscheduler(0)
+    before = disturbances()
     collecting: list[bool] = []
     begin = time.perf_counter()
     report = run_loop(
-        plant, PD, Swing(0.2), real_time=simulated, observers=[lambda tick: collecting.append(gc.isenabled())]
+        MassPlant(ZERO, simulated=simulated),
+        PD,
+        Swing(0.2),
+        real_time=simulated,
+        observers=[lambda tick: collecting.append(gc.isenabled())],
     )
     assert time.perf_counter() - begin >= 0.2
     assert not any(collecting)
-    assert (gc.isenabled(), gc.get_freeze_count(), os.sched_getscheduler(0)) == (enabled, frozen, policy)
+    assert disturbances() == before
     assert report.compute is not None
     assert report.jitter is not None
     assert report.overruns is not None
     assert 0.0 < report.compute.median <= report.compute.p99 <= report.compute.max
     assert "period jitter" in str(report)
-
-
-def test_real_time_is_given_back_after_an_error() -> None:
-    enabled, frozen = gc.isenabled(), gc.get_freeze_count()
     with pytest.raises(ValueError, match="a mistake"):
         run_loop(MassPlant(ZERO, simulated=False), Pushing(ZERO, error=ValueError("a mistake")), Swing(1.0))
-    assert (gc.isenabled(), gc.get_freeze_count()) == (enabled, frozen)
+    assert disturbances() == before
+
+
+def disturbances() -> tuple[bool, int, int]:
+    """What real time changes in a process: garbage collection on, objects frozen, scheduling policy."""
+    return gc.isenabled(), gc.get_freeze_count(), os.sched_getscheduler(0)
 
 
 def test_late_ticks_are_counted_and_delay_the_motion() -> None:
@@ -328,19 +315,3 @@ def test_late_ticks_are_counted_and_delay_the_motion() -> None:
     assert_allclose(np.diff(seen), 0.001, atol=1e-12)
     assert report.compute is not None
     assert report.compute.max > 0.01
-
-
-def test_simulated_time_runs_as_fast_as_it_can() -> None:
-    report = run_loop(MassPlant(ZERO), None, Swing(1.0))
-    assert report.jitter is None
-    assert report.overruns is None
-
-
-def test_a_run_without_end_stops_at_ctrl_c() -> None:
-    def interrupt(tick: Tick) -> None:
-        if tick.number == 100:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt) as caught:
-        run_loop(MassPlant(ZERO), PD, Swing(np.inf), observers=[interrupt])
-    assert report_of(caught.value).ticks == 101

@@ -7,31 +7,22 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.control.loop import Tick, run_loop
 from catenary.control.pd import JointPD
 from catenary.errors import SensorError
+from catenary.plant import JointState
 from catenary.sensing.faults import Fault
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mailbox import Mailbox
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import FixedGravity, GravityReading, ReadingStatus, tilted_gravity
+from catenary.sensing.vector import FixedGravity, GravityReading, ReadingStatus
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
-from catenary.trajectories.reference import Reference, Trajectory
-from oracles.mass_plant import MassPlant
+from catenary.trajectories.in_turn import Rest
+from oracles.ideal_plant import MassPlant
 
 PD = JointPD([400.0, 400.0], [40.0, 40.0])
 
 
-class Still(Trajectory):
-    """Both joints at zero for a while."""
-
-    def __init__(self, duration: float) -> None:
-        self._duration = duration
-
-    @property
-    def duration(self) -> float:
-        return self._duration
-
-    def __call__(self, t: float) -> Reference:
-        return Reference(np.zeros(2), np.zeros(2), np.zeros(2))
+def still(duration: float) -> Rest:
+    return Rest(np.zeros(2), duration)
 
 
 class Scripted:
@@ -56,34 +47,26 @@ def sensed(*faults: InjectedFault, fallback: str = "fade") -> SensedGravity:
 
 
 def test_the_states_gravity_is_what_the_source_says_at_the_states_time():
-    seen: list[Tick] = []
-    source = Scripted([ReadingStatus.LIVE] * 11, [Fault.NONE] * 11)
-    run_loop(MassPlant(np.zeros(2)), PD, Still(0.01), gravity=source, observers=[seen.append])
-    assert_allclose(source.times, np.arange(11) * 0.001)
-    for tick, time in zip(seen, source.times, strict=True):
-        assert tick.state.time == time
-        assert_array_equal(tick.state.gravity, np.full(3, time))
-        assert_array_equal(tick.state.base_rates, np.full((2, 3), -time))
-        assert tick.state.gravity_age == pytest.approx(time + 0.001)
+    seen: list[JointState] = []
 
-
-def test_controllers_see_it():
     class Watching:
-        def __init__(self) -> None:
-            self.gravity: list[np.ndarray] = []
-
         def torque(self, state, reference):
-            self.gravity.append(state.gravity)
+            seen.append(state)
             return np.zeros(2)
 
-    watching, tilted = Watching(), tilted_gravity(0.3, 0.2)
-    run_loop(MassPlant(np.zeros(2)), watching, Still(0.01), gravity=FixedGravity(tilted))
-    assert_array_equal(watching.gravity, np.tile(tilted, (11, 1)))
+    source = Scripted([ReadingStatus.LIVE] * 11, [Fault.NONE] * 11)
+    run_loop(MassPlant(np.zeros(2)), Watching(), still(0.01), gravity=source)
+    assert_allclose(source.times, np.arange(11) * 0.001)
+    for state, time in zip(seen, source.times, strict=True):
+        assert state.time == time
+        assert_array_equal(state.gravity, np.full(3, time))
+        assert_array_equal(state.base_rates, np.full((2, 3), -time))
+        assert state.gravity_age == pytest.approx(time + 0.001)
 
 
 def test_without_a_source_the_robots_own_report_stands():
     seen: list[Tick] = []
-    report = run_loop(MassPlant(np.zeros(2)), PD, Still(0.01), observers=[seen.append])
+    report = run_loop(MassPlant(np.zeros(2)), PD, still(0.01), observers=[seen.append])
     assert_array_equal(seen[-1].state.gravity, [0.0, 0.0, -9.81])
     assert report.gravity is None
 
@@ -92,7 +75,7 @@ def test_a_run_reports_ticks_by_status_and_fault_and_what_they_mean():
     both = Fault.STUCK | Fault.INTERRUPTED
     statuses = [ReadingStatus.NOMINAL] * 2 + [ReadingStatus.LIVE] * 5 + [ReadingStatus.STALE] * 4
     source = Scripted(statuses, [Fault.NOTHING_RECEIVED] * 2 + [Fault.NONE] * 5 + [Fault.STUCK] + [both] * 3)
-    report = run_loop(MassPlant(np.zeros(2)), PD, Still(0.01), gravity=source)
+    report = run_loop(MassPlant(np.zeros(2)), PD, still(0.01), gravity=source)
     assert report.gravity is not None
     assert report.gravity.ticks == {"nominal": 2, "live": 5, "stale": 4}
     assert report.gravity.faults == {"nothing_received": 2, "stuck": 4, "interrupted": 3}
@@ -106,13 +89,13 @@ def test_a_run_reports_ticks_by_status_and_fault_and_what_they_mean():
 
 
 def test_a_source_that_measures_nothing_has_no_age():
-    report = run_loop(MassPlant(np.zeros(2)), PD, Still(0.01), gravity=FixedGravity())
+    report = run_loop(MassPlant(np.zeros(2)), PD, still(0.01), gravity=FixedGravity())
     assert report.gravity is not None
     assert math.isnan(report.gravity.largest_age)
 
 
 def test_a_simulated_sensor_serves_a_loop():
-    report = run_loop(MassPlant(np.zeros(2)), PD, Still(1.0), gravity=sensed())
+    report = run_loop(MassPlant(np.zeros(2)), PD, still(1.0), gravity=sensed())
     assert report.gravity is not None
     assert report.gravity.ticks["live"] > 950
     assert report.gravity.faults == {}
@@ -122,7 +105,7 @@ def test_a_lost_sensor_stops_the_robot_safely_where_that_is_asked_for():
     plant = MassPlant(np.zeros(2))
     lost = sensed(InjectedFault("drop_out", 0.5), fallback="stop")
     with pytest.raises(SensorError, match="gravity is not known: samples stopped coming") as caught:
-        run_loop(plant, PD, Still(2.0), gravity=lost)
+        run_loop(plant, PD, still(2.0), gravity=lost)
     assert plant.state.state == "PAUSED"
     assert [verb for verb, _ in plant.log][-2:] == ["servo_jp", "state_command"]
     report = caught.value.loop_report  # type: ignore[attr-defined]
@@ -135,7 +118,7 @@ def test_a_lost_sensor_stops_nothing_otherwise(fallback):
     report = run_loop(
         MassPlant(np.zeros(2)),
         PD,
-        Still(1.0),
+        still(1.0),
         gravity=sensed(InjectedFault("drop_out", 0.5), fallback=fallback),
     )
     assert report.finished

@@ -2,7 +2,7 @@
 
 import copy
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,50 +71,24 @@ def smooth_motion(start: Floats, seconds: float, period: float = 1e-3) -> Floats
     return rows
 
 
-class Steps(NamedTuple):
-    """State after each of T steps."""
-
-    rotor: Floats  # (T, 3)
-    rotor_velocity: Floats
-    q: Floats
-    qd: Floats
-    tension: Floats  # during the step
-    hysteresis: Floats
-    slow_stretch: Floats
-    friction: Floats  # impulses of the links' friction during the step
-
-
-def new_steps(count: int) -> Steps:
-    return Steps._make(np.empty((count, 3)) for _ in Steps._fields)
-
-
 @compiled
 def take_steps(
     tree: Tree,
     cable: Cable,
     state: ArmState,
     shaft_torque: Floats,
-    braked: bool,
     gravity: Floats,
     base_motion: Floats,
     step: float,
     work: Work,
-    out: Steps,
+    steps: ArmState,
 ) -> None:
-    """Step the physics with shaft torques (T, 7), on a base at rest or in motion, and keep every step."""
+    """Step the physics with shaft torques (T, 7), and write the state after each step into `steps`, T rows."""
     cable, state, work = cable[()], state[()], work[()]
     for k in range(len(shaft_torque)):
         link_dynamics(tree, state, gravity, base_motion, work)
-        physics_step(cable, state, shaft_torque[k], braked, step, work)
-        for j in range(3):
-            out.rotor[k, j] = state.rotor[j]
-            out.rotor_velocity[k, j] = state.rotor_velocity[j]
-            out.q[k, j] = state.q[j]
-            out.qd[k, j] = state.qd[j]
-            out.tension[k, j] = state.tension[j]
-            out.hysteresis[k, j] = state.hysteresis[j]
-            out.slow_stretch[k, j] = state.slow_stretch[j]
-            out.friction[k, j] = state.friction[j]
+        physics_step(cable, state, shaft_torque[k], False, step, work)
+        steps[k] = state
 
 
 def resting_state(cable: Cable, q: Floats) -> ArmState:

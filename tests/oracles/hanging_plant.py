@@ -7,7 +7,7 @@ from catenary.gravity.torque import gravity_torque
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
 from catenary.trajectories.reference import Reference, Trajectory
-from oracles.mass_plant import MassPlant
+from oracles.ideal_plant import MassPlant
 
 
 class HangingPlant(MassPlant):
@@ -33,13 +33,8 @@ class HangingPlant(MassPlant):
     def measured_js(self) -> JointState:
         return super().measured_js()._replace(gravity=self.gravity.copy())
 
-    setpoint_js = measured_js
-
-    def wait(self) -> None:
-        held = gravity_torque(self.carried(), self.q, self.gravity)
-        self.time += self.period
-        self.qd = self.qd + self.period * (self.tau - held - self.friction * self.qd)
-        self.q = self.q + self.period * self.qd
+    def _load(self) -> Floats:
+        return gravity_torque(self.carried(), self.q, self.gravity)
 
 
 class Poses(Trajectory):

@@ -1,4 +1,4 @@
-"""A plant without physics: it is where its setpoint says, one tick later."""
+"""Plants without physics, or with one that a test can do on paper."""
 
 from collections.abc import Mapping, Sequence
 
@@ -12,7 +12,10 @@ Floats = NDArray[np.float64]
 
 
 class IdealPlant:
-    """Obeys the Plant protocol; `setpoints` keeps what it was sent, `pause_after` ticks it pauses by itself."""
+    """Obeys the Plant protocol: it is where its setpoint says, one tick later.
+
+    `setpoints` keeps what it was sent, `pause_after` ticks it pauses by itself.
+    """
 
     def __init__(
         self,
@@ -41,21 +44,26 @@ class IdealPlant:
         self.ticks = 0
         self._pause_after = pause_after
         self._homing_ticks, self._homes_at = homing_ticks, -1
-        self._q = np.array(q, dtype=float)
-        self._qd = np.zeros(n)
-        self._setpoint = self._q.copy()
-        self._state = OperatingState("ENABLED" if ready else "DISABLED", ready, False)
+        self.q, self.qd, self.tau = np.array(q, dtype=float), np.zeros(n), np.zeros(n)
+        self._setpoint = self.q.copy()
+        self.state = OperatingState("ENABLED" if ready else "DISABLED", ready, False)
+
+    @property
+    def time(self) -> float:
+        return self.ticks * self.period
 
     def measured_js(self) -> JointState:
-        return self._joint_state(self._q, self._qd)
+        gravity = np.array([0.0, 0.0, -9.81])
+        q, qd, tau = self.q.copy(), self.qd.copy(), self.tau.copy()
+        return JointState(self.time, q, qd, tau, np.zeros(0), gravity, np.inf)
 
     def setpoint_js(self) -> JointState:
-        return self._joint_state(self._setpoint, np.zeros_like(self._q))
+        return self.measured_js()._replace(q=self._setpoint.copy(), qd=np.zeros_like(self.q))
 
     def servo_jp(self, q: Floats) -> None:
         self._require("servo_jp")
-        if q.shape != self._q.shape:
-            raise InputError(f"q: expected shape {self._q.shape}, got {q.shape}")
+        if q.shape != self.q.shape:
+            raise InputError(f"q: expected shape {self.q.shape}, got {q.shape}")
         self._setpoint = np.array(q)
         self.setpoints.append(self._setpoint.copy())
 
@@ -68,43 +76,72 @@ class IdealPlant:
         raise UnsupportedCommandError(f"servo_jf: expected one of {sorted(self.supports)}")
 
     def operating_state(self) -> OperatingState:
-        return self._state
+        return self.state
 
     def state_command(self, command: StateCommand) -> None:
-        state, is_homed, is_busy = self._state
+        state, is_homed, is_busy = self.state
         if command == "home" and self._homing_ticks and not is_homed:
             is_busy, self._homes_at = True, self.ticks + self._homing_ticks
         elif command in ("home", "unhome"):
             is_homed = command == "home"
         state = TRANSITIONS[command].get(state, state)
-        self._state = OperatingState(state, is_homed, is_busy)
+        self.state = OperatingState(state, is_homed, is_busy)
 
     def telemetry(self) -> Mapping[str, Floats]:
         return {}
 
     def wait(self) -> None:
+        self._move()
         self.ticks += 1
-        self._qd = (self._setpoint - self._q) / self.period
-        self._q = self._setpoint.copy()
         if self.ticks == self._homes_at:
-            self._state = self._state._replace(is_homed=True, is_busy=False)
+            self.state = self.state._replace(is_homed=True, is_busy=False)
         if self.ticks == self._pause_after:
             self.state_command("pause")
+
+    def _move(self) -> None:
+        self.qd = (self._setpoint - self.q) / self.period
+        self.q = self._setpoint.copy()
 
     def _require(self, verb: str) -> None:
         if verb not in self.supports:
             raise UnsupportedCommandError(f"{verb}: expected one of {sorted(self.supports)}")
-        if self._state.state != "ENABLED" or not self._state.is_homed:
-            raise NotReadyError(f"{verb}: the plant is {self._state}")
+        if self.state.state != "ENABLED" or not self.state.is_homed:
+            raise NotReadyError(f"{verb}: the plant is {self.state}")
 
-    def _joint_state(self, q: Floats, qd: Floats) -> JointState:
-        n = len(q)
-        return JointState(
-            time=self.ticks * self.period,
-            q=q.copy(),
-            qd=qd.copy(),
-            tau=np.zeros(n),
-            q_motor=np.zeros(0),
-            gravity=np.array([0.0, 0.0, -9.81]),
-            gravity_age=np.inf,
+
+class MassPlant(IdealPlant):
+    """Unit masses, pushed by torque, qdd = tau - friction qd, or placed by position; `log` keeps what it was told."""
+
+    def __init__(self, q: Floats, *, simulated: bool = True, friction: float = 0.0) -> None:
+        super().__init__(
+            q,
+            joint_names=[f"j{j}" for j in range(len(q))],
+            supports=frozenset({"measured_js", "setpoint_js", "servo_jp", "servo_jf", "state_command"}),
         )
+        self.simulated, self.friction = simulated, friction
+        self.log: list[tuple[str, object]] = []
+
+    def setpoint_js(self) -> JointState:
+        return self.measured_js()
+
+    def servo_jp(self, q: Floats) -> None:
+        self._require("servo_jp")
+        self.log.append(("servo_jp", np.array(q)))
+        self.q, self.qd, self.tau = np.array(q), np.zeros_like(self.qd), np.zeros_like(self.tau)
+
+    def servo_jf(self, tau: Floats) -> None:
+        self._require("servo_jf")
+        self.log.append(("servo_jf", np.array(tau)))
+        self.tau = np.array(tau)
+
+    def state_command(self, command: StateCommand) -> None:
+        self.log.append(("state_command", command))
+        super().state_command(command)
+
+    def _load(self) -> Floats:
+        """What else pulls at the joints."""
+        return np.zeros_like(self.q)
+
+    def _move(self) -> None:
+        self.qd = self.qd + self.period * (self.tau - self._load() - self.friction * self.qd)
+        self.q = self.q + self.period * self.qd

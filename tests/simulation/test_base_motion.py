@@ -26,18 +26,28 @@ def world_pose(base, t):
     return R, R @ np.array(base.lever)
 
 
-def test_level_base_feels_gravity_straight_down():
-    assert_allclose(FixedBase().sample(np.zeros(1)).gravity, [DOWN], atol=1e-15)
+def differentiated(t):
+    """Angular velocity, and acceleration of the origin, in ROCKING's axes, by central differences of its pose."""
+    h = 1e-4
+    (R_before, before), (R, here), (R_after, after) = (world_pose(ROCKING, t + s) for s in (-h, 0.0, h))
+    omega = Rotation.from_matrix(R_before.T @ R_after).as_rotvec() / (2 * h)
+    return omega, R.T @ (before - 2.0 * here + after) / h**2
 
 
-def test_base_rolled_by_ninety_degrees_feels_gravity_along_minus_y():
-    # its y axis has turned up
-    assert_allclose(FixedBase(roll=np.pi / 2).sample(np.zeros(1)).gravity, [[0.0, -9.81, 0.0]], atol=1e-14)
-
-
-def test_base_pitched_by_ninety_degrees_feels_gravity_along_x():
-    # its x axis has turned down
-    assert_allclose(FixedBase(pitch=np.pi / 2).sample(np.zeros(1)).gravity, [[9.81, 0.0, 0.0]], atol=1e-14)
+@pytest.mark.parametrize(
+    ("base", "gravity"),
+    [
+        (FixedBase(), [0.0, 0.0, -9.81]),
+        (FixedBase(roll=np.pi / 2), [0.0, -9.81, 0.0]),  # its y axis has turned up
+        (FixedBase(pitch=np.pi / 2), [9.81, 0.0, 0.0]),  # its x axis has turned down
+    ],
+)
+def test_gravity_of_a_base_that_stands_still(base, gravity):
+    samples = base.sample(np.zeros(1))
+    assert_allclose(samples.gravity, [gravity], atol=1e-14)
+    force, rate = imu_reading(samples)
+    assert_allclose(force, [np.negative(gravity)], atol=1e-14)  # an IMU at rest reads gravity upwards
+    assert_allclose(rate, 0.0)
 
 
 def test_tilt_rolls_first_and_then_pitches_about_its_own_axis():
@@ -51,13 +61,16 @@ def test_rocking_turns_gravity_as_the_finite_rotation_does():
         assert_allclose(g, world_pose(ROCKING, t)[0].T @ DOWN, atol=1e-13)
 
 
-def test_angular_velocity_is_that_of_the_finite_rotation():
-    h = 1e-5
+def test_motion_is_that_of_the_finite_rotation_and_an_imu_reads_it():
     times = np.linspace(0.0, 3.0, 20)
-    motion = ROCKING.sample(times).motion
-    for t, omega in zip(times, motion[:, 0], strict=True):
-        turned = world_pose(ROCKING, t - h)[0].T @ world_pose(ROCKING, t + h)[0]
-        assert_allclose(omega, Rotation.from_matrix(turned).as_rotvec() / (2 * h), atol=1e-8)  # h^2 omega'''
+    samples = ROCKING.sample(times)
+    omega, acceleration = (np.array(part) for part in zip(*map(differentiated, times), strict=True))
+    # h^2 of the third and fourth derivatives, roundings of 1e-16 / h^2
+    assert_allclose(samples.motion[:, 0], omega, atol=1e-6)
+    assert_allclose(samples.motion[:, 2], acceleration, atol=1e-6)
+    force, rate = imu_reading(samples)
+    assert_allclose(force, acceleration - samples.gravity, atol=1e-6)
+    assert_allclose(rate, omega, atol=1e-6)
 
 
 def test_angular_acceleration_is_the_derivative_of_angular_velocity():
@@ -65,33 +78,6 @@ def test_angular_acceleration_is_the_derivative_of_angular_velocity():
     times = np.linspace(0.0, 3.0, 20)
     before, after = (ROCKING.sample(times + s).motion[:, 0] for s in (-h, h))
     assert_allclose(ROCKING.sample(times).motion[:, 1], (after - before) / (2 * h), atol=1e-8)
-
-
-def test_linear_acceleration_is_the_second_derivative_of_the_origin_in_base_axes():
-    h = 1e-4
-    times = np.linspace(0.0, 3.0, 20)
-    for t, a in zip(times, ROCKING.sample(times).motion[:, 2], strict=True):
-        R, here = world_pose(ROCKING, t)
-        second = (world_pose(ROCKING, t - h)[1] - 2.0 * here + world_pose(ROCKING, t + h)[1]) / h**2
-        assert_allclose(
-            a, R.T @ second, atol=1e-6
-        )  # roundings of 1e-16 / h^2 and h^2 of the fourth derivative
-
-
-def test_resting_imu_reads_gravity_upwards():
-    force, rate = imu_reading(FixedBase().sample(np.zeros(1)))
-    assert_allclose(force, [-DOWN], atol=1e-15)
-    assert_allclose(rate, 0.0)
-
-
-def test_rocking_imu_reads_the_specific_force_of_its_path():
-    h = 1e-4
-    force, rate = imu_reading(ROCKING.sample(np.array([0.4])))
-    R, here = world_pose(ROCKING, 0.4)
-    second = (world_pose(ROCKING, 0.4 - h)[1] - 2.0 * here + world_pose(ROCKING, 0.4 + h)[1]) / h**2
-    assert_allclose(force[0], R.T @ (second - DOWN), atol=1e-6)
-    turned = world_pose(ROCKING, 0.4 - h)[0].T @ world_pose(ROCKING, 0.4 + h)[0]
-    assert_allclose(rate[0], Rotation.from_matrix(turned).as_rotvec() / (2 * h), atol=1e-8)
 
 
 @pytest.mark.parametrize("pieces", [[1] * 3000, [3000], [1000, 24, 1000, 976]])

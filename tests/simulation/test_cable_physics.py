@@ -9,9 +9,9 @@ from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.cable_parameters import load_cable_arm
-from catenary.simulation.cable_physics import Work
+from catenary.simulation.cable_physics import ArmState, Work
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.firmware import OFF, control_motors, read_encoders_of
+from catenary.simulation.firmware import OFF, control_motors, read_encoders
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.transmission.coupling import tensions_for, winding_of
 from catenary.transmission.elasticity import beyond_backlash
@@ -19,7 +19,6 @@ from oracles.cable_arms import (
     HOME,
     homed_plant,
     linear_arm,
-    new_steps,
     resting_state,
     smooth_motion,
     take_steps,
@@ -32,8 +31,9 @@ from oracles.tree_poses import link_poses
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 MODEL = load_robot("raven2")
-TREE = MODEL.tree
-CABLE = load_cable_arm().cable
+TREE = MODEL.tree._make(np.array(part) for part in MODEL.tree)  # writable, as a plant's own
+ARM = load_cable_arm()
+CABLE = ARM.cable
 
 
 def potential_energy(q):
@@ -59,21 +59,22 @@ def energy_balance(cable, step, seconds=0.5):
     """Work of the motors, to and fro, and what of it is found nowhere: [J]."""
     state = resting_state(cable, HOME)
     torque = motor_torques(cable, seconds, step)
-    steps = new_steps(len(torque))
-    take_steps(TREE, cable, state, torque, False, GRAVITY, np.zeros((3, 3)), step, Work(), steps)
+    steps = ArmState.rows(len(torque))
+    take_steps(TREE, cable, state, torque, GRAVITY, np.zeros((3, 3)), step, Work(), steps)
+    rotor, rotor_velocity = steps.rotor[:, :3], steps.rotor_velocity[:, :3]
     assert (cable.stop_side * (steps.q - cable.stop_position) < 0.0).all()  # no stop was met
 
     ratio = cable.ratio * (1.0 + cable.ratio_error)
     torque = torque[:, :3]
-    work = np.sum(torque * steps.rotor_velocity) * step
+    work = np.sum(torque * rotor_velocity) * step
     kinetic = 0.5 * steps.qd[-1] @ mass_matrix(MODEL, steps.q[-1]) @ steps.qd[-1]
-    kinetic += 0.5 * np.sum(cable.rotor_inertia * steps.rotor_velocity[-1] ** 2)
+    kinetic += 0.5 * np.sum(cable.rotor_inertia * rotor_velocity[-1] ** 2)
     potential = potential_energy(steps.q[-1]) - potential_energy(HOME)
 
     before = {
-        "rotor": np.vstack([resting_state(cable, HOME).rotor[:3], steps.rotor[:-1]]),
+        "rotor": np.vstack([resting_state(cable, HOME).rotor[:3], rotor[:-1]]),
         "q": np.vstack([HOME, steps.q[:-1]]),
-        "velocity": np.vstack([np.zeros(3), steps.rotor_velocity[:-1]]),
+        "velocity": np.vstack([np.zeros(3), rotor_velocity[:-1]]),
         "qd": np.vstack([np.zeros(3), steps.qd[:-1]]),
     }
     pulled = before["rotor"] / ratio - np.array([winding_of(cable.coupling, q) for q in before["q"]])
@@ -92,13 +93,13 @@ def energy_balance(cable, step, seconds=0.5):
         # inside the backlash the Maxwell branch pulls along the travel, outside it only flows
         + np.sum(np.where(stretch != 0.0, 0.0, creeping * rate))
         + np.sum(creeping**2 / (k * K * cable.slow_time) if np.all(k > 0.0) else 0.0)
-        + np.sum(cable.rotor_damping * before["velocity"] * steps.rotor_velocity)
+        + np.sum(cable.rotor_damping * before["velocity"] * rotor_velocity)
     )
-    inertial = cable.rotor_inertia * (steps.rotor_velocity - before["velocity"]) / step
+    inertial = cable.rotor_inertia * (rotor_velocity - before["velocity"]) / step
     rotor_friction = torque - steps.tension / ratio - cable.rotor_damping * before["velocity"] - inertial
-    lost += step * np.sum(rotor_friction * steps.rotor_velocity)
+    lost += step * np.sum(rotor_friction * rotor_velocity)
     lost += np.sum(steps.friction * steps.qd)
-    turned_over = np.sum(np.abs(torque * steps.rotor_velocity)) * step
+    turned_over = np.sum(np.abs(torque * rotor_velocity)) * step
     return turned_over, work - kinetic - potential - np.sum(elastic) - lost
 
 
@@ -143,7 +144,7 @@ def test_linear_cables_move_as_in_mujoco(base):
         control_motors(plant.firmware, control, shaft_torque)
         mujoco_arm.step(shaft_torque[:3], PERIOD)
         state.rotor[:3] = mujoco_arm.rotor
-        read_encoders_of(plant.firmware, state, control)
+        read_encoders(plant.firmware, state, control)
 
     assert np.ptp(q, axis=0)[2] > 0.03  # it did move
     assert np.rad2deg(np.abs(log.q - q)[:, :2].max()) < 0.005
@@ -174,9 +175,7 @@ def test_arm_on_its_brakes_does_not_creep():
 
 def test_sticking_joint_stands_exactly_still():
     # a cable that relaxes takes a joint along that stands just at what friction holds
-    cable = CABLE.replace(slow_share=np.zeros(3))
-    state = resting_state(cable, HOME)
-    torque = np.zeros((4000, 7))  # friction of the rotors alone would let the arm sag onto the cables
-    steps = new_steps(len(torque))
-    take_steps(TREE, cable, state, torque, True, GRAVITY, np.zeros((3, 3)), 5e-4, Work(), steps)
-    assert_allclose(steps.qd[-1], 0.0, atol=1e-12)
+    plant = CablePlant(ARM._replace(cable=CABLE.replace(slow_share=np.zeros(3))), start=HOME)
+    for _ in range(2000):  # on its brakes
+        plant.wait()
+    assert_allclose(plant.state.qd, 0.0, atol=1e-12)

@@ -15,9 +15,10 @@ from catenary.simulation.firmware import (
     TORQUE,
     ControlState,
     control_motors,
-    read_encoders_of,
+    read_encoders,
     register,
 )
+from catenary.transmission.coupling import joint_forces
 from oracles.cable_arms import homed_plant, linear_arm
 
 GOLD = load_cable_arm().firmware
@@ -43,23 +44,18 @@ def moved(firmware, motor):
     """Control state that has read motors at the given positions [rad], with zero offsets."""
     state, control = ArmState(), ControlState()
     state.rotor[:] = motor
-    read_encoders_of(firmware, state, control)
+    read_encoders(firmware, state, control)
     return control
 
 
-@given(st.integers(0, 2), st.floats(-1.5, 1.5))
-def test_position_gain_acts_on_the_motors_error(axis, error):
-    control, _ = demanded(GOLD, error=error, axis=axis)
-    assert_allclose(control.torque[axis], [0.3, 0.3, 0.15][axis] * error, rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("firmware", "gains"), [(GOLD, [0.008, 0.008, 0.012]), (GREEN, [0.008, 0.008, 0.010])]
+@given(
+    st.sampled_from([(GOLD, 0.012), (GREEN, 0.010)]), st.integers(0, 2), st.floats(-3, 3), st.floats(-9, 9)
 )
-def test_damping_gain_acts_against_the_motors_speed(firmware, gains):
-    for axis, kd in enumerate(gains):
-        control, _ = demanded(firmware, velocity=5.0, axis=axis)
-        assert_allclose(control.torque[axis], -kd * 5.0, rtol=1e-12)
+def test_torque_before_clipping_is_that_of_the_gains_at_the_motors(arm, axis, error, velocity):
+    firmware, kd_of_insertion = arm
+    control, _ = demanded(firmware, error, velocity, axis=axis)
+    kp, kd = [0.3, 0.3, 0.15][axis], [0.008, 0.008, kd_of_insertion][axis]
+    assert_allclose(control.torque[axis], kp * error - kd * velocity, rtol=1e-12, atol=1e-15)
 
 
 def test_tool_axes_integrate_their_error_and_positioning_axes_do_not():
@@ -87,54 +83,39 @@ def test_a_constant_speed_lags_by_damping_over_stiffness():
 
 @given(st.floats(-2.0, 2.0))
 def test_dac_is_truncated_towards_zero(error):
-    control, _ = demanded(GOLD, error=error)
     exact = -1.0 * 0.3 * error / (0.0603 * 12.25) * 2730.0
-    if abs(exact) <= 2500.0:
-        assert control.dac[0] == math.trunc(exact)
+    assert demanded(GOLD, error=error)[0].dac[0] == math.trunc(np.clip(exact, -2500.0, 2500.0))
 
 
 def test_dac_is_clipped_at_the_limits_of_the_source():
-    control, shaft = ControlState(), np.zeros(7)
+    control = ControlState(setpoint=[0.05, 0.05, 0.003, 0.3, 0.35, 0.35, 0.35])
     control.mode[:] = POSITION
-    control.setpoint[:] = [0.05, 0.05, 0.003, 0.3, 0.35, 0.35, 0.35]
-    control_motors(GOLD, control, shaft)
+    control_motors(GOLD, control, np.zeros(7))
     assert_array_equal(np.abs(control.dac[:6]), [2500.0, 2500.0, 2000.0, 3000.0, 3000.0, 3800.0])
 
 
-def test_recorded_torque_is_before_clipping():
-    control, _ = demanded(GOLD, error=3.0)
-    assert_allclose(control.torque[0], 0.9, rtol=1e-12)
-    assert control.dac[0] == -2500.0
+@pytest.mark.parametrize(("axis", "ratio", "most"), [(0, 136.1963, 7.521), (2, 2158.59, 95.36)])  # Nm, N
+def test_joint_limits_of_torque_are_those_of_the_mechanism(axis, ratio, most):
+    _, shaft = demanded(GOLD, error=4.0, axis=axis)
+    assert_allclose(shaft[axis] * ratio, most, rtol=1e-4)  # raven2 description, at the joint
 
 
-def test_joint_limits_of_torque_are_those_of_the_mechanism():
-    _, shaft = demanded(GOLD, error=4.0, axis=0)
-    assert_allclose(shaft[0] * 136.1963, 7.521, rtol=1e-4)  # raven2 description, Nm at the joint
-    _, shaft = demanded(GOLD, error=4.0, axis=2)
-    assert_allclose(shaft[2] * 2158.59, 95.36, rtol=1e-4)  # N
-
-
-@pytest.mark.parametrize("firmware", [GOLD, GREEN])
-def test_positive_torque_is_positive_motion_whatever_the_boards_sign(firmware):
+@pytest.mark.parametrize(
+    ("firmware", "signs"), [(GOLD, [-1, -1, -1, -1, -1, 1, -1]), (GREEN, [1, 1, 1, -1, -1, 1, -1])]
+)
+def test_positive_torque_is_positive_motion_whatever_the_boards_sign(firmware, signs):
     for axis in range(7):
         control, shaft = demanded(firmware, error=0.5, axis=axis)
         assert control.torque[axis] > 0.0
         assert shaft[axis] > 0.0
+        assert np.sign(control.dac[axis]) == signs[axis]
 
 
-def test_dac_carries_the_boards_sign_of_each_arm():
-    for firmware, signs in ((GOLD, [-1, -1, -1, -1, -1, 1, -1]), (GREEN, [1, 1, 1, -1, -1, 1, -1])):
-        for axis in range(7):
-            control, _ = demanded(firmware, error=0.5, axis=axis)
-            assert np.sign(control.dac[axis]) == signs[axis]
-
-
-def test_command_beyond_twenty_thousand_trips_the_software_stop():
-    control, shaft = demanded(GOLD, error=20_000.5 * 0.0603 * 12.25 / 2730.0 / 0.3)
-    assert not control.stopped  # truncated to 20,000
-    control, shaft = demanded(GOLD, error=20_002.0 * 0.0603 * 12.25 / 2730.0 / 0.3)
-    assert control.stopped
-    assert shaft[0] == 0.0
+@pytest.mark.parametrize(("dac", "stopped"), [(20_000.5, False), (20_002.0, True)])  # truncated to 20,000
+def test_command_beyond_twenty_thousand_trips_the_software_stop(dac, stopped):
+    control, shaft = demanded(GOLD, error=dac * 0.0603 * 12.25 / 2730.0 / 0.3)
+    assert control.stopped == stopped
+    assert (shaft[0] == 0.0) == stopped
 
 
 def test_last_jaw_is_never_checked_but_its_board_has_sixteen_bits():
@@ -143,10 +124,10 @@ def test_last_jaw_is_never_checked_but_its_board_has_sixteen_bits():
     assert abs(control.dac[6]) == 32_768.0  # negative on this board
 
 
-def test_encoders_count_four_thousand_steps_a_turn():
-    for motor in (0.0, 0.999 * STEP, 1.0001 * STEP, 2.0 * np.pi + 0.5 * STEP):
-        control = moved(GOLD, np.full(7, motor))
-        assert_array_equal(control.counts, np.floor(motor / STEP))
+# 24 bits hold 26,000 rad: the board's wrap, which no joint reaches, is not modelled
+@pytest.mark.parametrize("motor", [0.0, 0.999 * STEP, 1.0001 * STEP, 2.0 * np.pi + 0.5 * STEP, 30_000.0])
+def test_encoders_count_four_thousand_steps_a_turn_without_end(motor):
+    assert_array_equal(moved(GOLD, np.full(7, motor)).counts, np.floor(motor / STEP))
 
 
 def test_encoder_steps_at_the_joints_are_those_of_the_mechanism():
@@ -155,45 +136,31 @@ def test_encoder_steps_at_the_joints_are_those_of_the_mechanism():
     assert_allclose(np.rad2deg(STEP / GOLD.ratio[3:5]), [0.01668, 0.01001], rtol=1e-3)
 
 
-def test_counts_do_not_wrap():
-    # 24 bits hold 26,000 rad: the board's wrap, which no joint reaches, is not modelled
-    control = moved(GOLD, np.full(7, 30_000.0))
-    assert (control.counts > 2**24).all()
-
-
-@given(st.tuples(*[st.floats(-1.0, 1.0)] * 7), st.booleans())
-def test_joints_read_what_they_were_registered_at(joint, gold):
-    firmware = GOLD if gold else GREEN
+@given(st.tuples(*[st.floats(-1.0, 1.0)] * 7), st.sampled_from([GOLD, GREEN]))
+def test_joints_read_what_they_were_registered_at_and_ask_for_the_motors_there(joint, firmware):
     control = moved(firmware, np.linspace(-50.0, 900.0, 7))
     register(firmware, control, np.array(joint), ALL)
     # to an encoder step at every motor that takes part: the insertion reads all three, the tools the insertion's
     atol = 2.0 * STEP * (1.0 / firmware.ratio + 0.35 / firmware.ratio)
     assert (np.abs(control.joint - joint) <= atol + 2e-6).all()
-
-
-@given(st.tuples(*[st.floats(-1.0, 1.0)] * 7), st.booleans())
-def test_desired_motors_are_the_inverse_of_measured_joints(joint, gold):
-    firmware = GOLD if gold else GREEN
-    control = moved(firmware, np.linspace(-50.0, 900.0, 7))
-    register(firmware, control, np.array(joint), ALL)
     control.setpoint[:] = control.joint
     control_motors(firmware, control, np.zeros(7))
     assert_allclose(control.motor_setpoint, control.motor, atol=1e-9)
 
 
-def test_tool_joints_stand_still_while_their_motors_follow_the_insertion():
-    for firmware, sign in ((GOLD, 1.0), (GREEN, -1.0)):
-        insertion = 29.087  # ten turns of the tool's cables
-        follow = sign * 10.0 * np.array([1.0, 1.0, -1.0, 1.0])  # the first jaw's runs the other way
-        control = moved(firmware, np.array([0.0, 0.0, insertion, *follow]))
-        assert_allclose(control.joint[3:], 0.0, atol=2.0 * STEP / 5.0)
+@pytest.mark.parametrize(("firmware", "sign"), [(GOLD, 1.0), (GREEN, -1.0)])
+def test_tool_joints_stand_still_while_their_motors_follow_the_insertion(firmware, sign):
+    insertion = 29.087  # ten turns of the tool's cables
+    follow = sign * 10.0 * np.array([1.0, 1.0, -1.0, 1.0])  # the first jaw's runs the other way
+    control = moved(firmware, np.array([0.0, 0.0, insertion, *follow]))
+    assert_allclose(control.joint[3:], 0.0, atol=2.0 * STEP / 5.0)
 
 
 def test_velocity_is_the_difference_of_one_tick_and_ignores_the_coupling():
     state, control = ArmState(), ControlState()
-    read_encoders_of(GOLD, state, control)
+    read_encoders(GOLD, state, control)
     state.rotor[0] = 10.5 * STEP
-    read_encoders_of(GOLD, state, control)
+    read_encoders(GOLD, state, control)
     assert_allclose(control.motor_velocity[0], 10.0 * STEP / 1e-3)
     assert_allclose(control.joint_velocity[0], 10.0 * STEP / 1e-3 / 136.1963)
     assert_array_equal(control.joint_velocity[1:], 0.0)
@@ -204,13 +171,7 @@ def test_commanded_joint_torques_reach_the_motors_through_the_coupling():
     control.mode[:] = TORQUE
     control.torque_command[:3] = [2.0, -1.0, 5.0]
     control_motors(GOLD, control, shaft)
-    tension = shaft[:3] * GOLD.ratio[:3]
-    c01, c02, c12 = 0.14545, 0.0077973826, 0.008077387
-    joint = [
-        tension[0] + c01 * tension[1] + c02 * tension[2],
-        tension[1] + c12 * tension[2],
-        tension[2],
-    ]
+    joint = joint_forces((0.14545, 0.0077973826, 0.008077387), shaft[:3] * GOLD.ratio[:3])
     # one DAC step: 0.003 Nm on the first two joints, 0.05 N on the third
     assert_allclose(joint, [2.0, -1.0, 5.0], atol=0.05)
 
@@ -223,32 +184,21 @@ def test_an_axis_that_is_off_gets_nothing():
     assert_array_equal(shaft, 0.0)
 
 
-def test_a_hundred_increments_move_the_setpoint_by_their_sum():
+@pytest.mark.parametrize(
+    ("increment", "in_a_tick", "ticks"),
+    [(5e-5, 1, 100), (5e-4, 4, 1), (1.0, 1, 1)],
+    ids=["slow", "four", "leap"],
+)
+def test_increments_of_a_tick_add_up_and_are_clamped(increment, in_a_tick, ticks):
     plant = homed_plant()
     start = plant.setpoint_js().q
-    for _ in range(100):
-        plant.servo_jr(np.deg2rad([0.003, 0, 0, 0, 0, 0, 0]))
+    for _ in range(ticks):
+        for _ in range(in_a_tick):
+            plant.servo_jr(np.full(7, increment))
         plant.wait()
-    assert_allclose(np.rad2deg((plant.setpoint_js().q - start)[0]), 0.3, rtol=1e-12)
-
-
-def test_increments_of_one_tick_add_up_before_the_clamp():
-    plant = homed_plant()
-    start = plant.setpoint_js().q
-    for _ in range(4):
-        plant.servo_jr(np.full(7, 0.0005))
-    plant.wait()
-    expected = np.minimum(0.002, [0.0025, 0.0025, 5e-5, 0.0025, 0.0025, 0.0025, 0.0025])
-    assert_allclose(plant.setpoint_js().q - start, expected, rtol=1e-9)
-
-
-def test_setpoint_steps_are_clamped():
-    plant = homed_plant()
-    start = plant.setpoint_js().q
-    plant.servo_jp(start + 1.0)
-    plant.wait()
-    # 0.0025 rad or 0.05 mm a millisecond
-    assert_allclose(plant.setpoint_js().q - start, [0.0025, 0.0025, 5e-5, *[0.0025] * 4], rtol=1e-9)
+    most = np.array([0.0025, 0.0025, 5e-5, *[0.0025] * 4])  # 0.0025 rad or 0.05 mm a millisecond
+    moved_by = ticks * np.minimum(in_a_tick * increment, most)
+    assert_allclose(plant.setpoint_js().q - start, moved_by, rtol=1e-9)
 
 
 @pytest.mark.parametrize("side", ["lower", "upper"])

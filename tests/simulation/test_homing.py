@@ -1,4 +1,4 @@
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -34,10 +34,21 @@ class Homing(NamedTuple):
     tools_at_home: Floats  # [rad]
 
 
-def home_and_watch(start: Floats, arm: CableArm | None = None, substeps: int = 1) -> Homing:
-    plant = CablePlant(arm, start=start, substeps=substeps)
+def homing_plant(**options: Any) -> CablePlant:
+    """A plant that has just begun to home."""
+    plant = CablePlant(**options)
     plant.state_command("enable")
     plant.state_command("home")
+    return plant
+
+
+def wait(plant: CablePlant, ticks: int) -> None:
+    for _ in range(ticks):
+        plant.wait()
+
+
+def home_and_watch(start: Floats, arm: CableArm | None = None, substeps: int = 1) -> Homing:
+    plant = homing_plant(arm=arm, start=start, substeps=substeps)
     at_stops = None
     while plant.operating_state().is_busy:
         plant.wait()
@@ -45,8 +56,7 @@ def home_and_watch(start: Floats, arm: CableArm | None = None, substeps: int = 1
             sample = plant.telemetry()
             at_stops = sample["jpos"][:3] * DEG_MM, sample["ext_jpos"] * DEG_MM
     seconds = plant.time
-    for _ in range(500):
-        plant.wait()
+    wait(plant, 500)
     sample = plant.telemetry()
     registration = sample["encoffsets"][:3] / (4000.0 / (2.0 * np.pi)) / plant.firmware.ratio[:3]
     assert at_stops is not None
@@ -70,27 +80,19 @@ def homings() -> list[Homing]:
 
 
 @pytest.mark.slow
-def test_homing_takes_as_long_as_its_slowest_joints(homings):
+def test_every_homing_registers_the_stops_and_ends_at_home(homings):
     for h in homings:
         # the amplifiers 1 s, tools to their stops some 4.5 s, two registrations of 0.2 s, two moves of 2.5 s
         to_stops = np.abs(load_cable_arm().cable.stop_position - h.start) / np.abs(SEEK_SPEED[:3])
         assert_allclose(h.seconds, 11.0 + to_stops.max(), atol=2.0)
-
-
-@pytest.mark.slow
-def test_robot_registers_its_stops(homings):
-    for h in homings:
         assert_allclose(h.robot_at_stops, STOPS, atol=0.02)  # a tick's motion after registration
-
-
-@pytest.mark.slow
-def test_rig_registers_the_same_stops_as_it_calls_them(homings):
-    for h in homings:
         # the insertion has sprung back from the peak by what its stop gives way, 60 N on 1e5 N/m; the elbow has
         # left its stop: its motor went on following the shoulder, by up to 85 deg times the error of the coupling
-        assert (np.abs(h.rig_at_stops - RIG_STOPS) < [0.05, 85.0 * (0.14545 - 0.0874), 0.8]).all(), (
-            h.rig_at_stops
-        )
+        off = np.abs(h.rig_at_stops - RIG_STOPS)
+        assert (off < [0.05, 85.0 * (0.14545 - 0.0874), 0.8]).all(), h.rig_at_stops
+        assert_allclose(h.robot_at_home, HOME, atol=0.3)  # gravity and friction against the PD: 0.2 deg a Nm
+        # without damping the tool's integral hunts about its friction: 5 mNm of 0.013 Nm/rad, over the ratio
+        assert_allclose(h.tools_at_home, [0.0, 0.0, np.pi / 4, np.pi / 4], atol=0.15)
 
 
 def test_robot_and_rig_differ_by_their_registrations_where_cables_are_known_and_stiff():
@@ -100,14 +102,6 @@ def test_robot_and_rig_differ_by_their_registrations_where_cables_are_known_and_
     h = home_and_watch(np.array([0.5, 1.5, 0.4]), arm, substeps=4)
     # wound up at the stops by 4 Nm on 2560 Nm/rad and less; the insertion's stop gives way by 60 N on 1e5 N/m
     assert (np.abs(h.robot_at_home - h.rig_at_home - [0.0, 7.5, -10.467]) < [0.15, 0.15, 0.7]).all(), h
-
-
-@pytest.mark.slow
-def test_robot_believes_to_be_at_home(homings):
-    for h in homings:
-        assert_allclose(h.robot_at_home, HOME, atol=0.3)  # gravity and friction against the PD: 0.2 deg a Nm
-        # without damping the tool's integral hunts about its friction: 5 mNm of 0.013 Nm/rad, over the ratio
-        assert_allclose(h.tools_at_home, [0.0, 0.0, np.pi / 4, np.pi / 4], atol=0.15)
 
 
 @pytest.mark.slow
@@ -126,22 +120,15 @@ def test_homing_again_spreads_the_elbow_and_spares_the_others(homings):
 
 
 def test_homing_goes_tools_first_while_the_positioning_joints_stand():
-    plant = CablePlant()
-    plant.state_command("enable")
-    plant.state_command("home")
-    start = plant.state.q.copy()
-    tool = plant.state.rotor[3:].copy()
-    for _ in range(2500):  # a second of waiting, then the tools run
-        plant.wait()
+    plant = homing_plant()
+    start, tool = plant.state.q.copy(), plant.state.rotor[3:].copy()
+    wait(plant, 2500)  # a second of waiting, then the tools run
     assert (np.abs(plant.state.rotor[3:] - tool) > 1.0).all()
     assert_allclose(plant.state.q, start, atol=0.02)  # brakes off: the arm has settled on its motors
 
 
 def test_tool_meets_its_stops_before_the_insertion_moves():
-    plant = CablePlant()
-    plant.state_command("enable")
-    plant.state_command("home")
-    meets = np.full(7, np.nan)
+    plant, meets = homing_plant(), np.full(7, np.nan)
     while plant.operating_state().is_busy:
         plant.wait()
         into_stop = plant.control.seek == 2
@@ -149,37 +136,20 @@ def test_tool_meets_its_stops_before_the_insertion_moves():
     assert np.nanmax(meets[3:6]) < np.nanmin(meets[:3])
 
 
-def test_homed_arm_does_not_home_again_after_a_stop():
-    plant = homed_plant()
-    plant.state_command("disable")
-    plant.state_command("enable")
-    assert plant.operating_state() == OperatingState("ENABLED", is_homed=True, is_busy=False)
-    plant.servo_jr(np.zeros(7))
-
-
-def test_offsets_survive_a_stop():
+def test_homed_arm_stays_homed_and_registered_through_a_stop():
     plant = homed_plant()
     before = plant.telemetry()["encoffsets"]
     plant.state_command("disable")
     plant.state_command("enable")
+    assert plant.operating_state() == OperatingState("ENABLED", is_homed=True, is_busy=False)
     assert_array_equal(plant.telemetry()["encoffsets"], before)
-
-
-@pytest.mark.parametrize("verb", ["servo_jp", "servo_jr", "servo_jf"])
-def test_arm_that_is_not_homed_refuses_to_be_moved(verb):
-    plant = CablePlant()
-    plant.state_command("enable")
-    with pytest.raises(NotReadyError, match="not homed"):
-        getattr(plant, verb)(np.zeros(7))
+    plant.servo_jr(np.zeros(7))
 
 
 @pytest.mark.parametrize("verb", ["servo_jp", "servo_jr", "servo_jf"])
 def test_arm_that_homes_refuses_to_be_moved(verb):
-    plant = CablePlant()
-    plant.state_command("enable")
-    plant.state_command("home")
     with pytest.raises(NotReadyError, match="homing"):
-        getattr(plant, verb)(np.zeros(7))
+        getattr(homing_plant(), verb)(np.zeros(7))
 
 
 @pytest.mark.parametrize("state", ["DISABLED", "PAUSED"])
@@ -194,43 +164,29 @@ def test_homing_is_refused_unless_enabled(state):
 
 @pytest.mark.parametrize("command", ["disable", "pause"])
 def test_interrupted_homing_is_given_up(command):
-    plant = CablePlant()
-    plant.state_command("enable")
-    plant.state_command("home")
-    for _ in range(2000):
-        plant.wait()
+    plant = homing_plant()
+    wait(plant, 2000)
     plant.state_command(command)
     here = plant.state.rotor.copy()
-    for _ in range(500):
-        plant.wait()
-    state = plant.operating_state()
-    assert not state.is_homed
-    assert not state.is_busy
+    wait(plant, 500)
+    assert plant.operating_state()[1:] == (False, False)  # neither homed nor busy
     assert_array_equal(plant.state.rotor, here)
 
 
 def test_arm_homes_after_an_interrupted_homing():
-    plant = CablePlant(substeps=1)
-    plant.state_command("enable")
-    plant.state_command("home")
-    for _ in range(7000):
-        plant.wait()
+    plant = homing_plant(substeps=1)
+    wait(plant, 7000)
     plant.state_command("disable")
     plant.home()
     assert plant.operating_state().is_homed
     assert_allclose(plant.measured_js().q[:3] * DEG_MM, HOME, atol=0.8)
 
 
-def arm_without_shoulder_stop():
-    arm = load_cable_arm()
-    position = arm.cable.stop_position.copy()
-    position[0] = -1e3
-    return arm._replace(cable=arm.cable.replace(stop_position=position))
-
-
 def test_an_axis_that_meets_no_stop_ends_the_homing(monkeypatch):
     monkeypatch.setattr(homing, "LONGEST_SEEK", 12.0)
-    plant = CablePlant(arm_without_shoulder_stop(), substeps=1)
+    arm = load_cable_arm()
+    arm.cable.stop_position[0] = -1e3
+    plant = CablePlant(arm, substeps=1)
     with pytest.raises(NotReadyError, match=r"shoulder.* met no stop in 12 s"):
         plant.home()
     plant.wait()

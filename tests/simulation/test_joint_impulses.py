@@ -37,50 +37,31 @@ class Finished:
         self.q, self.qd = parts.start, parts.start_rate
         self.impulse = self.mass @ (self.qd - self.free_rate)
 
-    @property
-    def free(self) -> np.ndarray:
-        """Joints that no stop touched."""
-        return (self.q > MODEL.lower) & (self.q < MODEL.upper)
-
 
 seeds = st.integers(0, 10_000)
 
 
 @given(seeds, st.sampled_from([0.0, 1.0, 30.0]))
 @settings(deadline=None, max_examples=100)
-def test_no_joint_passes_its_limit(seed, friction):
+def test_no_joint_passes_its_limit_and_no_energy_is_given(seed, friction):
     step = Finished(seed, friction)
     assert ((step.q >= MODEL.lower) & (step.q <= MODEL.upper)).all()
-
-
-@given(seeds, st.sampled_from([0.0, 1.0, 30.0]))
-@settings(deadline=None, max_examples=100)
-def test_friction_and_stops_take_energy_and_never_give_any(seed, friction):
-    step = Finished(seed, friction)
     was, now = step.free_rate @ step.mass @ step.free_rate, step.qd @ step.mass @ step.qd
     assert now <= was * (1.0 + 1e-9) + 1e-12
 
 
-@given(seeds, st.sampled_from([1.0, 30.0]))
+@given(seeds, st.sampled_from([0.0, 1.0, 30.0]))
 @settings(deadline=None, max_examples=100)
-def test_friction_stays_within_coulombs_torque_and_opposes_what_slides(seed, friction):
+def test_friction_stays_within_coulombs_torque_and_stops_only_push_inwards(seed, friction):
     step = Finished(seed, friction)
     most = step.friction * STEP
-    free, sliding = step.free, np.abs(step.qd) > 1e-9
+    free = (step.q > MODEL.lower) & (step.q < MODEL.upper)  # joints that no stop touched
     # impulses are found to 1e-13 of velocity
     assert (np.abs(step.impulse[free]) <= most[free] + 1e-10).all()
-    slides = free & sliding
+    slides = free & (np.abs(step.qd) > 1e-9)
     assert_allclose(step.impulse[slides], -np.sign(step.qd[slides]) * most[slides], atol=1e-10)
-
-
-@given(seeds)
-@settings(deadline=None, max_examples=100)
-def test_stops_only_push_inwards(seed):
-    step = Finished(seed, 0.0)
-    at_lower, at_upper = step.q <= MODEL.lower, step.q >= MODEL.upper
-    assert (step.impulse[at_lower] >= -1e-10).all()
-    assert (step.impulse[at_upper] <= 1e-10).all()
-    assert_allclose(step.impulse[~at_lower & ~at_upper], 0.0, atol=1e-10)
+    assert (step.impulse[step.q <= MODEL.lower] >= -most[step.q <= MODEL.lower] - 1e-10).all()
+    assert (step.impulse[step.q >= MODEL.upper] <= most[step.q >= MODEL.upper] + 1e-10).all()
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])

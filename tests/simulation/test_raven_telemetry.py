@@ -20,29 +20,21 @@ def run(request: pytest.FixtureRequest) -> tuple[CablePlant, TickLog, dict[str, 
     return plant, log, telemetry_of(plant, log)
 
 
-def test_columns_are_those_that_are_declared(run) -> None:
-    assert set(run[2]) == set(COLUMNS)
-
-
-def test_columns_fit_the_topics(run) -> None:
+def test_columns_are_those_that_are_declared_and_fit_the_topics(run) -> None:
     plant, _, telemetry = run
+    assert set(telemetry) == set(COLUMNS)
     for topic in raven_topics("gold" if plant.side == "left" else "green"):
         for column in topic.columns:
             if column.name in telemetry:
                 assert telemetry[column.name].shape == (TICKS, column.width), column.name
 
 
-def test_an_arms_channels_are_its_own(run) -> None:
+def test_an_arms_channels_are_its_own_and_the_parked_arms_are_zero(run) -> None:
     plant, log, telemetry = run
-    first = 0 if plant.side == "left" else 8
+    first, parked = (0, slice(8, 16)) if plant.side == "left" else (8, slice(0, 8))
     for name, field in PER_AXIS.items():
         assert_array_equal(telemetry[name][:, CHANNELS + first], getattr(log, field))
-
-
-def test_the_parked_arms_channels_are_zero(run) -> None:
-    plant, _, telemetry = run
-    parked = slice(8, 16) if plant.side == "left" else slice(0, 8)
-    assert all((telemetry[name][:, parked] == 0.0).all() for name in PER_AXIS)
+        assert (telemetry[name][:, parked] == 0.0).all()
 
 
 def test_the_last_row_of_true_joints_is_within_a_count_of_the_external_encoders(run) -> None:

@@ -39,10 +39,6 @@ def test_tip_follows_a_sine_along_each_axis_in_turn(name: str) -> None:
         assert_allclose(rotations, np.broadcast_to(start.rotation, rotations.shape), atol=1e-6)
 
 
-def test_paper_amplitude_is_three_point_one_inches() -> None:
-    assert pytest.approx(0.07874) == AMPLITUDE
-
-
 def test_other_robots_are_moved_by_search() -> None:
     model = load_robot("planar_3r")
     motion = CartesianSinusoids(model, [0.3, 0.8, 0.5], axes=("z", "x"), amplitude=0.1, period=2.0, cycles=1)
@@ -53,36 +49,35 @@ def test_other_robots_are_moved_by_search() -> None:
     assert_allclose(np.ptp(positions, axis=0), [0.2, 0.0, 0.2], atol=1e-3)
 
 
-def test_limit_in_the_way_is_refused_with_joint_time_and_axis() -> None:
-    start = [np.deg2rad(45.0), np.deg2rad(90.0), 0.23]
-    with pytest.raises(LimitError, match=r"along x, at .* of 27.000 s, .*\"insertion\".*outside \[0.23"):
-        CartesianSinusoids(load_robot("raven2"), start)
+LOW_DOWN = [np.deg2rad(45.0), np.deg2rad(90.0), 0.23]
+# its base frame has the remote centre as origin
+NEAR_THE_CENTRE = inverse_kinematics(load_robot("raven2"), Pose(np.eye(3), np.array([0.0, 0.0, -0.04])))
 
 
-def test_remote_centre_in_the_way_is_refused() -> None:
-    model = load_robot("raven2")  # its base frame has the remote centre as origin
-    q = inverse_kinematics(model, Pose(np.eye(3), np.array([0.0, 0.0, -0.04])))
-    with pytest.raises(LimitError, match=r"along z, .* mm from the remote centre"):
-        CartesianSinusoids(model, q, axes=("z",), amplitude=0.035)
-
-
-def test_direction_out_of_the_arms_plane_is_refused() -> None:
-    with pytest.raises(LimitError, match="along y"):
-        CartesianSinusoids(load_robot("planar_3r"), [0.3, 0.8, 0.5], axes=("y",), amplitude=0.01)
-
-
-def test_joint_velocity_limit_is_kept() -> None:
-    # nearly stretched out: small motions inward need large ones of the joints
-    with pytest.raises(LimitError, match=r"would move at .* a singularity is near"):
-        CartesianSinusoids(
-            load_robot("two_link"),
+@pytest.mark.parametrize(
+    ("robot", "start", "options", "message"),
+    [
+        ("raven2", LOW_DOWN, {}, r'along x, at .* of 27.000 s, .*"insertion".*outside \[0.23'),
+        (
+            "raven2",
+            NEAR_THE_CENTRE,
+            {"axes": ("z",), "amplitude": 0.035},
+            r"along z, .* mm from the remote centre",
+        ),
+        ("planar_3r", [0.3, 0.8, 0.5], {"axes": ("y",), "amplitude": 0.01}, "along y"),  # out of its plane
+        # nearly stretched out: small motions inward need large ones of the joints
+        (
+            "two_link",
             [0.0, 0.05],
-            axes=("x",),
-            amplitude=0.0004,
-            period=0.01,
-            cycles=1,
-            step=1e-5,
-        )
+            {"axes": ("x",), "amplitude": 0.0004, "period": 0.01, "cycles": 1, "step": 1e-4},
+            r"would move at .* a singularity is near",
+        ),
+    ],
+    ids=["joint limit", "remote centre", "plane of the arm", "joint velocity"],
+)
+def test_what_stands_in_the_way_is_named(robot, start, options, message) -> None:
+    with pytest.raises(LimitError, match=message):
+        CartesianSinusoids(load_robot(robot), start, **options)
 
 
 @pytest.mark.parametrize(

@@ -15,25 +15,15 @@ def part() -> Trajectory:
     return go_to([0.0, 1.0], [1.0, 0.0], max_velocity=[1.0, 1.0], max_acceleration=[1.0, 1.0])
 
 
-def test_moving_joints_follow_the_trajectory_in_its_order(part: Trajectory) -> None:
+def test_moving_joints_follow_the_trajectory_in_its_order_and_the_others_stand_still(
+    part: Trajectory,
+) -> None:
     whole = Embedded(part, [2, 0], HOLD)
-    for full, own in zip(whole(0.7), part(0.7), strict=True):
+    assert whole.duration == part.duration
+    for full, own, held in zip(whole(0.7), part(0.7), (HOLD[[1, 3]], 0.0, 0.0), strict=True):
         assert_array_equal(full[[2, 0]], own)
-
-
-def test_the_others_stand_still_where_they_are(part: Trajectory) -> None:
-    q, qd, qdd = Embedded(part, [2, 0], HOLD)(0.7)
-    assert_array_equal(q[[1, 3]], HOLD[[1, 3]])
-    assert_array_equal([qd[[1, 3]], qdd[[1, 3]]], 0.0)
-
-
-def test_it_lasts_as_long_as_the_trajectory(part: Trajectory) -> None:
-    assert Embedded(part, [0, 1], HOLD).duration == part.duration
-
-
-def test_a_reference_is_the_receivers_own(part: Trajectory) -> None:
-    whole = Embedded(part, [0, 1], HOLD)
-    whole(0.0).q[:] = 99.0
+        assert_array_equal(full[[1, 3]], held)
+    whole(0.0).q[:] = 99.0  # the receiver's own
     assert (whole(0.0).q != 99.0).all()
 
 

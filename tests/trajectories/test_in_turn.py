@@ -1,3 +1,5 @@
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -20,18 +22,15 @@ def test_each_motion_begins_when_the_last_one_has_ended() -> None:
     assert_allclose(whole(whole.starts[2] + 0.4).q, back(0.4).q, atol=1e-12)
 
 
-def test_a_motion_that_would_leap_is_refused() -> None:
-    with pytest.raises(InputError, match="number 2 begins at"):
-        InTurn([Rest(LOW, 1.0), Rest(HIGH, 1.0)])
-    with pytest.raises(InputError, match="number 2 begins at"):
-        InTurn([Rest(LOW, 1.0), Rest(LOW[:1], 1.0)])
-
-
-def test_nothing_is_no_motion() -> None:
-    with pytest.raises(InputError, match="at least one"):
-        InTurn([])
-
-
-def test_a_rest_that_lasts_less_than_nothing_is_refused() -> None:
-    with pytest.raises(InputError, match="zero or more seconds"):
-        Rest(LOW, -1.0)
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: InTurn([Rest(LOW, 1.0), Rest(HIGH, 1.0)]), "number 2 begins at"),
+        (lambda: InTurn([Rest(LOW, 1.0), Rest(LOW[:1], 1.0)]), "number 2 begins at"),
+        (lambda: InTurn([]), "at least one"),
+        (lambda: Rest(LOW, -1.0), "zero or more seconds"),
+    ],
+)
+def test_impossible_motions_are_refused(make: Callable[[], object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        make()

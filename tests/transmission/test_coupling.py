@@ -1,31 +1,24 @@
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.transmission.coupling import joint_forces, joints_of, tensions_for, winding_of
 
+FIRMWARE = load_cable_arm().firmware
 share = st.floats(-2.0, 2.0)
 triple = st.tuples(share, share, share)
 
 
-@given(triple, triple)
-def test_joints_of_undoes_winding_of(coupling, q):
-    assert_allclose(
-        joints_of(coupling, winding_of(coupling, q)), q, atol=1e-13
-    )  # a few roundings of numbers < 20
-
-
-@given(triple, triple)
-def test_tensions_for_undoes_joint_forces(coupling, force):
-    assert_allclose(joint_forces(coupling, tensions_for(coupling, force)), force, atol=1e-13)
-
-
 @given(triple, triple, triple)
-def test_coupling_keeps_power(coupling, qd, tension):
+def test_coupling_has_an_inverse_and_keeps_power(coupling, qd, tension):
+    # a few roundings of numbers < 20
+    assert_allclose(joints_of(coupling, winding_of(coupling, qd)), qd, atol=1e-13)
+    assert_allclose(joint_forces(coupling, tensions_for(coupling, tension)), tension, atol=1e-13)
     at_cables = np.dot(tension, winding_of(coupling, qd))
-    at_joints = np.dot(joint_forces(coupling, tension), qd)
-    assert_allclose(at_joints, at_cables, atol=1e-13)
+    assert_allclose(np.dot(joint_forces(coupling, tension), qd), at_cables, atol=1e-13)
 
 
 def test_elbow_and_insertion_cables_wind_with_the_joints_before_them():
@@ -35,19 +28,13 @@ def test_elbow_and_insertion_cables_wind_with_the_joints_before_them():
     assert_allclose(winding_of((0.1, 0.02, 0.03), (0.0, 0.0, 1.0)), (0.0, 0.0, 1.0))
 
 
-def test_nominal_motor_angles_at_home_are_those_of_the_robot():
-    from catenary.simulation.cable_parameters import load_cable_arm
-
-    firmware = load_cable_arm().firmware
-    motor = firmware.ratio[:3] * winding_of(
-        firmware.coupling, np.array([np.deg2rad(30), np.deg2rad(90), 0.40])
-    )
-    assert_allclose(motor, [71.312, 200.141, 899.637], atol=5e-4)  # raven2 description, printed to 1e-3 rad
-
-
-def test_nominal_motor_angles_at_the_stops_are_those_of_the_robot():
-    from catenary.simulation.cable_parameters import load_cable_arm
-
-    firmware = load_cable_arm().firmware
-    motor = firmware.ratio[:3] * winding_of(firmware.coupling, firmware.stop_value[:3])
-    assert_allclose(motor, [0.0, 291.632, 1254.971], atol=5e-4)
+@pytest.mark.parametrize(
+    ("q", "motor"),
+    [
+        ([np.deg2rad(30), np.deg2rad(90), 0.40], [71.312, 200.141, 899.637]),  # home
+        (FIRMWARE.stop_value[:3], [0.0, 291.632, 1254.971]),
+    ],
+)
+def test_nominal_motor_angles_are_those_of_the_robot(q, motor):
+    # raven2 description, printed to 1e-3 rad
+    assert_allclose(FIRMWARE.ratio[:3] * winding_of(FIRMWARE.coupling, q), motor, atol=5e-4)

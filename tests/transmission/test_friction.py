@@ -17,59 +17,38 @@ def random_case(rng, n=3):
     return np.linalg.inv(root @ root.T + 0.2 * np.eye(n)), rng.uniform(0.0, 2.0, n), rng.normal(size=n)
 
 
-def settled(inverse_inertia, impulse, velocity, sweeps=2000):
+def settled(inverse_inertia, impulse, velocity, sweeps=1000):
     after, given_ = velocity.copy(), np.zeros(len(velocity))
     coulomb_coupled(inverse_inertia, impulse, after, given_, sweeps)
     return after, given_
 
 
 @given(speeds, bounds)
-def test_coulomb_stops_exactly_what_it_can_stop(velocity, most):
+def test_coulomb_stops_exactly_what_it_can_stop_and_never_turns_round(velocity, most):
     after = coulomb(velocity, most)
+    assert 0.0 <= after * np.sign(velocity) <= abs(velocity)
     if abs(velocity) <= most:
         assert after == 0.0
     else:
         assert_allclose(abs(velocity) - abs(after), most, rtol=1e-12, atol=1e-14)
 
 
-@given(speeds, bounds)
-def test_coulomb_never_speeds_up_nor_turns_round(velocity, most):
-    assert 0.0 <= coulomb(velocity, most) * np.sign(velocity) <= abs(velocity)
-
-
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(20))
 def test_coupled_coulomb_minimises_the_energy_that_is_left(seed):
     # the complementarity problem is the optimality of: least 1/2 p A p - p v, |p| <= impulse
     A, impulse, velocity = random_case(np.random.default_rng(seed))
     L = np.linalg.cholesky(A)
     best = lsq_linear(L.T, np.linalg.solve(L, velocity), bounds=(-impulse, impulse), method="bvls", tol=1e-14)
-    _, impulses = settled(A, impulse, velocity)
-    assert_allclose(impulses, best.x, atol=1e-7)  # of bvls
-
-
-@pytest.mark.parametrize("seed", range(40))
-def test_coupled_coulomb_solves_the_complementarity_problem(seed):
-    A, impulse, velocity = random_case(np.random.default_rng(seed))
     after, impulses = settled(A, impulse, velocity)
-    for v, p, most in zip(after, impulses, impulse, strict=True):
-        if abs(p) < most - 1e-9:
-            assert abs(v) < 1e-9
-        else:
-            assert v * p >= -1e-9
+    assert_allclose(impulses, best.x, atol=1e-7)  # of bvls
     assert_allclose(after, velocity - A @ impulses, atol=1e-12)
+    for v, p, most in zip(after, impulses, impulse, strict=True):
+        assert abs(v) < 1e-9 if abs(p) < most - 1e-9 else v * p >= -1e-9
 
 
-@pytest.mark.parametrize("seed", range(40))
-def test_coupled_coulomb_never_adds_energy(seed):
-    A, impulse, velocity = random_case(np.random.default_rng(seed))
-    after, _ = settled(A, impulse, velocity)
-    M = np.linalg.inv(A)
-    assert after @ M @ after <= velocity @ M @ velocity * (1.0 + 1e-12)
-
-
-@pytest.mark.parametrize("sweeps", [1, 4])
-@pytest.mark.parametrize("seed", range(40))
-def test_coupled_coulomb_adds_no_energy_in_a_few_sweeps_from_zero(seed, sweeps):
+@pytest.mark.parametrize("sweeps", [1, 4, 1000])
+@pytest.mark.parametrize("seed", range(20))
+def test_coupled_coulomb_adds_no_energy_in_any_number_of_sweeps_from_zero(seed, sweeps):
     # each sweep only lowers what the settled search minimises, and from zero that is energy taken
     A, impulse, velocity = random_case(np.random.default_rng(seed))
     after, _ = settled(A, impulse, velocity, sweeps)

@@ -34,7 +34,7 @@ class EstimatedGravityPD:
         """
         self.pd = JointPD(kp, kd)
         self.estimator = estimator
-        self.feedforward = np.zeros(len(self.pd.kp))  # gravity of the last torque [Nm|N]
+        self.feedback, self.feedforward = self.pd.feedback, np.zeros(len(self.pd.kp))
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
         """Return torques (n,) [Nm|N]; NaN where a position or velocity is, and where gravity depends on it.
@@ -46,8 +46,3 @@ class EstimatedGravityPD:
         self.feedforward[:] = self.estimator.follow(state, reference.q)
         tau += self.feedforward
         return tau
-
-    @property
-    def feedback(self) -> Floats:
-        """The PD term of the last torque (n,) [Nm|N]; overwritten by the next."""
-        return self.pd.feedback

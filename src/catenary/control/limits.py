@@ -47,16 +47,15 @@ class TorqueLimits:
         """
         self.torque = as_array("torque", torque, (None,), finite=False)
         shape = self.torque.shape
-        self.slew = as_array("slew", np.full(shape, np.inf) if slew is None else slew, shape, finite=False)
-        self.taper = as_array("taper", np.zeros(shape) if taper is None else taper, shape)
         if taper is not None and (lower is None or upper is None):
             raise InputError("taper: expected the joint limits, lower and upper, too")
-        self.lower = as_array(
-            "lower", np.full(shape, -np.inf) if lower is None else lower, shape, finite=False
-        )
-        self.upper = as_array(
-            "upper", np.full(shape, np.inf) if upper is None else upper, shape, finite=False
-        )
+
+        def given(name: str, values: ArrayLike | None, missing: float) -> Floats:
+            return as_array(name, np.full(shape, missing) if values is None else values, shape, finite=False)
+
+        self.slew = given("slew", slew, np.inf)
+        self.taper = as_array("taper", given("taper", taper, 0.0), shape)
+        self.lower, self.upper = given("lower", lower, -np.inf), given("upper", upper, np.inf)
         for name, values in (("torque", self.torque), ("slew", self.slew), ("taper", self.taper)):
             if not (values >= 0.0).all():
                 raise InputError(f"{name}: expected zero or more, got {values.tolist()}")

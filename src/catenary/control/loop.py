@@ -143,9 +143,11 @@ def run_loop(
             jitter=None if clock is None else clock.jitter.timing(),
             overruns=None if clock is None else clock.overruns,
             has_priority=clock is not None and clock.has_priority,
-            outside_valid_range=None if corrector is None else tally.outside(ticks),
-            tracking_nominal=tally.tracking_nominal(),
-            tracking_calibrated=None if corrector is None else tally.tracking_calibrated(),
+            outside_valid_range=None
+            if corrector is None
+            else tuple((tally.outside / max(1, ticks)).tolist()),
+            tracking_nominal=tally.nominal.value(),
+            tracking_calibrated=None if corrector is None else tally.calibrated.value(),
             limited_ticks=limits.limited,
             not_finite_ticks=limits.not_finite,
             gravity=None if sensed is None else sensed.report(),
@@ -232,11 +234,17 @@ def _require_near(plant: Plant, first: Floats) -> None:
 
 def _hand_over(plant: Plant) -> None:
     """Let the robot hold where it is, without the controller."""
-    if "servo_jp" in plant.supports:
-        plant.servo_jp(plant.measured_js().q)
-    else:
-        plant.servo_jf(np.zeros(len(plant.joint_names)))
+    _hold(plant, plant.measured_js().q)
+    if "servo_jp" not in plant.supports:
         plant.state_command("pause")
+
+
+def _hold(plant: Plant, q: Floats) -> None:
+    """Command positions q (n,), or zero torque where the robot takes none or q is not finite."""
+    if "servo_jp" in plant.supports and np.isfinite(q).all():
+        plant.servo_jp(q)
+    else:
+        plant.servo_jf(np.zeros(len(q)))
 
 
 def _leave_safe(plant: Plant, last: Floats, error: BaseException) -> None:
@@ -246,10 +254,7 @@ def _leave_safe(plant: Plant, last: Floats, error: BaseException) -> None:
         q = last
         with contextlib.suppress(Exception):  # measuring may be what failed
             q = plant.measured_js().q
-        if "servo_jp" in plant.supports and np.isfinite(q).all():
-            plant.servo_jp(q)
-        else:
-            plant.servo_jf(np.zeros(len(q)))
+        _hold(plant, q)
 
     def pause() -> None:
         plant.state_command("pause")

@@ -59,21 +59,13 @@ class Tracking:
             {
                 "name": name,
                 "unit": DISPLAY[unit][0],
-                "rms_error": error * DISPLAY[unit][1],
+                "rms_error": float(self.rms_error[j]) * DISPLAY[unit][1],
                 "torque_unit": TORQUE_UNIT[unit],
-                "rms_pd": pd,
-                "rms_torque": torque,
-                "pd_share_percent": 100.0 * share,
+                "rms_pd": float(self.rms_feedback[j]),
+                "rms_torque": float(self.rms_torque[j]),
+                "pd_share_percent": 100.0 * float(self.pd_share[j]),
             }
-            for name, unit, error, pd, torque, share in zip(
-                self.joint_names,
-                self.joint_units,
-                self.rms_error.tolist(),
-                self.rms_feedback.tolist(),
-                self.rms_torque.tolist(),
-                self.pd_share.tolist(),
-                strict=True,
-            )
+            for j, (name, unit) in enumerate(zip(self.joint_names, self.joint_units, strict=True))
         ]
         return {
             "simulated": True,
@@ -89,6 +81,11 @@ def pd_share(rms_feedback: Floats, rms_torque: Floats) -> Floats:
     return np.divide(rms_feedback, rms_torque, out=np.full_like(rms_torque, np.nan), where=rms_torque > 0.0)
 
 
+def _farthest(q: Floats) -> Floats:
+    largest: Floats = np.abs(q - q[0]).max(axis=0)
+    return largest
+
+
 @dataclass(frozen=True)
 class Holding:
     """Where an arm went that nothing but gravity compensation held."""
@@ -102,14 +99,12 @@ class Holding:
     @property
     def drift(self) -> Floats:
         """How far each joint was from where it began, at most, (n,) [rad|m], true positions."""
-        drift: Floats = np.abs(self.q_true - self.q_true[0]).max(axis=0)
-        return drift
+        return _farthest(self.q_true)
 
     @property
     def reported_drift(self) -> Floats:
         """The same of the positions that the robot reports."""
-        drift: Floats = np.abs(self.q - self.q[0]).max(axis=0)
-        return drift
+        return _farthest(self.q)
 
     def as_data(self) -> dict[str, Any]:
         """Plain data in deg and mm."""

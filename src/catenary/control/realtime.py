@@ -4,6 +4,7 @@ import gc
 import math
 import os
 import time
+from contextlib import ExitStack
 from typing import NamedTuple
 
 SPIN = 2e-4  # [s] before a deadline; sleeping is up to 0.3 ms late here, spinning 1 us
@@ -69,16 +70,16 @@ class RealTime:
         self.overruns = 0
         self.has_priority = False
         self._deadline = self._woken = 0.0
-        self._policy: tuple[int, os.sched_param] | None = None
-        self._collecting = self._froze = False
+        self._before = ExitStack()  # restores what `begin` changed
 
     def begin(self) -> None:
         """Take priority and quieten the garbage collector."""
-        self._collecting = gc.isenabled()
+        if gc.isenabled():
+            self._before.callback(gc.enable)
         if gc.get_freeze_count() == 0:  # somebody else's frozen objects could not be told from ours
             gc.collect()
             gc.freeze()
-            self._froze = True
+            self._before.callback(gc.unfreeze)
         gc.disable()
         if hasattr(os, "sched_setscheduler"):
             try:
@@ -86,18 +87,12 @@ class RealTime:
                 os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
             except OSError:  # not allowed here: slower to wake, no worse
                 return
-            self._policy, self.has_priority = policy, True
+            self._before.callback(os.sched_setscheduler, 0, *policy)
+            self.has_priority = True
 
     def end(self) -> None:
         """Restore priority and garbage collector."""
-        if self._policy is not None:
-            os.sched_setscheduler(0, *self._policy)
-            self._policy = None
-        if self._froze:
-            gc.unfreeze()
-            self._froze = False
-        if self._collecting:
-            gc.enable()
+        self._before.close()
 
     def start(self) -> None:
         """Start the clock: the next deadline is a period away."""

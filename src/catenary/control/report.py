@@ -78,29 +78,17 @@ class LoopReport:
 
 
 class Tally:
-    """Sums over the ticks of a run."""
+    """Sums over the ticks of a run, per joint."""
 
     def __init__(self, joints: int) -> None:
-        self._nominal, self._calibrated = RunningRms(joints), RunningRms(joints)
-        self._outside = np.zeros(joints)
+        self.nominal, self.calibrated = RunningRms(joints), RunningRms(joints)  # of the reference less each
+        self.outside = np.zeros(joints)  # ticks outside the valid range
 
     def add(self, q_ref: Floats, q_nominal: Floats, q_calibrated: Floats, inside: Flags) -> None:
         """Count a tick, each (n,)."""
-        self._nominal.add(q_ref, q_nominal)
-        self._calibrated.add(q_ref, q_calibrated)
-        self._outside += ~inside
-
-    def tracking_nominal(self) -> tuple[float, ...]:
-        """Return the RMS of reference - q_nominal (n,) [rad|m] over the ticks in which it was a number."""
-        return self._nominal.value()
-
-    def tracking_calibrated(self) -> tuple[float, ...]:
-        """Return the same of q_calibrated."""
-        return self._calibrated.value()
-
-    def outside(self, ticks: int) -> tuple[float, ...]:
-        """Return the share of ticks outside the valid range (n,)."""
-        return tuple((self._outside / max(1, ticks)).tolist())
+        self.nominal.add(q_ref, q_nominal)
+        self.calibrated.add(q_ref, q_calibrated)
+        self.outside += ~inside
 
 
 class RunningRms:

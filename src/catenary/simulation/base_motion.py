@@ -88,11 +88,6 @@ class BaseTimeline:
         self._number = -1
         self._block = BaseSamples(np.empty((0, 3)), np.empty((0, 3, 3)))
 
-    @property
-    def is_still(self) -> bool:
-        """Whether the base gave one row for all times; false before it was first asked."""
-        return len(self._block.gravity) == 1
-
     def rows(self, first: int, count: int) -> tuple[BaseSamples, int]:
         """Return the motion from tick `first` on, and for how many ticks it holds, `count` at most.
 

@@ -10,7 +10,7 @@ from catenary.errors import InputError, NotReadyError
 from catenary.plant import JointState
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel, Tree
-from catenary.simulation.base_motion import BaseTimeline, FixedBase, MovingBase
+from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase
 from catenary.simulation.cable_parameters import CableArm, Rig, load_cable_arm, right_arm, varied
 from catenary.simulation.cable_physics import ArmState, Work, unstretched_rotors
 from catenary.simulation.columns import COLUMNS, sample
@@ -22,7 +22,7 @@ from catenary.simulation.firmware import (
     ControlState,
     TickLog,
     joint_torques,
-    read_encoders_of,
+    read_encoders,
 )
 from catenary.simulation.homing import home
 from catenary.simulation.records import AXES, POSITIONING, TOOLS
@@ -32,6 +32,7 @@ from catenary.simulation.ticks import run_ticks
 JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")
 UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
 NO_LOG = TickLog.rows(0)
+KEEP = np.full((1, AXES), np.nan)  # a row that leaves the setpoint where it is
 # between which an arm stands at power-on [rad, rad, m]
 STARTS = [*np.deg2rad([10.0, 60.0]), 0.30], [*np.deg2rad([70.0, 120.0]), 0.45]
 PAYLOAD_PLACE = np.array([0.0, 0.0, -0.47])  # [m] in the insertion's frame: the tool's wrist
@@ -90,7 +91,6 @@ class CablePlant(SimulatedPlant):
         self.encoders = ExternalEncoders(self.arm.rig)
         self._work = Work()
         self._homing: Iterator[Floats] | None = None
-        self._wanted = np.full(AXES, np.nan)
         self._power_on(rng, start)
 
     # what a Plant says about itself
@@ -116,43 +116,24 @@ class CablePlant(SimulatedPlant):
 
     def measured_js(self) -> JointState:
         """Return the joint state that the firmware believes; gravity and base rates are an ideal sensor's."""
-        return self._joint_state(self.control.joint.copy(), self.control.joint_velocity.copy())
+        control = self.control
+        tau = joint_torques(self.firmware, control.torque)
+        return self._joint_state(
+            control.joint.copy(), control.joint_velocity.copy(), tau, control.motor.copy()
+        )
 
     def setpoint_js(self) -> JointState:
         """Return the firmware's joint setpoint."""
-        return self._joint_state(self.control.setpoint.copy(), np.zeros(AXES))
+        return self.measured_js()._replace(q=self.control.setpoint.copy(), qd=np.zeros(AXES))
 
-    def _joint_state(self, q: Floats, qd: Floats) -> JointState:
-        gravity, motion = self._base.rows(self._tick, 1)[0]
-        return JointState(
-            self.time,
-            q,
-            qd,
-            joint_torques(self.firmware, self.control.torque),
-            self.control.motor.copy(),
-            gravity[0] - motion[0, 2],  # an accelerometer cannot tell one from the other
-            0.0,
-            motion[0, :2].copy(),
-        )
+    def _base_now(self) -> BaseSamples:
+        return self._base.rows(self._tick, 1)[0]
 
     def telemetry(self) -> Mapping[str, Floats]:
         """Return the latest sample of every column of `columns`."""
-        return sample(self.control, self.state.q, self.encoders, self._base.rows(self._tick, 1)[0])
+        return sample(self.control, self.state.q, self.encoders, self._base_now())
 
     # what a Plant obeys
-
-    def servo_jp(self, q: Floats) -> None:
-        """Move the setpoint towards q (7,): at most one clamped step in a tick, within the software limits."""
-        self._require_ready()
-        self._wanted[:] = as_array("servo_jp", q, (7,))
-        self.control.mode[:] = POSITION
-
-    def servo_jr(self, dq: Floats) -> None:
-        """Move the setpoint by dq (7,); several in a tick add up, then the clamp holds."""
-        self._require_ready()
-        start = np.where(np.isnan(self._wanted), self.control.setpoint, self._wanted)
-        self._wanted[:] = start + as_array("servo_jr", dq, (7,))
-        self.control.mode[:] = POSITION
 
     def servo_jf(self, tau: Floats) -> None:
         """Command joint torques, (7,), or (3,) for the positioning joints with the tool held, [Nm, Nm, N, Nm...].
@@ -173,19 +154,11 @@ class CablePlant(SimulatedPlant):
             NotReadyError: An axis that homes met no stop; the arm is then in FAULT.
         """
         row = self._wanted if self._homing is None else self._next_homing_row(self._homing)
-        self._advance(row[np.newaxis], NO_LOG)
-        self._wanted[:] = np.nan
+        self._advance(KEEP if row is None else row[np.newaxis], NO_LOG)
+        self._wanted = None
         self.encoders.see(self.state.q)
 
     # what only a simulator can do
-
-    def home(self) -> None:
-        """Enable and home, as fast as the machine runs."""
-        if self._state != "ENABLED":
-            self.state_command("enable")
-        self.state_command("home")
-        while self._homing is not None:
-            self.wait()
 
     def run(self, setpoints: ArrayLike) -> TickLog:
         """Run a list of setpoints (T, 7), one a tick, in one compiled call, with the firmware inside.
@@ -240,17 +213,16 @@ class CablePlant(SimulatedPlant):
                 "FAULT", f"the software e-stop tripped at {self.time:.3f} s: a motor's command was too large"
             )
 
-    def _next_homing_row(self, homing: Iterator[Floats]) -> Floats:
+    def _next_homing_row(self, homing: Iterator[Floats]) -> Floats | None:
         try:
             row = next(homing, None)
         except NotReadyError as error:
             self._set_state("FAULT", str(error))
             raise
-        if row is not None:
-            return row
-        self._stop_homing()
-        self._is_homed = True
-        return np.full(AXES, np.nan)  # the setpoint stays at home
+        if row is None:  # the setpoint stays at home
+            self._stop_homing()
+            self._is_homed = True
+        return row
 
     @property
     def _is_homing(self) -> bool:
@@ -273,6 +245,9 @@ class CablePlant(SimulatedPlant):
     def _unhomed(self) -> None:
         """The firmware goes on; it is the servo verbs that are refused."""
 
+    def _control_position(self) -> None:
+        self.control.mode[:] = POSITION
+
     def _state_changed(self) -> None:
         self._stop_homing()
         control, moves = self.control, self._moves
@@ -292,7 +267,7 @@ class CablePlant(SimulatedPlant):
         state.rotor[POSITIONING:] = self.cable.tool_ratio * tools + self.cable.tool_carried * insertion
         # the encoders count from wherever they woke up
         control.offset = np.round(rng.uniform(-2e5, 2e5, AXES))
-        read_encoders_of(self.firmware, state, control)
+        read_encoders(self.firmware, state, control)
         control.motor_velocity[:] = 0.0
         control.joint_velocity[:] = 0.0
         control.setpoint = control.joint

@@ -27,18 +27,13 @@ def factorise(A: Floats) -> bool:
 
 
 @inlined
-def solve_lower(L: Floats, b: Floats) -> None:
-    """Overwrite b (n,) with the solution of L x = b."""
+def solve_factored(L: Floats, b: Floats) -> None:
+    """Overwrite b (n,) with the solution of L L^T x = b; of L (n, n) only the lower triangle is read."""
     for i in range(L.shape[0]):
         total = b[i]
         for k in range(i):
             total -= L[i, k] * b[k]
         b[i] = total / L[i, i]
-
-
-@inlined
-def solve_upper(L: Floats, b: Floats) -> None:
-    """Overwrite b (n,) with the solution of L^T x = b."""
     for i in range(L.shape[0] - 1, -1, -1):
         total = b[i]
         for k in range(i + 1, L.shape[0]):

@@ -7,38 +7,30 @@ from catenary.plant import Column
 from catenary.simulation.base_motion import BaseSamples, imu_reading
 from catenary.simulation.external_encoders import ExternalEncoders
 from catenary.simulation.firmware import ControlState
+from catenary.simulation.records import AXES, POSITIONING
 
+# name in telemetry: field of the firmware's state, unit
+_FROM_CONTROL = {
+    "encVals": ("counts", "counts"),
+    "mpos": ("motor", "rad"),
+    "mvel": ("motor_velocity", "rad/s"),
+    "jpos": ("joint", "rad|m"),
+    "jvel": ("joint_velocity", "rad/s|m/s"),
+    "jpos_d": ("setpoint", "rad|m"),
+    "mpos_d": ("motor_setpoint", "rad"),
+    "tau": ("torque", "Nm at the gearbox's output"),
+    "dac_val": ("dac", "DAC"),
+    "encoffsets": ("offset", "counts"),
+}
+CONTROL_FIELDS = {name: field for name, (field, _) in _FROM_CONTROL.items()}
 COLUMNS = (
-    Column("encVals", "counts", 7),
-    Column("mpos", "rad", 7),
-    Column("mvel", "rad/s", 7),
-    Column("jpos", "rad|m", 7),
-    Column("jvel", "rad/s|m/s", 7),
-    Column("jpos_d", "rad|m", 7),
-    Column("mpos_d", "rad", 7),
-    Column("tau", "Nm at the gearbox's output", 7),
-    Column("dac_val", "DAC", 7),
-    Column("encoffsets", "counts", 7),
-    Column("joint_enc", "counts", 3),
-    Column("ext_jpos", "rad|m", 3),
-    Column("q_true", "rad|m", 3),
+    *(Column(name, unit, AXES) for name, (_, unit) in _FROM_CONTROL.items()),
+    Column("joint_enc", "counts", POSITIONING),
+    Column("ext_jpos", "rad|m", POSITIONING),
+    Column("q_true", "rad|m", POSITIONING),
     Column("accelerometer", "m/s2", 3),
     Column("gyroscope", "rad/s", 3),
 )
-
-# name in telemetry: field of the firmware's state
-CONTROL_FIELDS = {
-    "encVals": "counts",
-    "mpos": "motor",
-    "mvel": "motor_velocity",
-    "jpos": "joint",
-    "jvel": "joint_velocity",
-    "jpos_d": "setpoint",
-    "mpos_d": "motor_setpoint",
-    "tau": "torque",
-    "dac_val": "dac",
-    "encoffsets": "offset",
-}
 
 
 def sample(

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.kernels.compiled import compiled, inlined
+from catenary.kernels.compiled import inlined
 from catenary.simulation.cable_parameters import Firmware
 from catenary.simulation.cable_physics import ArmState
-from catenary.simulation.records import CodePerAxis, PerAxis, PerJoint, Record
+from catenary.simulation.records import AXES, CodePerAxis, PerAxis, PerJoint, Record
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.transmission.coupling import joint_forces, joints_of, tensions_for, winding_of
 
@@ -98,12 +98,6 @@ def read_encoders(firmware: Firmware, arm: ArmState, control: ControlState) -> N
     _joints_of(firmware, control.motor, control.joint)
 
 
-@compiled
-def read_encoders_of(firmware: Firmware, arm: ArmState, control: ControlState) -> None:
-    """Call `read_encoders` from Python."""
-    read_encoders(firmware[()], arm[()], control[()])
-
-
 @inlined
 def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floats) -> None:
     """Write the motors' shaft torques [Nm]: PD on motor positions, through the DAC's steps and limits.
@@ -161,15 +155,13 @@ def take_setpoint(firmware: Firmware, control: ControlState, wanted: Floats) -> 
         control.setpoint[j] = min(max(moved, firmware.lower[j]), firmware.upper[j])
 
 
-@compiled
 def register(firmware: Firmware, control: ControlState, joint: Floats, axes: NDArray[np.bool_]) -> None:
     """Write encoder offsets so that the axes read the given joint positions (7,) where they now stand.
 
     All offsets follow from the joint positions together, the tools' with the insertion motor that belongs to
     them; only those of `axes` (7,) are changed.
     """
-    firmware, control = firmware[()], control[()]
-    motor = np.empty(7)
+    motor = np.empty(AXES)
     _motors_of(firmware, joint, 0.0, motor)
     _motors_of(firmware, joint, motor[2], motor)
     for j in range(7):
@@ -186,11 +178,7 @@ def joint_torques(firmware: Firmware, torque: Floats) -> Floats:
     """
     cable: Floats = torque * firmware.ratio / firmware.gearbox
     joint = cable.copy()
-    if cable.ndim == 1:  # one tick's: plain floats are quicker than NumPy's scalars, and the same numbers
-        shoulder, elbow, insertion = cable[:3].tolist()
-        joint[:3] = joint_forces(firmware.coupling, (shoulder, elbow, insertion))
-        return joint
-    forces = joint_forces(firmware.coupling, (cable[..., 0], cable[..., 1], cable[..., 2]))
-    for j in range(3):
-        joint[..., j] = forces[j]
+    joint[..., 0], joint[..., 1], joint[..., 2] = joint_forces(
+        firmware.coupling, (cable[..., 0], cable[..., 1], cable[..., 2])
+    )
     return joint

@@ -80,11 +80,9 @@ def joint_numbers(
         InputError: Numbers that are negative or not finite, or an elastic joint without a rotor.
     """
     n = model.n
-    friction = _per_joint("friction", hardware.friction, n)
-    damping = _per_joint("damping", hardware.damping, n)
-    armature = _per_joint("armature", hardware.armature, n)
-    stiffness = _per_joint("stiffness", hardware.stiffness, n, finite=False)
-    spring_damping = _per_joint("spring_damping", hardware.spring_damping, n)
+    friction, damping, armature, stiffness, spring_damping = (
+        _per_joint(name, values, n, finite=name != "stiffness") for name, values in vars(hardware).items()
+    )
     elastic = np.flatnonzero(np.isfinite(stiffness))
     for j in elastic:
         if not (stiffness[j] > 0.0 and armature[j] > 0.0):
@@ -105,7 +103,7 @@ def joint_numbers(
     return JointNumbers(np.array(model.coupling), tree, joints, springs, parts)
 
 
-def _per_joint(name: str, values: ArrayLike, n: int, *, finite: bool = True) -> Floats:
+def _per_joint(name: str, values: ArrayLike, n: int, *, finite: bool) -> Floats:
     one = np.ndim(values) == 0
     array = as_array(name, values, () if one else (n,), finite=finite)
     if not (array >= 0.0).all():

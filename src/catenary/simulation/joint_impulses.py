@@ -6,7 +6,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.kernels.compiled import compiled, inlined
-from catenary.simulation.cholesky import solve_lower, solve_upper
+from catenary.simulation.cholesky import solve_factored
 from catenary.simulation.joint_hardware import JointNumbers
 from catenary.simulation.joint_step import StepMotion
 
@@ -60,8 +60,7 @@ def _apply_impulses(joints: JointNumbers, motion: StepMotion, stop: Floats, step
     response = np.zeros((nz, nz))  # inverse mass matrix, symmetric
     for k in range(n):
         response[k, k] = 1.0
-        solve_lower(motion.factor[0], response[k, :n])
-        solve_upper(motion.factor[0], response[k, :n])
+        solve_factored(motion.factor[0], response[k, :n])
     for k in range(n, nz):
         response[k, k] = 1.0 / joints.parts[k].inertia
     rate = np.empty(nz)

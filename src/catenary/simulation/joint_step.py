@@ -6,7 +6,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.kernels.compiled import compiled, inlined
-from catenary.simulation.cholesky import factorise, solve_lower, solve_upper
+from catenary.simulation.cholesky import factorise, solve_factored
 from catenary.simulation.joint_hardware import JointNumbers
 from catenary.simulation.records import Number, Record
 
@@ -152,8 +152,7 @@ def _find_accelerations(
         torque[n + e] -= pull[e]
     for k in range(n + m):
         torque[k] -= joints.parts[k].damping * motion.parts[k].rate
-    solve_lower(factor, torque[:n])
-    solve_upper(factor, torque[:n])
+    solve_factored(factor, torque[:n])
     for k in range(n + m):
         acceleration = torque[k] if k < n else torque[k] / joints.parts[k].inertia
         motion.parts[k].acceleration[stage] = acceleration

@@ -79,6 +79,17 @@ class MujocoPlant(SimulatedPlant):
         timeline = BaseTimeline(FixedBase() if base is None else base, self._step / 2.0)
         super().__init__(timeline, is_homed=True)
         n = model.n
+        self.joint_names, self.joint_units = model.joint_names, model.joint_units
+        self.columns = (
+            Column("jpos", "rad|m", n),
+            Column("jvel", "rad/s|m/s", n),
+            Column("jpos_d", "rad|m", n),
+            Column("tau", "Nm|N", n),  # as commanded
+            Column("effort", "Nm|N", n),  # as it acts, within the effort limits
+            Column("q_true", "rad|m", n),  # of the links, behind their springs
+            Column("accelerometer", "m/s2", 3),
+            Column("gyroscope", "rad/s", 3),
+        )
         q = _start(model, start)
         self._take_up(payload)
         self._motion = new_motion(n, len(self._joints.parts))
@@ -88,22 +99,11 @@ class MujocoPlant(SimulatedPlant):
         self._command = np.zeros(n)  # torques that were asked for
         self._effort = np.zeros(n)  # torques that act
         self._setpoint = self._motion.parts.start[self._joints.joints.drive]
-        self._wanted: Floats | None = None
         self._effort_limit = np.array(model.effort_limit)
         self._setpoint_step = model.velocity_limit * PERIOD
         require_stable(self._joints, self._mass_matrix(), self._step, model.joint_names)
 
     # what a Plant says about itself
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Of the model."""
-        return self.model.joint_names
-
-    @property
-    def joint_units(self) -> tuple[str, ...]:
-        """Of the model."""
-        return self.model.joint_units
 
     @property
     def lower(self) -> Floats:
@@ -116,21 +116,6 @@ class MujocoPlant(SimulatedPlant):
         return np.array(self.model.upper)
 
     @property
-    def columns(self) -> tuple[Column, ...]:
-        """Of telemetry."""
-        n = self.model.n
-        return (
-            Column("jpos", "rad|m", n),
-            Column("jvel", "rad/s|m/s", n),
-            Column("jpos_d", "rad|m", n),
-            Column("tau", "Nm|N", n),  # as commanded
-            Column("effort", "Nm|N", n),  # as it acts, within the effort limits
-            Column("q_true", "rad|m", n),  # of the links, behind their springs
-            Column("accelerometer", "m/s2", 3),
-            Column("gyroscope", "rad/s", 3),
-        )
-
-    @property
     def payload(self) -> Payload | None:
         """What it carries."""
         return self._payload
@@ -138,17 +123,8 @@ class MujocoPlant(SimulatedPlant):
     def measured_js(self) -> JointState:
         """Return the joint state: of the rotors where joints are elastic, of the joints elsewhere."""
         parts, drive = self._motion.parts, self._joints.joints.drive
-        gravity, motion = self._base_at(0)
-        return JointState(
-            self.time,
-            parts.start[drive],
-            parts.start_rate[drive],
-            self._command.copy(),
-            parts.start[self.model.n :].copy(),
-            gravity[0] - motion[0, 2],
-            0.0,
-            motion[0, :2].copy(),
-        )
+        rotors = parts.start[self.model.n :].copy()
+        return self._joint_state(parts.start[drive], parts.start_rate[drive], self._command.copy(), rotors)
 
     def setpoint_js(self) -> JointState:
         """Return the setpoint of the position servo."""
@@ -157,7 +133,7 @@ class MujocoPlant(SimulatedPlant):
     def telemetry(self) -> Mapping[str, Floats]:
         """Return the latest sample of every column of `columns`."""
         parts, drive = self._motion.parts, self._joints.joints.drive
-        specific_force, rate = imu_reading(self._base_at(0))
+        specific_force, rate = imu_reading(self._base_now())
         return {
             "jpos": parts.start[drive],
             "jvel": parts.start_rate[drive],
@@ -170,19 +146,6 @@ class MujocoPlant(SimulatedPlant):
         }
 
     # what a Plant obeys
-
-    def servo_jp(self, q: Floats) -> None:
-        """Move the setpoint towards q (n,) in the next tick, as fast as the velocity limits allow."""
-        self._require_ready()
-        self._wanted = as_array("servo_jp", q, (self.model.n,)).copy()
-        self._mode = "position"
-
-    def servo_jr(self, dq: Floats) -> None:
-        """Move the setpoint by dq (n,); several in a tick add up, then the limits hold."""
-        self._require_ready()
-        start = self._setpoint if self._wanted is None else self._wanted
-        self._wanted = start + as_array("servo_jr", dq, (self.model.n,))
-        self._mode = "position"
 
     def servo_jf(self, tau: Floats) -> None:
         """Command joint torques (n,) [Nm|N]; they hold until the next command, and the setpoint follows the robot."""
@@ -206,11 +169,6 @@ class MujocoPlant(SimulatedPlant):
 
     # what only a simulator can do
 
-    def home(self) -> None:
-        """Enable, and make sure that it is homed."""
-        self.state_command("enable")
-        self.state_command("home")
-
     def attach(self, payload: Payload) -> None:
         """Carry a payload from now on, in place of the last one; it is taken up at the speed of its place.
 
@@ -228,7 +186,9 @@ class MujocoPlant(SimulatedPlant):
         dynamics = MujocoDynamics(self.model if payload is None else payload.on(self.model))
         self._dynamics, self._payload = dynamics, payload
         self._joints = joint_numbers(self.model, self._hardware, dynamics.dof, dynamics.at)
-        self._base_is_told = False
+
+    def _base_now(self) -> BaseSamples:
+        return self._base_at(0)
 
     def _base_at(self, half_steps: int) -> BaseSamples:
         """Return gravity (1, 3) and motion (1, 3, 3) of the base, some half steps after the last tick."""
@@ -236,10 +196,8 @@ class MujocoPlant(SimulatedPlant):
 
     def _update(self, half_steps: int) -> None:
         """Compute the rigid-body terms where `begin_step` and `end_stage` look."""
-        if not (self._base_is_told and self._base.is_still):
-            gravity, motion = self._base_at(half_steps)
-            self._dynamics.move_base(gravity[0], motion[0])
-            self._base_is_told = True
+        gravity, motion = self._base_at(half_steps)
+        self._dynamics.move_base(gravity[0], motion[0])
         self._dynamics.update()
 
     def _mass_matrix(self) -> Floats:
@@ -263,21 +221,20 @@ class MujocoPlant(SimulatedPlant):
         begin_step(joints, motion, tree)
         for stage, half_steps in enumerate((0, 1, 1, 2)):
             self._update(2 * part + half_steps)
-            if stage == 0 and part == 0 and not self._take_command():
-                return False
+            if stage == 0 and part == 0:
+                self._take_command()
             if not end_stage(joints, motion, tree, self._effort, stage, step):
                 return False
         return finish_step(joints, motion, step)
 
-    def _take_command(self) -> bool:
+    def _take_command(self) -> None:
         """Let the servo ask for torques, and the drives give what they can."""
-        if self._mode == "position" and not servo_torques(
-            self._joints, self._motion, self._dynamics.tree, self._setpoint, self._command
-        ):
-            return False
-        most = self._effort_limit
-        np.minimum(np.maximum(self._command, -most, out=self._effort), most, out=self._effort)
-        return True
+        if self._mode == "position":
+            self._command[:] = servo_torques(self._joints, self._motion, self._dynamics.tree, self._setpoint)
+        np.clip(self._command, -self._effort_limit, self._effort_limit, out=self._effort)
+
+    def _control_position(self) -> None:
+        self._mode = "position"
 
     def _state_changed(self) -> None:
         self._mode = "position" if self._moves else "brakes"

@@ -50,10 +50,9 @@ def telemetry_of(plant: CablePlant, log: TickLog) -> dict[str, Floats]:
     columns["dt"] = np.full((ticks, 1), plant.period)
     arm = 0 if plant.side == "left" else 1
     rotation, position = _tool_poses(plant, log.joint)
-    columns["pos"] = np.zeros((ticks, 6))
-    columns["pos"][:, 3 * arm : 3 * arm + 3] = position
-    columns["ori"] = np.zeros((ticks, 18))
-    columns["ori"][:, 9 * arm : 9 * arm + 9] = rotation.reshape(ticks, 9)
+    positions, rotations = np.zeros((ticks, 2, 3)), np.zeros((ticks, 2, 3, 3))  # of both arms
+    positions[:, arm], rotations[:, arm] = position, rotation
+    columns["pos"], columns["ori"] = positions.reshape(ticks, 6), rotations.reshape(ticks, 18)
     columns["joint_enc"] = plant.encoders.counts(log.q)
     columns["ext_jpos"] = plant.encoders.positions(columns["joint_enc"])
     columns["measured_js"] = log.joint

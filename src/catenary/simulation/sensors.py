@@ -2,9 +2,8 @@
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, get_args
 
 import numpy as np
 
@@ -13,41 +12,44 @@ from catenary.errors import InputError
 from catenary.plant import Plant
 from catenary.sensing.mailbox import Kind, Mailbox
 from catenary.sensing.mounting import Mounting
-from catenary.simulation.base_motion import BaseSamples, BaseTimeline, MovingBase
+from catenary.simulation.base_motion import BaseSamples, MovingBase
 from catenary.spatial import STANDARD_GRAVITY, rotation_about_x, rotation_about_z
 
-FaultKind = Literal[
-    "drop_out",
-    "not_finite",
-    "stuck",
-    "wrong_sign",
-    "axes_swapped",
-    "saturated",
-    "spikes",
-    "jump",
-    "unit_g",
-    "unit_cm",
-    "gravity_stripped",
-    "wrong_scale",
-    "stamp_backwards",
-    "stamp_repeated",
-    "stamp_future",
-    "rates_drop_out",
-    "rates_not_finite",
-    "rates_stuck",
-    "rates_in_deg",
-]
-FAULT_KINDS: tuple[str, ...] = get_args(FaultKind)
-_KNOCKED = rotation_about_z(0.5) @ rotation_about_x(
-    0.4
-)  # of a sensor that came loose: no order of axes explains it
+_G = 9.80665  # [m/s2] of a datasheet
+# of a sensor that came loose: no order of axes explains it
+_KNOCKED = rotation_about_z(0.5) @ rotation_about_x(0.4)
+SPIKE_EVERY = 10  # samples
+Sample = tuple[float, Floats]  # stamp [s], vector (3,)
+# what a fault makes of a sample: (stamp, vector, the sample sent before, end of the range); None when it is lost
+_EFFECTS: dict[str, Callable[[float, Floats, Sample, float], Sample | None]] = {
+    "drop_out": lambda t, v, before, end: None,
+    "not_finite": lambda t, v, before, end: (t, np.append(np.nan, v[1:])),
+    "stuck": lambda t, v, before, end: (t, before[1]),
+    "wrong_sign": lambda t, v, before, end: (t, -v),
+    "axes_swapped": lambda t, v, before, end: (t, v[[2, 0, 1]]),
+    "saturated": lambda t, v, before, end: (t, np.append(v[:2], min(end, 1e3) * np.sign(v[2]))),
+    "spikes": lambda t, v, before, end: (t, v + 25.0),
+    "jump": lambda t, v, before, end: (t, _KNOCKED @ v),
+    "unit_g": lambda t, v, before, end: (t, v / _G),
+    "unit_cm": lambda t, v, before, end: (t, 100.0 * v),
+    "gravity_stripped": lambda t, v, before, end: (t, v - v * (STANDARD_GRAVITY / np.linalg.norm(v))),
+    "wrong_scale": lambda t, v, before, end: (t, 0.85 * v),
+    "stamp_backwards": lambda t, v, before, end: (t - 0.5, v),
+    "stamp_repeated": lambda t, v, before, end: (before[0], v),
+    "stamp_future": lambda t, v, before, end: (t + 0.5, v),
+    "rates_drop_out": lambda t, v, before, end: None,
+    "rates_not_finite": lambda t, v, before, end: (t, np.append(np.nan, v[1:])),
+    "rates_stuck": lambda t, v, before, end: (t, before[1]),
+    "rates_in_deg": lambda t, v, before, end: (t, np.degrees(v)),
+}
+FAULT_KINDS = tuple(_EFFECTS)
 
 
 @dataclass(frozen=True)
 class InjectedFault:
     """A fault of a sensor, for a while."""
 
-    kind: FaultKind
+    kind: str  # of FAULT_KINDS; those that begin with rates_ are of the gyroscope
     start: float  # [s]
     duration: float = math.inf  # [s]
 
@@ -55,9 +57,12 @@ class InjectedFault:
         if self.kind not in FAULT_KINDS:
             raise InputError(f'fault "{self.kind}": expected one of {", ".join(FAULT_KINDS)}')
 
-    def holds(self, stamp: float) -> bool:
-        """Return whether a sample taken at this time [s] is wrong."""
-        return self.start <= stamp < self.start + self.duration
+    def holds(self, stamp: float, kind: Kind, number: int) -> bool:
+        """Return whether sample `number` of a kind, taken at `stamp` [s], is wrong."""
+        of_both = self.kind == "drop_out" or self.kind.startswith("stamp_")
+        concerned = of_both or self.kind.startswith("rates_") is (kind is Kind.ANGULAR_RATE)
+        skipped = self.kind == "spikes" and number % SPIKE_EVERY != 0
+        return concerned and not skipped and self.start <= stamp < self.start + self.duration
 
 
 @dataclass(frozen=True)
@@ -66,15 +71,15 @@ class SensorModel:
 
     rate_hz: float = 200.0
     # MPU-6000/6050 product specification rev. 3.4, tables 6.1 and 6.2
-    noise: float = 400e-6 * 9.80665  # [m/s2/sqrt(Hz)]
+    noise: float = 400e-6 * _G  # [m/s2/sqrt(Hz)]
     rate_noise: float = math.radians(0.005)  # [rad/s/sqrt(Hz)]
-    resolution: float = 9.80665 / 16384.0  # [m/s2] of a count; 0 for none
+    resolution: float = _G / 16384.0  # [m/s2] of a count; 0 for none
     rate_resolution: float = math.radians(1.0 / 131.0)  # [rad/s]
     latency: float = 0.002  # [s] from the sample to its arrival
     has_gyroscope: bool = True
     # what it truly is like; what is told to the estimator may differ
     mounting: Mounting = field(
-        default_factory=lambda: Mounting(acceleration_range=2.0 * 9.80665, rate_range=math.radians(250.0))
+        default_factory=lambda: Mounting(acceleration_range=2.0 * _G, rate_range=math.radians(250.0))
     )
 
     def __post_init__(self) -> None:
@@ -124,15 +129,10 @@ class SimulatedSensor:
         self.model = SensorModel() if model is None else model
         self.mailbox, self.faults = mailbox, tuple(faults)
         self._base = base
-        self._timeline = (
-            None if isinstance(base, TelemetryBase) else BaseTimeline(base, 1.0 / self.model.rate_hz)
-        )
         self._rng = np.random.default_rng(seed)
         self._next = max(0, math.ceil(start * self.model.rate_hz - 1e-6))  # number of the next sample
         self._under_way: deque[tuple[float, float, Floats, Kind]] = deque()  # arrival, stamp, vector
-        self._sent: dict[
-            Kind, tuple[float, Floats]
-        ] = {}  # the last sample of each kind, for faults that repeat it
+        self._sent: dict[Kind, Sample] = {}  # the last of each kind, for faults that repeat it
 
     def advance(self, now: float) -> None:
         """Take all samples that are due at a time [s], and deliver those that have arrived by then."""
@@ -146,11 +146,7 @@ class SimulatedSensor:
 
     def _sample(self, stamp: float) -> None:
         model, mounting = self.model, self.model.mounting
-        base = (
-            self._base.sample(np.array([stamp]))
-            if self._timeline is None
-            else self._timeline.rows(self._next, 1)[0]
-        )
+        base = self._base.sample(np.array([stamp]))
         gravity, (omega, alpha, linear) = base.gravity[0], base.motion[0]
         p = mounting.position
         force = linear + np.cross(alpha, p) + np.cross(omega, np.cross(omega, p)) - gravity
@@ -178,55 +174,13 @@ class SimulatedSensor:
         if resolution > 0.0:
             vector = resolution * np.round(vector / resolution)
         for fault in self.faults:
-            if fault.holds(stamp):
-                spoilt = _spoil(fault, kind, stamp, vector, before, self._next, end)
+            if fault.holds(stamp, kind, self._next):
+                spoilt = _EFFECTS[fault.kind](stamp, vector, before, end)
                 if spoilt is None:
                     return
                 stamp, vector = spoilt
         self._sent[kind] = stamp, vector
         self._under_way.append((arrival, stamp, vector, kind))
-
-
-def _spoil(
-    fault: InjectedFault,
-    kind: Kind,
-    stamp: float,
-    vector: Floats,
-    before: tuple[float, Floats],
-    number: int,
-    end: float,
-) -> tuple[float, Floats] | None:
-    """Return a sample as a fault changes it; None when it is lost."""
-    name = fault.kind
-    if name == "drop_out":
-        return None
-    if name.startswith("stamp_"):
-        shift = {"stamp_backwards": -0.5, "stamp_future": 0.5}.get(name)
-        return (before[0] if shift is None else stamp + shift), vector
-    if name.startswith("rates_") is not (kind is Kind.ANGULAR_RATE):
-        return stamp, vector
-    if name == "rates_drop_out":
-        return None
-    if name in ("stuck", "rates_stuck"):
-        return stamp, before[1]
-    if name in ("not_finite", "rates_not_finite"):
-        return stamp, np.where([True, False, False], np.nan, vector)
-    if name == "rates_in_deg":
-        return stamp, np.degrees(vector)
-    if name == "wrong_sign":
-        return stamp, -vector
-    if name == "axes_swapped":
-        return stamp, vector[[2, 0, 1]]
-    if name == "saturated":
-        return stamp, np.where([False, False, True], min(end, 1e3) * np.sign(vector), vector)
-    if name == "spikes":  # every tenth sample
-        return stamp, vector + (25.0 if number % 10 == 0 else 0.0)
-    if name == "jump":
-        return stamp, _KNOCKED @ vector
-    factor = {"unit_g": 1.0 / 9.80665, "unit_cm": 100.0, "wrong_scale": 0.85}
-    return stamp, vector * factor[name] if name in factor else vector - vector * (
-        STANDARD_GRAVITY / np.linalg.norm(vector)
-    )
 
 
 class TelemetryBase:

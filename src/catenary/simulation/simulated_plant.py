@@ -2,9 +2,18 @@
 
 from abc import ABC, abstractmethod
 
+from catenary.arrays import Floats, as_array
 from catenary.errors import NotReadyError, UnsupportedCommandError
-from catenary.plant import STATE_COMMANDS, TRANSITIONS, OperatingState, StateCommand, StateName
-from catenary.simulation.base_motion import BaseTimeline, MovingBase
+from catenary.plant import (
+    STATE_COMMANDS,
+    TRANSITIONS,
+    Column,
+    JointState,
+    OperatingState,
+    StateCommand,
+    StateName,
+)
+from catenary.simulation.base_motion import BaseSamples, BaseTimeline, MovingBase
 
 PERIOD = 1e-3  # [s]
 
@@ -15,6 +24,9 @@ class SimulatedPlant(ABC):
     period = PERIOD
     simulated = True
     supports = frozenset({"servo_jp", "servo_jr", "servo_jf", "state_command"})
+    joint_names: tuple[str, ...]
+    joint_units: tuple[str, ...]
+    columns: tuple[Column, ...]  # of telemetry
 
     def __init__(self, base: BaseTimeline, *, is_homed: bool) -> None:
         """Stand on a base, disabled."""
@@ -23,6 +35,7 @@ class SimulatedPlant(ABC):
         self._state: StateName = "DISABLED"
         self._fault = ""  # why it is in FAULT
         self._is_homed = is_homed
+        self._wanted: Floats | None = None  # where the setpoint goes in the next tick, (n,)
 
     @property
     def base(self) -> MovingBase:
@@ -38,6 +51,27 @@ class SimulatedPlant(ABC):
     def ticks(self) -> int:
         """Ticks since power-on."""
         return self._tick
+
+    @abstractmethod
+    def measured_js(self) -> JointState:
+        """Return the joint state as the robot believes it; gravity and base rates are an ideal sensor's."""
+
+    @abstractmethod
+    def setpoint_js(self) -> JointState:
+        """Return the setpoint of the robot's own position control."""
+
+    def servo_jp(self, q: Floats) -> None:
+        """Move the setpoint towards q (n,) [rad|m] in the next tick, as far as its limits allow."""
+        self._require_ready()
+        self._wanted = as_array("servo_jp", q, (len(self.joint_names),)).copy()
+        self._control_position()
+
+    def servo_jr(self, dq: Floats) -> None:
+        """Move the setpoint by dq (n,) [rad|m]; several in a tick add up, then the limits hold."""
+        self._require_ready()
+        start = self.setpoint_js().q if self._wanted is None else self._wanted
+        self._wanted = start + as_array("servo_jr", dq, (len(self.joint_names),))
+        self._control_position()
 
     def operating_state(self) -> OperatingState:
         """Return CRTK's operating state."""
@@ -64,6 +98,21 @@ class SimulatedPlant(ABC):
         elif self._state in TRANSITIONS[command]:
             self._set_state(TRANSITIONS[command][self._state])
 
+    def home(self) -> None:
+        """Enable and home, as fast as the machine runs.
+
+        Raises:
+            NotReadyError: The robot is paused, or an axis that homes met no stop.
+        """
+        self.state_command("enable")
+        self.state_command("home")
+        while self._is_homing:
+            self.wait()
+
+    @abstractmethod
+    def wait(self) -> None:
+        """Advance by one tick of 1 ms."""
+
     @property
     def _is_homing(self) -> bool:
         return False
@@ -76,6 +125,21 @@ class SimulatedPlant(ABC):
     def _set_state(self, state: StateName, why: str = "") -> None:
         self._state, self._fault = state, f": {why}" if why else ""
         self._state_changed()
+
+    @abstractmethod
+    def _base_now(self) -> BaseSamples:
+        """Return the base's motion at this instant, one row."""
+
+    def _joint_state(self, q: Floats, qd: Floats, tau: Floats, q_motor: Floats) -> JointState:
+        gravity, motion = self._base_now()
+        # an accelerometer cannot tell free fall from the acceleration of what it stands on
+        return JointState(
+            self.time, q, qd, tau, q_motor, gravity[0] - motion[0, 2], 0.0, motion[0, :2].copy()
+        )
+
+    @abstractmethod
+    def _control_position(self) -> None:
+        """Leave torques, if any are commanded, and follow the setpoint."""
 
     @abstractmethod
     def _state_changed(self) -> None:

@@ -78,11 +78,11 @@ class CartesianSinusoids(SampledTrajectory):
             raise InputError(f"axes: expected some of x, y, z, got {list(axes)}")
         self.axes = tuple(axes)
         self._phases = _phases(len(self.axes), seconds, cycles, ramp)
-        self._duration = self._phases.duration
+        self.duration = self._phases.duration
         self._swing = swing * np.array([[name == axis for name in "xyz"] for axis in self.axes], float)
         self._start = forward_kinematics(model, start)
 
-        times = np.linspace(0.0, self._duration, max(int(np.ceil(self._duration / step)), 2 * _DEGREE) + 1)
+        times = np.linspace(0.0, self.duration, max(int(np.ceil(self.duration / step)), 2 * _DEGREE) + 1)
         q = self._solve(model, start, times)
         self._refuse_leaps(model, times, q)
         # zero velocity and acceleration at both ends
@@ -91,17 +91,12 @@ class CartesianSinusoids(SampledTrajectory):
         self._q: BSpline = make_interp_spline(times, q, k=_DEGREE, bc_type=ends)
         self._qd, self._qdd = self._q.derivative(1), self._q.derivative(2)
 
-    @property
-    def duration(self) -> float:
-        """Return the time until the tip is at rest at the start again after the last axis [s]."""
-        return self._duration
-
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return references at many times (N,) [s]: q, qd, qdd, each (N, n)."""
         t = as_array("times", times, (None,))
-        inside = np.clip(t, 0.0, self._duration)
+        inside = np.clip(t, 0.0, self.duration)
         q, qd, qdd = self._q(inside), self._qd(inside), self._qdd(inside)
-        at_rest = (t <= 0.0) | (t >= self._duration)
+        at_rest = (t <= 0.0) | (t >= self.duration)
         qd[at_rest], qdd[at_rest] = 0.0, 0.0
         return q, qd, qdd
 
@@ -147,9 +142,9 @@ class CartesianSinusoids(SampledTrajectory):
             )
 
     def _when(self, time: float, position: Floats) -> str:
-        axis = self.axes[min(int(time / self._duration * len(self.axes)), len(self.axes) - 1)]
+        axis = self.axes[min(int(time / self.duration * len(self.axes)), len(self.axes) - 1)]
         return (
-            f"Cartesian sinusoid along {axis}, at {time:.3f} of {self._duration:.3f} s, "
+            f"Cartesian sinusoid along {axis}, at {time:.3f} of {self.duration:.3f} s, "
             f"tip at {np.round(position, 4)} m"
         )
 

@@ -24,7 +24,7 @@ class Embedded(SampledTrajectory):
         Raises:
             InputError: The numbers do not fit together.
         """
-        self._trajectory, self._joints = trajectory, list(joints)
+        self._trajectory, self._joints, self.duration = trajectory, list(joints), trajectory.duration
         self._hold = as_array("q_hold", q_hold, (None,)).copy()
         moving = len(trajectory(0.0).q)
         if moving != len(self._joints) or len(set(self._joints)) != moving:
@@ -33,11 +33,6 @@ class Embedded(SampledTrajectory):
             raise InputError(
                 f"joints: expected numbers of the robot's {len(self._hold)} joints, got {self._joints}"
             )
-
-    @property
-    def duration(self) -> float:
-        """Return the trajectory's duration [s]."""
-        return self._trajectory.duration
 
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return references of all joints at many times (N,) [s]: q, qd, qdd, each (N, n)."""

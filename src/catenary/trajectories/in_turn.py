@@ -24,14 +24,9 @@ class Rest(SampledTrajectory):
             InputError: Not finite, or a negative duration.
         """
         self._q = as_array("q", q, (None,)).copy()
-        self._duration = float(as_array("duration", duration, ()))
-        if self._duration < 0.0:
+        self.duration = float(as_array("duration", duration, ()))
+        if self.duration < 0.0:
             raise InputError(f"duration: expected zero or more seconds, got {duration}")
-
-    @property
-    def duration(self) -> float:
-        """Return how long [s]."""
-        return self._duration
 
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return references at many times (N,) [s], all the same: q, qd, qdd, each (N, n)."""
@@ -59,29 +54,19 @@ class InTurn:
                 )
         self._parts = list(parts)
         ends = list(accumulate(part.duration for part in parts))
-        self._starts = [0.0, *ends[:-1]]
-        self._duration = ends[-1]
-
-    @property
-    def duration(self) -> float:
-        """Return the duration of all of them [s]."""
-        return self._duration
-
-    @property
-    def starts(self) -> tuple[float, ...]:
-        """Return when each begins [s]."""
-        return tuple(self._starts)
+        self.starts = (0.0, *ends[:-1])  # [s] when each begins
+        self.duration = ends[-1]  # [s] of all of them
 
     def __call__(self, t: float) -> Reference:
         """Return the reference at `t` [s]."""
         at = float(as_array("time", t, ()))
-        k = max(0, bisect_right(self._starts, at) - 1)
+        k = max(0, bisect_right(self.starts, at) - 1)
         return self._parts[k](self._local(k, at))
 
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Return references at many times (N,) [s]: q, qd, qdd, each (N, n)."""
         at = as_array("times", times, (None,))
-        which = np.maximum(np.searchsorted(self._starts, at, side="right") - 1, 0)
+        which = np.maximum(np.searchsorted(self.starts, at, side="right") - 1, 0)
         n = len(self._parts[0](0.0).q)
         out = np.empty((3, len(at), n))
         for k in np.unique(which):
@@ -93,4 +78,4 @@ class InTurn:
 
     def _local(self, k: int, t: float) -> float:
         """Return the time since part k began; at the end of all, its very end, whatever the sums round to."""
-        return self._parts[k].duration if t >= self._duration else t - self._starts[k]
+        return self._parts[k].duration if t >= self.duration else t - self.starts[k]

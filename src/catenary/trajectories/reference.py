@@ -37,6 +37,8 @@ class Trajectory(Protocol):
 class SampledTrajectory(ABC):
     """A trajectory that is a function of many times; one time is a sample of one."""
 
+    duration: float  # [s] until all joints are at rest again
+
     def __call__(self, t: float) -> Reference:
         """Return the reference at `t` [s] after the start."""
         q, qd, qdd = self.sample(as_array("t", t, ()).reshape(1))

@@ -82,10 +82,15 @@ def _swings(
     """Draw one joint's line: it stands at every turning point for one blend, so that it comes to rest there."""
     stop = duration - turn  # where the line ends: the motion is at rest one blend later
     end = int(rng.integers(2))
-    times, points = [0.0], [_turning_point(rng, ends, end, band)]
+
+    def turning_point() -> float:
+        inwards = rng.uniform(0.0, band)
+        return ends[0] + inwards if end == 0 else ends[1] - inwards
+
+    times, points = [0.0], [turning_point()]
     while times[-1] < stop:
         end = 1 - end
-        target = _turning_point(rng, ends, end, band)
+        target = turning_point()
         swing = abs(target - points[-1]) / rng.uniform(*speeds)
         share = min(1.0, (stop - times[-1]) / swing)
         points.append(points[-1] + share * (target - points[-1]))
@@ -94,9 +99,3 @@ def _swings(
             points.append(target)
             times.append(min(times[-1] + turn, stop))
     return BrokenLine(times, points, turn)
-
-
-def _turning_point(rng: np.random.Generator, ends: tuple[float, float], end: int, band: float) -> float:
-    low, high = ends
-    drawn = rng.uniform(0.0, band)
-    return low + drawn if end == 0 else high - drawn

@@ -73,7 +73,7 @@ class SmoothedPath(SampledTrajectory):
             first, np.concatenate(times), np.concatenate(points), np.concatenate(slopes), np.array(blends)
         )
         moving = [line[-1] + blend for line, blend in zip(times, blends, strict=True) if len(line) > 1]
-        self._duration = float(max(moving, default=0.0))
+        self.duration = float(max(moving, default=0.0))
 
     @classmethod
     def through(cls, times: ArrayLike, points: ArrayLike, blend: float) -> "SmoothedPath":
@@ -85,11 +85,6 @@ class SmoothedPath(SampledTrajectory):
         t = as_array("times", times, (None,))
         rows = as_array("points", points, (len(t), None))
         return cls([BrokenLine(t, column, blend) for column in rows.T])
-
-    @property
-    def duration(self) -> float:
-        """Return the time until all joints are at rest again [s]."""
-        return self._duration
 
     @property
     def corner_distance(self) -> Floats:

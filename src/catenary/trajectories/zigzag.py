@@ -23,7 +23,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array, as_positive
 from catenary.errors import InputError
-from catenary.kernels.compiled import compiled
 from catenary.spatial import rotation_about_x, rotation_about_z
 from catenary.trajectories.calibration_box import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.trajectories.smoothed_path import SmoothedPath
@@ -53,12 +52,11 @@ def unit_zigzag(sparsity: float) -> Floats:
     Raises:
         InputError: The sparsity is outside its range.
     """
-    s = float(as_array("sparsity", sparsity, ()))
-    if not LEAST_SPARSITY <= s <= 1.0:
-        raise InputError(f"sparsity: expected {LEAST_SPARSITY} to 1, got {s}")
-    rows = np.empty((_write_zigzag(s, np.empty((0, 3))), 3))
-    _write_zigzag(s, rows)
-    return rows
+    moves = _unit_moves(sparsity)
+    rows = np.zeros((_corner_rows(moves)[-1] + 1, 3))
+    ways = np.repeat(np.sign(moves).astype(np.int8), np.abs(moves).sum(axis=1), axis=0)
+    np.multiply(_STEP, ways, out=rows[1:])
+    return np.cumsum(rows, axis=0, out=rows)
 
 
 def zigzag_rows(
@@ -123,9 +121,8 @@ def zigzag(
     times: list[Floats] = []  # in rows
     points: list[Floats] = []
     for sparsity in sparsities:
-        path = unit_zigzag(sparsity)
-        corners = _corner_rows(path)
-        joints: Floats = path[corners] @ matrix.T + shift
+        corners = _corner_rows(_unit_moves(sparsity))
+        joints: Floats = unit_zigzag(sparsity)[corners] @ matrix.T + shift
         begin = 0.0
         if points:
             leaves = times[-1][-1] + rest
@@ -168,50 +165,33 @@ def _placement(direction: str, lower: ArrayLike, upper: ArrayLike) -> tuple[Floa
     return joint_range[:, np.newaxis] * matrix, shift
 
 
-def _corner_rows(path: Floats) -> NDArray[np.int64]:
-    """Return the indices of the rows where the path turns, first and last row included."""
-    steps = np.sign(np.round(np.diff(path, axis=0) / _STEP))
-    turns = np.flatnonzero((steps[1:] != steps[:-1]).any(axis=1)) + 1
-    return np.concatenate([[0], turns, [len(path) - 1]])
-
-
-@compiled
-def _write_zigzag(sparsity: float, out: Floats) -> int:
-    """Write as many rows as `out` (N, 3) has room for; return how many there are.
+def _unit_moves(sparsity: float) -> NDArray[np.int64]:
+    """Return the straight moves of the unit path, (moves, 3) steps along each axis: all but one are 0.
 
     All sums add 0.001 in floating point, as the published generator does: it decides the number of rows.
+
+    Raises:
+        InputError: The sparsity is outside its range.
     """
-    x, y, z = 0.0, 0.0, 0.0
-    toward_x, toward_y = _STEP, _STEP
-    path_y, path_z = 0.0, 0.0
-    count = _write_row(out, 0, x, y, z)
-    while True:
-        moved = 0.0
-        while moved < 1.0:
-            x += toward_x
-            moved += _STEP
-            count = _write_row(out, count, x, y, z)
-        toward_x = -toward_x
-        moved = 0.0
-        if path_y < 1.0:
-            while moved < sparsity:
-                y += toward_y
-                moved += _STEP
-                path_y += _STEP
-                count = _write_row(out, count, x, y, z)
-        else:
-            toward_y, path_y = -toward_y, 0.0
-            while moved < sparsity:
-                z += _STEP
-                moved += _STEP
-                path_z += _STEP
-                count = _write_row(out, count, x, y, z)
-                if path_z > _END:
-                    return count
+    s = float(as_array("sparsity", sparsity, ()))
+    if not LEAST_SPARSITY <= s <= 1.0:
+        raise InputError(f"sparsity: expected {LEAST_SPARSITY} to 1, got {s}")
+    sums = np.cumsum(np.append(0.0, np.full(3000, _STEP)))
+    sweep, aside = (int(np.argmax(sums >= way)) for way in (1.0, s))
+    rows_of_sweeps = int(np.argmax(sums[::aside] >= 1.0))
+    height = int(np.argmax(sums > _END))
+    moves, toward_x, toward_y = [], 1, 1
+    for climbed in range(0, height, aside):
+        for k in range(rows_of_sweeps + 1):
+            if k > 0:
+                moves.append((0, toward_y * aside, 0))
+            moves.append((toward_x * sweep, 0, 0))
+            toward_x = -toward_x
+        toward_y = -toward_y
+        moves.append((0, 0, min(aside, height - climbed)))
+    return np.array(moves)
 
 
-@compiled
-def _write_row(out: Floats, count: int, x: float, y: float, z: float) -> int:
-    if count < len(out):
-        out[count, 0], out[count, 1], out[count, 2] = x, y, z
-    return count + 1
+def _corner_rows(moves: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the indices of the rows where the path turns, first and last row included."""
+    return np.append(0, np.cumsum(np.abs(moves).sum(axis=1)))

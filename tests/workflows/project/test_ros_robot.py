@@ -117,7 +117,7 @@ def test_yes_presses_the_button_of_a_simulated_robot(tmp_path: Path) -> None:
 def test_yes_does_not_clear_a_fault(tmp_path: Path) -> None:
     setup = on_loopback()
     plant = setup.robot.plant
-    plant._state = plant.operating_state()._replace(state="FAULT")
+    plant.state = plant.operating_state()._replace(state="FAULT")
     with pytest.raises(NotReadyError, match="FAULT"):
         homed(project(tmp_path), setup)
 
