@@ -26,7 +26,7 @@ HARMLESS = ["home", "unhome"]  # of is_homed, not of the state
 
 def machine(dialect: Dialect, state: StateName, *, homed: bool = True) -> tuple[StateMachine, IdealPlant]:
     plant = IdealPlant(np.zeros(3).tolist(), supports=frozenset({"state_command"}))
-    plant._state = OperatingState(state, homed, False)
+    plant.state = OperatingState(state, homed, False)
     return StateMachine(plant, dialect), plant
 
 
