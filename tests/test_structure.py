@@ -43,8 +43,10 @@ def test_what_a_page_names_exists(page: Path) -> None:
     folders = re.findall(r"`((?:src|tests|papers|docs|examples)/[\w./]*)`", text)
     paths = [*folders, *(f"{name.replace('.', '/')}.py" for name in programs)]
     assert [path for path in paths if not (ROOT / path).exists()] == []
-    links = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text)
-    assert [link for link in links if not (page.parent / link).exists()] == []
+    for link, anchor in re.findall(r"\]\(([^)#:]+)(?:#([^)]*))?\)", text):
+        assert (page.parent / link).exists(), link
+        headings = re.findall(r"^#+ (.*)$", (page.parent / link).read_text(), re.MULTILINE) if anchor else []
+        assert anchor in ["", *(re.sub(r"[^\w -]", "", one.lower()).replace(" ", "-") for one in headings)]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

@@ -22,7 +22,7 @@ Predict = Callable[[], Floats]  # outputs (N, m) for rows that were given
 
 
 def peers(predictor: Fitted, X: Floats) -> dict[str, Predict]:
-    """Give the same predictor in each library that is installed, on one thread, for rows X (N, F)."""
+    """Return the same predictor in each library that is installed, on one thread, for rows X (N, F)."""
     calls = {
         "onnxruntime, float32": onnx_call(predictor, X, np.float32),
         "onnxruntime, float64": onnx_call(predictor, X, np.float64),

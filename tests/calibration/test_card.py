@@ -54,25 +54,19 @@ def test_card_of_every_kind_is_plain_json(options: dict[str, Any]) -> None:
     assert json.loads(json.dumps(card), parse_constant=refuse).keys() == card.keys()
 
 
-def test_card_of_a_perfect_offset_has_no_percentage() -> None:
+def test_card_says_what_was_not_estimated_and_describes_the_network() -> None:
     log = recording(np.random.default_rng(0), rows=60, error=np.zeros_like)
     assert [joint["percent_of_offset"] for joint in card_of(log)["errors"]["held_out"]] == [None] * 3
+    card = card_of(kind="neural", folds=0, held_out=False)
+    assert (card["errors"]["cross_validation"], card["errors"]["held_out"]) == (None, None)
+    network = card["settings"]["network"]
+    assert (network["hidden"], network["activation"], network["epochs"]) == ((100, 100), "logistic", 200)
 
 
 def test_card_tells_which_joint_takes_which_inputs() -> None:
     joints = card_of(inputs={"J1": ("q:J2",), "J2": ("q:J2", "q:J3")})["joints"]
     assert joints[0]["inputs"] == ["q:J2"]
     assert joints[1]["inputs"] == ["q:J2", "q:J3"]
-
-
-def test_card_says_so_where_nothing_was_estimated() -> None:
-    errors = card_of(folds=0, held_out=False)["errors"]
-    assert (errors["cross_validation"], errors["held_out"]) == (None, None)
-
-
-def test_card_describes_the_network() -> None:
-    network = card_of(kind="neural", folds=0)["settings"]["network"]
-    assert (network["hidden"], network["activation"], network["epochs"]) == ((100, 100), "logistic", 200)
 
 
 @pytest.mark.parametrize("simulated", [True, False])

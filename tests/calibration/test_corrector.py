@@ -1,6 +1,7 @@
 import pickle
 from copy import deepcopy
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -45,36 +46,27 @@ def test_play_states_need_no_rate() -> None:
     assert_array_equal(out[::7], calibrated)
 
 
-def test_a_rate_that_is_no_multiple_of_the_training_rate_is_refused() -> None:
-    with pytest.raises(InputError, match=r"0\.025 s apart \(40 Hz\); 2 tick\(s\) at 66 Hz are 0\.0303 s"):
-        Corrector(model(history=2, rate_hz=40.0), rate_hz=66.0)
-    with pytest.raises(InputError, match=r"previous positions lie 0\.02 s apart"):
-        Corrector(model(history=2, rate_hz=50.0), rate_hz=1000.0, decimation=10)
-    with pytest.raises(InputError, match="more than 3% off"):
-        Corrector(model(history=2, rate_hz=2000.0), rate_hz=1000.0)
-
-
-def test_a_few_per_cent_of_rate_are_taken() -> None:
-    assert Corrector(model(history=2, rate_hz=30.0), rate_hz=1000.0).decimation == 33
-
-
-def test_history_of_unknown_rate_needs_its_decimation_said() -> None:
-    unknown = model(history=2, rate_hz=None)
-    with pytest.raises(InputError, match=r"takes 2 previous positions, .* give `decimation`"):
-        Corrector(unknown)
-    assert Corrector(unknown, decimation=33).decimation == 33
-
-
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("trained", "options", "message"),
     [
-        ({"rate_hz": 0.0}, "rate_hz: expected a positive"),
-        ({"decimation": 0}, "decimation: expected one or more"),
+        (40.0, {"rate_hz": 66.0}, r"0\.025 s apart \(40 Hz\); 2 tick\(s\) at 66 Hz are 0\.0303 s"),
+        (50.0, {"decimation": 10}, r"previous positions lie 0\.02 s apart"),
+        (2000.0, {}, "more than 3% off"),
+        (None, {}, r"takes 2 previous positions, .* give `decimation`"),
+        (50.0, {"rate_hz": 0.0}, "rate_hz: expected a positive"),
+        (50.0, {"decimation": 0}, "decimation: expected one or more"),
     ],
 )
-def test_rates_and_decimations_are_positive(options: dict[str, float], message: str) -> None:
+def test_rates_at_which_history_would_be_another_are_refused(
+    trained: float | None, options: dict[str, float], message: str
+) -> None:
     with pytest.raises(InputError, match=message):
-        Corrector(model(history=1), **options)  # type: ignore[arg-type]
+        Corrector(model(history=2, rate_hz=trained), **options)  # type: ignore[arg-type]
+
+
+def test_a_few_per_cent_of_rate_are_taken_and_a_decimation_that_is_said() -> None:
+    assert Corrector(model(history=2, rate_hz=30.0), rate_hz=1000.0).decimation == 33
+    assert Corrector(model(history=2, rate_hz=None), decimation=33).decimation == 33
 
 
 def test_reset_forgets_previous_ticks() -> None:
@@ -139,40 +131,38 @@ def test_calibrated_positions_may_overwrite_the_reported_ones() -> None:
     assert_array_equal(q, expected[0])
 
 
+FEATURES = model().features
+HOT = replace(FEATURES, signals=(*FEATURES.signals[:4], "motor_temperature"))
+
+
 @pytest.mark.parametrize(
-    ("names", "units", "message"),
+    ("made", "robot", "message"),
     [
-        (NAMES[:2], UNITS[:2], 'the robot has no joint "j2"; it has j0, j1'),
-        (NAMES, ("rad", "rad", "rad"), 'joint "j2" is in rad, the model in m'),
+        (model(), (NAMES[:2], UNITS[:2], 1000.0), 'the robot has no joint "j2"; it has j0, j1'),
+        (model(), (NAMES, ("rad",) * 3, 1000.0), 'joint "j2" is in rad, the model in m'),
+        (replace(model(), features=HOT), (NAMES, UNITS, 1e3), '"motor_temperature" is in no joint state'),
+        (model(history=1, rate_hz=50.0), (NAMES, UNITS, 500.0), "made for 1000 Hz, the loop runs at 500 Hz"),
     ],
 )
-def test_robots_with_other_joints_are_refused(
-    names: tuple[str, ...], units: tuple[str, ...], message: str
-) -> None:
+def test_robots_that_a_model_is_not_of_are_refused(made: CalibrationModel, robot: Any, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        Corrector(model()).prepare(names, units, 1000.0)
+        Corrector(made).prepare(*robot)
 
 
-def test_inputs_that_no_joint_state_has_are_refused() -> None:
-    fine = model()
-    signals = ("q:j0", "q:j1", "q:j2", "tau:j0", "motor_temperature")
-    other = replace(fine, features=replace(fine.features, signals=signals))
-    with pytest.raises(InputError, match='input "motor_temperature" is in no joint state'):
-        Corrector(other).prepare(NAMES, UNITS, 1000.0)
+def test_without_history_any_rate_does() -> None:
+    Corrector(model(), rate_hz=1000.0).prepare(NAMES, UNITS, 500.0)
 
 
-def test_history_refuses_a_loop_at_another_rate_than_it_was_made_for() -> None:
-    corrector = Corrector(model(history=1, rate_hz=50.0), rate_hz=1000.0)
-    with pytest.raises(InputError, match="made for 1000 Hz, the loop runs at 500 Hz"):
-        corrector.prepare(NAMES, UNITS, 500.0)
-    Corrector(model(), rate_hz=1000.0).prepare(NAMES, UNITS, 500.0)  # without history any rate does
-
-
-def test_joint_states_are_refused_before_the_robot_is_known() -> None:
+def test_arrays_that_cannot_be_taken_are_refused() -> None:
+    fixed, inside = np.zeros(3), np.empty(3, dtype=bool)
+    fixed.setflags(write=False)
+    corrector = Corrector(model())
+    with pytest.raises(InputError, match=r"signals: expected shape \(200, 5\), got \(200, 4\)"):
+        corrector.run(SIGNALS[:, :3], SIGNALS[:, :4])
+    with pytest.raises(ValueError, match="read-only"):
+        corrector.correct(np.zeros(3), np.zeros(5), fixed, inside)
     with pytest.raises(InputError, match="not of the robot that it was prepared for"):
-        Corrector(model()).correct_state(
-            state(np.zeros(3), np.zeros(3)), np.empty(3), np.empty(3, dtype=bool)
-        )
+        corrector.correct_state(state(np.zeros(3), np.zeros(3)), np.empty(3), inside)
 
 
 @pytest.mark.parametrize("sizes", [(2, 5, 3, 3), (3, 4, 3, 3), (3, 5, 4, 3), (3, 5, 3, 2)])
@@ -196,13 +186,6 @@ def test_arrays_of_another_type_or_layout_are_copied() -> None:
     whole.correct(np.zeros(3, dtype=int), np.zeros(5, dtype=np.float32), np.empty(3), np.empty(3, dtype=bool))
 
 
-def test_an_output_that_cannot_be_written_to_is_refused() -> None:
-    fixed = np.zeros(3)
-    fixed.setflags(write=False)
-    with pytest.raises(ValueError, match="read-only"):
-        Corrector(model()).correct(np.zeros(3), np.zeros(5), fixed, np.empty(3, dtype=bool))
-
-
 def test_a_copy_has_a_memory_of_its_own() -> None:
     first = Corrector(model(history=2, rate_hz=1000.0))
     first.prepare(NAMES, ("rad", "rad", "m"), 1000.0)
@@ -213,11 +196,6 @@ def test_a_copy_has_a_memory_of_its_own() -> None:
         first.correct(SIGNALS[k, :3].copy(), SIGNALS[k], out, inside)
         assert_array_equal(out, expected[k])
         second.correct(np.zeros(3), np.zeros(5), out, inside)
-
-
-def test_recordings_of_another_shape_are_refused() -> None:
-    with pytest.raises(InputError, match=r"signals: expected shape \(200, 5\), got \(200, 4\)"):
-        Corrector(model()).run(SIGNALS[:, :3], SIGNALS[:, :4])
 
 
 def test_a_bound_tick_runs_on_the_arrays_that_it_was_given() -> None:

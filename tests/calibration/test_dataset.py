@@ -30,36 +30,29 @@ def test_error_is_truth_minus_what_was_reported() -> None:
     assert_array_equal(calibration_data([log], PLAIN).error, log.q_encoder - log.q_nominal)
 
 
-def test_rows_without_measurement_are_left_out_and_counted() -> None:
-    log = run(bad=(3, 4, 20))
+def test_rows_without_measurement_or_predecessors_are_left_out_and_counted() -> None:
+    log = run(bad=(1, 20, 21))
     data = calibration_data([log], PLAIN)
-    assert_array_equal(kept_rows(data, log), np.delete(np.arange(50), [3, 4, 20]))
+    assert_array_equal(kept_rows(data, log), np.delete(np.arange(50), [1, 20, 21]))
     assert data.sources[0].without_truth == 3
-
-
-def test_rows_without_predecessors_are_left_out_and_counted() -> None:
-    log = run(bad=(1, 20))
     data = calibration_data([log], FeatureSet(NAMES, UNITS, history=4))
     assert kept_rows(data, log)[0] == 4
     assert data.sources[0].without_history == 3  # rows 0, 2, 3; row 1 has no measurement anyway
+    row = int(np.flatnonzero(kept_rows(data, log) == 22)[0])
+    assert_array_equal(data.X[row, 3:6], log.q_nominal[21])  # not measured, yet commanded
+    data = calibration_data([log], data.features, max_error=np.array([0.01, 0.01, 0.001]))
+    source = data.sources[0]
+    assert source.dropped > 0
+    assert source.rows == len(data) + source.without_truth + source.without_history + source.dropped
 
 
-def test_rows_after_one_without_measurement_keep_it_as_their_history() -> None:
-    log = run(bad=(20,))
-    data = calibration_data([log], FeatureSet(NAMES, UNITS, history=1))
-    row = int(np.flatnonzero(kept_rows(data, log) == 21)[0])
-    assert_array_equal(data.X[row, 3:], log.q_nominal[20])
-
-
-def test_history_does_not_reach_into_the_recording_before() -> None:
-    data = calibration_data([run(1), run(2)], FeatureSet(NAMES, UNITS, history=5))
+def test_history_does_not_reach_into_another_recording() -> None:
+    features = FeatureSet(NAMES, UNITS, history=5)
+    data = calibration_data([run(1), run(2)], features)
     assert [s.without_history for s in data.sources] == [5, 5]
     assert np.bincount(data.recording).tolist() == [45, 45]
-
-
-def test_history_does_not_reach_across_a_clock_that_goes_back() -> None:
-    log = run(time=np.concatenate([np.arange(30.0), np.arange(20.0)]))
-    assert calibration_data([log], FeatureSet(NAMES, UNITS, history=5)).sources[0].without_history == 10
+    log = run(time=np.concatenate([np.arange(30.0), np.arange(20.0)]))  # the clock goes back
+    assert calibration_data([log], features).sources[0].without_history == 10
 
 
 def test_rows_beyond_the_error_limit_are_dropped_and_counted() -> None:
@@ -78,20 +71,6 @@ def test_rows_beyond_the_error_limit_are_dropped_and_counted() -> None:
 def test_error_limit_that_is_not_one_positive_number_per_joint_is_refused(limit: object) -> None:
     with pytest.raises(InputError, match="max_error: expected"):
         calibration_data([run()], PLAIN, max_error=np.array(limit))
-
-
-def test_infinite_error_limit_drops_nothing() -> None:
-    data = calibration_data([run()], PLAIN, max_error=np.array([np.inf, 0.5, np.inf]))
-    assert len(data) == 50
-
-
-def test_every_row_is_counted_once() -> None:
-    log = run(bad=(0, 30))
-    features = FeatureSet(NAMES, UNITS, history=3)
-    data = calibration_data([log], features, max_error=np.array([0.01, 0.01, 0.001]))
-    source = data.sources[0]
-    assert source.dropped > 0
-    assert source.rows == len(data) + source.without_truth + source.without_history + source.dropped
 
 
 @pytest.mark.parametrize("held_out", [0.1, 0.2, 0.3, 0.5, 0.77])
@@ -138,42 +117,34 @@ def test_time_is_the_row_number_where_any_recording_has_none() -> None:
     assert_array_equal(data.time, np.tile(np.arange(50.0), 2))
 
 
-def test_robot_is_the_one_that_any_recording_names() -> None:
-    assert calibration_data([run(1), run(2, robot="raven2")], PLAIN).robot == "raven2"
-
-
-def test_recordings_of_two_robots_are_refused() -> None:
-    with pytest.raises(InputError, match='"run1" and "run2" are of two robots: raven2 and dvrk'):
-        calibration_data([run(1, robot="raven2"), run(2, robot="dvrk")], PLAIN)
-
-
-@pytest.mark.parametrize("change", [{"joint_names": ("a", "b", "c")}, {"joint_units": ("rad", "m", "m")}])
-def test_recordings_of_other_joints_are_refused(change: dict[str, tuple[str, ...]]) -> None:
-    with pytest.raises(InputError, match='"run1" and "run2" are not of the same joints'):
-        calibration_data([run(1), run(2, **change)], PLAIN)
-
-
-def test_simulated_recordings_are_marked_as_sources() -> None:
-    data = calibration_data([run(1), run(2, simulated=True)], PLAIN)
+def test_robot_is_the_one_that_any_recording_names_and_sources_say_what_is_simulated() -> None:
+    data = calibration_data([run(1), run(2, robot="raven2", simulated=True)], PLAIN)
+    assert data.robot == "raven2"
     assert [source.simulated for source in data.sources] == [False, True]
 
 
-def test_no_recording_is_refused() -> None:
-    with pytest.raises(InputError, match="at least one recording"):
-        calibration_data([], PLAIN)
+OTHERS = '"run1" and "run2" are not of the same joints'
+SHORT = r"6 rows, 2 without measurement, 4 without 6 previous commands, 0 beyond"
 
 
-def test_recording_without_measurements_is_refused() -> None:
-    with pytest.raises(InputError, match='"run0": has no q_encoder'):
-        calibration_data([replace(run(), q_encoder=None)], PLAIN)
-
-
-def test_recording_without_a_usable_row_is_refused_with_the_reasons() -> None:
-    log = run(rows=6, bad=(0, 1))
-    with pytest.raises(
-        InputError, match=r"6 rows, 2 without measurement, 4 without 6 previous commands, 0 beyond"
-    ):
-        calibration_data([log], FeatureSet(NAMES, UNITS, history=6))
+@pytest.mark.parametrize(
+    ("logs", "history", "message"),
+    [
+        (
+            [run(1, robot="raven2"), run(2, robot="dvrk")],
+            0,
+            '"run1" and "run2" are of two robots: raven2 and dvrk',
+        ),
+        ([run(1), run(2, joint_names=("a", "b", "c"))], 0, OTHERS),
+        ([run(1), run(2, joint_units=("rad", "m", "m"))], 0, OTHERS),
+        ([], 0, "at least one recording"),
+        ([replace(run(), q_encoder=None)], 0, '"run0": has no q_encoder'),
+        ([run(rows=6, bad=(0, 1))], 6, SHORT),
+    ],
+)
+def test_recordings_that_give_no_data_are_refused(logs: list[MotionLog], history: int, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        calibration_data(logs, FeatureSet(NAMES, UNITS, history=history))
 
 
 def at_rate(rate: float | None) -> MotionLog:

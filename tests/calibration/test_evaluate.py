@@ -37,31 +37,16 @@ def test_rms_of_three_and_four() -> None:
     assert rms(np.array([3.0, -4.0])) == pytest.approx(np.sqrt(12.5))
 
 
-def test_errors_of_a_turning_joint_are_in_deg_and_of_a_sliding_one_in_mm() -> None:
-    errors = np.tile([np.deg2rad(3.0), 0.004], (40, 1))
-    turning, sliding = judged(offset_model(0.0, 0.0), off_by(errors)).joints
-    assert (turning.unit, sliding.unit) == ("deg", "mm")
-    assert (turning.raw_rmse, sliding.raw_rmse) == pytest.approx((3.0, 4.0))
-
-
-def test_errors_of_two_rows_are_those_of_paper_and_pencil() -> None:
+def test_errors_are_in_deg_and_mm_and_those_of_paper_and_pencil() -> None:
     # offset 1 mm; errors 4 mm and -3 mm: raw 3.54 and 4, after the offset 3 and -4: 3.54 and 4
-    errors = np.zeros((40, 2))
+    errors = np.full((40, 2), np.deg2rad(3.0))
     errors[::2, 1], errors[1::2, 1] = 0.004, -0.003
-    sliding = judged(offset_model(0.0, 0.001), off_by(errors)).joints[1]
-    assert (sliding.n, sliding.raw_rmse, sliding.raw_max) == (
-        40,
-        pytest.approx(np.sqrt(12.5)),
-        pytest.approx(4.0),
-    )
+    turning, sliding = judged(offset_model(0.0, 0.001), off_by(errors)).joints
+    assert (turning.unit, sliding.unit, sliding.n) == ("deg", "mm", 40)
+    assert (turning.raw_rmse, turning.raw_max) == pytest.approx((3.0, 3.0))
+    assert (sliding.raw_rmse, sliding.raw_max) == pytest.approx((np.sqrt(12.5), 4.0))
     assert (sliding.offset_rmse, sliding.offset_max) == pytest.approx((np.sqrt(12.5), 4.0))
-
-
-def test_largest_error_counts_its_size_not_its_sign() -> None:
-    errors = np.zeros((40, 2))
-    errors[7, 1], errors[8, 1] = -0.009, 0.002
-    sliding = judged(offset_model(0.0, 0.0), off_by(errors)).joints[1]
-    assert (sliding.raw_max, sliding.offset_max, sliding.max) == pytest.approx((9.0, 9.0, 9.0))
+    assert sliding.max == pytest.approx(4.0)  # -4 mm counts by its size
 
 
 def test_model_is_measured_against_the_truth() -> None:
@@ -71,13 +56,7 @@ def test_model_is_measured_against_the_truth() -> None:
     first = judged(model, log).joints[0]
     assert first.rmse == pytest.approx(np.sqrt(np.mean(left**2)))
     assert first.max == pytest.approx(np.abs(left).max())
-
-
-def test_percent_is_of_the_error_after_the_fixed_offset() -> None:
-    log = recording(np.random.default_rng(1), error=lambda q: 0.5 + 0.1 * q + 0.02 * np.sin(9.0 * q))
-    joint = judged(fitted(log, kind="linear"), log).joints[0]
-    assert joint.percent_of_offset == pytest.approx(100.0 * joint.rmse / joint.offset_rmse)
-    assert joint.percent_of_offset < 100.0
+    assert first.percent_of_offset == pytest.approx(100.0 * first.rmse / first.offset_rmse)
 
 
 def test_percent_of_no_error_is_not_a_number() -> None:
@@ -96,43 +75,30 @@ def test_raw_offset_and_model_are_judged_on_the_same_rows() -> None:
     assert {joint.n for joint in evaluation.joints} == {len(usable)}
 
 
-def test_share_of_rows_outside_the_valid_range_is_reported() -> None:
+def test_rows_outside_the_valid_range_have_the_error_after_the_offset_and_are_counted() -> None:
     log = recording(np.random.default_rng(3), rows=100)
-    model = fitted(log, kind="linear")
     q = log.q_nominal.copy()
-    q[:25, 0] = 5.0
-    far = replace(log, q_nominal=q)
-    assert [joint.outside_valid_range for joint in judged(model, far).joints] == [0.25] * 3
+    q[:25] += 9.0
+    evaluation = judged(fitted(log, kind="linear"), replace(log, q_nominal=q))
+    assert [joint.outside_valid_range for joint in evaluation.joints] == [0.25] * 3
+    assert_array_equal(evaluation.after_model[:25], evaluation.after_offset[:25])
 
 
-def test_rows_outside_the_valid_range_have_the_error_after_the_offset() -> None:
-    log = recording(np.random.default_rng(3), rows=100)
-    model = fitted(log, kind="linear")
-    evaluation = judged(model, replace(log, q_nominal=log.q_nominal + 9.0))
-    assert_array_equal(evaluation.after_model, evaluation.after_offset)
-
-
-def stretches(evaluation: Evaluation) -> list[tuple[float, float, int]]:
-    return [(round(w.start, 6), round(w.end, 6), w.n) for w in evaluation.windows]
-
-
-def test_windows_of_a_given_length_follow_the_clock() -> None:
-    log = off_by(np.zeros((25, 2)), time=100.0 + np.arange(25.0))
+@pytest.mark.parametrize(
+    ("time", "unit", "stretches"),
+    [
+        (100.0 + np.arange(25.0), "s", [(100, 110, 10), (110, 120, 10), (120, 130, 5)]),
+        (np.arange(21.0), "s", [(0, 10, 10), (10, 20, 11)]),
+        (np.r_[0.0:10.0, 50.0:60.0], "s", [(0, 10, 10), (50, 60, 10)]),
+        (None, "rows", [(0, 10, 10), (10, 20, 10), (20, 30, 1)]),
+    ],
+    ids=["the clock", "the last row belongs to the window that it ends", "none without a row", "rows"],
+)
+def test_windows_of_a_given_length_follow(time: Any, unit: str, stretches: list[Any]) -> None:
+    log = off_by(np.zeros((21 if time is None else len(time), 2)), time=time)
     evaluation = judged(offset_model(0.0, 0.0), log, window=10.0)
-    assert evaluation.window_unit == "s"
-    assert stretches(evaluation) == [(100.0, 110.0, 10), (110.0, 120.0, 10), (120.0, 130.0, 5)]
-
-
-def test_last_row_belongs_to_the_window_that_it_ends() -> None:
-    log = off_by(np.zeros((21, 2)), time=np.arange(21.0))
-    evaluation = judged(offset_model(0.0, 0.0), log, window=10.0)
-    assert stretches(evaluation) == [(0.0, 10.0, 10), (10.0, 20.0, 11)]
-
-
-def test_window_that_holds_no_row_is_left_out() -> None:
-    time = np.concatenate([np.arange(10.0), 50.0 + np.arange(10.0)])
-    evaluation = judged(offset_model(0.0, 0.0), off_by(np.zeros((20, 2)), time=time), window=10.0)
-    assert stretches(evaluation) == [(0.0, 10.0, 10), (50.0, 60.0, 10)]
+    assert evaluation.window_unit == unit
+    assert [(round(w.start, 6), round(w.end, 6), w.n) for w in evaluation.windows] == stretches
 
 
 @pytest.mark.parametrize("rows", [40, 101, 1000])
@@ -142,12 +108,6 @@ def test_windows_are_ten_of_about_the_same_size_where_none_is_asked_for(rows: in
     sizes = [w.n for w in judged(offset_model(0.0, 0.0), log).windows]
     assert (len(sizes), sum(sizes)) == (10, rows)
     assert max(sizes) - min(sizes) <= 1 + timed
-
-
-def test_windows_without_a_clock_are_of_rows() -> None:
-    evaluation = judged(offset_model(0.0, 0.0), off_by(np.zeros((21, 2)), time=None), window=10.0)
-    assert evaluation.window_unit == "rows"
-    assert stretches(evaluation) == [(0.0, 10.0, 10), (10.0, 20.0, 10), (20.0, 30.0, 1)]
 
 
 def test_errors_of_a_window_are_those_of_its_rows() -> None:
@@ -170,12 +130,6 @@ def test_clock_that_goes_back_begins_new_windows_with_a_name_of_their_own() -> N
     ]
 
 
-def test_windows_of_a_single_row_hold_it() -> None:
-    model = offset_model(0.0, 0.0)
-    data = data_of(off_by(np.zeros((5, 2))))
-    assert [w.n for w in evaluate(model, data.rows(np.arange(5) == 2)).windows] == [1]
-
-
 def test_every_row_lies_in_one_window() -> None:
     rng = np.random.default_rng(4)
     time = np.cumsum(rng.exponential(size=500))
@@ -184,31 +138,28 @@ def test_every_row_lies_in_one_window() -> None:
         assert sum(w.n for w in judged(offset_model(0.0, 0.0), log, window=window).windows) == log.ok.sum()
 
 
-@pytest.mark.parametrize("window", [0.0, -1.0, float("nan")])
-def test_window_that_is_no_length_is_refused(window: float) -> None:
-    with pytest.raises(InputError, match="window: expected a positive length"):
-        judged(offset_model(0.0, 0.0), off_by(np.zeros((20, 2))), window=window)
+RUN = recording(np.random.default_rng(5))
+SLIDING = recording(np.random.default_rng(6), units=("rad", "m"))
+ONE_INPUT = {"inputs": ("q:J1",)}
 
 
-def test_data_of_other_features_are_refused_with_both() -> None:
-    log = recording(np.random.default_rng(5))
-    with pytest.raises(
-        InputError, match=r"data: holds q:J1, .*q:J1\[-1\].*; the model takes q:J1, q:J2, q:J3"
-    ):
-        evaluate(fitted(log), data_of(log, history=1))
-
-
-def test_data_of_other_joints_are_refused_with_both() -> None:
-    model = fitted(recording(np.random.default_rng(6)), inputs=("q:J1",))
-    other = data_of(recording(np.random.default_rng(6), units=("rad", "m")), inputs=("q:J1",))
-    with pytest.raises(InputError, match="data: has joints J1, J2 in rad, m; the model is for J1, J2, J3"):
-        evaluate(model, other)
-
-
-def test_evaluation_on_no_row_is_refused() -> None:
-    data = data_of(recording(np.random.default_rng(7)))
-    with pytest.raises(InputError, match="data: no row"):
-        evaluate(fitted(recording(np.random.default_rng(7))), data.rows(np.zeros(300, dtype=bool)))
+@pytest.mark.parametrize(
+    ("data", "window", "message"),
+    [
+        *[(lambda: data_of(RUN), length, "window: expected a pos") for length in (0.0, -1.0, float("nan"))],
+        (lambda: data_of(RUN, history=1), None, r"data: holds q:J1, .*q:J1\[-1\].*; the model takes q:J1$"),
+        (
+            lambda: data_of(SLIDING, **ONE_INPUT),
+            None,
+            "has joints J1, J2 in rad, m; the model is for J1, J2, J3",
+        ),
+        (lambda: data_of(RUN).rows(np.zeros(300, dtype=bool)), None, "data: no row"),
+    ],
+)
+def test_data_and_windows_that_say_nothing_are_refused(data: Any, window: Any, message: str) -> None:
+    options = {} if "holds" not in message else ONE_INPUT
+    with pytest.raises(InputError, match=message):
+        evaluate(fitted(RUN, **options), data(), window=window)
 
 
 Fit = Callable[[CalibrationData, Progress], CalibrationModel]
@@ -262,17 +213,17 @@ def test_blocks_are_taken_from_every_recording() -> None:
     assert_array_equal(seen, np.full((4, 2), 30))
 
 
-@pytest.mark.parametrize("folds", [-1, 0, 1, 41])
-def test_number_of_folds_that_leaves_nothing_is_refused(folds: int) -> None:
-    log = off_by(np.zeros((40, 2)))
-    with pytest.raises(InputError, match="folds: expected 2 to 40"):
-        cross_validate(data_of(log), offset_fit(log), folds=folds)
-
-
-def test_recordings_of_one_row_each_are_too_short_for_blocks() -> None:
-    logs = [off_by(np.zeros((40, 2)), ok=np.arange(40) == k) for k in range(3)]
-    with pytest.raises(InputError, match="folds: 2 blocks leave no rows to fit to, 3 rows in all"):
-        cross_validate(data_of(*logs), offset_fit(logs[0]), folds=2)
+@pytest.mark.parametrize(
+    ("rows", "folds", "message"),
+    [
+        *[((range(40),), folds, "folds: expected 2 to 40") for folds in (-1, 0, 1, 41)],
+        (((0,), (1,), (2,)), 2, "folds: 2 blocks leave no rows to fit to, 3 rows in all"),
+    ],
+)
+def test_number_of_folds_that_leaves_nothing_is_refused(rows: Any, folds: int, message: str) -> None:
+    logs = [off_by(np.zeros((40, 2)), ok=np.isin(np.arange(40), list(each))) for each in rows]
+    with pytest.raises(InputError, match=message):
+        cross_validate(data_of(*logs), offset_fit(logs[0]), folds=folds)
 
 
 def test_progress_of_the_folds_ends_at_one() -> None:

@@ -1,5 +1,6 @@
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -87,28 +88,17 @@ def test_larger_sweep_wipes_out_the_loops_within_it(
     assert with_loop[-1] == direct[-1]
 
 
-def test_play_of_zero_width_follows_exactly() -> None:
+def test_play_starts_centred_and_of_zero_width_follows_exactly() -> None:
+    assert play(np.array([3.0]), 1.0) == 3.0
     assert_array_equal(play(LOG.q_nominal[:, 0].copy(), 0.0), LOG.q_nominal[:, 0])
 
 
-def test_play_starts_centred() -> None:
-    assert play(np.array([3.0]), 1.0) == 3.0
-
-
-def test_signals_come_first_as_they_are() -> None:
-    assert_array_equal(FeatureSet(NAMES, UNITS, history=2).matrix(LOG)[:, :3], LOG.q_nominal)
-
-
-def test_history_of_a_row_is_the_rows_before_it_newest_first() -> None:
+def test_signals_come_first_and_then_the_rows_before_newest_first() -> None:
     X = FeatureSet(NAMES, UNITS, history=3).matrix(LOG)
+    assert_array_equal(X[:, :3], LOG.q_nominal)
+    assert_array_equal(np.isnan(X[:4]).sum(axis=1), [9, 6, 3, 0])  # where predecessors lack
     for i in range(3, len(LOG)):
-        expected = [LOG.q_nominal[i - k, j] for k in (1, 2, 3) for j in range(3)]
-        assert_array_equal(X[i, 3:], expected)
-
-
-def test_rows_without_predecessors_have_nan_where_these_lack() -> None:
-    X = FeatureSet(NAMES, UNITS, history=2).matrix(LOG)
-    assert_array_equal(np.isnan(X[:3]).sum(axis=1), [6, 3, 0])
+        assert_array_equal(X[i, 3:], LOG.q_nominal[i - 1 : i - 4 if i > 3 else None : -1].ravel())
 
 
 def test_rows_without_measurement_are_commands_all_the_same() -> None:
@@ -161,32 +151,20 @@ def test_columns_of_a_signal_are_its_value_its_history_and_its_play() -> None:
     ]
 
 
-def test_groups_of_signals_are_all_their_joints() -> None:
-    log = replace(LOG, tau=np.ones((12, 3)))
+def test_words_choose_signals_groups_and_all_once_each() -> None:
+    log = replace(LOG, qd=np.ones((12, 3)), tau=np.ones((12, 3)), signals={"current": np.ones(12)})
     assert choose_signals(log, ["tau", "q:J2"]) == ("tau:J1", "tau:J2", "tau:J3", "q:J2")
-
-
-def test_all_signals_are_everything_that_the_log_has() -> None:
-    log = replace(LOG, qd=np.ones((12, 3)), signals={"current": np.ones(12)})
     assert choose_signals(log, ["all"]) == available_signals(log)
-    assert len(available_signals(log)) == 7
-
-
-def test_signal_named_twice_is_taken_once() -> None:
+    assert len(available_signals(log)) == 10
     assert choose_signals(LOG, ["q:J2", "q", "all"]) == ("q:J2", "q:J1", "q:J3")
 
 
-@pytest.mark.parametrize("word", ["tau", "qd:J1", "q:J9", "current", ""])
-def test_unknown_input_is_refused_with_those_there_are(word: str) -> None:
-    with pytest.raises(
-        InputError, match=f'no input "{word}"; it has q:J1, q:J2, q:J3, and the groups q and all'
-    ):
-        choose_signals(LOG, [word])
-
-
-def test_no_input_at_all_is_refused() -> None:
-    with pytest.raises(InputError, match="inputs: expected at least one"):
-        choose_signals(LOG, [])
+@pytest.mark.parametrize("word", ["tau", "qd:J1", "q:J9", "current", "", None])
+def test_unknown_input_is_refused_with_those_there_are(word: str | None) -> None:
+    known = "q:J1, q:J2, q:J3"
+    message = f'no input "{word}"; it has {known}, and the groups q and all'
+    with pytest.raises(InputError, match=message if word is not None else f"at least one of {known}"):
+        choose_signals(LOG, [] if word is None else [word])
 
 
 @pytest.mark.parametrize(
@@ -198,34 +176,31 @@ def test_unit_of_a_signal_follows_from_its_joint(name: str, unit: str) -> None:
     assert signal_unit(log, name) == unit
 
 
-def test_log_that_lacks_an_input_is_refused() -> None:
-    with pytest.raises(InputError, match='"run": has no input "tau:J1"'):
-        FeatureSet(("tau:J1",), ("Nm",)).matrix(LOG)
+@pytest.mark.parametrize(
+    ("signal", "changes", "message"),
+    [
+        ("tau:J1", {}, '"run": has no input "tau:J1"'),
+        ("current", {"signals": {"current": np.array([1.0] * 3 + [np.nan] * 9)}}, 'rent" is nan at row 3'),
+        ("current", {"signal_units": {"current": "mA"}}, 'input "current" is in "mA", expected "A"'),
+    ],
+)
+def test_log_that_lacks_an_input_is_refused(signal: str, changes: dict[str, Any], message: str) -> None:
+    with_current = {"signals": {"current": np.ones(12)}, "signal_units": {"current": "A"}}
+    log = replace(LOG, **(with_current | changes if signal == "current" else {}))
+    with pytest.raises(InputError, match=message):
+        FeatureSet((signal,), ("A",)).matrix(log)
 
 
-def test_nan_in_an_input_is_refused_with_its_row() -> None:
-    current = np.ones(12)
-    current[3] = np.nan
-    with pytest.raises(InputError, match='input "current" is nan at row 3'):
-        FeatureSet(("current",), ("A",)).matrix(
-            replace(LOG, signals={"current": current}, signal_units={"current": "A"})
-        )
-
-
-def test_input_in_another_unit_is_refused() -> None:
-    log = replace(LOG, signals={"current": np.ones(12)}, signal_units={"current": "mA"})
-    with pytest.raises(InputError, match='input "current" is in "mA", expected "A"'):
-        FeatureSet(("current",), ("A",)).matrix(log)
-
-
-def test_history_without_any_position_is_refused() -> None:
-    with pytest.raises(InputError, match="history: 2 previous commands of no joint"):
-        FeatureSet(("tau:J1",), ("Nm",), history=2)
-
-
-@pytest.mark.parametrize(("signals", "history"), [((), 0), (("q:J1",), -1)])
-def test_feature_set_that_means_nothing_is_refused(signals: tuple[str, ...], history: int) -> None:
-    with pytest.raises(InputError):
+@pytest.mark.parametrize(
+    ("signals", "history", "message"),
+    [
+        (("tau:J1",), 2, "history: 2 previous commands of no joint"),
+        ((), 0, "inputs: expected at least one"),
+        (("q:J1",), -1, "history: expected zero or more"),
+    ],
+)
+def test_feature_set_that_means_nothing_is_refused(signals: Any, history: int, message: str) -> None:
+    with pytest.raises(InputError, match=message):
         FeatureSet(signals, ("rad",) * len(signals), history)
 
 

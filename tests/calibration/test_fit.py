@@ -36,27 +36,20 @@ def test_fixed_offset_is_the_same_whichever_the_target() -> None:
     assert_array_equal(one.correction(X, q), two.correction(X, q))
 
 
-def test_linear_model_with_history_agrees_with_scikit_learn() -> None:
-    data = data_of(log(), history=2)
-    expected = LinearRegression().fit(data.X, data.error).predict(data.X)
-    correction = fitted(log(), kind="linear", history=2).correction(data.X, data.q_nominal)
-    # sinusoids and their shifted copies resemble each other: a few digits are lost
-    assert_allclose(correction, expected, atol=1e-9)
-
-
-def test_linear_model_with_play_is_a_ridge_regression() -> None:
-    data = data_of(log(), play=(0.1, 0.2))
-    pipeline = make_pipeline(StandardScaler(), Ridge(alpha=10.0)).fit(data.X, data.error)
-    correction = fitted(log(), kind="linear", play=(0.1, 0.2)).correction(data.X, data.q_nominal)
-    assert_allclose(correction, pipeline.predict(data.X), atol=1e-10)
-
-
-def test_polynomial_model_agrees_with_scikit_learn() -> None:
-    data = data_of(log())
-    expected = (
-        make_pipeline(PolynomialFeatures(2), LinearRegression()).fit(data.X, data.error).predict(data.X)
-    )
-    assert_allclose(fitted(log(), kind="polynomial").correction(data.X, data.q_nominal), expected, atol=1e-10)
+@pytest.mark.parametrize(
+    ("options", "theirs", "atol"),
+    [
+        # sinusoids and their shifted copies resemble each other: a few digits are lost
+        ({"kind": "linear", "history": 2}, [LinearRegression()], 1e-9),
+        ({"kind": "linear", "play": (0.1, 0.2)}, [StandardScaler(), Ridge(alpha=10.0)], 1e-10),
+        ({"kind": "polynomial"}, [PolynomialFeatures(2), LinearRegression()], 1e-10),
+    ],
+)
+def test_regressions_agree_with_scikit_learn(options: Any, theirs: list[Any], atol: float) -> None:
+    model = fitted(log(), **options)
+    data = calibration_data([log()], model.features)
+    expected = make_pipeline(*theirs).fit(data.X, data.error).predict(data.X)
+    assert_allclose(model.correction(data.X, data.q_nominal), expected, atol=atol)
 
 
 def test_second_order_error_is_learned_exactly() -> None:
@@ -94,15 +87,12 @@ def test_ridge_is_that_asked_for_or_the_kinds(options: dict[str, Any], ridge: fl
     assert FitOptions(**options).ridge_used == ridge
 
 
-def test_joints_with_the_same_inputs_are_fitted_together() -> None:
-    inputs = {"J1": ("q:J1",), "J2": ("q:J1",), "J3": ("q",)}
-    assert [group.joints for group in fitted(log(), inputs=inputs).groups] == [(0, 1), (2,)]
-
-
-def test_joint_is_fitted_to_its_own_inputs_only() -> None:
-    run, inputs = log(), {"J1": ("q:J1",), "J2": ("q:J1", "q:J3")}
-    error, calibrated = run.q_encoder - run.q_nominal, fitted(log(), inputs=inputs).calibrate(run)
-    for joint, columns in enumerate(([0], [0, 2], [0, 1, 2])):
+def test_joint_is_fitted_to_its_own_inputs_together_with_those_of_the_same() -> None:
+    run, inputs = log(), {"J1": ("q:J1",), "J2": ("q:J1",), "J3": ("q:J1", "q:J3")}
+    model = fitted(run, inputs=inputs)
+    assert [group.joints for group in model.groups] == [(0, 1), (2,)]
+    error, calibrated = run.q_encoder - run.q_nominal, model.calibrate(run)
+    for joint, columns in enumerate(([0], [0], [0, 2])):
         X = run.q_nominal[:, columns]
         expected = LinearRegression().fit(X, error[:, joint]).predict(X)
         assert_allclose(calibrated[:, joint] - run.q_nominal[:, joint], expected, atol=1e-10)
@@ -114,20 +104,15 @@ def test_inputs_are_positions_and_torques_where_recorded() -> None:
     assert choose_inputs([with_tau], FitOptions()).features.signals[3:] == ("tau:J1", "tau:J2", "tau:J3")
 
 
-def test_best_takes_play_states_of_every_joint_that_moves() -> None:
-    run = log()
+def test_best_takes_play_states_of_every_joint_that_moves_unless_there_are_torques() -> None:
+    run, best = log(), FitOptions("neural", "best")
     q = run.q_nominal.copy()
     q[:, 1] = 0.3
-    features = choose_inputs([replace(run, q_nominal=q)], FitOptions("neural", "best")).features
-    assert [signal for signal, _ in features.play] == ["q:J1"] * len(PLAY_SHARES) + ["q:J3"] * len(
-        PLAY_SHARES
-    )
-
-
-def test_best_takes_no_play_states_beside_torques_unless_asked() -> None:
-    run = log(tau=np.ones((300, 3)))
-    assert choose_inputs([run], FitOptions("neural", "best")).features.play == ()
-    assert len(choose_inputs([run], FitOptions("neural", "best", play=(0.1,))).features.play) == 3
+    play = choose_inputs([replace(run, q_nominal=q)], best).features.play
+    assert [signal for signal, _ in play] == ["q:J1"] * len(PLAY_SHARES) + ["q:J3"] * len(PLAY_SHARES)
+    with_torques = log(tau=np.ones((300, 3)))
+    assert choose_inputs([with_torques], best).features.play == ()
+    assert len(choose_inputs([with_torques], replace(best, play=(0.1,))).features.play) == 3
 
 
 def test_play_half_widths_are_shares_of_the_motion_of_all_recordings() -> None:
@@ -204,21 +189,13 @@ def test_inputs_that_cannot_be_had_are_refused(options: dict[str, Any], message:
         choose_inputs([log(tau=np.ones((300, 3)))], FitOptions(**options))
 
 
-def test_fit_without_recordings_is_refused() -> None:
+def test_fit_without_rows_or_to_rows_of_other_features_is_refused() -> None:
     with pytest.raises(InputError, match="at least one recording"):
         choose_inputs([], FitOptions())
-
-
-def test_fit_to_a_few_rows_is_refused_with_their_number() -> None:
     with pytest.raises(InputError, match="data: 9 usable rows, expected at least 10"):
         fitted(log(rows=12), history=3)
-
-
-def test_fit_to_rows_of_other_features_is_refused() -> None:
-    inputs = choose_inputs([log()], FitOptions())
-    data = calibration_data([log()], replace(inputs.features, history=1))
     with pytest.raises(InputError, match="data: holds q:J1"):
-        fit(data, inputs, FitOptions())
+        fit(data_of(log(), history=1), choose_inputs([log()], FitOptions()), FitOptions())
 
 
 @pytest.mark.parametrize("kind", ["offset", "linear", "polynomial"])  # of networks: test_neural.py

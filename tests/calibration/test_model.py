@@ -40,36 +40,28 @@ def one_of_each(target: Target = "error") -> CalibrationModel:
     )
 
 
-def test_each_group_corrects_its_joints_from_its_columns() -> None:
-    correction = one_of_each().correction(np.array([[0.1, 0.2]]), np.zeros((1, 2)))
-    assert_allclose(correction, [[1.0 + 2.0 * 0.1 + 3.0 * 0.2, 4.0 * 0.2]], rtol=1e-15)
+@pytest.mark.parametrize(
+    ("features", "correction", "inside"),
+    [
+        ([0.1, 0.2], [1.0 + 2.0 * 0.1 + 3.0 * 0.2, 4.0 * 0.2], [True, True]),
+        ([1.5, 0.2], [OFFSET[0], 0.8], [False, True]),
+        ([np.nan, 0.2], [OFFSET[0], 0.8], [False, True]),
+        ([0.0, -1.5], OFFSET, [False, False]),
+    ],
+    ids=["inside", "outside for one", "missing for one", "outside for both"],
+)
+def test_each_group_corrects_its_joints_or_falls_back_to_its_offset(
+    features: Any, correction: Any, inside: Any
+) -> None:
+    X = np.array([features])
+    assert_allclose(one_of_each().correction(X, np.zeros((1, 2))), [correction], rtol=1e-15)
+    assert_array_equal(one_of_each().inside(X), [inside])
 
 
-def test_only_the_group_that_is_outside_falls_back_to_its_offset() -> None:
-    correction = one_of_each().correction(np.array([[1.5, 0.2]]), np.zeros((1, 2)))
-    assert_allclose(correction, [[OFFSET[0], 0.8]], rtol=1e-15)
-
-
-def test_inside_tells_rows_and_joints_apart() -> None:
-    X = np.array([[0.0, 0.0], [1.5, 0.0], [0.0, -1.5]])
-    assert_array_equal(one_of_each().inside(X), [[True, True], [False, True], [False, False]])
-
-
-def test_missing_feature_leads_to_the_offset_of_the_joints_that_need_it() -> None:
-    correction = one_of_each().correction(np.array([[np.nan, 0.2]]), np.zeros((1, 2)))
-    assert_allclose(correction, [[OFFSET[0], 0.8]], rtol=1e-15)
-
-
-def test_position_that_a_model_gives_end_to_end_becomes_a_correction() -> None:
-    X, q = np.array([[0.1, 0.2]]), np.array([[0.3, 0.7]])
-    assert_allclose(
-        one_of_each("position").correction(X, q) + q, one_of_each("error").correction(X, q), rtol=1e-15
-    )
-
-
-def test_offset_is_an_error_even_in_a_model_that_gives_positions() -> None:
-    far = np.full((1, 2), 9.0)
-    assert_array_equal(one_of_each("position").correction(far, np.ones((1, 2))), OFFSET[None])
+def test_position_that_a_model_gives_end_to_end_becomes_a_correction_and_an_offset_is_one() -> None:
+    X, q, model = np.array([[0.1, 0.2]]), np.array([[0.3, 0.7]]), one_of_each("position")
+    assert_allclose(model.correction(X, q) + q, one_of_each("error").correction(X, q), rtol=1e-15)
+    assert_array_equal(model.correction(np.full((1, 2), 9.0), np.ones((1, 2))), OFFSET[None])
 
 
 def test_calibrated_position_is_the_reported_one_plus_the_correction() -> None:

@@ -12,6 +12,7 @@ from catenary.files import sha256_of
 from catenary.recording import extract as extract_module
 from catenary.recording.bag import write_bag, write_group_bags
 from catenary.recording.extract import TopicFile, extract, topic_file
+from catenary.recording.journal import About, JournalTopic, JournalWriter
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.topics import EXT_JPOS, GREEN_MEASURED_JS, RAVENSTATE, raven_topics
 from oracles.raven_recording import ABOUT, START_NS, encoder, nominal, record
@@ -126,42 +127,30 @@ def test_a_topic_that_is_not_there_is_answered_with_those_that_are(journal: Path
         topic_file(tmp_path / "y", GREEN_MEASURED_JS)
 
 
-def test_a_torn_journal_is_extracted_and_the_loss_reported(journal: Path, tmp_path: Path) -> None:
+def test_what_is_cut_off_is_extracted_and_the_loss_reported(journal: Path, tmp_path: Path) -> None:
     (tmp_path / "r").mkdir()
     whole = (journal / "0000.journal").read_bytes()
     (tmp_path / "r" / "0000.journal").write_bytes(whole[:-500])
     result = extract([tmp_path / "r"], tmp_path / "x")
     assert any("no whole record" in problem for problem in result.problems)
     assert result.messages["/ravenstate"] > 0
-
-
-def test_a_cut_off_bag_is_extracted_on_request(journal: Path, tmp_path: Path) -> None:
     write_bag(JournalReader(journal), tmp_path / "a.bag")
     whole = (tmp_path / "a.bag").read_bytes()
     (tmp_path / "cut.bag").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(FileFormatError, match="can be saved"):
-        extract([tmp_path / "cut.bag"], tmp_path / "x")
-    result = extract([tmp_path / "cut.bag"], tmp_path / "x", salvage=True)
+        extract([tmp_path / "cut.bag"], tmp_path / "y")
+    result = extract([tmp_path / "cut.bag"], tmp_path / "y", salvage=True)
     assert any("cut off" in problem for problem in result.problems)
     assert result.messages["/ravenstate"] > 100
 
 
-def test_an_extraction_is_not_mixed_with_another(journal: Path, tmp_path: Path) -> None:
-    extract([journal], tmp_path / "x")
-    with pytest.raises(InputError, match="holds an extraction already"):
-        extract([journal], tmp_path / "x")
-
-
-def test_a_bag_given_twice_is_not_another_robot_but_two_robots_are(tmp_path: Path, journal: Path) -> None:
-    from catenary.recording.journal import About, JournalTopic, JournalWriter
-
-    with JournalWriter(tmp_path / "other", [JournalTopic("/ext_jpos", EXT_JPOS.type)], About("panda", False)):
-        pass
+def test_what_does_not_belong_together_or_is_no_topic_is_refused(tmp_path: Path, journal: Path) -> None:
+    topics = [JournalTopic("/ext_jpos", EXT_JPOS.type)]
+    JournalWriter(tmp_path / "other", topics, About("panda", False)).close()
     with pytest.raises(InputError, match=r"raven2 \(simulated\), panda \(real\)"):
         extract([journal, tmp_path / "other"], tmp_path / "x")
-
-
-def test_what_is_no_extracted_topic_is_refused(tmp_path: Path) -> None:
     (tmp_path / "ext_jpos.parquet").write_bytes(b"no parquet")
     with pytest.raises(FileFormatError, match="cannot be read as an extracted topic"):
         topic_file(tmp_path, EXT_JPOS)
+    with pytest.raises(InputError, match="holds an extraction already"):
+        extract([journal], tmp_path)

@@ -19,7 +19,7 @@ from patience import PATIENCE, until
 
 TOPICS = (JournalTopic("/a", "std_msgs/String"), JournalTopic("/b", "std_msgs/Header"))
 ABOUT = About("raven2", True, 5, {"speed": 1.5})
-KILLS = 10
+KILLS = 20
 
 
 def _write(folder: Path, messages: int = 50, **options: int) -> list[tuple[str, int, bytes]]:
@@ -69,33 +69,34 @@ def test_long_recordings_are_split_and_each_file_reads_by_itself(tmp_path: Path)
     assert _report(tmp_path / "r").problems == []
 
 
-def test_a_missing_file_in_the_middle_is_counted(tmp_path: Path) -> None:
+def test_missing_files_are_noticed_and_what_was_in_the_middle_is_counted(tmp_path: Path) -> None:
     sent = _write(tmp_path / "r", 200, max_bytes=4000)
-    gone = sorted((tmp_path / "r").iterdir())[1]
-    lost = len(_read(gone))
-    gone.unlink()
+    _, second, *_, last = sorted((tmp_path / "r").iterdir())
+    lost = len(_read(second))
+    second.unlink()
     report = _report(tmp_path / "r")
     assert sum(report.messages.values()) == len(sent) - lost
     assert report.lost == lost + 2  # its header and footer
     assert any("missing" in problem for problem in report.problems)
-
-
-def test_missing_files_at_the_end_are_noticed(tmp_path: Path) -> None:
-    _write(tmp_path / "r", 200, max_bytes=4000)
-    sorted((tmp_path / "r").iterdir())[-1].unlink()
+    assert report.closed
+    last.unlink()
     report = _report(tmp_path / "r")
     assert not report.closed
-    assert "was not closed" in report.problems[0]
+    assert "was not closed" in report.problems[-1]
 
 
-def test_torn_last_record_is_dropped_at_every_byte_and_all_before_it_is_kept(tmp_path: Path) -> None:
+@pytest.fixture
+def five(tmp_path: Path) -> tuple[bytes, list[int]]:
+    """A file of five messages, and where its records begin: header, messages, footer."""
     with JournalWriter(tmp_path / "r", TOPICS) as journal:
         for i in range(5):
             journal.append("/a", i, bytes([i]) * 40)
-    path = tmp_path / "r" / "0000.journal"
-    whole = path.read_bytes()
-    footer = whole.rindex(MARKER)
-    last = whole.rindex(MARKER, 0, footer)
+    whole = (tmp_path / "r" / "0000.journal").read_bytes()
+    return whole, [i for i in range(len(whole)) if whole.startswith(MARKER, i)]
+
+
+def test_torn_last_record_is_dropped_at_every_byte_and_all_before_it_is_kept(five, tmp_path: Path) -> None:
+    whole, (*_, last, footer) = five
     assert footer - last == HEAD.size + 40
     torn = tmp_path / "torn.journal"
     for end in range(last, footer):
@@ -107,12 +108,8 @@ def test_torn_last_record_is_dropped_at_every_byte_and_all_before_it_is_kept(tmp
         assert len(reader.problems) == 1 + (end > last)
 
 
-def test_a_damaged_byte_costs_one_record_that_is_counted(tmp_path: Path) -> None:
-    with JournalWriter(tmp_path / "r", TOPICS) as journal:
-        for i in range(5):
-            journal.append("/a", i, bytes([i]) * 40)
-    whole = (tmp_path / "r" / "0000.journal").read_bytes()
-    starts = [i for i in range(len(whole)) if whole.startswith(MARKER, i)]
+def test_a_damaged_byte_costs_one_record_that_is_counted(five, tmp_path: Path) -> None:
+    whole, starts = five
     hit = tmp_path / "hit.journal"
     for place in range(starts[3], starts[4]):  # the third message
         damaged = bytearray(whole)
@@ -140,23 +137,19 @@ def test_killed_while_the_next_file_begins_the_others_are_read(tmp_path: Path) -
     assert any("is empty" in problem for problem in reader.problems)
 
 
-def test_no_recording_there_is_said(tmp_path: Path) -> None:
+def test_what_cannot_be_opened_or_written_is_said(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match="no journal there"):
         JournalReader(tmp_path)
-
-
-def test_a_recording_is_never_overwritten(tmp_path: Path) -> None:
-    _write(tmp_path / "r")
+    with pytest.raises(InputError, match="allow more"):
+        JournalWriter(tmp_path / "short", TOPICS, max_bytes=100)
+    assert not (tmp_path / "short").exists()
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RecordingError, match="cannot be made"):
+        JournalWriter(tmp_path / "file" / "r", TOPICS)
+    with JournalWriter(tmp_path / "r", TOPICS) as journal, pytest.raises(InputError, match="/a, /b"):
+        journal.append("/c", 0, b"")
     with pytest.raises(InputError, match="never overwritten"):
         JournalWriter(tmp_path / "r", TOPICS)
-
-
-def test_an_unknown_topic_is_refused_with_the_choices(tmp_path: Path) -> None:
-    with (
-        JournalWriter(tmp_path / "r", TOPICS) as journal,
-        pytest.raises(InputError, match="/a, /b"),
-    ):
-        journal.append("/c", 0, b"")
 
 
 def test_a_type_of_another_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -264,18 +257,6 @@ def test_what_a_failing_disk_did_not_confirm_does_not_count_as_safe(
     journal.append("/a", 5, b"x")
     with pytest.raises(RecordingError, match=r"Input/output error\. Safe are the first 5 of 6"):
         journal.close()
-
-
-def test_files_too_short_for_their_own_header_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="allow more"):
-        JournalWriter(tmp_path / "r", TOPICS, max_bytes=100)
-    assert not (tmp_path / "r").exists()
-
-
-def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(RecordingError, match="cannot be made"):
-        JournalWriter(tmp_path / "file" / "r", TOPICS)
 
 
 @pytest.fixture

@@ -1,5 +1,6 @@
 import csv
 import hashlib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -110,14 +111,9 @@ def test_the_csv_opens_as_a_recording_that_knows_its_file(table: Path) -> None:
     assert log.joint_names == ("shoulder", "elbow", "insertion")
     assert_array_equal(log.q_encoder, expected.q_encoder)
     assert log.sha256 == hashlib.sha256(table.read_bytes()).hexdigest()
-
-
-@pytest.mark.parametrize("given", [{"units": ["rad", "rad", "rad"]}, {"joint_names": ["a", "b", "c"]}])
-def test_names_and_units_that_contradict_the_csv_are_refused(
-    table: Path, given: dict[str, list[str]]
-) -> None:
-    with pytest.raises(InputError, match=r"a\.csv: states the .* were given"):
-        read_log(table, **given)  # type: ignore[arg-type]
+    for given in ({"units": ["rad", "rad", "rad"]}, {"joint_names": ["a", "b", "c"]}):
+        with pytest.raises(InputError, match=r"a\.csv: states the .* were given"):
+            read_log(table, **given)
 
 
 def test_force_makes_256_columns_and_comes_back_as_signals(extraction: Path, tmp_path: Path) -> None:
@@ -146,7 +142,7 @@ def test_stamps_that_all_count_from_the_first_state_read_the_same(table: Path, t
 
 def test_a_line_of_names_is_passed_over(table: Path, tmp_path: Path) -> None:
     text = table.read_text()
-    (tmp_path / "b.csv").write_text(",".join(f"c{i}" for i in range(252)) + "\n" + text)
+    (tmp_path / "b.csv").write_text(NAMES + text)
     assert len(read_raven_csv(tmp_path / "b.csv").log) == len(read_raven_csv(table).log)
 
 
@@ -163,35 +159,29 @@ def test_rows_without_an_encoder_near_are_written_as_nan_and_not_trusted(
     assert len(result.log) == len(rows)
 
 
-def test_another_number_of_columns_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text("1,2,3\n")
-    with pytest.raises(FileFormatError, match="3 columns, expected RAVEN-II's 252, or 256"):
-        read_raven_csv(tmp_path / "a.csv")
+NAMES = ",".join(f"c{i}" for i in range(252)) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: "1,2,3\n", "3 columns, expected RAVEN-II's 252, or 256"),
+        (lambda text: text[:-300], "cannot be read as RAVEN-II's CSV"),
+        (lambda text: text[:5000] + "oops" + text[5000:], "oops"),
+        (lambda text: NAMES, "no rows"),
+    ],
+    ids=["columns", "cut off", "text", "names alone"],
+)
+def test_what_is_no_table_of_numbers_is_refused(
+    table: Path, change: Callable[[str], str], message: str
+) -> None:
+    table.write_text(change(table.read_text()))
+    with pytest.raises((FileFormatError, InputError), match=message):
+        read_raven_csv(table)
+
+
+def test_a_missing_table_and_a_force_of_another_shape_are_refused(extraction: Path, tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match="no such file"):
         read_raven_csv(tmp_path / "b.csv")
-
-
-def test_a_row_that_is_cut_off_is_refused(table: Path) -> None:
-    whole = table.read_bytes()
-    table.write_bytes(whole[:-300])
-    with pytest.raises(FileFormatError, match="cannot be read as RAVEN-II's CSV"):
-        read_raven_csv(table)
-
-
-def test_text_among_the_numbers_is_refused(table: Path) -> None:
-    rows = _rows(table)
-    rows[3][40] = "oops"
-    table.write_text("\n".join(",".join(row) for row in rows))
-    with pytest.raises(FileFormatError, match="oops"):
-        read_raven_csv(table)
-
-
-def test_a_file_of_names_alone_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text(",".join(f"c{i}" for i in range(252)) + "\n")
-    with pytest.raises(InputError, match="no rows"):
-        read_raven_csv(tmp_path / "a.csv")
-
-
-def test_force_of_another_shape_is_refused(extraction: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="force"):
         write_raven_csv(extraction, tmp_path / "a.csv", force=(np.zeros(3), np.zeros((2, 3))))

@@ -66,7 +66,9 @@ def test_what_is_missing_at_the_ends_of_the_state_is_a_gap() -> None:
     assert_array_equal(near, [False, True, False])
 
 
-def test_a_slow_topic_has_no_gaps_for_being_slow() -> None:
+def test_a_slow_topic_has_no_gaps_for_being_slow_and_an_empty_one_is_refused() -> None:
+    with pytest.raises(InputError, match="no messages"):
+        clean_series("x", np.zeros(0, dtype=np.int64), np.zeros((0, 1)), max_gap=0.05)
     assert clean_series("x", _ns(0.2 * np.arange(50)), np.zeros((50, 1)), max_gap=0.05).report.gaps == ()
 
 
@@ -106,11 +108,6 @@ def test_messages_without_stamps_take_their_arrival() -> None:
     assert any("their arrival was taken" in note for note in series.report.notes())
 
 
-def test_no_messages_are_refused() -> None:
-    with pytest.raises(InputError, match="no messages"):
-        clean_series("x", np.zeros(0, dtype=np.int64), np.zeros((0, 1)), max_gap=0.05)
-
-
 def test_an_encoder_that_stands_still_while_its_motor_moves_is_found() -> None:
     time = 0.01 * np.arange(2000)
     position = np.column_stack([0.1 * np.sin(time), 0.1 * np.cos(time)])
@@ -123,18 +120,12 @@ def test_an_encoder_that_stands_still_while_its_motor_moves_is_found() -> None:
     assert "stood still" in stop.note()
 
 
-@pytest.mark.parametrize("last", [True, False])
-def test_an_encoder_that_stands_still_with_its_motor_is_not_reported(last: bool) -> None:
+def test_an_encoder_that_stands_still_with_its_motor_is_not_reported_and_one_that_never_moves_is() -> None:
     time = 0.01 * np.arange(2000)
-    position = np.minimum(time, 5.0)[:, None] if last else np.maximum(time, 5.0)[:, None]
-    series = clean_series("x", _ns(time), position, max_gap=0.05)
-    assert stopped_encoders(series, _ns(time), position, ("a",), stopped_after=0.5, moved=(0.02,)) == ()
-
-
-def test_an_encoder_that_never_moves_is_found_from_end_to_end() -> None:
-    time = 0.01 * np.arange(2000)
+    limits = {"stopped_after": 0.5, "moved": (0.02,)}
+    for position in (np.minimum(time, 5.0), np.maximum(time, 5.0)):
+        series = clean_series("x", _ns(time), position[:, None], max_gap=0.05)
+        assert stopped_encoders(series, _ns(time), position[:, None], ("a",), **limits) == ()
     series = clean_series("x", _ns(time), np.zeros((2000, 1)), max_gap=0.05)
-    (stop,) = stopped_encoders(
-        series, _ns(time), np.sin(time)[:, None], ("a",), stopped_after=0.5, moved=(0.02,)
-    )
+    (stop,) = stopped_encoders(series, _ns(time), np.sin(time)[:, None], ("a",), **limits)
     assert stop.length == pytest.approx(19.99)

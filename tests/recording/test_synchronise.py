@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -6,7 +7,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.extract import extract
-from catenary.recording.logs import read_log, write_parquet
 from catenary.recording.synchronise import Synchronisation, SynchroniseOptions, synchronise
 from catenary.recording.topics import EXT_JPOS, GOLD_MEASURED_JS, RAVENSTATE, RAVENSTATE_100HZ, raven_topics
 from oracles.raven_recording import (
@@ -30,10 +30,14 @@ def _stamp(time: np.ndarray) -> np.ndarray:
 
 
 def _synchronised(
-    tmp_path: Path, rig_time: np.ndarray, rig: np.ndarray, state_time: np.ndarray = STATE_TIME
+    tmp_path: Path,
+    rig_time: np.ndarray,
+    rig: np.ndarray,
+    state_time: np.ndarray = STATE_TIME,
+    columns: dict[str, np.ndarray] | None = None,
 ) -> Synchronisation:
     """Of a state and an encoder given message by message."""
-    columns = telemetry(state_time, np.random.default_rng(0))
+    columns = telemetry(state_time, np.random.default_rng(0)) if columns is None else columns
     streams = [
         (RAVENSTATE, _stamp(state_time), columns),
         (EXT_JPOS, _stamp(rig_time), {"ext_jpos": rig}),
@@ -90,26 +94,51 @@ def test_torque_is_at_the_joint_and_other_joints_are_signals(plain: Synchronisat
     assert_allclose(log.qd, columns["jvel"][:, :3], rtol=1e-6)
 
 
-def test_a_log_written_to_parquet_reads_back(plain: Synchronisation, tmp_path: Path) -> None:
-    log = plain.log
-    write_parquet(log, tmp_path / "log.parquet")
-    back = read_log(tmp_path / "log.parquet")
-    assert_array_equal(back.q_nominal, log.q_nominal)
-    assert back.q_encoder is not None
-    assert_array_equal(back.q_encoder, log.q_encoder)
-    assert back.simulated
-    assert dict(back.signal_units) == dict(log.signal_units)
+def _gap(rig: np.ndarray) -> np.ndarray:
+    return rig[(RIG_TIME < 4.0) | (RIG_TIME > 6.0)]
 
 
-def test_an_encoder_with_a_gap_is_not_trusted_there(tmp_path: Path) -> None:
-    rig_time = RIG_TIME[(RIG_TIME < 4.0) | (RIG_TIME > 6.0)]
-    result = _synchronised(tmp_path, rig_time, encoder(rig_time))
+def _frozen(rig: np.ndarray) -> np.ndarray:
+    rig[(RIG_TIME >= 4.0) & (RIG_TIME < 6.0), 1] = rig[400, 1]  # the first column is time
+    return rig
+
+
+def _not_a_number(rig: np.ndarray) -> np.ndarray:
+    rig[400:600, 2] = np.nan
+    return rig
+
+
+@pytest.mark.parametrize(
+    ("change", "note"),
+    [
+        (_gap, "/ext_jpos: 1 gap(s), the longest 2.0"),
+        (_frozen, "encoder of shoulder: stood still from 4.00 s"),
+        (_not_a_number, ""),
+    ],
+)
+def test_an_encoder_that_fails_is_reported_and_not_trusted(
+    tmp_path: Path, change: Callable[[np.ndarray], np.ndarray], note: str
+) -> None:
+    rig = change(np.column_stack([RIG_TIME, encoder(RIG_TIME)]))
+    result = _synchronised(tmp_path, rig[:, 0], rig[:, 1:])
     assert result.log.time is not None
-    inside = (result.log.time > 3.995) & (result.log.time < 6.005)
+    # a sample before and after takes part in what is between
+    inside = (result.log.time > 4.001) & (result.log.time < 5.989)
+    near = (result.log.time > 3.98) & (result.log.time < 6.02)
     assert not result.log.ok[inside].any()
-    assert result.log.ok[~inside & (result.log.time < RIG_TIME[-1])].all()
+    assert result.log.ok[~near & (result.log.time < RIG_TIME[-1])].all()
     assert result.without_encoder == int((~result.log.ok).sum())
-    assert any("/ext_jpos: 1 gap(s), the longest 2.0" in note for note in result.log.notes)
+    assert any(note in line for line in result.log.notes) or not note
+    assert [stop.joint for stop in result.stopped] == ["shoulder"] * (change is _frozen)
+
+
+def test_a_state_that_is_not_a_number_is_left_out_and_counted(tmp_path: Path) -> None:
+    columns = telemetry(STATE_TIME, np.random.default_rng(0))
+    columns["jpos"][7, 1] = np.nan
+    result = _synchronised(tmp_path, RIG_TIME, encoder(RIG_TIME), columns=columns)
+    assert result.dropped == 1
+    assert len(result.log) == len(STATE_TIME) - 1
+    assert any("1 state messages" in note for note in result.log.notes)
 
 
 def test_an_encoder_whose_messages_end_is_reported(tmp_path: Path) -> None:
@@ -119,20 +148,6 @@ def test_an_encoder_whose_messages_end_is_reported(tmp_path: Path) -> None:
     assert_array_equal(result.log.ok, result.log.time <= rig_time[-1])
     ((start, length),) = result.topics[1].gaps
     assert_allclose((start, start + length), (rig_time[-1], STATE_TIME[-1]), atol=1e-6)
-
-
-def test_an_encoder_that_freezes_is_reported_and_not_trusted(tmp_path: Path) -> None:
-    rig = encoder(RIG_TIME)
-    frozen = (RIG_TIME >= 1.0) & (RIG_TIME < 4.0)
-    rig[frozen, 0] = rig[frozen][0, 0]
-    result = _synchronised(tmp_path, RIG_TIME, rig)
-    (stop,) = result.stopped
-    assert stop.joint == "shoulder"
-    assert result.log.time is not None
-    inside = (result.log.time > 1.0) & (result.log.time < 4.0)
-    assert not result.log.ok[inside].any()
-    assert result.log.ok[~inside & (result.log.time < RIG_TIME[-1])].all()
-    assert any("encoder of shoulder: stood still from 1.00 s" in note for note in result.log.notes)
 
 
 def test_shuffled_and_repeated_messages_change_nothing_but_the_report(
@@ -158,31 +173,6 @@ def test_a_state_that_comes_shuffled_and_twice_is_put_in_order(tmp_path: Path) -
     assert result.log.time is not None
     assert_allclose(result.log.time, STATE_TIME, atol=1e-8)  # whole ns
     assert (result.topics[0].repeated, result.topics[0].shuffled) == (10, 9)
-
-
-def test_a_state_that_is_not_a_number_is_left_out_and_counted(tmp_path: Path) -> None:
-    columns = telemetry(STATE_TIME, np.random.default_rng(0))
-    columns["jpos"][7, 1] = np.nan
-    streams = [
-        (RAVENSTATE, _stamp(STATE_TIME), columns),
-        (EXT_JPOS, _stamp(RIG_TIME), {"ext_jpos": encoder(RIG_TIME)}),
-    ]
-    write_journal(tmp_path / "r", streams)
-    extract([tmp_path / "r"], tmp_path / "x")
-    result = synchronise(tmp_path / "x")
-    assert result.dropped == 1
-    assert len(result.log) == len(STATE_TIME) - 1
-    assert any("1 state messages" in note for note in result.log.notes)
-
-
-def test_an_encoder_that_is_not_a_number_is_not_trusted(tmp_path: Path) -> None:
-    rig = encoder(RIG_TIME)
-    rig[500:510, 1] = np.nan
-    log = _synchronised(tmp_path, RIG_TIME, rig).log
-    assert log.time is not None
-    inside = (log.time > 4.99) & (log.time < 5.1)
-    assert not log.ok[inside].any()
-    assert log.ok[~inside & (log.time < RIG_TIME[-1])].all()
 
 
 def test_a_missing_topic_is_answered_with_those_that_are_there(tmp_path: Path) -> None:

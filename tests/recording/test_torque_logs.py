@@ -30,19 +30,11 @@ def test_a_recording_has_the_robots_names_units_and_a_hash(read):
     assert_allclose(log.time, np.arange(6) / 200.0)
 
 
-def test_time_stamps_go_before_a_rate(read):
+def test_time_stamps_go_before_a_rate_and_poses_need_none(read):
     time = np.array([0.0, 0.1, 0.3, 0.35, 0.4, 0.5])
     assert_allclose(read(q=Q, tau=Q, t=time, fs=10.0).time, time)
-
-
-def test_poses_need_no_time(read):
-    log = read(q=Q, tau=Q)
-    assert log.time is None
-    assert log.qd is None
-
-
-def test_single_precision_becomes_double(read):
-    assert read(q=Q.astype(np.float32), tau=Q).q_nominal.dtype == np.float64
+    log = read(q=Q.astype(np.float32), tau=Q)
+    assert (log.time, log.qd, log.q_nominal.dtype) == (None, None, np.float64)
 
 
 def test_raw_efforts_are_scaled_by_the_robots_file(read):
