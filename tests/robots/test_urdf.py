@@ -1,12 +1,11 @@
 import hashlib
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.errors import FileFormatError, InputError, MissingInertiaError, UnsupportedModelError
+from catenary.errors import FileFormatError, MissingInertiaError, UnsupportedModelError
 from catenary.robots.urdf import load_urdf, parse_urdf
 from oracles.random_robots import random_urdf
 from oracles.tree_poses import all_links, frame_pose
@@ -76,30 +75,6 @@ def test_folded_inertias_agree_with_pinocchio(seed):
         assert_allclose(ours.tree.mass[number], there.mass, rtol=1e-12)
         assert_allclose(ours.tree.com[number], there.lever, atol=1e-12)
         assert_allclose(ours.tree.inertia[number], there.inertia, atol=1e-11)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_poses_and_inertias_agree_with_mujoco(seed):
-    rng = np.random.default_rng(seed)
-    text = random_urdf(rng, kinds=ALL_KINDS)
-    ours = parse_urdf(text)
-    theirs = mujoco.MjModel.from_xml_string(text)  # MuJoCo folds fixed links of a URDF too
-    data = mujoco.MjData(theirs)
-    q = rng.uniform(-2, 2, ours.n)
-    for name, value in zip(ours.joint_names, q, strict=True):
-        data.joint(name).qpos = value
-    mujoco.mj_kinematics(theirs, data)
-    for number, link in enumerate(ours.link_names):
-        pose = frame_pose(ours, link, q)
-        assert_allclose(pose[:3, 3], data.body(link).xpos, atol=1e-11)
-        assert_allclose(pose[:3, :3].ravel(), data.body(link).xmat, atol=1e-11)
-        body = theirs.body(link)
-        assert_allclose(ours.tree.mass[number], body.mass[0], rtol=1e-12)
-        assert_allclose(pose[:3, :3] @ ours.tree.com[number] + pose[:3, 3], data.body(link).xipos, atol=1e-11)
-        axes = data.body(link).ximat.reshape(3, 3)
-        expected = axes @ np.diag(body.inertia) @ axes.T
-        inertia = pose[:3, :3] @ ours.tree.inertia[number] @ pose[:3, :3].T
-        assert_allclose(inertia, expected, atol=1e-9)  # MuJoCo finds principal axes iteratively
 
 
 def test_coordinates_stand_in_the_files_order_without_mimic_joints():
@@ -233,13 +208,6 @@ def test_sources_give_the_files_name_and_hash(tmp_path):
     path.write_text(one_joint(LIMIT))
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     assert load_urdf(path).sources == (f"arm.urdf, sha256 {digest}",)
-
-
-def test_links_named_massless_must_exist_and_have_no_mass():
-    with pytest.raises(InputError, match='massless link "x" is not a link; links: a'):
-        parse_urdf(one_joint(LIMIT), massless=["x"])
-    with pytest.raises(InputError, match='link "a" is named massless but has 2 kg'):
-        parse_urdf(one_joint(LIMIT), massless=["a"])
 
 
 MIMIC = '<mimic joint="{}"/>' + LIMIT

@@ -5,7 +5,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, as_array, as_positive
 from catenary.dynamics.damped_least_squares import Approach, damped_least_squares
 from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.errors import InputError, UnreachablePoseError
@@ -60,12 +60,8 @@ def inverse_kinematics(
     match = own_match if match is None else match
     if match not in ("pose", "position"):
         raise InputError(f'match: expected "pose" or "position", got {match!r}')
-    for name, value in (
-        ("position_tolerance", position_tolerance),
-        ("orientation_tolerance", orientation_tolerance),
-    ):
-        if not value > 0.0:
-            raise InputError(f"{name}: expected more than 0, got {value}")
+    as_positive("position_tolerance", position_tolerance)
+    as_positive("orientation_tolerance", orientation_tolerance)
 
     tip = model.frame()
     if model.closed_form == "raven2" and match == own_match and _tip_follows(wanted, tip, match):
@@ -75,9 +71,10 @@ def inverse_kinematics(
         return path.reshape(model.n)
 
     best: Approach | None = None
-    tried = [_first_start(model, start)]
+    lower, upper = _search_range(model)
+    tried = [np.clip(0.5 * (lower + upper) if start is None else start, model.lower, model.upper)]
     if rng is not None:
-        tried += [_random_start(model, rng) for _ in range(starts)]
+        tried += [rng.uniform(lower, upper) for _ in range(starts)]
     for q in tried:
         found = damped_least_squares(
             model,
@@ -105,16 +102,6 @@ def _tip_follows(wanted: Frame, tip: Frame, match: Match) -> bool:
     if match == "pose":
         return wanted.link == tip.link
     return wanted.link == tip.link and np.array_equal(wanted.pose.position, tip.pose.position)
-
-
-def _first_start(model: RobotModel, q_start: Floats | None) -> Floats:
-    lower, upper = _search_range(model)
-    q: Floats = np.clip(0.5 * (lower + upper) if q_start is None else q_start, model.lower, model.upper)
-    return q
-
-
-def _random_start(model: RobotModel, rng: np.random.Generator) -> Floats:
-    return rng.uniform(*_search_range(model))
 
 
 def _search_range(model: RobotModel) -> tuple[Floats, Floats]:
