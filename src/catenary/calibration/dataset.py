@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.features import FeatureSet
+from catenary.calibration.features import FeatureSet, joints_text
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 
@@ -178,9 +178,5 @@ def _same_joints(a: MotionLog, b: MotionLog) -> None:
     if (a.joint_names, a.joint_units) != (b.joint_names, b.joint_units):
         raise InputError(
             f'recordings "{a.name}" and "{b.name}" are not of the same joints: '
-            f"{_joints(a)} against {_joints(b)}"
+            f"{joints_text(a.joint_names, a.joint_units)} against {joints_text(b.joint_names, b.joint_units)}"
         )
-
-
-def _joints(log: MotionLog) -> str:
-    return ", ".join(f"{name} [{unit}]" for name, unit in zip(log.joint_names, log.joint_units, strict=True))

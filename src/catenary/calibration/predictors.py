@@ -136,7 +136,10 @@ class Network(Predictor):
 
     def __post_init__(self) -> None:
         if self.activation not in get_args(Activation) or not self.weights:
-            raise InputError(f"network of {len(self.weights)} layers with activation {self.activation!r}")
+            raise InputError(
+                f"network: expected layers and an activation of {' or '.join(get_args(Activation))}, "
+                f"got {len(self.weights)} layers, {self.activation!r}"
+            )
         widths = (len(self.mean), *(len(bias) for bias in self.biases))
         inputs, outputs = widths[:1], widths[-1:]
         self._keep({"mean": inputs, "scale": inputs, "out_mean": outputs, "out_scale": outputs})

@@ -123,7 +123,7 @@ def layout_of(name: str, data: bytes, encoding: Encoding) -> np.dtype[np.void]:
 
 
 def read_messages(
-    name: str, messages: Sequence[bytes], encoding: Encoding
+    name: str, messages: Sequence[bytes] | Block, encoding: Encoding
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.void]]]:
     """Yield messages as structured arrays, one for each shape that occurs, with the positions they came from.
 
