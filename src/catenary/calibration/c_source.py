@@ -48,7 +48,6 @@ for (k = 0; k < Z_size; ++k) {
   Z[k] = (e + 1.0) / (e + 2.0);
 }""",
     "repeat": _each("value", "Y[k] = value[k];"),
-    "add": _each("A", "Y[k] += A[k];"),
     "total": _each("A", "Y[k] = A[k] + B[k];"),
     "finite": "inside[0] = 1;\n{\n" + _each("X", "inside[0] &= PREFIX_is_finite(X[k]);") + "\n}",
     "between": _each("X", "inside[0] &= X[k] >= lower[k] && X[k] <= upper[k];"),

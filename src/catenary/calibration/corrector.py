@@ -133,7 +133,7 @@ class Corrector:
         return out, inside
 
     def prepare(self, joint_names: Sequence[str], joint_units: Sequence[str], rate_hz: float) -> None:
-        """Get ready for the joint states of a robot, which may have joints that the model does not.
+        """Match the model to a robot's joints, by name; the robot may have further ones.
 
         Raises:
             InputError: The robot lacks a joint of the model, or has it in another unit; an input is no position,

@@ -16,7 +16,7 @@ RATE_TOLERANCE = 0.03  # recordings whose rates differ by more were not taken at
 
 @dataclass(frozen=True)
 class TrainingSource:
-    """One recording that rows came from."""
+    """A recording that training rows were taken from, with what was left out."""
 
     name: str
     sha256: str | None

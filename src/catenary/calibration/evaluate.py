@@ -89,7 +89,7 @@ def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | 
             f"the model is for {joints_text(model.joint_names, model.joint_units)}"
         )
     if len(data) == 0:
-        raise InputError("data: no row to evaluate on")
+        raise InputError("data: no row to evaluate on, expected at least one")
     if data.features != model.features:
         raise InputError(
             f"data: holds {', '.join(data.features.names)}; the model takes {', '.join(model.features.names)}"

@@ -23,7 +23,7 @@ def joints_text(names: Sequence[str], units: Sequence[str]) -> str:
 
 
 class Memory(NamedTuple):
-    """What features take from earlier rows of a motion; written by every row."""
+    """Earlier positions and play states of a motion, which features depend on; every row updates them."""
 
     now: Integers  # (1,) row of `ring` that is to be written next
     ring: Floats  # (rows, P) previous positions; NaN where there is none yet
@@ -54,7 +54,7 @@ class FeatureSet:
 
     def __post_init__(self) -> None:
         if not self.signals:
-            raise InputError("inputs: expected at least one")
+            raise InputError("inputs: expected at least one signal, got none")
         if self.history < 0:
             raise InputError(f"history: expected zero or more previous commands, got {self.history}")
         if self.history > 0 and not self.positions:
@@ -70,12 +70,12 @@ class FeatureSet:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """One name per feature."""
+        """Names of the features, F."""
         return tuple(name for name, _, _ in self._columns())
 
     @property
     def feature_units(self) -> tuple[str, ...]:
-        """One unit per feature."""
+        """Units of the features, F."""
         return tuple(unit for _, unit, _ in self._columns())
 
     def columns_of(self, signals: Sequence[str]) -> Integers:

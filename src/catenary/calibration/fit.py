@@ -35,7 +35,7 @@ POLYNOMIAL_MEMORY_EXTRAPOLATION = 0.1
 
 @dataclass(frozen=True)
 class FitOptions:
-    """What to fit.
+    """Options of a fit.
 
     `inputs` names signals or groups of signals, for all joints or per joint; None takes the positions and, if
     recorded, the torques. `play` adds play states of the positions, as shares of each joint's range of motion;
@@ -194,12 +194,11 @@ def _fit_predictor(
 ) -> Predictor:
     if options.kind == "offset":
         return fit_offset(Y)
-    if options.kind == "linear":
-        return fit_linear(X, Y, ridge=options.ridge_used or 0.0)
-    if options.kind == "polynomial":
-        return fit_polynomial(X, Y, ridge=options.ridge_used or 0.0)
-    settings = BEST if options.preset == "best" else PAPER
-    return fit_neural(X, Y, settings, seed=options.seed, late=late, progress=progress)
+    if options.kind == "neural":
+        settings = BEST if options.preset == "best" else PAPER
+        return fit_neural(X, Y, settings, seed=options.seed, late=late, progress=progress)
+    regression = fit_linear if options.kind == "linear" else fit_polynomial
+    return regression(X, Y, ridge=options.ridge_used or 0.0)
 
 
 def extrapolation(kind: str, features: FeatureSet) -> float:

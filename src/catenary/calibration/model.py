@@ -66,7 +66,7 @@ class JointGroup:
 
 @dataclass(frozen=True)
 class CalibrationModel:
-    """What a fit gives; there is no unfitted one.
+    """A fitted model: corrections of joint positions from features. There is no unfitted one.
 
     `correction` is added to q_nominal. A row outside a group's valid range gets the fixed offset of the
     training data instead.

@@ -164,9 +164,9 @@ class Network(Predictor):
         for weights, bias in zip(self.weights, self.biases, strict=True):
             below, layer = layer, np.empty((len(X), len(bias)))
             steps += [Step(kernels.dense, (below, weights, bias), (layer,)), Step(activate, (), (layer,))]
+        of_layers, of_skip = (Y, Y) if self.skip is None else (np.empty(Y.shape), np.empty(Y.shape))
         # the last layer is linear
-        steps[-1:] = [Step(kernels.rescale, (layer, self.out_scale, self.out_mean), (Y,))]
+        steps[-1:] = [Step(kernels.rescale, (layer, self.out_scale, self.out_mean), (of_layers,))]
         if self.skip is not None:
-            skipped = np.empty_like(Y)
-            steps += [*self.skip.steps(X, skipped), Step(kernels.add, (skipped,), (Y,))]
+            steps += [*self.skip.steps(X, of_skip), Step(kernels.total, (of_layers, of_skip), (Y,))]
         return steps

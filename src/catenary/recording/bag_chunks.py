@@ -53,7 +53,7 @@ def chunk_records(chunk: bytes) -> Records:
     """Return the records of an unpacked chunk up to its last whole one, (N, 6).
 
     Columns: op, connection, time [ns], where header, data and record begin, begin and end. Op is -1 of a record whose
-    header makes no sense.
+    header is damaged.
     """
     data = np.frombuffer(chunk, dtype=np.uint8)
     records = np.empty((len(data) // _SHORTEST, 6), dtype=np.int64)

@@ -19,7 +19,7 @@ from catenary.recording.journal import About
 from catenary.recording.layout import Encoding
 from catenary.recording.messages import current_name, md5_sum
 from catenary.recording.source import Source, open_recordings
-from catenary.recording.topics import TOPICS, Topic, decode, topic_named
+from catenary.recording.topics import TOPICS, Topic, decode, require_topics, topic_named
 
 FORMAT = "catenary.topic.1"
 ROW_GROUP = 8192  # messages that are in memory at once, per topic
@@ -230,11 +230,7 @@ def _choose(sources: Sequence[Source], topics: Sequence[str] | None) -> tuple[di
     """Choose the topics to extract, by the name they have in the recording, and say what is left out."""
     there = {t.name: t.type for source in sources for t in source.topics}
     names = {name.strip("/"): name for name in there}
-    missing = [name for name in topics or () if name.strip("/") not in names]
-    if missing:
-        raise FileFormatError(
-            f"recording: no topic {', '.join(missing)}; it has {', '.join(there) or 'none'}"
-        )
+    require_topics("recording", [name for name in topics or () if name.strip("/") not in names], there)
     asked = list(there) if topics is None else [names[name.strip("/")] for name in topics]
     wanted, problems = {}, []
     for name in asked:

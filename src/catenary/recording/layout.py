@@ -20,7 +20,7 @@ MAX_ELEMENTS = 100_000  # of one sequence; more is taken for damage
 
 @dataclass
 class _Walk:
-    """A pass over a message from its first byte to its last."""
+    """Places and types of a message's numbers, collected from its first byte to its last."""
 
     encoding: Encoding
     size_of: Callable[[str, int], int]  # path and offset of a length field -> number of elements

@@ -17,7 +17,7 @@ OFFSET = 0.005  # [s] of a clock against the arrival of messages that is worth a
 
 @dataclass(frozen=True)
 class TopicReport:
-    """How a topic came."""
+    """Rate, jitter, gaps and disorder of a topic's messages."""
 
     topic: str
     messages: int  # as recorded

@@ -48,7 +48,7 @@ COUPLING = np.array([0.14545, 0.0077973826, 0.008077387])
 
 @dataclass(frozen=True)
 class SynchroniseOptions:
-    """What counts as synchronous, and as stopped."""
+    """Limits on gaps between samples, and on how long an encoder may stand still."""
 
     arm: Arm = "gold"
     max_gap: float = 0.05  # [s] between two samples that are interpolated between
@@ -59,7 +59,7 @@ class SynchroniseOptions:
 
 @dataclass(frozen=True)
 class Synchronisation:
-    """A log, and how well its parts fit together."""
+    """A motion log, with reports on the topics that it was made from."""
 
     log: MotionLog
     topics: tuple[TopicReport, ...]

@@ -44,7 +44,7 @@ class TopicColumn:
 
     @property
     def width(self) -> int:
-        """How many numbers it has."""
+        """Count of its numbers."""
         return len(self.labels)
 
     @property
