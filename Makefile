@@ -55,7 +55,6 @@ lint: $(VENV)/.development
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: export PYTHONPATH := tests
 bench: $(VENV)/.benchmarks
 	$(BIN)/python -m tests.benchmarks.inference --json build/benchmarks/inference.json
 	$(BIN)/python -m tests.benchmarks.control_tick --json build/benchmarks/control_tick.json

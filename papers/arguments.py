@@ -10,7 +10,7 @@ _NOMINAL = -1  # for argparse, which cannot hold None apart from nothing
 
 
 def make_parser(about: str | None) -> argparse.ArgumentParser:
-    """A script's parser, with --help; unknown options are refused.
+    """Return a script's argument parser, with --help; unknown options are refused.
 
     Args:
         about: The script's docstring, of which the first paragraph is shown.
@@ -24,7 +24,7 @@ def make_parser(about: str | None) -> argparse.ArgumentParser:
 
 
 def results_folder(text: str) -> Path:
-    """A folder to write to, as it was typed.
+    """Return the folder to write to.
 
     Raises:
         argparse.ArgumentTypeError: A file stands there.

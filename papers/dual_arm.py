@@ -111,7 +111,7 @@ class Case:
 
     @property
     def label(self) -> str:
-        """In words."""
+        """The case in words."""
         words = [LABELS[self.controller]]
         if self.controller != "pd":
             words.append(f"from {'zero' if self.start == 'zero' else 'wrong parameters'}")
@@ -119,7 +119,7 @@ class Case:
 
     @property
     def reference(self) -> "Case":
-        """PD alone under the same load."""
+        """The case of PD alone under the same load."""
         return Case("pd", payload=self.payload)
 
 
@@ -136,7 +136,7 @@ CASES = (
 
 
 def trajectory(timeline: Sequence[Move] = TIMELINE) -> SmoothedPath:
-    """Motion from home through the goals; each takes off and arrives exactly at its times."""
+    """Return the motion from home through the goals; each leg begins and ends exactly at its times."""
     blend = 0.5 * min(move.end - move.begin for move in timeline)
     times, points = [], [HOME]
     for move in timeline:
@@ -146,7 +146,7 @@ def trajectory(timeline: Sequence[Move] = TIMELINE) -> SmoothedPath:
 
 
 def damping_gains(model: RobotModel) -> Floats:
-    """Damping (19,) [Nms/rad] that goes with KP, for each joint's mean inertia over the poses."""
+    """Return the damping (19,) [Nms/rad] that goes with KP, for each joint's mean inertia over the poses."""
     poses = (HOME, ESTIMATION, ONE, TWO)
     inertia = np.mean([np.diag(mass_matrix(model, q)) for q in poses], axis=0) + ROTORS
     gains: Floats = 2.0 * DAMPING * np.sqrt(KP * inertia)
@@ -154,7 +154,7 @@ def damping_gains(model: RobotModel) -> Floats:
 
 
 def wrong_parameters(model: RobotModel, seed: int = 1) -> Floats:
-    """Compact parameters of a robot whose masses are 0.5 to 2 times the true ones, its centres of mass 0.5 to 1.5."""
+    """Return compact parameters of masses 0.5 to 2 times, and centres of mass 0.5 to 1.5 times, the true ones."""
     rng = np.random.default_rng(seed)
     links = len(model.tree.mass)
     mass = model.tree.mass * 2.0 ** rng.uniform(-1.0, 1.0, links)
@@ -163,7 +163,7 @@ def wrong_parameters(model: RobotModel, seed: int = 1) -> Floats:
 
 
 def controller_of(case: Case, model: RobotModel) -> Controller:
-    """The controller of a case; estimators know the geometry and `start`."""
+    """Return the controller of a case; estimators know the geometry and `start`."""
     kd = damping_gains(model)
     if case.controller == "pd":
         return JointPD(KP, kd)
@@ -175,7 +175,7 @@ def controller_of(case: Case, model: RobotModel) -> Controller:
 
 
 def run(case: Case, timeline: Sequence[Move] = TIMELINE, *, duration: float | None = None) -> Floats:
-    """Errors q_ref - q (ticks, 19) [rad] of one run, a row a ms."""
+    """Run a case; return the errors q_ref - q (ticks, 19) [rad], a row per millisecond."""
     model = load_robot("dual_arm_19")
     plant = MujocoPlant(model, start=HOME, hardware=JointHardware(armature=ROTORS))
     plant.home()
@@ -191,7 +191,7 @@ def run(case: Case, timeline: Sequence[Move] = TIMELINE, *, duration: float | No
 
 
 def rms_deg(errors: Floats, limb: str, window: tuple[float, float]) -> float:
-    """RMS error of a limb's joints over a window [deg]."""
+    """Return the RMS error of a limb's joints over a window [deg]."""
     begin, end = (round(1000.0 * t) for t in window)
     return float(np.rad2deg(np.sqrt(np.mean(errors[begin:end, LIMBS[limb]] ** 2))))
 
@@ -206,7 +206,7 @@ class Summary:
 
     @property
     def reached(self) -> bool | None:
-        """Whether every limb came to a tenth of PD alone in the window that counts; None for PD itself."""
+        """True if every limb's error fell to a tenth of PD alone's in the window that counts; None for PD itself."""
         if self.case.controller == "pd":
             return None
         window = AFTER_PICK_UP if self.case.payload else AFTER_ESTIMATION
@@ -214,7 +214,7 @@ class Summary:
 
 
 def summarise(errors: dict[Case, Floats]) -> list[Summary]:
-    """Sum up all runs; PD alone under the same load must be among them."""
+    """Summarise all runs; PD alone under the same load must be among them."""
     rms = {
         case: {
             name: {limb: rms_deg(values, limb, window) for limb in LIMBS} for name, window in WINDOWS.items()

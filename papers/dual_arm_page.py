@@ -5,11 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from catenary import __version__
 from catenary.arrays import Floats
-from catenary.files import json_text
-from catenary.reports.page import Block, Heading, Picture, Table, Text, picture, write_page
+from catenary.reports.page import Block, Picture, Table, Text, picture
 from papers.dual_arm import LIMBS, PICK_UP, TIMELINE, WINDOWS, Case, Summary
+from papers.results import panels, shown, write_files
 
 DRAWN_EVERY = 20  # ticks
 PAPER = (
@@ -22,31 +21,26 @@ PAPER = (
 
 def write_results(folder: Path, errors: dict[Case, Floats], summaries: Sequence[Summary]) -> None:
     """Print the tables, and write dual_arm.json and dual_arm.html."""
-    folder.mkdir(parents=True, exist_ok=True)
     blocks: list[Block] = [Text(PAPER)]
     for payload, title in ((False, "The paper's task"), (True, "With 2 kg taken up at 21 s, unknown")):
         chosen = [s for s in summaries if s.case.payload is payload]
         if not chosen:
             continue
-        shown = table(chosen)
-        print(f"\n{title}\n\n| " + " | ".join(shown.header) + " |\n|" + "---|" * len(shown.header))
-        for row in shown.rows:
-            print("| " + " | ".join(row) + " |")
-        blocks += [Heading(title), shown, Text(verdict(chosen))]
+        blocks += [*shown(title, table(chosen)), Text(verdict(chosen))]
         print("\n" + verdict(chosen))
         blocks += [errors_picture(s.case, errors[s.case]) for s in chosen]
-    (folder / "dual_arm.json").write_text(json_text(content(summaries)), encoding="utf-8")
-    write_page(
-        folder / "dual_arm.html",
+    write_files(
+        folder,
+        "dual_arm",
         "Learning the gravity of 19 joints",
         "Trunk and two arms in MuJoCo on the timeline of the gravity-regressor paper, 1 kHz.",
         blocks,
-        simulated=True,
+        content(summaries),
     )
 
 
 def table(summaries: Sequence[Summary]) -> Table:
-    """RMS error per window and case: trunk, left arm, right arm in deg, and the worst limb's part of PD alone's."""
+    """Return RMS errors per window and case: of each limb in deg, and the worst limb's share of PD alone's."""
     rows = []
     for window in WINDOWS:
         for summary in summaries:
@@ -59,7 +53,7 @@ def table(summaries: Sequence[Summary]) -> Table:
 
 
 def verdict(summaries: Sequence[Summary]) -> str:
-    """Who brought the error of every limb to a tenth of PD alone's."""
+    """Say which controllers brought the error of every limb to a tenth of PD alone's."""
     words = [
         f"{s.case.label}: {'reached' if s.reached else 'not reached'}"
         for s in summaries
@@ -74,10 +68,8 @@ def verdict(summaries: Sequence[Summary]) -> str:
 
 
 def content(summaries: Sequence[Summary]) -> dict[str, object]:
-    """What dual_arm.json holds."""
+    """Return the content of dual_arm.json beside the version."""
     return {
-        "simulated": True,
-        "version": __version__,
         "windows_s": WINDOWS,
         "cases": [
             {
@@ -94,12 +86,10 @@ def content(summaries: Sequence[Summary]) -> dict[str, object]:
 
 
 def errors_picture(case: Case, errors: Floats) -> Picture:
-    """Errors of each joint over time, one panel for trunk, left arm and right arm."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10, 3.0), layout="constrained")
+    """Draw the error of each joint over time, one panel each for trunk, left arm and right arm."""
+    figure, three = panels(3, 3.0)
     time = 1e-3 * np.arange(len(errors))
-    for axes, (limb, joints) in zip(figure.subplots(1, 3), LIMBS.items(), strict=True):
+    for axes, (limb, joints) in zip(three, LIMBS.items(), strict=True):
         for joint in range(joints.start, joints.stop):
             values = np.rad2deg(errors[::DRAWN_EVERY, joint])
             axes.plot(time[::DRAWN_EVERY], values, linewidth=0.9, label=f"{joint - joints.start + 1}")

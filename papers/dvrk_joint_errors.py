@@ -40,7 +40,7 @@ class Row:
 
 
 def models() -> Iterator[tuple[str, FitOptions]]:
-    """Every kind without memory, with previous commands, and with play states."""
+    """Yield every kind of model without memory, with previous commands, and with play states."""
     for name, options in KINDS.items():
         yield name, options
         yield f"{name}, history {HISTORY}", replace(options, history=HISTORY)

@@ -45,7 +45,7 @@ from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import raven_gains, raven_motor_inertia
 from papers.arguments import folder_argument
 from papers.raven_base import Z0, turned_base
-from papers.results import shown, write_results
+from papers.results import FOUR_COLORS, panels, shown, write_results
 
 Complexes = NDArray[np.complexfloating[Any, Any]]
 Response = Callable[[Floats], Complexes]  # of frequencies (N,) [Hz]
@@ -70,7 +70,7 @@ class Linear(NamedTuple):
     own: float = 0.0  # mass, or inertia about the base's axis, of the arm itself: no base with arm has less
 
     def stiff(self, s: Complexes) -> Complexes:
-        """M s² + Kd s + Kp, (N, n, n) of s (N, 1)."""
+        """Return M s² + Kd s + Kp, (N, n, n), for s (N, 1)."""
         at = s[..., None]
         matrix: Complexes = self.mass * at * at + np.eye(len(self.kp)) * (self.kd * s + self.kp)[..., None]
         return matrix
@@ -84,12 +84,12 @@ class Sensing(NamedTuple):
 
 
 def blind(hz: Floats) -> Complexes:
-    """No sensor."""
+    """Return the response of no sensor: zero."""
     return 0j * hz
 
 
 def held_sample(rate_hz: float, latency: float) -> Response:
-    """The last sample, held until the next: a delay, and on average half a period more."""
+    """Return the response of a sample held until the next: a delay of the latency and, on average, half a period."""
 
     def response(hz: Floats) -> Complexes:
         x = hz / rate_hz
@@ -100,7 +100,7 @@ def held_sample(rate_hz: float, latency: float) -> Response:
 
 
 def raven_on(motion: str, q: ArrayLike = RAVEN_START, base_deg: float = BASE_DEG) -> Linear:
-    """RAVEN-II at rest on a base that turns about Z0 ("turn"), or sways along its x, y or z."""
+    """Return RAVEN-II at rest on a base that turns about Z0 ("turn"), or sways along its x, y or z."""
     model, arm = load_robot("raven2"), load_cable_arm()
     pose, zero = np.asarray(q, dtype=float)[None], np.zeros((1, model.n))
     gains = raven_gains(arm.firmware)
@@ -120,7 +120,7 @@ def raven_on(motion: str, q: ArrayLike = RAVEN_START, base_deg: float = BASE_DEG
 
 
 def joint_response(arm: Linear, hz: ArrayLike, sensing: Sensing) -> Complexes:
-    """Joint errors per motion of the base, (N, n), at frequencies (N,) [Hz]."""
+    """Return joint errors per motion of the base, (N, n), at frequencies (N,) [Hz]."""
     at = np.atleast_1d(np.asarray(hz, dtype=float))
     lacking = _lacking(arm, at, sensing)
     response: Complexes = np.linalg.solve(arm.stiff(2j * np.pi * at[:, None]), lacking[..., None])[..., 0]
@@ -128,7 +128,7 @@ def joint_response(arm: Linear, hz: ArrayLike, sensing: Sensing) -> Complexes:
 
 
 def loop(arm: Linear, hz: ArrayLike, sensing: Sensing, base_hz: float, zeta: float = ZETA) -> Complexes:
-    """L (N,) of a base of mass or inertia 1: from its motion through sensor, torque and arm back to it."""
+    """Return the loop gain L (N,) of a base of mass or inertia 1: through sensor, torque and arm back to it."""
     s, w = 2j * np.pi * np.atleast_1d(np.asarray(hz, dtype=float)), 2.0 * np.pi * base_hz
     back = arm.h * (s * s)[:, None] + arm.t
     around: Complexes = (back * joint_response(arm, hz, sensing)).sum(axis=1) / (
@@ -138,7 +138,7 @@ def loop(arm: Linear, hz: ArrayLike, sensing: Sensing, base_hz: float, zeta: flo
 
 
 def smallest_base(arm: Linear, sensing: Sensing, base_hz: float, zeta: float = ZETA) -> float:
-    """Mass [kg], or inertia [kg m2], of base with arm above which small gain makes it stable."""
+    """Return the mass [kg] or inertia [kg m2] of base with arm above which small gain makes it stable."""
     grid = np.unique(np.concatenate([GRID, base_hz * np.linspace(0.9, 1.1, 41)]))
     return float(np.abs(loop(arm, grid, sensing, base_hz, zeta)).max())
 
@@ -146,7 +146,7 @@ def smallest_base(arm: Linear, sensing: Sensing, base_hz: float, zeta: float = Z
 def unstable_roots(
     arm: Linear, sensing: Sensing, base_hz: float, size: float, zeta: float = ZETA, *, most_hz: float = 2000.0
 ) -> int:
-    """Roots of 1 - L to the right of the imaginary axis, for a base of a mass or inertia.
+    """Count the roots of 1 - L to the right of the imaginary axis, for a base of a mass or inertia.
 
     L has none of its own poles there: arm and base are stable by themselves.
     """
@@ -156,7 +156,7 @@ def unstable_roots(
 def largest_unstable_base(
     arm: Linear, sensing: Sensing, base_hz: float, zeta: float = ZETA, *, most_hz: float = 200.0
 ) -> float:
-    """Largest mass [kg], or inertia [kg m2], of base with arm that swings up; 0 where none does.
+    """Return the largest mass [kg] or inertia [kg m2] of base with arm that is unstable; 0 if there is none.
 
     Looked for from the smallest base that small gain makes stable down to the arm alone, on a base without mass.
     """
@@ -169,7 +169,7 @@ def largest_unstable_base(
 
 
 def _around(arm: Linear, sensing: Sensing, base_hz: float, zeta: float, most_hz: float) -> Complexes:
-    """L of a base of size 1 up the imaginary axis, closely around the base's own frequency."""
+    """Return L of a base of size 1 along the imaginary axis, densely near the base's own frequency."""
     grid = np.unique(
         np.concatenate([np.geomspace(1e-3, most_hz, 4000), base_hz * np.linspace(0.8, 1.2, 2001)])
     )
@@ -183,7 +183,7 @@ def _roots_of(L: Complexes) -> int:
 
 
 def estimator_response(hz: float, rate_hz: float = 200.0) -> tuple[complex, complex]:
-    """What SensedGravity makes of gravity's x and of the angular acceleration of a base that rocks, at a frequency."""
+    """Return SensedGravity's response to gravity's x and to the angular acceleration of a rocking base."""
     w = 2.0 * np.pi * hz
     # below the estimator's own rates of change
     amplitude = min(0.02, 0.1 / w, 0.2 * 400.0 / w**3)
@@ -206,7 +206,7 @@ def estimator_response(hz: float, rate_hz: float = 200.0) -> tuple[complex, comp
 
 
 def estimator(rate_hz: float = 200.0) -> Sensing:
-    """SensedGravity with an accelerometer and a gyroscope, measured on a grid and joined between its points."""
+    """Return the response of SensedGravity with accelerometer and gyroscope, measured on a grid and interpolated."""
     grid = np.geomspace(0.5, 60.0, 28)
     measured = np.array([estimator_response(hz, rate_hz) for hz in grid])
 
@@ -228,7 +228,7 @@ def _lacking(arm: Linear, hz: Floats, sensing: Sensing) -> Complexes:
 
 
 def sustained_table() -> Table:
-    """What a sustained acceleration along x does to joints, where it is sensed and where it is not."""
+    """Return the joint errors under a sustained acceleration along x, where it is sensed and where it is not."""
     arm = raven_on("x")
     rows = []
     for a in ACCELERATIONS:
@@ -241,7 +241,7 @@ def sustained_table() -> Table:
 
 
 def response_table(ways: dict[str, Sensing], frequencies: tuple[float, ...]) -> Table:
-    """Joint 1's error per angle of a base that turns about Z0."""
+    """Return joint 1's error per angle of a base that turns about Z0."""
     arm = raven_on("turn")
     rows = [
         [f"{hz:g}", *(f"{abs(joint_response(arm, hz, sensing)[0, 0]):.5f}" for sensing in ways.values())]
@@ -251,7 +251,7 @@ def response_table(ways: dict[str, Sensing], frequencies: tuple[float, ...]) -> 
 
 
 def stability_table(ways: dict[str, Sensing]) -> Table:
-    """Smallest mass or inertia of a base, by its own frequency, and way to sense."""
+    """Return the smallest mass or inertia of a stable base, by the base's own frequency and the sensor."""
     rows = []
     for motion in ("x", "y", "z", "turn"):
         arm, unit = raven_on(motion), "kg m2" if motion == "turn" else "kg"
@@ -262,7 +262,7 @@ def stability_table(ways: dict[str, Sensing]) -> Table:
 
 
 def verdict_table(ways: dict[str, Sensing]) -> Table:
-    """Largest mass or inertia of a base that does swing up, by its own frequency, and way to sense."""
+    """Return the largest mass or inertia of an unstable base, by the base's own frequency and the sensor."""
     rows = []
     for motion in ("x", "y", "z", "turn"):
         arm, unit = raven_on(motion), "kg m2" if motion == "turn" else "kg"
@@ -274,14 +274,10 @@ def verdict_table(ways: dict[str, Sensing]) -> Table:
 
 
 def figure(ways: dict[str, Sensing]) -> Picture:
-    """Joint 1's error per angle over frequency, and the gain around the loop of a swaying base of 50 kg."""
-    from matplotlib.figure import Figure
-
-    drawn = Figure(figsize=(10, 3.4), layout="constrained")
-    left, right = drawn.subplots(1, 2)
+    """Draw joint 1's error per angle over frequency, and the loop gain of a swaying base of 50 kg."""
+    drawn, (left, right) = panels(2, 3.4)
     turn, sway = raven_on("turn"), raven_on("x")
-    colors = ("#1c2430", "#4b6b94", "#d9622b", "#2f8f6b")
-    for (name, sensing), color in zip(ways.items(), colors, strict=False):
+    for (name, sensing), color in zip(ways.items(), FOUR_COLORS, strict=False):
         kept = GRID[(GRID >= 0.1) & (GRID <= 20.0)]
         # a held sample and the accelerometer through the estimator are nearly the same
         style = "--" if name == "DG, accelerometer" else "-"

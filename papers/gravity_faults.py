@@ -32,19 +32,17 @@ from catenary.sensing.mailbox import Mailbox
 from catenary.simulation.sensors import FAULT_KINDS, InjectedFault, SimulatedSensor
 from catenary.trajectories.in_turn import Rest
 from catenary.trajectories.smoothed_path import SmoothedPath
-from catenary.units import DISPLAY
 from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import raven_arm
 from catenary.workflows.gravity.track import with_approach
 from papers.arguments import folder_argument
-from papers.raven_base import turned_base
-from papers.results import shown, write_results
+from papers.raven_base import SHOWN, turned_base
+from papers.results import panels, shown, write_results
 
 BASE_DEG = 20.0  # about Z0
 WARM, BEGIN, LASTS, SECONDS = 0.8, 0.5, 1.0, 2.0  # [s] sensor before the motion, fault in the motion, motion
 AFTER_STOP = 0.5  # [s] watched
-UNITS = ("rad", "rad", "m")
 LIMIT_DEG = 0.5  # of a joint, because of a fault
 # turning points of the motion about RAVEN_START, and its speeds [rad, rad, m]
 HALF, SPEED = np.array([0.25, 0.25, 0.03]), np.array([0.35, 0.35, 0.05])
@@ -122,7 +120,7 @@ def outcome(start: Start, fault: str, fallback: str, healthy: Floats) -> Outcome
         off = np.concatenate([off, np.abs(ran - healthy[: len(ran)])])
     else:
         off = np.abs(true - healthy)
-    moved = [m * DISPLAY[unit][1] for m, unit in zip(off.max(axis=0).tolist(), UNITS, strict=True)]
+    moved = (off.max(axis=0) * SHOWN).tolist()
     return Outcome(
         fault,
         fallback,
@@ -137,7 +135,7 @@ def outcome(start: Start, fault: str, fallback: str, healthy: Floats) -> Outcome
 def outcomes(
     start: Start, kinds: Sequence[str] = FAULT_KINDS, fallbacks: Sequence[str] = FALLBACKS
 ) -> list[Outcome]:
-    """Every fault under every fallback."""
+    """Run every fault under every fallback."""
     healthy, _, _ = run(start, None, "fade")
     return [outcome(start, kind, fallback, healthy) for fallback in fallbacks for kind in kinds]
 
@@ -163,7 +161,7 @@ def _motion(seed: int, seconds: float) -> SmoothedPath:
 
 
 def fault_table(rows: Sequence[Outcome]) -> Table:
-    """For each fault what it did under each fallback, and what was said."""
+    """Return for each fault how far it moved the arm under each fallback, and how it was named."""
     table = []
     fallbacks = list(dict.fromkeys(row.fallback for row in rows))
     for kind in dict.fromkeys(row.fault for row in rows):
@@ -180,18 +178,15 @@ def fault_table(rows: Sequence[Outcome]) -> Table:
 
 
 def message_table(rows: Sequence[Outcome]) -> Table:
-    """What a person reads of each fault that was named."""
+    """Return the message of each fault that was named."""
     said = {name: text for row in rows for name, text in zip(row.faults, row.messages, strict=True)}
     return Table(["fault", "message"], [[name, text] for name, text in said.items()])
 
 
 def figure(rows: Sequence[Outcome]) -> Picture:
-    """How far each fault moved joint 1 or 2, by fallback."""
-    from matplotlib.figure import Figure
-
+    """Draw how far each fault moved joint 1 or 2, by fallback."""
     kinds = list(dict.fromkeys(row.fault for row in rows))
-    drawn = Figure(figsize=(10, 0.28 * len(kinds) + 1.0), layout="constrained")
-    axes = drawn.subplots()
+    drawn, (axes,) = panels(1, 0.28 * len(kinds) + 1.0)
     colors = {"hold": "#4b6b94", "fade": "#d9622b", "static": "#1c2430", "stop": "#2f8f6b"}
     for name in dict.fromkeys(row.fallback for row in rows):
         of = [row for row in rows if row.fallback == name]

@@ -19,9 +19,9 @@ from catenary.control.pd import Damping
 from catenary.reports.page import Block, Table, Text
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
 from papers.arguments import folder_argument
-from papers.gravity_tracking import CONTROLLERS, LABELS, Run, run_controllers
+from papers.gravity_tracking import CONTROLLERS, Run, run_controllers
 from papers.raven_base import turned_base
-from papers.results import shown, write_results
+from papers.results import LABELS, shown, write_results
 
 BASE_DEG = 20.0
 FRICTION = ("rotor_friction", "rotor_load_friction", "link_friction", "link_load_friction")
@@ -46,7 +46,7 @@ VARIATIONS = (
 
 
 def varied_joint_3(variation: Variation) -> CableArm:
-    """The nominal robot with another joint 3."""
+    """Return the nominal robot with another joint 3."""
     arm = load_cable_arm()
     only_3 = np.array([1.0, 1.0, variation.friction])
     changed: dict[str, Floats] = {name: getattr(arm.cable, name) * only_3 for name in FRICTION}
@@ -55,7 +55,7 @@ def varied_joint_3(variation: Variation) -> CableArm:
 
 
 def joint_3_table(runs: Sequence[tuple[str, Run]]) -> Table:
-    """RMS error of joint 3 with PD alone, and by how much compensation changes it."""
+    """Return the RMS error of joint 3 with PD alone, and by how much compensation changes it."""
     errors = {(name, run.damping, run.controller): run.rms_error[JOINT] for name, run in runs}
     rows = []
     for name, damping in dict.fromkeys((name, run.damping) for name, run in runs):

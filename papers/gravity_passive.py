@@ -25,20 +25,18 @@ from catenary import CablePlant, Reference, gravity_torque, load_robot, mass_mat
 from catenary.arrays import Floats
 from catenary.reports.page import Block, Picture, Table, Text, picture
 from catenary.spatial import LEVEL
-from catenary.units import DISPLAY
 from catenary.workflows.gravity.controllers import make_hold
 from catenary.workflows.gravity.hold import hold
 from catenary.workflows.gravity.motions import HOLD_START
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm, rigid_arm
 from papers.arguments import folder_argument
-from papers.raven_base import turned_base
-from papers.results import shown, write_results
+from papers.raven_base import SHOWN, turned_base
+from papers.results import COLORS, panels, shown, write_results
 
 ANGLES_DEG = (0, 5, 10, 15, 25, 45, 90, 135, 180)
 CONTROLLERS = ("dg", "sg")
 SECONDS = 10.0
 RIGID_SECONDS = 3.0  # without friction an arm falls at once; this is longer than it needs to reach a stop
-UNITS = ("rad", "rad", "m")
 TICK = 1e-3  # [s]
 DISPLACED = 1e-6  # [rad|m]
 PUSH = np.array([0.05, 0.02, 0.5])  # [Nm, Nm, N]
@@ -53,13 +51,11 @@ class Held(NamedTuple):
     angle_deg: int
     controller: str
     drift: tuple[float, ...]  # (n,) [deg, deg, mm]
-    missing: tuple[
-        float, ...
-    ]  # (n,) [Nm, Nm, N] gravity torque that the compensation does not give, at the start
+    missing: tuple[float, ...]  # (n,) [Nm, Nm, N] gravity that the compensation does not hold, at the start
 
 
 def on_cables(angle_deg: int, *, seed: int | None = None, seconds: float = SECONDS) -> list[Held]:
-    """The simulated RAVEN-II, homed on a tilted base."""
+    """Hold the simulated RAVEN-II, homed on a tilted base, by gravity compensation alone."""
     base = turned_base(angle_deg)
     plant = CablePlant(seed=seed, base=base)
     plant.home()
@@ -70,7 +66,7 @@ def on_cables(angle_deg: int, *, seed: int | None = None, seconds: float = SECON
 
 
 def as_rigid_bodies(angle_deg: int, *, seconds: float = RIGID_SECONDS) -> list[Held]:
-    """The same arm's links without friction, springs and cables."""
+    """Hold the same arm's links without friction, springs and cables."""
     model = load_robot("raven2")
     return [
         _held("rigid", rigid_arm(model, base=turned_base(angle_deg)), angle_deg, name, HOLD_START, seconds)
@@ -84,7 +80,7 @@ def _held(kind: str, arm: SimulatedArm, angle_deg: int, name: str, q: ArrayLike,
     if name == "sg":
         gravity = turned_base(angle_deg).sample(np.zeros(1)).gravity[0]
         missing = gravity_torque(arm.model, q, gravity) - gravity_torque(arm.model, q, LEVEL)
-    drift = [d * DISPLAY[unit][1] for d, unit in zip(held.drift.tolist(), UNITS, strict=True)]
+    drift = (held.drift * SHOWN).tolist()
     return Held(kind, angle_deg, name, tuple(drift), tuple(missing.tolist()))
 
 
@@ -108,7 +104,7 @@ def neutral(angle_deg: int, *, seconds: float = NEUTRAL_SECONDS) -> Neutral:
 
 
 def _left_alone(angle_deg: int, start: Floats, push: Floats, seconds: float) -> tuple[Floats, Floats]:
-    """Positions and velocities (T, 3) of the rigid arm from a start at rest, pushed for PUSHED seconds."""
+    """Return positions and velocities (T, 3) of the rigid arm from a start at rest, pushed for PUSHED seconds."""
     arm = rigid_arm(load_robot("raven2"), base=turned_base(angle_deg), start=start)
     hold_still = make_hold("dg", arm)
     rows = []
@@ -123,7 +119,7 @@ def _left_alone(angle_deg: int, start: Floats, push: Floats, seconds: float) -> 
 
 
 def neutral_table(rows: Sequence[Neutral]) -> Table:
-    """How far from neutral each base angle is."""
+    """Return how far each base angle is from a neutral equilibrium."""
     return Table(
         ["base [deg]", "went on from there [of 1e-6 rad|m]", "kinetic energy kept [%]"],
         [[f"{row.angle_deg}", f"{row.distance:.1e}", f"{100.0 * row.energy:.2f}"] for row in rows],
@@ -131,7 +127,7 @@ def neutral_table(rows: Sequence[Neutral]) -> Table:
 
 
 def drift_table(rows: Sequence[Held], kind: str) -> Table:
-    """Largest drift of every joint for each base angle, DG and SG, and the torque that SG lacks."""
+    """Return the largest drift of every joint for each base angle, with DG and SG, and the torque that SG lacks."""
     table = []
     for angle in dict.fromkeys(row.angle_deg for row in rows if row.plant == kind):
         dg, sg = (
@@ -149,20 +145,18 @@ def drift_table(rows: Sequence[Held], kind: str) -> Table:
 
 
 def figure(rows: Sequence[Held]) -> Picture:
-    """Drift of joint 1 over the base's angle."""
-    from matplotlib.figure import Figure
-
-    drawn = Figure(figsize=(10, 3.2), layout="constrained")
+    """Draw the drift of joint 1 over the base's angle."""
     kinds = list(dict.fromkeys(row.plant for row in rows))
-    for axes, kind in zip(np.atleast_1d(drawn.subplots(1, len(kinds))), kinds, strict=True):
-        for name, color in (("dg", "#d9622b"), ("sg", "#4b6b94")):
+    drawn, parts = panels(len(kinds), 3.2)
+    for axes, kind in zip(parts, kinds, strict=True):
+        for name in CONTROLLERS:
             of = [row for row in rows if (row.plant, row.controller) == (kind, name)]
             # a drift of nothing at all has no place on a logarithm's axis
             axes.semilogy(
                 [row.angle_deg for row in of],
                 [max(row.drift[0], 1e-6) for row in of],
                 "o-",
-                color=color,
+                color=COLORS[name],
                 label=f"{name.upper()} alone",
             )
         axes.set_title({"cables": "simulated RAVEN-II", "rigid": "its links, no friction"}[kind], fontsize=10)

@@ -54,7 +54,7 @@ class Residual(NamedTuple):
 
 
 def residuals(base: RockingBase = ROCKING, *, seed: int = 0) -> list[Residual]:
-    """Every row of the table; errors of joints with the signs that do most harm."""
+    """Return every row of the table; errors of joint positions have the signs that do most harm."""
     model = load_robot("raven2")
     times = np.arange(SETTLE, DURATION, TICK)[::EVERY]
     truth_base = base.sample(times)
@@ -107,13 +107,13 @@ def residuals(base: RockingBase = ROCKING, *, seed: int = 0) -> list[Residual]:
 
 
 def _askew(deg: float) -> Mounting:
-    """The sensor, turned by an angle about a horizontal axis between x and y."""
+    """Return the mounting turned by an angle about a horizontal axis between x and y."""
     off = Rotation.from_rotvec(np.radians(deg) * np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0)).as_matrix()
     return Mounting(rotation=off @ TURNED, position=POSITION)
 
 
 def holding_torque(model: RobotModel, gravity: Floats, rates: Floats, off: ArrayLike = 0.0) -> Floats:
-    """Torques (T, poses, n) of standing still in each pose, under gravity (T, 3) on a base that turns (T, 2, 3).
+    """Return the torques (T, poses, n) that hold each pose, under gravity (T, 3) on a base that turns (T, 2, 3).
 
     Positions are taken for `off` (n,) more than they are [rad|m].
     """

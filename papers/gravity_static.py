@@ -22,21 +22,19 @@ from typing import Literal
 
 import numpy as np
 
-from catenary import CablePlant, __version__, run_loop
+from catenary import CablePlant, run_loop
 from catenary.arrays import Floats
 from catenary.control.controller import SplitController
 from catenary.control.loop import Tick
 from catenary.control.measures import pd_share
-from catenary.files import json_text
-from catenary.reports.page import Block, Picture, Table, Text, picture, write_page
+from catenary.reports.page import Block, Picture, Table, Text, picture
 from catenary.trajectories.in_turn import Rest
-from catenary.units import DISPLAY
 from catenary.workflows.gravity.controllers import make_controller, make_hold
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
 from catenary.workflows.gravity.track import with_approach
 from papers.arguments import folder_and_robots
-from papers.raven_base import turned_base
-from papers.results import shown, spread
+from papers.raven_base import SHOWN, turned_base
+from papers.results import COLORS, LABELS, panels, shown, spread, write_files
 
 Approach = Literal["placed", "driven"]
 APPROACHES: tuple[Approach, ...] = ("placed", "driven")
@@ -44,7 +42,6 @@ ANGLES_DEG = (0, 5, 10, 15, 20, 25)  # about Z0; the paper's text says 0 to 20, 
 POSES_DEG = (5.0, 21.0, 37.0, 53.0, 69.0, 85.0)  # of joint 1
 HOME = (np.pi / 2, 0.40)  # joints 2 and 3 [rad, m]
 CONTROLLERS = ("pd", "sg", "dg")
-LABELS = {"pd": "PD", "sg": "PD+SG", "dg": "PD+DG"}
 ROBOTS: tuple[int | None, ...] = (None, 1, 2, 3, 4, 5)  # None is the nominal one
 SETTLE = 1.0  # [s] at a pose before it counts
 RELEASE = 0.3  # [s] passively held before a controller takes over
@@ -61,7 +58,7 @@ class Static:
 
     @property
     def rms_error(self) -> Floats:
-        """Over the poses, (n,) [rad|m]."""
+        """RMS error over the poses, (n,) [rad|m]."""
         return _rms(self.error)
 
     @property
@@ -120,7 +117,7 @@ def _placed(
 def _stand(
     arm: SimulatedArm, controller: SplitController, q: Floats, *, move: bool
 ) -> tuple[Floats, Floats, Floats]:
-    """Stand at q, after going there or at once; means of error, PD term, torque."""
+    """Stand at q, after going there or at once; return means of error, PD term and torque."""
     rest = Rest(q, SETTLE + WATCHED)
     whole, begin = with_approach(arm, rest, 0.0) if move else (rest, 0.0)
     seen: list[tuple[Floats, Floats, Floats]] = []
@@ -151,7 +148,7 @@ Results = dict[tuple[int | None, Approach, int], dict[str, Static]]  # per robot
 
 
 def share_table(results: Results, approach: Approach, joint: int) -> Table:
-    """PD share of a joint in percent: the nominal robot, and mean and spread over the drawn ones."""
+    """Return the PD share of a joint in percent: the nominal robot, and mean and spread over the drawn ones."""
     seeds, angles = _seeds(results), _angles(results)
     header = ["base [deg]"]
     for name in CONTROLLERS[1:]:
@@ -167,34 +164,29 @@ def share_table(results: Results, approach: Approach, joint: int) -> Table:
 
 
 def error_table(results: Results, approach: Approach) -> Table:
-    """RMS error of every joint of the nominal robot, deg and mm."""
-    units = ("rad", "rad", "m")
+    """Return the RMS error of every joint of the nominal robot, in deg and mm."""
     header = ["base [deg]"] + [f"{LABELS[c]} J1 J2 J3 [deg deg mm]" for c in CONTROLLERS]
     rows = []
     for angle in _angles(results):
         cells = [f"{angle}"]
         for name in CONTROLLERS:
             error = results[_seeds(results)[0], approach, angle][name].rms_error
-            told = [f"{e * DISPLAY[unit][1]:.3f}" for e, unit in zip(error, units, strict=True)]
-            cells.append(" ".join(told))
+            cells.append(" ".join(f"{e:.3f}" for e in error * SHOWN))
         rows.append(cells)
     return Table(header, rows)
 
 
 def figure_7(results: Results, poses_deg: tuple[float, ...]) -> Picture:
-    """Joint 1 of the nominal robot: gravity terms against the torque of PD alone, first and last base angle."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10, 3.2), layout="constrained")
+    """Draw joint 1's gravity terms against the torque of PD alone, at the first and last base angle (nominal robot)."""
+    figure, both = panels(2, 3.2, sharey=True)
     angles = _angles(results)
-    for axes, angle in zip(
-        np.atleast_1d(figure.subplots(1, 2, sharey=True)), (angles[0], angles[-1]), strict=True
-    ):
+    for axes, angle in zip(both, (angles[0], angles[-1]), strict=True):
         result = results[_seeds(results)[0], "driven", angle]
-        axes.plot(poses_deg, result["pd"].torque[:, 0], "o-", color="#1c2430", label="PD alone: its torque")
-        for name, color in (("sg", "#4b6b94"), ("dg", "#d9622b")):
+        held = result["pd"].torque[:, 0]
+        axes.plot(poses_deg, held, "o-", color=COLORS["pd"], label="PD alone: its torque")
+        for name in ("sg", "dg"):
             term = result[name].torque[:, 0] - result[name].feedback[:, 0]
-            axes.plot(poses_deg, term, "o-", color=color, label=f"{LABELS[name]}: gravity term")
+            axes.plot(poses_deg, term, "o-", color=COLORS[name], label=f"{LABELS[name]}: gravity term")
         axes.set_title(f"base at {angle} deg", fontsize=10)
         axes.set_xlabel("joint 1 [deg]")
     figure.axes[0].set_ylabel("torque of joint 1 [Nm]")
@@ -205,19 +197,17 @@ def figure_7(results: Results, poses_deg: tuple[float, ...]) -> Picture:
 
 
 def figure_8(results: Results) -> Picture:
-    """PD share of joint 1 over the base's angle, both ways of coming to a pose, all robots."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10, 3.2), layout="constrained")
+    """Draw the PD share of joint 1 over the base's angle, for both ways of coming to a pose and all robots."""
+    figure, both = panels(2, 3.2, sharey=True)
     angles = _angles(results)
-    for axes, approach in zip(np.atleast_1d(figure.subplots(1, 2, sharey=True)), APPROACHES, strict=True):
-        for name, color in (("sg", "#4b6b94"), ("dg", "#d9622b")):
+    for axes, approach in zip(both, APPROACHES, strict=True):
+        for name in ("sg", "dg"):
             for k, seed in enumerate(_seeds(results)):
                 share = [100.0 * results[seed, approach, angle][name].share[0] for angle in angles]
                 style = (
                     {"linewidth": 2.0, "label": LABELS[name]} if k == 0 else {"linewidth": 0.7, "alpha": 0.6}
                 )
-                axes.plot(angles, share, "o-", color=color, markersize=3, **style)
+                axes.plot(angles, share, "o-", color=COLORS[name], markersize=3, **style)
         axes.set_title(approach, fontsize=10)
         axes.set_xlabel("base about Z0 [deg]")
         axes.set_ylim(bottom=0.0)
@@ -263,35 +253,27 @@ def main(
             "held from where it stands. Driven: by the controller itself, from below; friction stays in the PD term."
         )
     )
-    content = {
-        "simulated": True,
-        "version": __version__,
-        "poses_deg": poses_deg,
-        "results": [
-            {
-                "seed": seed,
-                "approach": approach,
-                "base_deg": angle,
-                "controller": name,
-                "pd_share_percent": (100.0 * static.share).tolist(),
-                "rms_error": [
-                    e * DISPLAY[unit][1]
-                    for e, unit in zip(static.rms_error.tolist(), ("rad", "rad", "m"), strict=True)
-                ],
-                "feedback": static.feedback.tolist(),
-                "torque": static.torque.tolist(),
-            }
-            for (seed, approach, angle), by_name in results.items()
-            for name, static in by_name.items()
-        ],
-    }
-    (folder / "gravity_static.json").write_text(json_text(content), encoding="utf-8")
-    write_page(
-        folder / "gravity_static.html",
+    rows = [
+        {
+            "seed": seed,
+            "approach": approach,
+            "base_deg": angle,
+            "controller": name,
+            "pd_share_percent": (100.0 * static.share).tolist(),
+            "rms_error": (static.rms_error * SHOWN).tolist(),
+            "feedback": static.feedback.tolist(),
+            "torque": static.torque.tolist(),
+        }
+        for (seed, approach, angle), by_name in results.items()
+        for name, static in by_name.items()
+    ]
+    write_files(
+        folder,
+        "gravity_static",
         "Static poses on a tilted base, simulated",
         "PD, PD+SG and PD+DG; figures 7 and 8 of Lewis and Hannaford 2014.",
         blocks,
-        simulated=True,
+        {"poses_deg": poses_deg, "results": rows},
     )
     return results
 

@@ -39,7 +39,7 @@ from catenary.workflows.gravity.simulated_arm import raven_arm
 from catenary.workflows.gravity.track import with_approach
 from papers.arguments import folder_argument
 from papers.raven_base import Z0, turned_base
-from papers.results import shown, write_results
+from papers.results import COLORS, LABELS, panels, shown, write_results
 
 Event = Literal["reference", "tilt", "drive"]
 EVENTS: tuple[Event, ...] = get_args(Event)
@@ -49,13 +49,9 @@ TITLES: dict[Event, str] = {
     "tilt": "base turns by 10 deg",
     "drive": "base drives off at 2 m/s2",
 }
-LABELS = {"pd": "PD", "sg": "PD+SG", "dg": "PD+DG", "attitude": "PD+G of true attitude"}
-COLORS = {"pd": "#1c2430", "sg": "#4b6b94", "dg": "#d9622b", "attitude": "#2f8f6b"}
 STEP_DEG, STEP_BASE_DEG = 5.0, 20.0
-STEP_VELOCITY, STEP_ACCELERATION = (
-    np.full(3, 0.5),
-    np.full(3, 5.0),
-)  # [rad/s, rad/s2] slow enough for the drive
+# [rad/s, rad/s2] slow enough for the drive
+STEP_VELOCITY, STEP_ACCELERATION = np.full(3, 0.5), np.full(3, 5.0)
 TILT_DEG, TILT_SECONDS = 10.0, 0.5
 ACCELERATION, DRIVE_SECONDS, ONSET = 2.0, 3.0, 0.2  # [m/s2], [s], [s] in which it comes and goes
 WARM = 1.2  # [s] at the pose before the event, in which the sensor is met
@@ -84,7 +80,7 @@ class CuedBase:
         self.begin = np.inf  # [s] on the plant's clock; set it a second ahead, for what is sampled is kept
 
     def sample(self, times: Floats) -> BaseSamples:
-        """Motion at times (N,) [s]."""
+        """Return the base's motion at times (N,) [s]."""
         since = np.maximum(np.asarray(times, dtype=float) - min(self.begin, 1e9), 0.0)
         x = np.minimum(since / self.turn_time, 1.0)
         angle = self.turn * _quintic(x)
@@ -107,7 +103,7 @@ class TrueAttitude:
         self._base = base
 
     def read(self, time: float) -> GravityReading:
-        """Gravity at a time [s]."""
+        """Return gravity at a time [s]."""
         gravity = self._base.sample(np.array([time])).gravity[0]
         return GravityReading(gravity, 0.0, np.zeros((2, 3)), ReadingStatus.LIVE, Fault.NONE)
 
@@ -129,7 +125,7 @@ class Response(NamedTuple):
 
 
 def homed(event: Event, *, seed: int | None = None) -> CablePlant:
-    """A robot, homed on the base of the event before that begins."""
+    """Return a robot, homed on the base of the event before the event begins."""
     base: MovingBase
     if event == "reference":
         base = turned_base(STEP_BASE_DEG)
@@ -211,7 +207,7 @@ def _quintic(x: Floats) -> Floats:
 
 
 def step_table(rows: Sequence[Response]) -> Table:
-    """How joint 1 follows the step of its reference, by controller."""
+    """Return how joint 1 follows the step of its reference, by controller."""
     return Table(
         ["controller", "error before [deg]", "10 to 90 % [s]", "overshoot [deg]", "error at the end [deg]"],
         [
@@ -228,7 +224,7 @@ def step_table(rows: Sequence[Response]) -> Table:
 
 
 def base_table(rows: Sequence[Response]) -> Table:
-    """By how much joint 1's error changes where its base moves, by controller."""
+    """Return by how much joint 1's error changes when its base moves, by controller."""
     return Table(
         ["event", "controller", "error before [deg]", "largest change [deg]", "final change [deg]"],
         [
@@ -245,13 +241,11 @@ def base_table(rows: Sequence[Response]) -> Table:
 
 
 def figure(rows: Sequence[Response]) -> Picture:
-    """Joint 1 over time, event by event: where it went in the step, its error where the base moves."""
-    from matplotlib.figure import Figure
-
-    drawn = Figure(figsize=(10, 3.6), layout="constrained")
+    """Draw joint 1 over time for each event: its motion in the step, its error where the base moves."""
     events: list[Event] = list(dict.fromkeys(row.event for row in rows))
+    drawn, parts = panels(len(events), 3.6)
     labelled: dict[str, Any] = {}
-    for axes, event in zip(np.atleast_1d(drawn.subplots(1, len(events))), events, strict=True):
+    for axes, event in zip(parts, events, strict=True):
         of = [row for row in rows if row.event == event]
         for row in of:
             # PD+SG and the true attitude's term are the same on a level base

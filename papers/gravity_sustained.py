@@ -34,10 +34,9 @@ from catenary.workflows.gravity.simulated_arm import raven_gains
 from papers.arguments import folder_argument
 from papers.gravity_step import ACCELERATION, ALONG, ONSET, CuedBase, Response, respond
 from papers.plant_targets import joint_1_friction
-from papers.results import shown, write_results
+from papers.results import FOUR_COLORS, LABELS, panels, shown, write_results
 
 CONTROLLERS = ("sg", "pd")
-LABELS = {"sg": "PD+SG", "pd": "PD"}
 SLOW = 2.0  # [s] an onset that the arm follows without swinging
 FRICTION = ("rotor_friction", "rotor_load_friction", "link_friction", "link_load_friction")
 STEP = 1e-5  # [rad|m] of the finite differences of gravity
@@ -65,12 +64,12 @@ class Change(NamedTuple):
 
 
 def without_friction(arm: CableArm) -> CableArm:
-    """The arm without any friction of its positioning joints."""
+    """Return the arm without any friction of its positioning joints."""
     return arm._replace(cable=arm.cable.replace(**{name: np.zeros(3) for name in FRICTION}))
 
 
 def with_believed_drives(arm: CableArm) -> CableArm:
-    """The arm with the ratios and the coupling that its firmware believes in."""
+    """Return the arm with the ratios and the coupling that its firmware assumes."""
     return arm._replace(
         cable=arm.cable.replace(ratio_error=np.zeros(3), coupling=arm.firmware.coupling.copy())
     )
@@ -85,19 +84,19 @@ CASES = (
 
 
 def missing() -> Floats:
-    """Delta g at RAVEN_START, (3,) [Nm, Nm, N]."""
+    """Return delta g at RAVEN_START, (3,) [Nm, Nm, N]."""
     return gravity_torque(load_robot("raven2"), RAVEN_START, -ACCELERATION * ALONG)
 
 
 def drive_gain(arm: CableArm) -> Floats:
-    """D (3, 3): joint torques that an arm gets, of those that its firmware was asked for, without friction."""
+    """Return D (3, 3), from the joint torques asked of the firmware to those that the joints get without friction."""
     true, believed = _winding(arm.cable.coupling), _winding(arm.firmware.coupling)
     gain: Floats = true.T @ np.diag(1.0 + arm.cable.ratio_error) @ np.linalg.inv(believed.T)
     return gain
 
 
 def frictionless(arm: CableArm, controller: str) -> Floats:
-    """Change of the reported joints' error (3,) [rad, rad, m], where no friction holds them.
+    """Return the change of the reported joints' error (3,) [rad, rad, m] without friction.
 
     Args:
         arm: Its numbers.
@@ -121,7 +120,7 @@ def frictionless(arm: CableArm, controller: str) -> Floats:
 
 
 def friction_band(arm: CableArm) -> float:
-    """How far joint 1's friction may keep it from its place, to either side [rad]."""
+    """Return how far friction may keep joint 1 from its equilibrium, to either side [rad]."""
     torque = gravity_torque(load_robot("raven2"), RAVEN_START, LEVEL - ACCELERATION * ALONG)
     kp = raven_gains(arm.firmware).kp
     return joint_1_friction(arm, float(abs(torque[0]))) / float(drive_gain(arm)[0, 0] * kp[0])
@@ -144,12 +143,12 @@ def accelerated(case: Case, controllers: Sequence[str] = CONTROLLERS) -> list[Ch
 
 
 def _winding(coupling: Floats) -> Floats:
-    """C (3, 3): winding of the cables per joint."""
+    """Return C (3, 3), the winding of the cables per joint."""
     return np.array([winding_of(coupling, unit) for unit in np.eye(3)]).T
 
 
 def _gravity_stiffness(gravity: Floats) -> Floats:
-    """dg/dq (3, 3) at RAVEN_START."""
+    """Return dg/dq (3, 3) at RAVEN_START."""
     model, q = load_robot("raven2"), np.array(RAVEN_START)
     columns = [
         (gravity_torque(model, q + step, gravity) - gravity_torque(model, q - step, gravity)) / (2.0 * STEP)
@@ -159,7 +158,7 @@ def _gravity_stiffness(gravity: Floats) -> Floats:
 
 
 def change_table(changes: Sequence[Change]) -> Table:
-    """Expected and simulated change of joint 1's error, and both over delta g / kp."""
+    """Return the expected and the simulated change of joint 1's error, and both over delta g / kp."""
     return Table(
         [
             "robot",
@@ -186,14 +185,10 @@ def change_table(changes: Sequence[Change]) -> Table:
 
 
 def figure(changes: Sequence[Change]) -> Picture:
-    """Joint 1's change of error over time under the first controller, each case."""
-    from matplotlib.figure import Figure
-
-    drawn = Figure(figsize=(10, 3.6), layout="constrained")
-    axes = drawn.subplots()
+    """Draw joint 1's change of error over time under the first controller, for each case."""
+    drawn, (axes,) = panels(1, 3.6)
     first = [change for change in changes if change.controller == changes[0].controller]
-    colors = ("#1c2430", "#4b6b94", "#d9622b", "#2f8f6b")
-    for change, color in zip(first, colors, strict=False):
+    for change, color in zip(first, FOUR_COLORS, strict=False):
         error = np.array(change.response.error) - change.response.before
         axes.plot(change.response.time, error, color=color, label=change.case)
     axes.axhline(first[0].expected, color="#7a8699", lw=0.8, ls="--", label="expected without friction")

@@ -32,23 +32,21 @@ from catenary.reports.page import Block, Heading, Picture, Table, Text, picture
 from catenary.simulation.base_motion import MovingBase
 from catenary.simulation.cable_parameters import CableArm
 from catenary.trajectories.cartesian import AMPLITUDE, CYCLES, PERIOD, CartesianSinusoids
-from catenary.units import DISPLAY
 from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
 from catenary.workflows.gravity.track import track
 from papers.arguments import folder_and_robots
-from papers.raven_base import rocking_base, turned_base
-from papers.results import shown, spread, write_results
+from papers.raven_base import SHOWN, rocking_base, turned_base
+from papers.results import COLORS, LABELS, panels, shown, spread, write_results
 
 ANGLES_DEG = (0, 10, 20)
 ROBOTS: tuple[int | None, ...] = (None, 1, 2, 3, 4, 5)  # None is the nominal one
 CONTROLLERS = ("pd", "sg", "dg")
 OTHERS = ("elastic-constant", "elastic-online", "elastic-biased", "inertia", "computed-torque")
 FOLLOW_VELOCITY = ("inertia", "computed-torque")  # damped relative to the reference by their law
-LABELS = {"pd": "PD", "sg": "PD+SG", "dg": "PD+DG", "dg-imu": "PD+DG, IMU"}
+SHOWN_CONTROLLERS = (*CONTROLLERS, "dg-imu")  # in the tables
 ROCKING = "rocking"
-UNITS = ("rad", "rad", "m")
 
 
 class Run(NamedTuple):
@@ -72,7 +70,7 @@ class AccelerometerOnly:
         self.feedback, self.feedforward = controller.feedback, controller.feedforward
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
-        """Torques (n,) [Nm|N]."""
+        """Return the torques (n,) [Nm|N]."""
         return self._controller.torque(state._replace(base_rates=AT_REST), reference)
 
 
@@ -104,14 +102,13 @@ def run_controllers(
     for name, damping in wanted:
         robot = raven_arm(deepcopy(plant))
         result = track(robot, _controller(name, robot, damping), motion)
-        error = [e * DISPLAY[unit][1] for e, unit in zip(result.rms_error.tolist(), UNITS, strict=True)]
         runs.append(
             Run(
                 seed,
                 label,
                 name,
                 damping,
-                tuple(error),
+                tuple((result.rms_error * SHOWN).tolist()),
                 tuple(result.pd_share.tolist()),
                 tuple(result.rms_torque.tolist()),
             )
@@ -126,12 +123,12 @@ def _controller(name: str, arm: SimulatedArm, damping: Damping) -> SplitControll
 
 
 def error_table(runs: Sequence[Run], joint: int) -> Table:
-    """RMS error of a joint: the nominal robot and the drawn ones, and by how much compensation changes it."""
+    """Return the RMS error of a joint for the nominal and the drawn robots, and by how much compensation changes it."""
     unit = ("deg", "deg", "mm")[joint]
     rows = []
     for base in dict.fromkeys(run.base for run in runs):
         plain = _of(runs, base, "pd", joint)
-        for name in LABELS:
+        for name in SHOWN_CONTROLLERS:
             values = _of(runs, base, name, joint)
             if not values:
                 continue
@@ -150,10 +147,10 @@ def error_table(runs: Sequence[Run], joint: int) -> Table:
 
 
 def share_table(runs: Sequence[Run]) -> Table:
-    """PD share of every joint, means over all robots."""
+    """Return the PD share of every joint, means over all robots."""
     rows = []
     for base in dict.fromkeys(run.base for run in runs):
-        for name in LABELS:
+        for name in SHOWN_CONTROLLERS:
             of = [run for run in runs if run.base == base and run.controller == name]
             if of:
                 shares = 100.0 * np.mean([run.pd_share for run in of], axis=0)
@@ -166,7 +163,7 @@ def share_table(runs: Sequence[Run]) -> Table:
 
 
 def others_table(runs: Sequence[Run]) -> Table:
-    """Every controller with either damping, on one robot and one base."""
+    """Return every controller with either damping, on one robot and one base."""
     rows = [
         [
             LABELS.get(run.controller, run.controller),
@@ -181,14 +178,11 @@ def others_table(runs: Sequence[Run]) -> Table:
 
 
 def figure(runs: Sequence[Run]) -> Picture:
-    """RMS errors of the three joints, all robots, every base."""
-    from matplotlib.figure import Figure
-
-    drawn = Figure(figsize=(10, 3.7), layout="constrained")
+    """Draw the RMS errors of the three joints, all robots, every base."""
+    drawn, three = panels(3, 3.7)
     bases = list(dict.fromkeys(run.base for run in runs))
-    colors = {"pd": "#1c2430", "sg": "#4b6b94", "dg": "#d9622b", "dg-imu": "#2f8f6b"}
-    names = [name for name in LABELS if any(run.controller == name for run in runs)]
-    for joint, axes in enumerate(np.atleast_1d(drawn.subplots(1, 3))):
+    names = [name for name in SHOWN_CONTROLLERS if any(run.controller == name for run in runs)]
+    for joint, axes in enumerate(three):
         for k, name in enumerate(names):
             for i, base in enumerate(bases):
                 values = list(_of(runs, base, name, joint).values())
@@ -199,7 +193,7 @@ def figure(runs: Sequence[Run]) -> Picture:
                     place,
                     np.mean(values),
                     0.18,
-                    color=colors[name],
+                    color=COLORS[name],
                     label=LABELS[name] if i == len(bases) - 1 else None,
                 )
                 axes.plot(

@@ -18,6 +18,7 @@ from catenary.calibration.model import CalibrationModel
 from catenary.simulation.cable_parameters import CableArm
 from catenary.trajectories.zigzag import DIRECTIONS, Direction
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
+from papers.raven_base import SHOWN
 
 SPARSITIES = (1 / 2, 1 / 3, 1 / 4)
 TEST_SECONDS = 1200.0
@@ -25,7 +26,6 @@ SIX_HOURS = 6.0 * 3600.0
 HOMINGS = 5
 START = (0.5, 1.5, 0.40)  # where the arm wakes up [rad, rad, m]
 SEED = 7
-SHOWN = np.array([180.0 / np.pi, 180.0 / np.pi, 1000.0])  # rad, rad, m to deg, deg, mm
 
 
 class Hour(NamedTuple):
@@ -37,7 +37,7 @@ class Hour(NamedTuple):
 
 
 def homed(arm: CableArm, payload: float = 0.0) -> CablePlant:
-    """The arm, homed, with a payload [kg]."""
+    """Return the arm, homed, with a payload [kg]."""
     plant = CablePlant(arm, start=START, substeps=1, payload=payload)
     plant.home()
     return plant
@@ -59,7 +59,7 @@ def recordings(
 
 
 def errors(train: MotionLog, test: MotionLog) -> dict[str, Floats]:
-    """Errors on the test motion: raw, after the fixed offset, after the linear model with the paper's 16 inputs."""
+    """Return errors on the test motion: raw, after the fixed offset, after the linear model of all 16 inputs."""
     options = FitOptions(kind="linear", inputs=("all",))
     inputs = choose_inputs([train], options)
     model = fit(calibration_data([train], inputs.features), inputs, options)
@@ -72,14 +72,14 @@ def errors(train: MotionLog, test: MotionLog) -> dict[str, Floats]:
 
 
 def offset_model(train: MotionLog) -> CalibrationModel:
-    """The fixed offset of a recording."""
+    """Fit the fixed offset of a recording."""
     options = FitOptions(kind="offset", inputs=("all",))
     inputs = choose_inputs([train], options)
     return fit(calibration_data([train], inputs.features), inputs, options)
 
 
 def linear_model(train: MotionLog) -> CalibrationModel:
-    """A linear model of the positioning joints' positions and torques.
+    """Fit a linear model of the positioning joints' positions and torques.
 
     Not of the tool's: it stands elsewhere after homing again, which a model of all 16 inputs takes for unknown ground.
     """
@@ -97,12 +97,12 @@ def evaluation(model: CalibrationModel, log: MotionLog, part: slice = slice(None
 
 
 def rmse(model: CalibrationModel, log: MotionLog) -> Floats:
-    """RMSE after the model."""
+    """Return the RMSE after the model."""
     return np.array([joint.rmse for joint in evaluation(model, log).joints])
 
 
 def six_hours(arm: CableArm, payload: float = 0.0) -> tuple[Hour, Hour]:
-    """Hour 0 and hour 5 of random motion, after a linear model fitted without payload before it."""
+    """Return hour 0 and hour 5 of random motion, after a linear model fitted without payload before it."""
     plant = homed(arm)
     model = linear_model(recordings(plant)[0])
     if payload > 0.0:
@@ -122,13 +122,13 @@ def _hour(model: CalibrationModel, log: MotionLog, part: slice) -> Hour:
 
 
 def directions(arm: CableArm) -> dict[str, dict[str, Floats]]:
-    """Errors of every direction of the zig-zag, each on a robot just homed, the test motion the same."""
+    """Return errors of every direction of the zig-zag, each on a robot just homed, with the same test motion."""
     fresh = homed(arm)
     return {direction: errors(*recordings(deepcopy(fresh), direction)) for direction in DIRECTIONS}
 
 
 def directions_in_turn(arm: CableArm) -> dict[str, dict[str, Floats]]:
-    """Errors of every direction, one after another on one robot that wears, each with its own test motion."""
+    """Return errors of every direction, one after another on one robot that wears, each with its own test motion."""
     plant = homed(arm)
     return {
         direction: errors(*recordings(plant, direction, 100 + k)) for k, direction in enumerate(DIRECTIONS)
@@ -136,7 +136,7 @@ def directions_in_turn(arm: CableArm) -> dict[str, dict[str, Floats]]:
 
 
 def homings(arm: CableArm) -> list[Floats]:
-    """RMSE of a linear model before homing again, and after each of five homings from wherever a motion ended."""
+    """Return the RMSE of a linear model before and after each of five homings from where a motion ended."""
     plant = homed(arm)
     model = linear_model(recordings(plant)[0])
     reached = [rmse(model, random_log(plant, 300.0, 40))]

@@ -79,7 +79,7 @@ class Fitted(NamedTuple):
     loss: Floats  # (3,) relative change of the last hour's error when cables lose stiffness LOSS_TRIED times as fast
 
     def table(self) -> Table:
-        """Every free parameter, how far it went and how far it might have gone."""
+        """Return every free parameter with its factor and its bounds."""
         groups: tuple[tuple[str, tuple[Free, ...], Floats], ...] = (
             ("static gravity test", FRICTION, self.friction),
             ("table I", FREE, self.table_1),
@@ -101,7 +101,7 @@ class Fitted(NamedTuple):
         )
 
     def about_loss(self) -> str:
-        """Why the rate of stiffness loss was not fitted."""
+        """Say why the rate of stiffness loss was not fitted."""
         return (
             f"The rate of stiffness loss is not fitted: with {LOSS_TRIED:.0f} times the rate, the linear model's error "
             f"of the last hour changes by {', '.join(f'{share:+.1%}' for share in self.loss)} (J1, J2, J3). The drift "
@@ -125,7 +125,7 @@ def verdict(reached: Floats, target: Sequence[float]) -> str:
 
 
 def table_1(arm: CableArm) -> Section:
-    """The nine errors that ratios, coupling, run-out, hysteresis and stiffness were fitted to."""
+    """Compare the nine errors that ratios, coupling, run-out, hysteresis and stiffness were fitted to."""
     reached = errors(*recordings(homed(arm)))
     rows = [
         [key, _text(target), _text(reached[key]), verdict(reached[key], target)]
@@ -137,7 +137,7 @@ def table_1(arm: CableArm) -> Section:
 
 
 def static_gravity(arm: CableArm) -> Section:
-    """PD's share of joint 1's torque on a tilted base."""
+    """Compare PD's share of joint 1's torque on a tilted base."""
     corrector = Corrector(offset_model(recordings(homed(arm))[0]))
     rows, held = [], 0.0
     for angle in BASE_ANGLES_DEG:
@@ -183,7 +183,7 @@ def static_gravity(arm: CableArm) -> Section:
 
 
 def hours_and_loads(arm: CableArm) -> Section:
-    """Six hours of motion, unloaded and with 500 g."""
+    """Compare six hours of motion, unloaded and with 500 g."""
     first, last = six_hours(arm)
     loaded_first, loaded_last = six_hours(arm, PAYLOAD)
     rows = []
@@ -201,7 +201,7 @@ def hours_and_loads(arm: CableArm) -> Section:
 
 
 def every_direction(arm: CableArm) -> Section:
-    """Raw and fixed offset of every direction: each on a fresh robot, and one after another on one that wears."""
+    """Compare raw error and fixed offset of every direction, on fresh robots and on one that wears."""
     fresh, worn = directions(arm), directions_in_turn(arm)
     rows = []
     for direction, (raw, offset) in TABLE_1_DIRECTIONS.items():
@@ -214,7 +214,7 @@ def every_direction(arm: CableArm) -> Section:
 
 
 def after_homing(arm: CableArm) -> Section:
-    """A linear model before and after homing again, never seen in training."""
+    """Compare a linear model before and after homing again, which it did not see in training."""
     reached = homings(arm)
     rows = []
     for k, here in enumerate(reached):

@@ -50,7 +50,7 @@ class HeldTool:
         self.feedback = self._arm.feedback  # (3,) the PD term of the last tick
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
-        """Torques (7,) [Nm|N]."""
+        """Return the torques (7,) [Nm|N]."""
         n = POSITIONING
         ends = [
             part.torque(
@@ -63,7 +63,7 @@ class HeldTool:
 
 
 def poses_of_joint_1(start: Floats) -> SmoothedPath:
-    """Move from pose to pose of joint 1 and hold each; the other joints stay."""
+    """Return a path that holds joint 1 at each pose in turn; the other joints stay."""
     points, times = [float(start[0])], [0.0]
     for pose in np.deg2rad(POSES_DEG):
         times += [times[-1] + MOVE, times[-1] + MOVE + HOLD]
@@ -100,7 +100,7 @@ def pd_share(
 
 
 def _believed_position(plant: CablePlant, corrector: StateCorrector | None) -> Floats:
-    """Where the controller will find the joints: the motion begins there."""
+    """Return where the controller will find the joints, which is where the motion begins."""
     state = plant.measured_js()
     if corrector is None:
         return state.q

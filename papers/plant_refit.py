@@ -35,7 +35,7 @@ NEAR = 0.03  # relative error at which a step stops
 
 
 def fit_friction(arm: CableArm) -> float:
-    """Give the factor on friction at which PD gives its target share of joint 1's torque, on a level base."""
+    """Return the factor on friction at which PD has its target share of joint 1's torque, on a level base."""
     bound = np.log(FRICTION[0].factor)
     tried: list[tuple[float, float]] = []  # logarithms of factor, and of share over target
     log = 0.0
@@ -53,7 +53,7 @@ def fit_friction(arm: CableArm) -> float:
 
 
 def fit_table_1(arm: CableArm, rounds: int) -> Floats:
-    """Give the factors of FREE at which the nine errors are the targets: Gauss-Newton on their logarithms, in bounds.
+    """Return the factors of FREE at which the nine errors meet their targets: Gauss-Newton on logarithms.
 
     A step away from where the parameters started costs PRIOR. The Jacobian is taken once by finite differences and
     kept up to date by Broyden's rule, since an evaluation is an hour of motion.
@@ -86,7 +86,7 @@ def fit_table_1(arm: CableArm, rounds: int) -> Floats:
 
 
 def fit_drift(arm: CableArm) -> Floats:
-    """Give the factors of DRIFT at which the linear model's error in the last of six hours is the target.
+    """Return the factors of DRIFT at which the linear model's error in the last of six hours meets its target.
 
     A set shifts a joint's error, in proportion to its rate but for the largest set, and leaves its spread: so the
     shift that is wanted is known, and the rate follows by secants. Each joint by itself; the coupling's share comes
@@ -117,7 +117,7 @@ def fit_drift(arm: CableArm) -> Floats:
 
 
 def loss_effect(arm: CableArm) -> Floats:
-    """Give the relative change of the last hour's error when cables lose stiffness faster, (3,)."""
+    """Return the relative change of the last hour's error when cables lose stiffness faster, (3,)."""
     faster = arm._replace(cable=arm.cable.replace(loss_rate=LOSS_TRIED * arm.cable.loss_rate))
     effect: Floats = six_hours(faster)[1].linear / six_hours(arm)[1].linear - 1.0
     return effect

@@ -53,7 +53,7 @@ FITTED = frozenset(free.field for free in (*FREE, *FRICTION, *DRIFT))
 
 
 def with_factors(arm: CableArm, free: tuple[Free, ...], factors: Floats) -> CableArm:
-    """Give the arm with some of its parameters multiplied."""
+    """Return the arm with some of its parameters multiplied."""
     cable = arm.cable.copy()
     for parameter, factor in zip(free, np.broadcast_to(factors, len(free)), strict=True):
         cable[parameter.field][parameter.joint] *= factor
@@ -61,7 +61,7 @@ def with_factors(arm: CableArm, free: tuple[Free, ...], factors: Floats) -> Cabl
 
 
 def joint_1_friction(arm: CableArm, torque: float) -> float:
-    """Friction of joint 1 in all [Nm] under a torque [Nm]: of the rotor at the joint, and of the link."""
+    """Return the whole friction of joint 1 [Nm] under a torque [Nm]: of the rotor at the joint, and of the link."""
     c = arm.cable
     rotor = c.rotor_friction[0] * c.ratio[0] * (1.0 + c.ratio_error[0]) + c.rotor_load_friction[0] * torque
     return float(rotor + c.link_friction[0] + c.link_load_friction[0] * torque)

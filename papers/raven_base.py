@@ -1,4 +1,4 @@
-"""The bases of the gravity paper's experiments: turned about Z0, joint 1's axis, on the left arm.
+"""The bases of the gravity paper's experiments, turned about Z0, joint 1's axis, on the left arm; units of its joints.
 
 Lewis and Hannaford 2014, sections IV-B and V: base angles "about the Z0 axis" of the mechanism's frame 0.
 """
@@ -9,16 +9,17 @@ from catenary import FixedBase
 from catenary.arrays import frozen
 from catenary.simulation.base_motion import RockingBase
 
+SHOWN = frozen(np.array([180.0 / np.pi, 180.0 / np.pi, 1000.0]))  # rad, rad, m to deg, deg, mm
 Z0 = frozen(np.array([0.0, -1.0, 0.0]))  # in base axes, whose z is up
 
 
 def turned_base(angle_deg: float) -> FixedBase:
-    """A base that stands still, turned about Z0 [deg]."""
+    """Return a base at rest, turned about Z0 [deg]."""
     return FixedBase(0.0, float(-np.deg2rad(angle_deg)))
 
 
 def rocking_base(lever: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> RockingBase:
-    """The base of figure 10: rocked about Z0 between 10 and 20 deg at 1 Hz.
+    """Return the base of figure 10, rocked about Z0 between 10 and 20 deg at 1 Hz.
 
     Args:
         lever: The base's origin seen from a point of the axis [m], base axes.

@@ -31,7 +31,6 @@ from catenary import (
     JointState,
     MotionLog,
     RobotModel,
-    __version__,
     compact_regressor,
     gravity_torque,
     identify,
@@ -45,16 +44,17 @@ from catenary.calibration.model import CalibrationModel
 from catenary.control.loop import Tick
 from catenary.control.measures import pd_share
 from catenary.errors import ExcitationError
-from catenary.files import json_text
 from catenary.gravity.compact import CompactRegressor
 from catenary.identification.base_parameters import gravity_base_parameters
 from catenary.identification.options import IdentifyOptions
-from catenary.reports.page import Block, Heading, Table, Text, write_page
+from catenary.reports.page import Block, Table, Text
 from catenary.spatial import LEVEL
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.workflows.gravity.simulated_arm import raven_arm
 from papers.arguments import folder_argument
 from papers.plant_evaluation import linear_model
+from papers.raven_base import SHOWN
+from papers.results import shown, write_files
 
 Positions = Literal["reported", "calibrated", "true"]
 POSITIONS: tuple[Positions, ...] = ("reported", "calibrated", "true")
@@ -94,12 +94,12 @@ class Fit:
 
 
 def believed(model: RobotModel) -> RobotModel:
-    """The robot with every mass wrong by the same factor."""
+    """Return the robot with every mass wrong by the same factor."""
     return replace(model, tree=model.tree._replace(mass=BELIEVED * model.tree.mass))
 
 
 def calibration(seed: int | None, sparsities: Sequence[float] = (1 / 2, 1 / 3, 1 / 4)) -> CalibrationModel:
-    """Linear model of the joint errors, of the published zig-zag on a level base."""
+    """Fit a linear model of the joint errors to the published zig-zag on a level base."""
     plant = CablePlant(seed=seed, substeps=1)
     plant.home()
     return linear_model(
@@ -149,7 +149,7 @@ def hold_poses(
 
 
 def _through(stops: Floats) -> tuple[SmoothedPath, Floats]:
-    """Path that rests at each stop, and when each rest ends [s]."""
+    """Return a path that rests at each stop, and the time at which each rest ends [s]."""
     times, points = [], []
     for k, stop in enumerate(stops):
         times += [k * (MOVE + REST), k * (MOVE + REST) + REST]
@@ -160,7 +160,7 @@ def _through(stops: Floats) -> tuple[SmoothedPath, Floats]:
 def fit_compact(
     regressor: CompactRegressor, s0: Floats, poses: Sequence[Poses], positions: Positions, on: str
 ) -> Fit:
-    """Least squares of the torques, with the believed parameters as prior."""
+    """Fit compact parameters to the torques by least squares, with the believed parameters as prior."""
     Z = np.concatenate([regressor.Z(p.q[positions], p.gravity) / NOISE[:, None] for p in poses])
     tau = np.concatenate([p.tau / NOISE for p in poses])
     rows, wanted = Z.reshape(-1, Z.shape[2]), tau.reshape(-1)
@@ -172,7 +172,7 @@ def fit_compact(
 def torque_error(
     regressor: CompactRegressor, s: Floats, poses: Poses, model: RobotModel, at: Positions
 ) -> Floats:
-    """RMS of Z s at given positions less true gravity at true positions, (n,) [Nm|N]."""
+    """Return the RMS of Z s at given positions minus true gravity at true positions, (n,) [Nm|N]."""
     truth = gravity_torque(model, poses.q["true"], poses.gravity)
     error: Floats = np.sqrt(np.mean((regressor.Z(poses.q[at], poses.gravity) @ s - truth) ** 2, axis=0))
     return error
@@ -186,7 +186,7 @@ class KnownGravity:
         self._kernel, self._s = regressor.kernel(), s
 
     def follow(self, state: JointState, q_desired: Floats) -> Floats:
-        """Gravity torque (n,) [Nm|N] at the state."""
+        """Return the gravity torque (n,) [Nm|N] at the state."""
         torque: Floats = self._kernel(state.q, state.gravity) @ self._s
         return torque
 
@@ -220,7 +220,7 @@ def hold_with(regressor: CompactRegressor, s: Floats, *, count: int, robot: int 
 
 
 def identified_error(poses: Poses, test: Poses, model: RobotModel) -> Floats | str:
-    """RMS error (n,) of `identify` at the reported positions of test poses of the same base, or why it refuses."""
+    """Return the RMS error (n,) of `identify` at reported positions of test poses, or why it refuses."""
     options = IdentifyOptions(terms="static", gravity=tuple(float(g) for g in poses.gravity))  # type: ignore[arg-type]
     try:
         result = identify([poses.log], model, options)
@@ -291,7 +291,7 @@ def experiment(
 
 
 def tables(results: Results) -> list[tuple[str, Table]]:
-    """The tables of the page."""
+    """Return the tables of the page."""
     ranks = [
         [label, f"{results.fits[label].rank}", f"{results.ranks[results.fits[label].on]}"]
         for label in results.fits
@@ -301,7 +301,7 @@ def tables(results: Results) -> list[tuple[str, Table]]:
         [
             label,
             *(f"{100.0 * v:.0f}" for v in h.share),
-            *(f"{v:.3f}" for v in h.error * [180 / np.pi, 180 / np.pi, 1e3]),
+            *(f"{v:.3f}" for v in h.error * SHOWN),
         ]
         for label, h in results.held.items()
     ]
@@ -330,14 +330,10 @@ def tables(results: Results) -> list[tuple[str, Table]]:
 
 def main(folder: Path) -> None:
     """Print the tables, write raven_identification.json and raven_identification.html."""
-    folder.mkdir(parents=True, exist_ok=True)
     results = experiment()
     blocks: list[Block] = []
     for title, table in tables(results):
-        print(f"\n{title}\n\n| " + " | ".join(table.header) + " |\n|" + "---|" * len(table.header))
-        for row in table.rows:
-            print("| " + " | ".join(row) + " |")
-        blocks += [Heading(title), table]
+        blocks += shown(title, table)
     told = results.by_identify
     words = told if isinstance(told, str) else "J1, J2 [Nm], J3 [N]: " + ", ".join(f"{v:.3f}" for v in told)
     print(f"\nidentify, terms static, on the level base, tested there: {words}")
@@ -347,8 +343,6 @@ def main(folder: Path) -> None:
         )
     )
     content = {
-        "simulated": True,
-        "version": __version__,
         "base_parameters": results.ranks,
         "ranks": {label: fit.rank for label, fit in results.fits.items()},
         "parameters": {label: fit.s.tolist() for label, fit in results.fits.items()},
@@ -358,13 +352,13 @@ def main(folder: Path) -> None:
         },
         "identify": told if isinstance(told, str) else told.tolist(),
     }
-    (folder / "raven_identification.json").write_text(json_text(content), encoding="utf-8")
-    write_page(
-        folder / "raven_identification.html",
+    write_files(
+        folder,
+        "raven_identification",
         "Gravity parameters of a RAVEN-II from static poses",
         "Masses believed 20 % too large; bases level and tilted.",
         blocks,
-        simulated=True,
+        content,
     )
 
 

@@ -1,4 +1,4 @@
-"""What an experiment leaves: tables printed on the way, a page and a data file with all that it takes to repeat it."""
+"""What an experiment leaves: tables printed on the way, pictures, a page and a data file with what it was run with."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,17 +10,36 @@ from catenary import __version__
 from catenary.files import json_text
 from catenary.reports.page import Block, Heading, Table, settings_facts, write_page
 
+# how controllers are called and drawn
+LABELS = {
+    "pd": "PD",
+    "sg": "PD+SG",
+    "dg": "PD+DG",
+    "dg-imu": "PD+DG, IMU",
+    "attitude": "PD+G of true attitude",
+}
+COLORS = {"pd": "#1c2430", "sg": "#4b6b94", "dg": "#d9622b", "dg-imu": "#2f8f6b", "attitude": "#2f8f6b"}
+FOUR_COLORS = ("#1c2430", "#4b6b94", "#d9622b", "#2f8f6b")
+
 
 def shown(title: str, table: Table) -> list[Block]:
-    """Print a table as Markdown; blocks of it for the page."""
+    """Print a table as Markdown; return it with its heading as blocks of the page."""
     print(f"\n{title}\n\n| " + " | ".join(table.header) + " |\n|" + "---|" * len(table.header))
     for row in table.rows:
         print("| " + " | ".join(row) + " |", flush=True)
     return [Heading(title), table]
 
 
+def panels(columns: int, height: float, **options: Any) -> tuple[Any, list[Any]]:
+    """Return an empty matplotlib figure as wide as the page, and its axes side by side; the height is in inches."""
+    from matplotlib.figure import Figure
+
+    drawn = Figure(figsize=(10, height), layout="constrained")
+    return drawn, list(np.atleast_1d(drawn.subplots(1, columns, **options)))
+
+
 def spread(values: Sequence[float], digits: int = 1) -> str:
-    """Mean and standard deviation of a sample, "-" of fewer than two."""
+    """Return mean and standard deviation of a sample, "-" for fewer than two values."""
     if len(values) < 2:
         return "-"
     return f"{np.mean(values):.{digits}f} ± {np.std(values, ddof=1):.{digits}f}"
@@ -36,27 +55,31 @@ def write_results(
     configuration: Mapping[str, Any],
     results: Any,
 ) -> None:
+    """Write `name`.json and `name`.html of a simulated experiment, its configuration (plain data) in both.
+
+    For the other arguments and errors see `write_files`.
+    """
+    whole = [*blocks, Heading("Configuration"), settings_facts(configuration)]
+    write_files(folder, name, title, lead, whole, {"configuration": configuration, "results": results})
+
+
+def write_files(
+    folder: Path, name: str, title: str, lead: str, blocks: Sequence[Block], content: Mapping[str, Any]
+) -> None:
     """Write `name`.json and `name`.html of a simulated experiment.
 
     Args:
-        folder: Made where it is missing.
+        folder: Created if it is missing.
         name: Of both files.
         title: Of the page.
-        lead: What it shows, in a sentence.
-        blocks: Of the page; its configuration follows them.
-        configuration: What was set: seeds, angles, gains. Plain data.
-        results: What came out. Plain data.
+        lead: What the page shows, in a sentence.
+        blocks: Of the page.
+        content: Of the data file, beside the package's version: what was set and what came out, as plain data.
 
     Raises:
         FileFormatError: The page cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    content = {"simulated": True, "version": __version__, "configuration": configuration, "results": results}
-    (folder / f"{name}.json").write_text(json_text(content), encoding="utf-8")
-    write_page(
-        folder / f"{name}.html",
-        title,
-        lead,
-        [*blocks, Heading("Configuration"), settings_facts(configuration)],
-        simulated=True,
-    )
+    data = {"simulated": True, "version": __version__, **content}
+    (folder / f"{name}.json").write_text(json_text(data), encoding="utf-8")
+    write_page(folder / f"{name}.html", title, lead, list(blocks), simulated=True)

@@ -11,24 +11,22 @@ from typing import Any
 
 import numpy as np
 
-from catenary import CablePlant, MotionLog, __version__, random_sinusoids, record_simulated, zigzag
+from catenary import CablePlant, MotionLog, random_sinusoids, record_simulated, zigzag
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit import FitOptions, choose_inputs, fit
-from catenary.files import json_text
-from catenary.reports.page import Block, Heading, Table, Text, write_page
+from catenary.reports.page import Block, Table, Text
 from catenary.reports.project import TABLE_1
 from catenary.workflows.project.calibrate import RAVEN_INPUTS
 from papers.arguments import folder_and_robots
+from papers.results import shown, write_files
 
 SPARSITIES = (1 / 2, 1 / 3, 1 / 4)
 TEST_SECONDS = 1200.0
 ROBOTS: tuple[int | None, ...] = (None, 1, 2, 3, 4, 5)  # None is the nominal one
 UNITS = ("deg", "deg", "mm")
-ALL = (
-    "all",
-)  # the paper's 16 inputs: positions and torques of one arm; two of them are an unused channel's zeros
+ALL = ("all",)  # the paper's 16 inputs: positions and torques of one arm; two are an unused channel's zeros
 MODELS = {
     "linear": FitOptions(kind="linear", inputs=ALL),
     "polynomial": FitOptions(kind="polynomial", inputs=ALL),
@@ -82,7 +80,7 @@ def _data(log: MotionLog, features: Any) -> CalibrationData:
 
 
 def table(results: list[RobotResult]) -> tuple[list[str], list[list[str]]]:
-    """Header and rows: nominal robot, mean and spread over the drawn ones, the paper's."""
+    """Return header and rows: the nominal robot, mean and spread over the drawn ones, the paper's."""
     nominal, drawn = results[0], results[1:]
     header = ["RMSE (simulated)"]
     for joint, unit in zip(("J1", "J2", "J3"), UNITS, strict=True):
@@ -103,7 +101,7 @@ def table(results: list[RobotResult]) -> tuple[list[str], list[list[str]]]:
 
 
 def gains(results: list[RobotResult]) -> dict[str, list[float]]:
-    """RMSE of preset best over preset paper, per joint, mean over all robots: on zig-zag and on random motion."""
+    """Return the RMSE of preset best over preset paper, per joint, mean over all robots."""
     pairs = {
         "trained on zig-zag": ("neural, preset best", "neural, preset paper"),
         "trained on random motion": (RANDOM_TRAINED, RANDOM_TRAINED_PAPER),
@@ -116,19 +114,13 @@ def gains(results: list[RobotResult]) -> dict[str, list[float]]:
 
 def main(folder: Path, robots: tuple[int | None, ...] = ROBOTS) -> None:
     """Run all robots, print the table, write table1.json and table1.html."""
-    folder.mkdir(parents=True, exist_ok=True)
     results = [run_robot(seed) for seed in robots]
-    header, rows = table(results)
     ratio = gains(results)
-    print("| " + " | ".join(header) + " |\n|" + "---|" * len(header))
-    for row in rows:
-        print("| " + " | ".join(row) + " |")
+    blocks: list[Block] = shown("RMSE on 20 minutes of random motion", Table(*table(results)))
     for name, values in ratio.items():
-        shown = ", ".join(f"{value:.2f}" for value in values)
-        print(f"preset best over preset paper, {name}: {shown}; mean {np.mean(values):.2f}")
+        told = ", ".join(f"{value:.2f}" for value in values)
+        print(f"preset best over preset paper, {name}: {told}; mean {np.mean(values):.2f}")
     content = {
-        "simulated": True,
-        "version": __version__,
         "paper": TABLE_1,
         "robots": [
             {"seed": r.seed, "rmse": {k: v.tolist() for k, v in r.rmse.items()}, "outside": r.outside}
@@ -136,10 +128,7 @@ def main(folder: Path, robots: tuple[int | None, ...] = ROBOTS) -> None:
         ],
         "best_over_paper": ratio,
     }
-    (folder / "table1.json").write_text(json_text(content), encoding="utf-8")
-    blocks: list[Block] = [
-        Heading("RMSE on 20 minutes of random motion"),
-        Table(header, rows),
+    blocks += [
         Text(
             "Simulated robots: the nominal one, to which the plant was fitted, and drawn ones (ratios 1 %, stiffness "
             "15 %, friction 20 %). The paper's columns are Peng et al., table I, on a real robot."
@@ -153,13 +142,8 @@ def main(folder: Path, robots: tuple[int | None, ...] = ROBOTS) -> None:
             for name, values in ratio.items()
         ),
     ]
-    write_page(
-        folder / "table1.html",
-        "Table I, simulated",
-        "Direction J2-J3, sparsities 1/2 + 1/3 + 1/4.",
-        blocks,
-        simulated=True,
-    )
+    lead = "Direction J2-J3, sparsities 1/2 + 1/3 + 1/4."
+    write_files(folder, "table1", "Table I, simulated", lead, blocks, content)
 
 
 if __name__ == "__main__":

@@ -79,7 +79,7 @@ def simulate(
 
 
 def controllers(model: RobotModel) -> dict[str, Controller]:
-    """The tutorial's controller, term by term; all aim at the same natural frequency and damping."""
+    """Return the tutorial's controller, term by term; all have the same natural frequency and damping."""
     kp, kd = gains_from_mass(model)
     w = 2.0 * np.pi * FREQUENCY_HZ
     acceleration = w * w, 2.0 * DAMPING_RATIO * w
@@ -93,7 +93,7 @@ def controllers(model: RobotModel) -> dict[str, Controller]:
 
 
 def motion() -> InTurn:
-    """From START to GOAL, and a rest there."""
+    """Return the motion from START to GOAL, and a rest there."""
     way = go_to(START, GOAL, max_velocity=[FASTEST] * 2, max_acceleration=[QUICKEST] * 2)
     return InTurn([way, Rest(GOAL, 0.7)])
 

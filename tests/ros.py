@@ -36,6 +36,9 @@ from catenary.errors import TransportError
 T = "crtk_msgs/StringStamped"
 transport = Ros1Transport(sys.argv[1])
 """
+# the catenary command as a program, and one that waits longer for others, where the machine is busy
+COMMAND = "import sys; from catenary.cli.main import main; sys.argv[0] = 'catenary'; main()"
+PATIENT_COMMAND = f"import patience; patience.lengthen_limits()\n{COMMAND}"
 NODE = "catenary_test"  # of the process of the tests, which can be one node only
 
 

@@ -23,6 +23,11 @@ BEGIN = 1_700_000_000 * 10**9  # [ns]
 JointState = message_class("sensor_msgs/JointState")
 
 
+def shoulder(amount: float) -> np.ndarray:
+    """Numbers of seven joints, zero but for the first."""
+    return np.array([amount, *np.zeros(6)])
+
+
 def homing_plant() -> IdealPlant:
     """An arm as it is switched on, which takes a quarter of a second to home."""
     supports = frozenset({"measured_js", "setpoint_js", "servo_jp", "servo_jr", "state_command"})

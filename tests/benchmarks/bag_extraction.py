@@ -2,55 +2,46 @@
 
 `make bench-bags`, or `python -m tests.benchmarks.bag_extraction --hours 0.5`. The bag holds raven_state, measured_js and
 ext_jpos at 100 Hz: ten minutes, repeated with their stamps moved on. The peer is rosbags' AnyReader, which gives every
-message as an object whose fields
-are stacked into the same columns and written; it reads the bag's first minutes, since its speed
-does not depend on the length but for its index. Each runs in a process of its own, by CPU time.
+message as an object whose fields are stacked into the same columns and written; it reads the bag's first minutes, since
+its speed does not depend on the length but for its index. Each runs in a process of its own, by CPU time.
 """
 
-import argparse
 import json
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rosbags.rosbag1 import Writer
 
-sys.path.insert(0, str(Path(__file__).parents[1]))  # `oracles`, as pytest finds it
-
 from catenary.recording.messages import ros2_name, typestore
 from catenary.recording.topics import EXT_JPOS, GOLD_MEASURED_JS, RAVENSTATE_100HZ, encode
 from oracles.raven_recording import START_NS, telemetry
+from tests.benchmarks.measure import Tables, report
 
 TOPICS = (RAVENSTATE_100HZ, GOLD_MEASURED_JS, EXT_JPOS)
 PERIOD = 10_000_000  # [ns]
 PIECE = 600  # [s] that are repeated
 PEER_SECONDS = 300
-PEAK = """
-def peak():  # [GiB]; getrusage would tell the parent's
-    line = next(l for l in open("/proc/self/status") if l.startswith("VmHWM"))
-    return int(line.split()[1]) / 2**20
-"""
-OURS = (
-    PEAK
-    + """
+BEGIN = """
 import json, sys, time
 from pathlib import Path
+def tell(messages, wall, cpu):
+    # peak in GiB; getrusage would tell the parent's
+    line = next(l for l in open("/proc/self/status") if l.startswith("VmHWM"))
+    cpu = time.process_time() - cpu
+    print(json.dumps({"messages": messages, "wall_s": time.perf_counter() - wall, "cpu_s": cpu,
+                      "peak_gb": int(line.split()[1]) / 2**20, "messages_per_cpu_s": messages / cpu}))
+"""
+OURS = """
 from catenary.recording.extract import extract
 extract([Path(sys.argv[2])], Path(sys.argv[3]) / "warm")  # a short bag: imports, compiled code
 wall, cpu = time.perf_counter(), time.process_time()
 found = extract([Path(sys.argv[1])], Path(sys.argv[3]) / "out")
-print(json.dumps({"messages": sum(found.messages.values()), "wall_s": time.perf_counter() - wall,
-    "cpu_s": time.process_time() - cpu, "peak_gb": peak()}))
+tell(sum(found.messages.values()), wall, cpu)
 """
-)
-PEER = (
-    PEAK
-    + """
-import json, sys, time
-from pathlib import Path
+PEER = """
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -77,14 +68,12 @@ for name, pairs in stamps.items():
             arrays += list(np.ascontiguousarray(rows.T))
     table = pa.table(arrays, names=[str(i) for i in range(len(arrays))])
     pq.write_table(table, Path(sys.argv[2]) / "peer.parquet", compression="lz4", use_dictionary=False)
-print(json.dumps({"messages": count, "wall_s": time.perf_counter() - wall, "cpu_s": time.process_time() - cpu,
-    "peak_gb": peak()}))
+tell(count, wall, cpu)
 """
-)
 
 
-def write_long_bag(path: Path, seconds: int) -> int:
-    """Write a bag of that length, ordered by arrival; give its number of messages."""
+def write_long_bag(path: Path, seconds: int) -> None:
+    """Write a bag of that length, ordered by arrival."""
     rows = min(PIECE, seconds) * 100
     columns = telemetry(0.01 * np.arange(rows), np.random.default_rng(1))
     pieces = []
@@ -106,48 +95,33 @@ def write_long_bag(path: Path, seconds: int) -> int:
                 for k, connection in enumerate(connections):
                     writer.write(connection, int(stamp[i]) + k * 1_000_000, pieces[k][i].tobytes())
             done += rows
-    return seconds * 100 * len(TOPICS)
 
 
-def measured(code: str, *arguments: Path) -> dict[str, Any]:
-    """Run a program of its own; give what it printed, and messages a second."""
-    done = subprocess.run(
-        [sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True, check=True
-    )
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found | {"messages_per_cpu_s": found["messages"] / found["cpu_s"]}
+def measured(code: str, *arguments: Path) -> dict[str, float]:
+    """Run a program of its own; what it printed."""
+    command = [sys.executable, "-c", BEGIN + code, *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    found: dict[str, float] = json.loads(done.stdout)
+    return found
 
 
-def main() -> None:
-    """Measure, print, and write JSON where `--json FILE` says."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--hours", type=float, default=6.0)
-    parser.add_argument("--folder", type=Path, help="Where the bags go: about 0.75 GB an hour.")
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-    with tempfile.TemporaryDirectory(dir=options.folder) as text:
-        folder = Path(text)
-        write_long_bag(folder / "long.bag", round(3600 * options.hours))
-        write_long_bag(folder / "short.bag", min(PEER_SECONDS, round(3600 * options.hours)))
-        size = (folder / "long.bag").stat().st_size
+def tables(hours: float, folder: str) -> Tables:
+    """Time a long bag by catenary, and its first minutes by objects before and after."""
+    with tempfile.TemporaryDirectory(dir=folder) as text:
+        here = Path(text)
+        long, short = here / "long.bag", here / "short.bag"
+        write_long_bag(long, round(3600 * hours))
+        write_long_bag(short, min(PEER_SECONDS, round(3600 * hours)))
+        size = long.stat().st_size
         # before and after: what else the machine does changes within the minutes that a long bag takes
-        before = measured(PEER, folder / "short.bag", folder)
-        ours = measured(OURS, folder / "long.bag", folder / "short.bag", folder)
-        after = measured(PEER, folder / "short.bag", folder)
-    table = {
-        "hours": options.hours,
-        "gigabytes": size / 2**30,
-        "catenary": ours,
-        "objects, before": before,
-        "objects, after": after,
-        "times_faster": ours["messages_per_cpu_s"]
-        / (0.5 * (before["messages_per_cpu_s"] + after["messages_per_cpu_s"])),
-    }
-    print(json.dumps(table, indent=2))
-    if options.json is not None:
-        options.json.parent.mkdir(parents=True, exist_ok=True)
-        options.json.write_text(json.dumps(table, indent=2))
+        before = measured(PEER, short, here)
+        ours = measured(OURS, long, short, here)
+        after = measured(PEER, short, here)
+    speed, *peers = (row["messages_per_cpu_s"] for row in (ours, before, after))
+    ours["times_faster"] = speed / float(np.mean(peers))
+    rows = {"catenary": ours, "objects, before": before, "objects, after": after}
+    return {f"{hours:g} hours, {size / 2**30:.2f} GiB": rows}
 
 
 if __name__ == "__main__":
-    main()
+    report(tables, __doc__, hours=6.0, folder=tempfile.gettempdir())  # about 0.75 GB an hour

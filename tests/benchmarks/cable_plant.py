@@ -1,20 +1,20 @@
 """The simulated RAVEN-II: hours in compiled runs with the firmware inside, and single ticks through the protocol."""
 
-import time
+from functools import partial
 
 import numpy as np
 
 from catenary import CablePlant, go_to, random_sinusoids, zigzag
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.trajectories.reference import Trajectory
-from tests.benchmarks.measure import side_by_side, tell
+from tests.benchmarks.measure import Table, Tables, cpu_time, report, side_by_side
 
 PIECE = 60_000  # ticks in a call
 JOINTS = 3  # that move; the tool stays
 
 
 def homed(substeps: int) -> CablePlant:
-    """An arm, homed and enabled."""
+    """Return an arm, homed and enabled."""
     plant = CablePlant(substeps=substeps)
     plant.home()
     return plant
@@ -27,14 +27,12 @@ def moved_along(plant: CablePlant, trajectory: Trajectory) -> float:
         times = np.arange(first, min(first + PIECE, ticks)) * PERIOD
         rows = np.full((len(times), 7), np.nan)
         rows[:, :JOINTS] = trajectory.sample(times)[0]
-        begin = time.process_time()
-        plant.run(rows)
-        spent += time.process_time() - begin
+        spent += cpu_time(partial(plant.run, rows))
     return spent
 
 
 def run_of(trajectory: Trajectory, substeps: int) -> dict[str, float]:
-    """CPU time of a motion."""
+    """Time a motion."""
     plant, start = homed(substeps), trajectory(0.0).q
     fastest, strongest = [0.2, 0.2, 0.01], [0.5, 0.5, 0.05]
     here = plant.control.setpoint[:JOINTS]
@@ -48,8 +46,8 @@ def run_of(trajectory: Trajectory, substeps: int) -> dict[str, float]:
     }
 
 
-def main() -> None:
-    """Print CPU time of runs, and of what a loop calls in a tick of 1 ms."""
+def tables() -> Tables:
+    """Time runs, and what a loop calls in a tick of 1 ms."""
     plant = homed(2)
     wanted = plant.setpoint_js().q
 
@@ -64,16 +62,12 @@ def main() -> None:
         "telemetry": plant.telemetry,
     }
     rng = np.random.default_rng(0)
-    tell(
-        {
-            "runs": {
-                "zig-zag of 17 minutes, 2 substeps": run_of(zigzag("J2-J3", [1 / 2, 1 / 3, 1 / 4]), 2),
-                "random motion of six hours, 1 substep": run_of(random_sinusoids(rng, 6.0 * 3600.0), 1),
-            },
-            "ticks": side_by_side(calls, calls=2000),
-        }
-    )
+    runs: Table = {
+        "zig-zag of 17 minutes, 2 substeps": run_of(zigzag("J2-J3", [1 / 2, 1 / 3, 1 / 4]), 2),
+        "random motion of six hours, 1 substep": run_of(random_sinusoids(rng, 6.0 * 3600.0), 1),
+    }
+    return {"runs": runs, "ticks": side_by_side(calls, calls=2000)}
 
 
 if __name__ == "__main__":
-    main()
+    report(tables, __doc__)

@@ -17,7 +17,7 @@ from catenary.dynamics.recursion import gravity_recursion, place_joints
 def casadi_gravity(
     model: RobotModel, q: Floats, gravity: Floats, out: Floats, folder: Path
 ) -> Callable[[], None] | None:
-    """Give a call of the generated C by CasADi's buffer interface, on these arrays; None without casadi."""
+    """Return a call of the generated C by CasADi's buffer interface, on these arrays; None without casadi."""
     if importlib.util.find_spec("casadi") is None or shutil.which("gcc") is None:
         return None
     import casadi

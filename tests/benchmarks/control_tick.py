@@ -8,7 +8,7 @@ from catenary import Corrector, GravityPD, JointPD, JointState, Reference, Torqu
 from catenary.arrays import Floats
 from catenary.control.controller import Controller
 from catenary.trajectories.reference import Trajectory
-from tests.benchmarks.measure import ROUNDS, tell
+from tests.benchmarks.measure import ROUNDS, Tables, report
 from tests.benchmarks.robots import robots
 from tests.oracles.calibration_models import random_model, random_network
 from tests.oracles.ideal_plant import MassPlant
@@ -47,14 +47,14 @@ class Rest(Trajectory):
 
 
 def network_corrector() -> Corrector:
-    """A network of positions and torques of all joints, with two layers of a hundred."""
+    """Return a network of positions and torques of all joints, with two layers of a hundred."""
     rng = np.random.default_rng(0)
     model = random_model("linear", rng.normal(size=(2000, 2 * N)), rng, joints=N, torques=N)
     network = random_network((2 * N, 100, 100, N), "tanh", rng)
     return Corrector(replace(model, groups=(replace(model.groups[0], predictor=network),)))
 
 
-def main() -> None:
+def tables() -> Tables:
     """Time ticks in simulated and in real time."""
     kp, kd = np.full(N, 100.0), np.full(N, 10.0)
     gravity_pd = GravityPD(robots()["Panda-like, 7 joints"].model, kp, kd)
@@ -72,30 +72,24 @@ def main() -> None:
         f"PD and gravity, network {2 * N}-100-100-{N}": (gravity_pd, corrector, at_rest),
         "the same on a base that turns": (gravity_pd, corrector, turning),
     }
-    tables: dict[str, dict[str, dict[str, float]]] = {
-        "compute time of a tick, us": {},
-        "1 kHz real time, us": {},
-    }
+    compute, real_time = {}, {}
     for name, (controller, correct, rates) in cases.items():
         plant = StillPlant(rates)
         runs = [run_loop(plant, controller, Rest(), limits=limits, corrector=correct) for _ in range(ROUNDS)]
         times = [run.compute for run in runs if run.compute is not None]
-        tables["compute time of a tick, us"][name] = {
+        compute[name] = {
             key: 1e6 * float(np.median([getattr(t, key) for t in times]))
             for key in ("median", "p99", "p999", "max")
         }
         real = run_loop(plant, controller, Rest(), limits=limits, corrector=correct, real_time=True)
-        assert real.compute is not None
-        assert real.jitter is not None
-        assert real.overruns is not None
-        tables["1 kHz real time, us"][name] = {
+        real_time[name] = {
             **{f"compute {key}": 1e6 * getattr(real.compute, key) for key in ("median", "p99")},
             **{f"jitter {key}": 1e6 * getattr(real.jitter, key) for key in ("median", "p99", "p999", "max")},
             "overruns": float(real.overruns),
             "priority": float(real.has_priority),
         }
-    tell(tables)
+    return {"compute time of a tick, us": compute, "1 kHz real time, us": real_time}
 
 
 if __name__ == "__main__":
-    main()
+    report(tables, __doc__)

@@ -5,21 +5,14 @@ takes what is published, as a program that uses it would.
 """
 
 import json
-import sys
-import tempfile
 import time
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1]))  # `ros`, as pytest finds it
-
-from benchmarks.programs import CATENARY, cpu_seconds, memory, options, tell
-from catenary import MotionLog
-from catenary.calibration.files import save_model
-from recordings import fitted
-from ros import Program, running_master
+import catenary
+from ros import COMMAND, Program
+from tests.benchmarks.measure import Tables
+from tests.benchmarks.programs import cpu_seconds, master_and_folder, memory, report_of_programs
 
 LISTENER = """
 import sys, time
@@ -35,30 +28,27 @@ time.sleep(1e6)
 """
 
 
-def write_model(file: Path, kind: str) -> None:
-    """A model of the RAVEN-II's first three joints, trusted nearly everywhere."""
+def measure(kind: str, seconds: float) -> dict[str, float]:
+    """Deploy a model of the RAVEN-II's first three joints, trusted nearly everywhere, beside a homed robot."""
     rng = np.random.default_rng(0)
     q = np.array([0.5, 1.5, 0.4]) + np.array([0.5, 0.5, 0.1]) * rng.uniform(-1.0, 1.0, (2000, 3))
     names = ("shoulder", "elbow", "insertion")
-    true = q + 0.01 * np.sin(3.0 * q)
-    log = MotionLog(
-        "run", names, ("rad", "rad", "m"), q, np.ones(len(q), dtype=bool), true, time=np.arange(2000) / 30.0
+    model = catenary.fit(
+        q,
+        q + 0.01 * np.sin(3.0 * q),
+        units=("rad", "rad", "m"),
+        joint_names=names,
+        time=np.arange(2000) / 30.0,
+        model=kind,
     )
-    inputs = tuple(f"q:{name}" for name in names)
-    save_model(fitted(log, kind=kind, inputs=inputs), {}, file)
-
-
-def measure(kind: str, seconds: float) -> dict[str, Any]:
-    """Deploy a model beside a homed robot."""
     with (
-        tempfile.TemporaryDirectory() as folder,
-        running_master(Path(folder)) as master,
-        Program(master, CATENARY, "serve", "--homed", "--json") as server,
+        master_and_folder() as (master, folder),
+        Program(master, COMMAND, "serve", "--homed", "--json") as server,
     ):
-        write_model(Path(folder) / "arm.npz", kind)
+        model.save(folder / "arm.npz")
         server.line()
-        deploy = ("deploy", str(Path(folder) / "arm.npz"), "--ros", "1", "--gravity-torque", "--json")
-        with Program(master, LISTENER) as listener, Program(master, CATENARY, *deploy) as deployed:
+        deploy = ("deploy", str(folder / "arm.npz"), "--ros", "1", "--gravity-torque", "--json")
+        with Program(master, LISTENER) as listener, Program(master, COMMAND, *deploy) as deployed:
             listener.line()
             time.sleep(1.0)
             pid = deployed.process.pid
@@ -79,11 +69,10 @@ def measure(kind: str, seconds: float) -> dict[str, Any]:
     }
 
 
-def main() -> None:
-    """Measure, print, and write JSON where `--json FILE` says."""
-    given = options(__doc__, kind=("linear", "neural"))
-    tell({kind: measure(kind, given.seconds) for kind in given.kind}, given.json)
+def tables(seconds: float, kind: tuple[str, ...]) -> Tables:
+    """Measure every kind of model."""
+    return {"a deployed model": {each: measure(each, seconds) for each in kind}}
 
 
 if __name__ == "__main__":
-    main()
+    report_of_programs(tables, __doc__, seconds=20.0, kind=("linear", "neural"))

@@ -4,41 +4,16 @@ Beside it the messages of the same journal, read one by one.
 """
 
 import tempfile
-import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from catenary.recording.bag import write_bag
 from catenary.recording.extract import extract
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.synchronise import synchronise
-from tests.benchmarks.measure import tell
+from tests.benchmarks.measure import Tables, cpu_time, report
 from tests.oracles.raven_recording import record_minutes
 
 MINUTES = 17
-
-
-def main() -> None:
-    """Measure, and tell."""
-    with tempfile.TemporaryDirectory() as text:
-        folder = Path(text)
-        journal = record_minutes(folder / "journal", MINUTES)
-        bags = [*write_bag(JournalReader(journal), folder / "recording.bag")]
-        to_log(bags, folder / "warm")  # imports, compiled code
-        bare = cpu(lambda: sum(1 for _ in JournalReader(journal).messages()))
-        table = {
-            "messages read alone": bare,
-            "journal to log": cpu(lambda: to_log([journal], folder / "from journal")),
-            "bag to log": cpu(lambda: to_log(bags, folder / "from bag")),
-        }
-    tell(
-        {
-            f"{MINUTES} minutes of a RAVEN-II": {
-                name: {"cpu_s": seconds, "ratio": seconds / bare} for name, seconds in table.items()
-            }
-        }
-    )
 
 
 def to_log(paths: list[Path], folder: Path) -> None:
@@ -47,12 +22,22 @@ def to_log(paths: list[Path], folder: Path) -> None:
     synchronise(folder)
 
 
-def cpu(do: Callable[[], Any]) -> float:
-    """Seconds of processor time that it takes."""
-    begin = time.process_time()
-    do()
-    return time.process_time() - begin
+def tables() -> Tables:
+    """Time both ways to a motion log, and the messages alone."""
+    with tempfile.TemporaryDirectory() as text:
+        folder = Path(text)
+        journal = record_minutes(folder / "journal", MINUTES)
+        bags = [*write_bag(JournalReader(journal), folder / "recording.bag")]
+        to_log(bags, folder / "warm")  # imports, compiled code
+        spent = {
+            "messages read alone": cpu_time(lambda: sum(1 for _ in JournalReader(journal).messages())),
+            "journal to log": cpu_time(lambda: to_log([journal], folder / "from journal")),
+            "bag to log": cpu_time(lambda: to_log(bags, folder / "from bag")),
+        }
+    bare = spent["messages read alone"]
+    rows = {name: {"cpu_s": seconds, "ratio": seconds / bare} for name, seconds in spent.items()}
+    return {f"{MINUTES} minutes of a RAVEN-II": rows}
 
 
 if __name__ == "__main__":
-    main()
+    report(tables, __doc__)

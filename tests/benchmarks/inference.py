@@ -14,7 +14,7 @@ from catenary.arrays import Floats
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.onnx import to_onnx
 from tests.benchmarks.inference_peers import Fitted, peers, session_call, session_of
-from tests.benchmarks.measure import Call, side_by_side, tell
+from tests.benchmarks.measure import Call, Table, Tables, report, side_by_side
 from tests.oracles.calibration_models import random_model, random_network, random_predictor
 
 INPUTS, JOINTS = 16, 3
@@ -23,7 +23,7 @@ BATCHES = {1000: 5, 30_000: 1}  # rows, and calls in a round
 
 
 def model_of(predictor: Fitted, rng: np.random.Generator) -> CalibrationModel:
-    """A model of three joints that takes positions and torques of eight."""
+    """Return a model of three joints that takes positions and torques of eight."""
     wide = random_model("linear", rng.normal(size=(2000, INPUTS)), rng, joints=8, torques=8)
     group = replace(wide.groups[0], joints=tuple(range(JOINTS)), predictor=predictor)
     return replace(
@@ -35,8 +35,8 @@ def model_of(predictor: Fitted, rng: np.random.Generator) -> CalibrationModel:
     )
 
 
-def one_sample(predictor: Fitted, x: Floats, rng: np.random.Generator) -> dict[str, dict[str, float]]:
-    """A tick of Corrector beside one row in the other libraries."""
+def one_sample(predictor: Fitted, x: Floats, rng: np.random.Generator) -> Table:
+    """Time a tick of Corrector beside one row in the other libraries."""
     model = model_of(predictor, rng)
     corrector = Corrector(model)
     q, out, inside = np.zeros(JOINTS), np.empty(JOINTS), np.empty(JOINTS, dtype=bool)
@@ -54,10 +54,8 @@ def one_sample(predictor: Fitted, x: Floats, rng: np.random.Generator) -> dict[s
     return side_by_side(contenders | others, calls=CALLS, rounds=ROUNDS)
 
 
-def many_samples(
-    predictor: Fitted, X: Floats, calls: int, rng: np.random.Generator
-) -> dict[str, dict[str, float]]:
-    """A batch through the predictor alone, through a whole Corrector, and in the other libraries."""
+def many_samples(predictor: Fitted, X: Floats, calls: int, rng: np.random.Generator) -> Table:
+    """Time a batch through the predictor alone, through a whole Corrector, and in the other libraries."""
     corrector, q = Corrector(model_of(predictor, rng)), np.zeros((len(X), JOINTS))
     others = peers(predictor, X)
     _check(others, predictor.predict(X))
@@ -75,22 +73,22 @@ def _check(others: dict[str, Call], expected: Floats) -> None:
         np.testing.assert_allclose(call(), expected, **(rough if "float32" in name else exact), err_msg=name)
 
 
-def main() -> None:
-    """Compare, and tell."""
+def tables() -> Tables:
+    """Compare every predictor, one sample and batches."""
     rng = np.random.default_rng(0)
     predictors = {
         f"network {INPUTS}-100-100-{JOINTS}, tanh": random_network((INPUTS, 100, 100, JOINTS), "tanh", rng),
         f"polynomial {INPUTS}-{JOINTS}": random_predictor("quadratic", INPUTS, JOINTS, rng),
         f"linear {INPUTS}-{JOINTS}": random_predictor("linear", INPUTS, JOINTS, rng),
     }
-    tables = {}
+    found = {}
     for name, predictor in predictors.items():
-        tables[f"{name}: one sample"] = one_sample(predictor, 0.1 * rng.normal(size=INPUTS), rng)
+        found[f"{name}: one sample"] = one_sample(predictor, 0.1 * rng.normal(size=INPUTS), rng)
         for rows, calls in BATCHES.items():
             X = 0.1 * rng.normal(size=(rows, INPUTS))
-            tables[f"{name}: {rows} rows"] = many_samples(predictor, X, calls, rng)
-    tell(tables)
+            found[f"{name}: {rows} rows"] = many_samples(predictor, X, calls, rng)
+    return found
 
 
 if __name__ == "__main__":
-    main()
+    report(tables, __doc__)

@@ -17,7 +17,7 @@ from catenary import RobotModel, gravity_kernel, gravity_torque, inverse_dynamic
 from catenary.dynamics.kernels import forward_kinematics_kernel, inverse_dynamics_kernel, mass_matrix_kernel
 from catenary.kernels.kernel import Kernel
 from tests.benchmarks.casadi_gravity import casadi_gravity
-from tests.benchmarks.measure import Call, side_by_side, tell
+from tests.benchmarks.measure import Call, Table, Tables, cpu_time, report, side_by_side
 from tests.benchmarks.pinocchio_loop import cpp_loop
 from tests.benchmarks.robots import pinocchio_robot, robots
 from tests.oracles.mujoco_trees import mujoco_model
@@ -25,7 +25,6 @@ from tests.oracles.random_trees import RandomRobot
 
 MANY = 100_000
 ROUNDS = 5
-Table = dict[str, dict[str, float]]
 
 
 def beside(peer: str, contenders: dict[str, Call]) -> Table:
@@ -74,7 +73,7 @@ def single_calls(robot: RandomRobot, folder: Path) -> dict[str, Table]:
     if robot.links:
         mj = mujoco_model(robot, gravity=gravity)
         contenders["MuJoCo mj_forward"] = partial(mujoco.mj_forward, mj, mujoco.MjData(mj))
-    tables = {"gravity torque": beside("Pinocchio", contenders)}
+    found = {"gravity torque": beside("Pinocchio", contenders)}
     moving = inverse_dynamics_kernel(model).bind(q, qd, qdd, gravity, still, still.copy(), motion)
     for title, bound, checked, peer in (
         (
@@ -96,8 +95,8 @@ def single_calls(robot: RandomRobot, folder: Path) -> dict[str, Table]:
             partial(pinocchio.forwardKinematics, pin, data, q),
         ),
     ):
-        tables[title] = beside("Pinocchio", {"Pinocchio": peer, "bound kernel": bound, "new array": checked})
-    return tables
+        found[title] = beside("Pinocchio", {"Pinocchio": peer, "bound kernel": bound, "new array": checked})
+    return found
 
 
 def many(model: RobotModel, rng: np.random.Generator, folder: Path) -> Table:
@@ -121,33 +120,35 @@ def many(model: RobotModel, rng: np.random.Generator, folder: Path) -> Table:
     in_cpp = cpp_loop(model, q, tau, folder)
     if in_cpp is not None:
         calls["gravity, C++ loop over Pinocchio"] = in_cpp
-    times: dict[str, list[float]] = {name: [] for name in calls}
-    for call in calls.values():
-        call()
-    if in_cpp is not None:
         in_cpp()
         assert np.abs(torque.rows(q, gravity) - tau).max() < 1e-10
-    for _ in range(ROUNDS):
-        for name, call in calls.items():
-            begin = time.thread_time_ns()
-            call()
-            times[name].append((time.thread_time_ns() - begin) / MANY)
-    table: Table = {name: {"cpu_ns": float(np.median(each))} for name, each in times.items()}
+    rows = side_by_side(calls, calls=1, rounds=ROUNDS)
+    table: Table = {name: {"cpu_ns": 1e3 * row["cpu_us"] / MANY} for name, row in rows.items()}
     for name, row in table.items():
         peer = f"{name.partition(',')[0]}, Python loop over Pinocchio"
         row["times"] = table[peer]["cpu_ns"] / row["cpu_ns"]
     return table
 
 
+STARTS = {
+    "python alone": "",
+    "import numpy": "import numpy",
+    "import catenary": "import catenary",
+    "load_robot('raven2')": "import catenary; catenary.load_robot('raven2')",
+    "import numba": "import numba",
+    "raven2's kernels": (
+        "import numpy as np, catenary; r = catenary.load_robot('raven2'); k = catenary.gravity_kernel(r); "
+        "k(np.zeros(3), np.zeros(3)); from catenary.dynamics.kernels import mass_matrix_kernel; mass_matrix_kernel(r)"
+    ),
+    "a first torque": (
+        "import catenary; catenary.gravity_torque(catenary.load_robot('raven2'), [0.0] * 3, [0.0] * 3)"
+    ),
+}
+
+
 def start_up() -> Table:
     """Time new processes [s], with an empty cache and with a filled one; CPU time, as others may be busy."""
-    use = "import numpy as np, catenary; from catenary.gravity.torque import gravity_kernel; "
-    use += "k = gravity_kernel(catenary.load_robot('raven2')); k(np.zeros(3), np.zeros(3))"
-    matrix = (
-        "; from catenary.dynamics.kernels import mass_matrix_kernel as m; m(catenary.load_robot('raven2'))"
-    )
     table: Table = {}
-    many = "import catenary; catenary.gravity_torque(catenary.load_robot('raven2'), [0.0] * 3, [0.0] * 3)"
     with tempfile.TemporaryDirectory() as empty:
         # byte code as an installed package has it, from the second process on
         own = {
@@ -157,26 +158,27 @@ def start_up() -> Table:
         }
         environment = {**os.environ, **own}
         environment.pop("PYTHONDONTWRITEBYTECODE", None)
-        for name, code in (
-            ("python alone", ""),
-            ("import numpy", "import numpy"),
-            ("import catenary", "import catenary"),
-            ("load_robot('raven2')", "import catenary; catenary.load_robot('raven2')"),
-            ("import numba", "import numba"),
-            ("raven2's kernels, cold", use + matrix),
-            ("raven2's kernels, cached", use + matrix),
-            ("a numba function of raven2, cold", many),
-            ("a numba function of raven2, cached", many),
-        ):
-            wall, cpu = [], []
-            for k in range(1 if "cold" in name else ROUNDS + 1):
+        for name, code in STARTS.items():
+            spent = []
+            for _ in range(ROUNDS + 1):
                 begin, before = time.perf_counter(), os.times()
                 subprocess.run([sys.executable, "-c", code], check=True, env=environment)
-                after = os.times()
-                if k > 0 or "cold" in name:  # the first has no byte code
-                    wall.append(time.perf_counter() - begin)
-                    cpu.append(after[2] + after[3] - before[2] - before[3])  # of children
-            table[name] = {"cpu_s": float(np.median(cpu)), "wall_s": float(np.median(wall))}
+                wall, after = time.perf_counter() - begin, os.times()
+                cpu = (
+                    after.children_user
+                    + after.children_system
+                    - before.children_user
+                    - before.children_system
+                )
+                spent.append((cpu, wall))
+            # the first has neither byte code nor machine code
+            cold, (cpu, wall) = spent[0], np.median(spent[1:], axis=0)
+            table[name] = {
+                "cpu_s": float(cpu),
+                "wall_s": float(wall),
+                "cold_cpu_s": cold[0],
+                "cold_wall_s": cold[1],
+            }
     return table
 
 
@@ -189,32 +191,28 @@ def compile_times(robot: RandomRobot) -> dict[str, float]:
     }
     table = {}
     for name, make in makers.items():
-        begin = time.process_time()
-        kernel = make(robot.model)
-        table[name] = time.process_time() - begin
+        kernels: list[Kernel] = []
+        table[name] = cpu_time(lambda make=make, kernels=kernels: kernels.append(make(robot.model)))
+        kernel = kernels[0]
         arrays = [np.zeros(width) for width in kernel.inputs.values()]
-        begin = time.process_time()
-        kernel.bind(*arrays, np.empty(kernel.shape))
-        table[f"{name}, bound"] = time.process_time() - begin
+        table[f"{name}, bound"] = cpu_time(partial(kernel.bind, *arrays, np.empty(kernel.shape)))
     return table
 
 
-def main() -> None:
-    """Compare, and tell."""
-    tables: dict[str, Table] = {}
+def tables() -> Tables:
+    """Compare on every robot."""
     with tempfile.TemporaryDirectory() as folder:
         os.environ["XDG_CACHE_HOME"] = folder
-        arms: dict[str, RandomRobot] = robots()
-        tables["tracing and compiling, empty cache, s"] = {
-            name: compile_times(arm) for name, arm in arms.items()
+        arms = robots()
+        found = {
+            "tracing and compiling, empty cache, s": {name: compile_times(arm) for name, arm in arms.items()}
         }
         for name, arm in arms.items():
-            for title, table in single_calls(arm, Path(folder)).items():
-                tables[f"{name}: {title}"] = table
-            tables[f"{name}: {MANY} configurations"] = many(arm.model, np.random.default_rng(1), Path(folder))
-        tables["start-up"] = start_up()
-    tell(tables)
+            found |= {f"{name}: {title}": table for title, table in single_calls(arm, Path(folder)).items()}
+            found[f"{name}: {MANY} configurations"] = many(arm.model, np.random.default_rng(1), Path(folder))
+        found["start-up"] = start_up()
+    return found
 
 
 if __name__ == "__main__":
-    main()
+    report(tables, __doc__)

@@ -1,4 +1,4 @@
-"""Contenders measured side by side: alternated in one process, CPU time, medians of rounds."""
+"""Contenders measured side by side: alternated in one process, CPU time, medians of rounds; and how it is told."""
 
 import argparse
 import gc
@@ -18,13 +18,15 @@ import numpy as np
 from catenary import __version__
 
 Call = Callable[[], object]
+Table = dict[str, dict[str, float]]  # values of each row, by their columns' names
+Tables = dict[str, Table]  # by their titles
 Loop = Callable[[int], None]
 ROUNDS = 9
 CALLS = 5000
 
 
 def loop_of(call: Call) -> Loop:
-    """Give a loop that calls as a program would: a `partial` as `f(a, b, c)`, without what a partial costs."""
+    """Return a loop that calls as a program would: a `partial` as `f(a, b, c)`, without what a partial costs."""
     names: dict[str, object] = {"call": call, "repeat": repeat}
     arguments = ""
     if isinstance(call, partial) and not call.keywords:
@@ -37,10 +39,8 @@ def loop_of(call: Call) -> Loop:
     return loop
 
 
-def side_by_side(
-    contenders: dict[str, Call], *, calls: int = CALLS, rounds: int = ROUNDS
-) -> dict[str, dict[str, float]]:
-    """CPU time [us] per call, and wall-clock quantiles of single calls; ratios are to the first contender."""
+def side_by_side(contenders: dict[str, Call], *, calls: int = CALLS, rounds: int = ROUNDS) -> Table:
+    """Return CPU time [us] per call, and wall-clock quantiles of single calls; ratios are to the first contender."""
     gc.collect()
     gc.disable()
     cpu: dict[str, list[float]] = {name: [] for name in contenders}
@@ -70,31 +70,60 @@ def side_by_side(
     }
 
 
-def tell(tables: dict[str, dict[str, dict[str, float]]]) -> None:
-    """Print the tables, and write them as JSON where `--json` says."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--json", type=Path)
-    path: Path | None = parser.parse_args().json
-    about = machine()
-    print(", ".join(f"{name} {value}" for name, value in about.items()))
+def cpu_time(call: Call) -> float:
+    """Return the CPU time of one call, of all threads [s]."""
+    begin = time.process_time()
+    call()
+    return time.process_time() - begin
+
+
+def report(measured: Callable[..., Tables], about: str | None, **usual: Any) -> None:
+    """Run a benchmark as its command line says; print its tables, and write them as JSON where `--json FILE` says.
+
+    Args:
+        measured: Gives the tables.
+        about: The benchmark's docstring.
+        usual: Further options, which `measured` takes, and what they are where they are not given; of a tuple any
+            may be chosen.
+    """
+    parser = argparse.ArgumentParser(
+        description=about, formatter_class=argparse.ArgumentDefaultsHelpFormatter
+    )
+    parser.add_argument("--json", type=Path, help="where the tables go")
+    for name, value in usual.items():
+        if isinstance(value, tuple):
+            parser.add_argument(f"--{name}", choices=value, action="append", help=f"by default all: {value}")
+        else:
+            parser.add_argument(f"--{name}", type=type(value), default=value, help=" ")
+    given = vars(parser.parse_args())
+    path: Path | None = given.pop("json")
+    tables = measured(**{name: value or usual[name] for name, value in given.items()})
+    about_machine = machine()
+    print(", ".join(f"{name} {value}" for name, value in about_machine.items()))
     for title, table in tables.items():
-        print(f"\n{title}")
-        columns = list(next(iter(table.values())))
-        wide = max(34, *(len(name) for name in table))
-        widths = {column: max(12, len(column) + 2) for column in columns}
-        print(f"  {'':{wide}}" + "".join(f"{column:>{width}}" for column, width in widths.items()))
-        for name, row in table.items():
-            print(
-                f"  {name:{wide}}" + "".join(f"{row[column]:>{width}.4g}" for column, width in widths.items())
-            )
+        print_table(title, table)
     if path is not None:
-        content: dict[str, Any] = {"machine": about, "tables": tables}
         path.parent.mkdir(parents=True, exist_ok=True)
+        content = {"machine": about_machine, "tables": tables}
         path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
+def print_table(title: str, table: Table) -> None:
+    """Print a table; its rows as columns where they are long, and what a row lacks as NaN."""
+    values = list(dict.fromkeys(value for row in table.values() for value in row))
+    if len(values) > 9:
+        values, table = (
+            list(table),
+            {v: {name: row.get(v, np.nan) for name, row in table.items()} for v in values},
+        )
+    wide = max(34, *map(len, table))
+    print(f"\n{title}\n  {'':{wide}}" + "".join(f"{value:>{max(12, len(value) + 2)}}" for value in values))
+    for name, row in table.items():
+        print(f"  {name:{wide}}" + "".join(f"{row.get(v, np.nan):>{max(12, len(v) + 2)}.4g}" for v in values))
+
+
 def machine() -> dict[str, str]:
-    """What it ran on."""
+    """Return what the benchmark ran on."""
     names = [
         line.partition(":")[2].strip()
         for line in Path("/proc/cpuinfo").read_text().splitlines()

@@ -5,7 +5,7 @@ import numpy as np
 from catenary import FixedBase, MujocoPlant, gravity_torque, load_robot, mass_matrix
 from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.joint_hardware import JointHardware
-from tests.benchmarks.measure import Call, side_by_side, tell
+from tests.benchmarks.measure import Call, Tables, report, side_by_side
 
 BASES = {"still base": FixedBase(), "rocking base": RockingBase(mean=0.1, amplitude=0.2, frequency=0.5)}
 DRIVES = {
@@ -16,7 +16,7 @@ DRIVES = {
 
 
 def tick_of(robot: str, base: str, drives: str) -> Call:
-    """One tick of a robot that holds its pose by gravity compensation and PD."""
+    """Return one tick of a robot that holds its pose by gravity compensation and PD."""
     model = load_robot(robot)
     plant = MujocoPlant(model, base=BASES[base], hardware=DRIVES[drives])
     plant.home()
@@ -34,8 +34,8 @@ def tick_of(robot: str, base: str, drives: str) -> Call:
     return tick
 
 
-def main() -> None:
-    """Print microseconds of CPU time a tick of 1 ms, and ticks in a second."""
+def tables() -> Tables:
+    """Return microseconds of CPU time for a tick of 1 ms, and ticks in a second."""
     table = side_by_side(
         {
             f"{robot}, {base}, {drives}": tick_of(robot, base, drives)
@@ -51,8 +51,8 @@ def main() -> None:
     )
     for row in table.values():
         row["ticks_per_second"] = float(np.round(1e6 / row["cpu_us"]))
-    tell({"MuJoCo plant, a tick of 1 ms through the protocol": table})
+    return {"MuJoCo plant, a tick of 1 ms through the protocol": table}
 
 
 if __name__ == "__main__":
-    main()
+    report(tables, __doc__)

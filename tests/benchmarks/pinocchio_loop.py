@@ -69,7 +69,7 @@ def _library(folder: Path) -> ctypes.CDLL | None:
 
 
 def cpp_loop(model: RobotModel, q: Floats, out: Floats, folder: Path) -> Callable[[], None] | None:
-    """Give a call that writes gravity torques (N, n) at q (N, n), or None without compiler or headers.
+    """Return a call that writes gravity torques (N, n) at q (N, n), or None without compiler or headers.
 
     The model is as `robots.pinocchio_robot` takes it, with joints along z only; it is built anew at every call.
     """

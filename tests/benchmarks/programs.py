@@ -1,54 +1,41 @@
-"""Programs over ROS 1, measured from outside: what they are told, what they take, and how it is printed."""
+"""Programs over ROS 1, measured from outside: what they take."""
 
-import argparse
-import json
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from catenary.crtk.ros1.find_rospy import make_rospy_importable
 from catenary.errors import MissingPackageError
+from ros import Master, running_master
+from tests.benchmarks.measure import report
 
-CATENARY = "import sys; from catenary.cli.main import main; sys.argv[0] = 'catenary'; main()"
 
-
-def options(about: str | None, **choices: tuple[str, ...]) -> argparse.Namespace:
-    """Give `--seconds`, `--json`, and of each choice those that were asked for, or all; ends where there is no rospy."""
-    parser = argparse.ArgumentParser(description=about)
-    parser.add_argument("--seconds", type=float, default=20.0)
-    for name, known in choices.items():
-        parser.add_argument(f"--{name}", choices=known, action="append")
-    parser.add_argument("--json", type=Path)
-    given = parser.parse_args()
-    for name, known in choices.items():
-        setattr(given, name, getattr(given, name) or known)
+def report_of_programs(measured: Callable[..., Any], about: str | None, **usual: Any) -> None:
+    """Report as `report` does; end where there is no rospy."""
     try:
         make_rospy_importable()
     except MissingPackageError as error:
         sys.exit(str(error))
-    return given
+    report(measured, about, **usual)
 
 
-def tell(tables: dict[str, dict[str, Any]], path: Path | None) -> None:
-    """Print the tables, and write them as JSON where a path is given."""
-    for title, row in tables.items():
-        print(title)
-        for key, value in row.items():
-            print(f"  {key:22}{value:14.4g}")
-    if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(tables, indent=2))
+@contextmanager
+def master_and_folder() -> Iterator[tuple[Master, Path]]:
+    """A master of the benchmark's own, and a folder for what it leaves."""
+    with TemporaryDirectory() as folder, running_master(Path(folder)) as master:
+        yield master, Path(folder)
 
 
 def memory(pid: int) -> float:
-    """Resident memory of a process [MB]."""
-    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
-        if line.startswith("VmRSS"):
-            return int(line.split()[1]) / 1024
-    return float("nan")
+    """Return the resident memory of a process [MB]."""
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return next((int(line.split()[1]) / 1024 for line in lines if line.startswith("VmRSS")), float("nan"))
 
 
 def cpu_seconds(pid: int) -> float:
-    """Processor time of a process [s]."""
+    """Return the processor time of a process [s]."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / 100.0

@@ -7,14 +7,14 @@ import pinocchio
 
 from catenary import GravityEstimator, RobotModel, compact_regressor
 from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
-from tests.benchmarks.measure import Call, side_by_side, tell
+from tests.benchmarks.measure import Call, Tables, report, side_by_side
 from tests.benchmarks.robots import pinocchio_robot, robots
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 
 
 def contenders(model: RobotModel) -> dict[str, Call]:
-    """Calls of one robot."""
+    """Return the calls of one robot."""
     rng = np.random.default_rng(1)
     q = rng.normal(size=model.n)
     pin = pinocchio_robot(model)
@@ -38,16 +38,16 @@ def contenders(model: RobotModel) -> dict[str, Call]:
     }
 
 
-def main() -> None:
+def tables() -> Tables:
     """Compare for three, seven and nineteen joints; `times` is how much faster than Pinocchio."""
-    tables = {}
+    found = {}
     for name, robot in robots().items():
         rows = side_by_side(contenders(robot.model))
         for row in rows.values():
             row["times"] = 1.0 / row.pop("ratio")
-        tables[f"{name}, us"] = rows
-    tell(tables)
+        found[f"{name}, us"] = rows
+    return found
 
 
 if __name__ == "__main__":
-    main()
+    report(tables, __doc__)

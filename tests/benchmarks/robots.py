@@ -22,7 +22,7 @@ TORSO = ((0, 0.4, 0), (0, 0, -90), (0.3, 0, 0), (0.3, 0, 90), (0, 0.2, -90))
 
 
 def robots() -> dict[str, RandomRobot]:
-    """RAVEN-II with three joints, a Panda-like arm of seven, a torso of five with two of those; links for MuJoCo."""
+    """Return RAVEN-II's three joints, a Panda-like arm of seven, and a torso of five with two of those."""
     rng = np.random.default_rng(0)
     panda = _chain("joint", "base", PANDA, rng)
     torso = _chain("torso", "base", TORSO, rng)

@@ -5,18 +5,11 @@ python3-rosmaster python3-std-msgs`), and starts a master of its own. Percentile
 """
 
 import json
-import sys
-import tempfile
-import time
-from pathlib import Path
-from typing import Any
-
-sys.path.insert(0, str(Path(__file__).parents[1]))  # `ros`, as pytest finds it
 
 from catenary.crtk.names import RAVEN
-from catenary.crtk.ros1.find_rospy import make_rospy_importable
-from catenary.errors import MissingPackageError
-from ros import Program, running_master
+from ros import Program
+from tests.benchmarks.measure import Tables
+from tests.benchmarks.programs import master_and_folder, report_of_programs
 
 SECONDS = 10.0
 JOINT_STATE = "sensor_msgs/JointState"
@@ -74,7 +67,7 @@ sys.stdin.readline()
 
 
 def raven_topics() -> list[tuple[str, str]]:
-    """What a RAVEN-II publishes every millisecond."""
+    """Return what a RAVEN-II publishes every millisecond."""
     return [
         (topic.name, topic.type)
         for topic in RAVEN
@@ -82,9 +75,9 @@ def raven_topics() -> list[tuple[str, str]]:
     ]
 
 
-def measure(topics: list[tuple[str, str]]) -> dict[str, Any]:
+def measure(topics: list[tuple[str, str]]) -> dict[str, float]:
     """Send all topics at 1 kHz from one process to another."""
-    with tempfile.TemporaryDirectory() as folder, running_master(Path(folder)) as master:
+    with master_and_folder() as (master, _):
         listed = json.dumps(topics)
         with Program(master, RECEIVER, listed) as receiver:
             receiver.line()
@@ -106,27 +99,11 @@ def measure(topics: list[tuple[str, str]]) -> dict[str, Any]:
     }
 
 
-def main() -> None:
-    """Measure, print, and write JSON where `--json FILE` says."""
-    try:
-        make_rospy_importable()
-    except MissingPackageError as error:
-        sys.exit(str(error))
-    begin = time.monotonic()
-    tables = {
-        "one JointState": measure([("/latency", JOINT_STATE)]),
-        "whole RAVEN-II": measure(raven_topics()),
-    }
-    for title, row in tables.items():
-        print(title)
-        for key, value in row.items():
-            print(f"  {key:16}{value:12.3f}")
-    if "--json" in sys.argv:
-        path = Path(sys.argv[sys.argv.index("--json") + 1])
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps({"seconds": SECONDS, "tables": tables}, indent=2) + "\n", encoding="utf-8")
-    print(f"{time.monotonic() - begin:.0f} s")
+def tables() -> Tables:
+    """Measure one topic, for its latency, and all of a robot."""
+    rows = {"one JointState": measure([("/latency", JOINT_STATE)]), "whole RAVEN-II": measure(raven_topics())}
+    return {f"{SECONDS:g} s at 1 kHz": rows}
 
 
 if __name__ == "__main__":
-    main()
+    report_of_programs(tables, __doc__)

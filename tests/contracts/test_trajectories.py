@@ -95,18 +95,20 @@ def test_motion_stays_within_its_range(case: tuple[Trajectory, Floats, Floats]) 
     assert (q <= upper + 1e-9).all()
 
 
-def test_velocity_is_the_derivative_of_position(trajectory: Trajectory) -> None:
-    t, h = np.linspace(-1.0, trajectory.duration + 1.0, 3001), 1e-4
-    before, after = trajectory.sample(t - h)[0], trajectory.sample(t + h)[0]
-    # central difference: jerk h²/6, at most 50/s3 here, and rounding of 1e-15 / h
-    assert_allclose((after - before) / (2.0 * h), trajectory.sample(t)[1], atol=1e-7)
-
-
-def test_acceleration_is_the_derivative_of_velocity(trajectory: Trajectory) -> None:
-    t, h = np.linspace(-1.0, trajectory.duration + 1.0, 3001), 1e-5
-    before, after = trajectory.sample(t - h)[1], trajectory.sample(t + h)[1]
-    # where the jerk steps, half of that step times h
-    assert_allclose((after - before) / (2.0 * h), trajectory.sample(t)[2], atol=1e-3)
+@pytest.mark.parametrize(
+    ("order", "h", "atol"),
+    [
+        (1, 1e-4, 1e-7),  # central difference: jerk h²/6, at most 50/s3 here, and rounding of 1e-15 / h
+        (2, 1e-5, 1e-3),  # where the jerk steps, half of that step times h
+    ],
+    ids=["velocity", "acceleration"],
+)
+def test_velocity_and_acceleration_are_derivatives(
+    trajectory: Trajectory, order: int, h: float, atol: float
+) -> None:
+    t = np.linspace(-1.0, trajectory.duration + 1.0, 3001)
+    before, after = trajectory.sample(t - h)[order - 1], trajectory.sample(t + h)[order - 1]
+    assert_allclose((after - before) / (2.0 * h), trajectory.sample(t)[order], atol=atol)
 
 
 def test_position_and_velocity_never_leap(trajectory: Trajectory) -> None:
@@ -119,13 +121,10 @@ def test_position_and_velocity_never_leap(trajectory: Trajectory) -> None:
 
 
 def test_motion_is_at_rest_before_its_start_and_after_its_end(trajectory: Trajectory) -> None:
-    start, end = trajectory(0.0), trajectory(trajectory.duration)
-    for t in (-1e9, -1e-3, 0.0):
-        assert_array_equal(trajectory(t).q, start.q)
-        assert_array_equal(trajectory(t)[1:], 0.0)
-    for t in (trajectory.duration, trajectory.duration + 1e-3, 1e9):
-        assert_array_equal(trajectory(t).q, end.q)
-        assert_array_equal(trajectory(t)[1:], 0.0)
+    for end, times in ((0.0, (-1e9, -1e-3)), (trajectory.duration, (trajectory.duration + 1e-3, 1e9))):
+        for t in (end, *times):
+            assert_array_equal(trajectory(t).q, trajectory(end).q)
+            assert_array_equal(trajectory(t)[1:], 0.0)
 
 
 def test_duration_is_when_the_motion_comes_to_rest(trajectory: Trajectory) -> None:

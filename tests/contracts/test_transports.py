@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catenary.crtk.inbox import Received
+from catenary.crtk.inbox import Received, Subscription
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.crtk.ros1.transport import Ros1Transport
 from catenary.crtk.ros2.transport import Ros2Transport
-from catenary.crtk.transport import Spinner, Transport
+from catenary.crtk.transport import Publisher, Spinner, Transport
 from catenary.errors import CatenaryError, InputError, TransportError
 from oracles import fake_rclpy
 from patience import PATIENCE, until
@@ -63,6 +63,16 @@ def connected(transport: Transport, topic: str, subscribers: int = 1) -> None:
     eventually(lambda: len(transport.connections(topic).subscribers) >= subscribers, transport)
 
 
+def pair(
+    transport: Transport, topic: str, *, queue: int = 100, **options: Any
+) -> tuple[Subscription, Publisher]:
+    """A subscription of texts, and a publisher that is connected to it."""
+    subscription = transport.subscribe(topic, TEXT, **options)
+    publisher = transport.publisher(topic, TEXT, queue=queue)
+    connected(transport, topic)
+    return subscription, publisher
+
+
 def taken(subscription: Any, count: int, seconds: float = PATIENCE) -> list[Received]:
     """That many messages, and a moment for more that should not come."""
     got: list[Received] = []
@@ -89,9 +99,7 @@ def test_a_message_arrives_as_it_was_sent(transport: Transport, topic: str) -> N
 
 
 def test_every_message_arrives_once_and_in_order(transport: Transport, topic: str) -> None:
-    subscription = transport.subscribe(topic, TEXT)
-    publisher = transport.publisher(topic, TEXT, queue=1000)
-    connected(transport, topic)
+    subscription, publisher = pair(transport, topic, queue=1000)
     for i in range(1000):
         publisher.publish(text(str(i)))
     assert [int(one.message.data) for one in taken(subscription, 1000)] == list(range(1000))
@@ -99,9 +107,7 @@ def test_every_message_arrives_once_and_in_order(transport: Transport, topic: st
 
 
 def test_arrival_is_stamped_between_sending_and_taking(transport: Transport, topic: str) -> None:
-    subscription = transport.subscribe(topic, TEXT)
-    publisher = transport.publisher(topic, TEXT)
-    connected(transport, topic)
+    subscription, publisher = pair(transport, topic)
     before = transport.now()
     publisher.publish(text("a"))
     got = taken(subscription, 1)
@@ -120,9 +126,7 @@ def test_two_subscriptions_each_get_every_message(transport: Transport, topic: s
 
 def test_callbacks_run_in_poll_and_in_its_thread(transport: Transport, topic: str) -> None:
     threads = []
-    transport.subscribe(topic, TEXT, lambda _: threads.append(threading.current_thread()))
-    publisher = transport.publisher(topic, TEXT)
-    connected(transport, topic)
+    _, publisher = pair(transport, topic, callback=lambda _: threads.append(threading.current_thread()))
     publisher.publish(text("a"))
     time.sleep(0.05)
     assert threads == []
@@ -132,18 +136,14 @@ def test_callbacks_run_in_poll_and_in_its_thread(transport: Transport, topic: st
 
 def test_a_spinner_runs_callbacks_in_a_thread_of_its_own(transport: Transport, topic: str) -> None:
     done = threading.Event()
-    transport.subscribe(topic, TEXT, lambda _: done.set())
-    publisher = transport.publisher(topic, TEXT)
-    connected(transport, topic)
+    _, publisher = pair(transport, topic, callback=lambda _: done.set())
     with Spinner(transport):
         publisher.publish(text("a"))
         assert done.wait(PATIENCE)
 
 
 def test_the_oldest_gives_way_and_is_counted_when_nobody_takes(transport: Transport, topic: str) -> None:
-    subscription = transport.subscribe(topic, TEXT, depth=3)
-    publisher = transport.publisher(topic, TEXT)
-    connected(transport, topic)
+    subscription, publisher = pair(transport, topic, depth=3)
     for i in range(10):
         publisher.publish(text(str(i)))
     eventually(lambda: subscription.overflowed == 7, transport)
@@ -152,9 +152,9 @@ def test_the_oldest_gives_way_and_is_counted_when_nobody_takes(transport: Transp
 
 def test_callbacks_get_what_is_left_after_an_overflow(transport: Transport, topic: str) -> None:
     got: list[str] = []
-    subscription = transport.subscribe(topic, TEXT, lambda one: got.append(one.message.data), depth=3)
-    publisher = transport.publisher(topic, TEXT)
-    connected(transport, topic)
+    subscription, publisher = pair(
+        transport, topic, callback=lambda one: got.append(one.message.data), depth=3
+    )
     for i in range(10):
         publisher.publish(text(str(i)))
     until(lambda: subscription.overflowed >= 7)
@@ -255,21 +255,22 @@ def test_a_name_that_is_none_is_refused(transport: Transport, name: str) -> None
         transport.subscribe(name, TEXT)
 
 
-def test_an_unknown_type_is_refused(transport: Transport, topic: str) -> None:
-    with pytest.raises(CatenaryError, match="unknown"):
-        transport.publisher(topic, "raven_2/raven_mood")
-    with pytest.raises(CatenaryError, match="unknown"):
-        transport.service(topic, "std_srvs/Mood", lambda request: request)
-
-
-def test_a_depth_of_none_is_refused(transport: Transport, topic: str) -> None:
-    with pytest.raises(InputError, match="depth"):
-        transport.subscribe(topic, TEXT, depth=0)
-
-
-def test_a_subscription_with_a_callback_is_not_taken_from(transport: Transport, topic: str) -> None:
-    with pytest.raises(InputError, match="callback"):
-        transport.subscribe(topic, TEXT, print).take()
+@pytest.mark.parametrize(
+    ("use", "complaint"),
+    [
+        (lambda transport, topic: transport.publisher(topic, "raven_2/raven_mood"), "unknown"),
+        (
+            lambda transport, topic: transport.service(topic, "std_srvs/Mood", lambda request: request),
+            "unknown",
+        ),
+        (lambda transport, topic: transport.subscribe(topic, TEXT, depth=0), "depth"),
+        (lambda transport, topic: transport.subscribe(topic, TEXT, print).take(), "callback"),
+    ],
+    ids=["unknown message", "unknown service", "no depth", "take beside a callback"],
+)
+def test_misuse_is_refused(transport: Transport, topic: str, use: Any, complaint: str) -> None:
+    with pytest.raises(CatenaryError, match=complaint):
+        use(transport, topic)
 
 
 def test_a_wrong_message_is_refused_by_its_field(transport: Transport, topic: str) -> None:
@@ -331,9 +332,7 @@ def test_an_exception_in_a_callback_reaches_poll_and_spares_the_rest(
         if len(got) == 1:
             raise RuntimeError("first")
 
-    transport.subscribe(topic, TEXT, fail_once)
-    publisher = transport.publisher(topic, TEXT)
-    connected(transport, topic)
+    _, publisher = pair(transport, topic, callback=fail_once)
     publisher.publish(text("a"))
     publisher.publish(text("b"))
     with pytest.raises(RuntimeError, match="first"):
@@ -342,9 +341,7 @@ def test_an_exception_in_a_callback_reaches_poll_and_spares_the_rest(
 
 
 def test_poll_gives_how_many_callbacks_ran(transport: Transport, topic: str) -> None:
-    subscription = transport.subscribe(topic, TEXT, lambda one: None)
-    publisher = transport.publisher(topic, TEXT)
-    connected(transport, topic)
+    subscription, publisher = pair(transport, topic, callback=lambda one: None)
     assert transport.poll() == 0
     publisher.publish(text("a"))
     publisher.publish(text("b"))

@@ -8,7 +8,7 @@ from catenary.crtk.conversions import pose_message, pose_of
 from catenary.crtk.message import message_class
 from catenary.crtk.serving.moves import joint_move, straight_move
 from catenary.spatial import Pose, rotation_from_rpy
-from served_robot import JointState, ServedRobot, homing_plant
+from served_robot import JointState, ServedRobot, homing_plant, shoulder
 
 EXACT = 1e-12
 Empty = message_class("std_msgs/Empty")
@@ -20,86 +20,9 @@ def robot() -> ServedRobot:
     return ServedRobot("crtk")
 
 
-def shoulder(amount: float) -> np.ndarray:
-    values = np.zeros(7)
-    values[0] = amount
-    return values
-
-
 def pose(robot: ServedRobot) -> Pose:
     """Setpoint of the tool."""
     return pose_of(robot.last("setpoint_cp"))
-
-
-@pytest.mark.parametrize(
-    ("state", "command", "after"),
-    [
-        ("DISABLED", "enable", "ENABLED"),
-        ("DISABLED", "disable", "DISABLED"),
-        ("DISABLED", "pause", "DISABLED"),
-        ("DISABLED", "resume", "DISABLED"),
-        ("DISABLED", "home", "DISABLED"),
-        ("ENABLED", "enable", "ENABLED"),
-        ("ENABLED", "disable", "DISABLED"),
-        ("ENABLED", "pause", "PAUSED"),
-        ("ENABLED", "resume", "ENABLED"),
-        ("ENABLED", "home", "ENABLED"),
-        ("ENABLED", "dance", "ENABLED"),
-        ("PAUSED", "enable", "PAUSED"),
-        ("PAUSED", "disable", "DISABLED"),
-        ("PAUSED", "pause", "PAUSED"),
-        ("PAUSED", "resume", "ENABLED"),
-    ],
-)
-def test_transitions(state, command, after):
-    robot = ServedRobot("crtk", state=state)
-    robot.command(command)
-    robot.tick(2)
-    assert robot.state() == after
-
-
-@pytest.mark.parametrize(
-    ("state", "command"), [("ENABLED", "enable"), ("DISABLED", "disable"), ("PAUSED", "pause")]
-)
-def test_asking_for_the_state_that_there_is_is_no_mistake(state, command):
-    # CRTK's table of transitions has these without "(invalid)", and its Python client enables what is enabled
-    robot = ServedRobot("crtk", state=state)
-    robot.command(command)
-    robot.tick(2)
-    assert robot.state() == state
-    assert not robot.server.reports.kinds
-
-
-@pytest.mark.parametrize(
-    ("state", "command"), [("ENABLED", "resume"), ("DISABLED", "pause"), ("PAUSED", "enable")]
-)
-def test_a_command_that_the_state_does_not_allow_is_reported(state, command):
-    robot = ServedRobot("crtk", state=state)
-    robot.command(command)
-    robot.tick(2)
-    assert [report.text for report in robot.server.reports.kinds.values()] == [
-        f"{command}: ignored while {state}"
-    ]
-
-
-@pytest.mark.parametrize("command", ["enable", "disable"])
-def test_a_fault_is_left_by_enable_or_disable(robot, command):
-    robot.plant._set_state("FAULT")
-    for ignored in ("pause", "resume"):
-        robot.command(ignored)
-        robot.tick()
-        assert robot.state() == "FAULT"
-    robot.command(command)
-    robot.tick()
-    assert robot.state() == {"enable": "ENABLED", "disable": "DISABLED"}[command]
-
-
-@pytest.mark.parametrize("state", ["DISABLED", "ENABLED", "PAUSED"])
-def test_unhome_touches_only_that(state):
-    robot = ServedRobot("crtk", state=state)
-    robot.command("unhome")
-    robot.tick(2)
-    assert robot.server.arms["gold"].state == (state, False, False)
 
 
 def test_homing_is_busy_and_leaves_the_arm_enabled():
@@ -123,12 +46,6 @@ def test_homing_is_busy_and_leaves_the_arm_enabled():
     ]
 
 
-def test_a_homed_arm_is_not_homed_again(robot):
-    robot.command("home")
-    robot.tick(3)
-    assert robot.server.arms["gold"].state == ("ENABLED", True, False)
-
-
 def test_a_state_is_latched_and_not_repeated_while_nothing_happens(robot):
     robot.tick(50)
     heard = robot.hear("operating_state")
@@ -136,31 +53,18 @@ def test_a_state_is_latched_and_not_repeated_while_nothing_happens(robot):
     assert [one.message.state for one in heard.take()] == ["ENABLED"]
 
 
-def test_servo_jp_follows_a_client_that_streams(robot):
-    start = robot.setpoint
-    for k in range(100):
-        robot.joints("servo_jp", start + shoulder(0.001 * (k + 1)))
-        robot.tick()
-    assert_allclose(robot.setpoint - start, shoulder(0.1), atol=EXACT)
-
-
-def test_a_single_servo_jp_far_away_ends_at_the_watchdog(robot):
-    start = robot.setpoint
-    robot.joints("servo_jp", start + shoulder(0.5))
-    robot.tick(400)
-    assert_allclose(robot.setpoint - start, shoulder(0.1 * 2.5), atol=EXACT)
-
-
 @pytest.mark.parametrize(
-    ("verb", "field"), [("servo_jp", "position"), ("servo_jv", "velocity"), ("servo_jf", "effort")]
+    ("step", "count", "reached"),
+    [(0.001, 100, 0.1), (0.5, 1, 0.1 * 2.5)],
+    ids=["streamed", "a single one far away, until the watchdog ends it"],
 )
-@pytest.mark.parametrize("values", [np.full(7, np.nan), np.zeros(6), np.zeros(8), np.zeros(0)])
-def test_numbers_that_make_no_sense_move_nothing_and_are_reported(robot, verb, field, values):
-    before = robot.setpoint
-    robot.say(verb, JointState(**{field: values}))
-    robot.tick(5)
-    assert_array_equal(robot.setpoint, before)
-    assert robot.server.reports.count(f"/arm1/{verb}: refused") == 1
+def test_servo_jp_is_followed(robot, step, count, reached):
+    start = robot.setpoint
+    for k in range(count):
+        robot.joints("servo_jp", start + shoulder(step * (k + 1)))
+        robot.tick()
+    robot.tick(400)
+    assert_allclose(robot.setpoint - start, shoulder(reached), atol=EXACT)
 
 
 def test_increments_of_a_named_joint_go_to_it(robot):
@@ -224,35 +128,20 @@ def test_a_move_is_busy_until_it_arrives(robot):
     assert_allclose(robot.setpoint, goal, atol=EXACT)
 
 
-def test_a_move_beyond_a_limit_is_refused_before_anything_moves(robot):
-    before = robot.setpoint
-    robot.joints("move_jp", before + shoulder(3.0))
-    robot.tick(3)
-    assert_array_equal(robot.setpoint, before)
-    assert robot.server.reports.count("/arm1/move_jp: refused") == 1
-
-
-def test_hold_ends_a_move(robot):
+@pytest.mark.parametrize("commands", [["hold"], ["pause", "resume"]])
+def test_a_move_ends_for_good_by_hold_and_by_pausing(robot, commands):
     robot.joints("move_jp", robot.setpoint + shoulder(0.4))
-    robot.tick(500)
-    robot.say("hold", Empty())
-    robot.tick(2)
+    robot.tick(200)
+    for command in commands:
+        if command == "hold":
+            robot.say("hold", Empty())
+        else:
+            robot.command(command)
+        robot.tick(2)
     before = robot.setpoint
     robot.tick(300)
     assert_array_equal(robot.setpoint, before)
     assert not robot.server.arms["gold"].state.is_busy
-
-
-def test_pausing_ends_a_move_for_good(robot):
-    robot.joints("move_jp", robot.setpoint + shoulder(0.4))
-    robot.tick(200)
-    robot.command("pause")
-    robot.tick()
-    robot.command("resume")
-    robot.tick(2)
-    before = robot.setpoint
-    robot.tick(300)
-    assert_array_equal(robot.setpoint, before)
 
 
 def test_move_cp_goes_straight_and_arrives(robot):
@@ -293,13 +182,26 @@ def test_moves_keep_their_bounds_and_differentiate(robot):
         assert_allclose(move(0.0).q, arm.setpoint.q, atol=1e-9)
 
 
-def test_a_pose_beside_the_remote_centre_is_refused_with_the_reason(robot):
-    centre = Pose(pose(robot).rotation, np.zeros(3))
-    before = robot.setpoint
-    robot.say("move_cp", pose_message(centre, 0, ""))
+@pytest.mark.parametrize(
+    ("verb", "message", "reason"),
+    [
+        ("move_jp", lambda robot: JointState(position=robot.setpoint + shoulder(3.0)), "outside [0"),
+        (
+            "move_cp",
+            lambda robot: pose_message(Pose(pose(robot).rotation, np.zeros(3)), 0, ""),
+            "remote centre",
+        ),
+    ],
+)
+def test_a_move_that_cannot_be_made_is_refused_with_the_reason_before_anything_moves(
+    robot, verb, message, reason
+):
+    command, before = message(robot), robot.setpoint
+    robot.say(verb, command)
     robot.tick(3)
     assert_array_equal(robot.setpoint, before)
-    assert "remote centre" in robot.server.reports.kinds["/arm1/move_cp: refused"].text
+    assert robot.server.reports.count(f"/arm1/{verb}: refused") == 1
+    assert reason in robot.server.reports.kinds[f"/arm1/{verb}: refused"].text
 
 
 def test_servo_cp_follows_a_client_that_streams(robot):

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from catenary.crtk.message import message_class
-from catenary.crtk.names import NAMESPACES, RAVEN, crtk_topics, find_topic, topic_name, topics
+from catenary.crtk.names import NAMESPACES, RAVEN, Dialect, crtk_topics, find_topic, topic_name, topics
 from catenary.crtk.transport import absolute
 from catenary.errors import InputError
 from catenary.recording.topics import GOLD_MEASURED_JS, GREEN_MEASURED_JS, RAVENSTATE
@@ -22,18 +22,20 @@ def test_every_topic_has_a_known_type_a_name_and_is_listed_once(dialect: str) ->
         assert find_topic(dialect, topic.verb, topic.arm) == topic  # type: ignore[arg-type]
 
 
-def test_measured_joints_and_poses_of_the_raven_are_swapped() -> None:
-    for verb in ("measured_js", "measured_cp"):
-        assert topic_name("raven", verb, "gold") == f"/arm2/{verb}"
-        assert topic_name("raven", verb, "green") == f"/arm1/{verb}"
-
-
 @pytest.mark.parametrize(
-    "verb", ["setpoint_js", "setpoint_cp", "servo_jr", "servo_jp", "servo_cp", "state_command"]
+    ("dialect", "verbs", "swapped"),
+    [
+        ("raven", ["measured_js", "measured_cp"], True),
+        ("raven", ["setpoint_js", "setpoint_cp", "servo_jr", "servo_jp", "servo_cp", "state_command"], False),
+        ("crtk", ["measured_js", "measured_cp", "servo_jp"], False),
+    ],
 )
-def test_what_is_not_measured_is_not_swapped(verb: str) -> None:
-    assert topic_name("raven", verb, "gold") == f"/arm1/{verb}"
-    assert topic_name("raven", verb, "green") == f"/arm2/{verb}"
+def test_what_the_raven_measures_is_swapped_and_nothing_else(
+    dialect: Dialect, verbs: list[str], swapped: bool
+) -> None:
+    for verb in verbs:
+        found = [topic_name(dialect, verb, arm) for arm in ("gold", "green")]
+        assert found == [f"/arm{number}/{verb}" for number in ((2, 1) if swapped else (1, 2))]
 
 
 def test_what_is_recorded_comes_from_these_topics() -> None:
@@ -46,16 +48,11 @@ def test_what_is_recorded_comes_from_these_topics() -> None:
         assert (topic.name, topic.type) == (recorded.name, recorded.type)
 
 
-def test_the_present_dialect_has_no_swap_and_no_transforms() -> None:
-    for verb in ("measured_js", "measured_cp", "servo_jp"):
-        assert topic_name("crtk", verb, "gold") == f"/arm1/{verb}"
-    assert not [topic for topic in topics("crtk") if "Transform" in topic.type]
-
-
 def test_poses_have_different_types_in_the_two_dialects() -> None:
     shared = {t.name: t.type for t in RAVEN}
     differing = {t.name for t in topics("crtk") if t.name in shared and shared[t.name] != t.type}
     assert "/arm1/measured_cp" in differing
+    assert not [topic for topic in topics("crtk") if "Transform" in topic.type]
 
 
 def test_jaw_verbs_lie_below_the_arm() -> None:

@@ -12,13 +12,7 @@ from catenary.errors import InputError, NotReadyError, TransportError
 from catenary.nodes.serve import Serving, make_server
 from catenary.simulation.cable_plant import CablePlant
 from oracles.cable_arms import homed_plant
-from served_robot import BEGIN, JointState, ServedRobot
-
-
-def shoulder(amount: float) -> np.ndarray:
-    values = np.zeros(7)
-    values[0] = amount
-    return values
+from served_robot import BEGIN, JointState, ServedRobot, shoulder
 
 
 def living_client(state: str, *commands: str, dialect: str = "raven", stamp: int = 0) -> ServedRobot:

@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from patience import PATIENCE
-from ros import Master, Program, running_master
+from ros import COMMAND, Master, Program, running_master
 
-SERVE = "import sys; from catenary.cli.main import main; sys.argv[0] = 'catenary'; main()"
 CLIENT = """
 import json, sys, time
 import numpy as np
@@ -151,7 +150,7 @@ print(json.dumps(found))
 @contextmanager
 def serving(master: Master, *options: str) -> Iterator[Program]:
     """A server with a homed robot, once it serves."""
-    with Program(master, SERVE, "serve", "--homed", "--json", *options) as server:
+    with Program(master, COMMAND, "serve", "--homed", "--json", *options) as server:
         server.line()
         yield server
 
@@ -233,7 +232,7 @@ def test_without_a_master_serving_ends_with_its_uri(tmp_path: Path):
 
     require_ros1()
     master = Master(tmp_path)
-    with Program(master, SERVE, "serve") as server:
+    with Program(master, COMMAND, "serve") as server:
         _, errors = server.finish()
         assert server.process.returncode == 2
         assert master.uri in errors

@@ -67,14 +67,12 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 
 def test_before_homing_there_are_counts_and_no_positions(bench):
     bench.send([1, -2, 3])
-    reading = bench.driver.reading()
+    reading, (sample,) = bench.driver.reading(), bench.driver.take()
     assert_array_equal(reading.counts, [1, -2, 3])
-    assert not reading.is_valid
-    assert np.isnan(reading.q_encoder).all()
     assert reading.reason == "not registered: home the robot"
-    (sample,) = bench.driver.take()
-    assert not sample.is_valid
-    assert np.isnan(sample.q_encoder).all()
+    for found in (reading, sample):
+        assert not found.is_valid
+        assert np.isnan(found.q_encoder).all()
 
 
 def test_after_homing_positions_are_those_of_the_counts_from_the_stops(bench):

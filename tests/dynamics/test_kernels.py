@@ -24,7 +24,6 @@ from catenary.dynamics.lines import (
     mass_matrix_line,
 )
 from catenary.dynamics.mass_matrix import mass_matrix
-from catenary.errors import InputError, MissingInertiaError
 from catenary.gravity.torque import gravity_torque
 from catenary.kernels.tracing import evaluate
 from catenary.robots.catalog import load_robot
@@ -104,16 +103,6 @@ def test_a_robots_kernels_are_made_once() -> None:
     m = load_robot("raven2")
     assert gravity_kernel(m) is gravity_kernel(m)
     assert gravity_kernel(m) is not gravity_kernel(replace(m, name="another"))
-
-
-def test_kernels_refuse_a_robot_without_inertia() -> None:
-    model = replace(load_robot("raven2"), missing_inertia=("link",))
-    for make in (gravity_kernel, holding_kernel, inverse_dynamics_kernel, mass_matrix_kernel):
-        with pytest.raises(MissingInertiaError):
-            make(model)
-    assert forward_kinematics_kernel(model)(np.zeros(3)).shape == (3, 4)
-    with pytest.raises(InputError, match='no frame "elsewhere"'):
-        forward_kinematics_kernel(model, "elsewhere")
 
 
 def test_a_robots_name_is_no_code() -> None:

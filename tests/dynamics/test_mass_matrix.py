@@ -6,7 +6,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.dynamics.mass_matrix import mass_matrix
-from catenary.errors import InputError, MissingInertiaError
 from catenary.robots.catalog import load_robot
 from oracles.mujoco_trees import mujoco_data, mujoco_mass_matrix, mujoco_model
 from oracles.pinocchio_trees import pinocchio_model, pinocchio_order, pinocchio_vector
@@ -47,26 +46,3 @@ def test_raven_point_masses_at_home_have_the_inertia_of_the_mechanism_page(name:
     points = replace(model, tree=model.tree._replace(inertia=np.zeros((3, 3, 3))))
     # printed with four decimals, three for the mass
     assert_allclose(np.diag(mass_matrix(points, HOME)), [0.1032, 0.0480, 0.231], atol=0.6e-4)
-
-
-def test_batch_gives_what_single_configurations_give(random_robots: list[RandomRobot]) -> None:
-    rng = np.random.default_rng(3)
-    for robot in random_robots[:9]:
-        q = rng.normal(size=(4, robot.model.n))
-        M = mass_matrix(robot.model, q)
-        for k in range(4):
-            assert_allclose(M[k], mass_matrix(robot.model, q[k]), atol=0.0)
-
-
-def test_wrong_arguments_are_refused_with_a_reason() -> None:
-    model = load_robot("raven2")
-    with pytest.raises(InputError, match=r"q: expected shape \(3,\) or \(N, 3\), got \(4,\)"):
-        mass_matrix(model, np.zeros(4))
-    with pytest.raises(InputError, match=r"q\[0, 1\] is nan"):
-        mass_matrix(model, [[0.0, np.nan, 0.3]])
-
-
-def test_a_model_without_inertia_is_refused_by_the_links_names() -> None:
-    model = replace(load_robot("raven2"), missing_inertia=("elbow", "insertion"))
-    with pytest.raises(MissingInertiaError, match='"elbow", "insertion"'):
-        mass_matrix(model, HOME)

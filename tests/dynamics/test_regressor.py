@@ -6,7 +6,6 @@ from numpy.testing import assert_allclose
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.dynamics.regressor import link_parameters, torque_regressor, tree_with_parameters
 from catenary.errors import InputError
-from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from oracles.pinocchio_trees import pinocchio_model, pinocchio_order, pinocchio_vector
 
@@ -46,26 +45,6 @@ def test_regressor_is_pinocchios(random_robots):
         assert_allclose(ours, expected, rtol=1e-10, atol=1e-10)
 
 
-def test_at_rest_masses_and_first_moments_alone_give_the_gravity_torque():
-    model = load_robot("raven2")
-    q = np.array([0.4, 1.5, 0.35])
-    phi = link_parameters(model.tree).reshape(-1, 10)
-    phi[:, 4:] = 0.0
-    still = np.zeros(3)
-    tau = torque_regressor(model, q, still, still, TILTED) @ phi.reshape(-1)
-    assert_allclose(tau, gravity_torque(model, q, TILTED), atol=1e-12)
-
-
-def test_each_row_may_have_its_own_gravity():
-    model = load_robot("raven2")
-    rng = np.random.default_rng(2)
-    q, qd, qdd = motion(rng, model, 4)
-    gravities = rng.normal(size=(4, 3))
-    together = torque_regressor(model, q, qd, qdd, gravities)
-    for k in range(4):
-        assert_allclose(together[k], torque_regressor(model, q[k], qd[k], qdd[k], gravities[k]), atol=1e-15)
-
-
 def test_a_robot_without_inertia_has_a_regressor():
     Y = torque_regressor(load_robot("dvrk_psm"), np.ones(7), np.ones(7), np.ones(7), TILTED)
     assert Y.shape == (7, 80)
@@ -91,19 +70,3 @@ def test_parameters_that_no_body_has_are_refused():
     phi[0] = -1.0
     with pytest.raises(InputError, match="link 0: mass -1 kg"):
         tree_with_parameters(tree, phi)
-
-
-@pytest.mark.parametrize(
-    ("changed", "said"),
-    [
-        ({"q": [0.0]}, "q: expected shape (2,) or (N, 2)"),
-        ({"qd": [0.0]}, "qd: expected shape (2,)"),
-        ({"qdd": [0.0, np.nan]}, "qdd[1] is nan"),
-        ({"gravity": [0.0]}, "gravity: expected shape (3,)"),
-    ],
-)
-def test_bad_input_is_refused(changed, said):
-    arguments = {"q": [0.1, 0.2], "qd": [0.0, 0.0], "qdd": [0.0, 0.0], "gravity": [0.0, 0.0, -9.81]} | changed
-    with pytest.raises(InputError) as caught:
-        torque_regressor(load_robot("two_link"), **arguments)
-    assert said in str(caught.value)

@@ -2,17 +2,15 @@
 
 import json
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from oracles.simulated_encoders import SimulatedEncoders
-from ros import Master, Program, running_master
+from ros import COMMAND, Master, Program
 
 pytestmark = pytest.mark.slow
 
-COMMAND = "import sys; from catenary.cli.main import main; sys.argv[0] = 'catenary'; main()"
 # an Imu at 100 Hz; says the gravity that comes back, when it is live
 SENSOR = """
 import numpy as np
@@ -47,21 +45,15 @@ print(*message.name, *message.position, len(positions.take()))
 """
 
 
-@pytest.fixture(scope="module")
-def master(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Master]:
-    with running_master(tmp_path_factory.mktemp("ros")) as running:
-        yield running
-
-
-def test_gravity_comes_back_from_an_imus_topic(master):
+def test_gravity_comes_back_from_an_imus_topic(ros_master: Master):
     node = ("gravity-node", "--imu", "/imu/data_raw", "--frame", "table", "--no-gyroscope")
-    with Program(master, COMMAND, *node), Program(master, SENSOR) as sensor:
+    with Program(ros_master, COMMAND, *node), Program(ros_master, SENSOR) as sensor:
         frame, *vector = sensor.line().split()
     assert frame == "table"
     assert [float(word) for word in vector] == pytest.approx([-1.7, 0.0, -9.66], abs=0.1)
 
 
-def test_counts_are_heard_and_no_positions_before_homing(master, tmp_path: Path):
+def test_counts_are_heard_and_no_positions_before_homing(ros_master: Master, tmp_path: Path):
     board, ending = SimulatedEncoders(tmp_path / "board"), threading.Event()
 
     def speak() -> None:
@@ -71,7 +63,7 @@ def test_counts_are_heard_and_no_positions_before_homing(master, tmp_path: Path)
     thread = threading.Thread(target=speak, daemon=True)
     thread.start()
     command = ("encoders", "--port", str(board.link), "--json")
-    with Program(master, COMMAND, *command) as node, Program(master, LISTENER) as listener:
+    with Program(ros_master, COMMAND, *command) as node, Program(ros_master, LISTENER) as listener:
         assert listener.line() == "shoulder elbow insertion 6366.0 17825.0 76000.0 0"
         assert json.loads(node.line())["is_up"]
     ending.set()

@@ -1,29 +1,21 @@
-"""A robot in another process over ROS 1: connected to, driven, recorded, deployed beside, and restarted."""
+"""A robot in another process over ROS 1: connected to, restarted, and calibrated to its report."""
 
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
 
 from catenary import CrtkClient, read_log
-from catenary.calibration.fit import FitOptions
-from catenary.crtk import network
 from catenary.crtk.ros1.transport import Ros1Transport
 from catenary.errors import TransportError
-from catenary.nodes.deploy import CalibratedTopics
 from catenary.trajectories.waypoints import follow_waypoints
-from catenary.workflows.fit import FitRun, fit_calibration
 from catenary.workflows.project import calibrate
 from catenary.workflows.project.folder import Project, ProjectSettings
-from catenary.workflows.project.recordings import extract_recording, motion_log_path
-from catenary.workflows.project.ros_robot import RosRobot
-from catenary.workflows.robot.guide import AnswerYes
+from catenary.workflows.project.recordings import motion_log_path
 from command_line import catenary
-from oracles.encoded_plant import OFFSET, START
-from patience import PATIENCE, longer_limits, until
-from ros import NODE, Master, Program
+from patience import PATIENCE, until
+from ros import NODE, PATIENT_COMMAND, Master, Program
 from simulated_project import QUICK_MODELS
 
 pytestmark = pytest.mark.slow
@@ -43,13 +35,6 @@ while True:
 """
 
 
-SERVE = """
-import sys, patience
-patience.lengthen_limits()
-from catenary.cli.main import main
-sys.argv[0] = "catenary"
-main()
-"""
 # from where the homed robot is: getting to a far start takes longer than the motion
 STROLL = [[0.52, 1.57, 0.40], [0.7, 1.5, 0.395], [0.6, 1.7, 0.39], [0.55, 1.5, 0.4], [0.52, 1.57, 0.40]]
 
@@ -64,39 +49,6 @@ def robot(master: Master, state: str = "ready") -> Program:
     program = Program(master, ROBOT, state)
     assert program.line() == "up"
     return program
-
-
-def test_robot_is_homed_recorded_fitted_and_corrected(
-    ros_master: Master, transport: Ros1Transport, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # the machine of the tests may be busy, and the robot late
-    for longer in longer_limits():
-        monkeypatch.setattr(*longer)
-    with robot(ros_master, "fresh"):
-        project = Project(tmp_path / "project", ProjectSettings(connection="ros1"))
-        arm = RosRobot(transport, AnswerYes(), simulated=True, patience=PATIENCE)
-        assert arm.home(project)
-        rng = np.random.default_rng(0)
-        points = np.array(START[:3]) + np.array([0.1, 0.15, 0.01]) * rng.uniform(-1.0, 1.0, (5, 3))
-        assert arm.record(
-            project, "train", follow_waypoints(points, speed=[0.3, 0.3, 0.02]), "short", after="home"
-        )
-        extract_recording(project, "train")
-        path = motion_log_path(project, "train")
-        log = read_log(path)
-        assert log.q_encoder is not None
-        assert log.ok.any()  # where the machine let messages come within 50 ms of each other
-        assert_allclose(np.median((log.q_encoder - log.q_nominal)[log.ok], axis=0), OFFSET, atol=2e-3)
-
-        model = fit_calibration([path], FitOptions(kind="offset"), FitRun(robot="raven2")).model
-        with CrtkClient(transport) as client:
-            topics = CalibratedTopics(client, model, rate_hz=500.0, gravity_torque=True)
-            report = topics.run(2.0)
-            topics.close()
-        # how many depends on who else uses the machine of the tests
-        assert report.published > 0
-        assert report.published + report.late == report.messages
-        assert report.latency is not None
 
 
 def test_robot_that_dies_is_noticed_and_one_that_comes_back_is_not_enabled_by_us(
@@ -126,18 +78,14 @@ def test_missing_robot_is_named_over_ros(transport: Ros1Transport) -> None:
 
 
 def test_served_robot_is_calibrated_to_its_report(
-    ros_master: Master, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ros_master: Master, patient_node: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     motion = follow_waypoints(STROLL, speed=[0.2, 0.2, 0.01])
-    # the machine of the tests may be busy, and the robot late
-    for longer in longer_limits():
-        monkeypatch.setattr(*longer)
-    monkeypatch.setattr(network, "make_transport", lambda ros, name: Ros1Transport(NODE))
     monkeypatch.setattr(calibrate, "excitation", lambda project: (motion, "a stroll"))
     monkeypatch.setattr(calibrate, "models_for", lambda robot, seed: QUICK_MODELS)
     monkeypatch.setattr(calibrate, "random_motion", lambda project, seconds, number=0: (motion, "another"))
     project = tmp_path / "project"
-    with Program(ros_master, SERVE, "serve", "--homed", "--json") as server:
+    with Program(ros_master, PATIENT_COMMAND, "serve", "--homed", "--json") as server:
         server.line()  # it is up
         outcome = catenary("calibrate", project, "--ros", "1", "--yes", "--simulated", "--json")
     assert outcome.code == 0, outcome.err

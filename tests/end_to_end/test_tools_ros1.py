@@ -16,28 +16,19 @@ from numpy.testing import assert_allclose
 
 from catenary import CrtkClient, MotionLog, forward_kinematics, gravity_torque, load_robot
 from catenary.calibration.files import save_model
-from catenary.crtk import network
 from catenary.crtk.conversions import joint_values, pose_of
 from catenary.crtk.names import find_topic
 from catenary.crtk.ros1.transport import Ros1Transport
 from catenary.recording.source import open_recording
 from catenary.recording.topics import topic_named
 from command_line import Outcome, catenary
-from patience import longer_limits, until
+from patience import until
 from recordings import fitted
-from ros import NODE, Master, Program
+from ros import NODE, PATIENT_COMMAND, Master, Program
 from typist import Typist
 
 pytestmark = pytest.mark.slow
 
-COMMAND = """
-import sys
-import patience
-patience.lengthen_limits()
-from catenary.cli.main import main
-sys.argv[0] = "catenary"
-main()
-"""
 # what catenary gravity-node publishes on a base that is tilted, without the sensor
 GRAVITY = (1.7, 0.0, -9.66)
 GRAVITY_NODE = f"""
@@ -69,19 +60,9 @@ class Before(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def patient(ros_master: Master) -> Iterator[None]:
-    """Commands of this process take its one node, and wait longer for a robot."""
-    with pytest.MonkeyPatch.context() as patch:
-        for longer in longer_limits():
-            patch.setattr(*longer)
-        patch.setattr(network, "make_transport", lambda ros, name: Ros1Transport(NODE))
-        yield
-
-
-@pytest.fixture(scope="module")
-def served(ros_master: Master, patient: None) -> Iterator[Program]:
+def served(ros_master: Master, patient_node: None) -> Iterator[Program]:
     """A robot that was just switched on."""
-    with Program(ros_master, COMMAND, "serve", "--rate", "200") as server:
+    with Program(ros_master, PATIENT_COMMAND, "serve", "--rate", "200") as server:
         server.line()  # it is up
         yield server
 
@@ -90,7 +71,7 @@ def served(ros_master: Master, patient: None) -> Iterator[Program]:
 def before(ros_master: Master, served: Program) -> Before:
     """The robot refused, interrupted while it homed, and homed."""
     goto = catenary("goto", "--q-deg", "35", "--ros", "1", "--simulated")
-    with Program(ros_master, COMMAND, "home", "--ros", "1", "--yes") as homing, client() as robot:
+    with Program(ros_master, PATIENT_COMMAND, "home", "--ros", "1", "--yes") as homing, client() as robot:
         wait_until(lambda: robot.operating_state().is_busy)
         homing.interrupt()
         _, errors = homing.finish()
@@ -220,7 +201,7 @@ def test_ctrl_c_holds_the_robot_where_it_is(ros_master: Master, ready: None) -> 
     goal = np.rad2deg(begin[0]) + (20.0 if begin[0] < HOME[0] else -20.0)
     # it takes 17 s: it is stopped long before, also by a machine that is busy
     arguments = ("goto", "--q-deg", f"{goal:.3f}", "--speed", "0.1", "--ros", "1", "--simulated")
-    with Program(ros_master, COMMAND, *arguments) as going, client() as robot:
+    with Program(ros_master, PATIENT_COMMAND, *arguments) as going, client() as robot:
         wait_until(lambda: abs(robot.setpoint_js().q[0] - begin[0]) > 0.02)
         going.interrupt()
         out, _ = going.finish()
@@ -235,7 +216,7 @@ def test_ctrl_c_holds_the_robot_where_it_is(ros_master: Master, ready: None) -> 
 def test_keys_move_the_robot_and_quitting_pauses_it(ros_master: Master, ready: None) -> None:
     begin = setpoint()
     forward = b"q" if begin[0] < HOME[0] else b"a"
-    program, environment = ("-c", COMMAND), ros_master.environment
+    program, environment = ("-c", PATIENT_COMMAND), ros_master.environment
     with Typist("--ros", "1", "--simulated", program=program, environment=environment) as typist:
         typist.wait_for(b"catenary teleop")
         pressed = time.monotonic()
@@ -281,7 +262,7 @@ def test_a_deployed_model_is_heard_and_shown_beside_gravity(
     options = ("--gravity-torque", "--gravity", "/gravity", "--rate", "200", "--json")
     with (
         Program(ros_master, GRAVITY_NODE) as node,
-        Program(ros_master, COMMAND, "deploy", str(model), "--ros", "1", *options) as deployed,
+        Program(ros_master, PATIENT_COMMAND, "deploy", str(model), "--ros", "1", *options) as deployed,
     ):
         assert node.line() == "up"
         with Ros1Transport(NODE) as transport:

@@ -159,15 +159,13 @@ def test_jax_runs_long_lines_in_a_loop(quantity, monkeypatch):
     assert_allclose(slope[..., 0], (ahead - behind) / 2e-6, atol=1e-6)  # central difference, h = 1e-6
 
 
-def test_jax_takes_the_torso_of_nineteen_joints():
-    model = load_robot("dual_arm_19")
-    arrays = arrays_of(model, "gravity_regressor")
-    found = export_function(model, "gravity_regressor", "jax")(*arrays)  # too long for one straight line
-    assert_allclose(found, by_recursion(model, "gravity_regressor", arrays), atol=1e-10)
-
-
-@pytest.mark.slow  # XLA takes some seconds for each
-@pytest.mark.parametrize("quantity", ["gravity", "mass_matrix", "inverse_dynamics", "compact_regressor"])
+@pytest.mark.parametrize(
+    "quantity",  # the regressor is too long for one straight line; XLA takes some seconds for each of the others
+    [
+        "gravity_regressor",
+        *(pytest.param(q, marks=pytest.mark.slow) for q in QUANTITIES if q != "gravity_regressor"),
+    ],
+)
 def test_jax_takes_everything_of_nineteen_joints(quantity):
     model = load_robot("dual_arm_19")
     arrays = arrays_of(model, quantity)

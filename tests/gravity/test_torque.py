@@ -1,19 +1,18 @@
-from dataclasses import replace
-
 import numpy as np
 import pinocchio
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.dynamics.kernels import FEW
-from catenary.errors import InputError, MissingInertiaError
-from catenary.gravity.torque import gravity_torque, potential_energy
+from catenary.errors import InputError
+from catenary.gravity.torque import gravity_delta, gravity_torque, potential_energy
 from catenary.robots.catalog import load_robot
+from catenary.sensing.vector import tilted_gravity
+from catenary.spatial import LEVEL
 from oracles.mujoco_trees import mujoco_data, mujoco_model, mujoco_order
 from oracles.paper_gravity import paper_gravity_torque
 from oracles.pinocchio_trees import pinocchio_model, pinocchio_order, pinocchio_vector
-from oracles.random_trees import RandomRobot
-from oracles.raven2 import dh_frames
+from oracles.random_trees import Floats, RandomRobot
 
 UPRIGHT = np.array([0.0, 0.0, -9.81])
 ARMS = [
@@ -24,53 +23,51 @@ ARMS = [
 ]
 
 
-def test_gravity_torque_agrees_with_mujoco(random_robots: list[RandomRobot]) -> None:
+def by_mujoco(robot: RandomRobot, q: Floats, gravity: Floats) -> Floats:
+    mj = mujoco_model(robot, gravity=gravity)
+    bias: Floats = mujoco_data(robot, mj, q).qfrc_bias[mujoco_order(robot, mj)]
+    return robot.model.coupling.T @ bias
+
+
+def by_pinocchio(robot: RandomRobot, q: Floats, gravity: Floats) -> Floats:
+    m, pin = robot.model, pinocchio_model(robot)
+    pin.gravity.linear = gravity
+    x = pinocchio_vector(robot, pin, m.coupling @ q + m.offset)
+    held = pinocchio.computeGeneralizedGravity(pin, pin.createData(), x)[pinocchio_order(robot, pin)]
+    return m.coupling.T @ held
+
+
+def by_the_papers_sum(robot: RandomRobot, q: Floats, gravity: Floats) -> Floats:
+    m, pin = robot.model, pinocchio_model(robot)
+    data = pin.createData()
+    pinocchio.framesForwardKinematics(pin, data, pinocchio_vector(robot, pin, m.coupling @ q + m.offset))
+    placed = [data.oMi[pin.getJointId(name)] for name in m.link_names]
+    rotations, positions = np.array([p.rotation for p in placed]), np.array([p.translation for p in placed])
+    return m.coupling.T @ paper_gravity_torque(m.tree, rotations, positions, gravity)
+
+
+def by_slope_of_energy(robot: RandomRobot, q: Floats, gravity: Floats) -> Floats:
+    h = 1e-5
+    steps = h * np.eye(len(q))
+    ahead, behind = (potential_energy(robot.model, q + s * steps, gravity) for s in (1.0, -1.0))
+    return (ahead - behind) / (2 * h)
+
+
+@pytest.mark.parametrize(
+    ("peer", "atol"),
+    [
+        (by_mujoco, 1e-10),
+        (by_pinocchio, 1e-10),
+        (by_the_papers_sum, 1e-10),
+        (by_slope_of_energy, 1e-7),  # central difference, h = 1e-5, of energies up to 300 J
+    ],
+)
+def test_gravity_torque_is_what_peers_compute(peer, atol: float, random_robots: list[RandomRobot]) -> None:
     rng = np.random.default_rng(1)
     for robot in random_robots:
-        m = robot.model
-        q, gravity = rng.normal(size=m.n), 5.0 * rng.normal(size=3)
-        mj = mujoco_model(robot, gravity=gravity)
-        bias = mujoco_data(robot, mj, q).qfrc_bias[mujoco_order(robot, mj)]
-        assert_allclose(gravity_torque(m, q, gravity), m.coupling.T @ bias, atol=1e-10, err_msg=m.name)
-
-
-def test_gravity_torque_agrees_with_pinocchio(random_robots: list[RandomRobot]) -> None:
-    rng = np.random.default_rng(2)
-    for robot in random_robots:
-        m = robot.model
-        q, gravity = rng.normal(size=m.n), 5.0 * rng.normal(size=3)
-        pin = pinocchio_model(robot)
-        pin.gravity.linear = gravity
-        x = pinocchio_vector(robot, pin, m.coupling @ q + m.offset)
-        expected = pinocchio.computeGeneralizedGravity(pin, pin.createData(), x)[pinocchio_order(robot, pin)]
-        assert_allclose(gravity_torque(m, q, gravity), m.coupling.T @ expected, atol=1e-10, err_msg=m.name)
-
-
-def test_gravity_torque_is_the_papers_sum_over_the_carried_links(random_robots: list[RandomRobot]) -> None:
-    rng = np.random.default_rng(3)
-    for robot in random_robots:
-        m = robot.model
-        q, gravity = rng.normal(size=m.n), 5.0 * rng.normal(size=3)
-        pin = pinocchio_model(robot)
-        data = pin.createData()
-        pinocchio.framesForwardKinematics(pin, data, pinocchio_vector(robot, pin, m.coupling @ q + m.offset))
-        placed = [data.oMi[pin.getJointId(name)] for name in m.link_names]
-        expected = paper_gravity_torque(
-            m.tree, np.array([p.rotation for p in placed]), np.array([p.translation for p in placed]), gravity
-        )
-        assert_allclose(gravity_torque(m, q, gravity), m.coupling.T @ expected, atol=1e-10, err_msg=m.name)
-
-
-def test_gravity_torque_is_gradient_of_potential_energy(random_robots: list[RandomRobot]) -> None:
-    rng = np.random.default_rng(4)
-    h = 1e-5
-    for robot in random_robots:
-        m = robot.model
-        q, gravity = rng.normal(size=m.n), 5.0 * rng.normal(size=3)
-        steps = h * np.eye(m.n)
-        slope = (potential_energy(m, q + steps, gravity) - potential_energy(m, q - steps, gravity)) / (2 * h)
-        # central difference, h = 1e-5, of energies up to 300 J
-        assert_allclose(gravity_torque(m, q, gravity), slope, atol=1e-7, err_msg=m.name)
+        q, gravity = rng.normal(size=robot.model.n), 5.0 * rng.normal(size=3)
+        torque = gravity_torque(robot.model, q, gravity)
+        assert_allclose(torque, peer(robot, q, gravity), atol=atol, err_msg=robot.model.name)
 
 
 def test_gravity_torque_is_linear_in_gravity(random_robots: list[RandomRobot]) -> None:
@@ -78,11 +75,8 @@ def test_gravity_torque_is_linear_in_gravity(random_robots: list[RandomRobot]) -
     for robot in random_robots:
         m = robot.model
         q, (a, b) = rng.normal(size=m.n), rng.normal(size=(2, 3))
-        assert_allclose(
-            gravity_torque(m, q, 2.0 * a - 3.0 * b),
-            2.0 * gravity_torque(m, q, a) - 3.0 * gravity_torque(m, q, b),
-            atol=1e-11,
-        )
+        parts = 2.0 * gravity_torque(m, q, a) - 3.0 * gravity_torque(m, q, b)
+        assert_allclose(gravity_torque(m, q, 2.0 * a - 3.0 * b), parts, atol=1e-11)
         assert_allclose(gravity_torque(m, q, np.zeros(3)), np.zeros(m.n), atol=0.0)
 
 
@@ -110,23 +104,6 @@ def test_raven_holds_what_the_mechanism_page_says(
 
 
 @pytest.mark.parametrize(("name", "arm"), ARMS)
-def test_raven_torques_are_the_papers_sum_over_its_table(name: str, arm: str) -> None:
-    model = load_robot(name)
-    R_base_0 = model.frames["frame0"].pose.rotation
-    rng = np.random.default_rng(6)
-    for _ in range(50):
-        q, gravity = rng.uniform(model.lower, model.upper), 5.0 * rng.normal(size=3)
-        frames = np.array(dh_frames(arm, q[:3]))[: model.n]
-        expected = paper_gravity_torque(
-            model.tree._replace(**{name: getattr(model.tree, name)[:3] for name in model.tree._fields}),
-            frames[:3, :3, :3],
-            frames[:3, :3, 3],
-            R_base_0.T @ gravity,
-        )
-        assert_allclose(gravity_torque(model, q, gravity)[:3], expected, atol=1e-13)
-
-
-@pytest.mark.parametrize(("name", "arm"), ARMS)
 def test_level_gravity_points_against_x_of_the_ravens_frame_0(name: str, arm: str) -> None:
     R_base_0 = load_robot(name).frames["frame0"].pose.rotation
     assert_allclose(R_base_0 @ [-9.81, 0.0, 0.0], UPRIGHT, atol=0.0)
@@ -149,51 +126,12 @@ def test_lateral_gravity_differs_between_the_raven_arms(name: str, j2: float) ->
     assert_allclose(gravity_torque(model, [0.5, 1.2, 0.33], gravity)[1], j2, atol=0.6e-3)
 
 
-def test_batch_gives_what_single_configurations_give(random_robots: list[RandomRobot]) -> None:
-    rng = np.random.default_rng(8)
-    for robot in random_robots[:9]:
-        m = robot.model
-        q, gravity = rng.normal(size=(4, m.n)), rng.normal(size=(4, 3))
-        each = gravity_torque(m, q, gravity)
-        one = gravity_torque(m, q, gravity[0])
-        energy = potential_energy(m, q, gravity)
-        assert energy.shape == (4,)
-        for k in range(4):
-            assert_allclose(each[k], gravity_torque(m, q[k], gravity[k]), atol=0.0)
-            assert_allclose(one[k], gravity_torque(m, q[k], gravity[0]), atol=0.0)
-            assert_allclose(energy[k], potential_energy(m, q[k], gravity[k]), atol=0.0)
-
-
 def test_one_configuration_takes_one_gravity_as_a_row_too() -> None:
     model = load_robot("raven2")
     q = np.array([0.5, 1.5, 0.4])
     assert gravity_torque(model, q, [UPRIGHT]).shape == (3,)
     assert gravity_torque(model, [q], UPRIGHT).shape == (1, 3)
     assert gravity_torque(model, np.empty((0, 3)), UPRIGHT).shape == (0, 3)
-
-
-def test_wrong_arguments_are_refused_with_a_reason() -> None:
-    model = load_robot("raven2")
-    with pytest.raises(InputError, match=r"q: expected shape \(3,\) or \(N, 3\), got \(2,\)"):
-        gravity_torque(model, np.zeros(2), UPRIGHT)
-    with pytest.raises(InputError, match=r"gravity: expected shape \(3,\)"):
-        gravity_torque(model, np.zeros(3), [0.0, -9.81])
-    with pytest.raises(
-        InputError, match=r"gravity: expected shape \(3,\) or \(2, 3\), as q has it, got \(3, 3\)"
-    ):
-        gravity_torque(model, np.zeros((2, 3)), np.zeros((3, 3)))
-    with pytest.raises(InputError, match=r"q\[2\] is inf"):
-        gravity_torque(model, [0.0, 1.0, np.inf], UPRIGHT)
-    with pytest.raises(InputError, match=r"gravity\[0\] is nan"):
-        potential_energy(model, np.zeros(3), [np.nan, 0.0, 0.0])
-
-
-def test_a_model_without_inertia_is_refused_by_the_links_names() -> None:
-    model = replace(load_robot("raven2"), missing_inertia=("elbow", "insertion"))
-    for refused in (gravity_torque, potential_energy):
-        with pytest.raises(MissingInertiaError, match='"elbow", "insertion"') as caught:
-            refused(model, np.zeros(3), UPRIGHT)
-        assert caught.value.links == ("elbow", "insertion")
 
 
 @pytest.mark.parametrize("name", ["raven2", "planar_3r"])
@@ -213,3 +151,27 @@ def test_from_some_calls_on_the_kernel_gives_the_same_and_checks_as_much(name: s
         gravity_torque(model, np.zeros(3), np.array([np.inf, 0.0, 0.0]))
     with pytest.raises(InputError, match=r"q: expected shape \(3,\) or \(N, 3\), got \(2,\)"):
         gravity_torque(model, np.zeros(2), gravity)
+
+
+def test_firmware_for_a_level_base_plus_the_delta_is_the_whole_gravity_torque(
+    random_robots: list[RandomRobot],
+) -> None:
+    rng = np.random.default_rng(0)
+    for robot in random_robots[:20]:
+        q, gravity = rng.normal(size=robot.model.n), tilted_gravity(*rng.uniform(-3.0, 3.0, 2))
+        whole = gravity_torque(robot.model, q, LEVEL) + gravity_delta(robot.model, q, gravity)
+        assert_allclose(whole, gravity_torque(robot.model, q, gravity), atol=1e-11)
+
+
+def test_there_is_nothing_to_add_on_a_level_base() -> None:
+    arm = load_robot("raven2")
+    assert_array_equal(gravity_delta(arm, [0.5, 1.5, 0.4], LEVEL), np.zeros(3))
+
+
+def test_rows_of_gravity_go_with_rows_of_positions() -> None:
+    arm = load_robot("raven2")
+    q = np.tile([0.5, 1.5, 0.4], (2, 1))
+    gravities = np.array([LEVEL, tilted_gravity(0.3, 0.0)])
+    rows = gravity_delta(arm, q, gravities)
+    assert_array_equal(rows[0], np.zeros(3))
+    assert_allclose(rows[1], gravity_delta(arm, q[1], gravities[1]))

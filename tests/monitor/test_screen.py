@@ -42,16 +42,11 @@ def test_nothing_jumps_when_numbers_change() -> None:
         assert a.index(".", 20) == b.index(".", 20)  # the decimal points stand still
 
 
-def test_degrees_and_millimetres_are_shown() -> None:
+def test_degrees_millimetres_and_the_tilt_of_the_base_are_shown() -> None:
     text = "\n".join(monitor_lines("raven2", sample()))
-    assert " 30.00" in text
-    assert "400.00" in text
-
-
-def test_the_base_is_shown_as_it_is_tilted() -> None:
-    text = "\n".join(monitor_lines("raven2", sample()))
-    assert f"roll {np.rad2deg(0.1):6.2f} pitch {np.rad2deg(-0.2):6.2f}" in text
-    assert "age 20 ms" in text
+    tilt = f"roll {np.rad2deg(0.1):6.2f} pitch {np.rad2deg(-0.2):6.2f}"
+    for shown in (" 30.00", "400.00", tilt, "age 20 ms"):
+        assert shown in text
 
 
 def test_a_joint_outside_the_valid_range_is_marked() -> None:

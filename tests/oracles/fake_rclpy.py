@@ -14,8 +14,10 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from types import ModuleType, SimpleNamespace
 from typing import Any
+from unittest.mock import patch
 
 from rosbags.typesys import Stores, get_typestore
 
@@ -24,32 +26,18 @@ from catenary.recording.messages import MESSAGES, SERVICES, fields, ros2_name
 HUMBLE = get_typestore(Stores.ROS2_HUMBLE)
 
 
-class DurabilityPolicy(enum.Enum):
-    TRANSIENT_LOCAL = 1
-    VOLATILE = 2
+DurabilityPolicy = enum.Enum("DurabilityPolicy", "TRANSIENT_LOCAL VOLATILE")
+ReliabilityPolicy = enum.Enum("ReliabilityPolicy", "RELIABLE BEST_EFFORT")
+HistoryPolicy = enum.Enum("HistoryPolicy", "KEEP_LAST KEEP_ALL")
+SignalHandlerOptions = enum.Enum("SignalHandlerOptions", "NO ALL")
 
 
-class ReliabilityPolicy(enum.Enum):
-    RELIABLE = 1
-    BEST_EFFORT = 2
-
-
-class HistoryPolicy(enum.Enum):
-    KEEP_LAST = 1
-    KEEP_ALL = 2
-
-
-class SignalHandlerOptions(enum.Enum):
-    NO = 0
-    ALL = 3
-
-
+@dataclass(kw_only=True)
 class QoSProfile:
-    def __init__(self, **options: Any) -> None:
-        assert set(options) <= {"history", "depth", "reliability", "durability"}, "Invalid arguments"
-        self.depth: int = options.get("depth", 0)
-        self.durability = options.get("durability", DurabilityPolicy.VOLATILE)
-        self.reliability = options.get("reliability", ReliabilityPolicy.RELIABLE)
+    history: Any = HistoryPolicy.KEEP_LAST
+    depth: int = 0
+    reliability: Any = ReliabilityPolicy.RELIABLE
+    durability: Any = DurabilityPolicy.VOLATILE
 
 
 class Context:
@@ -174,23 +162,23 @@ class Subscription:
             self.callback(message)
 
 
+@dataclass(frozen=True)
 class Service:
-    def __init__(self, node: "Node", kind: Any, name: str, callback: Any) -> None:
-        self.node, self.kind, self.name, self.callback = node, kind, name, callback
+    node: "Node"
+    kind: Any
+    name: str
+    callback: Any
 
 
 class Client:
     def __init__(self, node: "Node", kind: Any, name: str) -> None:
         self.node, self.kind, self.name = node, kind, name
 
-    def service_is_ready(self) -> bool:
-        return any(one.name == self.name and one.kind is self.kind for one in GRAPH.services)
-
     def wait_for_service(self, timeout_sec: float | None = None) -> bool:
         end = time.monotonic() + (timeout_sec or 0.0)
-        while not self.service_is_ready() and time.monotonic() < end:
+        while not (found := self.name in {one.name for one in GRAPH.services}) and time.monotonic() < end:
             time.sleep(0.01)
-        return self.service_is_ready()
+        return found
 
     def call_async(self, request: Any) -> Future:
         assert isinstance(request, self.kind.Request)
@@ -289,9 +277,7 @@ GRAPH = Graph()
 
 
 def _info(end: Any) -> SimpleNamespace:
-    return SimpleNamespace(
-        node_name=end.node.name, node_namespace="/", topic_type=end.kind.ros2_name, qos_profile=end.qos
-    )
+    return SimpleNamespace(node_name=end.node.name, node_namespace="/", qos_profile=end.qos)
 
 
 def init(*, args: Any, context: Context, signal_handler_options: SignalHandlerOptions) -> None:
@@ -328,18 +314,14 @@ def _half_of_service(name: str) -> Any:
 @contextmanager
 def installed() -> Iterator[None]:
     """Put it, and the messages that ROS 2 has, where `import` finds them."""
-    modules = {
+    qos = {kind.__name__: kind for kind in (QoSProfile, DurabilityPolicy, ReliabilityPolicy, HistoryPolicy)}
+    modules: dict[str, dict[str, Any]] = {
         "rclpy": {"init": init, "create_node": create_node, "shutdown": shutdown},
         "rclpy.context": {"Context": Context},
         "rclpy.executors": {"SingleThreadedExecutor": SingleThreadedExecutor},
         "rclpy.signals": {"SignalHandlerOptions": SignalHandlerOptions},
         "rclpy.task": {"Future": Future},
-        "rclpy.qos": {
-            "QoSProfile": QoSProfile,
-            "DurabilityPolicy": DurabilityPolicy,
-            "ReliabilityPolicy": ReliabilityPolicy,
-            "HistoryPolicy": HistoryPolicy,
-        },
+        "rclpy.qos": qos,
     }
     for name in MESSAGES:
         package, _, short = name.partition("/")
@@ -349,19 +331,8 @@ def installed() -> Iterator[None]:
         package, _, short = name.partition("/")
         halves = {half: _half_of_service(f"{name}{half}") for half in ("Request", "Response")}
         modules.setdefault(f"{package}.srv", {})[short] = type(short, (), halves)
-    packages = {name.partition(".")[0] for name in modules} - set(modules)
-    before = {name: sys.modules.get(name) for name in (*modules, *packages)}
-    for name in packages:
-        sys.modules[name] = ModuleType(name)
-        sys.modules[name].__path__ = []  # type: ignore[attr-defined]
-    for name, content in modules.items():
-        sys.modules[name] = ModuleType(name)
-        sys.modules[name].__dict__.update(content)
-    try:
+    made = {name: ModuleType(name) for name in (*modules, *(name.partition(".")[0] for name in modules))}
+    for name, module in made.items():
+        module.__dict__.update(modules.get(name, {}), __path__=[])
+    with patch.dict(sys.modules, made):
         yield
-    finally:
-        for name, module in before.items():
-            if module is None:
-                del sys.modules[name]
-            else:
-                sys.modules[name] = module

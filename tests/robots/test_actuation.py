@@ -70,40 +70,33 @@ def test_a_coordinate_that_nothing_acts_on_is_refused(load):
         load('[[actuation.friction]]\nname = "f"\non = { a = 1 }\n')
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("[actuation]\nfrictions = 1\n", "actuation: frictions: unknown key"),
-        ('[actuation]\nweighting = "best"\n', "actuation: weighting"),
-        ("[actuation.filter]\norder = 4\n", "cutoff_hz: this key is missing"),
-        ("[actuation.filter]\norder = 0\ncutoff_hz = 1\ncut_samples = 0\n", "order"),
-        (
-            '[[actuation.friction]]\nname = "f"\non = { b = 1 }\n',
-            'unknown coordinate "b"; coordinates: a, motor',
-        ),
-        ('[[actuation.friction]]\nname = "f"\non = {}\n', 'friction[0] "f": on'),
-    ],
-)
-def test_a_table_that_cannot_be_meant_is_refused(load, text, said):
-    with pytest.raises(ConfigError) as caught:
-        load(text)
-    assert said in str(caught.value)
+LEVER = "lever = { arm_m = 0.2, anchor_m = 0.1, rest_length_m = 0.05, angle_deg = 0 }\n"
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "error", "said"),
     [
-        (FRICTION + FRICTION, 'friction "f": stands there twice'),
-        ('[[actuation.friction]]\nname = "f"\non = { a = 0 }\n', "acts on no coordinate"),
+        ("[actuation]\nfrictions = 1\n", ConfigError, "actuation: frictions: unknown key"),
+        ('[actuation]\nweighting = "best"\n', ConfigError, "actuation: weighting"),
+        ("[actuation.filter]\norder = 4\n", ConfigError, "cutoff_hz: this key is missing"),
+        ("[actuation.filter]\norder = 0\ncutoff_hz = 1\ncut_samples = 0\n", ConfigError, "order"),
+        (FRICTION.replace("motor", "b"), ConfigError, 'unknown coordinate "b"; coordinates: a, motor'),
+        ('[[actuation.friction]]\nname = "f"\non = {}\n', ConfigError, 'friction[0] "f": on'),
+        (FRICTION + FRICTION, InputError, 'friction "f": is there twice'),
+        (FRICTION.replace("2, motor = -1.5", "0"), InputError, "acts on no coordinate"),
         (
-            '[[actuation.spring]]\nname = "s"\non = { motor = 1 }\n'
-            "lever = { arm_m = 0.2, anchor_m = 0.1, rest_length_m = 0.05, angle_deg = 0 }\n",
-            "expected an arm above 0 and shorter than the anchor's distance",
+            '[[actuation.spring]]\nname = "s"\non = { motor = 1 }\n' + LEVER,
+            InputError,
+            "expected an arm above 0",
         ),
-        ("[actuation]\neffort_scale = [1]\n" + FRICTION, "effort scale: expected 2 factors, got 1"),
+        (
+            "[actuation]\neffort_scale = [1]\n" + FRICTION,
+            InputError,
+            "effort scale: expected 2 factors, got 1",
+        ),
     ],
 )
-def test_effects_that_do_not_fit_the_robot_are_refused(load, text, said):
-    with pytest.raises(InputError) as caught:
+def test_effects_that_cannot_be_meant_are_refused(load, text, error, said):
+    with pytest.raises(error) as caught:
         load(text)
     assert said in str(caught.value)

@@ -57,14 +57,6 @@ def test_a_moved_body_is_the_body_of_the_moved_points(seed):
 
 
 @given(seeds)
-def test_moving_a_body_there_and_back_changes_nothing(seed):
-    rng = np.random.default_rng(seed)
-    body = inertia_of(*cloud(rng))
-    pose = random_pose(rng)
-    assert_same_body(body.moved(pose).moved(pose.inverse()), body)
-
-
-@given(seeds)
 def test_two_bodies_as_one_are_the_body_of_all_their_points(seed):
     rng = np.random.default_rng(seed)
     (m1, p1), (m2, p2) = cloud(rng), cloud(rng)
@@ -133,10 +125,6 @@ def test_a_robot_of_constant_joints_only_has_no_coordinates():
     assert assemble("r", [link(variable={})], []).n == 0
 
 
-def test_axes_are_normalised():
-    assert_allclose(assemble("r", [link(axis=np.array([0.0, 3.0, 4.0]))], Q).tree.axis, [[0, 0.6, 0.8]])
-
-
 def test_the_tip_is_the_end_of_the_longest_chain_unless_it_is_named():
     links = [link("a"), link("b", "a"), link("c", "base")]
     assert assemble("r", links, Q).tip == "b"
@@ -163,79 +151,58 @@ BODY = LinkInertia(1.0, np.zeros(3), np.eye(3))
 NAN3 = np.array([0.0, np.nan, 0.0])
 
 
-@pytest.mark.parametrize(
-    ("links", "said"),
-    [
-        ([link(), link()], 'two links are named "a"'),
-        ([link("base")], 'a link is named "base"'),
-        ([link(parent="x")], 'link "a" hangs on unknown link "x"; links: base, a'),
-        ([link(variable={"x": 1.0})], 'link "a": moves with unknown coordinate "x"; coordinates: q'),
-        ([link(variable={"q": np.nan})], 'link "a": factor of "q" is nan'),
-        ([link(), link("f", joint="fixed", variable={"q": 1.0})], 'link "f": is fixed and moves with q'),
-        ([link(joint="ball")], 'link "a": joint "ball", expected revolute or prismatic or fixed'),
-        ([link(axis=np.zeros(3))], 'link "a": axis must not be zero'),
-        ([link(axis=NAN3)], 'link "a": axis[1] is nan'),
-        ([link(offset=np.inf)], 'link "a": offset is inf'),
-        ([link(pose=Pose(np.eye(3), NAN3))], 'link "a": joint: origin[1] is nan'),
-        (
-            [link(pose=Pose(2 * np.eye(3), np.zeros(3)))],
-            'link "a": joint: rotation: expected a rotation matrix',
-        ),
-        ([link(frame=Pose(-np.eye(3), np.zeros(3)))], 'link "a": link frame: rotation: expected a rotation'),
-        (
-            [link(inertia=replace(BODY, mass=-1.0))],
-            'link "a": mass -1.0 kg, expected a finite number, zero or more',
-        ),
-        ([link(inertia=replace(BODY, mass=np.nan))], 'link "a": mass nan kg'),
-        ([link(inertia=replace(BODY, com=NAN3))], 'link "a": centre of mass[1] is nan'),
-        ([link(inertia=replace(BODY, com=np.zeros(2)))], "centre of mass: expected shape (3,), got (2,)"),
-        (
-            [link(inertia=replace(BODY, inertia=np.triu(np.ones((3, 3)))))],
-            'link "a": inertia must be symmetric',
-        ),
-        (
-            [link(inertia=replace(BODY, inertia=-1e-9 * np.eye(3)))],
-            'link "a": inertia has a negative principal',
-        ),
-    ],
-)
-def test_a_bad_link_is_refused_by_robot_and_link(links, said):
+def body(**changes):
+    return [link(inertia=replace(BODY, **changes))]
+
+
+REFUSED = [
+    ({"links": [link(), link()]}, 'two links are named "a"'),
+    ({"links": [link("base")]}, 'a link is named "base"'),
+    ({"links": [link(parent="x")]}, 'link "a" hangs on unknown link "x"; links: base, a'),
+    ({"links": [link(variable={"x": 1.0})]}, 'link "a": moves with unknown coordinate "x"; coordinates: q'),
+    ({"links": [link(variable={"q": np.nan})]}, 'link "a": factor of "q" is nan'),
+    (
+        {"links": [link(), link("f", joint="fixed", variable={"q": 1.0})]},
+        'link "f": is fixed and moves with q',
+    ),
+    ({"links": [link(joint="ball")]}, 'link "a": joint "ball", expected revolute or prismatic or fixed'),
+    ({"links": [link(axis=np.zeros(3))]}, 'link "a": axis must not be zero'),
+    ({"links": [link(axis=NAN3)]}, 'link "a": axis[1] is nan'),
+    ({"links": [link(offset=np.inf)]}, 'link "a": offset is inf'),
+    ({"links": [link(pose=Pose(np.eye(3), NAN3))]}, 'link "a": joint: origin[1] is nan'),
+    (
+        {"links": [link(pose=Pose(2 * np.eye(3), np.zeros(3)))]},
+        'link "a": joint: rotation: expected a rotation',
+    ),
+    (
+        {"links": [link(frame=Pose(-np.eye(3), np.zeros(3)))]},
+        'link "a": link frame: rotation: expected a rotation',
+    ),
+    ({"links": body(mass=-1.0)}, 'link "a": mass -1.0 kg, expected a finite number, zero or more'),
+    ({"links": body(mass=np.nan)}, 'link "a": mass nan kg'),
+    ({"links": body(com=NAN3)}, 'link "a": centre of mass[1] is nan'),
+    ({"links": body(com=np.zeros(2))}, "centre of mass: expected shape (3,), got (2,)"),
+    ({"links": body(inertia=np.triu(np.ones((3, 3))))}, 'link "a": inertia must be symmetric'),
+    ({"links": body(inertia=-1e-9 * np.eye(3))}, 'link "a": inertia has a negative principal'),
+    ({"coordinates": [*Q, *Q]}, "coordinate names must differ, got q, q"),
+    ({"coordinates": [*Q, Coordinate("s", "rad")]}, "coordinates s move no joint"),
+    ({"coordinates": [Coordinate("q", "deg")]}, 'coordinate "q": unit "deg", expected "rad" or "m"'),
+    ({"coordinates": [Coordinate("q", "rad", 1.0, 0.0)]}, 'coordinate "q": limits [1.0, 0.0]'),
+    ({"coordinates": [Coordinate("q", "rad", np.nan, 0.0)]}, "limits [nan, 0.0]"),
+    ({"coordinates": [Coordinate("q", "rad", effort=-1.0)]}, "effort limit -1.0: expected zero or more"),
+    ({"frames": {"f": ("x", identity_pose())}}, 'frame "f" is fixed to unknown link "x"; links: base, a'),
+    ({"frames": {"a": ("a", identity_pose())}}, 'frame "a" has the name of another frame or link'),
+    ({"frames": {"f": ("a", Pose(np.ones((3, 3)), np.zeros(3)))}}, 'frame "f": rotation: expected'),
+    ({"tip": "x"}, 'tip "x" is no frame; frames: base, a'),
+    ({"massless": ["x"]}, 'massless link "x" is not a link; links: a'),
+]
+
+
+@pytest.mark.parametrize(("changed", "said"), REFUSED, ids=[said[-40:] for _, said in REFUSED])
+def test_what_makes_no_robot_is_refused_by_robot_and_link(changed, said):
     with pytest.raises(InputError) as caught:
-        assemble("r", links, Q)
+        assemble("r", **({"links": [link()], "coordinates": Q} | changed))
     assert str(caught.value).startswith('robot "r": ')
-    assert said in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("coordinates", "said"),
-    [
-        ([*Q, *Q], "coordinate names must differ, got q, q"),
-        ([*Q, Coordinate("s", "rad")], "coordinates s move no joint"),
-        ([Coordinate("q", "deg")], 'coordinate "q": unit "deg", expected "rad" or "m"'),
-        ([Coordinate("q", "rad", 1.0, 0.0)], 'coordinate "q": limits [1.0, 0.0]'),
-        ([Coordinate("q", "rad", np.nan, 0.0)], "limits [nan, 0.0]"),
-        ([Coordinate("q", "rad", effort=-1.0)], "effort limit -1.0: expected zero or more"),
-    ],
-)
-def test_bad_coordinates_are_refused(coordinates, said):
-    with pytest.raises(InputError) as caught:
-        assemble("r", [link()], coordinates)
-    assert said in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ({"frames": {"f": ("x", identity_pose())}}, 'frame "f" is fixed to unknown link "x"; links: base, a'),
-        ({"frames": {"a": ("a", identity_pose())}}, 'frame "a" has the name of another frame or link'),
-        ({"frames": {"f": ("a", Pose(np.ones((3, 3)), np.zeros(3)))}}, 'frame "f": rotation: expected'),
-        ({"tip": "x"}, 'tip "x" is no frame; frames: base, a'),
-        ({"massless": ["x"]}, 'massless link "x" is not a link; links: a'),
-    ],
-)
-def test_bad_names_are_refused(options, said):
-    with pytest.raises(InputError) as caught:
-        assemble("r", [link()], Q, **options)
     assert said in str(caught.value)
 
 

@@ -39,38 +39,34 @@ def test_it_is_the_least_squares_parabola_of_the_window(window):
     assert_allclose(fit.at(now)[1], [np.polyval(np.polyder(p), now) for p in expected], atol=1e-6)
 
 
+def response(window, w):
+    """Value and derivative at the end of exp(i w t), with nearly as many samples as there is room for."""
+    stamps = np.arange(-127, 1) * window / 127.0
+    fits = [
+        filled(f(w * stamps)[:, None] * np.ones(3), stamps, CUTOFF_BY_WINDOW / window)
+        for f in (np.cos, np.sin)
+    ]
+    real, imaginary = (fit.at(0.0)[:, 0] for fit in fits)
+    return real + 1j * imaginary
+
+
 @pytest.mark.parametrize(("x", "gain", "phase", "slope", "slope_phase"), [
     (0.05, 1.0000, 0.015, 1.010, -0.07), (0.1, 1.0005, 0.11, 1.038, -0.5), (0.2, 1.008, 0.8, 1.139, -3.6),
 ])  # fmt: skip
 def test_the_response_to_a_sine_is_as_documented(x, gain, phase, slope, slope_phase):
-    window = 0.05
-    rate = 127.0 / window  # nearly continuous: as many samples as there is room for
-    w = 2.0 * np.pi * x / window
-    response, derivative = 0.0, 0.0
-    for part, unit in ((0.0, 1.0), (np.pi / 2, 1j)):  # cos + i sin
-        stamps = np.arange(-127, 1) / rate
-        signal = np.cos(w * stamps - part)[:, None] * np.ones(3)
-        fit = filled(signal, stamps, CUTOFF_BY_WINDOW / window)
-        response = response + unit * fit.at(0.0)[0][0]
-        derivative = derivative + unit * fit.at(0.0)[1][0]
+    w = 2.0 * np.pi * x / 0.05
+    value, derivative = response(0.05, w)
     # the edges of a sum weigh more than those of an integral, by 1/127
-    assert abs(response) == pytest.approx(gain, abs=1e-3)
-    assert np.degrees(np.angle(response)) == pytest.approx(phase, abs=0.05)
+    assert abs(value) == pytest.approx(gain, abs=1e-3)
+    assert np.degrees(np.angle(value)) == pytest.approx(phase, abs=0.05)
     assert abs(derivative / (1j * w)) == pytest.approx(slope, abs=3e-3)
     assert np.degrees(np.angle(derivative / (1j * w))) == pytest.approx(slope_phase, abs=0.2)
 
 
 def test_half_power_is_at_the_cutoff():
-    cutoff = 40.0
-    window = CUTOFF_BY_WINDOW / cutoff
-    stamps = np.arange(-127, 1) * window / 127
-    w = 2.0 * np.pi * cutoff
-    parts = [
-        filled(f(w * stamps)[:, None] * np.ones(3), stamps, cutoff).at(0.0)[0][0] for f in (np.cos, np.sin)
-    ]
-    assert np.hypot(*parts) == pytest.approx(
-        np.sqrt(0.5), abs=0.05
-    )  # a sum's edges weigh more than an integral's, nine times 1/127 and half
+    value, _ = response(CUTOFF_BY_WINDOW / 40.0, 2.0 * np.pi * 40.0)
+    # a sum's edges weigh more than an integral's, nine times 1/127 and half
+    assert abs(value) == pytest.approx(np.sqrt(0.5), abs=0.05)
 
 
 def test_noise_comes_out_as_documented():

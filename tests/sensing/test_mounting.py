@@ -42,17 +42,8 @@ def test_a_mounting_file_gives_back_what_was_written(tmp_path):
     path = tmp_path / "mounting.toml"
     save_mounting(path, TURNED, TumbleSection(readings=12, residual_m_s2=0.01, remarks=('say "so"',)))
     read = load_mounting(path)
-    for name in (
-        "rotation",
-        "position",
-        "bias",
-        "scale",
-        "rate_bias",
-        "acceleration_range",
-        "rate_range",
-        "sensor",
-    ):
-        assert_array_equal(getattr(read, name), getattr(TURNED, name), err_msg=name)
+    for name, value in vars(TURNED).items():
+        assert_array_equal(getattr(read, name), value, err_msg=name)
 
 
 @pytest.mark.parametrize(

@@ -122,13 +122,9 @@ def test_a_level_base_and_tilts_that_nobody_measured_give_the_rotation(seed, rol
 
 def test_level_and_two_tilts_show_a_wrong_sign_and_mirrored_axes():
     rows = [-tilted_gravity(r, p) for r, p in ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5))]
-    assert "wrong sign" in align(*level_and_tilts(*[-r for r in rows])).faults[0]
+    for shown in (rows, rows[:2]):  # one tilt is enough for the sign
+        assert "wrong sign" in align(*level_and_tilts(*[-r for r in shown])).faults[0]
     assert "wrong axes" in align(*level_and_tilts(*[r[[1, 0, 2]] for r in rows])).faults[0]
-
-
-def test_level_and_one_tilt_show_a_wrong_sign():
-    rows = [tilted_gravity(0.0, 0.0), tilted_gravity(0.5, 0.0)]
-    assert "wrong sign" in align(*level_and_tilts(*rows)).faults[0]
 
 
 def test_parallel_directions_are_refused():

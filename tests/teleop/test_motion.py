@@ -13,7 +13,7 @@ START = np.array([0.8, 1.5, 0.4])
 
 def raven_motion() -> TeleopMotion:
     model = load_robot("raven2")
-    return TeleopMotion(model.joint_names, model.joint_units, model.lower, model.upper, model)
+    return TeleopMotion(model, model)
 
 
 def held(motion: TeleopMotion, key: str, seconds: float, q: np.ndarray, after: float = 0.0) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""A robot behind CRTK's topics as a `Plant`: whoever moves it does not see that it is far away.
+"""A robot behind CRTK's topics as a `Plant`, used like a simulated one.
 
 Positions are sent as goals, never as increments: `servo_jr` moves the goal and sends where it is, so that a message
 that is lost or comes twice puts no joint elsewhere. A RAVEN-II takes one clamped step (2.5 mrad, 0.05 mm) per
@@ -82,10 +82,10 @@ class CrtkClient:
             namespace: In front of the verbs, such as /PSM1, of a robot that speaks `crtk`; a RAVEN-II's when None.
             joints: Names as in its messages, units and limits; a RAVEN-II's when None.
             period: Of a tick [s].
-            imu: What gravity is read from; nominal gravity when None.
+            imu: Topic that gravity is read from; nominal gravity when None.
             stale_after: Age [s] at which a state is refused.
             connect_timeout: [s].
-            simulated: What is behind the topics, which do not say it.
+            simulated: The robot behind the topics is a simulation, which they do not say.
 
         Raises:
             TransportError: Topics are missing, or nothing comes, within `connect_timeout`; the message names them. Or
@@ -219,7 +219,7 @@ class CrtkClient:
         Raises:
             NotReadyError: The robot is not ENABLED, not homed, or busy.
             TransportError: Its state is older than `stale_after`.
-            InputError: Another shape, or not finite.
+            InputError: `q` has another shape, or is not finite.
         """
         require_ready(self, "servo_jp")
         self._send_goal(as_array("servo_jp", q, (len(self.joint_names),)))

@@ -1,4 +1,4 @@
-"""Time as a transport tells it: the machine's, or one that a test or a simulator moves on."""
+"""Clocks of transports: the machine's, or one that a test or a simulator moves on."""
 
 import threading
 import time
@@ -13,11 +13,11 @@ class Clock(Protocol):
     """What a transport needs of time."""
 
     def now(self) -> int:
-        """Time of day [ns since 1970], which may be set back and forth."""
+        """Return the time of day [ns since 1970], which may be set back and forth."""
         ...
 
     def elapsed(self) -> int:
-        """Time [ns] from an unknown beginning, which only grows."""
+        """Return the time [ns] since an arbitrary moment, which only grows."""
         ...
 
     def sleep(self, seconds: float) -> None:
@@ -29,11 +29,11 @@ class WallClock:
     """The machine's own time."""
 
     def now(self) -> int:
-        """Time of day [ns since 1970]."""
+        """Return the time of day [ns since 1970]."""
         return time.time_ns()
 
     def elapsed(self) -> int:
-        """Time [ns] from an unknown beginning, which only grows."""
+        """Return the time [ns] since an arbitrary moment, which only grows."""
         return time.monotonic_ns()
 
     def sleep(self, seconds: float) -> None:
@@ -51,11 +51,11 @@ class ManualClock:
         self._lock = threading.Lock()
 
     def now(self) -> int:
-        """Time [ns] that has been reached."""
+        """Return the time [ns] that has been reached."""
         return self._now
 
     def elapsed(self) -> int:
-        """Time [ns] since the start."""
+        """Return the time [ns] since the start."""
         return self._now - self._start
 
     def sleep(self, seconds: float) -> None:
@@ -67,7 +67,8 @@ class ManualClock:
 class Rate:
     """Paces a loop; ticks stay on their grid, so a late one does not delay those behind it.
 
-    `late` counts ticks that began a whole period late or more; the grid is then begun anew, and nothing is made up.
+    `late` counts ticks that began a whole period late or more; the grid then begins anew, and missed ticks are not
+    made up for.
     """
 
     def __init__(self, clock: Clock, hertz: float) -> None:

@@ -15,7 +15,7 @@ TYPES = (IMU, ACCEL, VECTOR)
 
 @dataclass
 class TopicTally:
-    """What came over the topic."""
+    """Counts of what came over the topic."""
 
     messages: int = 0
     unstamped: int = 0  # whose stamp was never set: taken for the time at which they came
@@ -28,7 +28,7 @@ class TopicTally:
 class GravityTopic:
     """Subscribes to a sensor, and puts its samples into a mailbox whenever `feed` is called.
 
-    Nothing is judged here: NaN, other units, stamps that go back are for the estimator to name. Stamps are those of
+    Nothing is judged here: the estimator names NaN, other units and stamps that go back. Stamps are those of
     the headers, in seconds on the transport's clock.
     """
 
@@ -46,7 +46,7 @@ class GravityTopic:
                 at rest, as accelerometers and sensor_msgs/Imu have it.
 
         Raises:
-            InputError: Another type.
+            InputError: `type_name` is not among TYPES.
             TransportError: The topic carries another type.
         """
         if type_name not in TYPES:
@@ -87,5 +87,5 @@ class GravityTopic:
 
 
 def now_of(transport: Transport) -> float:
-    """Time [s] on the clock that stamps are on."""
+    """Return the time [s] on the clock of the stamps."""
     return transport.now() / SECOND

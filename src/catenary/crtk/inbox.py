@@ -56,7 +56,7 @@ class Inbox:
             self.changed.notify_all()
 
     def run(self, timeout: float = 0.0) -> int:
-        """Do what had come in when this began, and return how many that were; wait for the first up to `timeout` [s].
+        """Run the jobs that had come when this began and return their number; wait for the first up to `timeout` [s].
 
         An exception of a callback leaves the rest for the next call.
         """
@@ -77,7 +77,7 @@ class Inbox:
         return done
 
     def wait_for(self, came: threading.Condition, seconds: float, so: Callable[[], object]) -> None:
-        """Wait, with the lock held, until `came` is told that it is so, or this is closed, or time is up."""
+        """Wait, with the lock held, until `so` holds (`came` says when to look), this is closed, or time is up."""
         self._waiting.append(came)
         try:
             came.wait_for(lambda: so() or self.closed, seconds)
@@ -234,7 +234,7 @@ class Request:
         self._error: Exception | None = None
 
     def run(self) -> None:
-        """Answer it, in the thread that serves."""
+        """Compute the answer, in the thread that serves."""
         try:
             self._result = self._answer()
         except Exception as error:  # the caller gets it, the server lives on
@@ -242,7 +242,7 @@ class Request:
         self._done.set()
 
     def wait(self, timeout: float, serve: Callable[[], object] | None = None) -> bool:
-        """Wait for the answer up to `timeout` [s], calling `serve` meanwhile; whether it came."""
+        """Wait for the answer up to `timeout` [s], calling `serve` meanwhile; return whether it came."""
         if serve is None:
             return self._done.wait(timeout)
         end = time.monotonic() + timeout

@@ -22,7 +22,7 @@ class RobotJoints(NamedTuple):
 
 
 def raven_joints(arm: Arm = "gold") -> RobotJoints:
-    """Seven joints of a RAVEN-II's arm; either jaw has the limits of the tool, whose angle is between them."""
+    """Return the seven joints of a RAVEN-II's arm; the tool's angle lies between the jaws, which have its limits."""
     model = load_robot("raven2_full" if arm == "gold" else "raven2_full_right")
     places = [model.joint_names.index("tool" if name.startswith("jaw") else name) for name in JOINTS]
     units = tuple(model.joint_units[place] for place in places)
@@ -30,12 +30,12 @@ def raven_joints(arm: Arm = "gold") -> RobotJoints:
 
 
 def model_joints(model: RobotModel) -> RobotJoints:
-    """Joints of a robot's model, for a robot that calls them the same."""
+    """Return the joints of a model, for a robot whose messages have the same names."""
     return checked_joints(RobotJoints(model.joint_names, model.joint_units, model.lower, model.upper))
 
 
 def checked_joints(joints: RobotJoints) -> RobotJoints:
-    """Refuse joints that no robot has; give arrays of one's own.
+    """Refuse joints that no robot has; return them with arrays of their own.
 
     Raises:
         InputError: No joints, a name twice, a unit other than rad and m, or a lower limit that is not below the upper.

@@ -82,7 +82,7 @@ class LoopbackNetwork:
         return Connections(publishers if of in subscribers else (), subscribers if of in publishers else ())
 
     def forget(self, name: str) -> None:
-        """Remove a transport and all that is its."""
+        """Remove a transport with its topics and services."""
         with self.lock:
             self.transports.pop(name, None)
             self.services = {key: one for key, one in self.services.items() if one.transport.name != name}

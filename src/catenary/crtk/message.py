@@ -1,8 +1,7 @@
 """Messages as Python sees them: one immutable tuple type per message type, made from recording's definitions.
 
 Fields have ROS's names. A time or duration is a whole number of nanoseconds; a string is a `str`; `string[]` and
-arrays of messages are tuples; arrays of numbers are NumPy arrays. It is the same object over every transport, so
-whoever makes or reads one does not know which.
+arrays of messages are tuples; arrays of numbers are NumPy arrays. Messages are the same over every transport.
 """
 
 from collections import namedtuple
@@ -22,7 +21,7 @@ HEADER = "std_msgs/Header"
 
 @cache
 def message_class(name: str) -> Any:
-    """Tuple type of a message type; what is not given to it is zero or empty.
+    """Return the tuple type of a message type; fields that are not given are zero or empty.
 
     `message_class("crtk_msgs/StringStamped")(string="home")`, and `_replace` gives a changed copy.
 
@@ -62,13 +61,13 @@ def has_header(name: str) -> bool:
 
 
 def stamp_of(message: Message) -> int | None:
-    """Stamp [ns] of a message's header, or None where it has no header."""
+    """Return the stamp [ns] of a message's header, or None where it has no header."""
     first = message[0] if message else None
     return first.stamp if isinstance(first, message_class(HEADER)) else None
 
 
 def message_fields(name: str, message: Message) -> Iterator[tuple[Field, Any]]:
-    """Fields of a message with their values.
+    """Return the fields of a message with their values.
 
     Raises:
         InputError: It is not a message of this type.

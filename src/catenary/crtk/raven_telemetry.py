@@ -1,4 +1,4 @@
-"""What a RAVEN-II tells beside its joint states: raven_state, and the external encoders where they are mounted."""
+"""What a RAVEN-II publishes beside its joint states: raven_state, and the external encoders where they are mounted."""
 
 from collections.abc import Mapping
 
@@ -17,7 +17,7 @@ _TORQUE_RATIO = np.array([JOINT_TORQUE[name] for name in JOINTS])
 
 
 def joint_torques(tau: Floats) -> Floats:
-    """Torques at an arm's joints (7,) [Nm, Nm, N, Nm...] from those at the gearboxes' outputs, as in a motion log."""
+    """Return joint torques (7,) [Nm, Nm, N, Nm...], as in a motion log, from those at the gearboxes' outputs."""
     torques: Floats = tau * _TORQUE_RATIO
     torques[: len(CALIBRATED)] = joint_forces(COUPLING, (torques[0], torques[1], torques[2]))
     return torques
@@ -41,17 +41,17 @@ class RavenTelemetry:
         self.columns = tuple(Column(c.name, _unit(c), c.width) for c in (*RAVENSTATE.columns, *encoders))
 
     def arm_values(self, name: str) -> Floats:
-        """Seven joints' numbers of a field of 16 channels."""
+        """Return the arm's seven numbers in a field of 16 channels."""
         return arm_channels(raven_state_column(self.latest.message(), name), self._arm)
 
     def sample(self) -> Mapping[str, Floats]:
-        """Latest sample of every column, the receiver's own."""
+        """Return the latest sample of every column, in arrays of the receiver's own."""
         return raven_state_columns(self.latest.message()) | {
             name: self.encoder(name) for name in self._declared
         }
 
     def encoder(self, name: str) -> Floats:
-        """Latest reading of an encoder column, (3,); NaN where it is silent."""
+        """Return the latest reading of an encoder column (3,); NaN where nothing has come for too long."""
         encoder = self._encoders[name]
         if encoder.age() > self._stale_after:
             return np.full(3, np.nan)
@@ -64,5 +64,5 @@ class RavenTelemetry:
 
 
 def _unit(column: TopicColumn) -> str:
-    """Units of a column, those of its numbers in their order; 1 where it has none or nobody states it."""
+    """Return the units of a column's numbers, in their order; 1 where none is stated."""
     return "|".join(dict.fromkeys(unit for unit in column.units if unit)) or "1"

@@ -45,7 +45,7 @@ class Publisher(Protocol):
     def type_name(self) -> str: ...  # noqa: D102
     @property
     def overflowed(self) -> int:
-        """Messages that a slow peer missed, over all peers."""
+        """Messages that slow peers missed, over all peers."""
         ...
 
     def publish(self, message: Message) -> None:
@@ -72,7 +72,7 @@ class Transport(ABC):
         """Check the name.
 
         Raises:
-            InputError: It is none for a program on a network of messages.
+            InputError: A program cannot have this name.
         """
         if not re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII):
             raise InputError(f'name "{name}": expected a letter, then letters, digits and underscores')
@@ -82,7 +82,7 @@ class Transport(ABC):
         self._publishers: dict[str, Publisher] = {}
 
     def publisher(self, topic: str, type_name: str, *, latch: bool = False, queue: int = QUEUE) -> Publisher:
-        """Begin to publish.
+        """Return a publisher of a topic.
 
         Args:
             topic: Its name; one without a leading slash gets it.
@@ -91,7 +91,7 @@ class Transport(ABC):
             queue: Messages that wait for a peer that does not keep up.
 
         Raises:
-            InputError: No such name or type.
+            InputError: The name is invalid or the type unknown.
             TransportError: The topic carries another type, or this transport publishes it already, or is closed.
         """
         self.require_open()
@@ -109,7 +109,7 @@ class Transport(ABC):
         """Begin to receive: by `callback` in `poll`, or without one by the subscription's `take`.
 
         Raises:
-            InputError: No such name or type, or no depth.
+            InputError: The name is invalid, the type unknown, or `depth` below 1.
             TransportError: The topic carries another type, or the transport is closed.
         """
         self.require_open()
@@ -124,7 +124,7 @@ class Transport(ABC):
         """Offer a service; `handler` makes the response from the request, in `poll`.
 
         Raises:
-            InputError: No such name or type.
+            InputError: The name is invalid or the type unknown.
             TransportError: The name is taken, or the transport is closed.
         """
         self.require_open()
@@ -138,7 +138,7 @@ class Transport(ABC):
         """Call a service and return its response.
 
         Raises:
-            InputError: No such type, or the request is not of it.
+            InputError: The type is unknown, or the request is not of it.
             TransportError: Nobody offers it, it failed, or it did not answer within `timeout` [s].
         """
         self.require_open()
@@ -153,7 +153,7 @@ class Transport(ABC):
         return self.inbox.run(timeout)
 
     def arrivals(self) -> int:
-        """Count messages that have come so far, of all subscriptions: where it is as before, none of them has any."""
+        """Return how many messages have come so far, over all subscriptions; unchanged means that nothing new waits."""
         return self.inbox.arrivals
 
     def spin(self) -> None:
@@ -264,10 +264,10 @@ class Spinner:
 
 
 def absolute(name: str) -> str:
-    """Name of a topic or service with its leading slash; namespaces and remapping of the environment change nothing.
+    """Return a topic's or service's name with its leading slash; ROS's namespaces and remapping do not apply.
 
     Raises:
-        InputError: It is no name for one.
+        InputError: A topic or service cannot have this name.
     """
     if not _NAME.fullmatch(name):
         raise InputError(f'name "{name}": expected words of letters, digits and underscores between slashes')
@@ -275,7 +275,7 @@ def absolute(name: str) -> str:
 
 
 def other_type(topic: str, wanted: str, found: str) -> TransportError:
-    """Error to raise when a topic carries another type than was asked for."""
+    """Return the error of a topic that carries another type than was asked for."""
     return TransportError(
         f"topic {topic} carries {found}, expected {wanted}; one topic cannot carry two types"
     )

@@ -41,7 +41,7 @@ class Registration:
 
     @property
     def is_watching(self) -> bool:
-        """Counts are being watched for the stops."""
+        """Whether counts are being watched for the stops."""
         return self.zero is None and self._told is not False
 
     def _clear(self) -> None:

@@ -65,26 +65,15 @@ def inverse_dynamics(
         if quick is not None:
             return quick
     model.require_inertia()
-    rows, single = as_batch("q", q, model.n)
-    velocities = _like(rows, single, "qd", qd)
-    accelerations = _like(rows, single, "qdd", qdd)
+    (rows, velocities, accelerations), single = motion_rows(model, q, qd=qd, qdd=qdd)
     gravities = gravity_rows(gravity, len(rows))
     base_motion = np.zeros((3, 3))
     if base is not None:
         for r, name in enumerate(BaseMotion._fields):
             base_motion[r] = as_array(f"base {name.replace('_', ' ')}", base[r], (3,))
     out = np.empty((len(rows), model.n))
-    _inverse_dynamics_rows(
-        model.tree,
-        model.coupling,
-        model.offset,
-        rows,
-        velocities,
-        accelerations,
-        gravities,
-        base_motion,
-        out,
-    )
+    arm = model.tree, model.coupling, model.offset
+    _inverse_dynamics_rows(*arm, rows, velocities, accelerations, gravities, base_motion, out)
     return out[0] if single else out
 
 
@@ -108,8 +97,7 @@ def coriolis_matrix(model: RobotModel, q: ArrayLike, qd: ArrayLike) -> Floats:
         InputError: An argument has another shape or is not finite.
     """
     model.require_inertia()
-    rows, single = as_batch("q", q, model.n)
-    velocities = _like(rows, single, "qd", qd)
+    (rows, velocities), single = motion_rows(model, q, qd=qd)
     largest = np.abs(velocities).max(axis=1, initial=0.0)
     s = np.where(largest > 0.0, largest, 1.0)[:, None, None]
     places = np.repeat(rows, model.n, axis=0)
@@ -118,17 +106,8 @@ def coriolis_matrix(model: RobotModel, q: ArrayLike, qd: ArrayLike) -> Floats:
     for sign in (1.0, -1.0):
         moved = (velocities[:, None, :] + sign * s * np.eye(model.n)).reshape(places.shape)
         h = np.empty_like(places)
-        _inverse_dynamics_rows(
-            model.tree,
-            model.coupling,
-            model.offset,
-            places,
-            moved,
-            still,
-            no_gravity,
-            base_at_rest,
-            h,
-        )
+        arm = model.tree, model.coupling, model.offset
+        _inverse_dynamics_rows(*arm, places, moved, still, no_gravity, base_at_rest, h)
         terms.append(h.reshape(len(rows), model.n, model.n))
     matrices = np.swapaxes((terms[0] - terms[1]) / (4.0 * s), 1, 2)
     out: Floats = np.ascontiguousarray(matrices)
@@ -147,10 +126,18 @@ def gravity_rows(gravity: ArrayLike, count: int) -> Floats:
     return rows
 
 
-def _like(q: Floats, single: bool, name: str, values: ArrayLike) -> Floats:
-    """Check that velocities or accelerations come in the shape of q."""
-    rows = as_array(name, values, (q.shape[1],) if single else q.shape)
-    return rows.reshape(q.shape)
+def motion_rows(model: RobotModel, q: ArrayLike, **rates: ArrayLike | None) -> tuple[list[Floats], bool]:
+    """Return q and its rates, which come in the shape of q, as (N, n) each, and whether q was a single row.
+
+    A rate that is None is zero.
+
+    Raises:
+        InputError: Another shape, NaN or infinity; the message opens with the name of the argument.
+    """
+    rows, single = as_batch("q", q, model.n)
+    shape = (model.n,) if single else rows.shape
+    given = (np.zeros(shape) if rate is None else as_array(name, rate, shape) for name, rate in rates.items())
+    return [rows, *(rate.reshape(rows.shape) for rate in given)], single
 
 
 @compiled

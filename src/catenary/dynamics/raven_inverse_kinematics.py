@@ -121,7 +121,7 @@ def _in_frame_0(model: RobotModel, rotations: Floats, positions: Floats) -> tupl
 
 
 def _refusal(model: RobotModel, arm: RavenArm, pose: Pose, near: Floats) -> str:
-    """Say what refuses a pose; the remote centre does so by itself."""
+    """Return the message that says what refuses a pose; the remote centre is checked first."""
     try:
         solutions = raven_solutions(model, pose)
     except UnreachablePoseError as error:
@@ -143,7 +143,7 @@ def _refusal(model: RobotModel, arm: RavenArm, pose: Pose, near: Floats) -> str:
 
 
 def _cone_message(model: RobotModel, arm: RavenArm) -> str:
-    """Say between which angles from the shoulder's axis the shaft, a line without direction, can lie."""
+    """Return the message for a shaft nearer to the shoulder's axis than the mechanism lets it lie."""
     twists = np.rad2deg(arm.twist)
     total = abs(twists[1] + twists[2])
     least, most = abs(twists[1] - twists[2]), min(total, 360.0 - total)

@@ -8,10 +8,11 @@ links", Int. J. Robotics Research 5(3), 1986).
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array, as_batch
+from catenary.arrays import Floats, as_array
 from catenary.dynamics.coordinates import place_tree, to_tree
-from catenary.dynamics.inverse_dynamics import gravity_rows
+from catenary.dynamics.inverse_dynamics import gravity_rows, motion_rows
 from catenary.dynamics.vectors import Numbers, add, cross, dot, put, row, scale, times, transpose_times
+from catenary.errors import InputError
 from catenary.kernels.compiled import compiled, inlined
 from catenary.robots.model import RobotModel, Tree
 
@@ -39,10 +40,7 @@ def torque_regressor(
     Raises:
         InputError: An argument has another shape or is not finite.
     """
-    rows, single = as_batch("q", q, model.n)
-    shape = (model.n,) if single else rows.shape
-    velocities = as_array("qd", qd, shape).reshape(rows.shape)
-    accelerations = as_array("qdd", qdd, shape).reshape(rows.shape)
+    (rows, velocities, accelerations), single = motion_rows(model, q, qd=qd, qdd=qdd)
     gravities = gravity_rows(gravity, len(rows))
     out = np.zeros((len(rows), model.n, PER_LINK * len(model.link_names)))
     _regressor_rows(model.tree, model.coupling, model.offset, rows, velocities, accelerations, gravities, out)
@@ -66,8 +64,6 @@ def tree_with_parameters(tree: Tree, phi: ArrayLike) -> Tree:
     Raises:
         InputError: Not ten finite numbers a link, or first moments or inertia on a link whose mass is not above zero.
     """
-    from catenary.errors import InputError
-
     values = as_array("phi", phi, (PER_LINK * len(tree.parent),)).reshape(-1, PER_LINK)
     com, inertia = np.zeros((len(values), 3)), np.zeros((len(values), 3, 3))
     for i, (mass, moment, six) in enumerate(zip(values[:, 0], values[:, 1:4], values[:, 4:], strict=True)):

@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_batch
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.kernels import MANY, known_kernel
+from catenary.dynamics.lines import empty, placed
+from catenary.dynamics.vectors import Vector, cross, dot, put, row, transpose_times
 from catenary.errors import InputError
-from catenary.gravity.compact_line import compact_line
 from catenary.gravity.entries import SHORT, Terms, mass_entries, moment_entries, terms_text
 from catenary.gravity.regressor import (
     CARRIED_MASS,
@@ -36,7 +37,7 @@ from catenary.gravity.symbols import (
     symbols_of,
 )
 from catenary.kernels.kernel import Kernel
-from catenary.kernels.tracing import Line
+from catenary.kernels.tracing import Line, Term
 from catenary.robots.model import RobotModel
 
 LEVEL = np.array([0.0, 0.0, -1.0])  # gravity on a level base, in units of g_c
@@ -72,7 +73,7 @@ class CompactRegressor:
         return symbols_of(self.model, self.expressions)
 
     def Z(self, q: ArrayLike, gravity: ArrayLike) -> Floats:
-        """Regressor (n, p), or (N, n, p) for many configurations.
+        """Return the regressor (n, p), or (N, n, p) for many configurations.
 
         Args:
             q: (n,) or (N, n) coordinates [rad or m].
@@ -96,7 +97,7 @@ class CompactRegressor:
         return self._kernel().ready()
 
     def line(self) -> Line:
-        """Z as a straight line of operations, row by row; inputs q (n,) and gravity (3,)."""
+        """Return Z as a straight line of operations, row by row; inputs q (n,) and gravity (3,)."""
         return self._kernel().line
 
     def _kernel(self) -> Kernel:
@@ -104,12 +105,12 @@ class CompactRegressor:
         return known_kernel(
             self.model,
             "compact-regressor",
-            lambda model: compact_line(model, self.columns, self.targets, width),
+            lambda model: _compact_line(model, self.columns, self.targets, width),
             (self.model.n, width),
         )
 
     def compress(self, s: ArrayLike) -> Floats:
-        """Parameters (p,) from those of the full form, `gravity_parameters`.
+        """Return the parameters (p,) from those of the full form, `gravity_parameters`.
 
         Raises:
             InputError: Another number of entries, or an s that no robot of this structure has: entries that must be
@@ -135,7 +136,7 @@ class CompactRegressor:
         return np.array([full[entries[0]] for entries in self.sources])
 
     def parameters(self, model: RobotModel | None = None) -> Floats:
-        """Parameters (p,) of a robot of this structure, of the one that the regressor was made of when None.
+        """Return the parameters (p,) of a robot of this structure, of the one that the regressor was made of when None.
 
         Raises:
             MissingInertiaError: Links without inertia.
@@ -147,11 +148,11 @@ class CompactRegressor:
         return self.compress(gravity_parameters(robot).values)
 
     def entries(self) -> list[list[str]]:
-        """Z on a level base in units of g_c, (n, p) texts; "Zr,c" where one is longer than three terms."""
+        """Return Z on a level base in units of g_c, (n, p) texts; "Zr,c" where one is longer than three terms."""
         return self._entries(latex=False)
 
     def latex(self) -> str:
-        """The regressor on a level base and its parameters, for LaTeX."""
+        """Return the regressor on a level base, and its parameters, for LaTeX."""
         rows = r" \\ ".join(" & ".join(row) for row in self._entries(latex=True))
         vector = r" \\ ".join(f"s_{{{k + 1}}}" for k in range(len(self.expressions)))
         lines = [
@@ -201,7 +202,7 @@ class CompactRegressor:
 
 
 def compact_regressor(model: RobotModel) -> CompactRegressor:
-    """Compact form of the paper's regressor: structurally zero parameters deleted, structurally equal ones merged.
+    """Return the paper's regressor without structurally zero parameters, structurally equal ones merged.
 
     [gravity-regressor paper, section II and figure 2] Parameters are compared as expressions in which every link has
     a mass and centre of mass of its own, on the axes that it declares (`axes_of_com`): two arms of the same make stay
@@ -260,8 +261,60 @@ def compact_regressor(model: RobotModel) -> CompactRegressor:
     )
 
 
+def _compact_line(
+    model: RobotModel, columns: Sequence[RegressorColumn], targets: Sequence[int], width: int
+) -> Line:
+    """Trace the regressor (n, width), row by row; inputs q (n,) and gravity (3,).
+
+    As `regressor_columns` has it, but in the links' frames. A first moment e asks z . (gravity x e) = e . (z x gravity)
+    of a joint that carries it: so z x gravity, two numbers and no sum in the joint's own frame, is turned on
+    from link to link, and its parts are the entries. In the base frame every entry would be a scalar product.
+
+    Args:
+        model: The robot; it needs no inertia.
+        columns: Which first moments and masses.
+        targets: Which column of the regressor each is added to.
+        width: Columns of the regressor.
+    """
+    p = placed(model)
+    n, m = len(model.tree.parent), len(p.tree.parent)
+    g = p.trace.inputs("gravity", 3)
+    link_gravity = empty(m + 1, 3)
+    put(link_gravity, m, (g[0], g[1], g[2]))
+    for i in range(m):
+        put(link_gravity, i, transpose_times(p.rotation, i, row(link_gravity, p.tree.parent[i])))
+    Z = np.full((model.n, width), 0.0, dtype=object)
+
+    def add_in_row(joint: int, column: int, effort: Term) -> None:
+        for r in np.flatnonzero(model.coupling[joint]):
+            Z[r, column] = Z[r, column] + effort * float(model.coupling[joint, r])
+
+    for k in range(n):
+        own = 2 * k + 1
+        axis = row(p.tree.axis, own)
+        if p.tree.prismatic[own]:
+            effort = -dot(axis, row(link_gravity, own))
+            if (k, CARRIED_MASS) in columns:
+                add_in_row(k, targets[columns.index(RegressorColumn(k, CARRIED_MASS))], effort)
+            continue
+        turning: dict[int, Vector] = {own: cross(axis, row(link_gravity, own))}  # by link, in its frame
+        for i in range(own + 1, m):
+            if int(p.tree.parent[i]) in turning:
+                turning[i] = transpose_times(p.rotation, i, turning[int(p.tree.parent[i])])
+        for (link, along), target in zip(columns, targets, strict=True):
+            here = turning.get(2 * link + 1)
+            if here is None:
+                continue
+            if along == CARRIED_MASS:
+                effort = p.x[2 * link + 1] * dot(row(p.tree.axis, 2 * link + 1), here)
+            else:
+                effort = dot(row(p.turn[link], along), here)
+            add_in_row(k, target, effort)
+    return p.trace.line(list(Z.ravel()))
+
+
 def _effects(model: RobotModel, wanted: Sequence[RegressorColumn]) -> list[bool]:
-    """Tell which columns are not zero everywhere: at random configurations and gravities none is by accident."""
+    """Return which columns are not zero everywhere: at random configurations and gravities none is by accident."""
     rng = np.random.default_rng(0)
     Z = regressor_columns(model, wanted, rng.normal(size=(4, model.n)), rng.normal(size=(4, 3)))
     largest = np.abs(Z).max(axis=(0, 1), initial=0.0)  # a robot may have no coordinates

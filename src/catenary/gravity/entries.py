@@ -6,7 +6,7 @@ parallel axes in a row make one turn, by the sum of their angles, and a turn lea
 to, and of e turned back as far as there: each sine and cosine comes at most once in a term, and like terms cancel.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,7 @@ ROUNDING = 1e-12
 Atom = tuple[str, tuple[tuple[int, float], ...]]  # "c", "s" or "q" of a sum of factors times coordinates
 Terms = dict[tuple[Atom, ...], float]  # product of atoms, in order -> coefficient
 SymbolicVector = tuple[Terms, Terms, Terms]
+Written = TypeVar("Written", Terms, SymbolicVector)
 
 
 class _TooLongError(Exception):
@@ -51,13 +52,16 @@ def moment_entries(model: RobotModel, link: int, axis: Floats, gravity: Floats) 
     down, seen = _gravity_before(way, gravity), _seen_before(way, axis)
     entries: list[Terms | None] = []
     for row in range(model.n):
-        total: Terms | None = {}
-        for joint, (turn, z) in way.joints.items():
-            weight = float(model.coupling[joint, row])
-            if weight == 0.0 or model.tree.prismatic[joint]:
-                continue
-            total = _plus(total, _held(z, down[turn], seen[turn], weight))
-        entries.append(total)
+        total: Terms = {}
+        try:
+            for joint, (turn, z) in way.joints.items():
+                weight = float(model.coupling[joint, row])
+                if weight != 0.0 and not model.tree.prismatic[joint]:  # -weight gravity . (z x e)
+                    held = _dot(_short(down[turn]), _cross(z, _short(seen[turn])))
+                    total = _sum(total, _scaled(held, -weight))
+            entries.append(total)
+        except _TooLongError:
+            entries.append(None)
     return entries
 
 
@@ -67,44 +71,31 @@ def mass_entries(model: RobotModel, link: int, gravity: Floats) -> list[Terms | 
     x, sign = _angle_atom("q", model.coupling[link])
     offset = float(model.offset[link])
     way = _way(model, link)
-    if way.turns:
-        own = _product(_gravity_before(way, gravity)[0], _seen_before(way, axis)[0])
-    else:
-        own = _clean({(): float(gravity @ (way.end @ axis))})
     entries: list[Terms | None] = []
     for row, moment in enumerate(moment_entries(model, link, axis, gravity)):
-        total = (
-            None if moment is None else _sum(_scaled(_multiplied(moment, x), sign), _scaled(moment, offset))
-        )
         factor = float(model.coupling[link, row])
-        if factor != 0.0:
-            total = _plus(total, None if own is None else _scaled(own, -factor))
-        entries.append(total)
+        try:
+            total = _sum(_scaled(_multiplied(_short(moment), x), sign), _scaled(_short(moment), offset))
+            if factor != 0.0 and way.turns:
+                own = _dot(_short(_gravity_before(way, gravity)[0]), _short(_seen_before(way, axis)[0]))
+                total = _sum(total, _scaled(own, -factor))
+            elif factor != 0.0:
+                total = _sum(total, _clean({(): -factor * float(gravity @ (way.end @ axis))}))
+            entries.append(total)
+        except _TooLongError:
+            entries.append(None)
     return entries
 
 
-def _held(z: Floats, down: SymbolicVector | None, seen: SymbolicVector | None, weight: float) -> Terms | None:
-    """Return -weight gravity . (z x v)."""
-    product = _product(down, None if seen is None else _cross(z, seen))
-    return None if product is None else _scaled(product, -weight)
+def _short(written: Written | None) -> Written:
+    """Return what could be written out.
 
-
-def _product(a: SymbolicVector | None, b: SymbolicVector | None) -> Terms | None:
-    if a is None or b is None:
-        return None
-    try:
-        return _dot(a, b)
-    except _TooLongError:
-        return None
-
-
-def _plus(a: Terms | None, b: Terms | None) -> Terms | None:
-    if a is None or b is None:
-        return None
-    try:
-        return _sum(a, b)
-    except _TooLongError:
-        return None
+    Raises:
+        _TooLongError: It could not.
+    """
+    if written is None:
+        raise _TooLongError
+    return written
 
 
 def terms_text(terms: Terms, *, latex: bool = False) -> str:

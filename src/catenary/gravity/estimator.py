@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, as_array, as_positive
 from catenary.errors import InputError
 from catenary.gravity.compact import CompactRegressor, compact_regressor
 from catenary.gravity.regressor import require_parameters
@@ -81,7 +81,7 @@ class GravityEstimator:
             raise InputError(f"damping: expected a positive number, got {damping}")
         self._s = np.zeros(len(labels)) if s0 is None else np.array(require_parameters("s0", s0, labels))
         self._kernel = self.regressor.kernel()
-        self.max_speed, self.damping = as_speeds(max_speed, n), damping
+        self.max_speed, self.damping = as_positive("max_speed", one_for_all(max_speed, n), (n,)), damping
         self._time = np.nan
 
     @property
@@ -112,7 +112,7 @@ class GravityEstimator:
         return self.update(state.q, state.qd, q_desired, state.gravity, self._passed(state.time))
 
     def torque(self, q: Floats, gravity: Floats) -> Floats:
-        """Estimated gravity torque Z s_hat (n,) [Nm|N]."""
+        """Return the estimated gravity torque Z s_hat (n,) [Nm|N]."""
         torque: Floats = self._kernel(q, gravity) @ self._s
         return torque
 
@@ -137,7 +137,7 @@ class GravityEstimator:
             )
 
     def _at_rest(self, Z: Floats, qd: Floats, dt: float) -> bool:
-        """Tell whether the law holds: time passes, no joint is fast, and no number is missing."""
+        """Return whether the law holds: time passes, no joint is fast, and no number is missing."""
         return dt > 0.0 and bool((np.abs(qd) <= self.max_speed).all() and np.isfinite(Z).all())
 
     def _learn(self, Z: Floats, effort: Floats, dt: float) -> None:
@@ -149,16 +149,9 @@ class GravityEstimator:
             self._s += dt * (Z.T @ (inverse @ (self.omega @ effort)))
 
 
-def as_speeds(values: ArrayLike, n: int) -> Floats:
-    """Return speeds (n,) that count as rest.
-
-    Raises:
-        InputError: Another shape, not finite, or not positive.
-    """
-    speeds = as_array("max_speed", np.broadcast_to(values, (n,)) if np.ndim(values) == 0 else values, (n,))
-    if not (speeds > 0.0).all():
-        raise InputError(f"max_speed: expected more than 0 for every joint, got {speeds.tolist()}")
-    return speeds
+def one_for_all(values: ArrayLike, n: int) -> ArrayLike:
+    """Return a single number as (n,), and anything else as it is."""
+    return np.full(n, values) if np.ndim(values) == 0 else values
 
 
 def regressor_with_effect(model: RobotModel) -> CompactRegressor:
@@ -169,7 +162,9 @@ def regressor_with_effect(model: RobotModel) -> CompactRegressor:
     """
     regressor = compact_regressor(model)
     if not regressor.expressions:
-        raise InputError(f'robot "{model.name}": no parameter has an effect: expected one that gravity loads')
+        raise InputError(
+            f'robot "{model.name}": no parameter has an effect: gravity loads none of its joints'
+        )
     return regressor
 
 

@@ -15,9 +15,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats, as_array, as_positive
 from catenary.errors import InputError
-from catenary.gravity.estimator import Observed, as_speeds, regressor_with_effect
+from catenary.gravity.estimator import Observed, one_for_all, regressor_with_effect
 from catenary.gravity.payload import PER_LOAD, load_directions
 from catenary.gravity.regressor import require_parameters
 from catenary.plant import JointState
@@ -83,17 +83,18 @@ class RecursiveGravityEstimator:
         n, labels = model.n, self.regressor.labels
         p = len(labels)
         self._s = np.zeros(p) if s0 is None else np.array(require_parameters("s0", s0, labels))
-        self._max_speed, self._noise = as_speeds(max_speed, n), _positive("noise", noise, n)
-        from_stop = _each("margin", margin, n)
+        self._max_speed = as_positive("max_speed", one_for_all(max_speed, n), (n,))
+        self._noise = as_positive("noise", one_for_all(noise, n), (n,))
+        from_stop = as_array("margin", one_for_all(margin, n), (n,))
         self._lower, self._upper = model.lower + from_stop, model.upper - from_stop
-        self._prior = np.diag(1.0 / _positive("spread", spread, p) ** 2)  # A_0
+        self._prior = np.diag(1.0 / as_positive("spread", one_for_all(spread, p), (p,)) ** 2)  # A_0
         for name, value in (("settle", settle), ("interval", interval), ("novelty", novelty)):
             if not 0.0 <= value < np.inf:
                 raise InputError(f"{name}: expected zero or more, got {value}")
         if not 0.0 < forgetting <= 1.0:
             raise InputError(f"forgetting: expected more than 0 and at most 1, got {forgetting}")
         self._forgetting, self._settle, self._interval, self._novelty = forgetting, settle, interval, novelty
-        sizes = np.repeat(_positive("load", load, 2), (1, PER_LOAD - 1))
+        sizes = np.repeat(as_positive("load", load, (2,)), (1, PER_LOAD - 1))
         loads = [load_directions(self.regressor, frame) * sizes for frame in carriers]
         self._loads = np.hstack([np.empty((p, 0)), *loads])  # V
         self._information = np.zeros((p, p))  # A
@@ -117,7 +118,7 @@ class RecursiveGravityEstimator:
         return self._taken
 
     def update(self, q: Floats, qd: Floats, tau: Floats, gravity: Floats, time: float) -> bool:
-        """See a state and the torque tau (n,) [Nm|N] that acts, at a time [s]; tell whether it was taken.
+        """Update from a state and the torque tau (n,) [Nm|N] that acts at a time [s]; return whether it was taken.
 
         Arrays are float64 and of the robot's size; what is not finite is not taken.
         """
@@ -167,7 +168,7 @@ class RecursiveGravityEstimator:
         return self.torque(state.q, state.gravity)
 
     def torque(self, q: Floats, gravity: Floats) -> Floats:
-        """Estimated gravity torque Z s_hat (n,) [Nm|N]."""
+        """Return the estimated gravity torque Z s_hat (n,) [Nm|N]."""
         torque: Floats = self._kernel(q, gravity) @ self._s
         return torque
 
@@ -175,14 +176,3 @@ class RecursiveGravityEstimator:
         """Observe a tick of the control loop."""
         if tick.tau is not None:
             self.update(tick.state.q, tick.state.qd, tick.tau, tick.state.gravity, tick.time)
-
-
-def _each(name: str, values: ArrayLike, n: int) -> Floats:
-    return as_array(name, np.broadcast_to(values, (n,)) if np.ndim(values) == 0 else values, (n,))
-
-
-def _positive(name: str, values: ArrayLike, n: int) -> Floats:
-    array = _each(name, values, n)
-    if not (array > 0.0).all():
-        raise InputError(f"{name}: expected more than 0, got {array.tolist()}")
-    return array

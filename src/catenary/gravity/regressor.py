@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.dynamics.kinematics import link_poses
+from catenary.dynamics.regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
 from catenary.robots.model import BASE, RobotModel, Tree
 
@@ -36,7 +37,7 @@ class GravityParameters(NamedTuple):
 
 
 def gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
-    """Regressor Z(q, gravity) of the paper, with Z s = g for the s that `gravity_parameters` gives.
+    """Return the regressor Z(q, gravity) of the paper, with Z s = g for the s that `gravity_parameters` gives.
 
     Block row k holds -gravity^T [z_k]x [1 R_1 ... R_n] in block column k, zeros elsewhere; the paper has
     g_c e_z^T, the level base's. [gravity-regressor paper, section II] Beyond the paper: any gravity vector; trees,
@@ -88,7 +89,7 @@ def regressor_columns(
 
 
 def gravity_parameters(model: RobotModel) -> GravityParameters:
-    """Parameters s of `gravity_regressor`: per joint and frame, the first moment of what the joint carries.
+    """Return the parameters s of `gravity_regressor`: per joint and frame, the first moment of what the joint carries.
 
     Entry (k, j) is sum over the links i that joint k carries, of m_i times the part of link i's centre of mass, as
     seen from frame k, that lies along frame j's axes: D_ik p + d_i p_c of the paper. On the way from k to i that is
@@ -118,10 +119,9 @@ def gravity_parameters(model: RobotModel) -> GravityParameters:
 
 
 def standard_gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
-    """Regressor of every link's mass and first moment (m, m c), with Z s = g.
+    """Return the regressor of every link's mass and first moment (m, m c), with Z s = g.
 
-    The columns of (m, m c) of `torque_regressor` at
-    rest; they are dependent: see identification/base_parameters.py.
+    The columns of (m, m c) of `torque_regressor` at rest; they are dependent: see identification/base_parameters.py.
 
     Args:
         model: The robot; it needs no inertia.
@@ -136,16 +136,14 @@ def standard_gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLi
         InputError: An argument has another shape or is not finite.
     """
     rows, single = as_batch("q", q, model.n)
-    arm = _placed(model, rows, gravity_rows(gravity, len(rows)))
-    lever = arm.position[:, None] - arm.position[:, :, None]  # (N, n_tree, n_tree, 3) from joint k to link j
-    of_mass = np.einsum("Nka,Nkja->Nkj", arm.pull, lever) + arm.push[:, :, None]
-    mass = np.einsum("krj,Nkj->Nrj", _shares(model), of_mass)
-    Z = np.concatenate([mass[..., None], _moments(model, arm)], axis=3).reshape(len(rows), model.n, -1)
+    rest, links = np.zeros_like(rows), len(model.link_names)
+    Y = torque_regressor(model, rows, rest, rest, gravity).reshape(*rows.shape, links, PER_LINK)
+    Z = Y[..., : len(STANDARD)].reshape(*rows.shape, links * len(STANDARD))
     return Z[0] if single else Z
 
 
 def standard_gravity_parameters(model: RobotModel) -> GravityParameters:
-    """Parameters of `standard_gravity_regressor`: m [kg], m c [kg m] of every link, in its frame.
+    """Return the parameters of `standard_gravity_regressor`: m [kg], m c [kg m] of every link, in its frame.
 
     Raises:
         MissingInertiaError: Links without inertia.
@@ -162,10 +160,10 @@ def standard_labels(model: RobotModel) -> tuple[str, ...]:
 
 
 def carried(tree: Tree) -> tuple[Floats, Floats]:
-    """First moment (n, 3) about frame j's origin, and mass (n,), of link j with all it carries lumped at its joints.
+    """Return first moments (n, 3) about the frames' origins, and masses (n,), of links with all that they carry.
 
-    Each child's whole load counts where its frame's origin is with its joint at zero: what lies beyond is counted
-    along the child's own axes.
+    What a link carries is lumped at its joints. Each child's whole load counts where its frame's origin is with its
+    joint at zero: what lies beyond is counted along the child's own axes.
     """
     mass = np.array(tree.mass)
     moment = tree.mass[:, None] * tree.com
@@ -203,17 +201,16 @@ class _Placed(NamedTuple):
     """An arm at N configurations, all in the base frame; a joint is pulled if it turns, pushed if it slides."""
 
     rotation: Floats  # (N, n_tree, 3, 3) R_base_i
-    position: Floats  # (N, n_tree, 3) [m]
     pull: Floats  # (N, n_tree, 3) z x gravity: what a first moment v asks is v . pull = -gravity . (z x v) [m/s2]
     push: Floats  # (N, n_tree) -gravity . z, what a mass asks [m/s2]
 
 
 def _placed(model: RobotModel, q: Floats, gravity: Floats) -> _Placed:
-    rotation, position = link_poses(model, q)
+    rotation, _ = link_poses(model, q)
     axes = np.einsum("Nkab,kb->Nka", rotation, model.tree.axis)
     slides = model.tree.prismatic
     pull = np.cross(axes, gravity[:, None, :]) * ~slides[:, None]
-    return _Placed(rotation, position, pull, -np.sum(axes * gravity[:, None, :], axis=2) * slides)
+    return _Placed(rotation, pull, -np.sum(axes * gravity[:, None, :], axis=2) * slides)
 
 
 def _shares(model: RobotModel) -> Floats:

@@ -119,7 +119,7 @@ def carried_masses(model: RobotModel, joint: int) -> tuple[int, ...]:
 
 
 def _has_mass(model: RobotModel, link: int) -> bool:
-    """Tell whether a link may have mass: only one that is declared massless has none."""
+    """Return whether a link may have mass: only one that is declared massless has none."""
     return model.link_names[link] not in model.massless
 
 

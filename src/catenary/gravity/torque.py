@@ -14,8 +14,9 @@ from catenary.dynamics.lines import gravity_line
 from catenary.dynamics.recursion import first_moments, gravity_recursion
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
+from catenary.spatial import LEVEL
 
-__all__ = ["gravity_kernel", "gravity_torque", "potential_energy"]
+__all__ = ["gravity_delta", "gravity_kernel", "gravity_torque", "potential_energy"]
 
 
 def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike, *, threads: int = 1) -> Floats:
@@ -54,6 +55,28 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike, *, threa
         out = np.empty((len(rows), model.n))
         _gravity_torque_rows(model.tree, model.coupling, model.offset, rows, gravities, out)
     return out[0] if single else out
+
+
+def gravity_delta(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
+    """Return the torques to add where firmware compensates for a level base only: g(q, gravity) - g(q, level).
+
+    g is linear in gravity, so this is g(q, gravity - level), exactly zero on a level base.
+
+    Args:
+        model: The robot, as the firmware knows it: payloads it was told of included.
+        q: (n,) or (N, n) coordinates [rad or m].
+        gravity: (3,) or (N, 3) true free-fall acceleration in base axes [m/s2].
+
+    Returns:
+        (n,) or (N, n) [Nm or N].
+
+    Raises:
+        MissingInertiaError: Links without inertia.
+        InputError: An argument has another shape or is not finite.
+    """
+    rows, single = as_batch("gravity", gravity, 3)
+    beyond = rows - LEVEL
+    return gravity_torque(model, q, beyond[0] if single else beyond)
 
 
 def potential_energy(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:

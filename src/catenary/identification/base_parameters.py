@@ -208,7 +208,7 @@ def _outwards(parameters: Parameters) -> list[int]:
 
 
 def _identifiable(combination: Floats, parameter: int) -> Identifiability:
-    """Tell whether a parameter alone is in the span of the combinations."""
+    """Return whether a parameter alone is in the span of the combinations."""
     if not combination[:, parameter].any():
         return "none"
     # a row that is this parameter and no other

@@ -101,11 +101,11 @@ def _scale(base: BaseParameters) -> Floats:
 
 
 def _pseudo_inertia_map() -> Floats:
-    """Matrix (10, 10) from a link's parameters to the scaled upper triangle of J, lengths in units of LENGTH."""
+    """Return the matrix (10, 10) from a link's parameters to J's scaled upper triangle, lengths in units of LENGTH."""
     lengths = np.diag([1.0 / LENGTH] * 3 + [1.0])
     return np.column_stack([_triangle(lengths @ pseudo_inertia(e) @ lengths) for e in np.eye(10)])
 
 
 def _triangle(J: Floats) -> Floats:
-    """Upper triangle by columns, off-diagonal entries times sqrt 2: the solver's order and inner product."""
+    """Return the upper triangle by columns, off-diagonal entries times sqrt 2: the solver's order and inner product."""
     return np.array([J[r, c] * (1.0 if r == c else np.sqrt(2.0)) for c in range(4) for r in range(c + 1)])

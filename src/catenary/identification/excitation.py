@@ -52,36 +52,24 @@ def room_of(
     Raises:
         InputError: A limit that neither the robot nor the caller gives, or one beyond the robot's.
     """
-    given = [
-        as_array(name, own if values is None else values, (model.n,), finite=False)
-        for name, values, own in (
-            ("lower", lower, model.lower),
-            ("upper", upper, model.upper),
-            ("velocity", velocity, model.velocity_limit),
-        )
-    ]
-    room = Room(*given)
+    limits: tuple[tuple[str, ArrayLike], ...] = (
+        ("lower", model.lower if lower is None else lower),
+        ("upper", model.upper if upper is None else upper),
+        ("velocity", model.velocity_limit if velocity is None else velocity),
+    )
+    room = {key: as_array(key, values, (model.n,), finite=False) for key, values in limits}
+    low, high, fastest = room.values()
+    beyond = (low < model.lower) | (high > model.upper) | (fastest > model.velocity_limit)
     for i, name in enumerate(model.joint_names):
-        for what, value in (
-            ("lower", room.lower[i]),
-            ("upper", room.upper[i]),
-            ("velocity", room.velocity[i]),
-        ):
-            if not np.isfinite(value):
-                raise InputError(
-                    f'robot "{model.name}": no {what} limit of {name}: give --{what} for all {model.n} joints'
-                )
-        if not room.lower[i] < room.upper[i] or not room.velocity[i] > 0.0:
-            raise InputError(
-                f'robot "{model.name}": {name}: expected lower < upper and a velocity above zero'
-            )
-        if (
-            room.lower[i] < model.lower[i]
-            or room.upper[i] > model.upper[i]
-            or room.velocity[i] > model.velocity_limit[i]
-        ):
-            raise InputError(f'robot "{model.name}": {name}: the limits given go beyond the robot\'s own')
-    return room
+        where = f'robot "{model.name}"'
+        for key, values in room.items():
+            if not np.isfinite(values[i]):
+                raise InputError(f"{where}: no {key} limit of {name}: give --{key} for all {model.n} joints")
+        if not low[i] < high[i] or not fastest[i] > 0.0:
+            raise InputError(f"{where}: {name}: expected lower < upper and a velocity above zero")
+        if beyond[i]:
+            raise InputError(f"{where}: {name}: the limits given go beyond the robot's own")
+    return Room(low, high, fastest)
 
 
 def static_poses(
@@ -179,7 +167,7 @@ def fourier_motion(
 def _motion(
     coefficients: Floats, share: Floats, period: float, time: Floats, room: Room
 ) -> tuple[Floats, Floats, Floats]:
-    """Positions, velocities, accelerations (N, n) of a scaled Fourier motion."""
+    """Return positions, velocities, accelerations (N, n) of a scaled Fourier motion."""
     k = np.arange(1, coefficients.shape[1] + 1)
     w = 2.0 * np.pi / period * k
     # velocity sum a cos + b sin, acceleration sum -a w sin + b w cos: both zero at the start
@@ -223,8 +211,7 @@ def _base(parameters: Parameters, room: Room, gravity: Floats, rng: np.random.Ge
 
 
 def _condition(base: BaseParameters, q: Floats, qd: Floats, qdd: Floats, gravity: Floats) -> float:
-    """Condition number of the regressor, columns scaled to length one."""
+    """Return the condition number of the regressor, columns scaled to length one."""
     Y = base.regressor(q, qd, qdd, gravity).reshape(-1, base.count)
     size = np.linalg.norm(Y, axis=0)
-    values = np.linalg.svd(Y / np.where(size > 0.0, size, 1.0), compute_uv=False)
-    return float(values[0] / values[-1]) if values[-1] > 0.0 else np.inf
+    return float(np.linalg.cond(Y / np.where(size > 0.0, size, 1.0)))

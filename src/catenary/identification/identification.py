@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array, as_batch
+from catenary.arrays import Floats, as_array
 from catenary.dynamics.actuation import known_torque
+from catenary.dynamics.inverse_dynamics import motion_rows
 from catenary.dynamics.regressor import PER_LINK, tree_with_parameters
 from catenary.errors import ExcitationError, InputError, MissingInertiaError
 from catenary.identification.base_parameters import BaseParameters, base_parameters
@@ -67,16 +68,12 @@ class Identification:
         Raises:
             InputError: Another shape, NaN, or a motion asked of what was identified from poses at rest.
         """
-        rows, single = as_batch("q", q, self.model.n)
-        shape = (self.model.n,) if single else rows.shape
-        rates = [
-            np.zeros(rows.shape) if v is None else as_array(name, v, shape).reshape(rows.shape)
-            for name, v in (("qd", qd), ("qdd", qdd))
-        ]
-        if self.options.terms == "static" and (rates[0].any() or rates[1].any()):
+        motion, single = motion_rows(self.model, q, qd=qd, qdd=qdd)
+        if self.options.terms == "static" and any(rates.any() for rates in motion[1:]):
             raise InputError(f'"{self.model.name}" was identified from poses at rest: it predicts no motion')
         g = as_array("gravity", self.options.gravity if gravity is None else gravity, (3,))
-        tau = self.predict_unknown(rows, rates[0], rates[1], g) + known_torque(actuation_of(self.model), rows)
+        tau = self.predict_unknown(motion[0], motion[1], motion[2], g)
+        tau = tau + known_torque(actuation_of(self.model), motion[0])
         return tau[0] if single else tau
 
     def predict_unknown(self, q: Floats, qd: Floats, qdd: Floats, gravity: Floats) -> Floats:

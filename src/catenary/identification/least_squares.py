@@ -122,6 +122,6 @@ def covariance(reduced: Triangles, weights: Floats, beta: Floats) -> Floats:
 
 
 def _triangle(matrix: Floats) -> Floats:
-    """R of its QR."""
+    """Return R of a matrix's QR decomposition."""
     R: Floats = np.asarray(np.linalg.qr(matrix, mode="r"))
     return R

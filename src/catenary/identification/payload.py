@@ -82,7 +82,7 @@ def payload_candidates(
 
 
 def _reach(model: RobotModel) -> float:
-    """Farthest that anything it carries can be from a link's origin [m]: the arm stretched, and half a metre."""
+    """Return how far a load can be from its link's origin [m] at most: the arm stretched, and half a metre."""
     slides = model.tree.prismatic @ np.abs(model.coupling)
     travel = np.maximum(np.abs(model.lower), np.abs(model.upper))
     stretched = np.linalg.norm(model.tree.origin, axis=1).sum()
@@ -186,12 +186,12 @@ def _mass_and_moment(Y: Floats, y: Floats, reach: float) -> tuple[float, Floats]
 
 
 def _body(mass: float, moment: Floats) -> Floats:
-    """Ten parameters of a point mass by its mass and its moment."""
+    """Return the ten parameters of a point mass by its mass and its moment."""
     return mass * point_mass(moment / mass)
 
 
 def _tangent(mass: float, moment: Floats) -> Floats:
-    """Derivative (10, 4) of a point mass's parameters by mass and moment, by central differences."""
+    """Return the derivative (10, 4) of a point mass's parameters by mass and moment, by central differences."""
     columns = []
     for k in range(4):
         step = np.zeros(4)
@@ -202,7 +202,7 @@ def _tangent(mass: float, moment: Floats) -> Floats:
 
 
 def _least_squares(X: Floats, y: Floats) -> Floats:
-    """Least squares with columns scaled to one; directions that hardly show stay zero."""
+    """Solve least squares with columns scaled to one; directions that hardly show stay zero."""
     scale = np.linalg.norm(X, axis=0)
     scale[scale <= 1e-9 * max(float(scale.max()), 1e-300)] = np.inf
     solution: Floats = np.linalg.lstsq(X / scale, y, rcond=VISIBLE)[0] / scale
@@ -214,7 +214,7 @@ def _flat(X: Floats) -> Floats:
 
 
 def _rows(result: Identification, samples: Sequence[Samples], link: int) -> tuple[Floats, Floats]:
-    """Weighted torques (N, n, 10) per parameter of something on a link, and weighted residuals (N, n)."""
+    """Return weighted torques (N, n, 10) per parameter of a body on a link, and weighted residuals (N, n)."""
     gravity = np.array(result.options.gravity)
     weights = one_over(np.mean([r.rms for r in result.training], axis=0))
     X, y = [], []
@@ -228,7 +228,7 @@ def _rows(result: Identification, samples: Sequence[Samples], link: int) -> tupl
 
 
 def _spread(result: Identification, inverse: Floats, left: Floats, rate: float) -> Floats:
-    """Covariance (k, k) of the estimate sum_t inverse[:, t] left[t], its terms correlated in time (Newey, West 1987).
+    """Return the covariance (k, k) of sum_t inverse[:, t] left[t], its terms correlated in time (Newey, West 1987).
 
     Args:
         result: Gives the period of the excitation.

@@ -39,7 +39,7 @@ def residual(samples: Samples, predicted: Floats, period: int | None) -> LogResi
 
 
 def judge(test: LogResidual, training: Floats) -> Verdict:
-    """Say whether a model holds on a recording it did not see.
+    """Return whether a model holds on a recording it did not see.
 
     fails: an axis is hardly better than predicting no torque, and much worse than in training. drifted: an axis has
     more than twice the training residual (and more than a tenth of its torque), as when the arm, its load or the units

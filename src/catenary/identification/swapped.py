@@ -49,7 +49,7 @@ def swapped_axes(result: Identification, samples: Samples, *, refit: bool = Fals
 
 
 def _misfit(result: Identification, rows: Samples, refit: bool) -> Floats:
-    """Mean square of each axis's residual (n,) over that of its torque, at most four: more is no worse."""
+    """Return each axis's mean square residual (n,) over that of its torque, four at most: more is no worse."""
     gravity = np.array(result.options.gravity)
     reduced = triangles(result.base, gravity, [rows])
     beta = solve(reduced.stacked(result.weights)) if refit else result.beta

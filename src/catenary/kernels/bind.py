@@ -39,7 +39,7 @@ def bind(
     builtin function that does nothing.
 
     Args:
-        function: `@compiled`; it must not raise, since there is nobody to raise to.
+        function: `@compiled`; it must not raise: no caller would receive the exception.
         inputs: C-contiguous arrays of float64, int64, uint8 or bool, or of structured types with fields of these
             (a field that is an array cannot be of bool: numba does not know it; take uint8); only read.
         outputs: Such arrays, which the function may read and write; none overlaps another or an input.

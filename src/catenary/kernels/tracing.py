@@ -56,10 +56,10 @@ class Line(NamedTuple):
 
 
 class Symbol:
-    """A number to be known later; it adds, subtracts, multiplies and negates."""
+    """A number that is not known yet; sums, differences, products and negation of it are recorded."""
 
     __slots__ = ("sign", "step", "trace")
-    __array_ufunc__ = None  # a NumPy number times a symbol is the symbol's business
+    __array_ufunc__ = None  # a NumPy number times a symbol calls the symbol's __rmul__
 
     def __init__(self, trace: "Trace", step: int, sign: int = 1) -> None:
         """Point at a step of a trace, with a sign."""
@@ -85,7 +85,7 @@ class Symbol:
 
 
 class Trace:
-    """What has been done with the symbols of one computation."""
+    """The record of what is done with the symbols of one computation."""
 
     def __init__(self) -> None:
         self._inputs: list[tuple[str, int]] = []

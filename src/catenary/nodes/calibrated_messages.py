@@ -1,4 +1,4 @@
-"""What a deployed model says beside a robot: its joints and tool corrected, at the rate of a servo loop."""
+"""Messages of a deployed model beside a robot: its joints and tool corrected, at the rate of a servo loop."""
 
 import numpy as np
 
@@ -40,8 +40,8 @@ class CalibratedMessages:
             positioning: Arm of the first joints whose gravity torques are published; None publishes none.
 
         Raises:
-            InputError: Arm and kinematics do not belong together.
-            TransportError: Somebody publishes these topics with other types.
+            InputError: The kinematics are not those of the arm.
+            TransportError: These topics carry other types.
         """
         self._names = names
         self._child = "calibrated_tool" if pose_type == TRANSFORM else None

@@ -1,4 +1,4 @@
-"""A calibration model beside a robot: its messages in, calibrated ones out, at the robot's own rate.
+"""A calibration model beside a robot: joint states in, calibrated ones out, at the robot's own rate.
 
 Published below the arm's namespace (/arm1 gold, /arm2 green; never swapped), `calibrated/`:
 
@@ -64,7 +64,7 @@ class WireReport:
 
 
 class CalibratedTopics:
-    """Corrects each message of an arm's measured_js and publishes what it is then."""
+    """Corrects each message of an arm's measured_js and publishes the result."""
 
     def __init__(
         self,
@@ -74,7 +74,7 @@ class CalibratedTopics:
         rate_hz: float = 1000.0,
         gravity_torque: bool = False,
     ) -> None:
-        """Begin to listen and to publish.
+        """Begin to receive and to publish.
 
         Args:
             client: Of a RAVEN-II's arm.
@@ -84,7 +84,7 @@ class CalibratedTopics:
 
         Raises:
             InputError: The robot lacks a joint or an input of the model, or the rate does not fit it.
-            TransportError: Somebody publishes these topics with other types.
+            TransportError: These topics carry other types.
         """
         self._client = client
         self._model = model

@@ -38,8 +38,8 @@ class EncoderStatus(NamedTuple):
 class EncoderNode:
     """Publishes each good row as `joint_enc`, and as `ext_jpos` [rad, rad, m] while it is registered.
 
-    Positions that are not known are not published: no zero stands for them. What the robot says of its operating
-    state goes to the board, which registers while the robot homes.
+    Unknown positions are not published, rather than as zeros. The robot's operating state goes to the board, which
+    registers while the robot homes.
     """
 
     def __init__(self, board: EncoderBoard, transport: Transport, *, state_topic: str = STATE_TOPIC) -> None:
@@ -101,7 +101,7 @@ def publish_encoders(
     """Publish until the duration [s] is over or Ctrl-C; return the last status. `show` gets one every second.
 
     Raises:
-        InputError: No positive duration.
+        InputError: The duration is not positive.
     """
     if duration is not None and not duration > 0.0:
         raise InputError(f"duration: expected more than 0 s, got {duration}")

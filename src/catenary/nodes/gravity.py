@@ -115,7 +115,7 @@ def publish_gravity(
     `show` gets a status every second.
 
     Raises:
-        InputError: No positive rate or duration.
+        InputError: The rate or the duration is not positive.
     """
     if duration is not None and not duration > 0.0:
         raise InputError(f"duration: expected more than 0 s, got {duration}")

@@ -1,4 +1,4 @@
-"""What else than its links loads a robot's joints: friction, motor inertia, springs, known torques; pure data.
+"""What loads a robot's joints besides its links: friction, motor inertia, springs, known torques; pure data.
 
 Every effect acts along a combination c of the robot's coordinates: on s = c . q it makes the scalar load f, and the
 actuators must supply tau = c f more. So friction between two coupled joints, or of a motor behind a gear, is a term
@@ -84,7 +84,7 @@ class SignalFilter:
 
 @dataclass(frozen=True, eq=False)
 class Actuation:
-    """All of it, with the defaults for identifying this robot."""
+    """What loads the joints besides the links, with this robot's defaults for identification."""
 
     friction: tuple[Friction, ...] = ()
     motor_inertia: tuple[MotorInertia, ...] = ()
@@ -109,12 +109,12 @@ class Actuation:
         return (*self.friction, *self.motor_inertia, *self.springs, *self.known_torques)
 
     def moves(self, coordinate: int) -> bool:
-        """Tell whether any effect acts on a coordinate."""
+        """Return whether any effect acts on a coordinate."""
         return any(term.combination[coordinate] != 0.0 for term in self.terms)
 
 
 def default_actuation(joint_names: Sequence[str]) -> Actuation:
-    """Friction and a constant on every coordinate: what is assumed of a robot whose file says nothing."""
+    """Return friction and a constant on every coordinate, as assumed of a robot whose file says nothing."""
     rows = np.eye(len(joint_names))
     return Actuation(friction=tuple(Friction(name, row) for name, row in zip(joint_names, rows, strict=True)))
 
@@ -132,7 +132,7 @@ def check_actuation(where: str, actuation: Actuation, n: int) -> None:
         for term in terms:
             what = f'{where}: {kind.replace("_", " ")} "{term.name}"'
             if names.count(term.name) > 1:
-                raise InputError(f"{what}: stands there twice")
+                raise InputError(f"{what}: is there twice")
             if term.combination.shape != (n,) or not np.isfinite(term.combination).all():
                 raise InputError(f"{what}: expected {n} finite factors, got {term.combination}")
             if not term.combination.any():

@@ -25,21 +25,19 @@ Combination = Annotated[dict[str, float], Field(min_length=1)]
 Positive = Annotated[float, Field(gt=0.0)]
 
 
-class FrictionTable(Settings):
-    """Friction on a combination of coordinates."""
+class EffectTable(Settings):
+    """An effect on a combination of coordinates; motor inertia has nothing else to say."""
 
     name: str
     on: Combination
+
+
+class FrictionTable(EffectTable):
+    """Friction on a combination of coordinates."""
+
     coulomb: bool = True
     viscous: bool = True
     offset: bool = True
-
-
-class MotorInertiaTable(Settings):
-    """A rotor that turns with a combination of coordinates."""
-
-    name: str
-    on: Combination
 
 
 class LeverTable(Settings):
@@ -51,20 +49,16 @@ class LeverTable(Settings):
     angle_deg: float
 
 
-class SpringTable(Settings):
+class SpringTable(EffectTable):
     """A spring on a combination of coordinates."""
 
-    name: str
-    on: Combination
     lever: LeverTable | None = None
 
 
-class KnownTorqueTable(Settings):
+class KnownTorqueTable(EffectTable):
     """A polynomial of one combination, acting along another."""
 
-    name: str
     of: Combination
-    on: Combination
     polynomial: Annotated[tuple[float, ...], Field(min_length=1)]  # high power first
 
 
@@ -85,7 +79,7 @@ class ActuationTable(Settings):
     coulomb_velocity: Annotated[float, Field(ge=0.0)] = 0.0  # rad/s or m/s, along the combination
     effort_scale: tuple[float, ...] | None = None  # Nm or N per recorded unit of raw effort
     friction: tuple[FrictionTable, ...] = ()
-    motor_inertia: tuple[MotorInertiaTable, ...] = ()
+    motor_inertia: tuple[EffectTable, ...] = ()
     spring: tuple[SpringTable, ...] = ()
     known_torque: tuple[KnownTorqueTable, ...] = ()
     filter: FilterTable | None = None
@@ -98,30 +92,24 @@ def read_actuation(path: Path, table: ActuationTable, names: Sequence[str]) -> A
         ConfigError: A term acts on a coordinate that the robot does not have.
     """
 
-    def row(kind: str, name: str, factors: Mapping[str, float]) -> Floats:
+    def row(kind: str, effect: EffectTable, factors: Mapping[str, float]) -> Floats:
         unknown = [key for key in factors if key not in names]
         if unknown:
             raise ConfigError(
-                f'{path}: actuation: {kind} "{name}": acts on unknown coordinate "{unknown[0]}"; '
+                f'{path}: actuation: {kind} "{effect.name}": acts on unknown coordinate "{unknown[0]}"; '
                 f"coordinates: {', '.join(names)}"
             )
         return np.array([factors.get(key, 0.0) for key in names], dtype=float)
 
     return Actuation(
         friction=tuple(
-            Friction(t.name, row("friction", t.name, t.on), t.coulomb, t.viscous, t.offset)
-            for t in table.friction
+            Friction(t.name, row("friction", t, t.on), t.coulomb, t.viscous, t.offset) for t in table.friction
         ),
-        motor_inertia=tuple(
-            MotorInertia(t.name, row("motor_inertia", t.name, t.on)) for t in table.motor_inertia
-        ),
-        springs=tuple(Spring(t.name, row("spring", t.name, t.on), _lever(t.lever)) for t in table.spring),
+        motor_inertia=tuple(MotorInertia(t.name, row("motor_inertia", t, t.on)) for t in table.motor_inertia),
+        springs=tuple(Spring(t.name, row("spring", t, t.on), _lever(t.lever)) for t in table.spring),
         known_torques=tuple(
             KnownTorque(
-                t.name,
-                row("known_torque", t.name, t.of),
-                row("known_torque", t.name, t.on),
-                np.array(t.polynomial),
+                t.name, row("known_torque", t, t.of), row("known_torque", t, t.on), np.array(t.polynomial)
             )
             for t in table.known_torque
         ),

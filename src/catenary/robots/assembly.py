@@ -107,7 +107,7 @@ def assemble(
         tip: Frame that kinematics mean by default; the last link of the longest chain otherwise.
         massless: Links to treat as massless though the description gives them no inertia.
         closed_form: Name of the closed-form inverse kinematics that holds.
-        actuation: Friction, motors, springs. Coordinates that move no link may stand there.
+        actuation: Friction, motors, springs. Coordinates that move no link may be in it.
         sources: Where the numbers come from.
         notes: What the description holds and the model leaves out.
 

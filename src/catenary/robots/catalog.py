@@ -14,7 +14,7 @@ RAVEN_SIDES = {"raven2": "left", "raven2_right": "right"}  # which arm of a RAVE
 
 
 def robot_names() -> tuple[str, ...]:
-    """Names of the robots that come with the package."""
+    """Return the names of the robots that come with the package."""
     return tuple(sorted(p.name.removesuffix(".toml") for p in _data().iterdir() if p.name.endswith(".toml")))
 
 
@@ -49,7 +49,7 @@ def load_file(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
     """Load a robot from a `.toml`, `.urdf`, `.xml` or `.mjcf` file; an `.xml` may hold either XML kind.
 
     Raises:
-        FileFormatError: The ending, or the XML's root element, is none that we know.
+        FileFormatError: The ending, or the XML's root element, is not one of these.
     """
     kind = path.suffix.lower()
     # each reader is imported when its kind of file comes: a table needs neither an XML nor a MuJoCo reader

@@ -71,10 +71,10 @@ class Mimic(NamedTuple):
 
 
 def resolve_mimics(mimics: Mapping[str, Mimic]) -> dict[str, Mimic]:
-    """Express each following joint, q = multiplier * q_leader + offset, by a joint that follows nobody.
+    """Express each following joint, q = multiplier * q_leader + offset, by a joint that is free.
 
     Args:
-        mimics: The following joints, by name; a leader that is not among them follows nobody.
+        mimics: The following joints, by name; a leader that is not among them is free.
 
     Raises:
         UnsupportedModelError: Joints follow each other in a loop.

@@ -68,14 +68,14 @@ class _Compiled(NamedTuple):
     from_geoms: list[str]  # moving bodies whose inertia MuJoCo took from their geoms
 
     def name(self, kind: str, index: int) -> str:
-        """Name of a body, joint, ...; one without a name is called by its kind and number."""
+        """Return the name of a body, joint, ...; one without a name is called by its kind and number."""
         found = self.mujoco.mj_id2name(
             self.model, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), index
         )
         return str(found) if found else f"{kind}{index}"
 
     def body_joints(self, body: int) -> range:
-        """Indices of a body's joints, in the order they move it."""
+        """Return the indices of a body's joints, in the order they move it."""
         first, count = int(self.model.body_jntadr[body]), int(self.model.body_jntnum[body])
         return range(first, first + count) if count else range(0)
 

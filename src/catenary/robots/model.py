@@ -179,7 +179,3 @@ class RobotModel:
             massless=tuple(name for name in self.massless if name != self.link_names[link]),
             without_payload=self,
         )
-
-    def renamed(self, name: str) -> "RobotModel":
-        """Return the same robot under another name."""
-        return replace(self, name=name)

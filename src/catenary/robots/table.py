@@ -19,7 +19,16 @@ Vector = Annotated[tuple[float, float, float], Field()]
 Matrix = tuple[Vector, Vector, Vector]
 
 
-class LinkTable(Settings):
+class LimitsTable(Settings):
+    """Limits of a coordinate, in the unit that its keys end in."""
+
+    limits_deg: tuple[float, float] | None = None
+    limits_m: tuple[float, float] | None = None
+    velocity_deg_s: Annotated[float, Field(gt=0.0)] | None = None
+    velocity_m_s: Annotated[float, Field(gt=0.0)] | None = None
+
+
+class LinkTable(LimitsTable):
     """One row: all four DH columns must stand there; nothing is silently zero."""
 
     name: str
@@ -30,10 +39,6 @@ class LinkTable(Settings):
     theta_deg: float
     parent: str | None = None
     variable: dict[str, float] | None = None
-    limits_deg: tuple[float, float] | None = None
-    limits_m: tuple[float, float] | None = None
-    velocity_deg_s: Annotated[float, Field(gt=0.0)] | None = None
-    velocity_m_s: Annotated[float, Field(gt=0.0)] | None = None
     mass_kg: float | None = None
     com_m: Vector | None = None
     # xx xy xz yy yz zz, about the CoM
@@ -43,15 +48,11 @@ class LinkTable(Settings):
     source: str | None = None
 
 
-class CoordinateTable(Settings):
+class CoordinateTable(LimitsTable):
     """One of the robot's coordinates, where they are not simply the table's joints."""
 
     name: str
     unit: Literal["rad", "m"]
-    limits_deg: tuple[float, float] | None = None
-    limits_m: tuple[float, float] | None = None
-    velocity_deg_s: Annotated[float, Field(gt=0.0)] | None = None
-    velocity_m_s: Annotated[float, Field(gt=0.0)] | None = None
 
 
 class FrameTable(Settings):
@@ -64,7 +65,7 @@ class FrameTable(Settings):
 
 
 class RobotTable(Settings):
-    """The whole file."""
+    """A robot file."""
 
     name: str
     convention: Literal["modified", "standard"]
@@ -164,7 +165,7 @@ def _inertia(path: Path, row: LinkTable) -> LinkInertia | None:
     return LinkInertia(row.mass_kg, np.array(row.com_m), tensor)
 
 
-def _coordinate(path: Path, name: str, unit: str, limits: LinkTable | CoordinateTable) -> Coordinate:
+def _coordinate(path: Path, name: str, unit: str, limits: LimitsTable) -> Coordinate:
     suffix = "deg" if unit == "rad" else "m"
     for key in ("limits_deg", "limits_m", "velocity_deg_s", "velocity_m_s"):
         if getattr(limits, key) is not None and f"_{suffix}" not in key:

@@ -37,7 +37,7 @@ def load_urdf(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
     """Load a robot from a URDF file.
 
     The root link is the base; its own inertia plays no part. Coordinates are the joints that move and mimic
-    nobody, in the file's order; links and frames have the file's link names.
+    no other, in the file's order; links and frames have the file's link names.
 
     Args:
         path: The file.

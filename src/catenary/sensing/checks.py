@@ -212,7 +212,7 @@ class GravityCheck:
         return Fault.GRAVITY_STRIPPED if length < 2.5 else Fault.MAGNITUDE
 
     def _watch_rest(self, stamp: float, gravity: Floats, dt: float, step: float) -> None:
-        """Running means and variance, to know when the readings stand still, and what gravity is in the mean."""
+        """Update running means and variance, to know when the readings stand still, and what gravity is in the mean."""
         if not 0.0 < dt < self.REST or step > self._rules.max_step:
             self._long_mean = gravity
         else:

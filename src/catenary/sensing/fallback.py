@@ -79,11 +79,6 @@ class SmoothTransfer:
         """Take the next targets as they are."""
         self._begun = False
 
-    @property
-    def settled(self) -> bool:
-        """The output is on its target."""
-        return not self._offset.any()
-
 
 def _share_beyond(allowed: Floats, vectors: Floats) -> Floats:
     """Return the share (k, 1) of each vector (k, 3) that exceeds an allowed length (k, 1)."""

@@ -41,7 +41,7 @@ class Fault(Flag):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Name of each, in lower case."""
+        """The name of each, in lower case."""
         return tuple(str(fault.name).lower() for fault in self)
 
 

@@ -77,7 +77,7 @@ class SensedGravity:
             feed: Called with the time before samples are taken: what has no thread of its own delivers then.
 
         Raises:
-            InputError: A fallback that there is none, times that are not 0 < stale_after <= age_limit.
+            InputError: No such fallback, or times that are not 0 < stale_after <= age_limit.
         """
         if not 0.0 < stale_after <= age_limit < math.inf:
             raise InputError(
@@ -109,7 +109,7 @@ class SensedGravity:
         self._dropped = 0
 
     def read(self, time: float) -> GravityReading:
-        """Gravity and the turning of the base at a time [s], on the clock of the samples' stamps."""
+        """Return gravity and the turning of the base at a time [s], on the clock of the samples' stamps."""
         if not math.isfinite(time):
             time = 0.0 if math.isnan(self._last_time) else self._last_time
         if not time - self._last_time < _PAUSE:
@@ -131,7 +131,7 @@ class SensedGravity:
         return GravityReading(gravity, age, np.array(rates), live, self._faults(time, live, turning))
 
     def reset(self) -> None:
-        """Forget what was believed: the base was moved, or the sensor put right, while nobody looked."""
+        """Forget what was believed: the base was moved, or the sensor repaired, while it was not read."""
         self._check.forget()
         self._force.clear()
         self._rate.clear()
@@ -156,22 +156,22 @@ class SensedGravity:
             if sample is None:
                 return
             self._heard = now
-            if sample.kind is Kind.ANGULAR_RATE:
-                fault = self._take_rate(sample, now) if self.angular else Fault.NONE
-            else:
-                fault = self._take_force(sample, now)
+            turns = sample.kind is Kind.ANGULAR_RATE
+            if turns and not self.angular:
+                continue
+            fault = (self._raw_rate if turns else self._raw).fault(sample.stamp, sample.vector, now)
+            if fault is Fault.NONE and now - sample.stamp > self._age_limit:
+                fault = Fault.STAMP_OLD
+            if fault is Fault.NONE:
+                fault = self._take_rate(sample) if turns else self._take_force(sample)
             if fault is not Fault.NONE:
                 self._seen[fault] = now
 
-    def _take_force(self, sample: SensorSample, now: float) -> Fault:
+    def _take_force(self, sample: SensorSample) -> Fault:
         stamp, vector, kind = sample
-        fault = self._raw.fault(stamp, vector, now)
-        if fault is Fault.NONE and now - stamp > self._age_limit:
-            fault = Fault.STAMP_OLD
-        if fault is not Fault.NONE:
-            return fault
         gravity = self.mounting.gravity(np.array(vector), kind)
-        if stamp - self._force.newest > _FORGET and self._force.newest > -math.inf and self._meet_anew(stamp):
+        # after a second without any sample; wrong ones keep their reason to be doubted
+        if self._force.newest > -math.inf and stamp - self._check.last_stamp > _FORGET:
             self._check.forget()
             self._force.clear()
         rate = self._rate.at(stamp)[0] if self._rate_is_fresh(stamp) else None
@@ -185,17 +185,8 @@ class SensedGravity:
             self._attitude.add(stamp, gravity)
         return fault
 
-    def _meet_anew(self, stamp: float) -> bool:
-        """Return whether nothing at all came since; wrong samples keep their reason to be doubted."""
-        return stamp - self._check.last_stamp > _FORGET
-
-    def _take_rate(self, sample: SensorSample, now: float) -> Fault:
+    def _take_rate(self, sample: SensorSample) -> Fault:
         stamp, vector, _ = sample
-        fault = self._raw_rate.fault(stamp, vector, now)
-        if fault is Fault.NONE and now - stamp > self._age_limit:
-            fault = Fault.STAMP_OLD
-        if fault is not Fault.NONE:
-            return fault
         rate = self.mounting.rate(np.array(vector))
         expected = self._rate.at(min(stamp, self._rate.newest + self._horizon))[0]
         fault = self._check_rate.fault(rate, expected if self._rate_is_fresh(stamp) else None)

@@ -29,7 +29,7 @@ class SensorSample(NamedTuple):
 class Mailbox:
     """Where any thread puts samples and the control tick takes them; neither ever waits for the other.
 
-    Nothing is checked here: that is for the estimator. When nobody takes them the oldest are dropped, and counted.
+    Nothing is checked here: that is for the reader. A full mailbox drops the oldest samples, and counts them.
     """
 
     def __init__(self, size: int = MAILBOX) -> None:

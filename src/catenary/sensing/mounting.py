@@ -136,11 +136,16 @@ def save_mounting(path: Path | str, mounting: Mounting, tumble: TumbleSection | 
     for key, limit in (("range_m_s2", mounting.acceleration_range), ("range_rad_s", mounting.rate_range)):
         if np.isfinite(limit):
             lines.append(f"{key} = {float(limit)!r}")
-    lines += ["", "[accelerometer]", f"bias_m_s2 = {_row(mounting.bias)}", f"scale = {_row(mounting.scale)}"]
-    lines += ["", "[gyroscope]", f"bias_rad_s = {_row(mounting.rate_bias)}", "", "[mounting]"]
+    lines += [
+        "",
+        "[accelerometer]",
+        f"bias_m_s2 = {mounting.bias.tolist()}",
+        f"scale = {mounting.scale.tolist()}",
+    ]
+    lines += ["", "[gyroscope]", f"bias_rad_s = {mounting.rate_bias.tolist()}", "", "[mounting]"]
     lines.append("rotation = [  # R_base_imu: takes vectors in the sensor's axes to the base's")
-    lines += [f"    {_row(row)}," for row in mounting.rotation]
-    lines += ["]", f"position_m = {_row(mounting.position)}  # of the sensor from the base's origin"]
+    lines += [f"    {row.tolist()}," for row in mounting.rotation]
+    lines += ["]", f"position_m = {mounting.position.tolist()}  # of the sensor from the base's origin"]
     if tumble is not None:
         lines += ["", "[tumble]", f"readings = {tumble.readings}"]
         for name in ("residual_m_s2", "rotation_residual_deg"):
@@ -152,10 +157,6 @@ def save_mounting(path: Path | str, mounting: Mounting, tumble: TumbleSection | 
         Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from error
-
-
-def _row(values: Floats) -> str:
-    return "[" + ", ".join(repr(float(v)) for v in values) + "]"
 
 
 def _text(value: str) -> str:

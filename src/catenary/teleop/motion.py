@@ -7,6 +7,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.dynamics.kinematics import jacobian
+from catenary.plant import Bounded
 from catenary.robots.model import RobotModel
 from catenary.teleop.dead_man import DeadMan
 
@@ -38,20 +39,13 @@ class TeleopStep(NamedTuple):
 class TeleopMotion:
     """Velocities of joints, and of the tip in base axes, by the keys that are held."""
 
-    def __init__(
-        self,
-        joint_names: tuple[str, ...],
-        joint_units: tuple[str, ...],
-        lower: Floats,
-        upper: Floats,
-        model: RobotModel | None,
-    ) -> None:
+    def __init__(self, joints: Bounded, model: RobotModel | None) -> None:
         """Take a robot's joints, and the model of those among them, the first ones, that place its tip."""
-        self.joint_names, self.joint_units = joint_names, joint_units
-        self._lower, self._upper = np.array(lower), np.array(upper)
+        self.joint_names, self.joint_units = joints.joint_names, joints.joint_units
+        self._lower, self._upper = np.array(joints.lower), np.array(joints.upper)
         self._model = model
         self._speed = FIRST_SPEED
-        self._full_speed = np.array([JOINT_SPEED[unit] for unit in joint_units])
+        self._full_speed = np.array([JOINT_SPEED[unit] for unit in self.joint_units])
         self._dead_man = DeadMan()
         self._q: Floats | None = None  # where the motion has led, until it ends
 
@@ -62,7 +56,7 @@ class TeleopMotion:
 
     @property
     def is_moving(self) -> bool:
-        """Any joint is under way."""
+        """A joint is under way."""
         return self._q is not None
 
     def press(self, key: str, now: float) -> bool:

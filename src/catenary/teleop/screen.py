@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.plant import JointState, OperatingState
+from catenary.plant import Bounded, JointState, OperatingState
 from catenary.teleop.dead_man import RAMP, TIMEOUT
 from catenary.teleop.motion import BACKWARD, FORWARD
 
@@ -23,7 +23,7 @@ _MORE = (
 
 
 class View(NamedTuple):
-    """What is shown."""
+    """The robot and the session as they are shown."""
 
     robot: str
     simulated: bool
@@ -34,10 +34,7 @@ class View(NamedTuple):
     is_moving: bool
     blocked: Sequence[str]
     message: str
-    joint_names: Sequence[str]
-    joint_units: Sequence[str]
-    lower: Floats
-    upper: Floats
+    joints: Bounded
     tip: Floats | None  # (3,) [m] in the base frame
     recording: str | None = None
     with_help: bool = False
@@ -51,13 +48,13 @@ def teleop_lines(view: View, columns: int = 80, lines: int = 24) -> list[str]:
     title += ", busy" if state.is_busy else ""
     shown = [title, f"speed x{view.speed:g}   {'moving' if view.is_moving else 'still'}", ""]
     shown.append(f"{'keys':>4}  {'joint':<14}{'now':>11}{'set':>11}   range")
-    for j, name in enumerate(view.joint_names):
+    joints, lower, upper = view.joints, view.joints.lower, view.joints.upper
+    for j, (name, unit) in enumerate(zip(joints.joint_names, joints.joint_units, strict=True)):
         keys = f"{FORWARD[j]} {BACKWARD[j]}" if j < len(FORWARD) else ""
-        unit = view.joint_units[j]
         mark = " LIMIT" if name in view.blocked else ""
         shown.append(
             f"{keys:>4}  {name[:13]:<14}{_number(view.measured.q[j], unit):>11}{_number(view.setpoint[j], unit):>11}   "
-            f"{_bar(view.setpoint[j], view.lower[j], view.upper[j])}{mark}"
+            f"{_bar(view.setpoint[j], lower[j], upper[j])}{mark}"
         )
     if view.tip is not None:
         x, y, z = 1e3 * view.tip

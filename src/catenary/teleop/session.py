@@ -57,7 +57,7 @@ class TeleopSession:
         """
         self.plant, self._model, self._name, self._terminal = plant, model, name, terminal
         self._observe = observe
-        self.motion = TeleopMotion(plant.joint_names, plant.joint_units, plant.lower, plant.upper, model)
+        self.motion = TeleopMotion(plant, model)
         self._keys = KeyReader()
         self.message = "hold a key to move"
         self._with_help = False
@@ -97,14 +97,14 @@ class TeleopSession:
             self.message = f"the robot was not paused: {error}"
 
     def hold(self) -> None:
-        """Stop where the setpoint is."""
+        """Stop at the setpoint."""
         self.motion.stop()
         if _may_move(self.plant.operating_state()):
             self.plant.servo_jp(self.plant.setpoint_js().q)
             self.plant.wait()
 
     def tick(self, now: float) -> None:
-        """One tick of the robot."""
+        """Read keys, move the robot by a tick, show it."""
         for key in self._keys.feed(self._terminal.read(), now):
             self._take(key, now)
         state = self.plant.operating_state()
@@ -174,8 +174,7 @@ class TeleopSession:
             tip = forward_kinematics(self._model, measured.q[: self._model.n]).position
         view = View(
             self._name, plant.simulated, plant.operating_state(), measured, plant.setpoint_js().q, self.motion.speed,
-            self.motion.is_moving, blocked, self.message, plant.joint_names, plant.joint_units, plant.lower,
-            plant.upper, tip, line, self._with_help,
+            self.motion.is_moving, blocked, self.message, plant, tip, line, self._with_help,
         )  # fmt: skip
         self._terminal.draw(teleop_lines(view, *self._terminal.size))
 

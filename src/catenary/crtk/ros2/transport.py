@@ -77,7 +77,7 @@ class Ros2Transport(Transport):
         """Join the network that ROS_DOMAIN_ID names.
 
         Raises:
-            InputError: The name is none.
+            InputError: A program cannot have this name.
             MissingPackageError: There is no rclpy.
         """
         super().__init__(name)
@@ -118,7 +118,7 @@ class Ros2Transport(Transport):
         return Ros2Publisher(self, topic, current_name(type_name), handle)
 
     def _subscribe(self, subscription: Subscription, type_name: str) -> None:
-        """Begin to receive; latched messages of publishers that are there already."""
+        """Begin to receive; latched messages come from publishers that are there already."""
         topic, depth = subscription.topic, subscription.depth
         self._refuse_other_type(topic, type_name)
         # a subscription that asks for latched messages gets none from publishers that do not latch
@@ -194,14 +194,14 @@ class Ros2Transport(Transport):
             self.node.destroy_client(client)
 
     def connections(self, topic: str) -> Connections:
-        """Peers over a topic, as ROS 2 has discovered them."""
+        """Return the peers over a topic, as ROS 2 has discovered them."""
         topic, own = absolute(topic), f"/{self.name}"
         publishers = _names(self.node.get_publishers_info_by_topic(topic))
         subscribers = _names(self.node.get_subscriptions_info_by_topic(topic))
         return Connections(publishers if own in subscribers else (), subscribers if own in publishers else ())
 
     def topics(self) -> Mapping[str, str]:
-        """Topics that anyone publishes, with their types."""
+        """Return the topics that anyone publishes, with their types."""
         found = {}
         for topic, kinds in sorted(self.node.get_topic_names_and_types()):
             if self.node.count_publishers(topic):
@@ -209,7 +209,7 @@ class Ros2Transport(Transport):
         return found
 
     def publishing(self) -> Mapping[str, frozenset[str]]:
-        """Nothing: messages of ROS 2 do not say where they came from."""
+        """Return nothing: messages of ROS 2 do not say where they came from."""
         return {}
 
     def is_up(self) -> bool:

@@ -1,0 +1,203 @@
+"""A client that hears topics and moves the shoulder at 100 Hz, straight from its sockets or by rospy.
+
+rospy reads every topic in a thread of its own, and all of them share Python's lock: a client that hears fifteen
+topics a thousand times a second is busy with itself, and on a machine of few cores with the server's core too. By
+its sockets it takes little time, so a server beside it is measured alone.
+"""
+
+import json
+import os
+import select
+import socket
+import struct
+import sys
+import time
+import xmlrpc.client
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from catenary.crtk.message import message_class
+from catenary.crtk.ros1.transport import Ros1Transport
+from catenary.recording.messages import md5_sum
+
+CALLER = "/socket_listener"
+HEAD = struct.Struct("<IIII")  # length, seq, stamp
+TIMED = "/arm1/setpoint_js"
+SETTLE, RESUME, MOVE = 0.5, 1.3, 1.5  # [s] before counting; after that, until commands
+COMMANDS = 100.0  # [Hz]
+STEP = 1e-5  # [rad] a command
+
+
+class Heard:
+    """What has come of a topic."""
+
+    def __init__(self, topic: str) -> None:
+        self.is_timed = topic == TIMED
+        self.seq: int | None = None
+        self.last: Any = None  # message of the timed topic
+        self.overflowed = 0  # messages that gave way before they were taken
+        self.forget()
+
+    def forget(self) -> None:
+        """Count from nothing."""
+        self.count = self.lost = 0
+        self.latency: list[int] = []  # [ns], of the timed topic
+
+    def add(self, seq: int, stamp: int, arrived: int) -> None:
+        """Count a message, with its stamp and arrival [ns]."""
+        self.count += 1
+        if self.seq is not None:
+            self.lost += seq - self.seq - 1
+        self.seq = seq
+        if self.is_timed:
+            self.latency.append(arrived - stamp)
+
+
+class SocketTopic(Heard):
+    """A topic as it comes from its publisher."""
+
+    def __init__(self, master: xmlrpc.client.ServerProxy, topic: str, type_name: str, node: str) -> None:
+        """Connect to a topic's publisher, without a word to the master."""
+        super().__init__(topic)
+        uri: Any = master.lookupNode(CALLER, node)
+        with xmlrpc.client.ServerProxy(uri[2]) as publisher:
+            answer: Any = publisher.requestTopic(CALLER, topic, [["TCPROS"]])
+        _, host, port = answer[2]
+        self.socket = socket.create_connection((host, port))
+        fields = {
+            "callerid": CALLER,
+            "topic": topic,
+            "type": type_name,
+            "md5sum": md5_sum(type_name),
+            "tcp_nodelay": 1,
+        }
+        texts = [f"{name}={value}".encode() for name, value in fields.items()]
+        said = b"".join(struct.pack("<I", len(text)) + text for text in texts)
+        self.socket.sendall(struct.pack("<I", len(said)) + said)
+        (size,) = struct.unpack("<I", self.socket.recv(4, socket.MSG_WAITALL))
+        self.socket.recv(size, socket.MSG_WAITALL)
+        self.socket.setblocking(False)
+        self.rest = b""
+
+    def take(self) -> None:
+        """Take what has come."""
+        data = self.rest + self.socket.recv(1 << 18)
+        arrived, at = time.time_ns(), 0
+        while len(data) - at >= HEAD.size:
+            size, seq, seconds, nanoseconds = HEAD.unpack_from(data, at)
+            if len(data) - at < 4 + size:
+                break
+            at += 4 + size
+            self.add(seq, 10**9 * seconds + nanoseconds, arrived)
+            if self.is_timed:
+                self.last = data[at - size : at]
+        self.rest = data[at:]
+
+    def shoulder(self) -> float:
+        """First position of the last message: the numbers come last, seven positions, velocities and efforts."""
+        (position,) = struct.unpack_from("<d", self.last, len(self.last) - 3 * 60 + 4)
+        return float(position)
+
+
+class RospyTopic(Heard):
+    """A topic of one of catenary's own clients."""
+
+    def __init__(self, transport: Ros1Transport, topic: str, type_name: str) -> None:
+        super().__init__(topic)
+        self.subscription = transport.subscribe(topic, type_name, depth=100_000)
+
+    def take(self) -> None:
+        """Take what has come."""
+        for one in self.subscription.take():
+            header = one.message[0]
+            self.add(header.seq, header.stamp, one.time)
+            self.last = one.message
+        self.overflowed = self.subscription.overflowed
+
+    def shoulder(self) -> float:
+        """First position of the last message."""
+        return float(self.last.position[0])
+
+
+def by_sockets(wanted: list[tuple[str, str]]) -> tuple[list[SocketTopic], Callable[[float], None]]:
+    """Return the topics, and a function that waits up to some seconds and takes what has come."""
+    with xmlrpc.client.ServerProxy(os.environ["ROS_MASTER_URI"]) as master:
+        state: Any = master.getSystemState(CALLER)
+        nodes = {topic: names[0] for topic, names in state[2][0]}
+        heard = [SocketTopic(master, topic, kind, nodes[topic]) for topic, kind in wanted if topic in nodes]
+    poller = select.epoll()
+    for one in heard:
+        poller.register(one.socket, select.EPOLLIN)
+    by_number = {one.socket.fileno(): one for one in heard}
+
+    def wait(seconds: float) -> None:
+        for number, _ in poller.poll(seconds):
+            by_number[number].take()
+
+    return heard, wait
+
+
+def by_rospy(
+    transport: Ros1Transport, wanted: list[tuple[str, str]]
+) -> tuple[list[RospyTopic], Callable[[float], None]]:
+    """Return the topics, and a function that waits some seconds and takes what has come."""
+    heard = [RospyTopic(transport, topic, kind) for topic, kind in wanted]
+
+    def wait(seconds: float) -> None:
+        time.sleep(seconds)
+        for one in heard:
+            one.take()
+
+    return heard, wait
+
+
+def main() -> None:
+    """Hear topics (JSON) for some seconds, command, and print what was heard."""
+    kind, topics, seconds, resume = sys.argv[1], json.loads(sys.argv[2]), float(sys.argv[3]), sys.argv[4]
+    transport = Ros1Transport("listener")
+    moving = transport.publisher("/arm1/servo_jr", "sensor_msgs/JointState")
+    command = transport.publisher("/arm1/state_command", "crtk_msgs/StringStamped", latch=True)
+    heard, wait = by_sockets(topics) if kind == "sockets" else by_rospy(transport, topics)
+    timed = next(one for one in heard if one.is_timed)
+    while not (timed.count and transport.connections("/arm1/servo_jr").subscribers):
+        wait(0.01)
+    end = time.monotonic() + SETTLE
+    while time.monotonic() < end:
+        wait(0.01)
+    for one in heard:
+        one.forget()
+    step, sent, joint_state = np.zeros(7), 0, message_class("sensor_msgs/JointState")
+    begin, cpu, is_told, first = time.monotonic(), time.process_time(), False, np.nan
+    due = begin + MOVE
+    while (now := time.monotonic()) < begin + seconds:
+        if not is_told and now >= begin + RESUME:
+            is_told = True
+            command.publish(message_class("crtk_msgs/StringStamped")(string=resume))
+        if now >= due:
+            first = timed.shoulder() if sent == 0 else first
+            due = max(due + 1.0 / COMMANDS, now - 0.1)
+            step[0] = STEP if sent // 1000 % 2 == 0 else -STEP
+            moving.publish(joint_state(position=step.copy()))
+            sent += 1
+        wait(min(max(0.0, due - now), 1.0 / COMMANDS))
+    wall, cpu = time.monotonic() - begin, time.process_time() - cpu
+    quantiles = {
+        f"p{100 * q:g}_ms": float(np.quantile(timed.latency, q)) / 1e6 for q in (0.5, 0.9, 0.99, 0.999)
+    }
+    found = {
+        "hertz": timed.count / wall,
+        "messages": sum(one.count for one in heard),
+        "lost": sum(one.lost for one in heard),
+        "commands": sent,
+        "listener_cores": cpu / wall,
+        "overflowed": sum(one.overflowed for one in heard),
+        **quantiles,
+    }
+    end = time.monotonic() + 0.3
+    while time.monotonic() < end:
+        wait(0.01)
+    rest = sent % 2000
+    error = abs(timed.shoulder() - first - STEP * min(rest, 2000 - rest))
+    print(json.dumps({**found, "command_error": error}))
