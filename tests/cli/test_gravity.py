@@ -94,5 +94,5 @@ def test_any_other_robot_is_held_and_moved_as_rigid_bodies(tmp_path: Path) -> No
     assert "Distance of every joint from where it began" in page.read_text()
     assert "0, 90" in page.read_text()  # the base's tilt
     assert max(joint["drift"] for joint in catenary(*line, "--json").json["joints"]) < 1e-3
-    moved = catenary("track", "panda", "--motion", "random", "--seconds", "2", "--json").json
-    assert len(moved["joints"]) == 7
+    moved = catenary("track", "dual_arm_19", "--motion", "random", "--seconds", "2", "--json").json
+    assert len(moved["joints"]) == 19
