@@ -98,6 +98,22 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def moving_arm_logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with half a minute of RAVEN-II twice (run0, run1.npz), and loaded.npz with 0.2 kg at PLACE; not to be written."""
+    from catenary.robots.catalog import load_robot
+    from moving_arm import PLACE, recorded, write_npz
+
+    arm, folder = load_robot("raven2"), tmp_path_factory.mktemp("moving_arm")
+    for name, seed, model in (
+        ("run0", 0, arm),
+        ("run1", 1, arm),
+        ("loaded", 2, arm.with_payload("wrist", 0.2, PLACE)),
+    ):
+        write_npz(recorded(model, seed, noise=0.1), folder / f"{name}.npz")
+    return folder
+
+
+@pytest.fixture(scope="session")
 def finished(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> "CalibrationResult":
     """What the recorded project came to when it was calibrated; its folder is not to be written."""
     from simulated_project import calibrate_short

@@ -11,6 +11,7 @@ from catenary.plant import MotionLog
 from catenary.robots.model import RobotModel
 
 LEVEL = np.array([0.0, 0.0, -9.81])
+PLACE = (0.02, -0.1, 0.05)  # [m] of a payload, from the wrist
 
 
 def sinusoids(

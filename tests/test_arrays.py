@@ -13,9 +13,6 @@ def test_as_array_gives_contiguous_floats_of_the_shape_that_was_asked_for():
     assert array.dtype == np.float64
     assert array.flags.c_contiguous
     assert_array_equal(array, [[0, 2, 4], [1, 3, 5]])
-
-
-def test_a_scalar_keeps_no_dimensions():
     assert as_array("dt", 0.5, ()).shape == ()
 
 
@@ -46,16 +43,13 @@ def test_as_array_lets_infinity_through_where_it_is_allowed():
     assert np.isinf(as_array("limit", [np.inf], (1,), finite=False)).all()
 
 
-def test_a_single_row_becomes_a_batch_of_one():
-    rows, single = as_batch("q", [1, 2, 3], 3)
-    assert rows.shape == (1, 3)
-    assert single
-
-
-def test_a_batch_stays_a_batch_even_when_empty():
-    rows, single = as_batch("q", np.zeros((0, 3)), 3)
-    assert rows.shape == (0, 3)
-    assert not single
+@pytest.mark.parametrize(
+    ("values", "shape", "single"),
+    [([1, 2, 3], (1, 3), True), ([[1, 2, 3]], (1, 3), False), (np.zeros((0, 3)), (0, 3), False)],
+)
+def test_a_single_row_becomes_a_batch_of_one_and_a_batch_stays_one(values, shape, single):
+    rows, was_single = as_batch("q", values, 3)
+    assert (rows.shape, was_single) == (shape, single)
 
 
 @pytest.mark.parametrize("values", [np.zeros(2), np.zeros((2, 2)), np.zeros((1, 2, 3)), 1.0, "abc"])
@@ -68,30 +62,20 @@ FEW_AND_MANY = pytest.mark.parametrize("pairs", [1, 4, 400])  # they are added u
 
 
 @FEW_AND_MANY
-def test_finite_numbers_whose_sum_overflows_are_accepted_without_a_warning(pairs):
+def test_sums_that_overflow_or_cancel_neither_warn_nor_hide_infinities(pairs):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         refuse_non_finite("q", np.full((pairs, 2), 1e308))
-
-
-@FEW_AND_MANY
-def test_opposite_infinities_are_refused_without_a_warning(pairs):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
         with pytest.raises(InputError, match=rf"q\[0, 0\] is inf.*{2 * pairs} of {2 * pairs}"):
             refuse_non_finite("q", np.tile([np.inf, -np.inf], (pairs, 1)))
 
 
-def test_an_array_that_cannot_be_written_is_copied():
-    given = frozen(np.arange(3.0))
-    array = as_array("q", given, (3,))
-    assert array.flags.writeable
-    assert_array_equal(array, given)
-
-
-def test_an_array_that_is_as_it_should_be_is_not_copied():
+def test_only_an_array_that_cannot_be_written_is_copied():
     given = np.arange(3.0)
     assert as_array("q", given, (None,)) is given
+    array = as_array("q", frozen(given), (3,))
+    assert array.flags.writeable
+    assert_array_equal(array, given)
 
 
 def test_a_frozen_array_is_a_copy_that_cannot_be_written():

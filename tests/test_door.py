@@ -32,40 +32,32 @@ def test_importing_the_package_imports_no_library_and_takes_no_time() -> None:
         "import sys; before = set(sys.modules); import time; start = time.process_time(); import catenary; "
         "dir(catenary); print(time.process_time() - start, *{name.partition('.')[0] for name in set(sys.modules) - before})"
     )
-    outcome = subprocess.run(
-        [sys.executable, "-c", program],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={"PYTHONPATH": str(ROOT / "src")},
-    )
+    command, home = [sys.executable, "-c", program], {"PYTHONPATH": str(ROOT / "src")}
+    outcome = subprocess.run(command, capture_output=True, text=True, check=True, env=home)
     seconds, *loaded = outcome.stdout.split()
     assert float(seconds) < 0.1
     assert {name for name in loaded if name not in sys.stdlib_module_names} == {"catenary"}
 
 
+MISSION = {
+    "load_robot", "gravity_torque", "GravityPD", "run_loop", "CablePlant", "CrtkClient", "zigzag", "identify", "fit",
+    "evaluate", "load_model", "Corrector", "MotionLog", "GravityEstimator",
+}  # fmt: skip
+
+
 def test_the_whole_mission_is_offered_and_a_misspelt_name_is_told() -> None:
-    listed = {
-        "load_robot",
-        "gravity_torque",
-        "GravityPD",
-        "run_loop",
-        "CablePlant",
-        "CrtkClient",
-        "zigzag",
-        "identify",
-    }
-    assert listed | {"fit", "evaluate", "load_model", "Corrector", "MotionLog", "GravityEstimator"} <= set(
-        dir(catenary)
-    )
+    assert MISSION <= set(dir(catenary))
     assert issubclass(catenary.CatenaryError, CatenaryError)
     with pytest.raises(AttributeError, match=r"no attribute 'gravity_torqe'; it has .*gravity_torque"):
         catenary.gravity_torqe  # noqa: B018
 
 
-def test_examples_use_the_door_alone() -> None:
+def test_examples_use_the_door_alone_and_pages_where_it_does() -> None:
     for path in (ROOT / "examples").glob("*.py"):
         assert not re.search(r"(from|import) catenary\.", path.read_text()), path.name
+    for path in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")):
+        deeper = re.findall(r"^from catenary[.\w]* import (.*)$", path.read_text(), re.MULTILINE)
+        assert not set(re.findall(r"\w+", " ".join(deeper))) & set(catenary.__all__), path.name
 
 
 def test_a_model_is_fitted_to_arrays() -> None:
@@ -122,25 +114,25 @@ def test_a_model_corrects_in_a_loop() -> None:
 
 def test_torques_are_inputs_where_they_are_given() -> None:
     tau = RNG.normal(size=LOG.q_nominal.shape)
-    model = catenary.fit(
-        LOG.q_nominal, LOG.q_nominal + 0.01 * tau, units=UNITS, tau=tau, joint_names=["a", "b", "c"]
-    )
+    true = LOG.q_nominal + 0.01 * tau
+    model = catenary.fit(LOG.q_nominal, true, units=UNITS, tau=tau, joint_names=["a", "b", "c"])
     assert model.features.signals[-1] == "tau:c"
-    assert_allclose(model.predict(LOG.q_nominal, tau=tau), LOG.q_nominal + 0.01 * tau, atol=1e-12)
+    assert_allclose(model.predict(LOG.q_nominal, tau=tau), true, atol=1e-12)
     with pytest.raises(InputError, match='has no input "tau:a"'):
         model.predict(LOG.q_nominal)
 
 
-def test_what_is_no_calibration_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match='units: expected "rad" or "m" for each of the 3 joints'):
-        catenary.fit(LOG.q_nominal, LOG.q_encoder)
-    with pytest.raises(InputError, match="q_encoder: recordings have their own"):
-        catenary.fit(LOG, LOG.q_encoder)
-    with pytest.raises(InputError, match=r"q_encoder: expected shape \(200, 3\), got \(199, 3\)"):
-        catenary.fit(LOG.q_nominal, LOG.q_encoder[1:], units=UNITS)
-    with pytest.raises(InputError, match="has no q_encoder"):
-        catenary.fit(LOG.q_nominal, units=UNITS)
-    with pytest.raises(InputError, match='model "cubic"'):
-        catenary.fit(LOG, model="cubic")  # type: ignore[arg-type]
-    with pytest.raises(FileFormatError, match="no such file"):
-        catenary.fit(str(tmp_path / "none.parquet"))
+@pytest.mark.parametrize(
+    ("data", "options", "words"),
+    [
+        ((LOG.q_nominal, LOG.q_encoder), {}, 'units: expected "rad" or "m" for each of the 3 joints'),
+        ((LOG, LOG.q_encoder), {}, "q_encoder: recordings have their own"),
+        ((LOG.q_nominal, LOG.q_encoder[1:]), {"units": UNITS}, r"q_encoder: expected shape \(200, 3\), got \(199, 3\)"),
+        ((LOG.q_nominal,), {"units": UNITS}, "has no q_encoder"),
+        ((LOG,), {"model": "cubic"}, 'model "cubic"'),
+        (("none.parquet",), {}, "no such file"),
+    ],
+)  # fmt: skip
+def test_what_is_no_calibration_is_refused(data: tuple, options: dict, words: str) -> None:
+    with pytest.raises((InputError, FileFormatError), match=words):
+        catenary.fit(*data, **options)

@@ -91,13 +91,13 @@ def test_a_zero_quaternion_is_refused():
 
 
 @pytest.mark.parametrize(
-    "matrix", [np.diag([1.0, 1.0, -1.0]), 2.0 * np.eye(3), np.zeros((3, 3)), np.ones((3, 3))]
-)
-def test_what_is_no_proper_rotation_is_refused(matrix):
-    with pytest.raises(InputError, match="R: expected a rotation matrix"):
+    ("matrix", "words"),
+    [
+        *((m, "R: expected a rotation matrix") for m in (np.diag([1.0, 1.0, -1.0]), 2.0 * np.eye(3), np.zeros((3, 3)))),
+        (np.ones((3, 3)), "R: expected a rotation matrix"),
+        (np.full((3, 3), np.nan), "finite"),
+    ],
+)  # fmt: skip
+def test_what_is_no_proper_rotation_is_refused(matrix, words):
+    with pytest.raises(InputError, match=words):
         as_rotation("R", matrix)
-
-
-def test_a_rotation_with_nan_is_refused():
-    with pytest.raises(InputError, match="finite"):
-        as_rotation("R", np.full((3, 3), np.nan))

@@ -12,15 +12,18 @@ from catenary.errors import FileFormatError
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file beside its place and move it there when it is complete.
+    """Write a file beside its place and move it there when it is complete; a device or pipe is written to directly.
 
     Raises:
         FileFormatError: The file cannot be written.
     """
-    partial = path.with_name(f".{path.name}.partial")
+    partial = path.parent / f".{path.name}.partial"
     try:
-        partial.write_bytes(content)
-        os.replace(partial, path)
+        if path.exists() and not path.is_file():
+            path.write_bytes(content)
+        else:
+            partial.write_bytes(content)
+            os.replace(partial, path)
     except OSError as error:
         with contextlib.suppress(OSError):
             partial.unlink()

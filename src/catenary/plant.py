@@ -58,7 +58,7 @@ class Column(NamedTuple):
 
 
 class Bounded(Protocol):
-    """What has joints with limits: a plant or a robot model."""
+    """Anything with joint limits: a plant or a robot model."""
 
     @property
     def joint_names(self) -> tuple[str, ...]: ...  # noqa: D102

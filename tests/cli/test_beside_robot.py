@@ -56,26 +56,6 @@ def test_record_without_motion_keeps_what_others_do(setup: RobotOnLoopback, tmp_
     assert setup.robot.commands == 0
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("home", "p", "--ros", 3), "expected 1 or 2"),
-        (("home", "p", "--yes"), "go with --ros"),
-        (("record", "p", "--no-motion"), "goes with --ros"),
-        (("deploy", "model.npz", "p", "--ros", 1), "give no project"),
-        (("deploy", "model.npz"), "folder of a project"),
-        (("deploy", "model.npz", "--ros", 1, "--arm", "left"), "expected gold or green"),
-        (("deploy", "model.npz", "--ros", 1, "--seconds", 0), "more than 0"),
-    ],
-    ids=str,
-)
-def test_bad_requests_are_refused(
-    arguments: tuple[Any, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert message in refusal(*arguments)
-
-
 @pytest.mark.parametrize(("typed", "done"), [("\n", True), ("yes\n", True), ("q\n", False), ("", False)])
 def test_enter_says_done_and_q_gives_up(typed: str, done: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO(typed))

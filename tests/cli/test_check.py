@@ -1,4 +1,5 @@
 from pathlib import Path
+from shutil import copy
 
 import numpy as np
 import pytest
@@ -20,8 +21,8 @@ def test_the_catalogue_is_sound(name: str) -> None:
     assert "nothing wrong found" in outcome.out
 
 
-def test_a_sound_recording_ends_with_0(tmp_path: Path) -> None:
-    outcome = catenary("check", simulated_arm.write(tmp_path / "run.npz"))
+def test_a_sound_recording_ends_with_0(run: Path) -> None:
+    outcome = catenary("check", run)
     assert (outcome.code, outcome.err) == (0, "")
     assert "recording" in outcome.out
     assert "13.3 s" in outcome.out
@@ -29,19 +30,12 @@ def test_a_sound_recording_ends_with_0(tmp_path: Path) -> None:
 
 def test_a_faulty_recording_ends_with_1(tmp_path: Path) -> None:
     path = simulated_arm.write(tmp_path / "run.npz", t=np.zeros(400))
-    outcome = catenary("check", path)
-    assert outcome.code == 1
-    assert "WRONG:" in outcome.out
-    assert "399 repeated time stamps" in outcome.out
-    assert "1 fault(s) found" in outcome.out
-
-
-def test_json_holds_kind_facts_faults_and_remarks(tmp_path: Path) -> None:
-    outcome = catenary("check", simulated_arm.write(tmp_path / "run.npz", t=np.zeros(400)), "--json")
-    assert outcome.code == 1
-    assert outcome.json["kind"] == "recording"
-    assert outcome.json["faults"] == ["399 repeated time stamps"]
-    assert outcome.json["facts"]["rows"].startswith("400")
+    outcome, plain = catenary("check", path), catenary("check", path, "--json")
+    assert outcome.code == plain.code == 1
+    for words in ("WRONG:", "399 repeated time stamps", "1 fault(s) found"):
+        assert words in outcome.out
+    assert (plain.json["kind"], plain.json["faults"]) == ("recording", ["399 repeated time stamps"])
+    assert plain.json["facts"]["rows"].startswith("400")
 
 
 def test_units_can_be_given_for_a_recording_without(tmp_path: Path) -> None:
@@ -65,28 +59,24 @@ def test_a_table_is_a_robot(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["model.npz", "model", "model.bin"])
-def test_a_model_is_known_by_what_it_holds(tmp_path: Path, name: str) -> None:
-    run = simulated_arm.write(tmp_path / "run.npz")
-    catenary("fit", run, "--model", "linear", "--out", tmp_path / name)
-    outcome = catenary("check", tmp_path / name)
+def test_a_model_is_known_by_what_it_holds(model: Path, tmp_path: Path, name: str) -> None:
+    outcome = catenary("check", copy(model, tmp_path / name))
     assert "calibration model" in outcome.out
     assert "run (sha256 " in outcome.out
 
 
-def test_an_offset_is_not_worse_than_itself(tmp_path: Path) -> None:
-    run = simulated_arm.write(tmp_path / "run.npz")
+def test_an_offset_is_not_worse_than_itself(run: Path, tmp_path: Path) -> None:
     catenary("fit", run, "--model", "offset", "--out", tmp_path / "model.npz")
     assert catenary("check", tmp_path / "model.npz").code == 0
+
+
+NO_TEXT = b'<robot name="\xff\xfe"/>'
 
 
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        (
-            "a.toml",
-            simulated_arm.DH_TABLE.replace("d_m = 0.1", ""),
-            'link[1] "slide": d_m: this key is missing',
-        ),
+        ("a.toml", simulated_arm.DH_TABLE.replace("d_m = 0.1", ""), 'link[1] "slide": d_m: this key is missing'),
         ("a.toml", simulated_arm.DH_TABLE.replace("d_m = 0.1", "d_m = nan"), "d_m"),
         ("a.toml", "name = ", "cannot be read as TOML"),
         ("a.toml", "", "this key is missing"),
@@ -96,27 +86,18 @@ def test_an_offset_is_not_worse_than_itself(tmp_path: Path) -> None:
         ("a.npz", "", "cannot be read"),
         ("a.parquet", "", "cannot be read"),
         ("a.txt", "hello", 'ending ".txt"'),
+        *((name, NO_TEXT, "cannot be read") for name in ("a.toml", "a.urdf", "a.xml")),
+        *((f"a{ending}", None, "is a folder, expected a file") for ending in ("", ".npz", ".toml", ".urdf", ".parquet")),
     ],
-)
-def test_what_cannot_be_read_ends_with_2(tmp_path: Path, name: str, content: str, words: str) -> None:
-    message = refusal("check", write_text(tmp_path / name, content))
+)  # fmt: skip
+def test_what_cannot_be_read_ends_with_2(
+    tmp_path: Path, name: str, content: str | bytes | None, words: str
+) -> None:
+    path = tmp_path / name
+    if content is None:
+        path.mkdir()
+    else:
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+    message = refusal("check", path)
     assert words in message
     assert name in message
-
-
-@pytest.mark.parametrize("name", ["a.toml", "a.urdf", "a.xml"])
-def test_what_is_no_text_ends_with_2(tmp_path: Path, name: str) -> None:
-    (tmp_path / name).write_bytes(b'<robot name="\xff\xfe"/>')
-    assert "cannot be read" in refusal("check", tmp_path / name)
-
-
-@pytest.mark.parametrize("name", ["folder", "folder.npz", "folder.toml", "folder.urdf", "folder.parquet"])
-def test_a_folder_is_no_file(tmp_path: Path, name: str) -> None:
-    (tmp_path / name).mkdir()
-    assert "is a folder, expected a file" in refusal("check", tmp_path / name)
-
-
-def test_a_name_that_is_nothing_is_refused_with_the_catalogue() -> None:
-    assert "no such file, and no robot of that name; robots: dual_arm_19, dvrk_mtm" in refusal(
-        "check", "raven"
-    )

@@ -1,34 +1,24 @@
+import io
 import json
-import os
-import subprocess
 import sys
 from pathlib import Path
+from shutil import copy
 from typing import Any
 
 import numpy as np
 import pytest
 
 import simulated_arm
+from catenary.cli.main import main
+from catenary.reports import calibration
+from catenary.reports.page import Picture
 from command_line import catenary, refusal
 
 DISPLAY = np.array([180.0 / np.pi, 180.0 / np.pi, 1000.0])  # rad, rad, m to deg, deg, mm
 
 
-@pytest.fixture
-def run(tmp_path: Path) -> Path:
-    return simulated_arm.write(tmp_path / "run.npz")
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A model of `run`; not to be written."""
-    folder = tmp_path_factory.mktemp("model")
-    run = simulated_arm.write(folder / "run.npz")
-    assert catenary("fit", run, "--model", "linear", "--out", folder / "model.npz").code == 0
-    return folder / "model.npz"
-
-
 def fit_json(data: Path, *options: object) -> Any:
+    """Fit to a recording, into out.npz beside it."""
     outcome = catenary("fit", data, "--out", data.with_name("out.npz"), "--json", *options)
     assert outcome.code == 0, outcome
     return outcome.json
@@ -51,8 +41,8 @@ def test_fit_prints_its_error_on_unseen_data(run: Path, tmp_path: Path) -> None:
     assert "RMSE and largest error on the held-out part" in outcome.out
 
 
-def test_fit_as_json_has_the_documented_keys(run: Path) -> None:
-    content = fit_json(run, "--model", "linear", "--held-out", "0.25")
+def test_fit_as_json_has_the_documented_keys(tmp_path: Path, run: Path) -> None:
+    content = fit_json(Path(copy(run, tmp_path)), "--model", "linear", "--held-out", "0.25")
     assert content["kind"] == "linear"
     assert content["rows"] == 300
     assert content["inputs"] == ["q:J1", "q:J2", "q:J3"]
@@ -105,46 +95,43 @@ def test_units_of_the_option_are_taken(tmp_path: Path) -> None:
     assert [joint["unit"] for joint in content["cross_validation"]] == ["mm", "deg", "deg", "mm"]
 
 
-def test_history_adds_the_previous_commands(run: Path) -> None:
-    content = fit_json(run, "--model", "linear", "--history", "2")
-    assert content["inputs"][3:] == [f"q:J{j}[-{k}]" for k in (1, 2) for j in (1, 2, 3)]
-    assert content["rows"] == 398
+PREVIOUS = [f"q:J{j}[-{k}]" for k in (1, 2) for j in (1, 2, 3)]
 
 
-def test_play_adds_states_of_the_shares_asked_for(run: Path) -> None:
-    content = fit_json(run, "--model", "linear", "--play", "0.1,0.2")
-    assert sum(name.startswith("play(") for name in content["inputs"]) == 6
+@pytest.mark.parametrize(
+    ("options", "rows", "added"),
+    [("--history 2", 398, PREVIOUS), ("--play 0.1,0.2", 400, ["play("] * 6), ("--folds 0", 400, [])],
+)
+def test_options_add_inputs_and_take_rows(
+    tmp_path: Path, run: Path, options: str, rows: int, added: list[str]
+) -> None:
+    content = fit_json(Path(copy(run, tmp_path)), "--model", "linear", *options.split())
+    assert content["rows"] == rows
+    assert all(map(str.startswith, content["inputs"][3:], added))
+    assert len(content["inputs"]) == 3 + len(added)
+    assert bool(content["cross_validation"]) == ("--folds 0" not in options)
 
 
 def test_inputs_are_chosen_per_joint(tmp_path: Path) -> None:
     path = simulated_arm.write(tmp_path / "run.npz", tau=np.zeros((400, 3)))
     fit_json(path, "--model", "linear", "--inputs", "J1=q:J1,tau:J1;J2=q;J3=q:J3")
-    card = json.loads((tmp_path / "out.card.json").read_text())
-    assert [sorted(joint["inputs"]) for joint in card["joints"]] == [
-        ["q:J1", "tau:J1"],
-        ["q:J1", "q:J2", "q:J3"],
-        ["q:J3"],
-    ]
+    joints = json.loads((tmp_path / "out.card.json").read_text())["joints"]
+    chosen = [sorted(joint["inputs"]) for joint in joints]
+    assert chosen == [["q:J1", "tau:J1"], ["q:J1", "q:J2", "q:J3"], ["q:J3"]]
 
 
-def test_target_position_learns_the_position_itself(run: Path) -> None:
-    fit_json(run, "--model", "linear", "--target", "position")
-    joints = evaluate_json(run.with_name("out.npz"), run)["joints"]
+def test_target_position_learns_the_position_itself(tmp_path: Path, run: Path) -> None:
+    fit_json(Path(copy(run, tmp_path)), "--model", "linear", "--target", "position")
+    joints = evaluate_json(tmp_path / "out.npz", run)["joints"]
     assert all(joint["rmse"] < 0.1 * joint["offset_rmse"] for joint in joints)
-
-
-def test_no_folds_means_no_cross_validation(run: Path) -> None:
-    assert fit_json(run, "--model", "linear", "--folds", "0")["cross_validation"] == []
 
 
 def test_rows_beyond_the_error_limit_are_left_out(tmp_path: Path) -> None:
     arrays = simulated_arm.arrays()
     arrays["q_act"][7, 2] += 0.5  # m
     np.savez(tmp_path / "run.npz", **arrays)
-    content = fit_json(tmp_path / "run.npz", "--model", "linear", "--max-error", "inf,inf,100")
-    assert content["rows"] == 399
-    card = (tmp_path / "out.card.json").read_text()
-    assert "Infinity" not in card
+    assert fit_json(tmp_path / "run.npz", "--model", "linear", "--max-error", "inf,inf,100")["rows"] == 399
+    assert "Infinity" not in (tmp_path / "out.card.json").read_text()
 
 
 def test_robot_gives_names_and_units(tmp_path: Path) -> None:
@@ -160,54 +147,48 @@ def test_window_sets_the_length_of_the_windows(model: Path, run: Path) -> None:
     assert [round(window["start"]) for window in windows] == [0, 5, 10]
 
 
-def test_evaluate_writes_a_page(model: Path, run: Path, tmp_path: Path) -> None:
-    outcome = catenary("evaluate", model, run, "--report", tmp_path / "page.html")
-    assert outcome.out.endswith(f"page: {tmp_path / 'page.html'}\n")
-    assert "no test: the model was fitted to run" in (tmp_path / "page.html").read_text()
+@pytest.fixture
+def _no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages without pictures, which take seconds to draw."""
+    monkeypatch.setattr(calibration, "joint_picture", lambda *_: Picture("", ""))
 
 
-def test_fit_writes_a_page(run: Path, tmp_path: Path) -> None:
-    catenary("fit", run, "--model", "offset", "--out", tmp_path / "m.npz", "--report", tmp_path / "p.html")
-    assert "the data that it was fitted to" in (tmp_path / "p.html").read_text()
+@pytest.mark.usefixtures("_no_pictures")
+def test_pages_say_what_was_tested_on(model: Path, run: Path, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    assert catenary("evaluate", model, run, "--report", page).out.endswith(f"page: {page}\n")
+    assert "no test: the model was fitted to run" in page.read_text()
+    catenary("fit", run, "--model", "offset", "--out", tmp_path / "m.npz", "--report", page)
+    assert "the data that it was fitted to" in page.read_text()
 
 
+@pytest.mark.usefixtures("_no_pictures")
 @pytest.mark.parametrize("report", ["no_folder/page.html", "."])
-def test_a_page_that_cannot_be_written_does_not_lose_the_model(
-    run: Path, tmp_path: Path, report: str
+def test_a_page_that_cannot_be_written_loses_nothing(
+    run: Path, model: Path, tmp_path: Path, report: str
 ) -> None:
-    outcome = catenary(
-        "fit", run, "--model", "linear", "--out", tmp_path / "m.npz", "--report", tmp_path / report
-    )
+    page = ("--report", tmp_path / report)
+    outcome = catenary("fit", run, "--model", "linear", "--out", tmp_path / "m.npz", *page)
     assert outcome.code == 2
     assert "cannot be written" in outcome.err
     assert "m.npz" in outcome.out
-    assert catenary("evaluate", tmp_path / "m.npz", run).code == 0
+    evaluated = catenary("evaluate", tmp_path / "m.npz", run, "--json", *page)
+    assert evaluated.code == 2
+    assert len(evaluated.json["joints"]) == 3
 
 
-def test_a_page_that_cannot_be_written_does_not_lose_the_evaluation(model: Path, run: Path) -> None:
-    outcome = catenary("evaluate", model, run, "--report", "/no/page.html", "--json")
-    assert outcome.code == 2
-    assert len(outcome.json["joints"]) == 3
-
-
-def test_a_terminal_without_the_signs_still_shows_the_numbers(run: Path, tmp_path: Path) -> None:
-    outcome = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "catenary.cli.main",
-            "fit",
-            run,
-            "--model=offset",
-            "--out",
-            tmp_path / "m.npz",
-        ],
-        capture_output=True,
-        check=False,
-        env={**os.environ, "PYTHONIOENCODING": "ascii"},
+def test_a_terminal_without_the_signs_still_shows_the_numbers(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    terminal = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    monkeypatch.setattr(sys, "stdout", terminal)
+    monkeypatch.setattr(
+        sys, "argv", ["catenary", "fit", str(run), "--model=offset", f"--out={tmp_path / 'm.npz'}"]
     )
-    assert outcome.returncode == 0, outcome.stderr
-    assert rb"\xb1" in outcome.stdout  # plus-minus
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert not end.value.code
+    assert rb"\xb1" in terminal.buffer.getvalue()  # plus-minus
 
 
 @pytest.mark.parametrize(
@@ -235,77 +216,23 @@ def test_a_recording_that_is_none_is_refused(tmp_path: Path, changes: dict[str, 
     assert not (tmp_path / "out.npz").exists()
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--model", "forest"], "expected one of offset, linear, polynomial, neural"),
-        (["--model", "neural", "--preset", "worst"], 'preset "worst"'),
-        (["--model", "linear", "--preset", "best"], "only neural has presets"),
-        (["--inputs", "nonsense"], 'has no input "nonsense"'),
-        (["--inputs", "tau"], 'has no input "tau"'),
-        (["--inputs", ""], "inputs: expected at least one"),
-        (["--inputs", "J1="], "--inputs: expected 'JOINT=signal"),
-        (["--inputs", "J9=q"], 'joint "J9": no such joint'),
-        (["--history", "-1"], "--history"),
-        (["--history", "400"], "the longest recording has 400 rows"),
-        (["--history", "1000000000"], "the longest recording has 400 rows"),
-        (["--play", "nonsense"], "--play: expected numbers"),
-        (["--play", "2"], "between 0 and 1"),
-        (["--target", "nonsense"], "expected one of error, position"),
-        (["--units", "rad,rad"], "rad,rad"),
-        (["--held-out", "0"], "held-out share"),
-        (["--held-out", "nan"], "held-out share"),
-        (["--folds", "1"], "folds: expected 2 or more, or 0"),
-        (["--folds", "-1"], "--folds"),
-        (["--folds", "401"], "folds"),
-        (["--max-error", "1,1"], "one per joint"),
-        (["--max-error", "1,1,-1"], "positive"),
-        (["--ridge", "-1"], "--ridge"),
-        (["--ridge", "inf"], "--ridge"),
-        (["--seed", "-1"], "--seed"),
-        (["--seed", "4294967296"], "--seed"),
-        (["--robot", "raven3"], 'did you mean "raven2"'),
-        (["--robot", "raven2_full"], "6 joint names"),
-        (["--out", "no_folder/out.npz"], "folder no_folder does not exist"),
-        (["--out", "."], "is a folder"),
-    ],
-)
-def test_wrong_options_are_refused_by_name(run: Path, options: list[str], words: str) -> None:
-    defaults = {"--model": "linear", "--out": str(run.with_name("out.npz"))}
-    given = [*options]
-    for name, value in defaults.items():
-        if name not in options:
-            given += [name, value]
-    assert words in refusal("fit", run, *given)
-
-
-def test_the_model_does_not_overwrite_a_recording(run: Path) -> None:
-    before = run.read_bytes()
-    assert "is a file that is read here" in refusal("fit", run, "--model", "linear", "--out", run)
-    assert run.read_bytes() == before
-
-
-def test_the_page_overwrites_neither_recording_nor_model(run: Path, model: Path) -> None:
-    before = model.read_bytes()
-    for path in (run, model):
-        assert "is a file that is read here" in refusal("evaluate", model, run, "--report", path)
-    assert "are written there" in refusal("fit", run, "--model=linear", "--out", model, "--report", model)
-    assert model.read_bytes() == before
-
-
 def test_recordings_of_different_joints_are_refused(run: Path, tmp_path: Path) -> None:
     names = simulated_arm.write(tmp_path / "named.npz", joint_names=["a", "b", "c"])
     message = refusal("fit", run, names, "--model", "linear", "--out", tmp_path / "m.npz")
     assert "not of the same joints: J1 [rad], J2 [rad], J3 [m] against a [rad], b [rad], c [m]" in message
 
 
+OTHER_JOINTS = "the model is for J1 [rad], J2 [rad], J3 [m]"
+SIX = np.zeros((50, 6))
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"joint_names": ["a", "b", "c"]}, "the model is for J1 [rad], J2 [rad], J3 [m]"),
-        ({"units": ["m", "rad", "rad"]}, "the model is for J1 [rad], J2 [rad], J3 [m]"),
+        ({"joint_names": ["a", "b", "c"]}, OTHER_JOINTS),
+        ({"units": ["m", "rad", "rad"]}, OTHER_JOINTS),
         (
-            {"rows": 50, "q_des": np.zeros((50, 6)), "q_act": np.zeros((50, 6)), "units": None},
+            {"rows": 50, "q_des": SIX, "q_act": SIX, "units": None},
             "has 6 joints; the model is for 3: J1, J2, J3",
         ),
     ],
@@ -317,39 +244,31 @@ def test_a_recording_of_other_joints_than_the_models_is_refused(
     assert words in refusal("evaluate", model, other)
 
 
-@pytest.mark.parametrize("length", ["0", "-1", "nan", "inf"])
-def test_windows_have_a_length(model: Path, run: Path, length: str) -> None:
-    assert "window: expected a positive length" in refusal("evaluate", model, run, "--window", length)
+WHOLE = io.BytesIO()
+np.savez(WHOLE, **simulated_arm.arrays())
+BROKEN: dict[str, bytes | None] = {
+    "missing": None,
+    "folder": None,
+    "empty": b"",
+    "cut": WHOLE.getvalue()[:1000],
+    "not a text": b"\xff\xfe\x00",
+    "damaged": WHOLE.getvalue()[:200] + 20 * b"x" + WHOLE.getvalue()[220:],
+}
 
 
-def broken(path: Path, kind: str) -> Path:
-    whole = simulated_arm.write(path.with_name("whole.npz")).read_bytes()
-    content = {
-        "empty": b"",
-        "cut": whole[:1000],
-        "not a text": b"\xff\xfe\x00",
-        "damaged": whole[:200] + 20 * b"x" + whole[220:],
-    }
-    if kind == "folder":
-        path.mkdir()
-    elif kind != "missing":
-        path.write_bytes(content[kind])
-    return path
-
-
-@pytest.mark.parametrize("kind", ["missing", "folder", "empty", "cut", "not a text", "damaged"])
+@pytest.mark.parametrize("kind", BROKEN)
 def test_a_file_that_cannot_be_read_is_refused_by_name(
     tmp_path: Path, run: Path, model: Path, kind: str
 ) -> None:
     for ending in (".npz", ".parquet"):
-        path = broken(tmp_path / f"bad{ending}", kind)
+        path, content = tmp_path / f"bad{ending}", BROKEN[kind]
+        if content is not None:
+            path.write_bytes(content)
+        elif kind == "folder":
+            path.mkdir()
         assert f"bad{ending}" in refusal("fit", path, "--model", "linear", "--out", tmp_path / "out.npz")
         assert f"bad{ending}" in refusal("evaluate", model, path)
     assert "bad.npz" in refusal("evaluate", tmp_path / "bad.npz", run)
-
-
-def test_a_recording_is_no_model(run: Path) -> None:
-    assert "is no calibration model" in refusal("evaluate", run, run)
 
 
 @pytest.mark.parametrize("structure", ["nonsense", "{}", "[]", '{"format": "catenary.calibration.9"}'])

@@ -1,6 +1,5 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -48,24 +47,3 @@ def test_a_robot_on_ros_that_is_homed_is_left_alone(on_ros: RobotOnLoopback) -> 
 def test_nobody_at_the_terminal_moves_no_robot(on_ros: RobotOnLoopback) -> None:
     assert "nothing has moved" in refusal("home", "--ros", "1")
     assert not on_ros.robot.plant.operating_state().is_homed
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("p", "--robot", "raven2"), "go without a project"),
-        (("p", "--dialect", "crtk"), "go without a project"),
-        (("--side", "left"), "--robot raven2_right"),
-        (("--payload", "0.1"), "--robot raven2_right"),
-        (("--yes",), "go with --ros"),
-        (("--ros", "3"), "expected 1 or 2"),
-        (("--ros", "1", "--seed", "1"), "not with --ros"),
-    ],
-    ids=str,
-)
-def test_options_that_do_not_go_together_are_refused(
-    arguments: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert message in refusal("home", *arguments)
-    assert not (tmp_path / "p").exists()

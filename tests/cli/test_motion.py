@@ -1,10 +1,9 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
 from numpy.testing import assert_allclose
 
-from command_line import catenary, refusal
+from command_line import catenary
 
 
 def test_goto_arrives_and_says_how_well() -> None:
@@ -30,21 +29,3 @@ def test_a_file_is_followed(tmp_path: Path) -> None:
     outcome = catenary("follow", path, "--fast", "--json")
     assert outcome.code == 0, outcome
     assert outcome.json["duration_s"] > 1.0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        (["goto", "--fast"], "give one of"),
-        (["goto", "--q-deg", "1,2", "--position-mm", "1,2,3", "--fast"], "give one of"),
-        (["goto", "--q-deg", "900,90,400", "--fast"], "shoulder"),
-        (["goto", "--q-deg", "1", "--joints", "nose", "--fast"], "nose"),
-        (["goto", "--position-mm", "0,0,9000", "--fast"], "joint limits refuse"),
-        (["goto", "--q-deg", "30", "--yes"], "go with --ros"),
-        (["goto", "--q-deg", "30", "--ros", "3"], "expected 1 or 2"),
-        (["goto", "--q-deg", "30", "--ros", "1", "--fast"], "not with --ros"),
-        (["random", "--seconds", "0.1", "--fast"], "duration"),
-    ],
-)
-def test_what_cannot_be_done_is_refused(arguments: list[str], complaint: str) -> None:
-    assert complaint in refusal(*arguments)

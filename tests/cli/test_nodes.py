@@ -6,7 +6,7 @@ import pytest
 
 from catenary.crtk import network
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
-from command_line import catenary, refusal
+from command_line import catenary
 from oracles.manual_time import BoardTime
 from oracles.simulated_board import SimulatedBoard
 from oracles.simulated_encoders import SimulatedEncoders
@@ -65,22 +65,3 @@ def test_a_topic_on_which_nothing_comes_is_told():
     assert outcome.code == 1
     assert "nominal" in outcome.out
     assert "nothing_received" in outcome.err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("encoders", "--port", "/none", "--ros", "none"), "/none: cannot be opened"),
-        (("encoders", "--port", "/none", "--ros", "3"), 'ros "3": expected 1, 2 or none'),
-        (("encoders", "--port", "/none", "--bits", "12", "--ros", "none"), "bits: expected one of"),
-        (("encoders", "--port", "/none", "--direction", "1,2,1", "--ros", "none"), "expected 1 or -1"),
-        (("gravity-node", "--ros", "none"), "one of --imu, --accel, --vector and --port"),
-        (("gravity-node", "--imu", "/a", "--port", "/b"), "one of --imu, --accel, --vector and --port"),
-        (("gravity-node", "--port", "/b", "--points-down"), "--points-down goes with a topic"),
-        (("gravity-node", "--imu", "/a", "--ros", "none", "--rate", "0"), "rate"),
-        (("gravity-node", "--imu", "/a", "--ros", "none", "--fallback", "pray"), "fallback"),
-        (("gravity-node", "--imu", "/a", "--mounting", "/none.toml"), "no such file"),
-    ],
-)
-def test_wrong_options_are_refused(arguments, said):
-    assert said in refusal(*arguments)

@@ -4,14 +4,12 @@ import numpy as np
 import onnxruntime
 import pytest
 
-import simulated_arm
 from command_line import catenary, refusal
 
 
 @pytest.fixture(scope="module")
-def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("model")
-    run, path = simulated_arm.write(folder / "run.npz"), folder / "arm.npz"
+def model(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("model") / "arm.npz"
     assert catenary("fit", run, "--model", "linear", "--history", "1", "--out", path).code == 0
     return path
 
@@ -36,16 +34,6 @@ def test_export_tells_the_inputs_as_json(model: Path, tmp_path: Path) -> None:
 
 def test_export_without_a_rate_notes_which_one_holds(model: Path, tmp_path: Path) -> None:
     assert "at the rate of the training rows" in catenary("export", model, "--onnx", tmp_path / "a.onnx").err
-
-
-def test_export_never_overwrites_its_model(model: Path) -> None:
-    before = model.read_bytes()
-    assert "is the model that is read here" in refusal("export", model, "--onnx", model)
-    assert model.read_bytes() == before
-
-
-def test_export_of_no_model_is_refused(tmp_path: Path) -> None:
-    assert "nothing.npz" in refusal("export", tmp_path / "nothing.npz", "--onnx", tmp_path / "a.onnx")
 
 
 def test_export_at_a_rate_that_does_not_fit_is_refused(model: Path, tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ import pytest
 import simulated_arm
 from catenary.gravity.compact import compact_regressor
 from catenary.robots.catalog import load_robot, robot_names
-from command_line import catenary, refusal
+from command_line import catenary
 
 
 def test_regressor_prints_what_is_identifiable() -> None:
@@ -43,14 +43,3 @@ def test_a_robot_without_inertia_has_no_values(tmp_path: Path) -> None:
     outcome = catenary("regressor", tmp_path / "bare.urdf")
     assert outcome.code == 0
     assert "no inertia in the file, so no values:" in outcome.out
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["regressor", "planar_3"], 'did you mean "planar_3r"'),
-        (["regressor", "planar_3r", "--json", "--latex"], "give one of --latex and --json"),
-    ],
-)
-def test_bad_input_is_refused_with_a_reason(arguments: list[str], words: str) -> None:
-    assert words in refusal(*arguments)

@@ -85,20 +85,3 @@ def test_a_tumble_of_a_board_asks_for_each_attitude_and_refuses_one_that_never_m
 
 def test_a_tumble_without_a_keyboard_is_refused(board: SimulatedBoard):
     assert "standard input has ended" in refusal("sense", "--port", board.link, "--tumble")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("--duration", "1"), "one of --port and --simulated"),
-        (("--port", "/dev/none", "--simulated"), "one of --port and --simulated"),
-        (("--port", "/dev/none"), "/dev/none: cannot be opened"),
-        (("--port", "/dev/none", "--rate", "100"), "--tilt-deg and --rate go with --simulated"),
-        (("--simulated", "--rate", "0"), "rate_hz"),
-        (("--simulated", "--duration", "-1"), "duration"),
-        (("--simulated", "--out", "m.toml"), "add --tumble"),
-        (("--simulated", "--mounting", "/none.toml"), "no such file"),
-    ],
-)
-def test_wrong_options_are_refused(arguments, said):
-    assert said in refusal("sense", *arguments)

@@ -29,26 +29,3 @@ def test_a_person_reads_state_and_rate():
     )
     assert "gold DISABLED homed" in result.out
     assert "to nobody" in result.err
-
-
-@pytest.mark.parametrize(
-    ("options", "word"),
-    [
-        (("--dialect", "klingon"), "raven or crtk"),
-        (("--ros", "3"), "1, 2 or none"),
-        (("--robot", "toaster"), "raven2"),
-        (("--base-tilt-deg", "1"), "roll and pitch"),
-        (("--rate", "700"), "divided by a whole number"),
-        (("--payload", "-1"), "payload"),
-    ],
-)
-def test_bad_options_are_told(options, word):
-    result = catenary("serve", "--ros", "none", "--duration", "0.1", *options)
-    assert result.code == 2
-    assert word in result.err
-
-
-def test_a_button_that_nobody_offers_is_told():
-    result = catenary("button", "--ros", "none")
-    assert result.code == 2
-    assert "nobody offers it" in result.err

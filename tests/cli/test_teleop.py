@@ -4,7 +4,6 @@ import termios
 
 import pytest
 
-from command_line import refusal
 from typist import Typist
 
 
@@ -34,7 +33,3 @@ def test_a_signal_pauses_the_robot_and_restores_the_terminal() -> None:
         assert end["ended_by"] == "SIGTERM"
         assert end["state"]["state"] == "PAUSED"
         assert termios.tcgetattr(typist.slave) == typist.before
-
-
-def test_without_a_terminal_it_says_so() -> None:
-    assert "ssh -t" in refusal("teleop")

@@ -18,7 +18,9 @@ from catenary.errors import InputError
 
 @pytest.mark.parametrize("text", ["1,-2.5,3e-3", "1 -2.5 3e-3", " 1, -2.5 ,3e-3, "])
 def test_numbers_stand_between_commas_or_spaces(text: str) -> None:
-    assert numbers("--q", text) == (1.0, -2.5, 3e-3)
+    assert numbers("--q", text) == numbers("--q", text, 3) == (1.0, -2.5, 3e-3)
+    with pytest.raises(InputError, match="--q: expected 2 numbers separated by commas"):
+        numbers("--q", text, 2)
 
 
 @pytest.mark.parametrize("text", ["", " ", ",", "1,two", "1;2"])
@@ -33,9 +35,8 @@ def test_words_stand_between_commas() -> None:
 
 def test_what_json_does_not_know_is_null(capsys: pytest.CaptureFixture[str]) -> None:
     print_json({"a": [math.nan, math.inf, -math.inf, 1.5, True, None, "µ"], "b": (1,)})
-    assert "".join(capsys.readouterr().out.split()) == (
-        '{"a":[null,null,null,1.5,true,null,"\\u00b5"],"b":[1]}'
-    )
+    shown = "".join(capsys.readouterr().out.split())
+    assert shown == '{"a":[null,null,null,1.5,true,null,"\\u00b5"],"b":[1]}'
 
 
 def test_columns_of_a_table_line_up(capsys: pytest.CaptureFixture[str]) -> None:
@@ -50,20 +51,14 @@ def test_columns_of_a_table_line_up(capsys: pytest.CaptureFixture[str]) -> None:
     )  # fmt: skip
 
 
-def test_brackets_and_line_breaks_in_cells_do_no_harm(capsys: pytest.CaptureFixture[str]) -> None:
-    print_table("Title", ["name"], [["[red]a[/red] [rad]"], ["b\nc"]])
-    assert capsys.readouterr().out.endswith("  [red]a[/red] [rad]\n  b c\n\n")
-
-
-def test_a_wide_table_is_not_cut(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wide_table_is_not_cut_and_brackets_in_cells_do_no_harm(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("COLUMNS", "20")
     print_table("Title", [f"c{i}" for i in range(30)], [[f"{i}.123" for i in range(30)]])
     assert "29.123" in capsys.readouterr().out
-
-
-def test_notes_go_to_standard_error(capsys: pytest.CaptureFixture[str]) -> None:
-    print_notes(["one", "two"])
-    assert capsys.readouterr() == ("", "note: one\nnote: two\n")
+    print_table("Title", ["name"], [["[red]a[/red] [rad]"], ["b\nc"]])
+    assert capsys.readouterr().out.endswith("  [red]a[/red] [rad]\n  b c\n\n")
 
 
 class Terminal(io.StringIO):
@@ -81,15 +76,15 @@ def test_long_facts_fill_the_lines_of_a_terminal(monkeypatch: pytest.MonkeyPatch
     assert lines[1].startswith(" " * 12 + "seven77")
 
 
-def test_long_facts_stay_on_one_line_of_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_pipe_gets_facts_on_one_line_notes_apart_and_no_progress(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     print_fact("sources", 30 * "word ", width=8)
     assert capsys.readouterr().out.count("\n") == 1
-
-
-def test_a_progress_bar_in_a_pipe_shows_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    print_notes(["one", "two"])
     with progress_bar("fitting") as progress:
         progress(0.5)
-    assert capsys.readouterr() == ("", "")
+    assert capsys.readouterr() == ("", "note: one\nnote: two\n")
 
 
 def test_a_progress_bar_in_a_terminal_says_what_runs(monkeypatch: pytest.MonkeyPatch) -> None:

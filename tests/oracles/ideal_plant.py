@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
 from catenary.plant import TRANSITIONS, Column, JointState, OperatingState, StateCommand
+from catenary.robots.catalog import load_robot
+from catenary.workflows.robot.operated_robot import OperatedRobot
 
 Floats = NDArray[np.float64]
 
@@ -145,3 +147,12 @@ class MassPlant(IdealPlant):
     def _move(self) -> None:
         self.qd = self.qd + self.period * (self.tau - self._load() - self.friction * self.qd)
         self.q = self.q + self.period * self.qd
+
+
+def ideal_robot(
+    q: Sequence[float], name: str = "raven2", kind: type[IdealPlant] = IdealPlant, **options: object
+) -> OperatedRobot:
+    """A robot of the catalogue without physics, at q."""
+    model = load_robot(name)
+    joints = {key: getattr(model, key) for key in ("joint_names", "joint_units", "lower", "upper")}
+    return OperatedRobot(name, kind(q, **joints, **options), model, lambda: 0)  # type: ignore[arg-type]

@@ -1,7 +1,6 @@
 import base64
 import io
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.image
@@ -20,99 +19,72 @@ from catenary.workflows.fit import FitResult, FitRun, fit_calibration
 NAME = "<b>J1</b> & co"
 
 
-def fitted(path: Path, **changes: object) -> FitResult:
-    changes = {"joint_names": [NAME, "J2", "J3"], **changes}
-    return fit_calibration(
-        [simulated_arm.write(path, **changes)], FitOptions(kind="linear"), FitRun(held_out=0.5)
-    )
-
-
-def page_of(result: FitResult, path: Path) -> str:
+def fitted(path: Path, **changes: object) -> tuple[FitResult, Evaluation]:
+    """A model fitted to half of a recording, and its errors on the other half."""
+    path = simulated_arm.write(path, **{"joint_names": [NAME, "J2", "J3"], **changes})
+    result = fit_calibration([path], FitOptions(kind="linear"), FitRun(held_out=0.5))
     assert result.held_out is not None
-    write_calibration_report(
-        path,
-        result.model,
-        result.card,
-        result.held_out,
-        tested_on="the rest",
-        spread=result.spread,
-        notes=["one note"],
-    )
+    return result, result.held_out
+
+
+def page_of(result: FitResult, evaluation: Evaluation, path: Path, **changes: object) -> str:
+    options = {"tested_on": "the rest", "spread": result.spread, "notes": ["one note"]}
+    write_calibration_report(path, result.model, {**result.card, **changes}, evaluation, **options)
     return path.read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
-def result(tmp_path_factory: pytest.TempPathFactory) -> FitResult:
+def result(tmp_path_factory: pytest.TempPathFactory) -> tuple[FitResult, Evaluation]:
     return fitted(tmp_path_factory.mktemp("report") / "run.npz")
 
 
 @pytest.fixture(scope="module")
-def page(result: FitResult, tmp_path_factory: pytest.TempPathFactory) -> str:
-    return page_of(result, tmp_path_factory.mktemp("page") / "page.html")
+def page(result: tuple[FitResult, Evaluation], tmp_path_factory: pytest.TempPathFactory) -> str:
+    return page_of(*result, tmp_path_factory.mktemp("page") / "page.html")
 
 
-@pytest.fixture(scope="module")
-def evaluation(result: FitResult) -> Evaluation:
-    assert result.held_out is not None
-    return result.held_out
+def drawn(png: str) -> bool:
+    """Whether something can be seen on a picture."""
+    return bool(matplotlib.image.imread(io.BytesIO(base64.b64decode(png, validate=True))).std() > 0.01)
 
 
-def pictures(page: str) -> list[np.ndarray]:
-    texts = re.findall(r'src="data:image/png;base64,([^"]+)"', page)
-    return [matplotlib.image.imread(io.BytesIO(base64.b64decode(text, validate=True))) for text in texts]
-
-
-def test_the_page_needs_nothing_else(page: str) -> None:
+def test_the_page_needs_nothing_else_and_has_a_picture_of_every_joint(page: str) -> None:
     assert not re.search(r"https?://|<script|<link|@import|url\(", page)
-    assert all(source.startswith("data:") for source in re.findall(r'(?:src|href)="([^"]*)"', page))
+    sources = re.findall(r'(?:src|href)="([^"]*)"', page)
+    assert [source.partition(",")[0] for source in sources] == ["data:image/png;base64"] * 3
+    assert all(drawn(source.partition(",")[2]) for source in sources)
 
 
-def test_every_joint_has_a_picture(page: str) -> None:
-    drawn = pictures(page)
-    assert len(drawn) == 3
-    for image in drawn:
-        assert image.std() > 0.01  # something is drawn on it
-
-
-def test_names_are_escaped(page: str) -> None:
-    assert "&lt;b&gt;J1&lt;/b&gt; &amp; co" in page
+def test_table_notes_and_card_stand_on_the_page_with_names_escaped(page: str) -> None:
+    for words in (
+        "one note", "Cross-validation over blocks of time", "The whole card", "Tested on the rest: 200 rows.",
+        "&lt;b&gt;J1&lt;/b&gt; &amp; co",
+    ):  # fmt: skip
+        assert words in page
     assert "<b>J1" not in page
 
 
-def test_table_notes_and_card_stand_on_the_page(page: str) -> None:
-    assert "one note" in page
-    assert "Cross-validation over blocks of time" in page
-    assert "The whole card" in page
-    assert "Tested on the rest: 200 rows." in page
-
-
-def test_real_data_are_not_marked_as_simulated(page: str) -> None:
-    assert "no real robot was measured" not in page
-
-
-def test_simulated_data_are_marked(
-    result: FitResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_only_simulated_data_are_marked(
+    page: str, result: tuple[FitResult, Evaluation], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    mark = "Simulated: no real robot was measured"
+    assert mark not in page
     monkeypatch.setattr(calibration, "joint_picture", lambda *_: Picture("", ""))
-    simulated = replace(result, card={**result.card, "simulated": True})
-    assert "Simulated: no real robot was measured" in page_of(simulated, tmp_path / "page.html")
+    assert mark in page_of(*result, tmp_path / "page.html", simulated=True)
 
 
 @pytest.mark.parametrize("t", [None, np.tile(np.arange(2000.0), 5)])
 def test_long_recordings_are_drawn_too(tmp_path: Path, t: np.ndarray | None) -> None:
-    result = fitted(tmp_path / "run.npz", rows=10_000, t=t)
-    assert result.held_out is not None
-    drawn = joint_picture(result.held_out, result.model, 0)
-    assert "the median over each of about 300 stretches" in drawn.caption
-    assert matplotlib.image.imread(io.BytesIO(base64.b64decode(drawn.png))).std() > 0.01
+    result, evaluation = fitted(tmp_path / "run.npz", rows=10_000, t=t)
+    picture = joint_picture(evaluation, result.model, 0)
+    assert "the median over each of about 300 stretches" in picture.caption
+    assert drawn(picture.png)
 
 
-def test_tables_have_one_cell_per_column(evaluation: Evaluation) -> None:
+def test_the_error_table_shows_the_evaluation(result: tuple[FitResult, Evaluation]) -> None:
+    _, evaluation = result
     for table in (error_table(evaluation), window_table(evaluation)):
         assert {len(row) for row in table.rows} == {len(table.header)}
-
-
-def test_the_error_table_shows_the_evaluation(evaluation: Evaluation) -> None:
     row, joint = error_table(evaluation).rows[2], evaluation.joints[2]
     errors = [f"{value:.3f}" for value in (joint.raw_rmse, joint.offset_rmse, joint.rmse)]
     assert list(row[:5]) == ["J3", "mm", *errors]

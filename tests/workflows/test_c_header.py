@@ -1,7 +1,7 @@
 import re
 import shutil
 import subprocess
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,18 +19,13 @@ from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.workflows.c_header import c_header
-from command_line import catenary, refusal
+from command_line import catenary
 from oracles.calibration_models import random_model, random_network
 from oracles.random_trees import random_robot
 
 COMPILERS = {"C99": ("gcc", "-std=c99", "-x", "c"), "C++11": ("g++", "-std=c++11", "-x", "c++")}
 STATES = 10_000
-ROBOTS = [
-    load_robot("raven2"),
-    load_robot("raven2_full_right"),
-    random_robot(8).model,
-    random_robot(17).model,
-]
+ROBOTS = [*map(load_robot, ("raven2", "raven2_full_right")), *(random_robot(seed).model for seed in (8, 17))]
 
 
 @pytest.fixture(params=["C99", pytest.param("C++11", marks=pytest.mark.slow)])
@@ -90,9 +85,8 @@ def test_gravity_and_regressors_in_c_are_pythons(model: RobotModel, language: st
     for k in range(len(tree.mass)):  # each link's columns are its own
         mass, com = np.zeros_like(tree.mass), np.zeros_like(tree.com)
         mass[k], com[k] = 2.0, rng.normal(size=3)
-        alone = gravity_torque(
-            replace(model, tree=tree._replace(mass=mass, com=com)), rows[0, :n], rows[0, n:]
-        )
+        one = replace(model, tree=tree._replace(mass=mass, com=com))
+        alone = gravity_torque(one, rows[0, :n], rows[0, n:])
         columns = slice(4 * k, 4 * k + 4)
         assert_allclose(Z[0, :, columns] @ [2.0, *(2.0 * com[k])], alone, rtol=0.0, atol=10 * bound)
     C = given[:, n + n * p :].reshape(STATES, n, s)
@@ -101,28 +95,22 @@ def test_gravity_and_regressors_in_c_are_pythons(model: RobotModel, language: st
         assert label in header
 
 
-@dataclass(frozen=True)
-class Case:
-    kind: str
-    options: dict
+CASES: dict[str, dict] = {
+    "constant": {},
+    "linear": {"torques": 2},
+    "quadratic": {"plays": 2},
+    "tanh": {"history": 3},
+    "logistic": {"history": 2, "plays": 1, "torques": 1, "target": "position"},
+    "tanh, skip": {"per_joint": True, "history": 1, "plays": 1},
+    "logistic, skip": {"torques": 3},
+}
 
 
-CASES = [
-    Case("constant", {}),
-    Case("linear", {"torques": 2}),
-    Case("quadratic", {"plays": 2}),
-    Case("tanh", {"history": 3}),
-    Case("logistic", {"history": 2, "plays": 1, "torques": 1, "target": "position"}),
-    Case("tanh, skip", {"per_joint": True, "history": 1, "plays": 1}),
-    Case("logistic, skip", {"torques": 3}),
-]
-
-
-def calibration_of(case: Case, rng: np.random.Generator) -> tuple[CalibrationModel, np.ndarray]:
+def calibration_of(kind: str, rng: np.random.Generator) -> tuple[CalibrationModel, np.ndarray]:
     """Draw a model of three joints, and a motion inside and outside of its valid range, with NaN here and there."""
-    width = 3 + case.options.get("torques", 0)
+    width = 3 + CASES[kind].get("torques", 0)
     signals = np.cumsum(0.1 * rng.normal(size=(STATES, width)), axis=0)
-    model = random_model(case.kind, signals[: STATES // 2], rng, joints=3, rate_hz=500.0, **case.options)
+    model = random_model(kind, signals[: STATES // 2], rng, joints=3, rate_hz=500.0, **CASES[kind])
     signals[rng.integers(0, STATES, 50), rng.integers(0, width, 50)] = np.nan
     return model, signals
 
@@ -137,10 +125,10 @@ def corrected(header: str, rows: np.ndarray, n: int, folder: Path, language: str
     return output_of(header, body, rows, folder, language)
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.kind)
-def test_the_correction_in_c_is_the_correctors(case: Case, language: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", CASES)
+def test_the_correction_in_c_is_the_correctors(kind: str, language: str, tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
-    model, signals = calibration_of(case, rng)
+    model, signals = calibration_of(kind, rng)
     q = signals[:, :3] + 0.01 * rng.normal(size=(STATES, 3))
     header = c_header(load_robot("raven2"), model, rate_hz=1000.0).text
     given = corrected(header, np.column_stack([q, signals]), 3, tmp_path, language)
@@ -188,19 +176,19 @@ def test_what_cannot_be_exported_is_refused_with_a_reason(tmp_path: Path) -> Non
     with pytest.raises(MissingInertiaError, match="link"):
         c_header(replace(robot, missing_inertia=("link",)))
     rng = np.random.default_rng(5)
-    model, _ = calibration_of(Case("tanh", {"history": 2}), rng)
+    model, _ = calibration_of("tanh", rng)
     with pytest.raises(InputError, match="more than 3% off"):
         c_header(robot, model, rate_hz=730.0)
 
-    class Forest(type(model.groups[0].predictor)):
+    group = model.groups[0]
+
+    class Forest(type(group.predictor)):
         """A predictor that somebody added."""
 
         def steps(self, X, Y):
             return [Step(trees, (X,), (Y,))]
 
-    other = replace(
-        model, groups=(replace(model.groups[0], predictor=Forest(**vars(model.groups[0].predictor))),)
-    )
+    other = replace(model, groups=(replace(group, predictor=Forest(**vars(group.predictor))),))
     with pytest.raises(InputError, match="its step trees cannot be written as C"):
         c_correction("arm", other, 1)
 
@@ -211,15 +199,11 @@ def trees(X, Y):
 
 def test_the_command_writes_the_header(tmp_path: Path) -> None:
     rng = np.random.default_rng(6)
-    model, _ = calibration_of(Case("linear", {}), rng)
+    model, _ = calibration_of("linear", rng)
     save_model(model, Card(), tmp_path / "model.npz")
     out = tmp_path / "raven2.h"
     outcome = catenary("export", "raven2", "--model", tmp_path / "model.npz", "--c", out, "--json")
-    assert outcome.json == {
-        "file": str(out),
-        "functions": [f"raven2_{name}" for name in (*QUANTITIES, "reset", "correct")],
-    }
+    functions = [f"raven2_{name}" for name in (*QUANTITIES, "reset", "correct")]
+    assert outcome.json == {"file": str(out), "functions": functions}
     assert "side by side" in outcome.err
     assert out.read_text() == c_header(load_robot("raven2"), model).text
-    assert "cannot be written" in refusal("export", "raven2", "--c", tmp_path / "missing" / "raven2.h")
-    assert "raven3" in refusal("export", "raven3", "--c", out)

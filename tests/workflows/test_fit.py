@@ -1,5 +1,6 @@
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +10,6 @@ import simulated_arm
 from catenary.calibration.files import save_model
 from catenary.calibration.fit import FitOptions
 from catenary.errors import InputError
-from catenary.plant import MotionLog
 from catenary.recording.logs import write_parquet
 from catenary.workflows.fit import (
     FitResult,
@@ -18,12 +18,13 @@ from catenary.workflows.fit import (
     evaluation_summary,
     fit_calibration,
 )
+from recordings import recording
 
 LINEAR = FitOptions(kind="linear")
 
 
 @pytest.fixture
-def recording(tmp_path: Path) -> Path:
+def recording_path(tmp_path: Path) -> Path:
     return simulated_arm.write(tmp_path / "run.npz")
 
 
@@ -32,15 +33,17 @@ def saved(result: FitResult, path: Path) -> Path:
     return path
 
 
-def test_a_linear_fit_recovers_a_linear_error(recording: Path, tmp_path: Path) -> None:
-    model = saved(fit_calibration([recording], LINEAR), tmp_path / "model.npz")
+def test_a_linear_fit_recovers_a_linear_error(recording_path: Path, tmp_path: Path) -> None:
+    model = saved(fit_calibration([recording_path], LINEAR), tmp_path / "model.npz")
     other = simulated_arm.write(tmp_path / "other.npz", seed=0, noise=0.0)
     for joint in evaluate_calibration(model, [other]).evaluation.joints:
         assert joint.rmse < 1e-2 * joint.offset_rmse  # what noise of 0.1 mrad and 0.1 mm leaves
 
 
-def test_held_out_errors_are_those_of_an_evaluation_on_the_same_rows(recording: Path, tmp_path: Path) -> None:
-    result = fit_calibration([recording], LINEAR, FitRun(held_out=0.25))
+def test_held_out_errors_are_those_of_an_evaluation_on_the_same_rows(
+    recording_path: Path, tmp_path: Path
+) -> None:
+    result = fit_calibration([recording_path], LINEAR, FitRun(held_out=0.25))
     model = saved(result, tmp_path / "model.npz")
     late = {key: np.array(values)[300:] for key, values in simulated_arm.arrays().items() if key != "units"}
     np.savez(tmp_path / "late.npz", **late)
@@ -62,94 +65,63 @@ def test_the_held_out_part_is_not_fitted_to(tmp_path: Path) -> None:
     assert_allclose(one.correction(X, q), other.correction(X, q), atol=0.0)
 
 
-def test_the_card_holds_the_held_out_errors(recording: Path) -> None:
-    result = fit_calibration([recording], LINEAR, FitRun(held_out=0.25))
+def test_the_card_holds_the_held_out_errors(recording_path: Path) -> None:
+    result = fit_calibration([recording_path], LINEAR, FitRun(held_out=0.25))
     assert result.held_out is not None
     assert result.card["errors"]["held_out"] == [asdict(joint) for joint in result.held_out.joints]
     assert result.card["run"] == {"seed": 0, "held_out": 0.25, "folds": 5, "max_error": None}
 
 
-def test_several_recordings_are_fitted_together(recording: Path, tmp_path: Path) -> None:
+def test_several_recordings_are_fitted_together(recording_path: Path, tmp_path: Path) -> None:
     other = simulated_arm.write(tmp_path / "other.npz", seed=1, rows=200)
-    result = fit_calibration([recording, other], LINEAR)
+    result = fit_calibration([recording_path, other], LINEAR)
     assert len(result.data) == 600
     assert [source["name"] for source in result.card["data"]] == ["run", "other"]
 
 
-def test_progress_ends_at_one(recording: Path) -> None:
+def test_progress_ends_at_one(recording_path: Path) -> None:
     told: list[float] = []
-    fit_calibration([recording], FitOptions(kind="offset"), progress=told.append)
+    fit_calibration([recording_path], FitOptions(kind="offset"), progress=told.append)
     assert told[-1] == 1.0
     assert told == sorted(told)
 
 
-def test_what_was_left_out_is_noted(tmp_path: Path) -> None:
-    ok = np.ones(400, dtype=bool)
-    ok[10:30] = False
-    path = simulated_arm.write(tmp_path / "run.npz", ok=ok)
-    result = fit_calibration([path], FitOptions(kind="linear", history=3))
-    assert "run: left out 20 without measurement, 3 without 3 previous commands, of 400 rows" in result.notes
-
-
-def test_wild_measurements_are_noted(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("key", "place", "value", "note"),
+    [
+        ("ok", slice(10, 30), False, "run: left out 20 without measurement, 3 without 3 previous commands, of 400 rows"),
+        ("q_act", (5, 1), 3.0, "J2: 1 of 397 errors lie beyond 10 robust standard deviations"),
+        ("q_des", (slice(None), 2), 0.1, "J3: never moved; the model holds only where they stood"),
+    ],
+)  # fmt: skip
+def test_what_was_left_out_and_what_looks_wrong_is_noted(
+    tmp_path: Path, key: str, place: Any, value: float, note: str
+) -> None:
     arrays = simulated_arm.arrays()
-    arrays["q_act"][5, 1] += 3.0
+    arrays[key][place] = value
     np.savez(tmp_path / "run.npz", **arrays)
-    notes = fit_calibration([tmp_path / "run.npz"], LINEAR).notes
-    assert any(note.startswith("J2: 1 of 400 errors lie beyond") for note in notes)
+    notes = fit_calibration([tmp_path / "run.npz"], FitOptions(kind="linear", history=3)).notes
+    assert any(said.startswith(note) for said in notes)
 
 
-def test_a_joint_that_never_moves_is_noted(tmp_path: Path) -> None:
-    arrays = simulated_arm.arrays()
-    arrays["q_des"][:, 2] = 0.1
-    np.savez(tmp_path / "run.npz", **arrays)
-    notes = fit_calibration([tmp_path / "run.npz"], LINEAR).notes
-    assert "J3: never moved; the model holds only where they stood" in notes
-
-
-def test_a_recording_used_in_training_is_known_by_its_content(recording: Path, tmp_path: Path) -> None:
-    model = saved(fit_calibration([recording], LINEAR), tmp_path / "model.npz")
+def test_a_recording_used_in_training_is_known_by_its_content(recording_path: Path, tmp_path: Path) -> None:
+    model = saved(fit_calibration([recording_path], LINEAR), tmp_path / "model.npz")
     copy = tmp_path / "another_name.npz"
-    copy.write_bytes(recording.read_bytes())
+    copy.write_bytes(recording_path.read_bytes())
     other = simulated_arm.write(tmp_path / "other.npz", seed=1)
     assert evaluate_calibration(model, [other, copy]).seen_in_training == ("another_name",)
 
 
 def test_a_summary_of_simulated_data_says_so(tmp_path: Path) -> None:
-    arrays = simulated_arm.arrays()
-    log = MotionLog(
-        name="log",
-        joint_names=("a", "b", "c"),
-        joint_units=("rad", "rad", "m"),
-        q_nominal=arrays["q_des"],
-        q_encoder=arrays["q_act"],
-        ok=arrays["ok"],
-        time=arrays["t"],
-        simulated=True,
-    )
-    write_parquet(log, tmp_path / "log.parquet")
-    model = saved(fit_calibration([tmp_path / "log.parquet"], LINEAR), tmp_path / "model.npz")
-    assert evaluation_summary(evaluate_calibration(model, [tmp_path / "log.parquet"]))["simulated"] is True
+    path = tmp_path / "log.parquet"
+    write_parquet(recording(np.random.default_rng(0), simulated=True), path)
+    model = saved(fit_calibration([path], LINEAR), tmp_path / "model.npz")
+    assert evaluation_summary(evaluate_calibration(model, [path]))["simulated"] is True
 
 
-@pytest.mark.parametrize("held_out", [0.0, 1.0, -0.5, float("nan")])
-def test_a_held_out_share_lies_between_0_and_1(held_out: float) -> None:
-    with pytest.raises(InputError, match="held-out share"):
-        FitRun(held_out=held_out)
-
-
-@pytest.mark.parametrize("folds", [-1, 1])
-def test_a_cross_validation_has_at_least_two_blocks(folds: int) -> None:
-    with pytest.raises(InputError, match="folds: expected 2 or more, or 0"):
-        FitRun(folds=folds)
-
-
-def test_no_recording_is_refused() -> None:
+def test_no_recordings_are_refused(recording_path: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="at least one recording"):
         fit_calibration([], LINEAR)
-
-
-def test_nothing_to_evaluate_on_is_refused(recording: Path, tmp_path: Path) -> None:
-    model = saved(fit_calibration([recording], LINEAR), tmp_path / "model.npz")
+    model = saved(fit_calibration([recording_path], LINEAR), tmp_path / "model.npz")
     with pytest.raises(InputError, match="at least one recording"):
         evaluate_calibration(model, [])

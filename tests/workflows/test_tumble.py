@@ -61,11 +61,8 @@ def test_a_driver_that_is_wrong_is_named(change, said):
 
 def test_a_base_that_was_tilted_the_other_way_is_told():
     def read(attitude):
-        return (
-            READER(attitude._replace(up=tuple(np.array(attitude.up) * [-1, 1, 1])))
-            if attitude.name == "pitched"
-            else READINGS[attitude.name]
-        )
+        other = attitude._replace(up=tuple(np.array(attitude.up) * [-1, 1, 1]))
+        return READER(other) if attitude.name == "pitched" else READINGS[attitude.name]
 
     outcome = run_tumble(read)
     assert any("was it tilted as told" in fault for fault in outcome.faults), outcome.faults

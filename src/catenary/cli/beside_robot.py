@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
-from catenary.cli.terminal import print_json, print_notes, print_table
+from catenary.cli.terminal import announce, print_json, print_notes, print_table
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RobotAccess:
-    """Options of a project's robot: where it is, and who stands beside it."""
+    """Options of a project's robot: where it is, and whether a person beside it is asked."""
 
     ros: Annotated[
         int | None,
@@ -41,8 +41,8 @@ class TerminalGuide:
     """Asks in the terminal; Enter says that it is done, q gives up."""
 
     def say(self, text: str) -> None:
-        """Print on standard error."""
-        print(text, file=sys.stderr, flush=True)
+        """Show a message."""
+        announce(text)
 
     def confirm(self, text: str) -> bool:
         """Wait for Enter."""
@@ -75,15 +75,13 @@ def robot_of(project: "Project", access: RobotAccess) -> "Iterator[ProjectRobot]
             raise InputError("--yes and --simulated go with --ros; this project's robot is simulated here")
         yield SimulatedRobot()
         return
-    guide = (
-        AnswerYes(lambda text: print(text, file=sys.stderr, flush=True)) if access.yes else TerminalGuide()
-    )
+    guide = AnswerYes(announce) if access.yes else TerminalGuide()
     with ros_transport(int(connection.removeprefix("ros"))) as transport:
         yield RosRobot(transport, guide, simulated=access.simulated)
 
 
 def record_others(
-    project: "Project", name: str, seconds: float, *, simulated: bool, tell: Callable[[float], None]
+    project: "Project", name: str, seconds: float, *, simulated: bool, progress: Callable[[float], None]
 ) -> list[dict[str, Any]]:
     """Record a robot that somebody else moves."""
     from catenary.recording.journal import About
@@ -99,7 +97,7 @@ def record_others(
     about = About(robot=ROBOT[arm], simulated=simulated, configuration={"motion": "not ours"})
     with ros_transport(int(project.settings.connection.removeprefix("ros"))) as transport:
         counts = record_topics(
-            transport, folder, topics, seconds, about=about, progress=tell,
+            transport, folder, topics, seconds, about=about, progress=progress,
             required=[topic.name for topic in required(topics)],
         )  # fmt: skip
     print_notes([note for count in counts if (note := count.note()) is not None])
@@ -140,11 +138,7 @@ def deploy_beside(
                 topics.run(min(0.5, left))
                 if topics.is_silent != was_silent:
                     was_silent = topics.is_silent
-                    print(
-                        "the robot is silent" if was_silent else "the robot is back",
-                        file=sys.stderr,
-                        flush=True,
-                    )
+                    announce("the robot is silent" if was_silent else "the robot is back")
         except KeyboardInterrupt:
             pass  # the usual end
         report = topics.report()
@@ -161,8 +155,6 @@ def deploy_beside(
     if report.latency is not None:
         rows = [["arrival to publication [us]", *(f"{1e6 * value:.0f}" for value in report.latency)]]
         print_table("Latency", ["", "median", "p99", "p99.9", "largest"], rows)
-    rows = [
-        [name, f"{100.0 * share:.1f} %"]
-        for name, share in zip(report.joint_names, report.outside, strict=True)
-    ]
+    shares = zip(report.joint_names, report.outside, strict=True)
+    rows = [[name, f"{100.0 * share:.1f} %"] for name, share in shares]
     print_table("Messages outside the valid range", ["joint", "share"], rows)

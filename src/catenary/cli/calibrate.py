@@ -1,7 +1,9 @@
 """catenary excite, record, extract, deploy, calibrate, demo: one project folder, step by step or in one go."""
 
+import json
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,7 +20,7 @@ from catenary.cli.project_options import (
     open_project,
     require_project,
 )
-from catenary.cli.terminal import print_json, print_notes, print_table, progress_bar, words
+from catenary.cli.terminal import announce, print_json, print_notes, print_table, progress_bar, words
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,12 +28,7 @@ if TYPE_CHECKING:
     from catenary.workflows.project.folder import Project
 
 
-def excite(
-    project: Folder,
-    arm: ExcitationOptions,
-    access: RobotAccess,
-    as_json: AsJson = False,
-) -> None:
+def excite(project: Folder, arm: ExcitationOptions, access: RobotAccess, as_json: AsJson = False) -> None:
     """Drive the robot along the calibration zig-zag and record it.
 
     Writes recordings/train; homes first if needed.
@@ -43,11 +40,10 @@ def excite(
     with robot_of(opened, access) as robot:
         with _progress("homing", opened):
             robot.home(opened)
-        with _progress("excite", opened) as tell:
-            was_run = robot.record(opened, TRAIN, motion, what, after="home", progress=tell)
-    _say(
-        opened, f"recorded {motion.duration:.0f} s as {TRAIN}", was_run, as_json, {"seconds": motion.duration}
-    )
+        with _progress("excite", opened) as progress:
+            was_run = robot.record(opened, TRAIN, motion, what, after="home", progress=progress)
+    said = f"recorded {motion.duration:.0f} s as {TRAIN}"
+    _say(opened, said, was_run, as_json, {"seconds": motion.duration})
 
 
 def record(
@@ -75,14 +71,14 @@ def record(
     if no_motion:
         if opened.settings.connection == "simulation":
             raise InputError("--no-motion: goes with --ros; only this command moves a simulated robot")
-        with _progress("record") as tell:
-            topics = record_others(opened, name, seconds, simulated=access.simulated, tell=tell)
+        with _progress("record") as progress:
+            topics = record_others(opened, name, seconds, simulated=access.simulated, progress=progress)
         what = f"recorded {seconds:.0f} s as {name}"
         _say(opened, what, True, as_json, {"seconds": seconds, "topics": topics})
         return
     motion, what = random_motion(opened, seconds)
-    with robot_of(opened, access) as robot, _progress("record", opened) as tell:
-        was_run = robot.record(opened, name, motion, what, after=TRAIN, progress=tell)
+    with robot_of(opened, access) as robot, _progress("record", opened) as progress:
+        was_run = robot.record(opened, name, motion, what, after=TRAIN, progress=progress)
     _say(opened, f"recorded {seconds:.0f} s as {name}", was_run, as_json, {"seconds": seconds})
 
 
@@ -100,6 +96,7 @@ def extract(
     from catenary.recording.raven_csv import write_raven_csv
     from catenary.recording.source import open_recording
     from catenary.workflows.project.recordings import extract_recording, motion_log_path
+    from catenary.workflows.project.robot import arm_of
 
     if bag not in (None, "ros1", "mcap"):
         raise InputError(f'--bag "{bag}": expected ros1 or mcap')
@@ -112,31 +109,29 @@ def extract(
     for name in names:
         with _progress(f"extract {name}"):
             extract_recording(opened, name)
-            report = _read(opened.folder / f"{name}.synchronised.json")
+            report = json.loads((opened.folder / f"{name}.synchronised.json").read_text(encoding="utf-8"))
             found[name] = {"log": str(motion_log_path(opened, name)), **report}
             if bag is not None:
-                written = write_group_bags(
+                source, folder = (
                     open_recording(opened.folder / "recordings" / name),
                     opened.folder / "bags" / name,
-                    "ros1" if bag == "ros1" else "mcap",
                 )
+                written = write_group_bags(source, folder, "ros1" if bag == "ros1" else "mcap")
                 found[name]["bags"] = [str(path) for path in written]
             if csv:
                 table = opened.folder / f"{name}.csv"
-                folder = opened.folder / "extracted" / name
-                write_raven_csv(folder, table, arm="gold" if opened.settings.side == "left" else "green")
+                write_raven_csv(opened.folder / "extracted" / name, table, arm=arm_of(opened))
                 found[name]["csv"] = str(table)
     if as_json:
         print_json(found)
         return
     for name, report in found.items():
+        header = ["topic", "messages", "rate [Hz]", "longest gap [ms]"]
         rows = [
             [t["topic"], str(t["messages"]), f"{t['rate']:.1f}", f"{1e3 * t['longest_gap']:.0f}"]
             for t in report["topics"]
         ]
-        print_table(
-            f"{name}: {report['rows']} rows", ["topic", "messages", "rate [Hz]", "longest gap [ms]"], rows
-        )
+        print_table(f"{name}: {report['rows']} rows", header, rows)
         print_notes(report["problems"] + report["stopped_encoders"])
         print(f"log: {report['log']}\n")
 
@@ -170,17 +165,10 @@ def deploy(
     if ros is not None:
         if project is not None:
             raise InputError("--ros: works beside whatever moves the robot; give no project")
-        length = float("inf") if seconds is None else seconds
         deploy_beside(
-            model,
-            ros,
-            arm=arm,
-            seconds=length,
-            rate_hz=rate,
-            gravity_torque=gravity_torque,
-            imu=source,
-            as_json=as_json,
-        )
+            model, ros, arm=arm, seconds=float("inf") if seconds is None else seconds, rate_hz=rate,
+            gravity_torque=gravity_torque, imu=source, as_json=as_json,
+        )  # fmt: skip
         return
     if project is None:
         raise InputError("deploy: give the folder of a project, or --ros 1 for a robot")
@@ -205,12 +193,8 @@ def deploy(
         print_json(result.as_data())
         return
     print(result.loop)
-    rows = [
-        [name, unit, f"{raw:.3f}", f"{rmse:.3f}"]
-        for name, unit, raw, rmse in zip(
-            result.joint_names, result.units, result.raw_rmse, result.rmse, strict=True
-        )
-    ]
+    columns = (result.joint_names, result.units, result.raw_rmse, result.rmse)
+    rows = [[name, unit, f"{raw:.3f}", f"{rmse:.3f}"] for name, unit, raw, rmse in zip(*columns, strict=True)]
     print_table("RMSE while the loop ran", ["joint", "unit", "reported", "corrected"], rows)
 
 
@@ -236,18 +220,16 @@ def calibrate(
     from catenary.workflows.fit import FitRun
     from catenary.workflows.project.calibrate import calibrate_recordings, calibrate_robot
 
+    if test and not train:
+        raise InputError("--test: goes with recordings to train on; without them the robot records its own")
     opened = open_project(project, arm, hours=hours, ros=access.ros)
-    with _steps() as tell:
+    with _steps() as progress:
         if train:
             run = FitRun(units=words(units) if units else None)
-            result = calibrate_recordings(opened, train, test or [], run, progress=tell)
-        elif test:
-            raise InputError(
-                "--test: goes with recordings to train on; without, the simulated robot records its own"
-            )
+            result = calibrate_recordings(opened, train, test or [], run, progress=progress)
         else:
             with robot_of(opened, access) as robot:
-                result = calibrate_robot(opened, robot, progress=tell)
+                result = calibrate_robot(opened, robot, progress=progress)
     _conclude(result, as_json)
 
 
@@ -264,8 +246,8 @@ def demo(
     from catenary.workflows.project.folder import Project, ProjectSettings
 
     settings = ProjectSettings(seed=seed, sparsities=(1 / 2, 1 / 3), test_minutes=5.0)
-    with _steps() as tell:
-        result = calibrate_robot(Project(out, settings), progress=tell)
+    with _steps() as progress:
+        result = calibrate_robot(Project(out, settings), progress=progress)
     _conclude(result, as_json)
 
 
@@ -294,42 +276,24 @@ def _say(project: "Project", what: str, was_run: bool, as_json: bool, content: A
         print(f"{project.folder}: {what}" + ("" if was_run else " before; nothing to do"))
 
 
-def _read(path: Path) -> Any:
-    import json
-
-    return json.loads(path.read_text(encoding="utf-8"))
-
-
 @contextmanager
 def _progress(label: str, project: "Project | None" = None) -> Iterator[Callable[[float], None]]:
     if project is not None and project.settings.connection != "simulation":
         yield lambda _: None  # a bar would hide what the person beside the robot is asked
         return
-    with progress_bar(label) as tell:
-        yield tell
+    with progress_bar(label) as progress:
+        yield progress
 
 
 @contextmanager
 def _steps() -> Iterator[Callable[[str], Callable[[float], None]]]:
     """Print a line per step on standard error as it begins, and in a terminal a bar for the one that runs."""
-    import sys
-    import time
-
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
     begin = time.monotonic()
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=None)
+    with ExitStack() as bar:
 
         def step(name: str) -> Callable[[float], None]:
-            if console.is_terminal:
-                console.print(f"[{time.monotonic() - begin:4.0f} s] {name}", markup=False)
-            else:
-                print(f"[{time.monotonic() - begin:4.0f} s] {name}", file=sys.stderr, flush=True)
-            bar.reset(task, total=None, description=name)
-            return lambda done: bar.update(task, total=1.0, completed=done)
+            bar.close()  # of the step before
+            announce(f"[{time.monotonic() - begin:4.0f} s] {name}")
+            return bar.enter_context(progress_bar(name))
 
         yield step

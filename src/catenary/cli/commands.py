@@ -70,7 +70,7 @@ class Commands(Mapping[str, Any]):
 
 
 class InterruptedCommand(Exception):
-    """Ctrl-C ended a command; its cause is the KeyboardInterrupt, on which newer versions of typer end unsaid."""
+    """Ctrl-C ended a command; its cause is the KeyboardInterrupt, at which newer versions of typer exit silently."""
 
 
 class CommandGroup(TyperGroup):

@@ -1,8 +1,6 @@
 """catenary fit and evaluate."""
 
-import os
 import sys
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,11 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from catenary.cli.options import AsJsonNotTables, Report, Units
-from catenary.cli.terminal import numbers, print_json, print_notes, print_table, progress_bar, words
+from catenary.cli.terminal import (
+    numbers,
+    print_json,
+    print_notes,
+    print_table,
+    progress_bar,
+    refuse_to_overwrite,
+    refuse_unwritable,
+    words,
+)
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.calibration.evaluate import Evaluation
     from catenary.workflows.fit import FitResult
 
 Recordings = Annotated[
@@ -104,33 +110,32 @@ def fit(
     """
     from catenary.calibration.files import card_path, save_model
     from catenary.calibration.fit import PLAY_SHARES, FitOptions
+    from catenary.robots.catalog import load_robot
     from catenary.workflows.fit import FitRun, fit_calibration
 
-    shares = None if play is None else _play_shares(play, PLAY_SHARES)
     options = FitOptions(
         kind=model,  # type: ignore[arg-type]  # FitOptions refuses what it does not know
         preset=preset,  # type: ignore[arg-type]
-        inputs=None if inputs is None else _inputs(inputs),
+        inputs=_inputs(inputs),
         history=history,
-        play=shares,
+        play=_play_shares(play, PLAY_SHARES),
         target=target,  # type: ignore[arg-type]
         ridge=ridge,
         seed=seed,
     )
-    names, joint_units = _joints_of(robot)
+    arm = None if robot is None else load_robot(robot)
+    names, own_units = (None, None) if arm is None else (arm.joint_names, arm.joint_units)
     run = FitRun(
-        units=words(units) if units is not None else joint_units,
+        units=own_units if units is None else words(units),
         joint_names=names,
         robot=robot,
-        max_error=None if max_error is None else numbers("--max-error", max_error),
+        max_error=_limits(max_error),
         held_out=held_out,
         folds=folds,
     )
-    _refuse_to_write("--out", out, [*data, *([Path(robot)] if robot else [])])
-    if report is not None:
-        if report.absolute() in (out.absolute(), card_path(out).absolute()):
-            raise InputError(f"--report {report}: the model and its card are written there")
-        _refuse_to_overwrite("--report", report, data)
+    refuse_unwritable("--out", out)
+    read = [*data, *([Path(robot)] if robot else [])]
+    refuse_to_overwrite({"--out": out, "the card of --out": card_path(out), "--report": report}, read)
     with progress_bar(f"fitting {model}") as progress:
         result = fit_calibration(data, options, run, progress=progress)
     save_model(result.model, result.card, out)
@@ -160,24 +165,17 @@ def evaluate(
 
     Example: catenary evaluate arm.npz run2.npz --report run2.html
     """
-    from catenary.reports.calibration import window_table, write_calibration_report
+    from catenary.reports.calibration import error_table, window_table, write_calibration_report
     from catenary.workflows.fit import evaluate_calibration, evaluation_summary
 
-    if report is not None:
-        _refuse_to_overwrite("--report", report, [model, *data])
-    result = evaluate_calibration(
-        model,
-        data,
-        max_error=None if max_error is None else numbers("--max-error", max_error),
-        window=window,
-    )
+    refuse_to_overwrite({"--report": report}, [model, *data])
+    result = evaluate_calibration(model, data, max_error=_limits(max_error), window=window)
     if as_json:
         print_json(evaluation_summary(result))
     else:
         print_notes(result.notes)
-        _print_errors("RMSE and largest error per joint", result.evaluation)
-        table = window_table(result.evaluation)
-        print_table("RMSE of the model over time", table.header, table.rows)
+        print_table("RMSE and largest error per joint", *error_table(result.evaluation))
+        print_table("RMSE of the model over time", *window_table(result.evaluation))
     if report is not None:
         tested_on = ", ".join(source.name for source in result.evaluation.data.sources)
         if result.seen_in_training:
@@ -190,14 +188,13 @@ def evaluate(
 
 
 def _print_fit(out: Path, card: Path, result: "FitResult") -> None:
-    from catenary.reports.calibration import spread_table
+    from catenary.reports.calibration import error_table, spread_table
 
     print_notes(result.notes)
     if result.spread:
-        table = spread_table(result.spread)
-        print_table("RMSE on blocks of time that the fit did not see", table.header, table.rows)
+        print_table("RMSE on blocks of time that the fit did not see", *spread_table(result.spread))
     if result.held_out is not None:
-        _print_errors("RMSE and largest error on the held-out part", result.held_out)
+        print_table("RMSE and largest error on the held-out part", *error_table(result.held_out))
     print(f"model: {out}\ncard:  {card}")
 
 
@@ -225,48 +222,23 @@ def _write_fit_report(path: Path, result: "FitResult") -> None:
         tested_on = "the data that it was fitted to; the cross-validation below is the honest error"
         evaluation = evaluate_rows(result.model, result.data)
     write_calibration_report(
-        path,
-        result.model,
-        result.card,
-        evaluation,
-        tested_on=tested_on,
-        spread=result.spread,
-        notes=result.notes,
-    )
+        path, result.model, result.card, evaluation,
+        tested_on=tested_on, spread=result.spread, notes=result.notes,
+    )  # fmt: skip
 
 
-def _print_errors(title: str, evaluation: "Evaluation") -> None:
-    from catenary.reports.calibration import error_table
-
-    table = error_table(evaluation)
-    print_table(title, table.header, table.rows)
+def _limits(max_error: str | None) -> tuple[float, ...] | None:
+    return None if max_error is None else numbers("--max-error", max_error)
 
 
-def _refuse_to_write(option: str, path: Path, read: Sequence[Path]) -> None:
-    """Refuse, before minutes of work, a file that could not be written after them."""
-    if path.is_dir():
-        raise InputError(f"{option} {path}: is a folder, expected a file to write")
-    if not path.parent.is_dir():
-        raise InputError(f"{option} {path}: folder {path.parent} does not exist")
-    if not os.access(path.parent, os.W_OK):
-        raise InputError(f"{option} {path}: folder {path.parent} cannot be written to")
-    _refuse_to_overwrite(option, path, read)
+def _play_shares(text: str | None, ours: tuple[float, ...]) -> tuple[float, ...] | None:
+    named = {None: None, "on": ours, "off": ()}
+    return named[text] if text in named else numbers("--play", text or "")
 
 
-def _refuse_to_overwrite(option: str, path: Path, read: Sequence[Path]) -> None:
-    if path.exists() and any(each.exists() and path.samefile(each) for each in read):
-        raise InputError(f"{option} {path}: is a file that is read here; expected another")
-
-
-def _play_shares(text: str, ours: tuple[float, ...]) -> tuple[float, ...]:
-    if text in ("on", "off"):
-        return ours if text == "on" else ()
-    return numbers("--play", text)
-
-
-def _inputs(text: str) -> tuple[str, ...] | dict[str, tuple[str, ...]]:
-    if "=" not in text:
-        return words(text)
+def _inputs(text: str | None) -> tuple[str, ...] | dict[str, tuple[str, ...]] | None:
+    if text is None or "=" not in text:
+        return None if text is None else words(text)
     per_joint = {}
     for part in text.split(";"):
         joint, equals, chosen = part.partition("=")
@@ -274,12 +246,3 @@ def _inputs(text: str) -> tuple[str, ...] | dict[str, tuple[str, ...]]:
             raise InputError(f"--inputs: expected 'JOINT=signal,signal;JOINT=...', got {part!r}")
         per_joint[joint.strip()] = words(chosen)
     return per_joint
-
-
-def _joints_of(robot: str | None) -> tuple[tuple[str, ...] | None, tuple[str, ...] | None]:
-    if robot is None:
-        return None, None
-    from catenary.robots.catalog import load_robot
-
-    model = load_robot(robot)
-    return model.joint_names, model.joint_units

@@ -6,15 +6,16 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from catenary.cli.joint_options import Q, QDeg, beyond_limits, joint_values
-from catenary.cli.options import AsJsonNotTables, Report
+from catenary.cli.joint_options import Q, QDeg, SameInDeg, beyond_limits, given_joints, joint_values
+from catenary.cli.options import AsJsonNotTables, Report, SimulatedSeed
 from catenary.cli.robots import Robot
-from catenary.cli.terminal import print_json, print_notes, print_table, words
+from catenary.cli.terminal import print_json, print_notes, print_table, refuse_unwritable, words
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from catenary.control.measures import Holding, Tracking
     from catenary.simulation.base_motion import MovingBase
     from catenary.workflows.gravity.simulated_arm import SimulatedArm
 
@@ -29,7 +30,7 @@ Simulated = Annotated[
 
 @dataclass(frozen=True)
 class Conditions:
-    """Options that say what a simulated arm stands on, carries and is."""
+    """Options of a simulated arm: its base, its payload, its seed."""
 
     base_tilt_deg: Annotated[
         tuple[float, float] | None,
@@ -48,17 +49,10 @@ class Conditions:
     payload: Annotated[
         float, Option(metavar="KG", min=0.0, help="Mass at the tool's wrist; the model knows nothing of it.")
     ] = 0.0
-    seed: Annotated[
-        int | None,
-        Option(
-            metavar="N",
-            min=0,
-            help="Simulate another robot of the kind, drawn with this seed. [default: the nominal one]",
-        ),
-    ] = None
+    seed: SimulatedSeed = None
 
     def as_data(self) -> dict[str, object]:
-        """Return them as the JSON and the page have them."""
+        """Return plain data, for the JSON and the page."""
         return {
             "base_tilt_deg": self.base_tilt_deg or (0.0, 0.0),
             "rock_deg": self.rock_deg,
@@ -75,9 +69,7 @@ class Conditions:
         from catenary.workflows.gravity.simulated_arm import simulated_arm
 
         for name in ("base_tilt_deg", "rock_deg", "rock_hz"):
-            values = getattr(self, name)
-            if values is not None and not np.isfinite(values).all():
-                raise InputError(f"--{name.replace('_', '-')}: expected finite numbers, got {values}")
+            _require_finite(f"--{name.replace('_', '-')}", getattr(self, name))
         roll, pitch = np.deg2rad(self.base_tilt_deg or (0.0, 0.0))
         start = FixedBase(float(roll), float(pitch))
         base: MovingBase = start
@@ -124,8 +116,7 @@ def gravity(
     values = joint_values(model, q, q_deg)
     down: ArrayLike = LEVEL if vector is None else vector
     if tilt_deg is not None:
-        if not np.isfinite(tilt_deg).all():
-            raise InputError(f"--tilt-deg: expected finite numbers, got {list(tilt_deg)}")
+        _require_finite("--tilt-deg", tilt_deg)
         roll, pitch = np.deg2rad(tilt_deg)
         down = tilted_gravity(float(roll), float(pitch))
     gravity = as_array("gravity", down, (3,))
@@ -133,17 +124,8 @@ def gravity(
     units = [TORQUE_UNIT[unit] for unit in model.joint_units]
     print_notes(beyond_limits(model, values))
     if as_json:
-        print_json(
-            {
-                "robot": model.name,
-                "joints": model.joint_names,
-                "q": list(values),
-                "gravity": gravity.tolist(),
-                "tau": torques,
-                "unit": units,
-                "level": on_level,
-            }
-        )
+        found = {"robot": model.name, "joints": model.joint_names, "q": list(values), "gravity": gravity}
+        print_json({**found, "tau": torques, "unit": units, "level": on_level})
         return
     rows = [
         [name, f"{tau:.4f}", f"{level:.4f}", f"{tau - level:+.4f}", unit]
@@ -178,7 +160,7 @@ def track(
     q: Annotated[
         str | None, Option(metavar="Q,Q,...", help="Joints where a cartesian motion begins, in rad and m.")
     ] = None,
-    q_deg: Annotated[str | None, Option(metavar="Q,Q,...", help="The same in deg and mm.")] = None,
+    q_deg: SameInDeg = None,
     amplitude_mm: Annotated[float, Option(metavar="A", min=0.0, help="Amplitude of the sinusoids.")] = 78.74,
     axes: Annotated[
         str, Option(metavar="A,A,...", help="Base axes along which the sinusoids run.")
@@ -202,46 +184,27 @@ def track(
     """
     import numpy as np
 
-    from catenary.reports.gravity import tracking_table, write_tracking_report
     from catenary.workflows.gravity.controllers import make_controller
     from catenary.workflows.gravity.motions import make_motion
     from catenary.workflows.gravity.track import track as run
 
-    _check_report(report)
+    if report is not None:
+        refuse_unwritable("--report", report)
     arm = conditions.arm(robot)
-    start = None if q is None and q_deg is None else joint_values(arm.model, q, q_deg)
     chosen = make_motion(
-        motion,
-        arm.model,
-        arm.plant,
-        np.random.default_rng(conditions.seed or 0),
-        q_start=start,
-        amplitude=amplitude_mm / 1000.0,
-        axes=words(axes),
-        seconds=seconds,
-    )
-    result = run(
-        arm,
-        make_controller(controller, arm, damping=damping),  # type: ignore[arg-type]  # refuses what it does not know
-        chosen.trajectory,
-        windows=chosen.windows,
-    )
-    settings = {
+        motion, arm.model, arm.plant, np.random.default_rng(conditions.seed or 0),
+        q_start=given_joints(arm.model, q, q_deg), amplitude=amplitude_mm / 1000.0, axes=words(axes), seconds=seconds,
+    )  # fmt: skip
+    law = make_controller(controller, arm, damping=damping)  # type: ignore[arg-type]  # refuses what it does not know
+    result = run(arm, law, chosen.trajectory, windows=chosen.windows)
+    settings: dict[str, object] = {
         "robot": robot,
         "controller": controller,
         "motion": motion,
         "damping": damping,
-        **conditions.as_data(),
     }
-    if report is not None:
-        write_tracking_report(report, result, settings)
-    if as_json:
-        print_json({**settings, **result.as_data()})
-        return
-    table = tracking_table(result)
-    print_table(f"{robot} (simulated), controller {controller}, {motion}", table.header, table.rows)
-    if report is not None:
-        print(f"page: {report}")
+    title = f"{robot} (simulated), controller {controller}, {motion}"
+    _conclude(title, result, settings | conditions.as_data(), report, as_json)
 
 
 def hold(
@@ -262,34 +225,39 @@ def hold(
 
     Example: catenary hold raven2 --base-tilt-deg 0 180 --seconds 2
     """
-    from catenary.reports.gravity import holding_table, write_holding_report
     from catenary.workflows.gravity.controllers import make_hold
     from catenary.workflows.gravity.hold import hold as run
     from catenary.workflows.gravity.motions import hold_start
 
-    _check_report(report)
-    arm = conditions.arm(robot)
-    pose = (
-        hold_start(arm.model, arm.plant) if q is None and q_deg is None else joint_values(arm.model, q, q_deg)
-    )
-    result = run(arm, make_hold(controller, arm), pose, seconds)
-    settings = {
-        "robot": robot,
-        "controller": controller,
-        **conditions.as_data(),
-    }
     if report is not None:
-        write_holding_report(report, result, settings)
+        refuse_unwritable("--report", report)
+    arm = conditions.arm(robot)
+    pose = given_joints(arm.model, q, q_deg)
+    result = run(
+        arm, make_hold(controller, arm), hold_start(arm.model, arm.plant) if pose is None else pose, seconds
+    )
+    settings: dict[str, object] = {"robot": robot, "controller": controller}
+    title = f"{robot} (simulated), held by {controller} for {seconds:g} s"
+    _conclude(title, result, settings | conditions.as_data(), report, as_json)
+
+
+def _conclude(
+    title: str, result: "Tracking | Holding", settings: dict[str, object], report: Path | None, as_json: bool
+) -> None:
+    from catenary.reports.gravity import gravity_table, write_gravity_report
+
+    if report is not None:
+        write_gravity_report(report, result, settings)
     if as_json:
         print_json({**settings, **result.as_data()})
         return
-    table = holding_table(result)
-    print_table(f"{robot} (simulated), held by {controller} for {seconds:g} s", table.header, table.rows)
+    print_table(title, *gravity_table(result))
     if report is not None:
         print(f"page: {report}")
 
 
-def _check_report(report: Path | None) -> None:
-    """Refuse a page that could not be written, before the arm moves."""
-    if report is not None and (report.is_dir() or not report.parent.is_dir()):
-        raise InputError(f"--report {report}: expected a file in a folder that exists")
+def _require_finite(option: str, values: "ArrayLike | None") -> None:
+    import numpy as np
+
+    if values is not None and not np.isfinite(values).all():
+        raise InputError(f"{option}: expected finite numbers, got {values}")

@@ -1,7 +1,7 @@
 """catenary home: a robot finds its joints; a project's, one simulated for the moment, or one on ROS."""
 
 import json
-import sys
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,8 +11,9 @@ from catenary.cli.beside_robot import RobotAccess, TerminalGuide, robot_of
 from catenary.cli.options import AsJson
 from catenary.cli.project_options import ArmOptions, open_project
 from catenary.cli.robot_choice import PacedRobot, open_robot
-from catenary.cli.terminal import human, print_json, print_table
+from catenary.cli.terminal import announce, print_json, print_table
 from catenary.errors import InputError
+from catenary.units import in_words
 
 if TYPE_CHECKING:
     from catenary.workflows.robot.homing import Homing
@@ -68,8 +69,8 @@ def home(
         fast=access.ros is None,
     )
     with open_robot(chosen, moves=False, homed=False) as opened:
-        guide = AnswerYes(_tell) if access.yes or access.simulated else TerminalGuide()
-        _tell("homing ...")
+        guide = AnswerYes(announce) if access.yes or access.simulated else TerminalGuide()
+        announce("homing ...")
         found = home_operated(opened, guide)
     _say(found, as_json)
 
@@ -77,7 +78,7 @@ def home(
 def _home_project(folder: Path, arm: ArmOptions, access: RobotAccess, as_json: bool) -> None:
     opened = open_project(folder, arm, ros=access.ros)
     with robot_of(opened, access) as robot:
-        _tell("homing ...")
+        announce("homing ...")
         was_run = robot.home(opened)
     if as_json:
         content = json.loads((opened.folder / "robot" / "home.json").read_text(encoding="utf-8"))
@@ -92,19 +93,11 @@ def _say(found: "Homing", as_json: bool) -> None:
         return
     how = f"homed in {found.seconds:.1f} s" if found.was_run else "homed before; nothing has moved"
     print(f"{found.robot}: {how}; {found.state.state}\n")
-    encoders = [] if found.external_encoders is None else found.external_encoders.tolist()
+    columns = [found.believed]
+    if found.external_encoders is not None:
+        columns.append(found.external_encoders)
     rows = [
-        [
-            name,
-            human(q, unit, 2),
-            *([human(encoders[j], unit, 2) if j < len(encoders) else ""] if encoders else []),
-        ]
-        for j, (name, unit, q) in enumerate(
-            zip(found.joint_names, found.joint_units, found.believed, strict=True)
-        )
+        [name, *("" if q is None else in_words(q, unit, 2) for q in seen)]
+        for name, unit, *seen in zip_longest(found.joint_names, found.joint_units, *columns)
     ]
-    print_table("Joints", ["joint", "now", *(["external encoder"] if encoders else [])], rows)
-
-
-def _tell(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
+    print_table("Joints", ["joint", "now", "external encoder"][: 1 + len(columns)], rows)

@@ -5,8 +5,8 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from catenary.cli.options import AsJsonNotTables
-from catenary.cli.terminal import print_json, print_notes, print_table
+from catenary.cli.options import AsJsonNotTables, Report
+from catenary.cli.terminal import numbers, print_json, print_notes, print_table, refuse_to_overwrite
 from catenary.errors import InputError
 
 Logs = Annotated[
@@ -64,9 +64,7 @@ def identify(
     urdf: Annotated[
         Path | None, Option(metavar="FILE", help="Also write the robot as URDF; needs --consistent.")
     ] = None,
-    report: Annotated[
-        Path | None, Option(metavar="PAGE", help="Also write a self-contained HTML page.")
-    ] = None,
+    report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
     """Identify an arm's dynamics from recordings of it.
@@ -92,8 +90,9 @@ def identify(
         raise InputError(
             "--urdf: only a physically consistent fit gives each link an inertia; add --consistent"
         )
-    _refuse_to_overwrite([out, card_path(out), report, urdf], [*logs, *tests, Path(robot)])
-    result = identify_files(logs, robot, options, tests=tests, rows=None if rows is None else _rows(rows))
+    outputs = {"--out": out, "the card of --out": card_path(out), "--report": report, "--urdf": urdf}
+    refuse_to_overwrite(outputs, [*logs, *tests, Path(robot)])
+    result = identify_files(logs, robot, options, tests=tests, rows=_rows(rows))
     found = result.identification
     save_identification(found, result.card, out)
     if urdf is not None:
@@ -104,10 +103,8 @@ def identify(
         print_json({**result.summary(), "file": str(out), "card": str(card_path(out))})
     else:
         print_notes(result.notes)
-        table = residual_table(found)
-        print_table("Residual over torque (RMS) per axis", table.header, table.rows, left=1)
-        table = absolute_table(found)
-        print_table("RMS residual", table.header, table.rows)
+        print_table("Residual over torque (RMS) per axis", *residual_table(found))
+        print_table("RMS residual", *absolute_table(found))
         for name, text in excitation_facts(found)[:2]:
             print(f"{name}: {text}")
         print(f"parameters: {out}\ncard:  {card_path(out)}")
@@ -122,34 +119,20 @@ def identify(
 
 
 def _gravity(text: str | None) -> tuple[float, float, float]:
-    from catenary.cli.terminal import numbers
     from catenary.identification.options import NOMINAL_GRAVITY
 
+    x, y, z = NOMINAL_GRAVITY if text is None else numbers("--gravity", text, 3)
+    return x, y, z
+
+
+def _rows(text: str | None) -> tuple[int, int] | None:
     if text is None:
-        return NOMINAL_GRAVITY
-    values = numbers("--gravity", text)
-    if len(values) != 3:
-        raise InputError(f"--gravity: expected three numbers, got {text!r}")
-    return values[0], values[1], values[2]
-
-
-def _rows(text: str) -> tuple[int, int]:
-    first, colon, last = text.partition(":")
+        return None
+    first, _, last = text.partition(":")
     try:
-        if not colon:
-            raise ValueError
         return int(first), int(last)
     except ValueError:
         raise InputError(f"--rows: expected FIRST:LAST, such as 921:6791, got {text!r}") from None
-
-
-def _refuse_to_overwrite(written: list[Path | None], read: list[Path]) -> None:
-    targets = [path.absolute() for path in written if path is not None]
-    for path in targets:
-        if path in [p.absolute() for p in read]:
-            raise InputError(f"{path}: is read here, and will not be overwritten")
-        if targets.count(path) > 1:
-            raise InputError(f"{path}: two outputs would be written there")
 
 
 def excitation(
@@ -182,14 +165,13 @@ def excitation(
     """
     import numpy as np
 
-    from catenary.cli.terminal import numbers
     from catenary.identification.excitation import fourier_motion, room_of, static_poses
     from catenary.robots.catalog import load_robot
     from catenary.workflows.identify import write_excitation
 
     if static is not None and fourier:
         raise InputError("excitation: give one of --static and --fourier")
-    _refuse_to_overwrite([out], [Path(robot)])
+    refuse_to_overwrite({"--out": out}, [Path(robot)])
     model = load_robot(robot)
     limits = {
         name: None if text is None else numbers(f"--{name}", text)
@@ -197,34 +179,16 @@ def excitation(
     }
     if static is not None and velocity is None:
         limits["velocity"] = (1.0,) * model.n  # poses are held: how fast they are reached is the robot's
-    room = room_of(model, lower=limits["lower"], upper=limits["upper"], velocity=limits["velocity"])
-    rng = np.random.default_rng(seed)
+    room, rng, down = room_of(model, **limits), np.random.default_rng(seed), _gravity(gravity)
     if static is not None:
-        design = static_poses(model, static, room, rng, gravity=_gravity(gravity))
+        design = static_poses(model, static, room, rng, gravity=down)
     else:
-        design = fourier_motion(
-            model,
-            room,
-            rng,
-            period=period,
-            harmonics=harmonics,
-            rate=rate,
-            trials=trials,
-            gravity=_gravity(gravity),
-        )
+        shape = {"period": period, "harmonics": harmonics, "rate": rate, "trials": trials}
+        design = fourier_motion(model, room, rng, gravity=down, **shape)  # type: ignore[arg-type]  # int or float
     write_excitation(design, model, out)
     if as_json:
-        print_json(
-            {
-                "robot": model.name,
-                "terms": design.terms,
-                "rows": len(design.q),
-                "n_base": design.n_base,
-                "condition": design.condition,
-                "seed": seed,
-                "file": str(out),
-            }
-        )
+        size = {"rows": len(design.q), "n_base": design.n_base, "condition": design.condition}
+        print_json({"robot": model.name, "terms": design.terms, **size, "seed": seed, "file": str(out)})
         return
     what = "poses" if design.terms == "static" else f"rows, {design.time[-1]:g} s"
     print(f"{model.name}: {len(design.q)} {what}")
@@ -251,22 +215,15 @@ def payload(
     """
     from catenary.workflows.payload import payload_of_files
 
-    result = payload_of_files(
-        logs,
-        model,
-        at=None if at is None else (at[0], at[1:]),
-        unloaded=unloaded or [],
-        cutoff_hz=cutoff_hz,
-    )
+    place = None if at is None else (at[0], at[1:])
+    result = payload_of_files(logs, model, at=place, unloaded=unloaded or [], cutoff_hz=cutoff_hz)
     if as_json:
         print_json(result.summary())
         return
     print_notes(result.notes)
     best = result.payload
-    if not best.detected:
-        print(f"no payload (confidence {best.confidence:.3f} that there is one)")
-    else:
-        print(f"payload on {best.link} (confidence {best.confidence:.3f})")
+    found, that = (f"payload on {best.link}", "") if best.detected else ("no payload", " that there is one")
+    print(f"{found} (confidence {best.confidence:.3f}{that})")
     if best.mass is not None:
         print(f"mass: {1000 * best.mass:.1f} g, standard deviation {1000 * (best.mass_std or 0.0):.1f} g")
     if best.moment is not None and best.moment_std is not None:

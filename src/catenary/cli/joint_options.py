@@ -15,9 +15,11 @@ if TYPE_CHECKING:
 Q = Annotated[str | None, Option("--q", metavar="Q,Q,...", help="Joint coordinates in rad and m.")]
 QDeg = Annotated[str | None, Option("--q-deg", metavar="Q,Q,...", help="Joint coordinates in deg and mm.")]
 
+SameInDeg = Annotated[str | None, Option("--q-deg", metavar="Q,Q,...", help="The same in deg and mm.")]
+
 
 class Jointed(Protocol):
-    """What has joints: a plant or a robot model."""
+    """Anything with joints: a plant or a robot model."""
 
     @property
     def joint_names(self) -> tuple[str, ...]: ...  # noqa: D102
@@ -37,6 +39,11 @@ def joint_values(model: "RobotModel", q: str | None, q_deg: str | None) -> "Floa
             f"{names_and_units(model)}"
         )
     return some_joint_values(model, q, q_deg, model.joint_names)[0]
+
+
+def given_joints(model: "RobotModel", q: str | None, q_deg: str | None) -> "Floats | None":
+    """Read all joints of a robot from one of the two options, (n,) in rad and m; None when neither is given."""
+    return None if q is None and q_deg is None else joint_values(model, q, q_deg)
 
 
 def some_joint_values(
@@ -82,7 +89,7 @@ def names_and_units(robot: Jointed, names: Sequence[str] | None = None) -> str:
 
 
 def beyond_limits(model: "RobotModel", values: "Floats") -> list[str]:
-    """Say which joints are beyond their limits."""
+    """Return a remark on each joint that is beyond its limits."""
     return [
         f"{name}: {value:g} {unit} is outside its limits, {low:g} to {high:g} {unit}"
         for name, unit, value, low, high in zip(

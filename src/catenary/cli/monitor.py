@@ -12,7 +12,7 @@ from typer import Option
 from catenary.cli.gravity_source import GravityOptions
 from catenary.cli.options import Record
 from catenary.cli.robot_choice import WatchedRobot, open_robot, recorded
-from catenary.cli.terminal import print_json_line
+from catenary.cli.terminal import announce, print_json_line
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def monitor(
             from catenary.workflows.robot.operator_motion import random_motion
             from catenary.workflows.robot.watch import watch_robot
 
-            print("preparing the robot ...", file=sys.stderr, flush=True)
+            announce("preparing the robot ...")
             opened = stack.enter_context(open_robot(robot, moves=False, imu=source))
             motion = random_motion(opened, 60.0, rng=np.random.default_rng(0)) if moving else None
             name = opened.name

@@ -9,8 +9,9 @@ from typer import Argument, Option
 
 from catenary.cli.joint_options import some_joint_values
 from catenary.cli.robot_choice import PacedRobot, open_robot
-from catenary.cli.terminal import human, numbers, print_json, print_notes, print_table, progress_bar, words
+from catenary.cli.terminal import numbers, print_json, print_notes, print_table, progress_bar, words
 from catenary.errors import InputError
+from catenary.units import in_words
 
 if TYPE_CHECKING:
     from catenary.workflows.robot.operator_motion import MotionSummary
@@ -120,7 +121,7 @@ def follow(
         if typed is not None:
             fastest[unit] = typed * scale
     away = motion.leaves_rows(motion.trajectory(blend), blend)
-    shown = ", ".join(human(value, unit, 2) for value, unit in zip(away, motion.joint_units, strict=True))
+    shown = ", ".join(in_words(value, unit, 2) for value, unit in zip(away, motion.joint_units, strict=True))
     print_notes([f"{len(motion.q)} rows, {motion.time[-1]:.1f} s; corners are passed within {shown}"])
     with (
         open_robot(robot) as opened,
@@ -144,7 +145,7 @@ def _say(summary: "MotionSummary", as_json: bool, what: str) -> None:
             f"{'' if state.is_homed else ', not homed'}\n"
         )
         rows = [
-            [name, human(at, unit, 2), human(largest, unit, 3), human(rms, unit, 3)]
+            [name, in_words(at, unit, 2), in_words(largest, unit, 3), in_words(rms, unit, 3)]
             for name, unit, at, largest, rms in zip(
                 summary.joint_names, summary.joint_units, summary.q, summary.max_error, summary.rms_error,
                 strict=True,

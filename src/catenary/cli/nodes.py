@@ -1,8 +1,9 @@
 """catenary encoders, gravity-node: devices as topics."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -13,11 +14,8 @@ from catenary.cli.terminal import numbers, print_json_line, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.crtk.transport import Transport
     from catenary.nodes.encoders import EncoderStatus
     from catenary.nodes.gravity import GravityStatus
-    from catenary.sensing.mailbox import Mailbox
-    from catenary.sensing.mounting import Mounting
 
 
 def encoders(
@@ -55,13 +53,9 @@ def encoders(
         board.wait_ready()
         node = EncoderNode(board, transport, state_topic=state)
         print_notes([f"{port}: counts come; home the robot, and its stops register the encoders"])
-        said: list[str] = []
-        show: Callable[[EncoderStatus], None] = _json_line if as_json else lambda s: _encoder_line(s, said)
+        show = _shown(_encoder_line, as_json)
         final = publish_encoders(node, duration=duration, show=show)
-    if as_json:
-        _json_line(final, final=True)
-    else:
-        _encoder_line(final, said)
+    show(final, final=True)
     if not final.reading.is_valid:
         raise typer.Exit(1)
 
@@ -94,7 +88,9 @@ def gravity_node(
 
     Example: catenary gravity-node --ros 1 --imu /imu/data_raw --mounting mounting.toml
     """
+    from catenary.crtk.gravity_topic import TYPES, GravityTopic, now_of
     from catenary.crtk.network import make_transport
+    from catenary.devices.accelerometer import SerialAccelerometer
     from catenary.nodes.gravity import GravityNode, publish_gravity
     from catenary.sensing.checks import SensorRules
     from catenary.sensing.imu import SensedGravity
@@ -106,78 +102,54 @@ def gravity_node(
     if port is not None and points_down:
         raise InputError("gravity-node: --points-down goes with a topic; a board sends specific force")
     told, mailbox = Mounting() if mounting is None else load_mounting(mounting), Mailbox()
-    with ExitStack() as open_things:
-        transport = open_things.enter_context(make_transport(ros, "catenary_gravity"))
-        feed, link, told, angular = (
-            _from_port(open_things, port, baud, transport, mailbox, told)
-            if port is not None
-            else _from_topic(imu, accel, vector, transport, mailbox, told, points_down)
-        )
-        source = SensedGravity(
-            mailbox,
-            told,
-            angular=angular and not no_gyroscope,
-            fallback=fallback,
-            rules=SensorRules(max_tilt=math.pi) if hanging else None,
-            feed=feed,
-        )
+    with ExitStack() as stack:
+        transport = stack.enter_context(make_transport(ros, "catenary_gravity"))
+        feed: Callable[[float], None] | None = None
+        counts: Any
+        if port is not None:
+            device = stack.enter_context(
+                SerialAccelerometer(port, mailbox, baud=baud, clock=lambda: now_of(transport))
+            )
+            hello = device.wait_ready()
+            print_notes([f"{port}: {hello.sensor}, {hello.rate_hz:g} Hz"])
+            told, angular, counts = device.with_ranges(told), hello.has_gyroscope, device.counts
+        else:
+            given = zip((imu, accel, vector), TYPES, strict=True)
+            name, kind = next((name, kind) for name, kind in given if name is not None)
+            heard = GravityTopic(transport, name, kind, mailbox, points_down=points_down)
+            print_notes([f"{heard.topic}: waiting for {kind}"])
+            feed, angular, counts = heard.feed, imu is not None, heard.tally
+        rules = SensorRules(max_tilt=math.pi) if hanging else None
+        angular = angular and not no_gyroscope
+        source = SensedGravity(mailbox, told, angular=angular, fallback=fallback, rules=rules, feed=feed)
         node = GravityNode(transport, source, topic=topic, frame_id=frame)
-        said: list[str] = []
-        show: Callable[[GravityStatus], None] = _json_line if as_json else lambda s: _gravity_line(s, said)
-        final = publish_gravity(node, rate_hz=rate, duration=duration, link=link, show=show)
-    if as_json:
-        _json_line(final, final=True)
-    else:
-        _gravity_line(final, said)
+        show = _shown(_gravity_line, as_json)
+        final = publish_gravity(node, rate_hz=rate, duration=duration, link=lambda: asdict(counts), show=show)
+    show(final, final=True)
     if "live" not in node.tally.report().ticks:
         raise typer.Exit(1)
 
 
-_Source = tuple[Callable[[float], None] | None, Callable[[], dict[str, Any]], "Mounting", bool]
+def _shown(line: Callable[[Any], tuple[str, Sequence[str]]], as_json: bool) -> Callable[..., None]:
+    """Return what prints a status: as JSON, or as a line to read and those remarks that are new."""
+    said: list[str] = []
+
+    def show(status: "EncoderStatus | GravityStatus", *, final: bool = False) -> None:
+        if as_json:
+            print_json_line({"final": status.as_data()} if final else status.as_data())
+            return
+        text, remarks = line(status)
+        print(
+            f"{text}  {status.subscribers} programs listen{'' if status.is_up else '  NO MASTER'}", flush=True
+        )
+        if list(remarks) != said:
+            said[:] = remarks
+            print_notes(said)
+
+    return show
 
 
-def _from_port(
-    open_things: ExitStack, port: str, baud: int, transport: "Transport", mailbox: "Mailbox", told: "Mounting"
-) -> _Source:
-    from dataclasses import asdict
-
-    from catenary.crtk.gravity_topic import now_of
-    from catenary.devices.accelerometer import SerialAccelerometer
-
-    device = open_things.enter_context(
-        SerialAccelerometer(port, mailbox, baud=baud, clock=lambda: now_of(transport))
-    )
-    hello = device.wait_ready()
-    print_notes([f"{port}: {hello.sensor}, {hello.rate_hz:g} Hz"])
-    return None, lambda: asdict(device.counts), device.with_ranges(told), hello.has_gyroscope
-
-
-def _from_topic(
-    imu: str | None,
-    accel: str | None,
-    vector: str | None,
-    transport: "Transport",
-    mailbox: "Mailbox",
-    told: "Mounting",
-    points_down: bool,
-) -> _Source:
-    from dataclasses import asdict
-
-    from catenary.crtk.gravity_topic import TYPES, GravityTopic
-
-    name, kind = next(
-        (name, kind) for name, kind in zip((imu, accel, vector), TYPES, strict=True) if name is not None
-    )
-    topic = GravityTopic(transport, name, kind, mailbox, points_down=points_down)
-    print_notes([f"{topic.topic}: waiting for {kind}"])
-    return topic.feed, lambda: asdict(topic.tally), told, imu is not None
-
-
-def _json_line(status: "EncoderStatus | GravityStatus", *, final: bool = False) -> None:
-    print_json_line({"final": status.as_data()} if final else status.as_data())
-
-
-def _encoder_line(status: "EncoderStatus", said: list[str]) -> None:
+def _encoder_line(status: "EncoderStatus") -> tuple[str, Sequence[str]]:
     import numpy as np
 
     reading = status.reading
@@ -187,25 +159,14 @@ def _encoder_line(status: "EncoderStatus", said: list[str]) -> None:
         a, b, c = reading.q_encoder * [180.0 / np.pi, 180.0 / np.pi, 1e3]
         place = f"{a:.3f} deg {b:.3f} deg {c:.3f} mm"
     robot = f"  robot {status.robot}" if status.robot else ""
-    print(
-        f"{status.seconds:7.0f} s  {reading.rate_hz:4.0f} Hz  {counts} counts  {place}{robot}  "
-        f"{status.subscribers} programs listen{'' if status.is_up else '  NO MASTER'}",
-        flush=True,
-    )
-    if reading.complaint and said[-1:] != [reading.complaint]:
-        said[:] = [reading.complaint]
-        print_notes([reading.complaint])
+    text = f"{status.seconds:7.0f} s  {reading.rate_hz:4.0f} Hz  {counts} counts  {place}{robot}"
+    return text, [reading.complaint] if reading.complaint else []
 
 
-def _gravity_line(status: "GravityStatus", said: list[str]) -> None:
+def _gravity_line(status: "GravityStatus") -> tuple[str, Sequence[str]]:
     x, y, z = status.reading.gravity
-    data = status.as_data()
-    print(
-        f"{status.seconds:7.0f} s  gravity {x:+7.3f} {y:+7.3f} {z:+7.3f} m/s2, tilt {data['tilt_deg']:.2f} deg, "
-        f"{status.reading.status.value}  {status.subscribers} programs listen"
-        f"{'' if status.is_up else '  NO MASTER'}",
-        flush=True,
+    tilt, state = status.as_data()["tilt_deg"], status.reading.status.value
+    text = (
+        f"{status.seconds:7.0f} s  gravity {x:+7.3f} {y:+7.3f} {z:+7.3f} m/s2, tilt {tilt:.2f} deg, {state}"
     )
-    if list(status.warnings) != said:
-        said[:] = status.warnings
-        print_notes(said)
+    return text, status.warnings

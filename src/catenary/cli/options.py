@@ -26,6 +26,13 @@ Baud = Annotated[int, Option("--baud", min=300, help="Speed of the serial line."
 MountingFile = Annotated[
     Path | None, Option("--mounting", metavar="FILE", help="Mounting file of the sensor.")
 ]
+SimulatedSeed = Annotated[
+    int | None,
+    Option(
+        "--seed", metavar="N", min=0,
+        help="Simulate another robot of the kind, drawn with this seed. [default: the nominal one]",
+    ),
+]  # fmt: skip
 Hanging = Annotated[bool, Option("--hanging", help="The base may hang upside down.")]
 
 

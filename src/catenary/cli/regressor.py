@@ -45,10 +45,8 @@ def _print_compact(report: "RegressorReport") -> None:
     form = report.compact
     print(f"{report.model.name}: gravity on a level base, g_c = 9.81 m/s2\n\n{form}\n")
     values = _texts(report.compact_values, len(form.labels))
-    rows = [
-        [f"s{k + 1}", label, value, unit]
-        for k, (label, value, unit) in enumerate(zip(form.labels, values, form.units, strict=True))
-    ]
+    columns = enumerate(zip(form.labels, values, form.units, strict=True), 1)
+    rows = [[f"s{k}", *cells] for k, cells in columns]
     print_table("Parameters", ["", "", "value", "unit"], rows, left=2)
     symbols = [
         [name, symbol.meaning, "" if symbol.value is None else f"{symbol.value:.6g}"]
@@ -64,15 +62,10 @@ def _print_identifiability(report: "RegressorReport") -> None:
     from catenary.workflows.regressor import WORDS
 
     names = standard_labels(report.model)
+    values, kinds = _texts(report.standard_values, len(names)), map(report.identifiable, ("level", "tilted"))
     rows = [
         [name, WORDS[on_level], WORDS[on_tilted], value, "kg" if name.startswith("m(") else "kg m"]
-        for name, value, on_level, on_tilted in zip(
-            names,
-            _texts(report.standard_values, len(names)),
-            report.identifiable("level"),
-            report.identifiable("tilted"),
-            strict=True,
-        )
+        for name, value, on_level, on_tilted in zip(names, values, *kinds, strict=True)
     ]
     print_table(
         f"{report.model.name}: do gravity torques tell masses m, and moments m c in the links' frames?",
@@ -80,22 +73,13 @@ def _print_identifiability(report: "RegressorReport") -> None:
         rows,
         left=3,
     )
-    print_table(
-        "What torques tell",
-        ["base", "combinations", "of", "condition number"],
-        [
-            [name, str(base.count), str(len(names)), f"{base.condition:.3g}"]
-            for name, base in report.bases.items()
-        ],
-    )
+    of = str(len(names))
+    rows = [[name, str(base.count), of, f"{base.condition:.3g}"] for name, base in report.bases.items()]
+    print_table("What torques tell", ["base", "combinations", "of", "condition number"], rows)
     labels = report.combinations("level")
-    combinations = [
-        [f"b{k + 1}", label, value]
-        for k, (label, value) in enumerate(
-            zip(labels, _texts(report.base_values("level"), len(labels)), strict=True)
-        )
-    ]
-    print_table("Combinations on a level base", ["", "", "value"], combinations, left=2)
+    columns = zip(labels, _texts(report.base_values("level"), len(labels)), strict=True)
+    rows = [[f"b{k}", *cells] for k, cells in enumerate(columns, 1)]
+    print_table("Combinations on a level base", ["", "", "value"], rows, left=2)
     for sentence in report.sentences():
         name, _, text = sentence.partition(": ")
         print_fact(f"{name}:", text, width=0) if text else print(f"  {sentence}")

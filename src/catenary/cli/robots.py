@@ -4,10 +4,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from catenary.cli.joint_options import Q, QDeg, beyond_limits, joint_values, names_and_units
+from catenary.cli.joint_options import (
+    Q,
+    QDeg,
+    SameInDeg,
+    beyond_limits,
+    given_joints,
+    joint_values,
+    names_and_units,
+)
 from catenary.cli.options import AsJsonNotTables
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table
 from catenary.errors import InputError
+from catenary.units import in_words
 
 if TYPE_CHECKING:
     from catenary.dynamics.inverse_kinematics import Match
@@ -61,21 +70,12 @@ def fk(
         f: relative_pose(model, values, name, f) for f in (in_frame, *_other_base_frames(model, in_frame))
     }
     if as_json:
-        print_json(
-            {
-                "robot": model.name,
-                "q": values.tolist(),
-                "unit": model.joint_units,
-                "frame": name,
-                "in": in_frame,
-                **pose_numbers(poses[in_frame]),
-                "in_other_frames": {f: pose_numbers(pose) for f, pose in poses.items() if f != in_frame},
-            }
-        )
+        asked = {"robot": model.name, "q": values, "unit": model.joint_units, "frame": name, "in": in_frame}
+        others = {f: pose_numbers(pose) for f, pose in poses.items() if f != in_frame}
+        print_json({**asked, **pose_numbers(poses[in_frame]), "in_other_frames": others})
         return
-    print_table(
-        f"{model.name}: pose of {name}", _POSE_HEADER, [_pose_row(f, pose) for f, pose in poses.items()]
-    )
+    rows = [_pose_row(f, pose) for f, pose in poses.items()]
+    print_table(f"{model.name}: pose of {name}", _POSE_HEADER, rows)
 
 
 def ik(
@@ -92,7 +92,7 @@ def ik(
             help="Joints to start from, in rad and m; without a position, their pose is the goal.",
         ),
     ] = None,
-    q_deg: Annotated[str | None, Option(metavar="Q,Q,...", help="The same in deg and mm.")] = None,
+    q_deg: SameInDeg = None,
     frame: FrameName = None,
     in_frame: Annotated[
         str, Option("--in", metavar="FRAME", help="Frame, at rest, that the goal is expressed in.")
@@ -116,7 +116,7 @@ def ik(
 
     model = load_robot(robot)
     name = model.tip if frame is None else frame
-    start = None if q is None and q_deg is None else joint_values(model, q, q_deg)
+    start = given_joints(model, q, q_deg)
     if position_mm is None:
         if start is None:
             raise InputError(
@@ -139,20 +139,12 @@ def ik(
     )
     reached = relative_pose(model, solution, name, in_frame)
     if as_json:
-        print_json(
-            {
-                "robot": model.name,
-                "q": solution.tolist(),
-                "unit": model.joint_units,
-                "frame": name,
-                "in": in_frame,
-                "goal": _goal_numbers(goal, match),
-                "reached": pose_numbers(reached),
-            }
-        )
+        asked = {"robot": model.name, "q": solution, "unit": model.joint_units, "frame": name, "in": in_frame}
+        free = {"quaternion": None, "rotation": None} if match == "position" else {}
+        print_json({**asked, "goal": pose_numbers(goal) | free, "reached": pose_numbers(reached)})
         return
     rows = [
-        [n, f"{v:.9g} {u}", _degrees(v, u)]
+        [n, f"{v:.9g} {u}", in_words(v, u, 4)]
         for n, v, u in zip(model.joint_names, solution, model.joint_units, strict=True)
     ]
     print_table(f"{model.name}: joints that bring {name} to the goal", ["joint", "", ""], rows)
@@ -166,16 +158,8 @@ def pose_numbers(pose: "Pose") -> dict[str, Any]:
     """Return a pose as plain data: position [m], quaternion (w, x, y, z), rotation matrix."""
     from catenary.spatial import quaternion_from_rotation
 
-    return {
-        "position": pose.position.tolist(),
-        "quaternion": quaternion_from_rotation(pose.rotation).tolist(),
-        "rotation": pose.rotation.tolist(),
-    }
-
-
-def _goal_numbers(goal: "Pose", match: "Match | None") -> dict[str, Any]:
-    content = pose_numbers(goal)
-    return {**content, "quaternion": None, "rotation": None} if match == "position" else content
+    quaternion = quaternion_from_rotation(pose.rotation)
+    return {"position": pose.position, "quaternion": quaternion, "rotation": pose.rotation}
 
 
 _POSE_HEADER = ["in", "x [mm]", "y [mm]", "z [mm]", "w", "x", "y", "z"]
@@ -200,21 +184,13 @@ def _goal(position_mm: str, rpy_deg: str | None, quaternion: str | None) -> "Pos
     if rpy_deg is not None and quaternion is not None:
         raise InputError("ik: give one of --rpy-deg and --quaternion")
     position = as_array("--position-mm", numbers("--position-mm", position_mm), (3,)) / 1000.0
+    rotation = np.eye(3)
     if rpy_deg is not None:
-        return Pose(
-            rotation_from_rpy(np.deg2rad(as_array("--rpy-deg", numbers("--rpy-deg", rpy_deg), (3,)))),
-            position,
-        )
-    if quaternion is not None:
-        return Pose(rotation_from_quaternion(numbers("--quaternion", quaternion)), position)
-    return Pose(np.eye(3), position)
+        rotation = rotation_from_rpy(np.deg2rad(as_array("--rpy-deg", numbers("--rpy-deg", rpy_deg), (3,))))
+    elif quaternion is not None:
+        rotation = rotation_from_quaternion(numbers("--quaternion", quaternion))
+    return Pose(rotation, position)
 
 
 def _other_base_frames(model: "RobotModel", shown: str) -> list[str]:
     return [name for name, frame in model.frames.items() if frame.link == -1 and name not in ("base", shown)]
-
-
-def _degrees(value: float, unit: str) -> str:
-    import numpy as np
-
-    return f"{np.rad2deg(value):.4f} deg" if unit == "rad" else f"{1000.0 * value:.4f} mm"

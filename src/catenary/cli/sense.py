@@ -67,12 +67,10 @@ def sense(
     if out is not None and not tumble:
         raise InputError("sense: --out is where --tumble writes; add --tumble")
     told = Mounting() if mounting is None else load_mounting(mounting)
-    with _opened(port, told, tilt_deg or (0.0, 0.0), 200.0 if rate is None else rate, seed, baud, tumble) as (
-        feed,
-        known,
-    ):
+    hertz, tilt = 200.0 if rate is None else rate, tilt_deg or (0.0, 0.0)
+    with _opened(port, told, tilt, hertz, seed, baud, tumble) as (feed, known):
         if tumble or feed is None:
-            _tumble(feed, known, 200.0 if rate is None else rate, seed, out or Path("mounting.toml"), as_json)
+            _tumble(feed, known, hertz, seed, out or Path("mounting.toml"), as_json)
         else:
             _watch(feed, known, duration, hanging, as_json)
 
@@ -93,7 +91,7 @@ def _opened(
     from catenary.sensing.mailbox import Mailbox
     from catenary.simulation.base_motion import FixedBase
     from catenary.simulation.sensors import SensorModel, SimulatedSensor
-    from catenary.workflows.sense import SerialFeed, SimulatedFeed
+    from catenary.workflows.sense import SimulatedFeed, serial_feed
 
     if port is not None:
         from catenary.devices.accelerometer import SerialAccelerometer
@@ -101,7 +99,7 @@ def _opened(
         with SerialAccelerometer(port, Mailbox(), baud=baud) as device:
             hello = device.wait_ready()
             print_notes([f"{port}: {hello.sensor}, {hello.rate_hz:g} Hz"])
-            yield SerialFeed(device), device.with_ranges(told)
+            yield serial_feed(device), device.with_ranges(told)
         return
     model = SensorModel(rate)
     told = replace(
@@ -224,12 +222,8 @@ def _by_hand(feed: "Feed") -> "Callable[[Attitude], StillReading]":
     from catenary.workflows.tumble import ATTITUDES
 
     def read(attitude: "Attitude") -> "StillReading":
-        print(
-            f"{ATTITUDES.index(attitude) + 1}/{len(ATTITUDES)} {attitude.instruction}; Enter ",
-            end="",
-            file=sys.stderr,
-            flush=True,
-        )
+        which = f"{ATTITUDES.index(attitude) + 1}/{len(ATTITUDES)}"
+        print(f"{which} {attitude.instruction}; Enter ", end="", file=sys.stderr, flush=True)
         if not _enter_pressed():
             raise InputError("sense: --tumble needs somebody at the keyboard, and standard input has ended")
         reading = read_still(feed)
@@ -247,28 +241,15 @@ def _enter_pressed() -> bool:
 def _print_tumble(outcome: "TumbleOutcome", out: Path, as_json: bool) -> None:
     m, section = outcome.mounting, outcome.section
     if as_json:
-        print_json(
-            {
-                "mounting": None if outcome.faults else str(out),
-                "bias": m.bias,
-                "scale": m.scale,
-                "rate_bias": m.rate_bias,
-                "rotation": m.rotation,
-                "residual": section.residual_m_s2,
-                "rotation_residual_deg": section.rotation_residual_deg,
-                "readings": section.readings,
-                "faults": list(outcome.faults),
-            }
-        )
+        found = {key: getattr(m, key) for key in ("bias", "scale", "rate_bias", "rotation")}
+        left = {"residual": section.residual_m_s2, "rotation_residual_deg": section.rotation_residual_deg}
+        ended = {"readings": section.readings, "faults": list(outcome.faults)}
+        print_json({"mounting": None if outcome.faults else str(out), **found, **left, **ended})
         return
-    for name, values, unit in (
-        ("bias", m.bias, "m/s2"),
-        ("scale", m.scale, ""),
-        ("rate bias", m.rate_bias, "rad/s"),
-    ):
-        print_fact(name, " ".join(f"{v:+.4f}" for v in values) + f" {unit}", width=10)
-    for k, row in enumerate(m.rotation):
-        print_fact("R_base_imu" if k == 0 else "", " ".join(f"{v:+.4f}" for v in row), width=10)
+    facts = [("bias", m.bias, "m/s2"), ("scale", m.scale, ""), ("rate bias", m.rate_bias, "rad/s")]
+    facts += zip(("R_base_imu", "", ""), m.rotation, ("", "", ""), strict=True)
+    for name, values, unit in facts:
+        print_fact(name, " ".join(f"{v:+.4f}" for v in values) + f" {unit}".rstrip(), width=10)
     if section.residual_m_s2 is not None:
         print_fact("residual", f"{section.residual_m_s2:.4f} m/s2", width=10)
     for fault in outcome.faults:

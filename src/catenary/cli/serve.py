@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Option
 
-from catenary.cli.options import AsJson, Carrier, Duration, JsonLines
+from catenary.cli.options import AsJson, Carrier, Duration, JsonLines, SimulatedSeed
 from catenary.cli.terminal import print_json, print_json_line, print_notes, roll_and_pitch
 from catenary.errors import InputError
 
@@ -27,14 +27,7 @@ def serve(
     rate: Annotated[
         float, Option(metavar="HZ", help="Rate at which the robot's state is published.")
     ] = 1000.0,
-    seed: Annotated[
-        int | None,
-        Option(
-            metavar="N",
-            min=0,
-            help="Simulate another robot of the kind, drawn with this seed. [default: the nominal one]",
-        ),
-    ] = None,
+    seed: SimulatedSeed = None,
     base_tilt_deg: Annotated[
         str, Option(metavar="ROLL,PITCH", help="Tilt of the base: roll about x, then pitch about y.")
     ] = "0,0",

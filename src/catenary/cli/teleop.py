@@ -1,6 +1,5 @@
 """catenary teleop: a robot moved from the keyboard of any terminal."""
 
-import sys
 import time
 from typing import Annotated
 
@@ -8,7 +7,7 @@ from typer import Option
 
 from catenary.cli.options import Record
 from catenary.cli.robot_choice import MovedRobot, open_robot, recorded
-from catenary.cli.terminal import print_json, print_notes
+from catenary.cli.terminal import announce, print_json, print_notes
 
 
 def teleop(
@@ -29,22 +28,15 @@ def teleop(
     from catenary.teleop.terminal import RawTerminal
 
     terminal = RawTerminal()
-    print("preparing the robot ...", file=sys.stderr, flush=True)
+    announce("preparing the robot ...")
     with open_robot(robot, homed=not not_homed) as opened:
         with recorded(opened, record) as observe, terminal:
             session = TeleopSession(opened.plant, opened.model, opened.name, terminal, observe=observe)
             why = session.run(time.monotonic)
         state, q = opened.plant.operating_state(), opened.plant.measured_js().q
     if as_json:
-        print_json(
-            {
-                "robot": opened.name,
-                "ended_by": why,
-                "state": state._asdict(),
-                "q": q,
-                "late_ticks": opened.late(),
-            }
-        )
+        ended = {"robot": opened.name, "ended_by": why, "state": state._asdict()}
+        print_json({**ended, "q": q, "late_ticks": opened.late()})
     else:
         print_notes([session.message] if "not paused" in session.message else [])
         print(f"{opened.name}: ended by {why}; the robot is {state.state}")

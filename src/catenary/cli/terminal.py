@@ -1,10 +1,11 @@
 """What every command shares with the person at the terminal: lists typed with commas, tables, progress."""
 
 import json
-import math
+import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from shutil import get_terminal_size
 from textwrap import fill
 from typing import Any, TextIO
@@ -12,11 +13,11 @@ from typing import Any, TextIO
 from catenary.errors import InputError
 
 
-def numbers(option: str, text: str) -> tuple[float, ...]:
-    """Read numbers separated by commas or spaces.
+def numbers(option: str, text: str, count: int | None = None) -> tuple[float, ...]:
+    """Read numbers separated by commas or spaces, as many as `count` says.
 
     Raises:
-        InputError: A word is no number; the message names the option.
+        InputError: A word is no number, or they are none or not so many; the message names the option.
     """
     values = []
     for word in text.replace(",", " ").split():
@@ -26,8 +27,9 @@ def numbers(option: str, text: str) -> tuple[float, ...]:
             raise InputError(
                 f"{option}: expected numbers separated by commas, got {word!r} in {text!r}"
             ) from None
-    if not values:
-        raise InputError(f"{option}: expected numbers separated by commas, got {text!r}")
+    if not values or len(values) != (count or len(values)):
+        expected = f"{count} numbers" if count else "numbers"
+        raise InputError(f"{option}: expected {expected} separated by commas, got {text!r}")
     return tuple(values)
 
 
@@ -48,9 +50,27 @@ def words(text: str) -> tuple[str, ...]:
     return tuple(word.strip() for word in text.split(",") if word.strip())
 
 
-def human(value: float, unit: str, digits: int) -> str:
-    """Write a joint's value, in rad or m, in deg or mm."""
-    return f"{math.degrees(value):.{digits}f} deg" if unit == "rad" else f"{1e3 * value:.{digits}f} mm"
+def refuse_unwritable(option: str, path: Path) -> None:
+    """Refuse, before minutes of work, a file that could not be written after them."""
+    if path.is_dir():
+        raise InputError(f"{option} {path}: is a folder, expected a file to write")
+    if not path.parent.is_dir():
+        raise InputError(f"{option} {path}: folder {path.parent} does not exist")
+    if not os.access(path.parent, os.W_OK):
+        raise InputError(f"{option} {path}: folder {path.parent} cannot be written to")
+
+
+def refuse_to_overwrite(written: Mapping[str, Path | None], read: Sequence[Path]) -> None:
+    """Refuse a file to write, by its option, that is read as well, or that two options write."""
+    places: list[Path] = []
+    for option, path in written.items():
+        if path is None:
+            continue
+        if path.exists() and any(each.exists() and path.samefile(each) for each in read):
+            raise InputError(f"{option} {path}: is a file that is read here; expected another")
+        if path.absolute() in places:
+            raise InputError(f"{option} {path}: something else is written there; expected another file")
+        places.append(path.absolute())
 
 
 def print_json(content: Any) -> None:
@@ -93,6 +113,11 @@ def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]
 def print_fact(name: str, text: str, *, width: int) -> None:
     """Print a name and what it stands for, the text on as many lines of a terminal as it takes."""
     print(_wrapped(f"  {name:<{width}}  ", text, sys.stdout))
+
+
+def announce(text: str) -> None:
+    """Print a line on standard error at once."""
+    print(text, file=sys.stderr, flush=True)
 
 
 def print_notes(notes: Sequence[str]) -> None:

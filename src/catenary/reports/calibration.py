@@ -25,7 +25,7 @@ def write_calibration_report(
     opening: Sequence[Block] = (),
     further: Sequence[Block] = (),
 ) -> None:
-    """Write one self-contained page.
+    """Write the page about a calibration, one self-contained file.
 
     Args:
         path: The HTML file.
@@ -64,18 +64,13 @@ def write_calibration_report(
         Facts(card_facts(card)),
         Listing("The whole card", json_text(card)),
     ]
-    robot = card.get("robot") or "an arm"
-    write_page(
-        path,
-        f"Calibration of {robot}: {model_name(model)}",
-        f"Tested on {tested_on}: {len(evaluation.data):,} rows.",
-        blocks,
-        simulated=simulated,
-    )
+    title = f"Calibration of {card.get('robot') or 'an arm'}: {model_name(model)}"
+    lead = f"Tested on {tested_on}: {len(evaluation.data):,} rows."
+    write_page(path, title, lead, blocks, simulated=simulated)
 
 
 def model_name(model: CalibrationModel) -> str:
-    """Kind, preset and memory of a model, in words."""
+    """Return a model's kind, preset and memory in words."""
     name = model.kind if model.preset is None else f"{model.kind}, preset {model.preset}"
     if model.features.history:
         name += f", {model.features.history} previous commands"
@@ -85,69 +80,45 @@ def model_name(model: CalibrationModel) -> str:
 
 
 def error_table(evaluation: Evaluation) -> Table:
-    """RMSE and maximum per joint, raw, after the fixed offset and after the model."""
-    return Table(
-        ["joint", "unit", "raw", "offset", "model", "of offset", "raw max", "model max", "outside"],
-        [
-            [
-                j.name,
-                j.unit,
-                f"{j.raw_rmse:.3f}",
-                f"{j.offset_rmse:.3f}",
-                f"{j.rmse:.3f}",
-                percent(j.percent_of_offset, 1),
-                f"{j.raw_max:.2f}",
-                f"{j.max:.2f}",
-                f"{100.0 * j.outside_valid_range:.1f} %",
-            ]
-            for j in evaluation.joints
-        ],
-    )
+    """Return RMSE and maximum per joint: raw, after the fixed offset and after the model."""
+    rows = []
+    for j in evaluation.joints:
+        errors = [f"{value:.3f}" for value in (j.raw_rmse, j.offset_rmse, j.rmse)]
+        largest = [f"{value:.2f}" for value in (j.raw_max, j.max)]
+        outside = f"{100.0 * j.outside_valid_range:.1f} %"
+        rows.append([j.name, j.unit, *errors, percent(j.percent_of_offset, 1), *largest, outside])
+    header = ["joint", "unit", "raw", "offset", "model", "of offset", "raw max", "model max", "outside"]
+    return Table(header, rows)
 
 
 def percent(value: float, digits: int) -> str:
-    """A percentage as text; a dash where there was nothing to take it of."""
+    """Return a percentage as text; a dash for NaN, a percentage of nothing."""
     return f"{value:.{digits}f} %" if np.isfinite(value) else "-"
 
 
 def window_table(evaluation: Evaluation) -> Table:
-    """RMSE after the model per window of time."""
+    """Return the RMSE after the model per window of time."""
     unit = evaluation.window_unit
     names = [f"{j.name} [{j.unit}]" for j in evaluation.joints]
-    return Table(
-        ["recording", f"from [{unit}]", f"to [{unit}]", "rows", *names],
-        [
-            [
-                w.recording,
-                f"{w.start:.0f}",
-                f"{w.end:.0f}",
-                str(w.n),
-                *(f"{value:.3f}" for value in w.rmse),
-            ]
-            for w in evaluation.windows
-        ],
-    )
+    header = ["recording", f"from [{unit}]", f"to [{unit}]", "rows", *names]
+    rows = [
+        [w.recording, f"{w.start:.0f}", f"{w.end:.0f}", str(w.n), *(f"{value:.3f}" for value in w.rmse)]
+        for w in evaluation.windows
+    ]
+    return Table(header, rows)
 
 
 def spread_table(spread: Sequence[Spread]) -> Table:
-    """Mean and standard deviation over the blocks."""
-    return Table(
-        ["joint", "unit", "blocks", "offset RMSE", "model RMSE"],
-        [
-            [
-                s.joint,
-                s.unit,
-                str(s.folds),
-                f"{s.offset_rmse_mean:.3f} ± {s.offset_rmse_sd:.3f}",
-                f"{s.rmse_mean:.3f} ± {s.rmse_sd:.3f}",
-            ]
-            for s in spread
-        ],
-    )
+    """Return mean and standard deviation of the RMSE over the blocks of a cross-validation."""
+    rows = []
+    for s in spread:
+        offset = f"{s.offset_rmse_mean:.3f} ± {s.offset_rmse_sd:.3f}"
+        rows.append([s.joint, s.unit, str(s.folds), offset, f"{s.rmse_mean:.3f} ± {s.rmse_sd:.3f}"])
+    return Table(["joint", "unit", "blocks", "offset RMSE", "model RMSE"], rows)
 
 
 def card_facts(card: Card) -> list[tuple[str, str]]:
-    """The card's main lines."""
+    """Return the card's main lines."""
     data = ", ".join(f"{s['name']} ({s['rows']:,} rows, {_short(s['sha256'])})" for s in card["data"])
     version = ", ".join(f"{name} {number}" for name, number in card["version"].items())
     return [
@@ -162,7 +133,7 @@ def card_facts(card: Card) -> list[tuple[str, str]]:
 
 
 def shortened(names: Sequence[str], most: int = 8) -> str:
-    """The first names of a list, and how many more there are."""
+    """Return the first names of a list, and how many more there are."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
 

@@ -13,79 +13,55 @@ from catenary.units import DISPLAY, TORQUE_UNIT
 ERROR, TORQUE, PD = "#4b6b94", "#b8c0cc", "#d9622b"
 MOST_POINTS = 4_000  # in a line
 LEAST_RANGE = 0.01  # [deg|mm] of a picture of drift, to either side
+# title, what the page shows, what its table and picture hold
+TRACKING = (
+    "Tracking with controller {controller}",
+    "Joint errors, and the PD term's share of the torque, as in Lewis and Hannaford 2014.",
+    "Errors are desired minus reported joint positions, at the motors. PD share: RMS of the PD term over "
+    "RMS of the whole torque; near 0 % where the model is right, beyond 100 % where the PD fights it.",
+)
+HOLDING = (
+    "Held by controller {controller}",
+    "Gravity compensation alone, as in Lewis and Hannaford 2014: how far each joint drifts.",
+    "Drift is the largest distance from where a joint began: of the joint itself, then as the robot "
+    "reports it at its motor. At the end: where it then was, seen from the start.",
+)
 
 
-def tracking_table(result: Tracking) -> Table:
-    """Return a table of RMS error, RMS of PD term and of torque, and PD share per joint."""
-    rows = []
-    for joint in result.as_data()["joints"]:
-        share = joint["pd_share_percent"]
-        rows.append(
-            [
-                joint["name"],
-                f"{joint['rms_error']:.4f} {joint['unit']}",
-                f"{joint['rms_pd']:.3f} {joint['torque_unit']}",
-                f"{joint['rms_torque']:.3f} {joint['torque_unit']}",
-                "-" if np.isnan(share) else f"{share:.1f} %",
-            ]
-        )
-    return Table(["joint", "RMS error", "RMS PD term", "RMS torque", "PD share"], rows)
+def gravity_table(result: Tracking | Holding) -> Table:
+    """Return a row per joint: of tracking its RMS error, PD term and torque, of holding its drift."""
+    joints = result.as_data()["joints"]
+    if isinstance(result, Holding):
+        header = ["joint", "drift", "as reported", "at the end"]
+        columns = (("drift", "unit", ".4f"), ("reported_drift", "unit", ".4f"), ("moved", "unit", "+.4f"))
+    else:
+        header = ["joint", "RMS error", "RMS PD term", "RMS torque", "PD share"]
+        columns = (
+            ("rms_error", "unit", ".4f"), ("rms_pd", "torque_unit", ".3f"), ("rms_torque", "torque_unit", ".3f"),
+        )  # fmt: skip
+    rows = [[j["name"], *(f"{j[key]:{form}} {j[unit]}" for key, unit, form in columns)] for j in joints]
+    if isinstance(result, Tracking):
+        for row, share in zip(rows, 100.0 * result.pd_share, strict=True):
+            row.append("-" if np.isnan(share) else f"{share:.1f} %")
+    return Table(header, rows)
 
 
-def holding_table(result: Holding) -> Table:
-    """Return a table of each joint's drift, as it is and as reported at its motor."""
-    rows = [
-        [
-            joint["name"],
-            f"{joint['drift']:.4f} {joint['unit']}",
-            f"{joint['reported_drift']:.4f} {joint['unit']}",
-            f"{joint['moved']:+.4f} {joint['unit']}",
-        ]
-        for joint in result.as_data()["joints"]
-    ]
-    return Table(["joint", "drift", "as reported", "at the end"], rows)
-
-
-def write_tracking_report(path: Path, result: Tracking, settings: Mapping[str, Any]) -> None:
-    """Write a page with the table and a picture of errors and torques over time.
-
-    Raises:
-        FileFormatError: The file cannot be written.
-    """
-    text = Text(
-        "Errors are desired minus reported joint positions, at the motors. PD share: RMS of the PD term over "
-        "RMS of the whole torque; near 0 % where the model is right, beyond 100 % where the PD fights it."
-    )
-    blocks: list[Block] = [
-        tracking_table(result),
-        tracking_picture(result),
-        text,
-        Heading("Settings"),
-        settings_facts(settings),
-    ]
-    lead = "Joint errors, and the PD term's share of the torque, as in Lewis and Hannaford 2014."
-    write_page(path, f"Tracking with controller {settings['controller']}", lead, blocks, simulated=True)
-
-
-def write_holding_report(path: Path, result: Holding, settings: Mapping[str, Any]) -> None:
-    """Write a page with the table and a picture of every joint's drift over time.
+def write_gravity_report(path: Path, result: Tracking | Holding, settings: Mapping[str, Any]) -> None:
+    """Write a page with the table, a picture over time and the settings, one of which is the controller's name.
 
     Raises:
         FileFormatError: The file cannot be written.
     """
-    text = Text(
-        "Drift is the largest distance from where a joint began: of the joint itself, then as the robot "
-        "reports it at its motor. At the end: where it then was, seen from the start."
-    )
+    title, lead, text = HOLDING if isinstance(result, Holding) else TRACKING
+    drawn = holding_picture(result) if isinstance(result, Holding) else tracking_picture(result)
     blocks: list[Block] = [
-        holding_table(result),
-        holding_picture(result),
-        text,
+        gravity_table(result),
+        drawn,
+        Text(text),
         Heading("Settings"),
         settings_facts(settings),
     ]
-    lead = "Gravity compensation alone, as in Lewis and Hannaford 2014: how far each joint drifts."
-    write_page(path, f"Held by controller {settings['controller']}", lead, blocks, simulated=True)
+    write_page(path, title.format(**settings), lead, blocks, simulated=True)
 
 
 def holding_picture(result: Holding) -> Picture:

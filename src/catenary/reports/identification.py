@@ -31,7 +31,7 @@ SHOWN = 3000  # rows a picture draws; more are not seen
 def write_identification_report(
     path: Path, found: Identification, card: Card, shown: Sequence[Samples], *, notes: Sequence[str] = ()
 ) -> None:
-    """Write one self-contained page.
+    """Write the page about an identification, one self-contained file.
 
     Args:
         path: The HTML file.
@@ -65,48 +65,38 @@ def write_identification_report(
         Listing("The whole card", json_text(card)),
     ]
     what = "poses at rest" if found.options.terms == "static" else "full dynamics"
-    write_page(
-        path,
-        f"Identification of {found.model.name}",
-        f"{what}: {found.base.count} base parameters from {sum(r.rows for r in found.training):,} rows of "
-        f"{', '.join(r.log for r in found.training)}.",
-        blocks,
-    )
+    rows, logs = sum(r.rows for r in found.training), ", ".join(r.log for r in found.training)
+    lead = f"{what}: {found.base.count} base parameters from {rows:,} rows of {logs}."
+    write_page(path, f"Identification of {found.model.name}", lead, blocks)
 
 
 def residual_table(found: Identification) -> Table:
-    """Relative residual per recording and axis, with the verdict."""
-    return Table(
-        ["recording", "rows", *found.model.joint_names, "verdict"],
-        [
-            [r.log, str(r.rows), *(_share(v) for v in r.relative_rms), r.verdict or "fitted"]
-            for r in _all(found)
-        ],
-    )
+    """Return the relative residual per recording and axis, with the verdict."""
+    rows = [
+        [r.log, str(r.rows), *(_share(v) for v in r.relative_rms), r.verdict or "fitted"] for r in _all(found)
+    ]
+    return Table(["recording", "rows", *found.model.joint_names, "verdict"], rows)
 
 
 def absolute_table(found: Identification) -> Table:
-    """Residual per recording and axis in Nm and N."""
+    """Return the RMS residual per recording and axis in Nm and N."""
     model = found.model
     names = [f"{n} [{TORQUE_UNIT[u]}]" for n, u in zip(model.joint_names, model.joint_units, strict=True)]
     return Table(["RMS residual", *names], [[r.log, *(f"{v:.4f}" for v in r.rms)] for r in _all(found)])
 
 
 def parameter_table(found: Identification) -> Table:
-    """Every base parameter with its standard deviation."""
-    return Table(
-        ["parameter", "unit", "value", "std", "std / value"],
-        [
-            [name, unit, f"{value:.5g}", f"{std:.2g}", f"{100 * std / abs(value):.0f} %" if value else "-"]
-            for name, unit, value, std in zip(
-                found.base.names, found.base.units, found.beta, found.std, strict=True
-            )
-        ],
-    )
+    """Return every base parameter with its standard deviation."""
+    columns = zip(found.base.names, found.base.units, found.beta, found.std, strict=True)
+    rows = [
+        [name, unit, f"{value:.5g}", f"{std:.2g}", f"{100 * std / abs(value):.0f} %" if value else "-"]
+        for name, unit, value, std in columns
+    ]
+    return Table(["parameter", "unit", "value", "std", "std / value"], rows)
 
 
 def excitation_facts(found: Identification) -> list[tuple[str, str]]:
-    """Rank, condition, weights."""
+    """Return rank, condition, weights and physical consistency."""
     return [
         ("rank", f"{found.rank} of {found.base.count} base parameters"),
         ("condition", f"{found.condition:.4g} (weighted rows, columns scaled to length one)"),
@@ -125,10 +115,12 @@ def torque_picture(found: Identification, samples: Samples) -> Picture:
     n = found.model.n
     gravity = np.array(found.options.gravity)
     every = max(1, len(samples) // SHOWN)
-    q, qd, qdd, tau, time = (
-        values[::every] for values in (samples.q, samples.qd, samples.qdd, samples.tau, samples.time)
+    motion = samples.q[::every], samples.qd[::every], samples.qdd[::every]
+    tau, time, predicted = (
+        samples.tau[::every],
+        samples.time[::every],
+        found.predict_unknown(*motion, gravity),
     )
-    predicted = found.predict_unknown(q, qd, qdd, gravity)
     figure = Figure(figsize=(10.0, 1.7 * n), layout="constrained")
     axes = figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0]
     for i, axis in enumerate(axes):

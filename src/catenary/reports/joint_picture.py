@@ -30,7 +30,7 @@ class ErrorSeries:
 
 
 def joint_picture(evaluation: Evaluation, model: CalibrationModel, j: int) -> Picture:
-    """Error of one joint over time and as histograms: raw, after the fixed offset, after the model."""
+    """Draw the error of one joint over time and as histograms: raw, after the fixed offset, after the model."""
     from matplotlib.figure import Figure
 
     unit, scale = DISPLAY[model.joint_units[j]]
@@ -63,6 +63,11 @@ def _draw_over_time(axes: "Axes", evaluation: Evaluation, series: Sequence[Error
     stretches = _stretches(len(x), breaks)
     first = np.array([rows[0] for rows in stretches])
     gaps = np.flatnonzero(np.isin(first, breaks))  # where a line must not go on
+
+    def parted(values: Floats) -> Floats:
+        return np.insert(values, gaps, np.nan)
+
+    at = parted(x[first])
     for line in series:
         if len(stretches) == len(x):
             middle = line.values
@@ -70,21 +75,8 @@ def _draw_over_time(axes: "Axes", evaluation: Evaluation, series: Sequence[Error
             middle = np.array([np.median(line.values[rows]) for rows in stretches])
             low = np.array([line.values[rows].min() for rows in stretches])
             high = np.array([line.values[rows].max() for rows in stretches])
-            axes.fill_between(
-                np.insert(x[first], gaps, np.nan),
-                np.insert(low, gaps, np.nan),
-                np.insert(high, gaps, np.nan),
-                color=line.color,
-                alpha=0.3,
-                linewidth=0.0,
-            )
-        axes.plot(
-            np.insert(x[first], gaps, np.nan),
-            np.insert(middle, gaps, np.nan),
-            color=line.color,
-            linewidth=0.9,
-            label=line.label,
-        )
+            axes.fill_between(at, parted(low), parted(high), color=line.color, alpha=0.3, linewidth=0.0)
+        axes.plot(at, parted(middle), color=line.color, linewidth=0.9, label=line.label)
     for row in breaks:
         axes.axvline(x[row], color=RAW, linewidth=0.8, linestyle=":")
     axes.axhline(0.0, color="#1c2430", linewidth=0.6)

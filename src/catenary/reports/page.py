@@ -3,13 +3,12 @@
 import base64
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, NamedTuple
 
 from catenary import __version__
-from catenary.errors import FileFormatError
+from catenary.files import write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -17,61 +16,47 @@ if TYPE_CHECKING:
 DOTS_PER_INCH = 150
 
 
-@dataclass(frozen=True)
-class Heading:
+class Heading(NamedTuple):
     """Opens a section."""
 
-    kind: ClassVar[str] = "heading"
     text: str
 
 
-@dataclass(frozen=True)
-class Text:
+class Text(NamedTuple):
     """A paragraph."""
 
-    kind: ClassVar[str] = "text"
     text: str
 
 
-@dataclass(frozen=True)
-class Table:
+class Table(NamedTuple):
     """Cells already written as text; the first column names the row."""
 
-    kind: ClassVar[str] = "table"
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
 
 
-@dataclass(frozen=True)
-class Facts:
+class Facts(NamedTuple):
     """Names and what they stand for, in words that may be long."""
 
-    kind: ClassVar[str] = "facts"
     rows: Sequence[tuple[str, str]]
 
 
-@dataclass(frozen=True)
-class Remarks:
+class Remarks(NamedTuple):
     """Short paragraphs of equal weight."""
 
-    kind: ClassVar[str] = "remarks"
     texts: Sequence[str]
 
 
-@dataclass(frozen=True)
-class Picture:
+class Picture(NamedTuple):
     """An image, as base64 of a PNG."""
 
-    kind: ClassVar[str] = "picture"
     png: str
     caption: str
 
 
-@dataclass(frozen=True)
-class Listing:
+class Listing(NamedTuple):
     """Fixed-width text that opens on request."""
 
-    kind: ClassVar[str] = "listing"
     summary: str
     text: str
 
@@ -80,7 +65,7 @@ Block = Heading | Text | Table | Facts | Remarks | Picture | Listing
 
 
 def settings_facts(settings: Mapping[str, object]) -> Facts:
-    """Settings as a person reads them: lists without brackets, numbers without digits of rounding, None left out."""
+    """Return settings as people read them: lists without brackets, numbers without rounding digits, None left out."""
     rows = [(name.replace("_", " "), _told(value)) for name, value in settings.items() if value is not None]
     return Facts(rows)
 
@@ -113,11 +98,9 @@ def write_page(
     template = Environment(autoescape=True, trim_blocks=True).from_string(
         (files("catenary.reports") / "page.html").read_text(encoding="utf-8")
     )
+    sections = [(type(block).__name__, block) for block in blocks]  # the template asks for their kind
     html = template.render(
-        title=title, lead=lead, blocks=blocks, footer=f"catenary {__version__}", simulated=simulated
+        title=title, lead=lead, sections=sections, footer=f"catenary {__version__}", simulated=simulated
     )
-    try:
-        # a file's name may hold bytes that are no text
-        path.write_bytes(html.encode("utf-8", "backslashreplace"))
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from error
+    # a file's name may hold bytes that are no text
+    write_atomically(path, html.encode("utf-8", "backslashreplace"))

@@ -41,7 +41,7 @@ def write_project_report(
     *,
     notes: Sequence[str] = (),
 ) -> None:
-    """Write the page.
+    """Write the page of a project.
 
     Args:
         path: The HTML file.
@@ -63,21 +63,11 @@ def write_project_report(
     if deployment is not None:
         simulated = any(s.simulated for s in evaluation.data.sources)
         comparison = _beside_the_paper(comparison, _where(connection, simulated))
-        further = [
-            Heading("Deployed in the 1 kHz loop"),
-            *_deployment_blocks(deployment, connection),
-        ]
+        further = [Heading("Deployed in the 1 kHz loop"), *_deployment_blocks(deployment, connection)]
     write_calibration_report(
-        path,
-        model,
-        card,
-        evaluation,
-        tested_on=", ".join(p.name for p in test),
-        notes=notes,
-        comparison=comparison,
-        opening=opening,
-        further=further,
-    )
+        path, model, card, evaluation, tested_on=", ".join(p.name for p in test), notes=notes,
+        comparison=comparison, opening=opening, further=further,
+    )  # fmt: skip
 
 
 def _where(connection: str, simulated: bool) -> str:
@@ -93,11 +83,9 @@ def _beside_the_paper(
 ) -> tuple[list[str], list[list[str]]]:
     """Add the paper's table I, direction J2-J3: a real robot, one calibration of 1013 s."""
     header, rows = comparison
-    out = []
-    for row in rows:
-        paper = TABLE_1.get(row[0])
-        out.append([*row, *(f"{value:.3f}" for value in paper)] if paper else [*row, "-", "-", "-"])
-    return [f"{header[0]} ({where})", *header[1:], "paper: J1", "J2", "J3"], out
+    paper = {name: [f"{value:.3f}" for value in errors] for name, errors in TABLE_1.items()}
+    compared = [[*row, *paper.get(row[0], ["-"] * 3)] for row in rows]
+    return [f"{header[0]} ({where})", *header[1:], "paper: J1", "J2", "J3"], compared
 
 
 def _deployment_blocks(deployment: Mapping[str, Any], connection: str) -> list[Block]:
@@ -105,23 +93,19 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str) -> list[B
         aside, reference = "the simulated arm's own step", "the joints' true positions"
     else:
         aside, reference = "the way to the robot and back", "the external encoders' latest reading"
-    compute, jitter = deployment["compute_us"] or {}, deployment["jitter_us"] or {}
+    times = {
+        "correction alone [us]": deployment["correction_us"],
+        "whole tick [us]": deployment["compute_us"],
+        "period jitter [us]": deployment["jitter_us"],
+    }
     keys = ("median", "p99", "p999", "max")
-    rows = [["correction alone [us]", *(f"{deployment['correction_us'][key]:.1f}" for key in keys)]]
-    if compute:
-        rows.append(["whole tick [us]", *(f"{compute[key]:.1f}" for key in keys)])
-    if jitter:
-        rows.append(["period jitter [us]", *(f"{jitter[key]:.1f}" for key in keys)])
-    joints = [
-        [
-            joint["name"],
-            joint["unit"],
-            f"{joint['raw_rmse']:.3f}",
-            f"{joint['rmse']:.3f}",
-            f"{100.0 * joint['outside_valid_range']:.1f} %",
-        ]
-        for joint in deployment["joints"]
-    ]
+    rows = [[name, *(f"{time[key]:.1f}" for key in keys)] for name, time in times.items() if time]
+    joints = []
+    for joint in deployment["joints"]:
+        errors = [f"{joint[key]:.3f}" for key in ("raw_rmse", "rmse")]
+        joints.append(
+            [joint["name"], joint["unit"], *errors, f"{100.0 * joint['outside_valid_range']:.1f} %"]
+        )
     priority = "with" if deployment["real_time_priority"] else "without"
     return [
         Text(
@@ -136,31 +120,22 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str) -> list[B
 
 
 def _coverage(train: Sequence[MotionLog], test: Sequence[MotionLog]) -> Picture:
-    """Pairs of the first three joints: where the training and the test motion went."""
+    """Draw where the training and the test motion went, for each pair of the first three joints."""
     from matplotlib.figure import Figure
 
     first = train[0]
     n = min(3, len(first.joint_names))
+    scale = np.array([DISPLAY[unit][1] for unit in first.joint_units])
     pairs = [(i, j) for i in range(n) for j in range(i + 1, n)] or [(0, 0)]
     figure = Figure(figsize=(3.4 * len(pairs), 3.3), layout="constrained")
     axes = np.atleast_1d(figure.subplots(1, len(pairs)))
     for ax, (i, j) in zip(axes, pairs, strict=True):
         for logs, color, label in ((test, TEST_COLOR, "test"), (train, TRAIN_COLOR, "training")):
-            points = np.concatenate([log.q_nominal for log in logs])
-            points = points[:: max(1, len(points) // MOST_POINTS)]
-            scale = [DISPLAY[unit][1] for unit in first.joint_units]
-            ax.plot(
-                points[:, i] * scale[i],
-                points[:, j] * scale[j],
-                ".",
-                markersize=1.5,
-                color=color,
-                alpha=0.6,
-                label=label,
-            )
+            points = scale * np.concatenate([log.q_nominal for log in logs])
+            x, y = points[:: max(1, len(points) // MOST_POINTS), [i, j]].T
+            ax.plot(x, y, ".", markersize=1.5, color=color, alpha=0.6, label=label)
         for axis, joint in ((ax.set_xlabel, i), (ax.set_ylabel, j)):
             axis(f"{first.joint_names[joint]} [{DISPLAY[first.joint_units[joint]][0]}]")
     axes[-1].legend(markerscale=6, frameon=False, loc="upper right", fontsize=9)
-    return picture(
-        figure, "Where the joints went, as the robot reported: training and test motion in joint space."
-    )
+    caption = "Where the joints went, as the robot reported: training and test motion in joint space."
+    return picture(figure, caption)

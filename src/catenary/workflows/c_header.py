@@ -11,7 +11,8 @@ from catenary.calibration.c_source import c_correction
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
 from catenary.dynamics.lines import gravity_line, gravity_regressor_line
-from catenary.errors import FileFormatError, InputError
+from catenary.errors import InputError
+from catenary.files import write_atomically
 from catenary.gravity.compact import compact_regressor
 from catenary.kernels.c99 import c_function, c_name, c_sines
 from catenary.kernels.tracing import evaluate
@@ -51,6 +52,7 @@ def c_header(
     guard = f"CATENARY_{name.upper()}_H"
     gravity, regressor = gravity_line(model), gravity_regressor_line(model)
     links = len(model.link_names)
+    q = [0.1 * (k % 7 + 1) for k in range(model.n)]  # to check at, none of them zero
     notes: list[str] = []
     text = [
         f"/* Robot {_plain(model.name)}, written by catenary. C99 and C++11; needs math.h, takes no memory.",
@@ -68,7 +70,8 @@ def c_header(
         "",
         c_sines(name),
         f"/* Torques out[{model.n}] [Nm, N] that hold the arm still at q[{model.n}] under gravity[3]; never negate.",
-        *_check(model, gravity.operations, evaluate(gravity, q=_somewhere(model), gravity=LEVEL.tolist())),
+        f"   {gravity.operations} sums and products. To check: q = {_values(q)}, gravity = {_values(LEVEL)}",
+        f"   gives {_values(evaluate(gravity, q=q, gravity=LEVEL.tolist()))}. */",
         c_function(name, "gravity", gravity),
         f"/* Regressor out[{model.n} x {4 * links}], row by row: torques = out s; s holds, for each link, its mass",
         "   [kg] and first moment about the origin of its frame [kg m]: m, mx, my, mz. Links:",
@@ -97,13 +100,9 @@ def c_header(
             c_correction(name, calibration, corrector.decimation),
         ]
         functions += [f"{name}_reset", f"{name}_correct"]
-        known = dict(zip(model.joint_names, model.joint_units, strict=True))
-        missing = [
-            joint
-            for joint, unit in zip(calibration.joint_names, calibration.joint_units, strict=True)
-            if known.get(joint) != unit
-        ]
-        if missing:
+        known = set(zip(model.joint_names, model.joint_units, strict=True))
+        calibrated = zip(calibration.joint_names, calibration.joint_units, strict=True)
+        if missing := [joint for joint, unit in calibrated if (joint, unit) not in known]:
             notes.append(
                 f"the calibration model's joints {', '.join(missing)} are none of the robot's, "
                 f"{_joints(model.joint_names, model.joint_units)}; the two are exported side by side"
@@ -117,17 +116,7 @@ def write_header(header: Header, path: Path) -> None:
     Raises:
         FileFormatError: The file cannot be written.
     """
-    try:
-        path.write_text(header.text, encoding="ascii")
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from error
-
-
-def _check(model: RobotModel, operations: int, torques: list[float]) -> list[str]:
-    return [
-        f"   {operations} sums and products. To check: q = {_values(_somewhere(model))}, gravity = {_values(LEVEL)}",
-        f"   gives {_values(torques)}. */",
-    ]
+    write_atomically(path, header.text.encode("ascii"))
 
 
 def _correction_comment(model: CalibrationModel, corrector: Corrector) -> str:
@@ -152,11 +141,6 @@ def _correction_comment(model: CalibrationModel, corrector: Corrector) -> str:
             f"   gives {_values(out)}, inside {_values(inside.astype(float))}. */",
         ]
     )
-
-
-def _somewhere(model: RobotModel) -> list[float]:
-    """Return joint positions to check at, none of them zero."""
-    return [0.1 * (k % 7 + 1) for k in range(model.n)]
 
 
 def _values(values: "Floats | list[float] | tuple[float, ...]") -> str:

@@ -1,6 +1,6 @@
 """Report what a file is and what is wrong with it: robot, calibration model, or recording."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -8,7 +8,9 @@ from zipfile import is_zipfile
 
 import numpy as np
 
+from catenary.arrays import Floats
 from catenary.calibration.files import load_model
+from catenary.calibration.model import CalibrationModel
 from catenary.errors import FileFormatError
 from catenary.identification.files import load_identification
 from catenary.plant import MotionLog
@@ -75,15 +77,11 @@ def check_robot(model: RobotModel) -> Finding:
     """Check a robot: inertia, limits, what its file holds that the model leaves out."""
     finding = Finding("robot")
     joints = []
-    for name, unit, low, high in zip(
-        model.joint_names, model.joint_units, model.lower, model.upper, strict=True
-    ):
+    ranges = list(zip(model.joint_names, model.joint_units, model.lower, model.upper, strict=True))
+    for name, unit, low, high in ranges:
         shown, scale = DISPLAY[unit]
-        limits = (
-            "no limits"
-            if np.isinf(low) and np.isinf(high)
-            else f"{scale * low:g} to {scale * high:g} {shown}"
-        )
+        free = np.isinf(low) and np.isinf(high)
+        limits = "no limits" if free else f"{scale * low:g} to {scale * high:g} {shown}"
         joints.append(f"{name} [{unit}] {limits}")
     finding.facts = [
         ("name", model.name),
@@ -111,9 +109,7 @@ def check_robot(model: RobotModel) -> Finding:
                 f"inertia of {link}: principal moments {', '.join(f'{m:.3g}' for m in moments)} kg m2; no body has "
                 "one larger than the sum of the others"
             )
-    unbound = [
-        n for n, low, high in zip(model.joint_names, model.lower, model.upper, strict=True) if low >= high
-    ]
+    unbound = [name for name, _, low, high in ranges if low >= high]
     finding.faults += [f"limits of {name}: the lower one is not below the upper" for name in unbound]
     finding.remarks += list(model.notes)
     return finding
@@ -124,13 +120,13 @@ def check_recording(log: MotionLog) -> Finding:
     finding = Finding("recording")
     finding.facts = [
         ("rows", f"{len(log):,}, {int(log.ok.sum()):,} with a trusted measurement"),
-        ("joints", ", ".join(f"{n} [{u}]" for n, u in zip(log.joint_names, log.joint_units, strict=True))),
+        ("joints", _joints(log)),
         ("robot", log.robot or "not stated"),
         ("simulated", "yes" if log.simulated else "not said"),
         ("sha256", log.sha256 or "unknown"),
     ]
     if log.time is not None:
-        _check_time(finding, log)
+        _check_time(finding, log.time)
     for j, (name, unit) in enumerate(zip(log.joint_names, log.joint_units, strict=True)):
         shown, scale = DISPLAY[unit]
         q = scale * log.q_nominal[:, j]
@@ -159,10 +155,7 @@ def check_recording(log: MotionLog) -> Finding:
     return finding
 
 
-def _check_time(finding: Finding, log: MotionLog) -> None:
-    time = log.time
-    if time is None or len(time) < 2:
-        return
+def _check_time(finding: Finding, time: Floats) -> None:
     steps = np.diff(time)
     forward = steps[steps > 0.0]
     repeated, back = int((steps == 0.0).sum()), int((steps < 0.0).sum())
@@ -177,9 +170,7 @@ def _check_time(finding: Finding, log: MotionLog) -> None:
     if repeated:
         finding.faults.append(f"{repeated} repeated time stamps")
     if back > 3:
-        finding.faults.append(
-            f"time goes back {back} times: stamps are shuffled, or many recordings were joined"
-        )
+        finding.faults.append(f"time goes back {back} times: stamps are shuffled, or recordings were joined")
 
 
 def _check_identification(path: Path) -> Finding:
@@ -194,7 +185,7 @@ def _check_identification(path: Path) -> Finding:
             (f"{r.log}, {r.verdict or 'fitted'}", ", ".join(f"{v:.3f}" for v in r.relative_rms))
             for r in (*result.training, *result.tests)
         ),
-        ("version", ", ".join(f"{k} {v}" for k, v in card["version"].items())),
+        _version(card),
     ]
     finding.faults = [f"fails on {r.log}" for r in result.tests if r.verdict == "fails"]
     finding.remarks = list(card["notes"])
@@ -208,37 +199,35 @@ def _check_model(path: Path) -> Finding:
         ("kind", model.kind + (f", preset {model.preset}" if model.preset else "")),
         ("robot", card["robot"] or "not stated"),
         ("simulated", "yes: fitted to simulated recordings" if card["simulated"] else "no"),
-        (
-            "joints",
-            ", ".join(f"{n} [{u}]" for n, u in zip(model.joint_names, model.joint_units, strict=True)),
-        ),
+        ("joints", _joints(model)),
         ("inputs", f"{len(model.features.names)}: {shortened(model.features.names)}"),
         ("target", model.target),
         ("fitted to", ", ".join(f"{s['name']} (sha256 {str(s['sha256'])[:12]})" for s in card["data"])),
         ("rows", str(card["rows"])),
         ("seed", str(card["run"]["seed"])),
-        ("version", ", ".join(f"{k} {v}" for k, v in card["version"].items())),
+        _version(card),
     ]
     for joint in (card["errors"]["cross_validation"] or {"joints": []})["joints"]:
-        finding.facts.append(
-            (
-                joint["joint"],
-                f"RMSE {joint['rmse_mean']:.3f} ± {joint['rmse_sd']:.3f} {joint['unit']} on unseen blocks of time "
-                f"(fixed offset {joint['offset_rmse_mean']:.3f})",
-            )
+        spread = (
+            f"RMSE {joint['rmse_mean']:.3f} ± {joint['rmse_sd']:.3f} {joint['unit']} on unseen blocks of time"
         )
+        finding.facts.append((joint["joint"], f"{spread} (fixed offset {joint['offset_rmse_mean']:.3f})"))
         # two ways to sum the same offset differ in their last digits
         if joint["rmse_mean"] > joint["offset_rmse_mean"] * (1.0 + 1e-9):
             finding.faults.append(
                 f"{joint['joint']}: worse than the fixed offset on blocks of time it did not see"
             )
     for joint in card["errors"]["held_out"] or []:
-        finding.facts.append(
-            (
-                f"{joint['name']}, held out",
-                f"RMSE {joint['rmse']:.3f} {joint['unit']} on the last part of the recordings, which it did not see "
-                f"(fixed offset {joint['offset_rmse']:.3f})",
-            )
-        )
+        error = f"RMSE {joint['rmse']:.3f} {joint['unit']} on the last part of the recordings, which it did not see"
+        fact = f"{joint['name']}, held out", f"{error} (fixed offset {joint['offset_rmse']:.3f})"
+        finding.facts.append(fact)
     finding.remarks = list(card["notes"])
     return finding
+
+
+def _joints(of: MotionLog | CalibrationModel) -> str:
+    return ", ".join(f"{name} [{unit}]" for name, unit in zip(of.joint_names, of.joint_units, strict=True))
+
+
+def _version(card: Mapping[str, Any]) -> tuple[str, str]:
+    return "version", ", ".join(f"{name} {number}" for name, number in card["version"].items())

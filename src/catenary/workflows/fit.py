@@ -80,8 +80,7 @@ def fit_calibration(
         )
     inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
     everything = calibration_data(logs, inputs.features, max_error=_limits(run.max_error, logs[0]))
-    notes = [note for log in logs for note in (f"{log.name}: {n}" for n in log.notes)]
-    notes += _data_notes(everything)
+    notes = tuple(_notes(logs, everything))
     data, late = everything, None
     if run.held_out is not None:
         data, late = everything.split_by_time(run.held_out)
@@ -111,9 +110,9 @@ def fit_calibration(
         },
         spread=spread,
         held_out=held_out,
-        notes=tuple(notes),
+        notes=notes,
     )
-    return FitResult(model, card, data, spread, held_out, tuple(notes))
+    return FitResult(model, card, data, spread, held_out, notes)
 
 
 @dataclass(frozen=True)
@@ -151,8 +150,7 @@ def evaluate_calibration(
     data = calibration_data(logs, model.features, max_error=_limits(max_error, logs[0]))
     trained_on = {source["sha256"] for source in card["data"]}
     seen = tuple(source.name for source in data.sources if source.sha256 in trained_on)
-    notes = [note for log in logs for note in (f"{log.name}: {n}" for n in log.notes)]
-    notes += _data_notes(data)
+    notes = _notes(logs, data)
     notes += [f"{name}: the model was fitted to this recording; its error here is no test" for name in seen]
     return EvaluationResult(model, card, evaluate(model, data, window=window), tuple(notes), seen)
 
@@ -227,9 +225,9 @@ def outliers(errors: Floats) -> tuple[NDArray[np.int64], Floats]:
     return (deviation > OUTLIER_SPREADS * np.maximum(spread, 1e-9)).sum(axis=0), spread
 
 
-def _data_notes(data: CalibrationData) -> list[str]:
-    """Return notes on the rows: what was left out, what looks wrong."""
-    notes = []
+def _notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
+    """Return what readers of recordings noted, what rows were left out, and what looks wrong in the others."""
+    notes = [f"{log.name}: {note}" for log in logs for note in log.notes]
     for source in data.sources:
         left_out = {
             "without measurement": source.without_truth,

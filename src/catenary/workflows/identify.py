@@ -87,18 +87,12 @@ def identify_files(
     result = identify_samples(training, model, options).test(held_out)
     notes = [f"{log.name}: {note}" for log in (*read, *read_tests) for note in log.notes]
     seen = {log.sha256 for log in read}
-    notes += [
-        f"{log.name}: is one of the recordings that were fitted: no test"
-        for log in read_tests
-        if log.sha256 in seen
-    ]
+    again = [log.name for log in read_tests if log.sha256 in seen]
+    notes += [f"{name}: is one of the recordings that were fitted: no test" for name in again]
     notes += filter_notes(model, options)
     notes += _doubts(result, training, held_out)
-    data = [
-        {"log": log.name, "sha256": log.sha256, "rows": len(log), "use": use}
-        for use, group in (("fitted", read), ("tested", read_tests))
-        for log in group
-    ]
+    uses = [*((log, "fitted") for log in read), *((log, "tested") for log in read_tests)]
+    data = [{"log": log.name, "sha256": log.sha256, "rows": len(log), "use": use} for log, use in uses]
     card = identification_card(result, data, tuple(notes))
     return IdentifyResult(result, card, tuple(notes), tuple(training), tuple(held_out))
 
@@ -111,16 +105,8 @@ def write_excitation(design: Excitation, model: RobotModel, path: Path) -> None:
     """
     if path.suffix == ".npz":
         buffer = io.BytesIO()
-        np.savez(
-            buffer,
-            allow_pickle=False,
-            t=design.time,
-            q=design.q,
-            dq=design.qd,
-            ddq=design.qdd,
-            joint_names=np.array(model.joint_names),
-            units=np.array(model.joint_units),
-        )
+        motion = {"t": design.time, "q": design.q, "dq": design.qd, "ddq": design.qdd}
+        np.savez(buffer, allow_pickle=False, joint_names=model.joint_names, units=model.joint_units, **motion)
         write_atomically(path, buffer.getvalue())
     elif path.suffix == ".csv":
         header = ["t", *(f"{kind}:{name}" for kind in ("q", "dq", "ddq") for name in model.joint_names)]
@@ -156,9 +142,8 @@ def part_of(log: MotionLog, rows: tuple[int, int]) -> MotionLog:
         for key in ("q_nominal", "ok", "q_encoder", "time", "qd", "tau")
     }
     signals = {key: values[first:last] for key, values in log.signals.items()}
-    return replace(
-        log, **chosen, signals=signals, notes=(*log.notes, f"rows {first} to {last} of {len(log)}")
-    )
+    notes = (*log.notes, f"rows {first} to {last} of {len(log)}")
+    return replace(log, **chosen, signals=signals, notes=notes)
 
 
 def _doubts(result: Identification, training: Sequence[Samples], tests: Sequence[Samples]) -> list[str]:

@@ -10,7 +10,7 @@ from catenary.errors import InputError
 
 
 def export_onnx(path: Path, out: Path, *, rate_hz: float | None = None) -> dict[str, Any]:
-    """Write the model at `path` as an ONNX graph; give a summary, plain data.
+    """Write the model at `path` as an ONNX graph; return a summary, plain data.
 
     Args:
         path: A model that `save_model` wrote.

@@ -1,11 +1,9 @@
 """Estimate a payload from recordings in files."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from catenary.identification.files import load_identification
 from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
@@ -23,11 +21,8 @@ class PayloadResult:
 
     def summary(self) -> dict[str, Any]:
         """Return plain data."""
-        return {
-            **_record(self.payload),
-            "candidates": [_record(other) for other in self.candidates],
-            "notes": list(self.notes),
-        }
+        candidates = [asdict(other) for other in self.candidates]
+        return {**asdict(self.payload), "candidates": candidates, "notes": list(self.notes)}
 
 
 def payload_of_files(
@@ -57,12 +52,10 @@ def payload_of_files(
         [prepare(read_torque_log(path, result.model), result.model, options) for path in group]
         for group in (logs, unloaded)
     )
-    candidates: tuple[PayloadEstimate, ...] = ()
     if at is not None:
-        best = estimate_payload(result, loaded, at=at, unloaded=empty)
+        best, *candidates = (estimate_payload(result, loaded, at=at, unloaded=empty),)
     else:
-        best, *others = payload_candidates(result, loaded, unloaded=empty)
-        candidates = tuple(others)
+        best, *candidates = payload_candidates(result, loaded, unloaded=empty)
     notes = []
     if best.mass is None:
         notes.append(
@@ -71,20 +64,4 @@ def payload_of_files(
     close = [c.link for c in candidates if best.detected and c.explained > best.explained - 0.05]
     if close:
         notes.append(f"{', '.join(close)} would explain the torques nearly as well as {best.link}")
-    return PayloadResult(best, candidates, tuple(notes))
-
-
-def _record(payload: PayloadEstimate) -> dict[str, Any]:
-    def plain(values: Any) -> Any:
-        return None if values is None else [float(v) if np.isfinite(v) else None for v in values]
-
-    return {
-        "mass": payload.mass,
-        "mass_std": payload.mass_std,
-        "moment": plain(payload.moment),
-        "moment_std": plain(payload.moment_std),
-        "link": payload.link,
-        "detected": payload.detected,
-        "confidence": payload.confidence,
-        "explained": payload.explained,
-    }
+    return PayloadResult(best, tuple(candidates), tuple(notes))

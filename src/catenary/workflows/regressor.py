@@ -99,51 +99,43 @@ class RegressorReport:
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, in kg and kg m."""
-        names = standard_labels(self.model)
-        kinds = [self.identifiable(name) for name in ("level", "tilted")]
+        form, names = self.compact, standard_labels(self.model)
+        compact_values = _listed(self.compact_values, len(form.labels))
+        parameters = [
+            {"name": f"s{k}", "expression": label, "unit": unit, "value": value}
+            for k, (label, unit, value) in enumerate(
+                zip(form.labels, form.units, compact_values, strict=True), 1
+            )
+        ]
+        standard_values = _listed(self.standard_values, len(names))
+        kinds = zip(self.identifiable("level"), self.identifiable("tilted"), strict=True)
         return {
             "robot": self.model.name,
             "compact": {
-                "columns": self.compact.entries(),
-                "parameters": [
-                    {"name": f"s{k + 1}", "expression": label, "unit": unit, "value": value}
-                    for k, (label, unit, value) in enumerate(
-                        zip(
-                            self.compact.labels,
-                            self.compact.units,
-                            _listed(self.compact_values, len(self.compact.labels)),
-                            strict=True,
-                        )
-                    )
-                ],
+                "columns": form.entries(),
+                "parameters": parameters,
                 "symbols": {
-                    name: {"meaning": symbol.meaning, "value": symbol.value}
-                    for name, symbol in self.compact.symbols.items()
+                    name: {"meaning": s.meaning, "value": s.value} for name, s in form.symbols.items()
                 },
-                "without_effect": list(self.compact.ineffective),
+                "without_effect": list(form.ineffective),
             },
             "standard": [
                 {"name": name, "value": value, "level_base": level, "tilted_base": tilted}
-                for name, value, level, tilted in zip(
-                    names, _listed(self.standard_values, len(names)), *kinds, strict=True
-                )
+                for name, value, (level, tilted) in zip(names, standard_values, kinds, strict=True)
             ],
-            "base": {
-                name: {
-                    "rank": base.count,
-                    "of": len(names),
-                    "condition": base.condition,
-                    "parameters": [
-                        {"combination": label, "value": value}
-                        for label, value in zip(
-                            self.combinations(name), _listed(self.base_values(name), base.count), strict=True
-                        )
-                    ],
-                }
-                for name, base in self.bases.items()
-            },
+            "base": {name: self._base_data(name) for name in self.bases},
             "added_by_tilting": list(self.added_by_tilting()),
             "notes": self.sentences(),
+        }
+
+    def _base_data(self, name: str) -> dict[str, Any]:
+        base = self.bases[name]
+        columns = zip(self.combinations(name), _listed(self.base_values(name), base.count), strict=True)
+        return {
+            "rank": base.count,
+            "of": len(standard_labels(self.model)),
+            "condition": base.condition,
+            "parameters": [{"combination": label, "value": value} for label, value in columns],
         }
 
 

@@ -24,8 +24,15 @@ _STILL = 0.15  # [m/s2] standard deviation of an axis at rest: three times a che
 class Feed:
     """Source of samples, and the clock that stamps them: this machine's, unless a kind of source has its own."""
 
-    def __init__(self, mailbox: Mailbox) -> None:
-        self.mailbox = mailbox
+    def __init__(
+        self,
+        mailbox: Mailbox,
+        *,
+        has_gyroscope: bool = False,
+        link: Callable[[], dict[str, Any]] = dict,
+    ) -> None:
+        """Take where samples arrive, whether angular rates are among them, and what counts them on their line."""
+        self.mailbox, self.has_gyroscope, self.link = mailbox, has_gyroscope, link
 
     def now(self) -> float:
         """Return the time [s]."""
@@ -35,21 +42,12 @@ class Feed:
         """Let time pass."""
         time.sleep(seconds)
 
-    @property
-    def has_gyroscope(self) -> bool:
-        """Samples of angular rates come, too."""
-        return False
-
-    def link(self) -> dict[str, Any]:
-        """Return counts of what came over the line; nothing where there is no line."""
-        return {}
-
 
 class SimulatedFeed(Feed):
     """A simulated sensor, in its own time or, when paced, in real time."""
 
     def __init__(self, sensor: SimulatedSensor, *, paced: bool = False) -> None:
-        super().__init__(sensor.mailbox)
+        super().__init__(sensor.mailbox, has_gyroscope=sensor.model.has_gyroscope)
         self._sensor, self._paced, self._time = sensor, paced, 0.0
 
     def now(self) -> float:
@@ -63,27 +61,11 @@ class SimulatedFeed(Feed):
         if self._paced:
             time.sleep(seconds)
 
-    @property
-    def has_gyroscope(self) -> bool:
-        """Samples of angular rates come, too."""
-        return self._sensor.model.has_gyroscope
 
-
-class SerialFeed(Feed):
-    """A board on a serial line."""
-
-    def __init__(self, device: SerialAccelerometer) -> None:
-        super().__init__(device.mailbox)
-        self._device = device
-
-    @property
-    def has_gyroscope(self) -> bool:
-        """Samples of angular rates come, too."""
-        return self._device.hello is not None and self._device.hello.has_gyroscope
-
-    def link(self) -> dict[str, Any]:
-        """Return counts of what came over the line."""
-        return asdict(self._device.counts)
+def serial_feed(device: SerialAccelerometer) -> Feed:
+    """Return the samples of a board on a serial line that has said what it is."""
+    angular = device.hello is not None and device.hello.has_gyroscope
+    return Feed(device.mailbox, has_gyroscope=angular, link=lambda: asdict(device.counts))
 
 
 @dataclass(frozen=True)

@@ -81,7 +81,7 @@ def record_simulated(
 
 
 def driven(plant: CablePlant, trajectory: Trajectory, chunk: int) -> Iterator[tuple[TickLog, float]]:
-    """Drive an arm along a trajectory of its positioning joints: each piece of its log, and the share done.
+    """Drive an arm along a trajectory of its positioning joints; yield each piece of its log, and the share done.
 
     Args:
         plant: Enabled and homed.

@@ -17,13 +17,12 @@ from catenary.workflows.sense import SimulatedFeed, StillReading, read_still
 
 
 class Attitude(NamedTuple):
-    """One attitude."""
+    """How a person holds or mounts the sensor for a reading."""
 
     name: str
     instruction: str
-    up: tuple[
-        float, float, float
-    ]  # in the sensor's printed axes, or, when mounted, where a demonstration has it
+    # the vertical in the sensor's printed axes, or, when mounted, where a simulated base has it
+    up: tuple[float, float, float]
     mounted: bool = False
 
 
@@ -41,21 +40,15 @@ SLANTED = (
     Attitude("slanted 2", "slanted another way", (-_HALF, _HALF, -_HALF)),
     Attitude("slanted 3", "slanted a third way", (_HALF, -_HALF, -_HALF)),
 )
+_TILT = "by 10 degrees or more"
 MOUNTED = (
     Attitude("level", "mount it on the robot's base; base level", (0, 0, 1), mounted=True),
+    Attitude("rolled", f"tilt the base about its x axis {_TILT}, y side up", (0, 0.34202, 0.93969), mounted=True),
     Attitude(
-        "rolled",
-        "tilt the base about its x axis by 10 degrees or more, y side up",
-        (0, 0.34202, 0.93969),
+        "pitched", f"level again, then tilt it about its y axis {_TILT}, x side down", (-0.34202, 0, 0.93969),
         mounted=True,
     ),
-    Attitude(
-        "pitched",
-        "level again, then tilt it about its y axis by 10 degrees or more, x side down",
-        (-0.34202, 0, 0.93969),
-        mounted=True,
-    ),
-)
+)  # fmt: skip
 ATTITUDES = (*SIDES, *SLANTED, *MOUNTED)
 
 
@@ -75,7 +68,7 @@ def run_tumble(read: Callable[[Attitude], StillReading], *, start: Mounting | No
     residual; the mounted ones give the rotation, from the base's level and two tilts that nobody needs to measure.
 
     Args:
-        read: Gives the reading of an attitude, once it is there.
+        read: Returns the reading of an attitude, once the sensor is held so.
         start: What is known already: position, ranges, name.
 
     Raises:
@@ -87,9 +80,8 @@ def run_tumble(read: Callable[[Attitude], StillReading], *, start: Mounting | No
     sides = np.array([s.up for s in SIDES], dtype=float)
     fit = fit_tumble(by_hand)
     faults = list(fit.faults)
-    if (
-        not fit.faults or fit.missing
-    ):  # a unit that is wrong says nothing about axes; sides that are missing may
+    # a unit that is wrong says nothing about axes; sides that are missing may
+    if not fit.faults or fit.missing:
         faults += [f"on its sides: {f}" for f in align(by_hand[:6], sides, expected=np.eye(3)).faults]
     mounted = [readings[s.name].force for s in MOUNTED]
     corrected = [(y - fit.bias) / fit.scale for y in mounted]
@@ -114,18 +106,18 @@ def run_tumble(read: Callable[[Attitude], StillReading], *, start: Mounting | No
 
 
 class StillBase:
-    """A base at rest under a gravity (3,) [m/s2] in its axes."""
+    """A base at rest, with gravity (3,) [m/s2] in its axes."""
 
     def __init__(self, gravity: Floats) -> None:
         self._gravity = gravity
 
     def sample(self, times: Floats) -> BaseSamples:
-        """One row for all times."""
+        """Return one row, which holds at all times."""
         return BaseSamples(self._gravity[None, :], np.zeros((1, 3, 3)))
 
 
 def simulated_reader(model: SensorModel, *, seed: int = 0) -> Callable[[Attitude], StillReading]:
-    """Return a reader of a simulated sensor in each attitude, as a person would bring it there.
+    """Return a function that reads a simulated sensor in an attitude, as if a person held it so.
 
     Args:
         model: The sensor; by hand it is held by its own axes, mounted it is turned as its mounting says.
@@ -137,9 +129,8 @@ def simulated_reader(model: SensorModel, *, seed: int = 0) -> Callable[[Attitude
         gravity = -STANDARD_GRAVITY * up / np.linalg.norm(up)
         if not attitude.mounted:
             gravity = model.mounting.rotation @ gravity
-        sensor = SimulatedSensor(
-            StillBase(gravity), Mailbox(), model, seed=seed + [s.name for s in ATTITUDES].index(attitude.name)
-        )
+        number = [s.name for s in ATTITUDES].index(attitude.name)
+        sensor = SimulatedSensor(StillBase(gravity), Mailbox(), model, seed=seed + number)
         return read_still(SimulatedFeed(sensor))
 
     return read

@@ -27,17 +27,14 @@ def test_share_is_that_of_root_mean_squares() -> None:
 
 
 def test_measures_are_of_the_ticks_that_count(tilted: SimulatedArm) -> None:
-    way = go_to(
-        AT, AT + np.array([0.1, 0.0, 0.0]), max_velocity=[0.3, 0.3, 0.02], max_acceleration=[1.0, 1.0, 0.1]
-    )
+    fastest = {"max_velocity": [0.3, 0.3, 0.02], "max_acceleration": [1.0, 1.0, 0.1]}
+    way = go_to(AT, AT + np.array([0.1, 0.0, 0.0]), **fastest)
     result = track(tilted, make_controller("dg", tilted), way, windows=[(0.2, 0.4)])
     kept = (result.time >= 0.2 - 1e-9) & (result.time <= 0.4 + 1e-9)
     assert result.counted.sum() == kept.sum() == 201
     assert_allclose(result.rms_error, np.sqrt(np.mean(result.error[kept] ** 2, axis=0)))
-    assert_allclose(
-        result.pd_share,
-        np.sqrt(np.mean(result.feedback[kept] ** 2, axis=0) / np.mean(result.torque[kept] ** 2, axis=0)),
-    )
+    squares = (np.mean(part[kept] ** 2, axis=0) for part in (result.feedback, result.torque))
+    assert_allclose(result.pd_share, np.sqrt(np.divide(*squares)))
     assert result.time[0] == pytest.approx(0.0, abs=1e-9)
     assert result.time[-1] == pytest.approx(way.duration, abs=1e-3)
 
@@ -48,13 +45,11 @@ def test_pd_alone_is_all_of_its_torque(tilted: SimulatedArm) -> None:
 
 
 def test_sensed_gravity_takes_the_work_from_the_pd_on_a_tilted_base(tilted: SimulatedArm) -> None:
-    share = {
-        name: track(
-            tilted, make_controller(name, tilted), Rest(AT + np.array([0.8, 0.0, 0.0]), 0.3)
-        ).pd_share[0]
-        for name in ("sg", "dg")
-    }
-    assert share["dg"] < 0.5 * share["sg"]
+    still = Rest(AT + np.array([0.8, 0.0, 0.0]), 0.3)
+    static, dynamic = (
+        track(tilted, make_controller(name, tilted), still).pd_share[0] for name in ("sg", "dg")
+    )
+    assert dynamic < 0.5 * static
 
 
 def test_a_motion_out_of_reach_is_refused_before_anything_moves(tilted: SimulatedArm) -> None:
@@ -93,15 +88,14 @@ def test_a_robot_without_limits_is_told_to_state_a_start() -> None:
             make_motion(name, model, model, np.random.default_rng(1))
 
 
-def test_sinusoids_begin_where_asked() -> None:
-    model = load_robot("raven2")
-    start = [0.7, 1.5, 0.35]
-    motion = make_motion("cartesian", model, model, np.random.default_rng(1), q_start=start, amplitude=0.02)
-    assert_allclose(motion.trajectory(0.0).q, start, atol=1e-9)
-
-
-def test_a_planar_arm_moves_along_its_two_axes() -> None:
-    model = load_robot("two_link")
-    rng = np.random.default_rng(1)
-    motion = make_motion("cartesian", model, model, rng, q_start=[0.4, 0.9], amplitude=0.1, axes=("x", "z"))
-    assert motion.trajectory.duration > 0.0
+@pytest.mark.parametrize(
+    ("name", "start", "options"),
+    [("raven2", [0.7, 1.5, 0.35], {"amplitude": 0.02}), ("two_link", [0.4, 0.9], {"amplitude": 0.1, "axes": ("x", "z")})],
+)  # fmt: skip
+def test_sinusoids_begin_where_asked_along_the_axes_an_arm_has(
+    name: str, start: list[float], options: dict
+) -> None:
+    model, rng = load_robot(name), np.random.default_rng(1)
+    trajectory = make_motion("cartesian", model, model, rng, q_start=start, **options).trajectory
+    assert_allclose(trajectory(0.0).q, start, atol=1e-9)
+    assert trajectory.duration > 0.0

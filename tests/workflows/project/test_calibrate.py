@@ -24,10 +24,9 @@ FITS = tuple(f"fit {name}" for name in QUICK_MODELS)
 def recordings(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Two recordings of an arm of three joints."""
     folder = tmp_path_factory.mktemp("recordings")
-    return (
-        simulated_arm.write(folder / "monday.npz", seed=1),
-        simulated_arm.write(folder / "tuesday.npz", seed=2),
-    )
+    days = {"monday": 1, "tuesday": 2}
+    monday, tuesday = (simulated_arm.write(folder / f"{day}.npz", seed=seed) for day, seed in days.items())
+    return monday, tuesday
 
 
 def from_recordings(
@@ -48,11 +47,8 @@ def test_everything_is_done_once(tmp_path: Path) -> None:
     assert calibrate_short(tmp_path).repeated == ()
 
 
-def test_what_was_done_step_by_step_is_not_repeated(finished: CalibrationResult) -> None:
-    assert finished.repeated == (*FITS, "deploy")
-
-
-def test_nothing_is_repeated_in_a_finished_project(finished_folder: Path) -> None:
+def test_what_was_done_is_not_repeated(finished: CalibrationResult, finished_folder: Path) -> None:
+    assert finished.repeated == (*FITS, "deploy")  # the steps before were done one by one
     assert calibrate_short(finished_folder, with_page=False).repeated == ()
 
 
@@ -74,14 +70,11 @@ def test_it_goes_on_after_a_step_that_failed(finished_folder: Path, monkeypatch:
     assert calibrate_short(finished_folder, with_page=False).repeated == ("deploy",)
 
 
-def test_results_are_written(finished: CalibrationResult) -> None:
+def test_results_are_written_and_said_to_be_simulated(finished: CalibrationResult) -> None:
     content = json.loads((finished.page.parent / "evaluation.json").read_text())
     assert set(content["models"]) == set(QUICK_MODELS)
     assert content["deployment"]["ticks"] >= 2000
     assert finished.model_path.is_file()
-
-
-def test_the_page_has_the_loop_and_says_that_it_is_simulated(finished: CalibrationResult) -> None:
     page = finished.page.read_text()
     assert "Deployed in the 1 kHz loop" in page
     assert "Simulated: no real robot was measured" in page
@@ -118,28 +111,17 @@ def test_an_error_of_nothing_is_a_dash_in_the_table(recordings: tuple[Path, Path
     assert not any("nan" in cell for row in rows for cell in row)
 
 
-def test_a_recording_on_both_sides_is_refused(recordings: tuple[Path, Path], tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot be both"):
-        from_recordings(tmp_path / "project", list(recordings), [recordings[0]])
-
-
-def test_a_copy_of_a_recording_on_the_other_side_is_refused(
+def test_recordings_that_cannot_be_tested_on_are_refused_before_anything_is_fitted(
     recordings: tuple[Path, Path], tmp_path: Path
 ) -> None:
-    copy = tmp_path / "copy.npz"
-    copy.write_bytes(recordings[0].read_bytes())
-    with pytest.raises(InputError, match=r"copy\.npz: a recording cannot be both"):
-        from_recordings(tmp_path / "project", [recordings[0]], [copy])
-
-
-def test_a_missing_test_recording_is_refused_before_anything_is_fitted(
-    recordings: tuple[Path, Path], tmp_path: Path
-) -> None:
-    with pytest.raises(InputError, match="no such recording"):
-        from_recordings(tmp_path / "project", [recordings[0]], [tmp_path / "none.npz"])
-    assert not (tmp_path / "project" / "models").exists()
-
-
-def test_recordings_to_test_on_are_needed(recordings: tuple[Path, Path], tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="--test"):
-        from_recordings(tmp_path / "project", [recordings[0]], [])
+    project, train, copied = tmp_path / "project", list(recordings), tmp_path / "copy.npz"
+    copied.write_bytes(train[0].read_bytes())
+    for test, words in (
+        ([train[0]], "cannot be both"),
+        ([copied], r"copy\.npz: a recording cannot be both"),
+        ([tmp_path / "none.npz"], "no such recording"),
+        ([], "--test"),
+    ):
+        with pytest.raises(InputError, match=words):
+            from_recordings(project, train, test)
+    assert not (project / "models").exists()

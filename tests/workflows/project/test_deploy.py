@@ -56,36 +56,19 @@ def test_error_in_the_loop_is_that_of_the_evaluation(
 
 def test_the_model_helps_while_the_loop_runs(deployment: Deployment) -> None:
     assert (np.array(deployment.rmse) < 0.5 * np.array(deployment.raw_rmse)).all()
-
-
-def test_every_tick_is_counted(deployment: Deployment) -> None:
     assert deployment.loop.ticks == pytest.approx(1000.0 * SECONDS, abs=1)
-
-
-def test_it_is_json(deployment: Deployment) -> None:
     assert '"simulated": true' in json_text(deployment.as_data())
 
 
-def test_a_model_of_other_joints_is_refused_before_anything_moves(recorded: Path) -> None:
+def test_what_does_not_fit_is_refused_before_anything_moves(recorded: Path, model: CalibrationModel) -> None:
     plant = plant_of(recorded)
-    other = fitted(recording(np.random.default_rng(0)), kind="linear")
     begin = plant.time
+    other = fitted(recording(np.random.default_rng(0)), kind="linear")
+    far = go_to([0.5, 1.5, 0.4], [0.5, 1.5, 4.0], max_velocity=[1, 1, 1], max_acceleration=[1, 1, 1])
     with pytest.raises(InputError):
         deploy_on_simulated(plant, other, motion())
-    assert plant.time == begin
-
-
-def test_a_motion_out_of_reach_is_refused_before_anything_moves(
-    recorded: Path, model: CalibrationModel
-) -> None:
-    plant = plant_of(recorded)
-    far = go_to([0.5, 1.5, 0.4], [0.5, 1.5, 4.0], max_velocity=[1, 1, 1], max_acceleration=[1, 1, 1])
-    begin = plant.time
     with pytest.raises(LimitError, match="insertion"):
         deploy_on_simulated(plant, model, far)
     assert plant.time == begin
-
-
-def test_an_arm_that_is_not_homed_is_not_moved(model: CalibrationModel) -> None:
     with pytest.raises(NotReadyError):
         deploy_on_simulated(CablePlant(seed=1), model, motion())

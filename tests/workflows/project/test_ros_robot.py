@@ -67,36 +67,25 @@ def homed(opened: Project, setup: RobotOnLoopback) -> RosRobot:
     return robot
 
 
-def test_homing_asks_for_what_is_missing_only(tmp_path: Path) -> None:
-    setup = on_loopback(EncodedPlant(ready=False))
-    plant = setup.robot.plant
-
-    def press() -> None:
-        plant.state_command("enable")
-        plant.state_command("home")
-
-    person = Person(button=press)
-    assert RosRobot(setup.transport, person, simulated=True).home(project(tmp_path))
-    assert ["workspace" in person.asked[0], "button" in person.asked[1]] == [True, True]
-    assert len(person.asked) == 2  # its encoders are there, and it is ENABLED
-    content = json.loads((tmp_path / "project/robot/home.json").read_text())
-    assert_allclose(content["external_encoders"], START[:3] + OFFSET)
-
-
-def test_answer_is_checked_against_the_robot(tmp_path: Path) -> None:
+def test_homing_asks_for_what_is_missing_only_and_checks_the_answer(tmp_path: Path) -> None:
     setup = on_loopback(EncodedPlant(ready=False))
     presses = []
 
     def press() -> None:
         presses.append(1)
-        if len(presses) == 2:
+        if len(presses) == 2:  # at first nothing happens
             setup.robot.plant.state_command("enable")
             setup.robot.plant.state_command("home")
 
     person = Person(button=press)
-    RosRobot(setup.transport, person, simulated=True, homing_patience=0.5).home(project(tmp_path))
-    assert len(presses) == 2
+    robot = RosRobot(setup.transport, person, simulated=True, homing_patience=0.5)
+    assert robot.home(project(tmp_path))
+    # its encoders are there, and it is ENABLED
+    assert ["button" in text for text in person.asked] == [False, True, True]
+    assert "workspace" in person.asked[0]
     assert any("not yet: the robot is DISABLED, not homed" in text for text in person.told)
+    content = json.loads((tmp_path / "project/robot/home.json").read_text())
+    assert_allclose(content["external_encoders"], START[:3] + OFFSET)
 
 
 def test_giving_up_moves_nothing(tmp_path: Path) -> None:
@@ -108,24 +97,17 @@ def test_giving_up_moves_nothing(tmp_path: Path) -> None:
     assert not (tmp_path / "project/robot/home.json").exists()
 
 
-def test_yes_presses_the_button_of_a_simulated_robot(tmp_path: Path) -> None:
+def test_yes_presses_a_button_but_clears_no_fault_and_needs_encoders(tmp_path: Path) -> None:
     setup = on_loopback(EncodedPlant(ready=False))
-    homed(project(tmp_path), setup)
-    assert setup.robot.plant.operating_state().is_homed
-
-
-def test_yes_does_not_clear_a_fault(tmp_path: Path) -> None:
-    setup = on_loopback()
+    homed(project(tmp_path / "a"), setup)
     plant = setup.robot.plant
+    assert plant.operating_state().is_homed
     plant.state = plant.operating_state()._replace(state="FAULT")
     with pytest.raises(NotReadyError, match="FAULT"):
-        homed(project(tmp_path), setup)
-
-
-def test_yes_does_not_go_on_without_encoders(tmp_path: Path) -> None:
-    setup = RobotOnLoopback(EncodedPlant(), encoders=False, every=5)
+        homed(project(tmp_path / "b"), setup)
+    blind = RobotOnLoopback(EncodedPlant(), encoders=False, every=5)
     with pytest.raises(NotReadyError, match=r"mount the external encoders.*no reading comes on /ext_jpos"):
-        homed(project(tmp_path), setup)
+        homed(project(tmp_path / "c"), blind)
 
 
 def test_recording_becomes_a_motion_log_of_the_robot(tmp_path: Path) -> None:
@@ -152,7 +134,7 @@ def test_motion_beyond_the_limits_is_refused_before_anything_moves(tmp_path: Pat
     assert setup.robot.commands == 0
 
 
-def test_interrupted_recording_pauses_the_robot_and_is_begun_anew(tmp_path: Path) -> None:
+def test_recording_that_is_stopped_leaves_the_robot_paused_and_is_begun_anew(tmp_path: Path) -> None:
     setup, opened = on_loopback(), project(tmp_path)
     robot = homed(opened, setup)
 
@@ -160,22 +142,15 @@ def test_interrupted_recording_pauses_the_robot_and_is_begun_anew(tmp_path: Path
         if done > 0.2:
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
-        robot.record(opened, TRAIN, short_motion(), "short", after="home", progress=interrupt)
-    assert setup.robot.plant.operating_state().state == "PAUSED"
-    assert robot.record(opened, TRAIN, short_motion(), "short", after="home")
-
-
-def test_pedal_stops_the_recording_with_a_message(tmp_path: Path) -> None:
-    setup, opened = on_loopback(), project(tmp_path)
-    robot = homed(opened, setup)
-
     def pedal(done: float) -> None:
         if done > 0.2:
             setup.robot.plant.state_command("pause")
 
-    with pytest.raises(NotReadyError, match="PAUSED"):
-        robot.record(opened, TRAIN, short_motion(), "short", after="home", progress=pedal)
+    for stop, error, words in ((interrupt, KeyboardInterrupt, ""), (pedal, NotReadyError, "PAUSED")):
+        with pytest.raises(error, match=words):
+            robot.record(opened, TRAIN, short_motion(), "short", after="home", progress=stop)
+        assert setup.robot.plant.operating_state().state == "PAUSED"
+    assert robot.record(opened, TRAIN, short_motion(), "short", after="home")
 
 
 @pytest.mark.slow

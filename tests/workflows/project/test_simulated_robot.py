@@ -29,8 +29,10 @@ def project(project_folder: Path) -> Project:
     return Project(project_folder, SHORT)
 
 
-def test_homing_is_done_once(project: Project) -> None:
+def test_what_was_done_is_not_done_again(project: Project) -> None:
     assert not ROBOT.home(project)
+    assert not ROBOT.record(project, TRAIN, *excitation(project), after="home")
+    assert not ROBOT.home(Project(project.folder, replace(SHORT, direction="J1", test_minutes=1.0)))
 
 
 @pytest.mark.parametrize(
@@ -54,14 +56,6 @@ def test_a_state_that_cannot_be_read_is_made_again(project: Project) -> None:
     (project.folder / "robot" / "homed.npz").write_bytes(b"nonsense")
     assert ROBOT.home(project)
     assert not ROBOT.home(project)
-
-
-def test_other_motions_need_no_homing(project: Project) -> None:
-    assert not ROBOT.home(Project(project.folder, replace(SHORT, direction="J1", test_minutes=1.0)))
-
-
-def test_a_recording_is_made_once(project: Project) -> None:
-    assert not ROBOT.record(project, TRAIN, *excitation(project), after="home")
 
 
 def test_another_motion_is_recorded_again(project: Project) -> None:
@@ -90,20 +84,14 @@ def test_a_motion_out_of_reach_is_refused_before_anything_moves(
     assert not (project.folder / "recordings" / "far").exists()
 
 
-def test_a_recording_after_a_step_that_was_not_done_is_refused(project: Project) -> None:
+def test_steps_on_what_was_not_done_or_by_another_robot_are_refused(project: Project) -> None:
     with pytest.raises(ConfigError, match="record other was not done yet"):
         ROBOT.record(project, "more", *random_motion(project, 12.0), after="other")
-
-
-def test_a_recording_after_the_motion_of_another_robot_is_refused(project: Project) -> None:
+    with pytest.raises(ConfigError, match="record other was not done yet"):
+        extract_recording(project, "other")
     tilted = Project(project.folder, replace(SHORT, base_tilt_deg=(3.0, 0.0)))
     with pytest.raises(FileFormatError, match="of another robot"):
         ROBOT.record(tilted, "more", *random_motion(tilted, 12.0), after=TRAIN)
-
-
-def test_a_recording_that_was_not_made_is_not_extracted(project: Project) -> None:
-    with pytest.raises(ConfigError, match="record other was not done yet"):
-        extract_recording(project, "other")
 
 
 class Truth:

@@ -1,7 +1,9 @@
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
+from catenary.crtk.client import CrtkClient
 from catenary.errors import InputError, RecordingError
 from catenary.recording.extract import extract
 from catenary.recording.source import open_recording
@@ -31,9 +33,7 @@ def test_a_simulated_arm_is_recorded_at_its_topics_rates(tmp_path: Path) -> None
     recorder = BesideRecorder(robot, tmp_path / "run")
     run(recorder, plant)
     recorder.close()
-    counts: dict[str, int] = {}
-    for topic, _, _ in open_recording(tmp_path / "run").messages():
-        counts[topic] = counts.get(topic, 0) + 1
+    counts = Counter(topic for topic, _, _ in open_recording(tmp_path / "run").messages())
     assert counts["/ravenstate"] == pytest.approx(30, abs=3)
     assert counts["/ext_jpos"] > 10
     assert extract([tmp_path / "run"], tmp_path / "out").problems == ()
@@ -49,15 +49,13 @@ def test_a_full_disk_ends_the_recording_and_nothing_else(
     def full(*_: object) -> None:
         raise RecordingError("no space left; what came before is safe")
 
-    monkeypatch.setattr(recorder._direct.journal, "append", full)
+    monkeypatch.setattr(recorder._recorder.journal, "append", full)
     run(recorder, plant)
     assert "no space left" in recorder.observe()
     assert "no space left" in recorder.close()
 
 
 def test_a_robot_behind_topics_is_recorded_from_its_topics(tmp_path: Path) -> None:
-    from catenary.crtk.client import CrtkClient
-
     setup = RobotOnLoopback(homed_plant("left"))
     with CrtkClient(setup.transport) as client:
         robot = OperatedRobot("raven2", client, load_robot("raven2"), lambda: 0)

@@ -1,15 +1,15 @@
-import numpy as np
+from typing import Any
+
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.crtk.client import CrtkClient
 from catenary.crtk.joints import model_joints
 from catenary.errors import NotReadyError
 from catenary.plant import OperatingState, StateCommand
 from catenary.robots.catalog import load_robot
-from catenary.workflows.robot.guide import AnswerYes
-from catenary.workflows.robot.homing import home_client, home_operated
-from catenary.workflows.robot.operated_robot import OperatedRobot, robot_over
+from catenary.workflows.robot.guide import AnswerYes, Guide
+from catenary.workflows.robot.homing import Homing, home_client, home_operated
+from catenary.workflows.robot.operated_robot import robot_over
 from oracles.crtk_robot import RobotOnLoopback
 from oracles.encoded_plant import OFFSET, EncodedPlant
 from oracles.ideal_plant import IdealPlant
@@ -50,60 +50,52 @@ class LongHoming(EncodedPlant):
         return super().operating_state()._replace(is_busy=self.busy)
 
 
-def operated(setup: RobotOnLoopback, **options: object) -> tuple[OperatedRobot, CrtkClient]:
-    return robot_over(setup.transport, **options)  # type: ignore[arg-type]
+def homed(setup: RobotOnLoopback, guide: Guide, **options: Any) -> Homing:
+    robot, client = robot_over(setup.transport, **options)
+    with client:
+        return home_operated(robot, guide)
 
 
 def test_a_person_clears_the_workspace_then_presses_the_button() -> None:
     setup = RobotOnLoopback(EncodedPlant(ready=False))
     person = Person([True, True], setup)
-    robot, client = operated(setup)
-    with client:
-        found = home_operated(robot, person)
+    found = homed(setup, person)
     assert ["workspace" in person.asked[0], "start button" in person.asked[1]] == [True, True]
     assert found.was_run
     assert found.state.is_homed
 
 
 def test_external_encoders_are_reported_beside_what_the_robot_believes() -> None:
-    setup = RobotOnLoopback(EncodedPlant(ready=False))
-    robot, client = operated(setup, simulated=True)
-    with client:
-        found = home_operated(robot, AnswerYes())
-        client.wait()
-        assert_allclose(client.external_encoders() - found.believed[:3], OFFSET, atol=1e-6)
+    found = homed(RobotOnLoopback(EncodedPlant(ready=False)), AnswerYes(), simulated=True)
+    assert found.external_encoders is not None
+    assert_allclose(found.external_encoders - found.believed[:3], OFFSET, atol=1e-6)
 
 
 def test_a_homed_robot_is_left_alone_and_nobody_is_asked() -> None:
     setup = RobotOnLoopback(EncodedPlant())
     person = Person([], setup)
-    robot, client = operated(setup)
-    with client:
-        found = home_operated(robot, person)
-    assert not found.was_run
+    assert not homed(setup, person).was_run
     assert person.asked == []
     assert setup.robot.commands == 0
 
 
 def test_a_workspace_that_is_not_clear_leaves_the_robot_unhomed() -> None:
     setup = RobotOnLoopback(EncodedPlant(ready=False))
-    robot, client = operated(setup)
-    with client, pytest.raises(NotReadyError, match="nothing has moved"):
-        home_operated(robot, Person([False], setup))
+    with pytest.raises(NotReadyError, match="nothing has moved"):
+        homed(setup, Person([False], setup))
     assert not setup.robot.plant.operating_state().is_homed
 
 
+TWO_LINK = load_robot("two_link")
+CRTK = {"robot": "two_link", "dialect": "crtk", "namespace": "/arm1"}
+
+
 def test_a_robot_that_speaks_crtk_is_homed_by_commands() -> None:
-    model = load_robot("two_link")
-    plant = IdealPlant(
-        np.zeros(model.n).tolist(), joint_names=model.joint_names, joint_units=model.joint_units, ready=False
-    )
+    plant = IdealPlant([0.0, 0.0], joint_names=TWO_LINK.joint_names, ready=False)
     setup = RobotOnLoopback(plant, dialect="crtk")
     person = Person([True], setup)
-    robot, client = operated(setup, robot="two_link", dialect="crtk", namespace="/arm1")
-    assert client.joint_names == model_joints(model).names
-    with client:
-        found = home_operated(robot, person)
+    found = homed(setup, person, **CRTK)
+    assert found.joint_names == model_joints(TWO_LINK).names
     assert found.state == ("ENABLED", True, False)
     assert found.external_encoders is None
     assert len(person.asked) == 1  # the workspace; there is no button
@@ -111,19 +103,17 @@ def test_a_robot_that_speaks_crtk_is_homed_by_commands() -> None:
 
 def test_a_homing_that_ends_early_is_stopped() -> None:
     setup = RobotOnLoopback(LongHoming(ready=False))
-    robot, client = operated(setup, simulated=True)
+    _, client = robot_over(setup.transport, simulated=True)
     with client, pytest.raises(NotReadyError, match="not done after 1 s") as failure:
         home_client(client, AnswerYes(), patience=1.0)
     assert setup.robot.plant.operating_state() == ("DISABLED", False, False)
     assert "disabled" in failure.value.__notes__[0]
-    assert robot.plant is client
 
 
 def test_a_robot_in_fault_is_not_homed_by_commands() -> None:
-    plant = IdealPlant([0.0, 0.0], joint_names=load_robot("two_link").joint_names)
+    plant = IdealPlant([0.0, 0.0], joint_names=TWO_LINK.joint_names)
     plant.state_command("disable")
-    setup = RobotOnLoopback(plant, dialect="crtk")
-    robot, client = operated(setup, robot="two_link", dialect="crtk", namespace="/arm1", simulated=True)
+    robot, client = robot_over(RobotOnLoopback(plant, dialect="crtk").transport, simulated=True, **CRTK)
     fault = OperatingState("FAULT", False, False)
     plant.operating_state = lambda: fault  # type: ignore[method-assign]
     client.wait()

@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -6,7 +8,7 @@ from catenary.errors import InputError, LimitError, NotReadyError, UnsupportedCo
 from catenary.plant import JointState
 from catenary.robots.catalog import load_robot
 from catenary.trajectories.point_to_point import go_to
-from catenary.trajectories.reference import Reference
+from catenary.trajectories.reference import Reference, Trajectory
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.trajectories.zigzag import zigzag
 from catenary.workflows.robot.motion import GENTLE_VELOCITY, check_motion, move_to, run_trajectory
@@ -100,48 +102,51 @@ def test_robot_that_is_not_ready_is_refused_before_anything_moves(command: str) 
     for move in (lambda: run_trajectory(plant, swing()), lambda: move_to(plant, [0.1])):
         with pytest.raises(NotReadyError, match="nothing has moved"):
             move()
-    assert plant.setpoints == []
-    assert plant.ticks == 0
+    assert (plant.setpoints, plant.ticks) == ([], 0)
 
 
-def test_motion_stops_when_the_robot_is_paused_and_says_when() -> None:
-    plant = IdealPlant([0.5], period=0.01, pause_after=120)
-    with pytest.raises(NotReadyError, match=r"stopped 1.200 s into a motion of 4.500 s: the robot is PAUSED"):
-        run_trajectory(plant, swing())
-    assert len(plant.setpoints) == 120
+BEYOND = r'joint "shoulder" at 1\.7\d+ s: position 1.6\d+ rad outside \[0, 1.6\]'
 
 
-def test_robot_without_servo_jp_is_refused() -> None:
-    plant = IdealPlant([0.5], supports=frozenset({"servo_jr", "measured_js"}))
-    with pytest.raises(UnsupportedCommandError, match=r"no servo_jp.*measured_js, servo_jr"):
-        run_trajectory(plant, swing())
+@pytest.mark.parametrize(
+    ("options", "start", "error", "message", "sent"),
+    [
+        ({"pause_after": 120}, 0.5, NotReadyError, r"stopped 1.200 s into a motion of 4.500 s: the robot is PAUSED", 120),
+        ({"supports": frozenset({"servo_jr", "x"})}, 0.5, UnsupportedCommandError, r"no servo_jp.*servo_jr, x", 0),
+        ({}, 1.3, LimitError, BEYOND, 0),
+    ],
+)  # fmt: skip
+def test_motion_ends_where_it_must_and_says_why(
+    options: dict[str, Any], start: float, error: type[Exception], message: str, sent: int
+) -> None:
+    plant = arm(q=(start, 1.5, 0.4, 0.1), **options)
+    with pytest.raises(error, match=message):
+        run_trajectory(plant, swing(start=start), joints=["shoulder"])
+    assert len(plant.setpoints) == sent
 
 
-def test_motion_beyond_a_limit_is_refused_with_joint_time_and_limit() -> None:
-    plant = arm()
-    with pytest.raises(
-        LimitError, match=r'joint "shoulder" at 1\.7\d+ s: position 1.6\d+ rad outside \[0, 1.6\]'
-    ):
-        run_trajectory(plant, swing(start=1.3, size=0.4), joints=["shoulder"])
-    assert plant.setpoints == []
+SPIKE = SmoothedPath.through([0.0, 50.0, 50.1, 50.2, 100.0], [[0.5], [0.5], [1.9], [0.5], [0.5]], 0.05)
+BEYOND_AT_ITS_END = go_to([1.5], [1.6001], max_velocity=[0.1], max_acceleration=[1.0])
 
 
-def test_motion_beyond_a_velocity_is_refused() -> None:
-    with pytest.raises(LimitError, match=r'"shoulder" at 0\.\d+ s: velocity 0.1\d+ rad/s beyond 0.15 rad/s'):
-        check_motion(arm(), swing(), joints=["shoulder"], max_velocity=[0.15])
+@pytest.mark.parametrize(
+    ("motion", "options", "message"),
+    [
+        (SPIKE, {}, r"at 50\.\d+ s"),
+        (BEYOND_AT_ITS_END, {"step": 0.7}, r"1.6001 rad outside"),
+        (
+            swing(),
+            {"max_velocity": [0.15]},
+            r'"shoulder" at 0\.\d+ s: velocity 0.1\d+ rad/s beyond 0.15 rad/s',
+        ),
+    ],
+)
+def test_short_excursions_the_last_instant_and_velocities_are_checked(
+    motion: Trajectory, options: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(LimitError, match=message):
+        check_motion(arm(), motion, joints=["shoulder"], **options)
     check_motion(arm(), swing(), joints=["shoulder"], max_velocity=[0.2])
-
-
-def test_short_excursion_is_found() -> None:
-    spike = SmoothedPath.through([0.0, 50.0, 50.1, 50.2, 100.0], [[0.5], [0.5], [1.9], [0.5], [0.5]], 0.05)
-    with pytest.raises(LimitError, match=r"at 50\.\d+ s"):
-        check_motion(arm(), spike, joints=["shoulder"])
-
-
-def test_last_instant_is_checked() -> None:
-    beyond = go_to([1.5], [1.6001], max_velocity=[0.1], max_acceleration=[1.0])
-    with pytest.raises(LimitError, match=r"1.6001 rad outside"):
-        check_motion(arm(), beyond, joints=["shoulder"], step=0.7)
 
 
 def test_robot_models_have_limits_too() -> None:
@@ -151,8 +156,12 @@ def test_robot_models_have_limits_too() -> None:
         check_motion(model, zigzag("J3", [1 / 2], upper=[1.0, 1.9, 0.9]))
 
 
-def test_go_to_arrives() -> None:
+def test_go_to_arrives_and_sends_nothing_where_the_robot_is() -> None:
     plant = arm()
+    seen: list[float] = []
+    move_to(plant, [0.5, 1.5, 0.4, 0.1], progress=seen.append)
+    assert plant.setpoints == []
+    assert seen[-1] == 1.0
     move_to(plant, [0.3, 2.0], joints=["roll", "elbow"], max_velocity=[1.0, 1.0], max_acceleration=[5.0, 5.0])
     assert_allclose(plant.measured_js().q, [0.5, 2.0, 0.4, 0.3])
     assert np.abs(np.diff(plant.setpoints, axis=0)).max() <= 0.01 * (1.0 + 1e-9)
@@ -164,14 +173,6 @@ def test_go_to_leads_back_from_beyond_a_limit_but_not_there() -> None:
     assert_allclose(plant.measured_js().q[1], 2.0)
     with pytest.raises(LimitError, match=r'"elbow".* outside'):
         move_to(plant, [0.5, 2.45, 0.4, 0.1])
-
-
-def test_go_to_where_the_robot_is_sends_nothing() -> None:
-    plant = arm()
-    seen: list[float] = []
-    move_to(plant, [0.5, 1.5, 0.4, 0.1], progress=seen.append)
-    assert plant.setpoints == []
-    assert seen[-1] == 1.0
 
 
 @pytest.mark.parametrize(

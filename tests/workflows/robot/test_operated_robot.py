@@ -49,17 +49,13 @@ def test_a_robot_behind_topics_is_moved_like_any_other(dialect: str, name: str, 
 
 def test_a_simulated_base_may_be_tilted() -> None:
     robot = simulated_robot(base_tilt_deg=(10.0, -5.0), homed=False, real_time=False)
-    assert_allclose(
-        robot.plant.measured_js().gravity, tilted_gravity(np.deg2rad(10.0), np.deg2rad(-5.0)), atol=1e-12
-    )
+    expected = tilted_gravity(np.deg2rad(10.0), np.deg2rad(-5.0))
+    assert_allclose(robot.plant.measured_js().gravity, expected, atol=1e-12)
 
 
-def test_a_seed_for_a_robot_that_is_always_the_same_is_refused() -> None:
+def test_a_seed_for_a_robot_that_is_always_the_same_and_an_unknown_dialect_are_refused() -> None:
     pytest.importorskip("mujoco")
     with pytest.raises(InputError, match="no other"):
         simulated_robot("planar_3r", seed=3)
-
-
-def test_a_dialect_that_there_is_not_is_refused() -> None:
     with pytest.raises(InputError, match="raven, crtk"):
         robot_over(RobotOnLoopback(homed_plant("left")).transport, dialect="latin")

@@ -13,12 +13,12 @@ from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
-from catenary.workflows.robot.operated_robot import OperatedRobot, robot_over
+from catenary.workflows.robot.operated_robot import robot_over
 from catenary.workflows.robot.operator_motion import random_motion
 from catenary.workflows.robot.watch import watch_log, watch_robot
 from oracles.crtk_robot import RobotOnLoopback
 from oracles.encoded_plant import EncodedPlant
-from oracles.ideal_plant import IdealPlant
+from oracles.ideal_plant import ideal_robot
 
 START = np.array([0.8, 1.5, 0.4])
 
@@ -34,15 +34,6 @@ class Ticking:
         return self.now
 
 
-def robot(**options: object) -> OperatedRobot:
-    model = load_robot("raven2")
-    plant = IdealPlant(
-        START, joint_names=model.joint_names, joint_units=model.joint_units, lower=model.lower, upper=model.upper,
-        **options,
-    )  # fmt: skip
-    return OperatedRobot("raven2", plant, model, lambda: 0)
-
-
 def log(**change: object) -> MotionLog:
     rows = 41
     q = np.column_stack([np.linspace(0.1, 0.5, rows), np.linspace(0.2, 0.1, rows)])
@@ -51,19 +42,19 @@ def log(**change: object) -> MotionLog:
 
 
 def test_a_robot_is_only_read() -> None:
-    watched = robot()
+    watched = ideal_robot(START)
     list(islice(watch_robot(watched, clock=Ticking()), 10))
     assert watched.plant.setpoints == []
 
 
 def test_gravity_torque_is_that_of_the_reported_gravity() -> None:
-    sample = next(watch_robot(robot(), clock=Ticking()))
+    sample = next(watch_robot(ideal_robot(START), clock=Ticking()))
     assert_allclose(sample.gravity_tau, gravity_torque(load_robot("raven2"), START, sample.gravity))
 
 
 def test_a_sample_comes_25_times_a_second() -> None:
     clock = Ticking()
-    samples = watch_robot(robot(), clock=clock)
+    samples = watch_robot(ideal_robot(START), clock=clock)
     next(samples)
     begin = clock.now
     list(islice(samples, 25))
@@ -71,7 +62,7 @@ def test_a_sample_comes_25_times_a_second() -> None:
 
 
 def test_a_simulated_robot_moves_without_a_leap() -> None:
-    watched = robot()
+    watched = ideal_robot(START)
     motion = random_motion(watched, 10.0, rng=np.random.default_rng(0))
     list(islice(watch_robot(watched, motion=motion, clock=Ticking()), 60))
     steps = np.abs(np.diff(np.array([START, *watched.plant.setpoints]), axis=0))

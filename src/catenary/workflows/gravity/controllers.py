@@ -1,7 +1,5 @@
 """Controllers by name, put together for an arm."""
 
-from typing import Literal, get_args
-
 import numpy as np
 
 from catenary.control.controller import SplitController
@@ -14,19 +12,7 @@ from catenary.errors import InputError
 from catenary.spatial import LEVEL
 from catenary.workflows.gravity.simulated_arm import SimulatedArm
 
-ControllerName = Literal[
-    "pd",
-    "sg",
-    "dg",
-    "inertia",
-    "computed-torque",
-    "elastic-constant",
-    "elastic-online",
-    "elastic-biased",
-]
-HoldName = Literal["sg", "dg"]
-
-WHAT: dict[str, str] = {
+CONTROLLERS: dict[str, str] = {
     "pd": "PD alone",
     "sg": "PD and gravity of a level base (PD+SG)",
     "dg": "PD and sensed gravity (PD+DG)",
@@ -36,6 +22,7 @@ WHAT: dict[str, str] = {
     "elastic-online": "PD on motors, gravity at the motors",
     "elastic-biased": "PD on motors, gravity at the motors less the springs' wind-up",
 }
+HOLDS = ("sg", "dg")  # those that gravity compensation is also tried of alone
 
 
 def make_controller(
@@ -44,7 +31,7 @@ def make_controller(
     """Return a controller for an arm, with the arm's own gains.
 
     Args:
-        name: A ControllerName.
+        name: One of CONTROLLERS.
         arm: What it is for.
         at: Where gravity is evaluated; of sg and dg.
         damping: "absolute" leaves the reference's velocity out, as RAVEN-II's firmware does.
@@ -53,27 +40,22 @@ def make_controller(
         InputError: No such controller, one that the arm has no springs for, or an option that it does not take.
         MissingInertiaError: The model has links without inertia.
     """
-    if name not in get_args(ControllerName):
-        raise InputError(f'controller "{name}": expected one of {", ".join(get_args(ControllerName))}')
-    if at != "measured" and name not in ("sg", "dg"):
+    if name not in CONTROLLERS:
+        raise InputError(f'controller "{name}": expected one of {", ".join(CONTROLLERS)}')
+    if at != "measured" and name not in HOLDS:
         raise InputError(f'controller "{name}": gravity at the desired position is an option of sg and dg')
     kp, kd = arm.gains
     if name == "pd":
         return JointPD(kp, kd, damping=damping)
-    if name in ("sg", "dg"):
+    if name in HOLDS:
         gravity = LEVEL if name == "sg" else None
         return GravityPD(arm.model, kp, kd, gravity=gravity, at=at, damping=damping)
     if name in ("inertia", "computed-torque"):
         if damping != "relative":
             raise InputError(f'controller "{name}": follows velocities, expected damping relative')
         w = 2.0 * np.pi * FREQUENCY_HZ
-        return InertiaPD(
-            arm.model,
-            w * w,
-            2.0 * DAMPING_RATIO * w,
-            motor_inertia=arm.motor_inertia,
-            coriolis=name == "computed-torque",
-        )
+        gains, coriolis = (w * w, 2.0 * DAMPING_RATIO * w), name == "computed-torque"
+        return InertiaPD(arm.model, *gains, motor_inertia=arm.motor_inertia, coriolis=coriolis)
     if arm.stiffness is None:
         raise InputError(f'controller "{name}": robot "{arm.model.name}" has no springs at its joints')
     compensation: Compensation = name.removeprefix("elastic-")  # type: ignore[assignment]
@@ -87,6 +69,6 @@ def make_hold(name: str, arm: SimulatedArm) -> GravityHold:
         InputError: No such compensation.
         MissingInertiaError: The model has links without inertia.
     """
-    if name not in get_args(HoldName):
-        raise InputError(f'controller "{name}": expected one of {", ".join(get_args(HoldName))}')
+    if name not in HOLDS:
+        raise InputError(f'controller "{name}": expected one of {", ".join(HOLDS)}')
     return GravityHold(arm.model, gravity=LEVEL if name == "sg" else None)

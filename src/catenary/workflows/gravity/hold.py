@@ -22,7 +22,7 @@ from catenary.workflows.robot.motion import check_motion
 def hold(
     arm: SimulatedArm, controller: Controller, q: ArrayLike, seconds: float, *, settle: float = SETTLE
 ) -> Holding:
-    """Put an arm somewhere by PD and sensed gravity, then let the controller alone have it.
+    """Place an arm by PD and sensed gravity, then let the controller alone hold it.
 
     Args:
         arm: Homed and enabled.

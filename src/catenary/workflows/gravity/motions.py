@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Literal, NamedTuple, get_args
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +17,7 @@ from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.workflows.robot.motion import GENTLE_VELOCITY, gentle_way
 
-MotionName = Literal["cartesian", "random", "poses"]
+MOTIONS = ("cartesian", "random", "poses")
 # where the published sinusoids of 3.1 inch find room to every side [rad, rad, m]
 RAVEN_START = (0.8, 1.6, 0.3)
 # away from the stops, with some way to fall to either side, and where gravity at the angles that are tried is not by
@@ -65,22 +65,16 @@ def make_motion(
         InputError: No such motion, or joints without limits where their range is needed.
         LimitError: The sinusoids leave the robot's reach.
     """
-    if name not in get_args(MotionName):
-        raise InputError(f'motion "{name}": expected one of {", ".join(get_args(MotionName))}')
+    if name not in MOTIONS:
+        raise InputError(f'motion "{name}": expected one of {", ".join(MOTIONS)}')
     if name == "random":
         lower, upper = _range(limits)
         middle, half = 0.5 * (lower + upper), 0.25 * (upper - lower)
         fastest = np.array([GENTLE_VELOCITY[unit] for unit in limits.joint_units])
         trajectory = random_sinusoids(
-            rng,
-            seconds,
-            lower=middle - half,
-            upper=middle + half,
-            turning_band=0.25 * half,
-            slowest=0.4 * fastest,
-            fastest=fastest,
-            turn_time=_TURN,
-        )
+            rng, seconds, lower=middle - half, upper=middle + half, turning_band=0.25 * half,
+            slowest=0.4 * fastest, fastest=fastest, turn_time=_TURN,
+        )  # fmt: skip
         return Motion(trajectory, None)
     start = _start(model, limits) if q_start is None else as_array("q_start", q_start, (model.n,))
     if name == "cartesian":
@@ -131,7 +125,7 @@ def poses_along(
 
 
 def hold_start(model: RobotModel, limits: Bounded) -> Floats:
-    """Return where an arm is put to be held passively, (n,) [rad|m]: HOLD_START, or the middle of its range.
+    """Return the pose from which an arm is held passively, (n,) [rad|m]: HOLD_START, or the middle of its range.
 
     Raises:
         InputError: Joints without limits.

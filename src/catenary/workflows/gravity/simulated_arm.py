@@ -43,7 +43,7 @@ class SimulatedArm:
     stiffness: Floats | None = None  # (n,) of elastic joints [Nm/rad|N/m]
 
     def limits(self) -> TorqueLimits:
-        """Return new torque limits."""
+        """Return the arm's torque limits, in their initial state."""
         return default_limits(self.largest_torque, self.plant.joint_units, self.plant.lower, self.plant.upper)
 
 

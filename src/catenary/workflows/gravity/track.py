@@ -59,14 +59,9 @@ def track(
             rows.append((tick.reference.q - tick.state.q, controller.feedback.copy(), tick.tau))
 
     report = run_loop(
-        plant,
-        controller,
-        whole,
-        limits=arm.limits(),
-        rate_hz=1.0 / plant.period,
-        corrector=corrector,
-        observers=[observe],
-    )
+        plant, controller, whole, limits=arm.limits(), rate_hz=1.0 / plant.period,
+        corrector=corrector, observers=[observe],
+    )  # fmt: skip
     time = np.array(times)
     counted = np.zeros(len(time))
     for first, last in spans:
@@ -76,7 +71,7 @@ def track(
 
 
 def with_approach(arm: SimulatedArm, trajectory: Trajectory, settle: float) -> tuple[InTurn, float]:
-    """The motion with the way to its start before it, and when it then begins [s].
+    """Return a motion with the way to its start before it, and when it then begins [s].
 
     The way begins where the arm is measured to be, so that no controller starts with a leap.
     """

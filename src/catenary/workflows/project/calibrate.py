@@ -55,7 +55,7 @@ def models_for(robot: str | None, seed: int) -> Mapping[str, FitOptions]:
 
 @dataclass(frozen=True)
 class CalibrationResult:
-    """Result of a calibration."""
+    """Page, models, errors and deployment of a calibration."""
 
     page: Path
     model_path: Path
@@ -227,15 +227,7 @@ def conclude(
     write(project.folder / "evaluation.json", concluded.summary())
     best = results[BEST]
     write_project_report(
-        page,
-        project.settings.connection,
-        best.model,
-        best.card,
-        best.evaluation,
-        concluded.table(),
-        train,
-        test,
-        deployment,
-        notes=best.notes,
-    )
+        page, project.settings.connection, best.model, best.card, best.evaluation, concluded.table(),
+        train, test, deployment, notes=best.notes,
+    )  # fmt: skip
     return concluded

@@ -25,7 +25,7 @@ from catenary.workflows.robot.motion import check_motion, move_to
 
 @dataclass(frozen=True)
 class Deployment:
-    """Result of a deployed model: its loop, and its errors against the joints' true positions."""
+    """Loop report of a deployed model, and its errors against the joints' true positions."""
 
     loop: LoopReport
     joint_names: tuple[str, ...]  # of the model
@@ -93,7 +93,7 @@ def deploy_on_robot(
         plant: Homed and enabled.
         model: Fitted to recordings of this robot.
         trajectory: Of the model's joints.
-        encoders: Gives where the model's joints are now [rad|m]; NaN where nobody knows. Asked in every tick.
+        encoders: Returns where the model's joints are now [rad|m], NaN where unknown; called in every tick.
         real_time: Keep time with the clock also on a simulated robot.
 
     Raises:

@@ -14,7 +14,7 @@ from typing import Any
 
 from catenary import __version__
 from catenary.errors import ConfigError, FileFormatError, InputError
-from catenary.files import json_text
+from catenary.files import json_text, write_atomically
 from catenary.trajectories.sinusoids import TURN_TIME
 from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY
 
@@ -41,31 +41,21 @@ class ProjectSettings:
 
     def __post_init__(self) -> None:
         """Refuse settings that no robot or motion can have, before anything is written or moves."""
+        tilt, sparsities = self.base_tilt_deg, self.sparsities
+        level = len(tilt) == 2 and all(abs(angle) <= 180.0 for angle in tilt)
+        sparse = len(sparsities) > 0 and all(LEAST_SPARSITY <= s <= 1.0 for s in sparsities)
+        long = SHORTEST_TEST <= self.test_minutes <= LONGEST_TEST
+        minutes = f"{SHORTEST_TEST:.3g} to {LONGEST_TEST:g} min"
         wrong = [
             f"{name}: expected {expected}, got {got}"
             for name, is_right, expected, got in (
                 ("side", self.side in ("left", "right"), "left or right", self.side),
                 ("seed", self.seed is None or self.seed >= 0, "zero or more", self.seed),
-                (
-                    "base tilt",
-                    len(self.base_tilt_deg) == 2 and all(abs(angle) <= 180.0 for angle in self.base_tilt_deg),
-                    "roll and pitch of at most 180 deg",
-                    self.base_tilt_deg,
-                ),
+                ("base tilt", level, "roll and pitch of at most 180 deg", tilt),
                 ("payload", 0.0 <= self.payload_kg < math.inf, "zero or more kg", self.payload_kg),
                 ("direction", self.direction in DIRECTIONS, ", ".join(DIRECTIONS), self.direction),
-                (
-                    "sparsity",
-                    len(self.sparsities) > 0 and all(LEAST_SPARSITY <= s <= 1.0 for s in self.sparsities),
-                    f"numbers from {LEAST_SPARSITY} to 1",
-                    self.sparsities,
-                ),
-                (
-                    "test motion",
-                    SHORTEST_TEST <= self.test_minutes <= LONGEST_TEST,
-                    f"{SHORTEST_TEST:.3g} to {LONGEST_TEST:g} min",
-                    self.test_minutes,
-                ),
+                ("sparsity", sparse, f"numbers from {LEAST_SPARSITY} to 1", sparsities),
+                ("test motion", long, minutes, self.test_minutes),
                 ("connection", self.connection in CONNECTIONS, ", ".join(CONNECTIONS), self.connection),
                 ("state rate", 0.0 < self.state_rate_hz <= 1000.0, "at most 1000 Hz", self.state_rate_hz),
             )
@@ -162,13 +152,8 @@ def project_settings(folder: Path) -> ProjectSettings | None:
         return None
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        return ProjectSettings(
-            **{
-                **content,
-                "base_tilt_deg": tuple(content["base_tilt_deg"]),
-                "sparsities": tuple(content["sparsities"]),
-            }
-        )
+        lists = {name: tuple(content[name]) for name in ("base_tilt_deg", "sparsities")}
+        return ProjectSettings(**{**content, **lists})
     except (ValueError, KeyError, TypeError, InputError) as error:
         raise ConfigError(f"{path}: not the settings of a project: {error}") from error
 
@@ -184,7 +169,4 @@ def write(path: Path, content: Any) -> None:
     Raises:
         FileFormatError: The file cannot be written.
     """
-    try:
-        path.write_text(json_text(content), encoding="utf-8")
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from error
+    write_atomically(path, json_text(content).encode())

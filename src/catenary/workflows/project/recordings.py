@@ -21,16 +21,14 @@ def extract_recording(project: Project, name: str) -> bool:
         arm = SynchroniseOptions(arm=arm_of(project))
         result = synchronise(folder, arm)
         write_parquet(result.log, path)
-        write(
-            report,
-            {
-                "topics": [vars(topic) | {"longest_gap": topic.longest_gap} for topic in result.topics],
-                "stopped_encoders": [stop.note() for stop in result.stopped],
-                "rows": len(result.log),
-                "rows_without_encoder": result.without_encoder,
-                "problems": list(extraction.problems),
-            },
-        )
+        found = {
+            "topics": [vars(topic) | {"longest_gap": topic.longest_gap} for topic in result.topics],
+            "stopped_encoders": [stop.note() for stop in result.stopped],
+            "rows": len(result.log),
+            "rows_without_encoder": result.without_encoder,
+            "problems": list(extraction.problems),
+        }
+        write(report, found)
 
     return project.run(f"extract {name}", [project.fingerprint_of(f"record {name}")], [path, report], work)
 

@@ -26,11 +26,11 @@ class Take:
 
 
 class ProjectRobot(ABC):
-    """Does the steps of a project that need a robot; each only unless it was done, and each by itself."""
+    """The steps of a project that need a robot; one that was done before is not run again."""
 
     @abstractmethod
     def home(self, project: Project) -> bool:
-        """Home it, and say whether that had to be done. Writes robot/home.json."""
+        """Home it, write robot/home.json, and return whether that had to be done."""
 
     def record(
         self,
@@ -42,7 +42,7 @@ class ProjectRobot(ABC):
         after: str,
         progress: Progress = silent,
     ) -> bool:
-        """Drive it along a trajectory and record that into recordings/NAME, and say whether that had to be done.
+        """Drive it along a trajectory and record that into recordings/NAME; return whether that had to be done.
 
         Args:
             project: The project.
@@ -59,9 +59,8 @@ class ProjectRobot(ABC):
         before = after if after == "home" else f"record {after}"
         made_from = [motion, project.settings.state_rate_hz, project.fingerprint_of(before)]
         take = Take(project.folder / "recordings" / name, name, trajectory, motion, after, progress)
-        return project.run(
-            f"record {name}", made_from, self.files(project, take), lambda: self.drive(project, take)
-        )
+        files = self.files(project, take)
+        return project.run(f"record {name}", made_from, files, lambda: self.drive(project, take))
 
     @abstractmethod
     def drive(self, project: Project, take: Take) -> None:
@@ -84,7 +83,7 @@ def arm_of(project: Project) -> Arm:
 
 
 def empty(folder: Path) -> None:
-    """Make room for a step that is done again."""
+    """Remove the folder that a step wrote before, and make its parent."""
     import shutil
 
     if folder.exists():

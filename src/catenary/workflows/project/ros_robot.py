@@ -57,22 +57,20 @@ class RosRobot(ProjectRobot):
         self._is_clear = False  # whether the workspace was said to be
 
     def home(self, project: Project) -> bool:
-        """Home it, encoders mounted; whether it had to be done."""
+        """Home it with its encoders mounted; return whether that had to be done."""
         path = project.folder / "robot" / "home.json"
 
         def work() -> None:
             path.parent.mkdir(exist_ok=True)
             with self._connected(project) as client:
                 self._make_ready(client)
-                write(
-                    path,
-                    {
-                        "simulated": self._simulated,
-                        "joint_names": client.joint_names,
-                        "believed": client.measured_js().q,
-                        "external_encoders": client.external_encoders(),
-                    },
-                )
+                believed, encoders = client.measured_js().q, client.external_encoders()
+                found = {
+                    "joint_names": client.joint_names,
+                    "believed": believed,
+                    "external_encoders": encoders,
+                }
+                write(path, {"simulated": self._simulated, **found})
 
         return project.run("home", _robot_settings(project), [path], work)
 
@@ -98,11 +96,8 @@ class RosRobot(ProjectRobot):
                 )
         return found.as_data()
 
-    @contextlib.contextmanager
-    def _connected(self, project: Project) -> Iterator[CrtkClient]:
-        arm = arm_of(project)
-        with CrtkClient(self._transport, arm=arm, simulated=self._simulated) as client:
-            yield client
+    def _connected(self, project: Project) -> CrtkClient:
+        return CrtkClient(self._transport, arm=arm_of(project), simulated=self._simulated)
 
     def _make_ready(self, client: CrtkClient) -> None:
         """Bring it to ENABLED and homed, with encoders whose readings come."""
@@ -121,24 +116,16 @@ class RosRobot(ProjectRobot):
         if isinstance(self._guide, AnswerYes):
             state = client.operating_state().state
             if state == "FAULT":
-                raise NotReadyError("the robot is in FAULT; clear the fault, --yes does not")
+                raise NotReadyError("the robot is in FAULT; clear the fault by hand: --yes does not clear it")
             client.state_command("resume" if state == "PAUSED" else "enable")
-        have_done(
-            self._guide,
-            "press the pedal, so that the robot is ENABLED",
-            lambda: _not_enabled(client.operating_state()),
-            self._transport.sleep,
-            patience=self._patience,
-        )
+        pedal = "press the pedal, so that the robot is ENABLED"
+        self._have(pedal, lambda: _not_enabled(client.operating_state()))
 
     def _have(self, text: str, missing: Check) -> None:
         have_done(self._guide, text, missing, self._transport.sleep, patience=self._patience)
 
     def _no_encoders(self) -> str | None:
-        there = self._transport.topics()
-        if EXT_JPOS.name in there:
-            return None
-        return f"nobody publishes {EXT_JPOS.name}"
+        return None if EXT_JPOS.name in self._transport.topics() else f"nobody publishes {EXT_JPOS.name}"
 
     def _record(self, client: CrtkClient, project: Project, take: Take) -> None:
         arm = arm_of(project)

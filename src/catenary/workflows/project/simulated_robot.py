@@ -50,18 +50,14 @@ class SimulatedRobot(ProjectRobot):
             plant = make_plant(project.settings)
             plant.home()
             save_plant(plant, homed)
-            telemetry = plant.telemetry()
-            write(
-                folder / "home.json",
-                {
-                    "simulated": True,
-                    "seconds": plant.time,
-                    "joint_names": plant.joint_names,
-                    "believed": plant.control.joint,
-                    "external_encoders": telemetry["ext_jpos"],
-                    "true": plant.state.q,
-                },
-            )
+            encoders = plant.telemetry()["ext_jpos"]
+            found = {
+                "joint_names": plant.joint_names,
+                "believed": plant.control.joint,
+                "external_encoders": encoders,
+            }
+            content = {"simulated": True, "seconds": plant.time, **found, "true": plant.state.q}
+            write(folder / "home.json", content)
 
         return project.run("home", _robot_settings(project.settings), [homed, folder / "home.json"], work)
 
@@ -116,14 +112,10 @@ def left_at(project: Project, step: str) -> Path:
 
 
 def make_plant(settings: ProjectSettings) -> CablePlant:
-    """Return the robot of a project, as it wakes up."""
+    """Return the robot of a project, just switched on."""
     roll, pitch = np.deg2rad(settings.base_tilt_deg)
-    return CablePlant(
-        side=settings.side,
-        seed=settings.seed,
-        payload=settings.payload_kg,
-        base=FixedBase(float(roll), float(pitch)),
-    )
+    base = FixedBase(float(roll), float(pitch))
+    return CablePlant(side=settings.side, seed=settings.seed, payload=settings.payload_kg, base=base)
 
 
 def _robot_settings(settings: ProjectSettings) -> Any:

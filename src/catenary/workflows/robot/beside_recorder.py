@@ -47,14 +47,13 @@ class BesideRecorder:
         self._arm: Arm = "gold" if RAVEN_SIDES[robot.name] == "left" else "green"
         topics = raven_topics(self._arm)
         about = About(robot=robot.name, simulated=robot.plant.simulated, configuration={"motion": "by hand"})
-        self._wire: TopicRecorder | None = None
-        self._direct: Recorder | None = None
+        self._recorder: TopicRecorder | Recorder
         if isinstance(robot.plant, CrtkClient):
-            self._wire = TopicRecorder(robot.plant.transport, folder, topics, about=about)
+            self._recorder = TopicRecorder(robot.plant.transport, folder, topics, about=about)
         else:
             available = [*_PER_AXIS, *_ENCODERS, *_MEASURED, "runlevel", "type", "dt"]
             rng = np.random.default_rng(0)
-            self._direct = Recorder(folder, topics, available, rng, about=about, start_ns=time.time_ns())
+            self._recorder = Recorder(folder, topics, available, rng, about=about, start_ns=time.time_ns())
             self._begin = robot.plant.measured_js().time
         self._looked, self._counted, self._messages, self._rate = -np.inf, clock(), 0, 0.0
         self.failure: str | None = None
@@ -62,10 +61,7 @@ class BesideRecorder:
     @property
     def messages(self) -> int:
         """Number of messages recorded until now."""
-        journal = (
-            self._wire.journal if self._wire is not None else self._direct.journal if self._direct else None
-        )
-        return 0 if journal is None else journal.messages
+        return self._recorder.journal.messages
 
     def observe(self) -> str:
         """Record a tick; return a line on how the recording goes."""
@@ -85,23 +81,20 @@ class BesideRecorder:
     def close(self) -> str:
         """Finish the recording; return a line on what is in it."""
         try:
-            if self._wire is not None:
-                self._wire.close()
-            if self._direct is not None:
-                self._direct.close()
+            self._recorder.close()
         except RecordingError as error:
             self.failure = self.failure or str(error)
         ended = "" if self.failure is None else f"; ended by: {self.failure}"
         return f"{self._folder}: {self.messages} messages recorded{ended}"
 
     def _take(self, now: float) -> None:
-        if self._wire is not None and now - self._looked >= COLLECT:
-            self._looked = now
-            self._wire.collect()
-        if self._direct is not None:
+        if isinstance(self._recorder, Recorder):
             at = round(self._robot.plant.measured_js().time - self._begin, 6)
-            if at >= self._direct.next_due and at > 0.0:
-                self._direct.observe(at, self._columns())
+            if at >= self._recorder.next_due and at > 0.0:
+                self._recorder.observe(at, self._columns())
+        elif now - self._looked >= COLLECT:
+            self._looked = now
+            self._recorder.collect()
 
     def _columns(self) -> Mapping[str, Floats]:
         """Return what a simulated arm reports, in raven_state's channels, those of the other arm zero."""

@@ -2,7 +2,7 @@
 
 import csv
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -71,11 +71,9 @@ def read_followed_file(path: Path, *, rows_per_second: float | None = None) -> F
         found = _read_npz(path)
     else:
         raise FileFormatError(f'{path}: ending "{path.suffix}": expected .csv, .parquet or .npz')
-    timeless = found.notes and path.suffix == ".csv"
-    if rows_per_second is not None and not timeless:
+    if rows_per_second is not None and found.joint_names is not None:
         raise InputError(f"{path}: states its times; --rows-per-second is for files without")
-    _require_sound(path, found)
-    return found
+    return _checked(path, found)
 
 
 def _read_csv(path: Path, rows_per_second: float | None) -> FollowedFile:
@@ -149,7 +147,8 @@ def _read_npz(path: Path) -> FollowedFile:
     )
 
 
-def _require_sound(path: Path, found: FollowedFile) -> None:
+def _checked(path: Path, found: FollowedFile) -> FollowedFile:
+    """Return a motion whose times begin at zero; refuse one without rows, or whose times do not rise."""
     if found.time.shape != (len(found.q),) or len(found.q) == 0:
         raise InputError(f"{path}: {len(found.q)} rows with times of shape {found.time.shape}")
     if not (np.isfinite(found.q).all() and np.isfinite(found.time).all()):
@@ -158,7 +157,7 @@ def _require_sound(path: Path, found: FollowedFile) -> None:
     steps = np.diff(found.time)
     if not (steps > 0.0).all():
         raise InputError(f"{path}: row {int(np.argmin(steps > 0.0)) + 2}: time does not rise")
-    object.__setattr__(found, "time", frozen(found.time - found.time[0]))
+    return replace(found, time=frozen(found.time - found.time[0]))
 
 
 def _numbers(path: Path, rows: list[list[str]], *, first: int, width: int | None = None) -> Floats:

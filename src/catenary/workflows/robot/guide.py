@@ -39,7 +39,7 @@ class AnswerYes:
 
 
 def clear_workspace(guide: Guide) -> None:
-    """Have a person confirm that the robot may move.
+    """Ask a person to confirm that the robot may move.
 
     Raises:
         NotReadyError: Given up.
@@ -52,7 +52,7 @@ def clear_workspace(guide: Guide) -> None:
 def have_done(
     guide: Guide, text: str, missing: Check, sleep: Callable[[float], None], *, patience: float = PATIENCE
 ) -> None:
-    """Have something done unless the robot reports that it is, and wait until it does.
+    """Ask for something to be done unless the robot reports that it is, and wait until it does.
 
     Args:
         guide: Asks.

@@ -18,7 +18,7 @@ HOMING = 180.0  # [s] that a robot may take from the press of its button until i
 
 @dataclass(frozen=True)
 class Homing:
-    """Result of homing."""
+    """Positions and state of a robot after homing."""
 
     robot: str
     simulated: bool
@@ -32,16 +32,9 @@ class Homing:
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, SI."""
-        return {
-            "robot": self.robot,
-            "simulated": self.simulated,
-            "run": self.was_run,
-            "seconds": self.seconds,
-            "joint_names": self.joint_names,
-            "believed": self.believed,
-            "external_encoders": self.external_encoders,
-            "state": self.state._asdict(),
-        }
+        said = ("robot", "simulated", "seconds", "joint_names", "believed", "external_encoders")
+        values = {name: getattr(self, name) for name in said}
+        return values | {"run": self.was_run, "state": self.state._asdict()}
 
 
 def home_operated(robot: OperatedRobot, guide: Guide) -> Homing:
@@ -73,7 +66,7 @@ def home_operated(robot: OperatedRobot, guide: Guide) -> Homing:
 
 
 def home_client(client: CrtkClient, guide: Guide, *, patience: float = HOMING) -> None:
-    """Have a robot homed whose workspace is clear: by its own button, or by commands where its dialect has them.
+    """Home a robot whose workspace is clear: by its own button, or by commands where its dialect has them.
 
     A homing that is interrupted, by Ctrl-C or an error, is ended by `disable`, which acts in every state.
 

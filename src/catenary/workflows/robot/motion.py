@@ -77,7 +77,7 @@ def gentle_way(
     max_velocity: ArrayLike | None = None,
     max_acceleration: ArrayLike | None = None,
 ) -> Trajectory:
-    """Go from (k,) to (k,) [rad|m], GENTLE_VELOCITY and GENTLE_ACCELERATION where no others (k,) are given."""
+    """Return a motion from (k,) to (k,) [rad|m], as fast as GENTLE_VELOCITY and _ACCELERATION where none are given."""
     velocity = [GENTLE_VELOCITY[unit] for unit in units] if max_velocity is None else max_velocity
     acceleration = [GENTLE_ACCELERATION[u] for u in units] if max_acceleration is None else max_acceleration
     return go_to(start, goal, max_velocity=velocity, max_acceleration=acceleration)

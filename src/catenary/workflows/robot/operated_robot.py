@@ -15,6 +15,7 @@ from catenary.crtk.names import Dialect
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError
 from catenary.plant import JointState, Plant
+from catenary.recording.topics import Arm
 from catenary.robots.catalog import RAVEN_SIDES, load_robot
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import FixedBase
@@ -50,7 +51,7 @@ class OperatedRobot:
 
 
 class PacedPlant:
-    """A simulated plant whose ticks last as long as a robot's; a late tick delays the next one, it makes none leap.
+    """A simulated plant whose ticks take as long as a robot's; time lost by a late tick is not caught up.
 
     Every other verb is the plant's own.
     """
@@ -86,13 +87,13 @@ def simulated_robot(
     homed: bool = True,
     real_time: bool = True,
 ) -> OperatedRobot:
-    """Put a simulated robot up, enabled and homed: RAVEN-II with its cables, any other by MuJoCo.
+    """Set up a simulated robot, enabled and homed: RAVEN-II with its cables, any other by MuJoCo.
 
     Args:
         robot: Name in the catalogue, or a robot file with inertia.
         seed: Draws another RAVEN-II of the kind; the nominal one when None.
         base_tilt_deg: Roll about x, then pitch about y, of the base.
-        homed: False leaves it as it wakes up.
+        homed: False leaves it as it is when switched on.
         real_time: False lets its ticks be as short as the machine makes them.
 
     Raises:
@@ -147,13 +148,9 @@ def robot_over(
             f'robot "{robot}": expected one of {", ".join(RAVEN_SIDES)} with the dialect raven; others speak crtk'
         )
     model = load_robot(robot)
+    arm: Arm = "green" if robot == "raven2_right" else "gold"
+    joints = None if robot in RAVEN_SIDES else model_joints(model)
     client = CrtkClient(
-        transport,
-        dialect=dialect,
-        arm="green" if robot == "raven2_right" else "gold",
-        namespace=namespace,
-        joints=None if robot in RAVEN_SIDES else model_joints(model),
-        simulated=simulated,
-        imu=imu,
+        transport, dialect=dialect, arm=arm, namespace=namespace, joints=joints, simulated=simulated, imu=imu
     )
     return OperatedRobot(model.name, client, model, lambda: client.late), client

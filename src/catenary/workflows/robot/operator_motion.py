@@ -18,6 +18,7 @@ from catenary.spatial import Pose
 from catenary.trajectories.reference import Reference, Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import BLEND
+from catenary.units import in_words
 from catenary.workflows.robot.followed_file import FollowedFile
 from catenary.workflows.robot.motion import GENTLE_VELOCITY, check_motion, move_to, run_trajectory
 from catenary.workflows.robot.operated_robot import OperatedRobot
@@ -34,7 +35,7 @@ HOLD_TICKS = 20  # during which a robot is told to stay where it is
 
 @dataclass(frozen=True)
 class MotionSummary:
-    """Result of a motion."""
+    """Errors and final state of a motion."""
 
     robot: str
     simulated: bool
@@ -50,7 +51,8 @@ class MotionSummary:
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, SI."""
-        columns = self.q.tolist(), self.max_error.tolist(), self.rms_error.tolist()
+        arrays = self.q.tolist(), self.max_error.tolist(), self.rms_error.tolist()
+        columns = self.joint_names, self.joint_units, *arrays
         return {
             "robot": self.robot,
             "simulated": self.simulated,
@@ -60,9 +62,7 @@ class MotionSummary:
             "state": self.state._asdict(),
             "joints": [
                 {"name": name, "unit": unit, "q": q, "max_error": largest, "rms_error": rms}
-                for name, unit, q, largest, rms in zip(
-                    self.joint_names, self.joint_units, *columns, strict=True
-                )
+                for name, unit, q, largest, rms in zip(*columns, strict=True)
             ],
         }
 
@@ -158,7 +158,7 @@ def follow(
     from_afar: bool = False,
     progress: Progress = silent,
 ) -> MotionSummary:
-    """Follow a file from its beginning, after all of it was checked and a gentle way to its start.
+    """Check the whole motion of a file, go to its start gently, and follow it.
 
     Args:
         robot: Enabled and homed.
@@ -176,8 +176,8 @@ def follow(
     for name, unit, far in zip(names, file.joint_units, way, strict=True):
         if far > NEAR[unit] and not from_afar:
             raise LimitError(
-                f'{file.name}: joint "{name}" is {_shown(far, unit)} from the start, '
-                f"more than {_shown(NEAR[unit], unit)}; nothing has moved. "
+                f'{file.name}: joint "{name}" is {in_words(far, unit, 1)} from the start, '
+                f"more than {in_words(NEAR[unit], unit, 1)}; nothing has moved. "
                 "Go there first (catenary goto), or say --from-afar"
             )
     return _run(robot, motion, names, progress)
@@ -268,7 +268,3 @@ def _watched(
         robot.name, plant.simulated, end.time - begin, plant.joint_names, plant.joint_units,
         largest, np.sqrt(squares / max(count, 1)), end.q, plant.operating_state(), robot.late() - late, interrupted,
     )  # fmt: skip
-
-
-def _shown(value: float, unit: str) -> str:
-    return f"{np.rad2deg(value):.1f} deg" if unit == "rad" else f"{1e3 * value:.1f} mm"

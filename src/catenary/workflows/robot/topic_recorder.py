@@ -204,7 +204,7 @@ def record_topics(
 
 
 def refuse_missing(counts: Sequence[TopicCount], required: Sequence[str]) -> None:
-    """Refuse a recording that lacks what it is for.
+    """Refuse a recording that lacks a required topic.
 
     Raises:
         RecordingError: Nothing came of a required topic.

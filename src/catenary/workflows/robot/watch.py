@@ -94,7 +94,7 @@ def watch_robot(
         model: Calibration model to run beside it.
         every: [s] between samples.
         motion: What a simulated robot does meanwhile, again and again.
-        observe: Called after each tick, as a recorder is; gives a line to show.
+        observe: Called after each tick, as a recorder is; returns a line to show.
         clock: [s].
 
     Raises:
@@ -102,7 +102,7 @@ def watch_robot(
     """
     plant = robot.plant
     if motion is not None and not plant.simulated:
-        raise InputError("monitor: moves no robot; only one that is simulated here can be given a motion")
+        raise InputError("monitor: only a robot that is simulated here can be given a motion")
     corrected = _calibrated(plant, model)
     path = None if motion is None else _ThereAndBack(robot, motion)
     states, late = EventRate(), EventRate()

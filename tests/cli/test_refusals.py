@@ -1,0 +1,241 @@
+"""What each command refuses, with which words; and that it leaves nothing behind.
+
+A line is typed in an empty folder. {run}, {model}, {motion} and {begun} stand for the fixtures of these names.
+"""
+
+import shlex
+from pathlib import Path
+
+import pytest
+
+from command_line import refusal
+
+FIT = "fit {run} --model linear --out o.npz"
+IDENTIFY = "identify {motion} --robot raven2 --out o.npz"
+POSE = "raven2 --q 0,1.57,0.32"
+UP = "raven2_full --position-mm 0,0,1"
+
+A_ROBOT_THAT_CANNOT_BE = {
+    "--seed=-1": "seed: expected zero or more",
+    "--side=middle": "side: expected left or right",
+    "--payload=-0.5": "payload: expected",
+    "--payload=nan": "payload: expected",
+    "--base-tilt-deg=5": "roll and pitch",
+    "--base-tilt-deg=5,nan": "base tilt: expected",
+    "--base-tilt-deg=5,steep": "expected numbers",
+}
+A_ZIGZAG_THAT_CANNOT_BE = {
+    "--direction=J4": "direction: expected J1, J2",
+    "--sparsity=1/0": "--sparsity: expected",
+    "--sparsity=1/2,many": "--sparsity: expected",
+} | {f"--sparsity={value}": "sparsity: expected" for value in ("0", ",", "nan", "1e-9")}
+
+REFUSALS = {
+    **{f"{c} new {o}": w for c in ("home", "excite", "calibrate") for o, w in A_ROBOT_THAT_CANNOT_BE.items()},
+    **{f"{c} new {o}": w for c in ("excite", "calibrate") for o, w in A_ZIGZAG_THAT_CANNOT_BE.items()},
+    **{
+        f"{command} --hours={hours}": "test motion: expected"
+        for command in ("record {begun}", "calibrate new")
+        for hours in ("nan", "inf", "0", "-1", "1000", "1e-4")
+    },
+    **{f"record {{begun}} --name={name}": "--name" for name in ("train", "''", "../away", "'a b'")},
+    **{f"{command} none": "is no project" for command in ("record", "extract", "deploy {model}")},
+    "deploy none.npz {begun}": "none.npz",
+    "deploy model.npz p --ros 1": "give no project",
+    "deploy model.npz": "folder of a project",
+    "deploy model.npz --ros 1 --arm left": "expected gold or green",
+    "deploy model.npz --ros 1 --seconds 0": "more than 0",
+    "extract {begun} --bag ros9": "ros1 or mcap",
+    "record {begun} --no-motion": "goes with --ros",
+    "calibrate new --test b.npz": "--test",
+    "home p --ros 3": "expected 1 or 2",
+    "home {begun} --yes": "go with --ros",
+    "home p --robot raven2": "go without a project",
+    "home p --dialect crtk": "go without a project",
+    "home --side left": "--robot raven2_right",
+    "home --payload 0.1": "--robot raven2_right",
+    "home --yes": "go with --ros",
+    "home --ros 3": "expected 1 or 2",
+    "home --ros 1 --seed 1": "not with --ros",
+    # options of fit; the last of an option counts
+    f"{FIT} --model forest": "expected one of offset, linear, polynomial, neural",
+    f"{FIT} --model neural --preset worst": 'preset "worst"',
+    f"{FIT} --preset best": "only neural has presets",
+    f"{FIT} --inputs nonsense": 'has no input "nonsense"',
+    f"{FIT} --inputs tau": 'has no input "tau"',
+    f"{FIT} --inputs ''": "inputs: expected at least one",
+    f"{FIT} --inputs J1=": "--inputs: expected 'JOINT=signal",
+    f"{FIT} --inputs J9=q": 'joint "J9": no such joint',
+    f"{FIT} --history -1": "--history",
+    f"{FIT} --history 400": "the longest recording has 400 rows",
+    f"{FIT} --history 1000000000": "the longest recording has 400 rows",
+    f"{FIT} --play nonsense": "--play: expected numbers",
+    f"{FIT} --play 2": "between 0 and 1",
+    f"{FIT} --target nonsense": "expected one of error, position",
+    f"{FIT} --units rad,rad": "rad,rad",
+    **{f"{FIT} --held-out={share}": "held-out share" for share in ("0", "1", "-0.5", "nan")},
+    f"{FIT} --folds 1": "folds: expected 2 or more, or 0",
+    f"{FIT} --folds -1": "--folds",
+    f"{FIT} --folds 401": "folds",
+    f"{FIT} --max-error 1,1": "one per joint",
+    f"{FIT} --max-error 1,1,-1": "positive",
+    f"{FIT} --ridge -1": "--ridge",
+    f"{FIT} --ridge inf": "--ridge",
+    f"{FIT} --seed -1": "--seed",
+    f"{FIT} --seed 4294967296": "--seed",
+    f"{FIT} --robot raven3": 'did you mean "raven2"',
+    f"{FIT} --robot raven2_full": "6 joint names",
+    f"{FIT} --out no_folder/out.npz": "folder no_folder does not exist",
+    f"{FIT} --out .": "is a folder",
+    f"{FIT} --out {{run}}": "is a file that is read here",
+    f"{FIT} --report o.npz": "something else is written there",
+    f"{FIT} --report o.card.json": "something else is written there",
+    "evaluate {model} {run} --report {run}": "is a file that is read here",
+    "evaluate {model} {run} --report {model}": "is a file that is read here",
+    "evaluate {run} {run}": "is no calibration model",
+    **{
+        f"evaluate {{model}} {{run}} --window {length}": "window: expected a positive length"
+        for length in ("0", "-1", "nan", "inf")
+    },
+    f"{IDENTIFY} --robot raven9": 'did you mean "raven2"',
+    f"{IDENTIFY} --terms half": "expected full or static",
+    f"{IDENTIFY} --weighting best": "expected none, range",
+    f"{IDENTIFY} --cutoff-hz 0": "cutoff_hz: expected a number above zero",
+    f"{IDENTIFY} --rows 5": "--rows: expected FIRST:LAST",
+    **{f"{IDENTIFY} --rows={rows}": "has rows 0 to 800" for rows in ("-1:5", "5:5", "0:9000")},
+    f"{IDENTIFY} --gravity 1,2": "--gravity: expected 3 numbers",
+    f"{IDENTIFY} --urdf a.urdf": "add --consistent",
+    f"{IDENTIFY} --test none.npz": "none.npz: no such file",
+    f"{IDENTIFY} --out {{motion}}": "is a file that is read here",
+    f"{IDENTIFY} --report o.npz": "something else is written there",
+    "payload {run} --model {run}": "written by catenary identify",
+    "excitation panda --out x.npz --static 2": "2 poses cannot show",
+    "excitation panda --out x.npz --static 2 --fourier": "one of --static and --fourier",
+    "excitation panda --out x.npz --harmonics 1": "three or more harmonics",
+    "excitation dvrk_psm --out x.npz": "no lower limit of q1: give --lower",
+    "excitation panda --out x.npz --upper 1,2": "upper: expected shape (7,)",
+    "excitation panda --out x.txt --static 9": "expected .npz or .csv",
+    "check raven": "no such file, and no robot of that name; robots: dual_arm_19, dvrk_mtm",
+    "export {model} --onnx {model}": "is the model that is read here",
+    "export nothing.npz --onnx a.onnx": "nothing.npz",
+    "export raven2 --c missing/raven2.h": "cannot be written",
+    "export raven3 --c a.h": "raven3",
+    f"gravity {POSE} --tilt-deg 0 20 --gravity 0 0 -9.81": "one of --tilt-deg and --gravity",
+    f"gravity {POSE} --tilt-deg nan 20": "--tilt-deg: expected finite",
+    f"gravity {POSE} --gravity inf 0 0": "gravity",
+    "gravity raven2 --q 0,1": "expected 3 finite numbers",
+    "gravity raven2": "give its 3 joints",
+    "gravity nobody --q 0": "neither a file nor in the catalogue",
+    "track two_link --seed 1": "a seed draws the cables of raven2 or raven2_right",
+    "track two_link --q 0.4,0.9 --axes x,z --controller best": "expected one of pd, sg, dg",
+    "track two_link --motion dance": "expected one of cartesian, random, poses",
+    "track two_link --q 0.4,0.9 --axes x,z --damping none": "expected one of relative, absolute",
+    "track raven2 --report nowhere/page.html": "folder nowhere does not exist",
+    "track raven2 --base-tilt-deg nan 0": "--base-tilt-deg: expected finite",
+    "track raven2 --amplitude-mm 400": "Cartesian",
+    "hold two_link --controller pd": "expected one of sg, dg",
+    "hold raven2 --q-deg 120,90,400": "outside",
+    "hold two_link --q 0,0 --seconds 0": "seconds: expected more than 0",
+    "hold two_link --report none/hold.html": "folder none does not exist",
+    "regressor planar_3": 'did you mean "planar_3r"',
+    "regressor planar_3r --json --latex": "give one of --latex and --json",
+    "fk raven2": "give its 3 joints with --q (rad, m) or --q-deg (deg, mm): shoulder [rad]",
+    "fk raven2 --q 1,1,0.4 --q-deg 1,1,1": "give its 3 joints with --q",
+    "fk raven2 --q ''": "--q: expected numbers",
+    "fk raven2 --q a,b,c": "got 'a'",
+    "fk raven2 --q nan,1,0.4": "--q: expected 3 finite numbers",
+    "fk raven2 --q-deg inf,1,400": "--q-deg: expected 3 finite numbers",
+    "fk raven2 --q 1,2": "expected 3 finite numbers for shoulder [rad], elbow [rad]",
+    "fk raven2 --q 1,1,0.4 --frame nose": 'no frame "nose"; frames: base',
+    "fk raven2 --q 1,1,0.4 --in nose": 'no frame "nose"; frames: base',
+    "fk raven9 --q 1": 'did you mean "raven2"',
+    "fk '' --q 1": "neither a file nor in the catalogue",
+    "ik raven2": "give the goal with --position-mm",
+    "ik raven2 --rpy-deg 0,0,0": "give the goal with --position-mm",
+    "ik raven2 --q 0.5,1.5,0.4 --rpy-deg 0,0,0": "give both",
+    "ik raven2 --position-mm 1e6,0,0": 'joint "insertion"',
+    "ik raven2 --position-mm 0,0": "--position-mm: expected shape (3,)",
+    "ik raven2 --position-mm nan,0,0": "--position-mm[0] is nan",
+    "ik raven2 --position-mm 19,-7.4,-67 --rpy-deg 0,0,0": "did not reach the pose",
+    "ik raven2_full --position-mm 0,0,0 --rpy-deg 0,0,0": "from the remote centre",
+    f"ik {UP} --quaternion 0,0,0,0": "quaternion",
+    f"ik {UP} --quaternion 1,0,0": "quaternion",
+    f"ik {UP} --rpy-deg 0,0": "--rpy-deg",
+    f"ik {UP} --rpy-deg 0,0,0 --quaternion 1,0,0,0": "one of",
+    f"ik {UP} --frame nose": 'no frame "nose"',
+    f"ik {UP} --in nose": 'no frame "nose"',
+    "ik raven2 --position-mm 0,0,1 --in wrist": "moves with the joints; expected one of base",
+    "ik two_link --position-mm 5000,0,0": "did not reach the position: nearest",
+    "ik two_link --position-mm 500,0,0 --seed -1": "--seed",
+    "goto --fast": "give one of",
+    "goto --q-deg 1,2 --position-mm 1,2,3 --fast": "give one of",
+    "goto --q-deg 900,90,400 --fast": "shoulder",
+    "goto --q-deg 1 --joints nose --fast": "nose",
+    "goto --position-mm 0,0,9000 --fast": "joint limits refuse",
+    "goto --q-deg 30 --yes": "go with --ros",
+    "goto --q-deg 30 --ros 3": "expected 1 or 2",
+    "goto --q-deg 30 --ros 1 --fast": "not with --ros",
+    "random --seconds 0.1 --fast": "duration",
+    "teleop": "ssh -t",
+    "monitor --ros 1 --moving": "only read",
+    "monitor --rate 0": "--rate",
+    "monitor --gravity /gravity": "go with --ros",
+    "monitor --ros 1 --gravity /gravity --imu /imu": "one of --gravity and --imu",
+    "monitor --ros 1 --gravity /gravity --mounting m.toml": "goes with --imu",
+    "monitor --ros 1 --imu /imu --mounting nowhere.toml": "nowhere.toml",
+    "encoders --port /none --ros none": "/none: cannot be opened",
+    "encoders --port /none --ros 3": 'ros "3": expected 1, 2 or none',
+    "encoders --port /none --bits 12 --ros none": "bits: expected one of",
+    "encoders --port /none --direction 1,2,1 --ros none": "expected 1 or -1",
+    "gravity-node --ros none": "one of --imu, --accel, --vector and --port",
+    "gravity-node --imu /a --port /b": "one of --imu, --accel, --vector and --port",
+    "gravity-node --port /b --points-down": "--points-down goes with a topic",
+    "gravity-node --imu /a --ros none --rate 0": "rate",
+    "gravity-node --imu /a --ros none --fallback pray": "fallback",
+    "gravity-node --imu /a --mounting /none.toml": "no such file",
+    "sense --duration 1": "one of --port and --simulated",
+    "sense --port /dev/none --simulated": "one of --port and --simulated",
+    "sense --port /dev/none": "/dev/none: cannot be opened",
+    "sense --port /dev/none --rate 100": "--tilt-deg and --rate go with --simulated",
+    "sense --simulated --rate 0": "rate_hz",
+    "sense --simulated --duration -1": "duration",
+    "sense --simulated --out m.toml": "add --tumble",
+    "sense --simulated --mounting /none.toml": "no such file",
+    "serve --ros none --dialect klingon": "raven or crtk",
+    "serve --ros 3": "1, 2 or none",
+    "serve --ros none --robot toaster": "raven2",
+    "serve --ros none --base-tilt-deg 1": "roll and pitch",
+    "serve --ros none --rate 700": "divided by a whole number",
+    "serve --ros none --payload -1": "payload",
+    "button --ros none": "nobody offers it",
+    "nonsense": "No such command 'nonsense'",
+    "telop": "Did you mean 'teleop'?",
+    "robots extra": "extra",
+    "robots --nonsense": "--nonsense",
+    "fit --folds many a.npz": "--folds",
+    "fit": "Usage: catenary fit",
+    "check": "Usage: catenary check",
+    f"check {300 * 'a'}": "File name too long",
+}
+
+
+class Fixtures(dict[str, Path]):
+    """Fixtures by name, made when a line asks for one."""
+
+    def __init__(self, request: pytest.FixtureRequest) -> None:
+        super().__init__()
+        self.request = request
+
+    def __missing__(self, name: str) -> Path:
+        path: Path = self.request.getfixturevalue(name)
+        return path
+
+
+@pytest.mark.parametrize(("line", "words"), REFUSALS.items(), ids=lambda text: text[:60])
+def test_what_cannot_be_done_is_refused_and_leaves_nothing(
+    line: str, words: str, request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    typed = shlex.split(line.format_map(Fixtures(request)))
+    monkeypatch.chdir(tmp_path)
+    assert words in refusal(*typed)
+    assert list(tmp_path.iterdir()) == []
