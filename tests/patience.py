@@ -22,13 +22,13 @@ def until(claim: Callable[[], object], *, every: float = 0.002, seconds: float =
 
 def longer_limits() -> Iterator[tuple[Any, str, Any]]:
     """What limits how long others may take: objects, names of their attributes, and longer ones."""
-    from catenary.crtk import client, confirmation
+    from catenary.crtk import client
     from catenary.crtk.ros1 import master as ros1_master
     from catenary.crtk.serving import command_source
 
     connect = client.CrtkClient.__init__
     yield ros1_master, "PATIENCE", PATIENCE  # for the master's answers
-    yield confirmation, "COMMAND_TIMEOUT", PATIENCE  # for a robot's new state
+    yield client, "COMMAND_TIMEOUT", PATIENCE  # for a robot's new state
     yield command_source, "OLDEST", round(1e9 * PATIENCE)  # of a stamped command on its way
     longer = {"connect_timeout": PATIENCE, "stale_after": PATIENCE}
     yield connect, "__kwdefaults__", {**(connect.__kwdefaults__ or {}), **longer}

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+import catenary
+
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "catenary"
 FILES = sorted(PACKAGE.rglob("*.py"))
@@ -65,7 +67,9 @@ ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text()
 
 
 @pytest.mark.parametrize("room", sorted(path.parent.name for path in PACKAGE.glob("*/__init__.py")))
-def test_architecture_page_names_the_files_of_every_room(room: str) -> None:
+def test_architecture_page_names_the_files_of_every_room_and_no_others(room: str) -> None:
     (row,) = re.findall(rf"^\| `{room}` \|(.*)$", ARCHITECTURE, re.MULTILINE)
-    files = {path.stem for path in (PACKAGE / room).rglob("*.py")} - {"__init__"}
-    assert sorted(files - set(re.findall(r"[a-z_0-9]+", row))) == []
+    files = {path.stem for path in (PACKAGE / room).rglob("*")} - {"__init__", "__pycache__"}
+    modules = {path.stem for path in (PACKAGE / room).rglob("*.py")} - {"__init__"}
+    assert sorted(modules - set(re.findall(r"[a-z_0-9]+", row))) == []
+    assert sorted(set(re.findall(r"`([a-z_0-9]+)`", row)) - files - set(catenary.__all__)) == []

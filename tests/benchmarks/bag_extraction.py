@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from rosbags.rosbag1 import Writer
 
-from catenary.recording.messages import full_definition, md5_sum, ros2_name
+from catenary.recording.messages import ros2_name, typestore
 from catenary.recording.topics import EXT_JPOS, GOLD_MEASURED_JS, RAVENSTATE_100HZ, encode
 from oracles.raven_recording import START_NS, telemetry
 from tests.benchmarks.measure import Tables, report
@@ -83,10 +83,7 @@ def write_long_bag(path: Path, seconds: int) -> None:
     done = 0
     with Writer(path) as writer:
         connections = [
-            writer.add_connection(
-                t.name, ros2_name(t.type), msgdef=full_definition(t.type), md5sum=md5_sum(t.type)
-            )
-            for t in TOPICS
+            writer.add_connection(t.name, ros2_name(t.type), typestore=typestore()) for t in TOPICS
         ]
         while done < seconds * 100:
             stamp = START_NS + PERIOD * (done + np.arange(rows))

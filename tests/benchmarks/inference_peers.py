@@ -1,6 +1,5 @@
 """Linear models, polynomials and networks of catenary in other libraries, as calls on given rows."""
 
-import importlib.util
 import warnings
 from collections.abc import Callable
 from functools import partial
@@ -22,15 +21,12 @@ Predict = Callable[[], Floats]  # outputs (N, m) for rows that were given
 
 
 def peers(predictor: Fitted, X: Floats) -> dict[str, Predict]:
-    """Return the same predictor in each library that is installed, on one thread, for rows X (N, F)."""
-    calls = {
+    """Return the same predictor in each library, on one thread, for rows X (N, F)."""
+    return {
         "onnxruntime, float32": onnx_call(predictor, X, np.float32),
         "onnxruntime, float64": onnx_call(predictor, X, np.float64),
         "scikit-learn": sklearn_call(predictor, X),
     }
-    if importlib.util.find_spec("torch") is not None:
-        calls["torch, float32"] = torch_call(predictor, X)
-    return calls
 
 
 def session_call(session: onnxruntime.InferenceSession, name: str, feed: dict[str, Floats]) -> Predict:
@@ -122,49 +118,3 @@ def sklearn_call(predictor: Fitted, X: Floats) -> Predict:
     )
     regressor.coef_, regressor.intercept_ = weights.T, predictor.bias
     return partial(estimator.predict, X)
-
-
-def torch_call(predictor: Fitted, X: Floats) -> Predict:
-    """Run PyTorch eagerly, as a user of it would, in inference mode."""
-    import torch
-
-    torch.set_num_threads(1)
-    rows = torch.from_numpy(X.astype(np.float32))
-
-    def tensor(values: Floats) -> "torch.Tensor":
-        return torch.from_numpy(np.ascontiguousarray(values, dtype=np.float32))
-
-    def linear(weights: Floats, bias: Floats) -> "torch.nn.Linear":
-        layer = torch.nn.Linear(*weights.shape)
-        layer.weight.data, layer.bias.data = tensor(weights.T), tensor(bias)
-        return layer
-
-    if isinstance(predictor, Linear):
-        layer = linear(predictor.weights, predictor.bias)
-
-        def forward() -> "torch.Tensor":
-            return layer(rows)
-    else:
-        mean, scale = tensor(predictor.mean), tensor(predictor.scale)
-        if isinstance(predictor, Quadratic):
-            i, j = (torch.from_numpy(part) for part in np.triu_indices(X.shape[1]))
-            layer = linear(np.vstack([predictor.linear, predictor.quadratic]), predictor.bias)
-
-            def forward() -> "torch.Tensor":
-                z = (rows - mean) / scale
-                return layer(torch.cat([z, z[:, i] * z[:, j]], dim=1))
-        else:
-            out_mean, out_scale = tensor(predictor.out_mean), tensor(predictor.out_scale)
-            parts: list[torch.nn.Module] = []
-            for W, b in zip(predictor.weights, predictor.biases, strict=True):
-                parts += [linear(W, b), torch.nn.Tanh()]
-            layers = torch.nn.Sequential(*parts[:-1])
-
-            def forward() -> "torch.Tensor":
-                return layers((rows - mean) / scale) * out_scale + out_mean
-
-    def call() -> Floats:
-        with torch.inference_mode():
-            return np.asarray(forward().numpy())
-
-    return call

@@ -120,18 +120,10 @@ def many(model: RobotModel, rng: np.random.Generator, folder: Path) -> Table:
     in_cpp = cpp_loop(model, q, tau, folder)
     if in_cpp is not None:
         calls["gravity, C++ loop over Pinocchio"] = in_cpp
-    times: dict[str, list[float]] = {name: [] for name in calls}
-    for call in calls.values():
-        call()
-    if in_cpp is not None:
         in_cpp()
         assert np.abs(torque.rows(q, gravity) - tau).max() < 1e-10
-    for _ in range(ROUNDS):
-        for name, call in calls.items():
-            begin = time.thread_time_ns()
-            call()
-            times[name].append((time.thread_time_ns() - begin) / MANY)
-    table: Table = {name: {"cpu_ns": float(np.median(each))} for name, each in times.items()}
+    rows = side_by_side(calls, calls=1, rounds=ROUNDS)
+    table: Table = {name: {"cpu_ns": 1e3 * row["cpu_us"] / MANY} for name, row in rows.items()}
     for name, row in table.items():
         peer = f"{name.partition(',')[0]}, Python loop over Pinocchio"
         row["times"] = table[peer]["cpu_ns"] / row["cpu_ns"]

@@ -37,12 +37,8 @@ class Heard:
         self.is_timed = topic == TIMED
         self.seq: int | None = None
         self.last: Any = None  # message of the timed topic
+        self.overflowed = 0  # messages that gave way before they were taken
         self.forget()
-
-    @property
-    def overflowed(self) -> int:
-        """Messages that gave way before they were taken."""
-        return 0
 
     def forget(self) -> None:
         """Count from nothing."""
@@ -118,11 +114,7 @@ class RospyTopic(Heard):
             header = one.message[0]
             self.add(header.seq, header.stamp, one.time)
             self.last = one.message
-
-    @property
-    def overflowed(self) -> int:
-        """Messages that gave way before they were taken."""
-        return self.subscription.overflowed
+        self.overflowed = self.subscription.overflowed
 
     def shoulder(self) -> float:
         """First position of the last message."""

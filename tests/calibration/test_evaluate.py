@@ -151,7 +151,7 @@ ONE_INPUT = {"inputs": ("q:J1",)}
         (
             lambda: data_of(SLIDING, **ONE_INPUT),
             None,
-            "has joints J1, J2 in rad, m; the model is for J1, J2, J3",
+            r"has joints J1 \[rad\], J2 \[m\]; the model is for J1 \[rad\]",
         ),
         (lambda: data_of(RUN).rows(np.zeros(300, dtype=bool)), None, "data: no row"),
     ],

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.calibration.features import FeatureSet, available_signals, choose_signals, signal_unit
+from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.kernels import run
 from catenary.errors import InputError
 from recordings import recording
@@ -154,8 +154,8 @@ def test_columns_of_a_signal_are_its_value_its_history_and_its_play() -> None:
 def test_words_choose_signals_groups_and_all_once_each() -> None:
     log = replace(LOG, qd=np.ones((12, 3)), tau=np.ones((12, 3)), signals={"current": np.ones(12)})
     assert choose_signals(log, ["tau", "q:J2"]) == ("tau:J1", "tau:J2", "tau:J3", "q:J2")
-    assert choose_signals(log, ["all"]) == available_signals(log)
-    assert len(available_signals(log)) == 10
+    assert choose_signals(log, ["all"]) == tuple(signals_of(log))
+    assert len(signals_of(log)) == 10
     assert choose_signals(LOG, ["q:J2", "q", "all"]) == ("q:J2", "q:J1", "q:J3")
 
 
@@ -167,13 +167,14 @@ def test_unknown_input_is_refused_with_those_there_are(word: str | None) -> None
         choose_signals(LOG, [] if word is None else [word])
 
 
-@pytest.mark.parametrize(
-    ("name", "unit"),
-    [("q:J1", "rad"), ("q:J3", "m"), ("qd:J3", "m/s"), ("tau:J1", "Nm"), ("tau:J3", "N"), ("current", "A")],
-)
-def test_unit_of_a_signal_follows_from_its_joint(name: str, unit: str) -> None:
-    log = replace(LOG, signals={"current": np.ones(12)}, signal_units={"current": "A"})
-    assert signal_unit(log, name) == unit
+def test_unit_of_a_signal_follows_from_its_joint() -> None:
+    log = replace(LOG, tau=np.ones((12, 3)), qd=np.ones((12, 3)), signals={"current": np.ones(12)})
+    units = {
+        name: unit for name, (_, unit) in signals_of(replace(log, signal_units={"current": "A"})).items()
+    }
+    expected = {"q": ("rad", "rad", "m"), "tau": ("Nm", "Nm", "N"), "qd": ("rad/s", "rad/s", "m/s")}
+    joints = {f"{group}:J{j + 1}": of[j] for group, of in expected.items() for j in range(3)}
+    assert units == joints | {"current": "A"}
 
 
 @pytest.mark.parametrize(

@@ -13,19 +13,8 @@ SCRIPTS = [
 USUAL = (None, 1, 2)
 
 
-def said(capsys: pytest.CaptureFixture[str], *given: str) -> str:
-    """What a refusal says; it ends with 2."""
-    with pytest.raises(SystemExit) as end:
-        folder_and_robots("About.", USUAL, given)
-    assert end.value.code == 2
-    return capsys.readouterr().err
-
-
-def test_a_folder_is_read(tmp_path: Path) -> None:
+def test_a_folder_is_read_and_robots_are_the_usual_ones_unless_named(tmp_path: Path) -> None:
     assert folder_argument("About.", [str(tmp_path / "new")]) == tmp_path / "new"
-
-
-def test_robots_are_the_usual_ones_unless_named(tmp_path: Path) -> None:
     assert folder_and_robots("About.", USUAL, [str(tmp_path)]) == (tmp_path, USUAL)
     assert folder_and_robots("About.", USUAL, [str(tmp_path), "nominal", "7"]) == (tmp_path, (None, 7))
 
@@ -47,17 +36,16 @@ def test_help_tells_what_the_script_does_and_runs_nothing(capsys: pytest.Capture
         (("results", "--fast"), "--fast"),
         (("results", "first"), "expected nominal, or a seed"),
         (("results", "-1"), "-1"),
+        ((__file__,), "is a file"),
     ],
 )
 def test_what_is_no_argument_is_refused(
     given: tuple[str, ...], word: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert word in said(capsys, *given)
-
-
-def test_a_file_is_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "file").touch()
-    assert "is a file" in said(capsys, str(tmp_path / "file"))
+    with pytest.raises(SystemExit) as end:
+        folder_and_robots("About.", USUAL, given)
+    assert end.value.code == 2
+    assert word in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)

@@ -1,4 +1,3 @@
-import json
 from pathlib import Path
 
 import pytest
@@ -72,9 +71,8 @@ def test_stop_ends_the_motion_and_holds_the_arm(
     assert max(row.moved[:2]) < LIMIT_DEG
 
 
-def test_page_and_data_hold_every_outcome(ran: tuple[Start, list[Outcome], Path]) -> None:
+def test_page_and_data_hold_every_outcome(ran: tuple[Start, list[Outcome], Path], written) -> None:
     _, rows, folder = ran
-    content = json.loads((folder / "gravity_faults.json").read_text())
-    assert [tuple(row["moved"]) for row in content["results"]] == [row.moved for row in rows]
-    page = (folder / "gravity_faults.html").read_text()
+    results, page = written(folder, "gravity_faults")
+    assert [tuple(row["moved"]) for row in results] == [row.moved for row in rows]
     assert "did the sensor come loose" in page

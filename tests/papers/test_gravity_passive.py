@@ -1,4 +1,3 @@
-import json
 from pathlib import Path
 
 import pytest
@@ -34,9 +33,8 @@ def test_simulated_raven_holds_upside_down_with_sensed_gravity_alone() -> None:
     assert sg.drift[0] > 5.0
 
 
-def test_page_and_data_hold_every_angle(tmp_path: Path) -> None:
+def test_page_and_data_hold_every_angle(tmp_path: Path, written) -> None:
     rows = main(tmp_path, (25,), seconds=0.2, rigid_seconds=0.2)
-    content = json.loads((tmp_path / "gravity_passive.json").read_text())
-    assert [Held(**row).controller for row in content["results"]["held"]] == [row.controller for row in rows]
-    assert content["simulated"] is True
-    assert "section V-A" in (tmp_path / "gravity_passive.html").read_text()
+    results, page = written(tmp_path, "gravity_passive")
+    assert [Held(**row).controller for row in results["held"]] == [row.controller for row in rows]
+    assert "section V-A" in page

@@ -1,6 +1,5 @@
 import contextlib
 import io
-import json
 from pathlib import Path
 from typing import NamedTuple
 
@@ -54,10 +53,10 @@ def test_compensated_joint_stands_nearer_to_its_reference(ran: Ran) -> None:
         assert tilted["dg"].rms_error[0] < tilted["sg"].rms_error[0] < tilted["pd"].rms_error[0]
 
 
-def test_page_and_data_hold_every_run(ran: Ran) -> None:
-    content = json.loads((ran.folder / "gravity_static.json").read_text())
-    assert {(row["approach"], row["base_deg"], row["controller"]) for row in content["results"]} == {
+def test_page_and_data_hold_every_run(ran: Ran, written) -> None:
+    results, page = written(ran.folder, "gravity_static")
+    assert {(row["approach"], row["base_deg"], row["controller"]) for row in results} == {
         (a, b, c) for a in ("placed", "driven") for b in (0, 25) for c in ("pd", "sg", "dg")
     }
     assert "PD share of joint 1, placed" in ran.printed
-    assert "figure 8" in (ran.folder / "gravity_static.html").read_text()
+    assert "figure 8" in page

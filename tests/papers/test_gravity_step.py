@@ -1,4 +1,3 @@
-import json
 from pathlib import Path
 
 import numpy as np
@@ -53,9 +52,8 @@ def test_an_accelerometer_knows_the_force_of_sustained_acceleration_and_an_incli
 
 
 @pytest.mark.slow
-def test_page_and_data_hold_every_response(driven: tuple[list[Response], Path]) -> None:
+def test_page_and_data_hold_every_response(driven: tuple[list[Response], Path], written) -> None:
     rows, folder = driven
-    content = json.loads((folder / "gravity_step.json").read_text())
-    assert content["simulated"] is True
-    assert [row["controller"] for row in content["results"]] == [row.controller for row in rows]
-    assert "drives off" in (folder / "gravity_step.html").read_text()
+    results, page = written(folder, "gravity_step")
+    assert [row["controller"] for row in results] == [row.controller for row in rows]
+    assert "drives off" in page

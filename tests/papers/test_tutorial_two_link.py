@@ -21,15 +21,10 @@ def at(expression: sp.Matrix, q: np.ndarray) -> np.ndarray:
     return np.array(expression.subs(values), dtype=float)
 
 
-def test_mass_matrix_is_that_of_the_symbols() -> None:
-    M = symbols.mass_matrix()
+def test_mass_matrix_and_gravity_torque_are_those_of_the_symbols() -> None:
+    M, g = symbols.mass_matrix(), symbols.gravity_torque()
     for q in POSES:
         assert_allclose(mass_matrix(ARM, q), at(M, q), atol=1e-12)
-
-
-def test_gravity_torque_is_that_of_the_symbols() -> None:
-    g = symbols.gravity_torque()
-    for q in POSES:
         assert_allclose(gravity_torque(ARM, q, LEVEL), at(g, q)[:, 0], atol=1e-12)
 
 

@@ -123,15 +123,11 @@ def test_no_model_is_much_worse_than_the_offset_on_motion_it_was_not_made_for(ki
         assert joint.rmse <= 1.15 * joint.offset_rmse, joint.name
 
 
-def test_clock_of_the_sparse_recording_goes_back_once() -> None:
+def test_history_of_the_sparse_recording_begins_anew_where_its_clock_goes_back() -> None:
     log = recording("insertion_train")
     assert log.starts == (0, 800)
     assert any("row 800" in note for note in log.notes)
-
-
-def test_history_of_the_sparse_recording_begins_anew_with_its_clock() -> None:
-    options = FitOptions("offset", history=4)
-    data, _ = prepared("insertion_train", options)
+    data, _ = prepared("insertion_train", FitOptions("offset", history=4))
     assert data.sources[0].without_history == 8
     assert len(data) == 1600 - 8
 

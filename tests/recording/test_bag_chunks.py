@@ -74,4 +74,3 @@ def test_blocks_are_joined_in_order():
     ]
     joined = Block.joined(blocks)
     assert list(joined) == [b"a", b"bc", b""]
-    assert joined[1:] == [b"bc", b""]

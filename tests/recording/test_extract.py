@@ -149,6 +149,11 @@ def test_what_does_not_belong_together_or_is_no_topic_is_refused(tmp_path: Path,
     JournalWriter(tmp_path / "other", topics, About("panda", False)).close()
     with pytest.raises(InputError, match=r"raven2 \(simulated\), panda \(real\)"):
         extract([journal, tmp_path / "other"], tmp_path / "x")
+    JournalWriter(tmp_path / "text", [JournalTopic("/ext_jpos", "std_msgs/String")]).close()
+    with pytest.raises(
+        FileFormatError, match="/ext_jpos: expected sensor_msgs/JointState, got std_msgs/String"
+    ):
+        extract([tmp_path / "text"], tmp_path / "x")
     (tmp_path / "ext_jpos.parquet").write_bytes(b"no parquet")
     with pytest.raises(FileFormatError, match="cannot be read as an extracted topic"):
         topic_file(tmp_path, EXT_JPOS)

@@ -9,14 +9,12 @@ from catenary.recording.layout import blank_messages
 from catenary.recording.messages import typestore
 from catenary.recording.topics import (
     EXT_JPOS,
-    GOLD_MEASURED_JS,
     RAVENSTATE,
     TOPICS,
     decode,
     encode,
     raven_topics,
     topic_named,
-    wrong_type,
 )
 from oracles.raven_recording import telemetry
 
@@ -118,8 +116,3 @@ def test_another_number_of_joints_or_order_is_refused() -> None:
     message = blank_messages("sensor_msgs/JointState", 1, names, {"position": 3, "name": 3}).tobytes()
     with pytest.raises(FileFormatError, match="elbow, shoulder"):
         decode(EXT_JPOS, [message])
-
-
-def test_another_type_on_a_topic_is_named() -> None:
-    assert wrong_type(GOLD_MEASURED_JS, "sensor_msgs/msg/JointState") is None
-    assert "expected sensor_msgs/JointState" in str(wrong_type(GOLD_MEASURED_JS, "std_msgs/String"))

@@ -6,7 +6,6 @@ row; arrays become constants, working memory, or the state that the caller keeps
 """
 
 import inspect
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -49,7 +48,6 @@ for (k = 0; k < Z_size; ++k) {
   Z[k] = (e + 1.0) / (e + 2.0);
 }""",
     "repeat": _each("value", "Y[k] = value[k];"),
-    "add": _each("A", "Y[k] += A[k];"),
     "total": _each("A", "Y[k] = A[k] + B[k];"),
     "finite": "inside[0] = 1;\n{\n" + _each("X", "inside[0] &= PREFIX_is_finite(X[k]);") + "\n}",
     "between": _each("X", "inside[0] &= X[k] >= lower[k] && X[k] <= upper[k];"),
@@ -156,30 +154,30 @@ def c_correction(prefix: str, model: CalibrationModel, decimation: int) -> str:
 
 def _function(step: Step) -> str:
     """Return the C function of a step's name, for one row."""
-    name, body = step.function.__name__, BODIES.get(step.function.__name__)
-    if body is None:
-        raise InputError(f"model: its step {name} cannot be written as C")
     arguments = []
-    for argument, array in zip(_arguments(step), (*step.inputs, *step.outputs), strict=True):
+    for argument, array, has_size in _arguments(step):
         read_only = "const " if any(array is each for each in step.inputs) else ""
         arguments.append(f"{read_only}{_kind(array)} *{argument}")
-        if f"{argument}_size" in body:
-            arguments.append(f"int {argument}_size")
-    lines = body.replace("\n", "\n  ")
+        arguments += [f"int {argument}_size"] * has_size
+    name, lines = step.function.__name__, BODIES[step.function.__name__].replace("\n", "\n  ")
     return f"static inline void PREFIX_{name}({', '.join(arguments)}) {{\n  {lines}\n}}\n"
 
 
 def _call(step: Step, names: dict[int, str]) -> str:
     arguments = []
-    for argument, array in zip(_arguments(step), (*step.inputs, *step.outputs), strict=True):
-        arguments.append(names[id(array)])
-        if f"{argument}_size" in BODIES.get(step.function.__name__, ""):
-            arguments.append(str(array.size))
+    for _, array, has_size in _arguments(step):
+        arguments += [names[id(array)], *([str(array.size)] * has_size)]
     return f"  PREFIX_{step.function.__name__}({', '.join(arguments)});"
 
 
-def _arguments(step: Step) -> Sequence[str]:
-    return list(inspect.signature(step.function).parameters)
+def _arguments(step: Step) -> list[tuple[str, NDArray[Any], bool]]:
+    """Return name and array of each argument, and whether its size is an argument too."""
+    name = step.function.__name__
+    if name not in BODIES:
+        raise InputError(f"model: its step {name} cannot be written as C")
+    names = inspect.signature(step.function).parameters
+    arrays = zip(names, (*step.inputs, *step.outputs), strict=True)
+    return [(argument, array, f"{argument}_size" in BODIES[name]) for argument, array in arrays]
 
 
 def _kind(array: NDArray[Any]) -> str:

@@ -33,7 +33,7 @@ Motion = ArrayLike | Recording | Sequence[Recording]
 
 @dataclass(frozen=True)
 class Calibration(CalibrationModel):
-    """A fitted model for scripts, and its card: what it was fitted to, and how well it does."""
+    """A fitted calibration model with its card: what it was fitted to, and its errors."""
 
     card: Card = field(default_factory=dict)
 

@@ -76,19 +76,19 @@ class Corrector:
         Raises:
             InputError: An array has another shape, type or layout, or two share their memory.
         """
-        shapes = tuple(array.shape for array in (q_nominal, signals, out, inside))
-        if shapes != self._shapes:
-            raise self._other_shapes(shapes)
+        self._require_shapes(q_nominal, signals, out, inside)
         return bound(
             self.model.tick_steps(self._memory, q_nominal[None], signals[None], out[None], inside[None])
         )
 
-    def _other_shapes(self, shapes: Sequence[tuple[int, ...]]) -> InputError:
-        (n,), (signals,), *_ = self._shapes
-        return InputError(
-            f"corrector: expected q_nominal ({n},), signals ({signals},), out ({n},), inside ({n},), "
-            f"got {', '.join(map(str, shapes))}"
-        )
+    def _require_shapes(self, *arrays: ArrayLike) -> None:
+        shapes = tuple(np.shape(array) for array in arrays)
+        if shapes != self._shapes:
+            (n,), (signals,), *_ = self._shapes
+            raise InputError(
+                f"corrector: expected q_nominal ({n},), signals ({signals},), out ({n},), inside ({n},), "
+                f"got {', '.join(map(str, shapes))}"
+            )
 
     def correct(self, q_nominal: ArrayLike, signals: ArrayLike, out: Floats, inside: Flags) -> None:
         """Take one tick.
@@ -102,9 +102,7 @@ class Corrector:
         Raises:
             InputError: An array has another shape.
         """
-        shapes = np.shape(q_nominal), np.shape(signals), np.shape(out), np.shape(inside)
-        if shapes != self._shapes:
-            raise self._other_shapes(shapes)
+        self._require_shapes(q_nominal, signals, out, inside)
         self._q[:], self._signals[:] = q_nominal, signals
         self._tick()
         out[:], inside[:] = self._out, self._inside
@@ -135,7 +133,7 @@ class Corrector:
         return out, inside
 
     def prepare(self, joint_names: Sequence[str], joint_units: Sequence[str], rate_hz: float) -> None:
-        """Get ready for the joint states of a robot, which may have joints that the model does not.
+        """Match the model to a robot's joints, by name; the robot may have further ones.
 
         Raises:
             InputError: The robot lacks a joint of the model, or has it in another unit; an input is no position,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.features import FeatureSet
+from catenary.calibration.features import FeatureSet, joints_text
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 
@@ -16,7 +16,7 @@ RATE_TOLERANCE = 0.03  # recordings whose rates differ by more were not taken at
 
 @dataclass(frozen=True)
 class TrainingSource:
-    """One recording that rows came from."""
+    """A recording that training rows were taken from, with what was left out."""
 
     name: str
     sha256: str | None
@@ -178,9 +178,5 @@ def _same_joints(a: MotionLog, b: MotionLog) -> None:
     if (a.joint_names, a.joint_units) != (b.joint_names, b.joint_units):
         raise InputError(
             f'recordings "{a.name}" and "{b.name}" are not of the same joints: '
-            f"{_joints(a)} against {_joints(b)}"
+            f"{joints_text(a.joint_names, a.joint_units)} against {joints_text(b.joint_names, b.joint_units)}"
         )
-
-
-def _joints(log: MotionLog) -> str:
-    return ", ".join(f"{name} [{unit}]" for name, unit in zip(log.joint_names, log.joint_units, strict=True))

@@ -8,6 +8,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData
+from catenary.calibration.features import joints_text
 from catenary.calibration.kernels import Flags
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.progress import Progress, part_of, silent
@@ -84,11 +85,11 @@ def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | 
     """
     if (data.joint_names, data.joint_units) != (model.joint_names, model.joint_units):
         raise InputError(
-            f"data: has joints {', '.join(data.joint_names)} in {', '.join(data.joint_units)}; "
-            f"the model is for {', '.join(model.joint_names)} in {', '.join(model.joint_units)}"
+            f"data: has joints {joints_text(data.joint_names, data.joint_units)}; "
+            f"the model is for {joints_text(model.joint_names, model.joint_units)}"
         )
     if len(data) == 0:
-        raise InputError("data: no row to evaluate on")
+        raise InputError("data: no row to evaluate on, expected at least one")
     if data.features != model.features:
         raise InputError(
             f"data: holds {', '.join(data.features.names)}; the model takes {', '.join(model.features.names)}"

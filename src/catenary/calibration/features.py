@@ -12,12 +12,18 @@ from catenary.calibration.kernels import Flags, Integers, Step, run
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 from catenary.plant import MotionLog
+from catenary.units import TORQUE_UNIT
 
 GROUPS = ("q", "tau", "qd")  # per-joint quantities of a log; `q` is q_nominal
 
 
+def joints_text(names: Sequence[str], units: Sequence[str]) -> str:
+    """Return joints and their units as messages name them."""
+    return ", ".join(f"{name} [{unit}]" for name, unit in zip(names, units, strict=True))
+
+
 class Memory(NamedTuple):
-    """What features take from earlier rows of a motion; written by every row."""
+    """Earlier positions and play states of a motion, which features depend on; every row updates them."""
 
     now: Integers  # (1,) row of `ring` that is to be written next
     ring: Floats  # (rows, P) previous positions; NaN where there is none yet
@@ -48,7 +54,7 @@ class FeatureSet:
 
     def __post_init__(self) -> None:
         if not self.signals:
-            raise InputError("inputs: expected at least one")
+            raise InputError("inputs: expected at least one signal, got none")
         if self.history < 0:
             raise InputError(f"history: expected zero or more previous commands, got {self.history}")
         if self.history > 0 and not self.positions:
@@ -64,12 +70,12 @@ class FeatureSet:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """One name per feature."""
+        """Names of the features, F."""
         return tuple(name for name, _, _ in self._columns())
 
     @property
     def feature_units(self) -> tuple[str, ...]:
-        """One unit per feature."""
+        """Units of the features, F."""
         return tuple(unit for _, unit, _ in self._columns())
 
     def columns_of(self, signals: Sequence[str]) -> Integers:
@@ -100,12 +106,13 @@ class FeatureSet:
         Raises:
             InputError: The log lacks a signal, holds NaN in one, or has it in another unit.
         """
-        signals = np.column_stack([signal_of(log, name) for name in self.signals])
-        for name, unit in zip(self.signals, self.units, strict=True):
-            if signal_unit(log, name) != unit:
+        found = [signal_of(log, name) for name in self.signals]
+        for name, expected, (_, unit) in zip(self.signals, self.units, found, strict=True):
+            if unit != expected:
                 raise InputError(
-                    f'recording "{log.name}": input "{name}" is in "{signal_unit(log, name)}", expected "{unit}"'
+                    f'recording "{log.name}": input "{name}" is in "{unit}", expected "{expected}"'
                 )
+        signals = np.column_stack([values for values, _ in found])
         X, memory = np.empty((len(log), len(self.names))), self.memory()
         for first, last in pairwise([*log.starts, len(log)]):
             memory.clear()
@@ -179,46 +186,33 @@ def gather(
             X[row, at + i] = play[i] - position
 
 
-def available_signals(log: MotionLog) -> tuple[str, ...]:
-    """Return the names of all signals that a model could take from a log."""
-    names = [f"q:{joint}" for joint in log.joint_names]
-    for group in ("tau", "qd"):
-        if getattr(log, group) is not None:
-            names += [f"{group}:{joint}" for joint in log.joint_names]
-    return (*names, *log.signals)
+def signals_of(log: MotionLog) -> dict[str, tuple[Floats, str]]:
+    """Return all signals that a model could take from a log by name: values (N,), and their unit."""
+    signals: dict[str, tuple[Floats, str]] = {}
+    for group, table in zip(GROUPS, (log.q_nominal, log.tau, log.qd), strict=True):
+        columns = () if table is None else zip(log.joint_names, log.joint_units, table.T, strict=True)
+        for joint, unit, values in columns:
+            of_group = {"q": unit, "qd": f"{unit}/s", "tau": TORQUE_UNIT[unit]}[group]
+            signals[f"{group}:{joint}"] = values, of_group
+    return signals | {name: (values, log.signal_units.get(name, "")) for name, values in log.signals.items()}
 
 
-def signal_of(log: MotionLog, name: str) -> Floats:
-    """Return one signal of a log by name, (N,).
+def signal_of(log: MotionLog, name: str) -> tuple[Floats, str]:
+    """Return one signal of a log by name, (N,), and its unit.
 
     Raises:
         InputError: The log has none of that name, or it holds NaN or infinity.
     """
-    group, _, joint = name.partition(":")
-    if name in log.signals:
-        values = log.signals[name]
-    elif group in GROUPS and joint in log.joint_names:
-        table = log.q_nominal if group == "q" else getattr(log, group)
-        if table is None:
-            raise _unknown(log, name)
-        values = table[:, log.joint_names.index(joint)]
-    else:
+    known = signals_of(log)
+    if name not in known:
         raise _unknown(log, name)
+    values, unit = known[name]
     bad = np.flatnonzero(~np.isfinite(values))
     if len(bad):
         raise InputError(
             f'recording "{log.name}": input "{name}" is {values[bad[0]]} at row {bad[0]} ({len(bad)} such rows)'
         )
-    return values
-
-
-def signal_unit(log: MotionLog, name: str) -> str:
-    """Return the unit of a signal."""
-    if name in log.signals:
-        return log.signal_units.get(name, "")
-    group, _, joint = name.partition(":")
-    unit = log.joint_units[log.joint_names.index(joint)]
-    return {"q": unit, "qd": f"{unit}/s", "tau": "Nm" if unit == "rad" else "N"}[group]
+    return values, unit
 
 
 def choose_signals(log: MotionLog, words: Sequence[str]) -> tuple[str, ...]:
@@ -227,27 +221,20 @@ def choose_signals(log: MotionLog, words: Sequence[str]) -> tuple[str, ...]:
     Raises:
         InputError: No word, or one that names no group and no signal of the log.
     """
-    known = available_signals(log)
+    known = tuple(signals_of(log))
     if not words:
         raise InputError(f"inputs: expected at least one of {', '.join(known)}")
     chosen: list[str] = []
     for word in words:
-        if word == "all":
-            chosen += known
-        elif word in GROUPS:
-            group = [name for name in known if name.startswith(f"{word}:")]
-            if not group:
-                raise _unknown(log, word)
-            chosen += group
-        elif word in known:
-            chosen.append(word)
-        else:
+        meant = [name for name in known if word in ("all", name, name.partition(":")[0])]
+        if not meant or (word not in known and word not in (*GROUPS, "all")):
             raise _unknown(log, word)
+        chosen += meant
     return tuple(dict.fromkeys(chosen))
 
 
 def _unknown(log: MotionLog, name: str) -> InputError:
-    known = available_signals(log)
+    known = signals_of(log)
     groups = [group for group in GROUPS if any(signal.startswith(f"{group}:") for signal in known)]
     return InputError(
         f'recording "{log.name}": has no input "{name}"; it has {", ".join(known)}, '

@@ -8,7 +8,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData
-from catenary.calibration.features import FeatureSet, choose_signals, signal_unit
+from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.neural import BEST, PAPER, fit_neural
 from catenary.calibration.predictors import Predictor
@@ -35,7 +35,7 @@ POLYNOMIAL_MEMORY_EXTRAPOLATION = 0.1
 
 @dataclass(frozen=True)
 class FitOptions:
-    """What to fit.
+    """Options of a fit.
 
     `inputs` names signals or groups of signals, for all joints or per joint; None takes the positions and, if
     recorded, the torques. `play` adds play states of the positions, as shares of each joint's range of motion;
@@ -110,13 +110,11 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
                 raise InputError(
                     f'inputs of joint "{joint}": no such joint; joints: {", ".join(log.joint_names)}'
                 )
-        default = _default_words(log)
-        per_joint = tuple(
-            choose_signals(log, options.inputs.get(joint, default)) for joint in log.joint_names
-        )
+        inputs = options.inputs
     else:
-        words = _default_words(log) if options.inputs is None else options.inputs
-        per_joint = (choose_signals(log, words),) * len(log.joint_names)
+        inputs = {} if options.inputs is None else dict.fromkeys(log.joint_names, options.inputs)
+    default = ("q",) if log.tau is None else ("q", "tau")
+    per_joint = tuple(choose_signals(log, inputs.get(joint, default)) for joint in log.joint_names)
     signals = tuple(dict.fromkeys(name for names in per_joint for name in names))
     shares = options.play_shares(signals)
     play: list[tuple[str, float]] = []
@@ -134,7 +132,7 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
         raise InputError(
             f"play: none of the inputs {', '.join(signals)} is the position of a joint that moved"
         )
-    units = tuple(signal_unit(log, name) for name in signals)
+    units = tuple(unit for _, unit in map(signals_of(log).__getitem__, signals))
     return Inputs(FeatureSet(signals, units, options.history, tuple(play)), per_joint)
 
 
@@ -161,7 +159,7 @@ def fit(
     together: dict[tuple[str, ...], list[int]] = {}
     for joint, signals in enumerate(inputs.per_joint):
         together.setdefault(signals, []).append(joint)
-    late = data.position >= _late_edge(data)
+    late = data.position >= 0.8 * data.position.max()  # the last fifth of what is trained on
     for number, (signals, joints) in enumerate(together.items()):
         columns = inputs.features.columns_of(signals)
         X = np.ascontiguousarray(data.X[:, columns])
@@ -180,7 +178,7 @@ def fit(
         report(1.0)
     return CalibrationModel(
         kind=options.kind,
-        preset=_preset(options),
+        preset=(options.preset or "paper") if options.kind == "neural" else None,
         joint_names=data.joint_names,
         joint_units=data.joint_units,
         features=inputs.features,
@@ -196,28 +194,14 @@ def _fit_predictor(
 ) -> Predictor:
     if options.kind == "offset":
         return fit_offset(Y)
-    if options.kind == "linear":
-        return fit_linear(X, Y, ridge=options.ridge_used or 0.0)
-    if options.kind == "polynomial":
-        return fit_polynomial(X, Y, ridge=options.ridge_used or 0.0)
-    settings = BEST if options.preset == "best" else PAPER
-    return fit_neural(X, Y, settings, seed=options.seed, late=late, progress=progress)
+    if options.kind == "neural":
+        settings = BEST if options.preset == "best" else PAPER
+        return fit_neural(X, Y, settings, seed=options.seed, late=late, progress=progress)
+    regression = fit_linear if options.kind == "linear" else fit_polynomial
+    return regression(X, Y, ridge=options.ridge_used or 0.0)
 
 
 def extrapolation(kind: str, features: FeatureSet) -> float:
     """Return how far beyond the training data a kind of model may go, as a share of their range."""
     memory = features.history > 0 or bool(features.play)
     return POLYNOMIAL_MEMORY_EXTRAPOLATION if kind == "polynomial" and memory else EXTRAPOLATION
-
-
-def _default_words(log: MotionLog) -> tuple[str, ...]:
-    return ("q",) if log.tau is None else ("q", "tau")
-
-
-def _late_edge(data: CalibrationData) -> float:
-    """Return where the last fifth of the training part of the recordings begins."""
-    return 0.8 * float(data.position.max())
-
-
-def _preset(options: FitOptions) -> str | None:
-    return (options.preset or "paper") if options.kind == "neural" else None

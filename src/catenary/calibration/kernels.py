@@ -161,14 +161,6 @@ def repeat(value: Floats, Y: Floats) -> None:
 
 
 @compiled
-def add(A: Floats, Y: Floats) -> None:
-    """Add A (N, m) to Y (N, m)."""
-    for row in range(len(Y)):
-        for k in range(Y.shape[1]):
-            Y[row, k] += A[row, k]
-
-
-@compiled
 def total(A: Floats, B: Floats, Y: Floats) -> None:
     """Write Y = A + B, all (N, m)."""
     for row in range(len(Y)):

@@ -7,7 +7,7 @@ import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration import kernels
-from catenary.calibration.features import FeatureSet, Memory
+from catenary.calibration.features import FeatureSet, Memory, joints_text
 from catenary.calibration.kernels import Flags, Integers, Step
 from catenary.calibration.predictors import Predictor
 from catenary.calibration.valid_range import ValidRange
@@ -66,7 +66,7 @@ class JointGroup:
 
 @dataclass(frozen=True)
 class CalibrationModel:
-    """What a fit gives; there is no unfitted one.
+    """A fitted model: corrections of joint positions from features. There is no unfitted one.
 
     `correction` is added to q_nominal. A row outside a group's valid range gets the fixed offset of the
     training data instead.
@@ -175,10 +175,6 @@ class CalibrationModel:
         """
         if (log.joint_names, log.joint_units) != (self.joint_names, self.joint_units):
             raise InputError(
-                f'recording "{log.name}" has joints {_list(log.joint_names, log.joint_units)}; '
-                f"the model is for {_list(self.joint_names, self.joint_units)}"
+                f'recording "{log.name}" has joints {joints_text(log.joint_names, log.joint_units)}; '
+                f"the model is for {joints_text(self.joint_names, self.joint_units)}"
             )
-
-
-def _list(names: tuple[str, ...], units: tuple[str, ...]) -> str:
-    return ", ".join(f"{name} [{unit}]" for name, unit in zip(names, units, strict=True))

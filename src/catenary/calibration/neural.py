@@ -17,7 +17,7 @@ MANY_ROWS = 10_000
 
 @dataclass(frozen=True)
 class NetworkSettings:
-    """How a network is made and trained."""
+    """Size of a network, and how it is trained."""
 
     hidden: tuple[int, ...]
     activation: Activation

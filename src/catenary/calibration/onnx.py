@@ -117,7 +117,7 @@ def _import_onnx() -> ModuleType:
 
 
 class _Graph:
-    """A graph that grows node by node; every method gives the name of a tensor."""
+    """An ONNX graph under construction; methods that add a node return the name of its output tensor."""
 
     def __init__(self, onnx: ModuleType) -> None:
         self.onnx = onnx
@@ -232,8 +232,8 @@ def _written(graph: _Graph, step: Step) -> str:
             return add("Sigmoid", before)
         case "repeat":
             return given[0]  # the same numbers for all rows
-        case "add":
-            return add("Add", before, given[0])
+        case "total":
+            return add("Add", *given)
         case "finite":
             return graph.all(graph.finite(given[0]))
         case "between":

@@ -136,7 +136,10 @@ class Network(Predictor):
 
     def __post_init__(self) -> None:
         if self.activation not in get_args(Activation) or not self.weights:
-            raise InputError(f"network of {len(self.weights)} layers with activation {self.activation!r}")
+            raise InputError(
+                f"network: expected layers and an activation of {' or '.join(get_args(Activation))}, "
+                f"got {len(self.weights)} layers, {self.activation!r}"
+            )
         widths = (len(self.mean), *(len(bias) for bias in self.biases))
         inputs, outputs = widths[:1], widths[-1:]
         self._keep({"mean": inputs, "scale": inputs, "out_mean": outputs, "out_scale": outputs})
@@ -161,9 +164,9 @@ class Network(Predictor):
         for weights, bias in zip(self.weights, self.biases, strict=True):
             below, layer = layer, np.empty((len(X), len(bias)))
             steps += [Step(kernels.dense, (below, weights, bias), (layer,)), Step(activate, (), (layer,))]
+        of_layers, of_skip = (Y, Y) if self.skip is None else (np.empty(Y.shape), np.empty(Y.shape))
         # the last layer is linear
-        steps[-1:] = [Step(kernels.rescale, (layer, self.out_scale, self.out_mean), (Y,))]
+        steps[-1:] = [Step(kernels.rescale, (layer, self.out_scale, self.out_mean), (of_layers,))]
         if self.skip is not None:
-            skipped = np.empty_like(Y)
-            steps += [*self.skip.steps(X, skipped), Step(kernels.add, (skipped,), (Y,))]
+            steps += [*self.skip.steps(X, of_skip), Step(kernels.total, (of_layers, of_skip), (Y,))]
         return steps

@@ -1,6 +1,6 @@
 """What can be chosen when a robot is identified, and what its file chooses otherwise."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -51,11 +51,8 @@ def actuation_of(model: RobotModel) -> Actuation:
 
 def filter_of(model: RobotModel, options: IdentifyOptions) -> SignalFilter:
     """Return the filter: what the options say, the robot's file otherwise."""
-    own = actuation_of(model).filter
-    return SignalFilter(
-        order=own.order if options.order is None else options.order,
-        cutoff_hz=own.cutoff_hz if options.cutoff_hz is None else options.cutoff_hz,
-        cut_samples=own.cut_samples if options.cut_samples is None else options.cut_samples,
-        period_samples=own.period_samples if options.period_samples is None else options.period_samples,
-        rate_hz=own.rate_hz,
-    )
+    chosen = {
+        name: getattr(options, name) for name in ("order", "cutoff_hz", "cut_samples", "period_samples")
+    }
+    given = {name: value for name, value in chosen.items() if value is not None}
+    return replace(actuation_of(model).filter, **given)

@@ -76,7 +76,12 @@ def _write(
     """Write topics into their targets, and what the recording is of into each, or into a bag `about` alone."""
     unknown = [t for t in source.topics if t.name in targets and current_name(t.type) not in MESSAGES]
     if unknown:
-        raise InputError("; ".join(f"topic {t.name}: its type {t.type} is not known" for t in unknown))
+        raise InputError(
+            "; ".join(
+                f"topic {t.name}: its type {t.type} is not known to catenary, so it cannot be written"
+                for t in unknown
+            )
+        )
     types = {topic.name: current_name(topic.type) for topic in source.topics}
     bags: dict[Path, _Bag] = {}
     stated = source.about if about is None else None
@@ -103,7 +108,7 @@ def _write(
 
 
 class _Bag:
-    """A bag that is being written, and those that follow when it grows too long."""
+    """Writes a bag, and further ones when it grows too long."""
 
     def __init__(self, path: Path, kind: BagKind, source: Source, about: About | None) -> None:
         self.types: dict[str, str] = {} if about is None else {ABOUT_TOPIC: ABOUT_TYPE}
@@ -121,7 +126,7 @@ class _Bag:
         self._part = self._path.with_name(f"{self._path.name}.part")
         for path in (self._path, self._part):
             if path.exists():
-                raise InputError(f"{path}: is there already, and is never overwritten")
+                raise InputError(f"{path}: exists already, and is never overwritten")
         self._path.parent.mkdir(parents=True, exist_ok=True)
         self._messages = 0
         if self._kind == "ros1":

@@ -4,7 +4,7 @@
 """
 
 from collections.abc import Sequence
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ _SHORTEST = 8  # [B] of a record: two lengths
 Records = NDArray[np.int64]
 
 
-class Block(Sequence[bytes]):
+class Block:
     """N messages one behind the other in one piece of memory."""
 
     def __init__(self, data: NDArray[np.uint8], lengths: NDArray[np.int64]) -> None:
@@ -27,14 +27,8 @@ class Block(Sequence[bytes]):
         """Return the number of messages."""
         return len(self.lengths)
 
-    @overload
-    def __getitem__(self, index: int) -> bytes: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[bytes]: ...
-    def __getitem__(self, index: int | slice) -> Any:
-        """Return the bytes of a message, or a list of them."""
-        if isinstance(index, slice):
-            return [self[i] for i in range(*index.indices(len(self)))]
+    def __getitem__(self, index: int) -> bytes:
+        """Return the bytes of a message."""
         end = self._ends[index]
         return self.data[end - self.lengths[index] : end].tobytes()
 
@@ -59,7 +53,7 @@ def chunk_records(chunk: bytes) -> Records:
     """Return the records of an unpacked chunk up to its last whole one, (N, 6).
 
     Columns: op, connection, time [ns], where header, data and record begin, begin and end. Op is -1 of a record whose
-    header makes no sense.
+    header is damaged.
     """
     data = np.frombuffer(chunk, dtype=np.uint8)
     records = np.empty((len(data) // _SHORTEST, 6), dtype=np.int64)

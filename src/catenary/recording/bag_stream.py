@@ -78,7 +78,7 @@ class BagStream:
         self.topics = tuple(JournalTopic(n, t) for n, t in self._types.items() if n != ABOUT_TOPIC)
 
     def whole_text(self) -> str:
-        """Say in words what can still be read."""
+        """Return in words what can still be read."""
         if not self.counts:
             return "no whole message is in it, nothing can be saved"
         found = ", ".join(f"{count} messages of {topic}" for topic, count in self.counts.items())
@@ -158,7 +158,7 @@ class BagStream:
                 names[row[CONNECTION]] = self._bag_connection(chunk, row)
             yield chunk, whole[whole[:, KIND] == _MESSAGE], names
             if len(damaged):
-                raise ValueError("a record's header makes no sense")
+                raise ValueError("the header of a record is damaged")
 
     def _bag_messages(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
         for chunk, records, names in self._bag_chunks(file, size):

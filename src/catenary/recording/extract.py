@@ -17,9 +17,9 @@ from catenary.recording.bag_chunks import Block
 from catenary.recording.bag_stream import BagStream
 from catenary.recording.journal import About
 from catenary.recording.layout import Encoding
-from catenary.recording.messages import md5_sum
+from catenary.recording.messages import current_name, md5_sum
 from catenary.recording.source import Source, open_recordings
-from catenary.recording.topics import TOPICS, Topic, decode, topic_named, wrong_type
+from catenary.recording.topics import TOPICS, Topic, decode, require_topics, topic_named
 
 FORMAT = "catenary.topic.1"
 ROW_GROUP = 8192  # messages that are in memory at once, per topic
@@ -230,11 +230,7 @@ def _choose(sources: Sequence[Source], topics: Sequence[str] | None) -> tuple[di
     """Choose the topics to extract, by the name they have in the recording, and say what is left out."""
     there = {t.name: t.type for source in sources for t in source.topics}
     names = {name.strip("/"): name for name in there}
-    missing = [name for name in topics or () if name.strip("/") not in names]
-    if missing:
-        raise FileFormatError(
-            f"recording: no topic {', '.join(missing)}; it has {', '.join(there) or 'none'}"
-        )
+    require_topics("recording", [name for name in topics or () if name.strip("/") not in names], there)
     asked = list(there) if topics is None else [names[name.strip("/")] for name in topics]
     wanted, problems = {}, []
     for name in asked:
@@ -242,9 +238,8 @@ def _choose(sources: Sequence[Source], topics: Sequence[str] | None) -> tuple[di
         if topic is None:
             problems.append(f"topic {name} of type {there[name]}: catenary does not know it; left out")
             continue
-        error = wrong_type(topic, there[name])
-        if error is not None:
-            raise error
+        if current_name(there[name]) != topic.type:
+            raise FileFormatError(f"topic {topic.name}: expected {topic.type}, got {there[name]}")
         wanted[name] = topic
     if not wanted:
         raise FileFormatError(

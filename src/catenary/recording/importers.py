@@ -19,17 +19,8 @@ from catenary.plant import MotionLog
 CABLE_ARM_UNITS = ("rad", "rad", "m", "rad", "rad", "rad")
 # what zipfile and np.load raise on a file that is no archive, damaged, encrypted, or holds Python objects
 UNREADABLE = (
-    OSError,
-    ValueError,
-    EOFError,
-    KeyError,
-    RuntimeError,
-    MemoryError,
-    SyntaxError,
-    tokenize.TokenError,
-    zipfile.BadZipFile,
-    zlib.error,
-    lzma.LZMAError,
+    *(OSError, ValueError, EOFError, KeyError, RuntimeError, MemoryError, SyntaxError, tokenize.TokenError),
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError),
 )
 MOST_TIME_NOTES = 5  # a note each; a shuffled log would have thousands
 
@@ -71,11 +62,9 @@ def read_command_log(
     given = tuple(units) if units is not None else stated
     if stated and given != stated:
         raise InputError(f"{path}: states the units {','.join(stated)}, but {','.join(given)} were given")
-    notes: list[str] = []
-    if not given:
-        given = _assumed_units(path, n)
-        notes.append(f"units not stated: took {','.join(given)} (order of RAVEN-II and da Vinci PSM)")
-    assumed = bool(notes)
+    assumed = not given
+    given = given or _assumed_units(path, n)
+    notes = [f"units not stated: took {','.join(given)} (order of RAVEN-II and da Vinci PSM)"] * assumed
     if len(given) != n:
         raise InputError(
             f"{path}: q_des has {n} joints, but {len(given)} units were given: {','.join(given)}"
@@ -90,14 +79,17 @@ def read_command_log(
         raise InputError(
             f"{path}: ok: expected true and false, or 1 and 0, got {ok[strange[0]]} at row {strange[0]}"
         )
-    time = numbers_of(path, content, "t", 1) if "t" in content else None
-    if time is not None:
-        back = np.flatnonzero(np.diff(time) < 0.0) + 1
-        notes.extend(
-            f"time goes back at row {row}: another recording begins there" for row in back[:MOST_TIME_NOTES]
-        )
-        if len(back) > MOST_TIME_NOTES:
-            notes.append(f"time goes back {len(back)} times in all; are the rows shuffled?")
+    optional = {"t": 1, "dq": 2, "tau": 2}
+    time, qd, tau = (
+        numbers_of(path, content, key, dimensions) if key in content else None
+        for key, dimensions in optional.items()
+    )
+    back = np.flatnonzero(np.diff(time if time is not None else ()) < 0.0) + 1
+    notes += [
+        f"time goes back at row {row}: another recording begins there" for row in back[:MOST_TIME_NOTES]
+    ]
+    if len(back) > MOST_TIME_NOTES:
+        notes.append(f"time goes back {len(back)} times in all; are the rows shuffled?")
     return MotionLog(
         name=path.stem,
         joint_names=names,
@@ -106,8 +98,8 @@ def read_command_log(
         q_encoder=numbers_of(path, content, "q_act", 2, gaps=True),
         ok=ok.astype(bool),
         time=time,
-        qd=numbers_of(path, content, "dq", 2) if "dq" in content else None,
-        tau=numbers_of(path, content, "tau", 2) if "tau" in content else None,
+        qd=qd,
+        tau=tau,
         sha256=sha256_of(path),
         units_assumed=assumed,
         notes=tuple(notes),

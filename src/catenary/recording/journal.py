@@ -44,7 +44,7 @@ class JournalTopic(NamedTuple):
 
 @dataclass(frozen=True)
 class About:
-    """What a recording is of; travels with it through every file."""
+    """Robot, seed and settings that a recording was made with; every file made from it carries them."""
 
     robot: str | None = None
     simulated: bool = False
@@ -187,7 +187,7 @@ class JournalWriter:
 
     @property
     def messages(self) -> int:
-        """How many messages were appended."""
+        """Number of messages appended so far."""
         return self._messages
 
     def __enter__(self) -> Self:
@@ -204,7 +204,7 @@ class JournalWriter:
             log.exception("%s: could not be closed", self.folder)
 
     def _header(self) -> bytes:
-        """How a file begins; counts as a record."""
+        """Return how a file begins."""
         header = {
             "format": "catenary.journal.1",
             "topics": [
@@ -213,14 +213,12 @@ class JournalWriter:
             ],
             **json.loads(self._about.as_json()),
         }
-        self._number += 1
-        return MAGIC + record_bytes(HEADER, self._number - 1, self._last_stamp, json.dumps(header).encode())
+        return MAGIC + self._record(HEADER, header)
 
-    def _footer(self, *, last: bool) -> bytes:
-        """How a file ends; counts as a record."""
+    def _record(self, kind: int, content: Mapping[str, Any]) -> bytes:
+        """Return the next record: a file's header or footer, which count as messages do."""
         self._number += 1
-        content = json.dumps({"last": last}).encode()
-        return record_bytes(FOOTER, self._number - 1, self._last_stamp, content)
+        return record_bytes(kind, self._number - 1, self._last_stamp, json.dumps(content).encode())
 
     def _open_file(self) -> None:
         """Make the present part's file; keeps an error for the next append. Needs the disk."""
@@ -252,7 +250,7 @@ class JournalWriter:
         with self._append_lock:
             full = end == "if full" and self._safe_bytes + len(self._pending) >= self._max_bytes
             if end == "last" or full:
-                self._pending += self._footer(last=not full)
+                self._pending += self._record(FOOTER, {"last": not full})
             block, self._pending = self._pending, bytearray(self._header() if full else b"")
             messages = self._messages
         if self._error is not None or not block:

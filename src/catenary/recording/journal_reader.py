@@ -24,7 +24,7 @@ class _Record(NamedTuple):
 
 @dataclass
 class JournalReport:
-    """What was found in a journal; complete once all its messages were read."""
+    """Counts and damage found in a journal; complete once all its messages were read."""
 
     messages: dict[str, int] = field(default_factory=dict)  # by topic
     problems: list[str] = field(default_factory=list)  # in words, with places
@@ -60,7 +60,7 @@ class JournalReader:
 
     @property
     def problems(self) -> list[str]:
-        """What was missing or damaged, as far as it was read."""
+        """What was found missing or damaged so far, in words."""
         return self.report.problems
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:

@@ -20,7 +20,7 @@ MAX_ELEMENTS = 100_000  # of one sequence; more is taken for damage
 
 @dataclass
 class _Walk:
-    """A pass over a message from its first byte to its last."""
+    """Places and types of a message's numbers, collected from its first byte to its last."""
 
     encoding: Encoding
     size_of: Callable[[str, int], int]  # path and offset of a length field -> number of elements
@@ -123,7 +123,7 @@ def layout_of(name: str, data: bytes, encoding: Encoding) -> np.dtype[np.void]:
 
 
 def read_messages(
-    name: str, messages: Sequence[bytes], encoding: Encoding
+    name: str, messages: Sequence[bytes] | Block, encoding: Encoding
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.void]]]:
     """Yield messages as structured arrays, one for each shape that occurs, with the positions they came from.
 

@@ -13,6 +13,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
 from catenary.plant import MotionLog
 from catenary.recording.importers import read_command_log
+from catenary.units import TORQUE_UNIT
 
 FORMAT = "catenary.motion_log.1"
 PER_JOINT = ("q_nominal", "q_encoder", "qd", "tau")  # prefixes of columns
@@ -126,18 +127,18 @@ def read_parquet(
     columns: dict[str, NDArray[Any]] = {}
     for field, values in zip(table.schema, table.columns, strict=True):
         is_ok = field.name == "ok"
-        if not (pa.types.is_boolean(field.type) if is_ok else _is_number(field.type)):
+        is_number = pa.types.is_floating(field.type) or pa.types.is_integer(field.type)
+        if not (pa.types.is_boolean(field.type) if is_ok else is_number):
             expected = "true or false" if is_ok else "numbers"
             raise FileFormatError(f"{path}: column {field.name} holds {field.type}, expected {expected}")
         columns[field.name] = values.to_numpy(zero_copy_only=False).astype(bool if is_ok else np.float64)
     joints: dict[str, Any] = {}
     for prefix in PER_JOINT:
         wanted = [f"{prefix}:{joint}" for joint in names]
-        present = [name for name in wanted if name in columns]
-        if present and len(present) != len(wanted):
-            missing = ", ".join(name for name in wanted if name not in columns)
-            raise FileFormatError(f"{path}: column(s) {missing} are missing")
-        if present:
+        missing = [name for name in wanted if name not in columns]
+        if missing and len(missing) < len(wanted):
+            raise FileFormatError(f"{path}: column(s) {', '.join(missing)} are missing")
+        if not missing:
             joints[prefix] = np.column_stack([columns.pop(name) for name in wanted])
     if "q_nominal" not in joints:
         raise FileFormatError(f"{path}: columns q_nominal:<joint> are missing for {', '.join(names)}")
@@ -182,13 +183,5 @@ def _require_same(
         )
 
 
-def _is_number(kind: Any) -> bool:
-    import pyarrow as pa
-
-    return bool(pa.types.is_floating(kind) or pa.types.is_integer(kind))
-
-
 def _unit(prefix: str, joint_unit: str) -> str:
-    if prefix == "tau":
-        return "Nm" if joint_unit == "rad" else "N"
-    return f"{joint_unit}/s" if prefix == "qd" else joint_unit
+    return {"tau": TORQUE_UNIT[joint_unit], "qd": f"{joint_unit}/s"}.get(prefix, joint_unit)

@@ -41,9 +41,10 @@ class McapReader:
                 check_ros2_type(path, name, kind, connection.msgdef.data)
                 if name != ABOUT_TOPIC:
                     types.setdefault(name, current_name(kind))
+            own = [connection for connection in reader.connections if connection.topic == ABOUT_TOPIC]
+            for _, _, data in reader.messages(own) if own else ():
+                self.about = about_of(data, self.encoding)
         self.topics = tuple(JournalTopic(topic, kind) for topic, kind in types.items())
-        for _, _, data in self._raw((ABOUT_TOPIC,)):
-            self.about = about_of(data, self.encoding)
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, arrival stamp [ns] and bytes of the messages of these topics, or of all, as they arrived.
@@ -53,11 +54,9 @@ class McapReader:
         """
         there = [topic.name for topic in self.topics]
         require_topics(self.path, topics, there)
-        yield from self._raw(there if topics is None else topics)
-
-    def _raw(self, topics: Collection[str]) -> Iterator[tuple[str, int, bytes]]:
         with self._open() as reader:
-            connections = [c for c in reader.connections if c.topic in topics]
+            wanted = there if topics is None else topics
+            connections = [connection for connection in reader.connections if connection.topic in wanted]
             for connection, stamp, data in reader.messages(connections) if connections else ():
                 yield connection.topic, stamp, data
 
@@ -73,7 +72,7 @@ class McapReader:
 
 
 def _saved(path: Path) -> str:
-    """Say what could still be read from a file that cannot be opened."""
+    """Return in words what could still be read from a file that cannot be opened."""
     file = min(path.glob("*.mcap"), default=None) if path.is_dir() else path  # a recording in one file
     try:
         return "nothing in it can be saved" if file is None else BagStream(file).whole_text()

@@ -137,7 +137,6 @@ def read_raven_csv(
         raise InputError(f"{path}: columns 0 to 3, ext_jpos, are finite in no row")
     names = [name for column in STATE_COLUMNS for name in column.names]
     wanted = [f"{kind}:{options.arm}_{axis}" for kind in ("jpos", "tau", "jvel") for axis in AXES]
-    force = {f"force_{axis}": clean.values[:, len(names) + i] for i, axis in enumerate("xyz")}
     return build_log(
         name=path.stem,
         robot=robot,
@@ -146,8 +145,7 @@ def read_raven_csv(
         state_stamp=clean.stamp,
         encoder=encoder,
         options=options,
-        further=force if table.shape[1] == WIDTH_WITH_FORCE else {},
-        further_units=dict.fromkeys(force, "N"),
+        force=clean.values[:, len(names) :] if table.shape[1] == WIDTH_WITH_FORCE else None,
         reports=(clean.report, encoder.report, *(() if measured is None else (measured.report,))),
     )
 

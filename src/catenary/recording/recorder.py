@@ -9,8 +9,7 @@ message is made, not before. A topic whose columns a robot lacks altogether is l
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +25,7 @@ BLOCK = 16384  # ticks that are made into messages at once
 
 
 class Throttle:
-    """When a topic's messages are due: about one a period, never evenly, as a throttled topic comes.
+    """Chooses the ticks at which a topic's messages are due: about one a period, with jitter as over ROS.
 
     Intervals are period (1 + jitter N(0, 1)), at least a quarter of a period. Instants are drawn in blocks, so that
     the same `rng` gives the same ones whether time comes tick by tick or all at once.
@@ -115,11 +114,9 @@ class Recorder:
         if not self.topics:
             raise InputError(f"recording: telemetry has no topic's columns: {'; '.join(self.left_out)}")
         zero = {t.name: [c.name for c in t.columns if c.name not in have] for t in self.topics}
+        zero = {name: columns for name, columns in zero.items() if columns}
         about = about if about is not None else About()
-        about = replace(
-            about,
-            configuration={**about.configuration, "not_in_telemetry": {k: v for k, v in zero.items() if v}},
-        )
+        about = replace(about, configuration={**about.configuration, "not_in_telemetry": zero})
         streams = rng.spawn(len(topics))  # a topic's instants do not depend on which others are recorded
         self._throttles = [
             Throttle(t.rate, stream, jitter=jitter)
@@ -204,10 +201,8 @@ class Recorder:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.journal.__exit__(kind, error, trace)
+    def __exit__(self, *error: Any) -> None:
+        self.journal.__exit__(*error)
 
 
 def _required(topic: Topic) -> frozenset[str]:

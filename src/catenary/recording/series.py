@@ -17,7 +17,7 @@ OFFSET = 0.005  # [s] of a clock against the arrival of messages that is worth a
 
 @dataclass(frozen=True)
 class TopicReport:
-    """How a topic came."""
+    """Rate, jitter, gaps and disorder of a topic's messages."""
 
     topic: str
     messages: int  # as recorded
@@ -117,12 +117,8 @@ def clean_series(
         fresh = np.concatenate([[True], np.diff(stamp[order]) > 0])
         order, repeated = order[fresh], int((~fresh).sum())
         ordered, values = stamp[order], values[order]
-    start = ordered[0] if span is None else span[0]
-    edges = (
-        ordered
-        if span is None
-        else np.concatenate([[min(span[0], ordered[0])], ordered, [max(span[1], ordered[-1])]])
-    )
+    start, end = (ordered[0], ordered[-1]) if span is None else span
+    edges = np.concatenate([[min(start, ordered[0])], ordered, [max(end, ordered[-1])]])
     intervals = np.diff(ordered) / SECOND
     limit = max(max_gap, WIDE * float(np.median(intervals))) if len(intervals) else max_gap
     regular = intervals[intervals <= limit]

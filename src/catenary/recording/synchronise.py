@@ -48,7 +48,7 @@ COUPLING = np.array([0.14545, 0.0077973826, 0.008077387])
 
 @dataclass(frozen=True)
 class SynchroniseOptions:
-    """What counts as synchronous, and as stopped."""
+    """Limits on gaps between samples, and on how long an encoder may stand still."""
 
     arm: Arm = "gold"
     max_gap: float = 0.05  # [s] between two samples that are interpolated between
@@ -59,7 +59,7 @@ class SynchroniseOptions:
 
 @dataclass(frozen=True)
 class Synchronisation:
-    """A log, and how well its parts fit together."""
+    """A motion log, with reports on the topics that it was made from."""
 
     log: MotionLog
     topics: tuple[TopicReport, ...]
@@ -123,8 +123,7 @@ def build_log(
     encoder: Series,
     options: SynchroniseOptions,
     reports: tuple[TopicReport, ...] = (),
-    further: Mapping[str, Floats] | None = None,
-    further_units: Mapping[str, str] | None = None,
+    force: Floats | None = None,
 ) -> Synchronisation:
     """Build the log of an arm from cleaned series.
 
@@ -137,8 +136,7 @@ def build_log(
         encoder: Positions of the joints to calibrate.
         options: Arm and limits.
         reports: On the topics.
-        further: Signals that the recording has besides, each (N,).
-        further_units: Theirs.
+        force: (N, 3) [N] that the recording has besides; becomes the signals force_x, force_y and force_z.
 
     Raises:
         InputError: No row is left.
@@ -161,8 +159,9 @@ def build_log(
     signals |= {f"tau:{joint}": state[f"tau:{arm}_{joint}"] * JOINT_TORQUE[joint] for joint in OTHERS}
     units = {f"q:{joint}": "rad" for joint in OTHERS} | {f"tau:{joint}": "Nm" for joint in OTHERS}
     shoulder, elbow, insertion = (state[f"tau:{arm}_{joint}"] * JOINT_TORQUE[joint] for joint in CALIBRATED)
-    for key, column in (further or {}).items():
-        signals[key], units[key] = column[whole], (further_units or {})[key]
+    if force is not None:
+        signals |= {f"force_{axis}": column[whole] for axis, column in zip("xyz", force.T, strict=True)}
+        units |= dict.fromkeys(("force_x", "force_y", "force_z"), "N")
     notes = [note for report in reports for note in report.notes()] + [stop.note() for stop in stopped]
     if not whole.all():
         notes.append(f"{int((~whole).sum())} state messages with numbers that are not finite were left out")

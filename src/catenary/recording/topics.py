@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import FileFormatError, InputError
+from catenary.recording.bag_chunks import Block
 from catenary.recording.layout import COUNT, Encoding, blank_messages, read_messages
-from catenary.recording.messages import current_name
 
 Arm = Literal["gold", "green"]
 # of 8 channels of an arm
@@ -44,7 +44,7 @@ class TopicColumn:
 
     @property
     def width(self) -> int:
-        """How many numbers it has."""
+        """Count of its numbers."""
         return len(self.labels)
 
     @property
@@ -230,7 +230,7 @@ def encode(
     return messages
 
 
-def decode(topic: Topic, messages: Sequence[bytes], encoding: Encoding = "ros1") -> TopicSamples:
+def decode(topic: Topic, messages: Sequence[bytes] | Block, encoding: Encoding = "ros1") -> TopicSamples:
     """Decode messages of a topic into SI.
 
     Raises:
@@ -276,13 +276,6 @@ def require_topics(where: Path | str, asked: Iterable[str] | None, there: Iterab
     missing = [name for name in asked or () if name not in there]
     if missing:
         raise FileFormatError(f"{where}: no topic {', '.join(missing)}; it has {', '.join(there) or 'none'}")
-
-
-def wrong_type(topic: Topic, found: str) -> FileFormatError | None:
-    """Return the error to raise when a topic carries another type than it should, or None."""
-    if current_name(found) == topic.type:
-        return None
-    return FileFormatError(f"topic {topic.name}: expected {topic.type}, got {found}")
 
 
 def _same_joints(topic: Topic, records: NDArray[np.void]) -> None:

@@ -62,12 +62,11 @@ def read_torque_log(path: Path, model: RobotModel) -> MotionLog:
         if not (np.isfinite(rate) and rate > 0.0):
             raise InputError(f"{path}: fs is {rate}: expected a rate above zero [Hz]")
         time = np.arange(len(q)) / rate
-    n = q.shape[1]
-    known = n == model.n  # another number of joints is refused by name when it is used
+    known = q.shape[1] == model.n  # another number of joints is refused by name when it is used
     return MotionLog(
         name=path.stem,
-        joint_names=model.joint_names if known else tuple(f"J{i + 1}" for i in range(n)),
-        joint_units=model.joint_units if known else ("rad",) * n,
+        joint_names=model.joint_names if known else tuple(f"J{i + 1}" for i in range(q.shape[1])),
+        joint_units=model.joint_units if known else ("rad",) * q.shape[1],
         q_nominal=q,
         ok=np.ones(len(q), dtype=bool),
         time=time,
