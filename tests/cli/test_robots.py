@@ -1,6 +1,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
@@ -30,16 +31,13 @@ def test_fk_takes_radians_and_metres_or_degrees_and_millimetres() -> None:
     in_si = catenary("fk", "raven2", "--q", f"{np.pi / 6!r},{np.pi / 2!r},0.4", "--json").json
     shown = catenary("fk", "raven2", "--q-deg", "30,90,400", "--json").json
     assert_allclose(in_si["position"], shown["position"], atol=1e-15)
-
-
-def test_fk_takes_negative_first_coordinates() -> None:
-    assert catenary("fk", "two_link", "--q", "-0.5,1").code == 0
+    assert catenary("fk", "two_link", "--q", "-0.5,1").code == 0  # a minus is no option
 
 
 def test_fk_shows_the_pose_in_the_frame_asked_for() -> None:
-    content = catenary("fk", "raven2", "--q-deg", "30,90,400", "--in", "frame0", "--json").json
-    assert content["in"] == "frame0"
-    assert "frame0" in catenary("fk", "raven2", "--q-deg", "30,90,400").out
+    line = ("fk", "raven2", "--q-deg", "30,90,400")
+    assert catenary(*line, "--in", "frame0", "--json").json["in"] == "frame0"
+    assert "frame0" in catenary(*line).out
 
 
 def test_fk_says_when_a_joint_is_beyond_its_limits() -> None:
@@ -82,16 +80,20 @@ def test_ik_of_a_position_leaves_the_orientation_free() -> None:
     assert " any" in catenary("ik", "raven2", "--position-mm", "19,-7.4,-67").out
 
 
-def test_ik_of_joints_reaches_their_pose() -> None:
-    content = catenary("ik", "raven2", "--q", "0.5,1.5,0.4", "--json").json
-    assert_allclose(content["q"], [0.5, 1.5, 0.4], atol=1e-9)
+@pytest.mark.parametrize(
+    ("arguments", "key", "expected"),
+    [
+        (("--q", "0.5,1.5,0.4"), "q", [0.5, 1.5, 0.4]),  # the pose of joints is the goal
+        (("--position-mm=-67,-19,7.4", "--in", "frame0"), "reached", [-0.067, -0.019, 0.0074]),
+    ],
+)
+def test_ik_reaches_the_pose_of_joints_and_one_in_another_frame(
+    arguments: tuple[str, ...], key: str, expected: list[float]
+) -> None:
+    found = catenary("ik", "raven2", *arguments, "--json").json[key]
+    assert_allclose(found["position"] if key == "reached" else found, expected, atol=1e-9)
 
 
 def test_ik_is_the_same_for_the_same_seed() -> None:
     first, second = (catenary("ik", "two_link", "--position-mm", "500,0,500", "--seed", 3) for _ in range(2))
     assert first == second
-
-
-def test_ik_in_another_frame_at_rest() -> None:
-    content = catenary("ik", "raven2", "--position-mm=-67,-19,7.4", "--in", "frame0", "--json").json
-    assert_allclose(content["reached"]["position"], [-0.067, -0.019, 0.0074], atol=1e-9)

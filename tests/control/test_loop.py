@@ -16,22 +16,18 @@ from catenary.control.report import LoopReport
 from catenary.errors import InputError, LimitError, NotReadyError, UnsupportedCommandError
 from catenary.plant import JointState, OperatingState
 from catenary.trajectories.in_turn import Rest
-from catenary.trajectories.reference import Reference, Trajectory
+from catenary.trajectories.reference import Reference
 from oracles.calibration_models import random_model
 from oracles.ideal_plant import MassPlant
 
 ZERO = np.zeros(2)
 
 
-class Swing(Trajectory):
+class Swing:
     """Both joints on a sine of 1 Hz, for as long as it is told."""
 
     def __init__(self, duration: float) -> None:
-        self._duration = duration
-
-    @property
-    def duration(self) -> float:
-        return self._duration
+        self.duration = duration
 
     def __call__(self, t: float) -> Reference:
         w = 2.0 * np.pi

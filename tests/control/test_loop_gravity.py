@@ -88,17 +88,16 @@ def test_a_run_reports_ticks_by_status_and_fault_and_what_they_mean():
     assert "gravity: stuck in 4 ticks: the accelerometer repeats" in str(report)
 
 
-def test_a_source_that_measures_nothing_has_no_age():
-    report = run_loop(MassPlant(np.zeros(2)), PD, still(0.01), gravity=FixedGravity())
-    assert report.gravity is not None
-    assert math.isnan(report.gravity.largest_age)
-
-
-def test_a_simulated_sensor_serves_a_loop():
-    report = run_loop(MassPlant(np.zeros(2)), PD, still(1.0), gravity=sensed())
-    assert report.gravity is not None
-    assert report.gravity.ticks["live"] > 950
-    assert report.gravity.faults == {}
+def test_a_simulated_sensor_serves_a_loop_and_a_fixed_vector_has_no_age():
+    served, fixed = (
+        run_loop(MassPlant(np.zeros(2)), PD, still(1.0), gravity=source).gravity
+        for source in (sensed(), FixedGravity())
+    )
+    assert served is not None
+    assert served.ticks["live"] > 950
+    assert served.faults == {}
+    assert fixed is not None
+    assert math.isnan(fixed.largest_age)
 
 
 def test_a_lost_sensor_stops_the_robot_safely_where_that_is_asked_for():
@@ -115,12 +114,8 @@ def test_a_lost_sensor_stops_the_robot_safely_where_that_is_asked_for():
 
 @pytest.mark.parametrize("fallback", ["hold", "fade", "static"])
 def test_a_lost_sensor_stops_nothing_otherwise(fallback):
-    report = run_loop(
-        MassPlant(np.zeros(2)),
-        PD,
-        still(1.0),
-        gravity=sensed(InjectedFault("drop_out", 0.5), fallback=fallback),
-    )
+    lost = sensed(InjectedFault("drop_out", 0.5), fallback=fallback)
+    report = run_loop(MassPlant(np.zeros(2)), PD, still(1.0), gravity=lost)
     assert report.finished
     assert report.gravity is not None
     assert report.gravity.faults["interrupted"] > 400

@@ -2,8 +2,10 @@
 
 import contextlib
 import os
+import socket
 import subprocess
 import sys
+import time
 import xmlrpc.client
 from collections.abc import Iterator
 from pathlib import Path
@@ -201,6 +203,34 @@ def test_a_peer_that_dies_ends_for_itself_alone(master: Master) -> None:
                 hear_to(sent, back, again)
                 for came in (here, again):
                     assert came == list(range(came[0], sent + 1))
+
+
+def port_of(topic: str, node: str, master: Master) -> int:
+    """Port at which a node takes subscribers of a topic, once it publishes it."""
+    found: list[int] = []
+
+    def ask() -> object:
+        with xmlrpc.client.ServerProxy(master.uri) as server:
+            code, _, uri = server.lookupNode("/tests", node)  # type: ignore[misc]
+        if code == 1:
+            with xmlrpc.client.ServerProxy(str(uri)) as publisher:
+                code, _, answer = publisher.requestTopic("/tests", topic, [["TCPROS"]])  # type: ignore[misc]
+            found.extend(answer[2:] if code == 1 else ())  # type: ignore[index]
+        return found
+
+    until(ask, every=0.05)
+    return found[0]
+
+
+def test_a_peer_that_says_nothing_keeps_no_other_out(master: Master) -> None:
+    with (
+        Program(master, TALKER, "asked", "100", "10", "") as talker,
+        socket.create_connection(("127.0.0.1", port_of("/count", "/asked", master))),
+    ):
+        begin = time.monotonic()
+        with Program(master, LISTENER, "listener"):
+            assert talker.line() == "connected"
+        assert time.monotonic() - begin < 60.0  # [s] after which rospy gives the silent one up
 
 
 def test_a_name_that_runs_already_is_refused_and_goes_on(master: Master) -> None:

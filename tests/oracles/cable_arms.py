@@ -17,30 +17,24 @@ Floats = NDArray[np.float64]
 HOME = np.array([np.deg2rad(30.0), np.deg2rad(90.0), 0.40])
 
 
+def _without(cable: Cable, *fields: str) -> Cable:
+    return cable.replace(**dict.fromkeys(fields, 0.0))
+
+
 def without_runout(cable: Cable) -> Cable:
-    return cable.replace(capstan_runout=np.zeros(3), pulley_runout=np.zeros(3))
+    return _without(cable, "capstan_runout", "pulley_runout")
 
 
 def without_friction(cable: Cable) -> Cable:
-    nothing = np.zeros(3)
-    return cable.replace(
-        rotor_friction=nothing,
-        rotor_load_friction=nothing,
-        link_friction=nothing,
-        link_load_friction=nothing,
-    )
+    return _without(cable, "rotor_friction", "rotor_load_friction", "link_friction", "link_load_friction")
 
 
 def with_linear_cables(cable: Cable) -> Cable:
     """Springs and dampers and nothing else: no hysteresis, creep, backlash, run-out, set, wear or friction."""
-    nothing = np.zeros(3)
-    return without_friction(without_runout(cable)).replace(
-        elastic_share=np.ones(3),
-        slow_share=nothing,
-        backlash=nothing,
-        set_rate=nothing,
-        loss_rate=nothing,
+    plain = _without(
+        without_friction(without_runout(cable)), "slow_share", "backlash", "set_rate", "loss_rate"
     )
+    return plain.replace(elastic_share=1.0)
 
 
 def linear_arm() -> CableArm:

@@ -6,7 +6,7 @@ from catenary.arrays import Floats
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
-from catenary.trajectories.reference import Reference, Trajectory
+from catenary.trajectories.reference import Reference
 from oracles.ideal_plant import MassPlant
 
 
@@ -37,15 +37,11 @@ class HangingPlant(MassPlant):
         return gravity_torque(self.carried(), self.q, self.gravity)
 
 
-class Poses(Trajectory):
+class Poses:
     """One pose after another: a second on the way, then at rest until `each` seconds are over."""
 
     def __init__(self, poses: Floats, each: float) -> None:
-        self.poses, self.each = np.array(poses), each
-
-    @property
-    def duration(self) -> float:
-        return self.each * len(self.poses)
+        self.poses, self.each, self.duration = np.array(poses), each, each * len(poses)
 
     def __call__(self, t: float) -> Reference:
         k = min(int(t / self.each), len(self.poses) - 1)

@@ -14,23 +14,14 @@ def test_every_number_says_where_it_comes_from():
             assert entry.origin in ("source", "datasheet-memory", "assumed", "fitted")
 
 
-def test_rotor_inertia_at_the_joints_is_that_of_the_mechanism():
-    cable = load_cable_arm().cable
+def test_numbers_at_the_joints_are_those_of_the_mechanism():
+    _, cable, f, _, _ = load_cable_arm()
     assert_allclose(cable.rotor_inertia * cable.ratio**2, [0.26, 0.207, 65.0], rtol=0.01)  # kg m2, kg m2, kg
-
-
-def test_stiffness_at_the_joints_is_that_of_the_mechanism():
-    firmware = load_cable_arm().firmware
-    stiffness = firmware.kp[:3] * firmware.ratio[:3] ** 2 / firmware.gearbox[:3]
+    stiffness = f.kp[:3] * f.ratio[:3] ** 2 / f.gearbox[:3]
     assert_allclose(stiffness, [454.3, 361.7, 57_055.0], rtol=1e-3)  # Nm/rad, Nm/rad, N/m
-
-
-def test_homing_thresholds_at_the_joints_are_those_of_the_mechanism():
-    f = load_cable_arm().firmware
-    torque = f.home_threshold / f.dac_per_ampere * f.torque_constant * f.ratio
-    assert_allclose(
-        torque, [6.317, 5.637, 76.29, 0.1010, 0.1860, 0.1993, 0.1993], rtol=1e-3
-    )  # Nm, N for the third
+    threshold = f.home_threshold / f.dac_per_ampere * f.torque_constant * f.ratio
+    # Nm, N for the third
+    assert_allclose(threshold, [6.317, 5.637, 76.29, 0.1010, 0.1860, 0.1993, 0.1993], rtol=1e-3)
 
 
 def test_right_arm_has_other_signs_and_a_less_damped_insertion():

@@ -27,20 +27,13 @@ from oracles.cable_arms import (
     without_runout,
 )
 from oracles.mujoco_cable_arm import MujocoCableArm
-from oracles.tree_poses import link_poses
+from oracles.tree_poses import potential_energy
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 MODEL = load_robot("raven2")
 TREE = MODEL.tree._make(np.array(part) for part in MODEL.tree)  # writable, as a plant's own
 ARM = load_cable_arm()
 CABLE = ARM.cable
-
-
-def potential_energy(q):
-    poses = link_poses(MODEL, q)
-    return sum(
-        -m * GRAVITY @ (T[:3, :3] @ c + T[:3, 3]) for m, c, T in zip(TREE.mass, TREE.com, poses, strict=True)
-    )
 
 
 def motor_torques(cable, seconds, step):
@@ -69,7 +62,7 @@ def energy_balance(cable, step, seconds=0.5):
     work = np.sum(torque * rotor_velocity) * step
     kinetic = 0.5 * steps.qd[-1] @ mass_matrix(MODEL, steps.q[-1]) @ steps.qd[-1]
     kinetic += 0.5 * np.sum(cable.rotor_inertia * rotor_velocity[-1] ** 2)
-    potential = potential_energy(steps.q[-1]) - potential_energy(HOME)
+    potential = potential_energy(MODEL, steps.q[-1]) - potential_energy(MODEL, HOME)
 
     before = {
         "rotor": np.vstack([resting_state(cable, HOME).rotor[:3], rotor[:-1]]),

@@ -24,7 +24,6 @@ from oracles.cable_arms import homed_plant, linear_arm
 GOLD = load_cable_arm().firmware
 GREEN = right_arm(load_cable_arm()).firmware
 STEP = 2.0 * np.pi / 4000.0  # of the encoders [rad]
-ALL = np.ones(7, dtype=bool)
 
 
 def demanded(firmware, error=0.0, velocity=0.0, ticks=1, axis=0):
@@ -139,7 +138,7 @@ def test_encoder_steps_at_the_joints_are_those_of_the_mechanism():
 @given(st.tuples(*[st.floats(-1.0, 1.0)] * 7), st.sampled_from([GOLD, GREEN]))
 def test_joints_read_what_they_were_registered_at_and_ask_for_the_motors_there(joint, firmware):
     control = moved(firmware, np.linspace(-50.0, 900.0, 7))
-    register(firmware, control, np.array(joint), ALL)
+    register(firmware, control, np.array(joint))
     # to an encoder step at every motor that takes part: the insertion reads all three, the tools the insertion's
     atol = 2.0 * STEP * (1.0 / firmware.ratio + 0.35 / firmware.ratio)
     assert (np.abs(control.joint - joint) <= atol + 2e-6).all()

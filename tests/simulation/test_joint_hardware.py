@@ -3,7 +3,7 @@ import pytest
 
 from catenary.errors import InputError
 from catenary.robots.catalog import load_robot
-from catenary.simulation.joint_hardware import JointHardware, joint_numbers
+from catenary.simulation.joint_hardware import JointHardware, drive_parameters
 
 MODEL = load_robot("planar_3r")
 PLACES = np.array([6, 7, 8]), np.array([7, 8, 9])
@@ -11,7 +11,7 @@ PLACES = np.array([6, 7, 8]), np.array([7, 8, 9])
 
 def test_drives_act_on_the_rotors_of_elastic_joints():
     hardware = JointHardware(friction=[1, 2, 3], armature=0.5, stiffness=[np.inf, 10, np.inf])
-    numbers = joint_numbers(MODEL, hardware, *PLACES)
+    numbers = drive_parameters(MODEL, hardware, *PLACES)
     assert numbers.joints.drive.tolist() == [0, 3, 2]
     assert numbers.parts.friction.tolist() == [1, 0, 3, 2]
     assert numbers.parts.inertia.tolist() == [0.5, 0, 0.5, 0.5]
@@ -32,4 +32,4 @@ def test_drives_act_on_the_rotors_of_elastic_joints():
 )
 def test_numbers_that_no_joint_has_are_refused(hardware, complaint):
     with pytest.raises(InputError, match=complaint):
-        joint_numbers(MODEL, hardware, *PLACES)
+        drive_parameters(MODEL, hardware, *PLACES)

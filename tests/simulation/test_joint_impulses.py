@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from catenary.robots.catalog import load_robot
-from catenary.simulation.joint_hardware import JointHardware, joint_numbers
+from catenary.simulation.joint_hardware import JointHardware, drive_parameters
 from catenary.simulation.joint_impulses import finish_step
 from catenary.simulation.joint_step import new_motion
 
@@ -25,7 +25,7 @@ class Finished:
         self.mass = factor @ factor.T + 0.05 * np.eye(3)
         factor = np.linalg.cholesky(self.mass)
         self.friction = friction * rng.uniform(0.0, 1.0, 3)
-        joints = joint_numbers(MODEL, JointHardware(friction=self.friction), *PLACES)
+        joints = drive_parameters(MODEL, JointHardware(friction=self.friction), *PLACES)
         motion = new_motion(3, 3)
         motion.factor[0], parts = factor, motion.parts
         parts.start[:] = MIDDLE + WIDTH * rng.choice([-1.0, 1.0, 0.3, 0.9999], 3)
@@ -69,5 +69,5 @@ def test_a_step_that_is_not_finite_is_not_taken(bad):
     motion = new_motion(3, 3)
     motion.parts.start[:], motion.parts.position[:] = MIDDLE, MIDDLE
     motion.parts.rate[1] = bad
-    assert not finish_step(joint_numbers(MODEL, JointHardware(), *PLACES), motion, STEP)
+    assert not finish_step(drive_parameters(MODEL, JointHardware(), *PLACES), motion, STEP)
     assert_allclose(motion.parts.start, MIDDLE)

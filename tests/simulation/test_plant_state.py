@@ -63,9 +63,19 @@ def test_the_state_of_another_arm_is_refused_and_changes_nothing(
     assert_array_equal(plant.state.q, before)
 
 
-def test_a_missing_state_is_named(tmp_path: Path) -> None:
-    with pytest.raises(FileFormatError, match=r"none\.npz: no such file"):
-        restore_plant(CablePlant(), tmp_path / "none.npz")
+@pytest.mark.parametrize("damage", ["missing", "empty", "text", "half", "array", "other archive"])
+def test_missing_and_damaged_states_are_refused(saved: Path, tmp_path: Path, damage: str) -> None:
+    path, whole = tmp_path / "state.npz", saved.read_bytes()
+    if damage == "array":
+        with path.open("wb") as file:
+            np.save(file, np.zeros(3))
+    elif damage == "other archive":
+        np.savez(path, q=np.zeros(3))
+    elif damage != "missing":
+        path.write_bytes({"empty": b"", "text": b"nonsense", "half": whole[: len(whole) // 2]}[damage])
+    message = "no such file" if damage == "missing" else "is no state of a simulated robot"
+    with pytest.raises(FileFormatError, match=rf"state\.npz: {message}"):
+        restore_plant(CablePlant(seed=2), path)
 
 
 def test_a_state_that_lacks_what_this_version_writes_says_to_home_again(saved: Path, tmp_path: Path) -> None:
@@ -77,18 +87,3 @@ def test_a_state_that_lacks_what_this_version_writes_says_to_home_again(saved: P
     np.savez(older, **arrays | {"about": np.array(json.dumps(about))})
     with pytest.raises(FileFormatError, match=r"'base'.*another version.*catenary home PROJECT"):
         restore_plant(CablePlant(seed=2), older)
-
-
-@pytest.mark.parametrize("damage", ["empty", "text", "half", "array", "other archive"])
-def test_damaged_states_are_refused(saved: Path, tmp_path: Path, damage: str) -> None:
-    path = tmp_path / "state.npz"
-    if damage == "array":
-        with path.open("wb") as file:
-            np.save(file, np.zeros(3))
-    elif damage == "other archive":
-        np.savez(path, q=np.zeros(3))
-    else:
-        whole = saved.read_bytes()
-        path.write_bytes({"empty": b"", "text": b"nonsense", "half": whole[: len(whole) // 2]}[damage])
-    with pytest.raises(FileFormatError, match="is no state of a simulated robot"):
-        restore_plant(CablePlant(seed=2), path)

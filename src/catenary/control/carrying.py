@@ -11,7 +11,7 @@ from catenary.trajectories.reference import Reference
 class Carrying:
     """Adds the torque that holds a load against gravity to the torque of a controller.
 
-    Gravity is that of the state, so a controller that believes in another one carries the load rightly all the same.
+    Gravity is that of the state, also for a controller that compensates a nominal vector.
     While nothing is carried the torques are the controller's own, to the bit. A load that comes or goes is a step of
     torque; `TorqueLimits` bounds its slope.
     """

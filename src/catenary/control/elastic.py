@@ -141,7 +141,7 @@ def stiffness_margin(
     The paper asks that the smallest eigenvalue of [[K, -K], [-K, K + kp]] exceeds the bound of |dg/dq|, so that the
     potential energy has one minimum. Of joints in rad and m a norm has no meaning, and a stiff joint says nothing of a
     soft one; so the same is asked free of units: S - dg/dq positive definite, with S = K kp / (K + kp) the stiffness
-    that is left once the motors have moved to where they like best. That is the largest |S^-1/2 dg/dq S^-1/2| below
+    that is left once the motors have settled. That is the largest |S^-1/2 dg/dq S^-1/2| below
     one; the paper's condition implies it.
 
     The largest is searched for: quasi-random points, the best of them climbed. A revolute joint without limits is taken
@@ -175,19 +175,21 @@ def stiffness_margin(
         slope: Floats = (torques[:n] - torques[n:]) / (2.0 * _STEP)
         return slope
 
-    def less(x: Floats) -> float:
+    def negative_share(x: Floats) -> float:
         return -float(np.linalg.norm(slope_at(x) / scale, 2))
 
     points = qmc.Halton(n if fixed is not None else n + 2, scramble=False).random(_SAMPLES)
-    values = np.array([less(x) for x in points])
+    values = np.array([negative_share(x) for x in points])
     best, where = float(values.min()), points[int(values.argmin())]
     for k in np.argsort(values)[:_CLIMBS]:
         bounds = [(0.0, 1.0)] * len(points[k])
-        climbed = minimize(less, np.array(points[k], dtype=np.float64), bounds=bounds, method="L-BFGS-B")
+        climbed = minimize(
+            negative_share, np.array(points[k], dtype=np.float64), bounds=bounds, method="L-BFGS-B"
+        )
         if climbed.fun < best:
             best, where = float(climbed.fun), climbed.x
-    own = np.diag(slope_at(where)).copy()
-    return StiffnessMargin(-best, series, own, lower + (upper - lower) * where[:n])
+    own_slopes = np.diag(slope_at(where)).copy()
+    return StiffnessMargin(-best, series, own_slopes, lower + (upper - lower) * where[:n])
 
 
 def _range(model: RobotModel) -> tuple[Floats, Floats]:

@@ -24,11 +24,11 @@ FREQUENCY_HZ = 5.0  # of the rule: a natural frequency that a 1 kHz loop and a s
 DAMPING_RATIO = 0.7
 RATE_HZ = 1000.0
 _FASTEST_DECAY = 0.5  # of a mode in one tick; beyond 2 a sampled damper makes it grow
-# ours: no torque rises from none to the largest faster than this, so that a wrong number is felt before it hurts
+# ours: no torque rises from none to the largest faster than this, so that a wrong number shows before it does harm
 RISE_TIME = 0.02  # [s]
 TAPER = {"rad": 0.035, "m": 0.002}  # [rad], [m] from a joint limit: 2 deg, 2 mm
 _SAMPLES = 256  # of the joint range
-_GIVEN_AT_ONCE = 0.1  # of a joint that alone moves in a mode
+_REDUCTION = 0.1  # in a step, of the inertia of a joint that alone moves in a mode
 
 
 class JointGains(NamedTuple):
@@ -107,7 +107,7 @@ def gains_from_mass(
     Each joint alone, the others held, then oscillates at `frequency_hz` where its inertia is largest, and faster and
     less damped elsewhere. A joint without limits is taken over a whole turn, or a metre. Where axes fall into line
     with the others free, far less than M_jj moves: a wrist, or an upper arm that rolls below a stretched forearm. The
-    joints that move in a mode M^-1 kd too fast for the loop give way, M_jj counted less, until there is none.
+    joints that move in a mode of M^-1 kd too fast for the loop get less than their M_jj, until there is no such mode.
 
     Args:
         model: With inertia.
@@ -139,12 +139,12 @@ def gains_from_mass(
         )
     w = 2.0 * np.pi * frequency_hz
     damping = 2.0 * damping_ratio * w
-    counted = _give_way(largest, masses, _FASTEST_DECAY * rate_hz / damping)
+    counted = _reduced_inertia(largest, masses, _FASTEST_DECAY * rate_hz / damping)
     return JointGains(w * w * counted, damping * counted)
 
 
-def _give_way(inertia: Floats, masses: Floats, most: float) -> Floats:
-    """Count less inertia (n,), until no eigenvalue of M^-1 diag(inertia) of the mass matrices (K, n, n) is beyond most.
+def _reduced_inertia(inertia: Floats, masses: Floats, most: float) -> Floats:
+    """Reduce inertia (n,) until no eigenvalue of M^-1 diag(inertia) exceeds `most`, for mass matrices M (K, n, n).
 
     Less of it lowers every eigenvalue at every pose, so that each pose is looked at once.
     """
@@ -156,7 +156,7 @@ def _give_way(inertia: Floats, masses: Floats, most: float) -> Floats:
             eigenvalues, modes = np.linalg.eigh(root[:, None] * inverse * root)
             if eigenvalues[-1] <= most:
                 break
-            inertia *= 1.0 - _GIVEN_AT_ONCE * modes[:, -1] ** 2
+            inertia *= 1.0 - _REDUCTION * modes[:, -1] ** 2
     return inertia
 
 

@@ -9,7 +9,7 @@ from catenary.kernels.compiled import compiled
 
 
 class TorqueLimits:
-    """Makes any torque one that may be sent; never raises in the tick.
+    """Bounds every torque that is sent; never raises in the tick.
 
     In this order, per joint:
 

@@ -31,7 +31,7 @@ from catenary.crtk.conversions import operating_state as operating_state_of
 from catenary.crtk.joints import RobotJoints, checked_joints, raven_joints
 from catenary.crtk.latest import ImuTopic, Latest, MeasuredGravity
 from catenary.crtk.message import Message
-from catenary.crtk.names import Dialect, topic_finder
+from catenary.crtk.names import Dialect, find_topic
 from catenary.crtk.raven_telemetry import RavenTelemetry, joint_torques
 from catenary.crtk.transport import Publisher, Transport
 from catenary.errors import InputError, NotReadyError, TransportError, UnsupportedCommandError
@@ -57,7 +57,7 @@ _READS = ("measured_js", "setpoint_js", "operating_state")
 
 
 class CrtkClient:
-    """One arm of a robot that speaks CRTK, over any transport."""
+    """One arm of a robot that speaks CRTK, over any transport; arrays are in the order of `joint_names`."""
 
     def __init__(
         self,
@@ -102,7 +102,6 @@ class CrtkClient:
         self._lower, self._upper = found.lower, found.upper
         self.transport, self.dialect, self.arm = transport, dialect, arm
         self.period, self.stale_after, self.simulated = period, stale_after, simulated
-        topics = topic_finder(dialect, arm, namespace)
         self._stamps = Stamps()
         self._goal: Floats | None = None  # (n,) sent last
         self._arrived = False  # whether the robot's setpoint has been at the goal
@@ -112,18 +111,18 @@ class CrtkClient:
         self._publishers: dict[str, Publisher] = {}
         self._state: RavenTelemetry | None = None
         self._gravity: MeasuredGravity | None = None
-        self.columns: tuple[
-            Column, ...
-        ] = ()  # telemetry: raven_state's fields, encoders that were published then
+        # of telemetry: raven_state's fields, and encoders that were published when this began
+        self.columns: tuple[Column, ...] = ()
         try:
             for verb in _READS:
-                self._latest[verb] = Latest(transport, topics(verb).name, topics(verb).type)
+                topic = find_topic(dialect, verb, arm, namespace)
+                self._latest[verb] = Latest(transport, topic.name, topic.type)
             if dialect == "raven":
                 self._state = RavenTelemetry(transport, arm, stale_after)
                 self.columns = self._state.columns
             self._gravity = None if imu is None else MeasuredGravity(transport, imu)
             for verb in ("servo_jp", "state_command", *(("servo_jf",) if dialect == "crtk" else ())):
-                topic = topics(verb)
+                topic = find_topic(dialect, verb, arm, namespace)
                 self._publishers[verb] = transport.publisher(topic.name, topic.type)
             self._connect(connect_timeout)
             self._position(self._latest["measured_js"].message())  # refuses other joints here and now

@@ -8,7 +8,7 @@ Trap: the RAVEN-II publishes `measured_js` and `measured_cp` of its arms swapped
 one's; setpoints and commands are not swapped. Ask `topic_name` for an arm, never put a name together.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -128,13 +128,25 @@ def topics(dialect: Dialect) -> tuple[CrtkTopic, ...]:
     raise InputError(f'dialect "{dialect}": expected raven or crtk')
 
 
-def find_topic(dialect: Dialect, verb: str, arm: Arm | None = None) -> CrtkTopic:
-    """Return the topic of a verb of a RAVEN-II's arm, or of the whole robot when `arm` is None.
+def find_topic(
+    dialect: Dialect, verb: str, arm: Arm | None = None, namespace: str | None = None
+) -> CrtkTopic:
+    """Return the topic of a verb of an arm, or of the whole robot when `arm` is None.
+
+    Args:
+        dialect: Raven or crtk.
+        verb: Last word of the topic's name, with `jaw/` or `grasp_` in front where it is the gripper's.
+        arm: Which one.
+        namespace: In front of the verbs of a robot that speaks `crtk`; a RAVEN-II's when None.
 
     Raises:
-        InputError: There is no such topic.
+        InputError: There is no such topic or dialect, or the dialect has no namespaces.
     """
     listed = topics(dialect)
+    if namespace is not None:
+        if dialect == "raven":
+            raise InputError(f'namespace "{namespace}": a robot that speaks raven has none; give arm')
+        listed = crtk_topics(namespace, arm)
     found = next((topic for topic in listed if topic.verb == verb and topic.arm == arm), None)
     if found is None:
         verbs = sorted({topic.verb for topic in listed if topic.arm == arm})
@@ -148,24 +160,3 @@ def find_topic(dialect: Dialect, verb: str, arm: Arm | None = None) -> CrtkTopic
 def topic_name(dialect: Dialect, verb: str, arm: Arm | None = None) -> str:
     """Return the name of the topic of a verb; see `find_topic`."""
     return find_topic(dialect, verb, arm).name
-
-
-def topic_finder(dialect: Dialect, arm: Arm, namespace: str | None = None) -> Callable[[str], CrtkTopic]:
-    """Return a function that finds the topic of a verb of one arm.
-
-    Args:
-        dialect: Raven or crtk.
-        arm: Which one.
-        namespace: In front of the verbs of a robot that speaks `crtk`; a RAVEN-II's when None.
-
-    Raises:
-        InputError: There is no such dialect, or it has no namespaces.
-    """
-    if dialect == "raven":
-        if namespace is not None:
-            raise InputError(f'namespace "{namespace}": a robot that speaks raven has none; give arm')
-        return lambda verb: find_topic(dialect, verb, arm)
-    if dialect != "crtk":
-        raise InputError(f'dialect "{dialect}": expected raven or crtk')
-    listed = {t.verb: t for t in crtk_topics(NAMESPACES[arm] if namespace is None else namespace, arm)}
-    return listed.__getitem__

@@ -183,7 +183,13 @@ class CablePlant(SimulatedPlant):
         return log
 
     def resume_at(self, tick: int, rig_zero: Floats, *, is_homed: bool) -> None:
-        """Take up a life that was put away: the state's arrays have been written, the arm is disabled."""
+        """Go on from a saved tick, disabled; `state` and `control` have been written already.
+
+        Args:
+            tick: Since power-on.
+            rig_zero: (3,) counts at which the rig's encoders are registered.
+            is_homed: Whether the arm was homed then.
+        """
         self._tick = tick
         self.encoders.zero = rig_zero.copy()
         self._is_homed = is_homed

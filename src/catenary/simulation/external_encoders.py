@@ -29,7 +29,7 @@ class ExternalEncoders:
         self._seen = []
 
     def see(self, q: Floats) -> None:
-        """Take a look at the true joint positions (3,), while watching."""
+        """Keep the counts at true joint positions (3,), while watching."""
         if self._seen is not None:
             self._seen.append(self.counts(q))
 

@@ -6,7 +6,6 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.kernels.compiled import inlined
@@ -155,19 +154,16 @@ def take_setpoint(firmware: Firmware, control: ControlState, wanted: Floats) -> 
         control.setpoint[j] = min(max(moved, firmware.lower[j]), firmware.upper[j])
 
 
-def register(firmware: Firmware, control: ControlState, joint: Floats, axes: NDArray[np.bool_]) -> None:
+def register(firmware: Firmware, control: ControlState, joint: Floats) -> None:
     """Write encoder offsets so that the axes read the given joint positions (7,) where they now stand.
 
-    All offsets follow from the joint positions together, the tools' with the insertion motor that belongs to
-    them; only those of `axes` (7,) are changed.
+    All offsets follow from the joint positions together, the tools' with the insertion motor that belongs to them.
     """
     motor = np.empty(AXES)
     _motors_of(firmware, joint, 0.0, motor)
     _motors_of(firmware, joint, motor[2], motor)
-    for j in range(7):
-        if axes[j]:
-            control.offset[j] = math.trunc(control.counts[j] - motor[j] * COUNTS_PER_RADIAN)
-            control.motor[j] = (control.counts[j] - control.offset[j]) / COUNTS_PER_RADIAN
+    control.offset = np.trunc(control.counts - motor * COUNTS_PER_RADIAN)
+    control.motor = (control.counts - control.offset) / COUNTS_PER_RADIAN
     _joints_of(firmware, control.motor, control.joint)
 
 

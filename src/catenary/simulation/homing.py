@@ -1,4 +1,4 @@
-"""How a RAVEN-II finds its joints: each axis runs into its stop, which registers its encoder.
+"""How a RAVEN-II homes: each axis runs into its stop, which registers its encoder.
 
 [RAVEN-II source, branch master, homing.cpp] Tools first, the positioning joints standing still; then the three
 positioning joints together. An axis has met its stop when the DAC that its PD asks for reaches a threshold.
@@ -14,7 +14,6 @@ from catenary.errors import NotReadyError
 from catenary.simulation.cable_parameters import Firmware
 from catenary.simulation.external_encoders import ExternalEncoders
 from catenary.simulation.firmware import FOUND, OFF, POSITION, SEEKING, ControlState, register
-from catenary.simulation.records import AXES
 from catenary.simulation.simulated_plant import PERIOD
 
 # [rad/s, rad/s, m/s, rad/s...] towards the stops: shoulder down, elbow up, insertion out, tools up
@@ -24,8 +23,8 @@ AMPLIFIER_WAIT = 1.0  # [s]
 REGISTER_WAIT = 0.2  # [s] from the last stop to the registration
 HOME_TIME = 2.5  # [s] of the half cosine to the home position
 LONGEST_SEEK = 60.0  # [s]
-POSITIONING = np.array([True] * 3 + [False] * 4)
-TOOLS = ~POSITIONING
+POSITIONING_AXES = np.array([True] * 3 + [False] * 4)
+TOOL_AXES = ~POSITIONING_AXES
 Booleans = NDArray[np.bool_]
 WAITED_FOR = np.array([False] * 3 + [True, True, True, False])  # the last jaw is not waited for
 
@@ -49,20 +48,19 @@ def home(
     Raises:
         NotReadyError: An axis met no stop in a minute.
     """
-    every = np.ones(AXES, dtype=bool)
     control.guarded = False  # the stops lie beyond the software limits
     control.mode[:] = POSITION
     hold = control.joint.copy()
     for _ in range(round(AMPLIFIER_WAIT / PERIOD)):
         yield hold
-    yield from _seek(control, TOOLS, WAITED_FOR, joint_names)
-    register(firmware, control, np.where(TOOLS, firmware.stop_value, firmware.home_value), every)
-    yield from _move(control.joint.copy(), np.where(TOOLS, firmware.home_value, control.joint))
+    yield from _seek(control, TOOL_AXES, WAITED_FOR, joint_names)
+    register(firmware, control, np.where(TOOL_AXES, firmware.stop_value, firmware.home_value))
+    yield from _move(control.joint.copy(), np.where(TOOL_AXES, firmware.home_value, control.joint))
     encoders.watch_for_stops()
-    yield from _seek(control, POSITIONING, POSITIONING, joint_names)
+    yield from _seek(control, POSITIONING_AXES, POSITIONING_AXES, joint_names)
     encoders.register(stop_side)
-    register(firmware, control, np.where(POSITIONING, firmware.stop_value, control.joint), every)
-    yield from _move(control.joint.copy(), np.where(POSITIONING, firmware.home_value, control.joint))
+    register(firmware, control, np.where(POSITIONING_AXES, firmware.stop_value, control.joint))
+    yield from _move(control.joint.copy(), np.where(POSITIONING_AXES, firmware.home_value, control.joint))
 
 
 def _seek(

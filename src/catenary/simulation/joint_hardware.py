@@ -61,7 +61,7 @@ class MovingPart(Record):
     damping: Number  # [Nms/rad|Ns/m]
 
 
-class JointNumbers(NamedTuple):
+class DriveParameters(NamedTuple):
     """An arm's drives for compiled code."""
 
     coupling: Floats  # (n_tree, n)
@@ -71,9 +71,9 @@ class JointNumbers(NamedTuple):
     parts: MovingPart  # (nz,)
 
 
-def joint_numbers(
+def drive_parameters(
     model: RobotModel, hardware: JointHardware, dof: NDArray[np.int64], at: NDArray[np.int64]
-) -> JointNumbers:
+) -> DriveParameters:
     """Check an arm's hardware.
 
     Raises:
@@ -100,7 +100,7 @@ def joint_numbers(
     springs.stiffness[:], springs.damping[:] = stiffness[elastic], spring_damping[elastic]
     parts, driven = MovingPart.rows(n + len(elastic)), joints.drive
     parts.inertia[driven], parts.friction[driven], parts.damping[driven] = armature, friction, damping
-    return JointNumbers(np.array(model.coupling), tree, joints, springs, parts)
+    return DriveParameters(np.array(model.coupling), tree, joints, springs, parts)
 
 
 def _per_joint(name: str, values: ArrayLike, n: int, *, finite: bool) -> Floats:

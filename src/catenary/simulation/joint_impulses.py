@@ -7,7 +7,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.kernels.compiled import compiled, inlined
 from catenary.simulation.cholesky import solve_factored
-from catenary.simulation.joint_hardware import JointNumbers
+from catenary.simulation.joint_hardware import DriveParameters
 from catenary.simulation.joint_step import StepMotion
 
 SWEEPS = 1000  # of projected Gauss-Seidel, at most
@@ -15,7 +15,7 @@ SETTLED = 1e-13  # [rad/s|m/s] change in a sweep below which impulses are found
 
 
 @compiled
-def finish_step(joints: JointNumbers, motion: StepMotion, step: float) -> bool:
+def finish_step(joints: DriveParameters, motion: StepMotion, step: float) -> bool:
     """Let friction and stops act on a step that was made without them, and take it.
 
     Impulses on velocities, found by projected Gauss-Seidel on the inverse mass matrix: friction brings a joint to
@@ -49,13 +49,13 @@ def finish_step(joints: JointNumbers, motion: StepMotion, step: float) -> bool:
 
 
 @inlined
-def _stop_at(joints: JointNumbers, j: int, position: float) -> float:
+def _stop_at(joints: DriveParameters, j: int, position: float) -> float:
     joint = joints.joints[j]
     return 1.0 if position < joint.lower else -1.0 if position > joint.upper else 0.0
 
 
 @inlined
-def _apply_impulses(joints: JointNumbers, motion: StepMotion, stop: Floats, step: float) -> None:
+def _apply_impulses(joints: DriveParameters, motion: StepMotion, stop: Floats, step: float) -> None:
     n, nz = len(joints.joints), len(motion.parts)
     response = np.zeros((nz, nz))  # inverse mass matrix, symmetric
     for k in range(n):
@@ -67,32 +67,32 @@ def _apply_impulses(joints: JointNumbers, motion: StepMotion, stop: Floats, step
     for k in range(nz):
         rate[k] = motion.parts[k].rate
     free = rate.copy()
-    rub, push = np.zeros(nz), np.zeros(nz)  # impulses of friction and stops
+    friction_impulse, stop_impulse = np.zeros(nz), np.zeros(nz)
     for _ in range(SWEEPS):
         change = 0.0
         for k in range(nz):
             most = joints.parts[k].friction * step
             if most > 0.0:
-                wanted = min(max(rub[k] - rate[k] / response[k, k], -most), most)
-                change = max(change, _apply(response, k, wanted - rub[k], rate))
-                rub[k] = wanted
-            if stop[k] == 0.0 and k < n:  # others may push it into its stop
+                wanted = min(max(friction_impulse[k] - rate[k] / response[k, k], -most), most)
+                change = max(change, _apply(response, k, wanted - friction_impulse[k], rate))
+                friction_impulse[k] = wanted
+            if stop[k] == 0.0 and k < n:  # other joints may push it into its stop
                 stop[k] = _stop_at(joints, k, motion.parts[k].position + 0.5 * step * (rate[k] - free[k]))
             if stop[k] != 0.0:
-                wanted = stop[k] * max(stop[k] * (push[k] - rate[k] / response[k, k]), 0.0)
-                change = max(change, _apply(response, k, wanted - push[k], rate))
-                push[k] = wanted
+                wanted = stop[k] * max(stop[k] * (stop_impulse[k] - rate[k] / response[k, k]), 0.0)
+                change = max(change, _apply(response, k, wanted - stop_impulse[k], rate))
+                stop_impulse[k] = wanted
         if change < SETTLED:
             break
     for k in range(nz):
         part, friction = motion.parts[k], joints.parts[k].friction
         part.position += 0.5 * step * (rate[k] - free[k])  # a constant force over the step
         part.rate = rate[k]
-        if friction > 0.0 and abs(rub[k]) < friction * step:
+        if friction > 0.0 and abs(friction_impulse[k]) < friction * step:
             part.rate = 0.0
             if part.start_rate == 0.0:
                 part.position = part.start
-        if push[k] != 0.0:  # it ran into its stop within the step, and lies there
+        if stop_impulse[k] != 0.0:  # it ran into its stop within the step, and lies there
             part.position = joints.joints[k].lower if stop[k] > 0.0 else joints.joints[k].upper
             part.rate = 0.0
     for k in range(n):  # those that others pushed beyond theirs; their speed is taken in the next step

@@ -7,7 +7,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.kernels.compiled import compiled, inlined
 from catenary.simulation.cholesky import factorise, solve_factored
-from catenary.simulation.joint_hardware import JointNumbers
+from catenary.simulation.joint_hardware import DriveParameters
 from catenary.simulation.records import Number, Record
 
 
@@ -43,7 +43,7 @@ def new_motion(n: int, nz: int) -> StepMotion:
 
 
 @inlined
-def along_robot(joints: JointNumbers, tree: TreeTerms, mass: Floats, bias: Floats) -> None:
+def along_robot(joints: DriveParameters, tree: TreeTerms, mass: Floats, bias: Floats) -> None:
     """Write the rigid-body terms along the robot's coordinates: M = A' M_tree A, h = A' h_tree; A the coupling."""
     n_tree, n = joints.coupling.shape
     half = np.zeros((n_tree, n))
@@ -66,18 +66,8 @@ def along_robot(joints: JointNumbers, tree: TreeTerms, mass: Floats, bias: Float
         mass[r, r] += joints.parts[r].inertia
 
 
-@inlined
-def spring_torques(joints: JointNumbers, position: Floats, rate: Floats, out: Floats) -> None:
-    """Write the torques (m,) by which rotors pull their joints, at positions and velocities (nz,) of all parts."""
-    n = len(joints.joints)
-    for e in range(len(joints.springs)):
-        spring = joints.springs[e]
-        j = spring.joint
-        out[e] = spring.stiffness * (position[n + e] - position[j]) + spring.damping * (rate[n + e] - rate[j])
-
-
 @compiled
-def begin_step(joints: JointNumbers, motion: StepMotion, tree: TreeTerms) -> None:
+def begin_step(joints: DriveParameters, motion: StepMotion, tree: TreeTerms) -> None:
     """Begin a step where the arm is, and write the tree's positions and velocities there."""
     for k in range(len(motion.parts)):
         part = motion.parts[k]
@@ -86,7 +76,7 @@ def begin_step(joints: JointNumbers, motion: StepMotion, tree: TreeTerms) -> Non
 
 
 @inlined
-def _place_tree(joints: JointNumbers, motion: StepMotion, tree: TreeTerms) -> None:
+def _place_tree(joints: DriveParameters, motion: StepMotion, tree: TreeTerms) -> None:
     n_tree, n = joints.coupling.shape
     for i in range(n_tree):
         x, xd = joints.tree[i].offset, 0.0
@@ -99,7 +89,7 @@ def _place_tree(joints: JointNumbers, motion: StepMotion, tree: TreeTerms) -> No
 
 @compiled
 def end_stage(
-    joints: JointNumbers, motion: StepMotion, tree: TreeTerms, effort: Floats, stage: int, step: float
+    joints: DriveParameters, motion: StepMotion, tree: TreeTerms, effort: Floats, stage: int, step: float
 ) -> bool:
     """Find a stage's accelerations without friction and stops, and go to the next; to the step's end after stage 3.
 
@@ -135,10 +125,10 @@ def end_stage(
 
 @inlined
 def _find_accelerations(
-    joints: JointNumbers, motion: StepMotion, tree: TreeTerms, effort: Floats, stage: int
+    joints: DriveParameters, motion: StepMotion, tree: TreeTerms, effort: Floats, stage: int
 ) -> bool:
     n, m = len(joints.joints), len(joints.springs)
-    torque, bias, pull = np.zeros(n + m), np.empty(n), np.empty(m)
+    torque, bias = np.zeros(n + m), np.empty(n)
     factor = motion.factor[stage]
     along_robot(joints, tree, factor, bias)
     if not factorise(factor):
@@ -146,10 +136,12 @@ def _find_accelerations(
     for j in range(n):
         torque[j] -= bias[j]
         torque[joints.joints[j].drive] += effort[j]
-    spring_torques(joints, motion.parts.position, motion.parts.rate, pull)
     for e in range(m):
-        torque[joints.springs[e].joint] += pull[e]
-        torque[n + e] -= pull[e]
+        spring = joints.springs[e]
+        link, rotor = motion.parts[spring.joint], motion.parts[n + e]
+        pull = spring.stiffness * (rotor.position - link.position) + spring.damping * (rotor.rate - link.rate)
+        torque[spring.joint] += pull
+        torque[n + e] -= pull
     for k in range(n + m):
         torque[k] -= joints.parts[k].damping * motion.parts[k].rate
     solve_factored(factor, torque[:n])

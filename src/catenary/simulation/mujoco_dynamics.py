@@ -55,7 +55,7 @@ class MujocoDynamics:
         return twin
 
     def move_base(self, gravity: Floats, motion: Floats) -> None:
-        """Say how the base moves from now on.
+        """Set gravity and the base's motion for the next `update`.
 
         Args:
             gravity: (3,) free-fall acceleration in base axes [m/s2].

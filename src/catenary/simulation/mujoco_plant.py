@@ -12,7 +12,7 @@ from catenary.gravity.payload import Payload
 from catenary.plant import Column, JointState
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase, imu_reading
-from catenary.simulation.joint_hardware import JointHardware, joint_numbers
+from catenary.simulation.joint_hardware import JointHardware, drive_parameters
 from catenary.simulation.joint_impulses import finish_step
 from catenary.simulation.joint_step import begin_step, end_stage, new_motion
 from catenary.simulation.mujoco_dynamics import MujocoDynamics
@@ -155,7 +155,7 @@ class MujocoPlant(SimulatedPlant):
         self._mode = "torque"
 
     def wait(self) -> None:
-        """Advance by one tick of 1 ms; a motion that no number can follow stops the robot in FAULT."""
+        """Advance by one tick of 1 ms; a motion that diverges stops the robot in FAULT."""
         if self._mode == "position":
             self._move_setpoint()
         for part in range(self._substeps):
@@ -170,7 +170,7 @@ class MujocoPlant(SimulatedPlant):
     # what only a simulator can do
 
     def attach(self, payload: Payload) -> None:
-        """Carry a payload from now on, in place of the last one; it is taken up at the speed of its place.
+        """Carry a payload from now on, in place of the last one; it moves with the arm at once.
 
         Raises:
             InputError: A negative mass, a place of another shape, or an unknown frame.
@@ -185,7 +185,7 @@ class MujocoPlant(SimulatedPlant):
         """Compile the robot with what it carries; masses are constants to MuJoCo."""
         dynamics = MujocoDynamics(self.model if payload is None else payload.on(self.model))
         self._dynamics, self._payload = dynamics, payload
-        self._joints = joint_numbers(self.model, self._hardware, dynamics.dof, dynamics.at)
+        self._joints = drive_parameters(self.model, self._hardware, dynamics.dof, dynamics.at)
 
     def _base_now(self) -> BaseSamples:
         return self._base_at(0)

@@ -1,4 +1,4 @@
-"""A simulated robot put away and taken out again: what a real one keeps by standing there."""
+"""The state of a simulated arm, saved and restored: what a real one keeps by standing there."""
 
 import json
 import zipfile
@@ -49,11 +49,11 @@ def restore_plant(plant: CablePlant, path: Path) -> None:
     except FileFormatError:
         raise
     except FileNotFoundError as error:
-        raise FileFormatError(f"{path}: no such file; the robot was not put away there") from error
+        raise FileFormatError(f"{path}: no such file; no state of the robot was saved there") from error
     except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
         raise FileFormatError(
-            f"{path}: is no state of a simulated robot that this version reads ({error!r}); where another version "
-            "left it, home again: `catenary home PROJECT`"
+            f"{path}: is no state of a simulated robot that this version reads ({error!r}); if another version "
+            "saved it, home again: `catenary home PROJECT`"
         ) from error
 
 

@@ -3,14 +3,14 @@
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.simulation.joint_hardware import JointNumbers
+from catenary.simulation.joint_hardware import DriveParameters
 from catenary.simulation.joint_step import StepMotion, TreeTerms
 
 BANDWIDTH = 200.0  # [rad/s] a steady motion lags by 2 / BANDWIDTH, 10 ms
 SLIP = 1e-4  # [rad|m] from its setpoint within which the servo lets a joint stick
 
 
-def servo_torques(joints: JointNumbers, motion: StepMotion, tree: TreeTerms, wanted: Floats) -> Floats:
+def servo_torques(joints: DriveParameters, motion: StepMotion, tree: TreeTerms, wanted: Floats) -> Floats:
     """Return the torques (n,) [Nm|N] of an ideal position servo: computed torque on what the motors move.
 
     a = w² (wanted - theta) - 2 w theta', tau = M a + h + damping + friction, with w the BANDWIDTH and friction fed

@@ -47,7 +47,7 @@ FAULT_KINDS = tuple(_EFFECTS)
 
 @dataclass(frozen=True)
 class InjectedFault:
-    """A fault of a sensor, for a while."""
+    """A fault of a sensor from `start` on, for `duration`."""
 
     kind: str  # of FAULT_KINDS; those that begin with rates_ are of the gyroscope
     start: float  # [s]
@@ -101,7 +101,7 @@ def ideal_sensor(
 
 
 class SimulatedSensor:
-    """Puts into a mailbox what a sensor on a moving base would send; `advance` delivers what is due.
+    """Puts the samples of a sensor on a moving base into a mailbox; `advance` delivers what is due.
 
     The base is anything with `sample`, such as the one that a plant stands on, or `TelemetryBase(plant)`.
     """

@@ -7,13 +7,13 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.errors import InputError
-from catenary.simulation.joint_hardware import JointNumbers
+from catenary.simulation.joint_hardware import DriveParameters
 
 MOST = 2.0  # of |eigenvalue| times step; Runge-Kutta's fourth-order method is stable to 2.78, and accurate below 1
 LEAST_INERTIA = 1e-10  # [kg m2|kg] of a joint; massless links are given 1e-12 kg
 
 
-def require_stable(joints: JointNumbers, mass: Floats, step: float, names: Sequence[str]) -> None:
+def require_stable(joints: DriveParameters, mass: Floats, step: float, names: Sequence[str]) -> None:
     """Refuse joints that move no mass, and a step that is too long.
 
     Args:

@@ -1,4 +1,4 @@
-"""A cable's memory: Bouc-Wen for what it forgets by moving, Maxwell for what it forgets by waiting."""
+"""A cable's memory: hysteresis, which motion alone changes (Bouc-Wen), and creep, which takes time (Maxwell)."""
 
 import math
 

@@ -1,5 +1,4 @@
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -70,7 +69,7 @@ def test_a_simulated_robot_moves_without_a_leap() -> None:
     assert steps.max() > 0.0
 
 
-def test_a_recording_is_played_in_its_own_time() -> None:
+def test_a_recording_is_played_in_its_own_time_without_encoders_that_cannot_be_trusted() -> None:
     slept: list[float] = []
     clock = Ticking()
 
@@ -82,15 +81,8 @@ def test_a_recording_is_played_in_its_own_time() -> None:
     assert sum(slept) == pytest.approx(2.0, abs=0.1)
     assert samples[-1].time == pytest.approx(4.0)
     assert_allclose(samples[-1].q, log().q_nominal[-1])
-
-
-def test_an_encoder_that_cannot_be_trusted_is_not_shown() -> None:
-    samples = list(watch_log(log(), clock=Ticking(), sleep=lambda _: None))
     assert np.isfinite(samples[0].encoder).all()
     assert np.isnan(samples[1].encoder).all()
-
-
-def test_a_recording_without_time_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no time"):
         next(watch_log(log(time=None)))
 

@@ -1,19 +1,18 @@
 """Who is connected to a topic of rospy's, and what waits for peers that do not keep up.
 
-The one place that reaches behind rospy's public methods, into a topic's list of connections (`Topic.impl.connections`),
-for two things that they do not offer:
+The one place that reaches behind rospy's public methods, into a topic's list of connections (`Topic.impl.connections`)
+and their sockets, for two things that they do not offer:
 
 - The names of peers.
 - A publisher that waits for nobody and serves a robot at 1 kHz. With `queue_size=None` rospy's `publish` waits for the
   slowest peer. With `queue_size=N` it does not, but wakes a thread per topic and peer: 14 topics at 1 kHz to one peer
-  then take 1.1 cores and come at 500 to 780 Hz (without other load, two cores); by `publish` into sockets that do not
-  wait, 0.33 of a core at 1,000 Hz.
+  then take 1.1 cores and come at 500 to 780 Hz (without other load, two cores).
 
-So a publisher here has `queue_size=None`, and its connections write by a `PeerQueue`.
+So rospy brings peers and topics together, and `Peers` writes the messages into the peers' sockets.
 """
 
 import select
-import socket
+import struct
 import threading
 from collections import deque
 from typing import Any
@@ -21,128 +20,129 @@ from typing import Any
 import rospy
 
 _LOOK = 1.0  # [s] between two looks whether a peer that reads nothing has gone
+_LENGTH = struct.Struct("<I")  # in front of each message
 
 
-class PeerQueue:
-    """Writes to one peer without waiting; what its socket does not take is sent by a thread, while there is any."""
+class _Peer:
+    """A connection that is written to without waiting; what its socket does not take is sent by a thread of its own.
 
-    def __init__(self, connection: Any, size: int) -> None:
+    All but the thread is called with the lock held.
+    """
+
+    def __init__(self, connection: Any, size: int, lock: threading.Lock) -> None:
         """Write for a connection of rospy's; at most `size` messages wait, then the oldest gives way."""
+        self.connection = connection
         self.overflowed = 0
-        self._connection, self._size = connection, size
+        self._lock = lock
+        self._rest = b""  # of the message that is partly sent; while there is any, the thread runs
+        self._waiting: deque[bytes] = deque(maxlen=size)
         if connection.socket is not None:  # else it has ended already
             connection.socket.setblocking(False)
-        self._waiting: deque[bytes] = deque()
-        self._rest = b""  # of a message that is partly sent
-        self._is_draining = False
-        self._lock = threading.Lock()
 
-    def write(self, data: bytes) -> bool:
-        """Send a message, or keep it for later; in the place of the connection's `write_data`.
-
-        Raises:
-            rospy.TransportTerminated: The connection has ended; rospy closes it then.
-        """
-        with self._lock:
-            if self._is_draining:
-                if len(self._waiting) == self._size:
-                    self._waiting.popleft()
-                    self.overflowed += 1
-                self._waiting.append(data)
-                return True
-            sent = self._send(data)
-            self._connection.stat_num_msg += 1
-            if sent < len(data):
-                self._rest, self._is_draining = data[sent:], True
-                threading.Thread(target=self._drain, name="ROS slow peer", daemon=True).start()
+    def write(self, frame: bytes) -> bool:
+        """Send a message or keep it for later; return whether the connection lives."""
+        if self._rest:
+            self.overflowed += len(self._waiting) == self._waiting.maxlen
+            self._waiting.append(frame)
+            return True
+        try:
+            sent = self._send(frame)
+        except (OSError, AttributeError):
+            return False
+        if sent < len(frame):
+            self._rest = frame[sent:]
+            threading.Thread(target=self._drain, name="ROS slow peer", daemon=True).start()
         return True
 
-    def end(self) -> int:
-        """Let the connection go, which has ended; return how many messages its peer missed."""
-        vars(self._connection).pop("write_data", None)  # else the two would hold each other
-        return self.overflowed
-
     def _send(self, data: bytes) -> int:
-        """Send what the socket takes at once; return how many bytes."""
-        sock: socket.socket | None = self._connection.socket
-        if sock is None or self._connection.done:
-            raise rospy.TransportTerminated("the connection was closed")
+        """Send what the socket takes at once, and return how many bytes; an ended connection has none."""
         try:
-            sent = sock.send(data)
+            sent: int = self.connection.socket.send(data)
         except BlockingIOError:
             return 0
-        except OSError as error:
-            raise rospy.TransportTerminated(str(error)) from error
-        self._connection.stat_bytes += sent
+        self.connection.stat_bytes += sent
         return sent
 
     def _drain(self) -> None:
         """Send what waits until nothing does, or the connection has ended."""
-        while True:
-            try:
-                select.select([], [self._connection.socket], [], _LOOK)
+        try:
+            while True:
+                select.select([], [self.connection.socket], [], _LOOK)
                 with self._lock:
-                    while self._rest or self._waiting:
-                        if not self._rest:
-                            self._rest = self._waiting.popleft()
-                        sent = self._send(self._rest)
-                        self._rest = self._rest[sent:]
-                        if self._rest:
-                            break
-                    else:
-                        self._is_draining = False
+                    self._rest = self._rest[self._send(self._rest) :]
+                    while not self._rest and self._waiting:
+                        frame = self._waiting.popleft()
+                        self._rest = frame[self._send(frame) :]
+                    if not self._rest:
                         return
-            except (OSError, TypeError, ValueError, rospy.TransportTerminated):  # closed, here or there
-                self._connection.close()
-                return
+        except (OSError, TypeError, ValueError, AttributeError):  # closed, here or there
+            self.connection.close()
 
 
-class PeerQueues(rospy.SubscribeListener):  # type: ignore[misc]  # rospy is not typed
-    """Queues of all peers of one publisher."""
+class Peers(rospy.SubscribeListener):  # type: ignore[misc]  # rospy is not typed
+    """All peers of one publisher."""
 
-    def __init__(self, size: int) -> None:
-        """Give each peer that connects a queue of `size` messages."""
+    def __init__(self, size: int, *, latch: bool) -> None:
+        """Let `size` messages wait for each peer; with `latch`, give the last message to each that connects."""
         super().__init__()
-        self._size = size
-        self._queues: dict[int, PeerQueue] = {}  # by connection
+        self._size, self._latch = size, latch
+        self._last = b""  # message that is latched
+        self._peers: tuple[_Peer, ...] = ()
         self._gone = 0  # messages that peers missed which have gone since
         self._publisher: rospy.Publisher | None = None
         self._lock = threading.Lock()
 
     def watch(self, publisher: Any) -> None:
-        """Begin; peers that have connected already are given their queues here."""
+        """Begin; peers that have connected already are found here."""
         self._publisher = publisher
         self._look()
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
-        """Give a peer that has just connected its queue; rospy calls this."""
+        """Take in a peer that has just connected; rospy calls this."""
         self._look()
 
     def peer_unsubscribe(self, topic_name: str, num_peers: int) -> None:
-        """Forget the queue of a peer that has gone; rospy calls this."""
+        """Forget a peer that has gone; rospy calls this."""
         self._look()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of their nodes."""
+        return tuple(sorted(str(peer.connection.endpoint_id) for peer in self._peers))
+
+    @property
+    def need_messages(self) -> bool:
+        """Return whether a message goes to anybody, now or later."""
+        return self._latch or bool(self._peers)
 
     @property
     def overflowed(self) -> int:
         """Messages that peers missed."""
         with self._lock:
-            return self._gone + sum(queue.overflowed for queue in self._queues.values())
+            return self._gone + sum(peer.overflowed for peer in self._peers)
+
+    def publish(self, message: bytes) -> None:
+        """Send a message to all peers, waiting for none."""
+        frame = _LENGTH.pack(len(message)) + message
+        with self._lock:
+            if self._latch:
+                self._last = frame
+            ended = [peer for peer in self._peers if not peer.write(frame)]
+        for peer in ended:
+            peer.connection.close()  # rospy calls `peer_unsubscribe`
 
     def _look(self) -> None:
         if self._publisher is None:
             return
         with self._lock:
-            connections = {id(one): one for one in _connections(self._publisher)}
-            for key in set(self._queues) - set(connections):
-                self._gone += self._queues.pop(key).end()
-            for key in set(connections) - set(self._queues):
-                queue = self._queues[key] = PeerQueue(connections[key], self._size)
-                connections[key].write_data = queue.write
-
-
-def subscribers(publisher: Any) -> tuple[str, ...]:
-    """Return the names of the nodes that a publisher is connected to."""
-    return tuple(sorted(one.endpoint_id for one in _connections(publisher)))
+            connections = _connections(self._publisher)
+            known = [peer.connection for peer in self._peers]
+            new = [_Peer(one, self._size, self._lock) for one in connections if one not in known]
+            if self._last:
+                for peer in new:
+                    peer.write(self._last)  # where that fails, the next message does too
+            self._gone += sum(peer.overflowed for peer in self._peers if peer.connection not in connections)
+            self._peers = (*(peer for peer in self._peers if peer.connection in connections), *new)
 
 
 def publishers(subscriber: Any) -> tuple[str, ...]:

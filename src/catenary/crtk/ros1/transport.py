@@ -36,10 +36,9 @@ class Ros1Publisher:
     def __init__(self, node: Any, topic: str, type_name: str, latch: bool, queue: int) -> None:
         self.topic = topic
         self.type_name = current_name(type_name)
-        self._node, self._latch = node, latch
-        self._queues = _peers().PeerQueues(queue)
-        self._publisher = self._node.publish(topic, type_name, self._queues, latch=latch)
-        self._raw = _messages().raw_class(type_name)
+        self._node = node
+        self._peers = _peers().Peers(queue, latch=latch)
+        self._publisher = node.publish(topic, type_name, self._peers, latch=latch)
         self._encode = codec(type_name).encode
         self._sent = 0
         self.is_closed = False
@@ -47,20 +46,20 @@ class Ros1Publisher:
     @property
     def overflowed(self) -> int:
         """Messages that slow peers missed."""
-        return int(self._queues.overflowed)
+        return int(self._peers.overflowed)
 
     def publish(self, message: Message) -> None:
         """Send a message; one that nobody listens to, and that is not latched, is not even encoded."""
         if self.is_closed:
             raise TransportError(f"publisher of {self.topic} is closed")
         self._sent += 1
-        if self._latch or self._publisher.get_num_connections():
-            self._publisher.publish(self._raw(self._encode(message, self._sent)))
+        if self._peers.need_messages:
+            self._peers.publish(self._encode(message, self._sent))
 
     def subscribers(self) -> tuple[str, ...]:
         """Return the names of the nodes that listen."""
-        found: tuple[str, ...] = () if self.is_closed else _peers().subscribers(self._publisher)
-        return found
+        names: tuple[str, ...] = () if self.is_closed else self._peers.names
+        return names
 
     def close(self) -> None:
         """Publish no more."""

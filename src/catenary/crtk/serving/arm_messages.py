@@ -45,8 +45,7 @@ def setpoint_cp(arm: ServedArm, stamp: int, child: str | None = None) -> Message
 
 def measured_cv(arm: ServedArm, stamp: int) -> Message:
     """Return the tool's velocity as measured, linear [m/s] and angular [rad/s], in base axes."""
-    assert arm.tool is not None
-    x, y, z, a, b, c = arm.tool.velocity(arm.measured.q, arm.measured.qd).tolist()
+    x, y, z, a, b, c = arm.measured_twist.tolist()
     return _TwistStamped(header(stamp, BASE), _Twist(_Vector3(x, y, z), _Vector3(a, b, c)))
 
 

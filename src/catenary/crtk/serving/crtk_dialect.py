@@ -68,9 +68,9 @@ class CrtkDialect:
         """Publish the arms' states, stamped `now` [ns], where anybody listens."""
         for name, arm, outlet in self._states:
             self._publish_state(name, arm, outlet, now)
-        for outlet, make, arm in self._said:
-            if outlet.heard:
-                outlet.publish(make(arm, now))
+        made = [(outlet, make(arm, now)) for outlet, make, arm in self._said if outlet.heard]
+        for outlet, message in made:
+            outlet.publish(message)
 
     def _publish_state(self, name: Arm, arm: ServedArm, outlet: Outlet, now: int) -> None:
         told, tick = self._told.get(name, (None, 0))

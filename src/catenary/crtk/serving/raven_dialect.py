@@ -77,9 +77,9 @@ class RavenDialect:
 
     def publish(self, now: int) -> None:
         """Publish the arms' states, stamped `now` [ns], where anybody listens."""
-        for outlet, make, arm in self._said:
-            if outlet.heard:
-                outlet.publish(make(arm, now))
+        made = [(outlet, make(arm, now)) for outlet, make, arm in self._said if outlet.heard]
+        for outlet, message in made:
+            outlet.publish(message)
         if self._whole.heard:
             self._whole.publish(self._raven_state.message(now))
         if self._slow is None or not 0 <= now - self._slow < SLOW:

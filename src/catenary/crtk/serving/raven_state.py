@@ -1,6 +1,6 @@
 """`/ravenstate` from served arms: the robot's whole state in its own units, as its software publishes it."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -23,11 +23,10 @@ _ARRAYS = {
     if field.length
 }
 _HOMING = 3  # sublevel in run level init
-# fields of 16 channels that are columns of telemetry, with what a number in SI is multiplied by
-_TELEMETRY = {
-    "tau": 1.0, "mpos": _DEGREES, "mvel": _DEGREES, "mpos_d": _DEGREES, "encVals": 1.0, "dac_val": 1.0,
-    "encoffsets": 1.0,
-}  # fmt: skip
+# fields of 16 channels, with what a number in SI is multiplied by; those below are columns of telemetry
+_JOINTS = {"jpos": _DEGREES, "jvel": _DEGREES, "jpos_d": _DEGREES}
+_TELEMETRY = {"tau": 1.0, "mpos": _DEGREES, "mvel": _DEGREES, "mpos_d": _DEGREES, "encoffsets": 1.0}
+_COUNTS = ("encVals", "dac_val")
 
 
 class RavenState:
@@ -36,9 +35,18 @@ class RavenState:
     def __init__(self, arms: Mapping[Arm, ServedArm], period: float) -> None:
         """Prepare; `period` [s] of a tick."""
         self._arms = arms
+        self._channels = {name: np.array(CHANNELS[name]) for name in arms}
         self._moving = [arm for arm in arms.values() if arm.machine.can_change]
         self._nanoseconds = round(SECOND * period)
         self._arrays: dict[str, Floats] = {name: np.zeros(n, kind) for name, (n, kind) in _ARRAYS.items()}
+        factors = _JOINTS | _TELEMETRY
+        self._factors = np.array([*factors.values()])[:, np.newaxis]
+        # rows of channels, which the message's arrays are
+        self._floats = np.zeros((len(factors), 16), _ARRAYS["tau"][1])
+        self._counts = np.zeros((len(_COUNTS), 16), _ARRAYS["encVals"][1])
+        self._arrays |= dict(zip(factors, self._floats, strict=True)) | dict(
+            zip(_COUNTS, self._counts, strict=True)
+        )
         self._written: dict[Arm, int] = {}  # change of an arm that the arrays show
 
     def message(self, stamp: int) -> Message:
@@ -55,15 +63,17 @@ class RavenState:
         )
 
     def _write(self, name: Arm, arm: ServedArm) -> None:
-        arrays, place, channels = self._arrays, _PLACE[name], CHANNELS[name]
+        arrays, place, channels = self._arrays, _PLACE[name], self._channels[name]
         measured, setpoint = arm.measured, arm.setpoint
-        rows = {"jpos": measured.q, "jvel": measured.qd, "jpos_d": setpoint.q}
-        for field, row in rows.items():
-            arrays[field].put(channels, _DEGREES * row)
-        telemetry = arm.plant.telemetry()
-        for field, factor in _TELEMETRY.items():
-            if field in telemetry and len(telemetry[field]) == len(channels):
-                arrays[field].put(channels, factor * telemetry[field])
+        telemetry, unknown = arm.plant.telemetry(), np.zeros(len(channels))
+
+        def rows(names: Iterable[str]) -> list[Floats]:
+            found = (telemetry.get(name, unknown) for name in names)
+            return [row if len(row) == len(channels) else unknown for row in found]
+
+        joints = [measured.q, measured.qd, setpoint.q, *rows(_TELEMETRY)]
+        self._floats[:, channels] = self._factors * joints
+        self._counts[:, channels] = rows(_COUNTS)
         arrays["grasp_d"][place] = setpoint.q[-JAWS:].sum()
         if arm.tool is not None:
             for pose, position, rotation in (

@@ -68,6 +68,7 @@ class ServedArm:
         self._was_ready = self._is_known = False
         self._measured_pose: Pose | None = None
         self._setpoint_pose: Pose | None = None
+        self._measured_twist: Floats | None = None
         self._takes_positions = "servo_jp" in plant.supports
         self.refresh()
 
@@ -155,6 +156,14 @@ class ServedArm:
         return self._setpoint_pose
 
     @property
+    def measured_twist(self) -> Floats:
+        """Velocity of its tool [m/s] and angular velocity [rad/s] in base axes, (6,), as measured."""
+        if self._measured_twist is None:
+            assert self.tool is not None
+            self._measured_twist = self.tool.velocity(self.measured.q, self.measured.qd)
+        return self._measured_twist
+
+    @property
     def is_moving(self) -> bool:
         """Return whether a move is under way."""
         return self._move is not None or self._plan is not None
@@ -200,7 +209,7 @@ class ServedArm:
         self.changes += 1
         self.measured: JointState = self.plant.measured_js()
         self.setpoint: JointState = self.plant.setpoint_js()
-        self._measured_pose = self._setpoint_pose = None
+        self._measured_pose = self._setpoint_pose = self._measured_twist = None
         state = self.plant.operating_state()
         self.state: OperatingState = (
             state._replace(is_busy=True) if self.is_moving and state.state == "ENABLED" else state
