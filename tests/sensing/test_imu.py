@@ -207,6 +207,101 @@ def test_a_gyroscope_that_turns_while_gravity_hardly_moves_is_not_believed(gravi
     assert_array_equal(readings[-1].base_rates, np.zeros((2, 3)))
 
 
+# degrees within a second, as a hand tips a base: at a steady rate, and beginning and ending gently
+TIPS = {
+    "steady": lambda t: np.clip(t, 0.0, 1.0),
+    "gentle": lambda t: 0.5 - 0.5 * math.cos(math.pi * min(max(t, 0.0), 1.0)),
+}
+
+
+def noisy(base, rng, seconds, roll, rate=(0.0, 0.0, 0.0), push=lambda t: 0.0):
+    """Readings, 100 a second, under a roll [rad], rates and a push along y [m/s2], with the noise of an MPU-6050."""
+    readings = []
+    for t in np.arange(round(100 * seconds)) / 100.0:
+        gravity = tilted_gravity(roll(t), 0.0) - [0.0, push(t), 0.0]
+        said = np.asarray(rate(t) if callable(rate) else rate)
+        base.mailbox.put(t, gravity + 0.03 * rng.normal(size=3), Kind.FREE_FALL)
+        base.mailbox.put(t, said + 0.001 * rng.normal(size=3), Kind.ANGULAR_RATE)
+        readings.append(base.source.read(t))
+    return readings
+
+
+@pytest.mark.parametrize("bias", [0.0, -0.05])  # 3 deg/s
+@pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
+def test_a_base_that_tips_while_its_gyroscope_says_still_is_found_and_trusted_when_both_agree(tip, bias, rng):
+    base, tilt = Base(angular=True), math.radians(25.0)
+    readings = noisy(base, rng, 4.5, lambda t: tilt * tip(t - 2.0), (bias, 0.0, 0.0))
+    assert not any(r.faults for r in readings[10:200])
+    found = [Fault.DISAGREEMENT in r.faults for r in readings]
+    assert any(found[200:250])
+    assert all(found[found.index(True) : 300])
+    # neither is believed, and so the fallback takes over
+    assert readings[299].status is ReadingStatus.FALLBACK
+    assert_array_equal(readings[299].base_rates[0], np.zeros(3))
+    for reading in readings[400:]:  # a second after it came to rest
+        assert (reading.status, reading.faults) == (ReadingStatus.LIVE, Fault.NONE)
+    assert_allclose(readings[-1].gravity, tilted_gravity(tilt, 0.0), atol=0.2)
+
+
+@pytest.mark.parametrize("stayed", [0.0, 1.0])
+def test_a_sensor_that_tipped_on_its_own_is_believed_within_a_second_of_its_return(stayed, rng):
+    base, back = Base(angular=True), 3.0 + stayed
+    readings = noisy(base, rng, back + 1.5, lambda t: 0.44 * np.clip(t - 2.0, 0.0, 1.0) * (t < back))
+    late = readings[round(100 * back) + 100 :]
+    assert {(r.status, r.faults) for r in late} == {(ReadingStatus.LIVE, Fault.NONE)}
+    assert_allclose(late[-1].gravity, LEVEL, atol=0.2)
+
+
+def test_a_vehicle_that_asks_for_no_agreement_hears_of_none(rng):
+    base = Base(angular=True, rules=SensorRules(stuck_samples=0, max_push=math.inf))
+    readings = noisy(base, rng, 3.5, lambda t: 0.44 * np.clip(t - 2.0, 0.0, 1.0))
+    assert not any(r.faults for r in readings[10:])
+
+
+def pushes(t, a):
+    """Forth for a second, back for another: what a cart does [m/s2], eased over a quarter of a second."""
+    return sum(
+        share * a * (0.5 - 0.5 * math.cos(math.pi * min(max(4.0 * (t - at), 0.0), 1.0)))
+        for share, at in ((1.0, 2.0), (-2.0, 3.0), (1.0, 4.0))
+    )
+
+
+GENTLY = TIPS["gentle"]
+GOOD = {
+    "rest, a gyroscope with bias": {"roll": lambda t: 0.1, "rate": (0.05, -0.05, 0.05)},
+    "pushed forth and back": {"roll": lambda t: 0.0, "push": lambda t: pushes(t, 2.0)},
+    "pushed gently on a slope": {"roll": lambda t: 0.17, "push": lambda t: pushes(t, 1.0)},
+    "a table that sways": {"roll": lambda t: 0.0, "push": lambda t: 1.5 * math.sin(4.0 * math.pi * t)},
+    "tipped by hand, and the gyroscope says so": {
+        "roll": lambda t: 0.44 * GENTLY(t - 2.0),
+        "rate": lambda t: (0.22 * math.pi * math.sin(math.pi * (t - 2.0)) * (2.0 <= t < 3.0), 0.0, 0.0),
+    },
+}
+
+
+@pytest.mark.parametrize("motion", GOOD.values(), ids=GOOD)
+def test_pushes_and_biases_of_a_table_or_a_cart_are_no_disagreement(motion, rng):
+    readings = noisy(Base(angular=True), rng, 5.5, **motion)
+    assert {r.faults for r in readings[10:]} == {Fault.NONE}
+
+
+@pytest.mark.parametrize("lever", [0.0, 0.3])
+@pytest.mark.parametrize(("amplitude", "frequency"), [(0.09, 1.0), (0.2, 0.5), (0.02, 2.0)])
+def test_a_base_that_rocks_about_an_axis_far_from_its_sensor_is_no_disagreement(
+    amplitude, frequency, lever, rng
+):
+    w = 2.0 * math.pi * frequency
+    readings = noisy(
+        Base(angular=True),
+        rng,
+        4.0,
+        lambda t: 0.2 + amplitude * math.sin(w * t),
+        lambda t: (amplitude * w * math.cos(w * t), 0.0, 0.0),
+        lambda t: lever * amplitude * w * w * math.sin(w * t),
+    )
+    assert {r.faults for r in readings[10:]} == {Fault.NONE}
+
+
 def test_stop_asks_for_a_stop_when_nothing_is_heard_at_the_start():
     statuses = [r.status for r in Base(fallback="stop", start_limit=0.5).run(0.6)]
     assert statuses[:500] == [ReadingStatus.NOMINAL] * 500

@@ -15,7 +15,7 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class SensorRules:
-    """What is believed of a sensor; the defaults fit a base that people tilt, rock or drive about.
+    """What is believed of a sensor; the defaults fit a table or a cart: a base that people tilt, rock or push about.
 
     Args:
         max_step: Largest difference between a reading and what those before it foretell [m/s2].
@@ -25,9 +25,14 @@ class SensorRules:
         rest_lower: Least length of a reading at rest [m/s2].
         rest_upper: Largest length of a reading at rest [m/s2].
         max_tilt: Largest angle from level when samples begin [rad]; pi for a base that may hang upside down.
+        max_push: Largest difference between a reading and gravity as the gyroscope foretells it that does not show
+            in the reading's length [m/s2], while the gyroscope says that the base stands still: a table or a cart is
+            not pushed harder. 1.4 is tipping by 8 degrees; inf asks for no agreement.
+        still_rate: Turning below which a gyroscope says that the base stands still [rad/s]; more than its bias.
         stuck_samples: Identical readings in a row that make a sensor stuck; 0 believes a sensor without any noise.
         confirm: Good readings in a row before a sensor is believed, at first or after a fault.
-        accept_jump_after: Time for which a jump that nothing explains must last to be believed [s].
+        accept_jump_after: Time for which a jump that nothing explains must last to be believed, and for which an
+            accelerometer and a gyroscope that disagreed must agree [s].
         future: Time by which a stamp may lie ahead of the reader's clock [s].
 
     Raises:
@@ -41,6 +46,8 @@ class SensorRules:
     rest_lower: float = 9.0
     rest_upper: float = 10.6
     max_tilt: float = math.radians(120.0)
+    max_push: float = 1.4
+    still_rate: float = 0.15
     stuck_samples: int = 10
     confirm: int = 5
     accept_jump_after: float = 0.5
@@ -125,6 +132,7 @@ class GravityCheck:
         self._bad, self._good, self._fault = 0, 0, Fault.NONE
         self._jump_since = math.inf
         self._impossible = False
+        self.doubted_until = -math.inf  # [s] by a disagreement, whose end may be a jump
         self._mean, self._variance = np.zeros(3), 0.0
         self._long_mean = np.zeros(3)
         self.steady_since = math.inf
@@ -145,10 +153,10 @@ class GravityCheck:
         """
         rules = self._rules
         dt = stamp - self.last_stamp
-        step = _norm(gravity - self._last) if math.isfinite(dt) else math.inf
+        step = norm(gravity - self._last) if math.isfinite(dt) else math.inf
         self._watch_rest(stamp, gravity, dt, step)
         self._last, self.last_stamp = gravity, stamp
-        length = _norm(gravity)
+        length = norm(gravity)
         fault = self._length_fault(length)
         if self.reference is None:
             return self._begin(gravity, length, step, fault)
@@ -156,7 +164,7 @@ class GravityCheck:
             self.reference = self.reference - dt * cross(rate, self.reference)
         # after a fault the prediction is old: gravity as last believed is what to come back to
         wanted = expected if self._bad == 0 else self.reference
-        if fault is Fault.NONE and _norm(gravity - wanted) <= rules.max_step:
+        if fault is Fault.NONE and norm(gravity - wanted) <= rules.max_step:
             self._good += 1
             if self._bad > self.FEW and self._good < rules.confirm:
                 return self._fault  # one good sample may be luck
@@ -166,7 +174,7 @@ class GravityCheck:
         if fault is Fault.NONE:
             fault = explain(gravity, wanted)
         if self._bad == 1:
-            self._impossible = fault is Fault.NONE and dt < self.GAP
+            self._impossible = fault is Fault.NONE and dt < self.GAP and stamp > self.doubted_until
         if fault is not Fault.NONE:
             self._jump_since = math.inf  # a mistake does not become true by lasting
             if fault is Fault.MAGNITUDE and self._bad <= self.FEW and not self.is_steady:
@@ -203,7 +211,7 @@ class GravityCheck:
     def _length_fault(self, length: float) -> Fault:
         rules = self._rules
         if abs(length - STANDARD_GRAVITY) <= rules.max_acceleration:
-            mean = _norm(self._mean if self.is_steady else self._long_mean)
+            mean = norm(self._mean if self.is_steady else self._long_mean)
             return Fault.NONE if rules.rest_lower <= mean <= rules.rest_upper else Fault.MAGNITUDE
         if 0.85 <= length <= 1.15:
             return Fault.UNIT_G
@@ -245,13 +253,13 @@ class RateCheck:
     def fault(self, rate: Floats, expected: Floats | None) -> Fault:
         """Return the fault of a rate (3,) [rad/s]; `expected` is the prediction by those before, None if too old."""
         rules = self._rules
-        self._alike = self._alike + 1 if _norm(rate - self._last) <= rules.max_rate_step else 0
+        self._alike = self._alike + 1 if norm(rate - self._last) <= rules.max_rate_step else 0
         self._last = rate
         self.believed = False
-        if _norm(rate) > rules.max_rate:
+        if norm(rate) > rules.max_rate:
             self._alike, self._doubted = 0, True
             return Fault.RATE_TOO_FAST
-        near = expected is not None and _norm(rate - expected) <= rules.max_rate_step
+        near = expected is not None and norm(rate - expected) <= rules.max_rate_step
         # a few that agree with each other are believed whatever was before
         if near or self._alike >= rules.confirm:
             self.believed, self._doubted = True, False
@@ -260,53 +268,19 @@ class RateCheck:
         return Fault.RATE_SPIKE if self._doubted else Fault.NONE
 
 
-class ForetoldSwing:
-    """How far gravity should swing by the angular rates of a gyroscope, to compare with how far it does.
-
-    The same high-pass and the same mean as GravityCheck's of the readings themselves: of a sensor that is right both
-    give the same, however small and fast the base rocks, and one that turns while gravity stands still is wrong.
-    """
-
-    LARGE = 0.3  # [m/s2] standard deviation; by turning steadily about the horizontal 0.2 rad/s make it
-    LEAN = 0.5  # share of the rate about the horizontal below which it is a turntable, on which gravity leans outwards
-
-    def __init__(self) -> None:
-        self._last = -math.inf
-        self._swing, self._variance = np.zeros(3), 0.0
-
-    def add(self, stamp: float, rate: Floats, gravity: Floats | None) -> None:
-        """Take a rate (3,) [rad/s], and gravity (3,) as last believed, None where it is not known."""
-        dt = stamp - self._last
-        self._last = stamp
-        if gravity is None or not 0.0 < dt < GravityCheck.REST:
-            self._swing, self._variance = np.zeros(3), 0.0
-            return
-        change = cross(gravity, rate)  # of a vector that stands still, seen from axes that turn
-        if _norm(change) < self.LEAN * _norm(rate) * _norm(gravity):
-            change = np.zeros(3)
-        share = 1.0 - math.exp(-dt / GravityCheck.MEMORY)
-        self._swing = (1.0 - share) * (self._swing + dt * change)
-        self._variance += share * (float(self._swing @ self._swing) - self._variance)
-
-    @property
-    def is_large(self) -> bool:
-        """Gravity should have moved by more than it may where it stands still."""
-        return self._variance > self.LARGE**2
-
-
 def explain(gravity: Floats, wanted: Floats) -> Fault:
     """Return the mistake of a sensor that turns the expected gravity into the reading, NONE if none does.
 
     A mistake explains a reading when it brings it five times nearer.
     """
-    off = _norm(gravity - wanted)
-    if 5.0 * _norm(gravity + wanted) < off:
+    off = norm(gravity - wanted)
+    if 5.0 * norm(gravity + wanted) < off:
         return Fault.WRONG_SIGN
     a, b = np.abs(gravity), np.abs(wanted)
-    if 5.0 * _norm(np.sort(a) - np.sort(b)) < off:
+    if 5.0 * norm(np.sort(a) - np.sort(b)) < off:
         # magnitudes agree in some order: each axis holds another one's number, or the wrong sign of it
         for order in _ORDERS:
-            if 5.0 * _norm(a[order] - b) < off:
+            if 5.0 * norm(a[order] - b) < off:
                 return Fault.AXES_SWAPPED
     return Fault.NONE
 
@@ -314,5 +288,6 @@ def explain(gravity: Floats, wanted: Floats) -> Fault:
 _ORDERS = [np.array(p) for p in ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0))]
 
 
-def _norm(v: Floats) -> float:
+def norm(v: Floats) -> float:
+    """Return the length of a vector (3,)."""
     return math.hypot(v[0], v[1], v[2])

@@ -33,6 +33,7 @@ class Fault(Flag):
     RATE_SPIKE = auto()
     RATE_TOO_FAST = auto()
     RATE_CONTRADICTS = auto()
+    DISAGREEMENT = auto()
 
     @property
     def message(self) -> str:
@@ -74,4 +75,6 @@ _MESSAGES = {
     Fault.RATE_TOO_FAST: "angular rates are faster than a base turns: deg/s for rad/s?",
     Fault.RATE_CONTRADICTS: "the gyroscope says that the base turns while gravity stands still: "
     "bias, or deg/s for rad/s",
+    Fault.DISAGREEMENT: "the accelerometer says that the base tips, the gyroscope that it stands still: neither is "
+    "believed until they agree; is the gyroscope dead, or is the base pushed hard (max_push)?",
 }

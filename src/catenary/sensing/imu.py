@@ -7,10 +7,11 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.errors import InputError
-from catenary.sensing.checks import ForetoldSwing, GravityCheck, RateCheck, RawCheck, SensorRules
+from catenary.sensing.checks import GravityCheck, RateCheck, RawCheck, SensorRules
 from catenary.sensing.delay_free_filter import DelayFreeFilter
 from catenary.sensing.fallback import SlowAttitude, SmoothTransfer, as_fallback
 from catenary.sensing.faults import Fault
+from catenary.sensing.foretold import ForetoldGravity, ForetoldSwing
 from catenary.sensing.mailbox import Kind, Mailbox, SensorSample
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import GravityReading, ReadingStatus
@@ -97,6 +98,7 @@ class SensedGravity:
             r, m.rate_range, (Fault.RATE_NOT_FINITE, Fault.RATE_STUCK, Fault.RATE_SATURATED)
         )
         self._check, self._check_rate, self._swing = GravityCheck(r), RateCheck(r), ForetoldSwing()
+        self._foretold = ForetoldGravity(r)
         self._force, self._rate = DelayFreeFilter(cutoff_hz), DelayFreeFilter(cutoff_hz)
         self._attitude = SlowAttitude(attitude_time)
         self._transfer = SmoothTransfer(np.array(FOLLOW), np.array(RECOVER))
@@ -133,6 +135,7 @@ class SensedGravity:
     def reset(self) -> None:
         """Forget what was believed: the base was moved, or the sensor repaired, while it was not read."""
         self._check.forget()
+        self._foretold.forget()
         self._force.clear()
         self._rate.clear()
         self._mode, self._last_time = (ReadingStatus.NOMINAL, False, 0), math.nan
@@ -170,6 +173,12 @@ class SensedGravity:
     def _take_force(self, sample: SensorSample) -> Fault:
         stamp, vector, kind = sample
         gravity = self.mounting.gravity(np.array(vector), kind)
+        if self._foretold.disagrees:
+            if self._foretold.compare(stamp, gravity):
+                return Fault.DISAGREEMENT
+            self._check.forget()  # both are met anew
+            self._check.doubted_until = stamp + ForetoldGravity.DRAW
+            self._force.clear()
         # after a second without any sample; wrong ones keep their reason to be doubted
         if self._force.newest > -math.inf and stamp - self._check.last_stamp > _FORGET:
             self._check.forget()
@@ -178,6 +187,8 @@ class SensedGravity:
         expected = self._force.at(min(stamp, self._force.newest + self._horizon))[0]
         fault = self._check.fault(stamp, gravity, expected, rate)
         if fault is Fault.NONE and self._check.reference is not None:
+            if self._foretold.compare(stamp, gravity):
+                return Fault.DISAGREEMENT
             if stamp - self._force.newest > 0.5 * self._force.window:
                 self._force.clear()  # a parabola over a gap would be a guess
                 self._gaps += 1
@@ -195,6 +206,9 @@ class SensedGravity:
             fault = Fault.RATE_CONTRADICTS
         if fault is not Fault.NONE or not self._check_rate.believed:
             return fault
+        self._foretold.turn(stamp, rate)
+        if self._foretold.disagrees:
+            return Fault.DISAGREEMENT
         if stamp - self._rate.newest > 0.5 * self._rate.window:
             self._rate.clear()
         self._rate.add(stamp, rate)
