@@ -27,7 +27,7 @@ def play(x: np.ndarray, r: float) -> np.ndarray:
     features = FeatureSet(("q:J1",), ("rad",), play=(("q:J1", r),))
     memory, places = features.memory(), []
     for position in x:
-        run([features.step(np.array([[position]]), memory, np.empty((1, 2)))])
+        run(features.row_steps(np.array([[position]]), memory, np.empty((1, 2)), np.ones(1)))
         places.append(memory.play[0])
     return np.array(places)
 

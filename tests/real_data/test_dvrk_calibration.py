@@ -1,13 +1,14 @@
 """Calibration of a da Vinci arm whose joints a camera measured; see its README beside the recordings."""
 
 import os
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.linear_model import LinearRegression
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -141,6 +142,18 @@ def test_gross_outliers_are_left_out_and_counted() -> None:
     source = data.sources[0]
     assert 0 < source.dropped == beyond.sum()
     assert (source.without_truth, len(data)) == ((~ok).sum(), (ok & ~beyond).sum())
+
+
+@pytest.mark.parametrize("held_out", [0.0, 0.2])
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.npz")), ids=lambda path: path.stem)
+def test_no_motion_of_the_arm_is_a_leap(path: Path, held_out: float) -> None:
+    log = read_log(path)
+    options = FitOptions(kind="neural", preset="best")
+    features = choose_inputs([log], options, held_out=held_out).features
+    assert features.steps
+    X, leaps = features.matrix_and_leaps(log)
+    assert not any(leaps.values())
+    assert_array_equal(X, replace(features, steps=(), period=None).matrix(log))
 
 
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.npz")), ids=lambda path: path.stem)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.calibration.kernels import Step
+from catenary.calibration.leaps import CONFIRM
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 
@@ -59,6 +60,27 @@ for (k = 0; k < joints_size; ++k) {
   correction[joint] = trusted ? prediction[k] : offset[joint];
   inside[joint] = trusted;
 }""",
+    "without_leaps": """\
+int j;
+for (j = 0; j < joints_size; ++j) {
+  const double q = signals[joints[j]];
+  double *of = seen + 4 * j;
+  believed[j] = q;
+  of[3] += room[0];
+  if (!PREFIX_is_finite(q)) continue;
+  if (fabs(q - of[0]) > limits[j] * of[3]) {
+    of[2] = fabs(q - of[1]) <= limits[j] * room[0] ? of[2] + 1.0 : 1.0;
+    of[1] = q;
+    if (of[2] < CONFIRM) {
+      believed[j] = of[0];
+      rejected[j] += 1.0;
+      continue;
+    }
+  }
+  of[0] = q;
+  of[1] = NAN;
+  of[2] = of[3] = 0.0;
+}""".replace("CONFIRM", str(CONFIRM)),
     "gather": """\
 const int rows = positions_size > 0 ? ring_size / positions_size : 0;
 int i, k, at = signals_size;
@@ -72,7 +94,7 @@ if (rows > 0) {
   now[0] = now[0] + 1 < rows ? now[0] + 1 : 0;
 }
 for (k = 0; k < played_size; ++k) {
-  const double position = signals[played[k]];
+  const double position = believed[played[k]];
   if (PREFIX_is_finite(position)) {
     double y = play[k] == play[k] ? play[k] : position;
     if (y < position - widths[k]) y = position - widths[k];
@@ -105,6 +127,8 @@ typedef struct {{
   int now[1]; /* row of the ring that is to be written next */
   double ring[{ring}];
   double play[{play}];
+  double seen[{seen}];
+  double rejected[{rejected}]; /* leaps of the joints that play states follow */
 }} PREFIX_state;
 
 /* Forget earlier ticks: another motion begins. To be called once before the first tick. */
@@ -113,6 +137,8 @@ static inline void PREFIX_reset(PREFIX_state *state) {{
   state->now[0] = 0;
   for (i = 0; i < {ring}; ++i) state->ring[i] = NAN;
   for (i = 0; i < {play}; ++i) state->play[i] = NAN;
+  for (i = 0; i < {seen}; ++i) state->seen[i] = i % 4 < 2 ? NAN : 0.0;
+  for (i = 0; i < {rejected}; ++i) state->rejected[i] = 0.0;
 }}
 """
 CORRECT = """\
@@ -120,13 +146,14 @@ static inline void PREFIX_correct(PREFIX_state *state, const double *q, const do
                                     double *q_calibrated, int *inside) {"""
 
 
-def c_correction(prefix: str, model: CalibrationModel, decimation: int) -> str:
+def c_correction(prefix: str, model: CalibrationModel, decimation: int, rate_hz: float | None = None) -> str:
     """Return C that defines `PREFIX_correct(state, q, signals, q_calibrated, inside)` and `PREFIX_reset(state)`.
 
     Args:
         prefix: Begins every name.
         model: The model.
         decimation: Ticks between the previous positions that it takes; see `Corrector`.
+        rate_hz: Of the ticks; see `CalibrationModel.tick_steps`.
 
     Raises:
         InputError: A predictor takes a step that has no C.
@@ -134,7 +161,7 @@ def c_correction(prefix: str, model: CalibrationModel, decimation: int) -> str:
     n, memory = len(model.joint_names), model.features.memory(decimation)
     q, signals = np.empty((1, n)), np.empty((1, len(model.features.signals)))
     out, inside = np.empty((1, n)), np.empty((1, n), dtype=bool)
-    steps = model.tick_steps(memory, q, signals, out, inside)
+    steps = model.tick_steps(memory, q, signals, out, inside, rate_hz=rate_hz)
     names = {id(q): "q", id(signals): "signals", id(out): "q_calibrated", id(inside): "inside"}
     names |= {id(array): f"state->{name}" for name, array in memory._asdict().items()}
     declared: list[str] = []
@@ -147,7 +174,8 @@ def c_correction(prefix: str, model: CalibrationModel, decimation: int) -> str:
                 declared.append(_declared(names[id(array)], array, constant=not written))
         calls.append(_call(step, names))
     functions = {step.function.__name__: _function(step) for step in steps}
-    state = STATE.format(ring=max(1, memory.ring.size), play=max(1, memory.play.size))
+    sizes = {name: max(1, array.size) for name, array in memory._asdict().items()}
+    state = STATE.format(**sizes)
     text = [HELPERS, *functions.values(), state, CORRECT, *declared, *calls, "}", ""]
     return "\n".join(text).replace("PREFIX", prefix)
 

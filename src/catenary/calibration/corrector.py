@@ -78,7 +78,9 @@ class Corrector:
         """
         self._require_shapes(q_nominal, signals, out, inside)
         return bound(
-            self.model.tick_steps(self._memory, q_nominal[None], signals[None], out[None], inside[None])
+            self.model.tick_steps(
+                self._memory, q_nominal[None], signals[None], out[None], inside[None], rate_hz=self.rate_hz
+            )
         )
 
     def _require_shapes(self, *arrays: ArrayLike) -> None:
@@ -107,8 +109,13 @@ class Corrector:
         self._tick()
         out[:], inside[:] = self._out, self._inside
 
+    @property
+    def leaps(self) -> dict[str, int]:
+        """How many positions of each signal the play states did not follow: no joint gets there so fast."""
+        return self.model.features.leaps(self._memory)
+
     def reset(self) -> None:
-        """Forget all previous ticks: another motion begins."""
+        """Forget all previous ticks: another motion begins; `leaps` counts on."""
         self._memory.clear()
 
     def run(self, q_nominal: Floats, signals: Floats) -> tuple[Floats, Flags]:
@@ -129,7 +136,8 @@ class Corrector:
         out, inside = np.empty_like(q), np.empty(q.shape, dtype=bool)
         self.reset()
         for part in blocks(len(q)):
-            run(self.model.tick_steps(self._memory, q[part], rows[part], out[part], inside[part]))
+            arrays = (q[part], rows[part], out[part], inside[part])
+            run(self.model.tick_steps(self._memory, *arrays, rate_hz=self.rate_hz))
         return out, inside
 
     def prepare(self, joint_names: Sequence[str], joint_units: Sequence[str], rate_hz: float) -> None:

@@ -25,6 +25,7 @@ class TrainingSource:
     without_history: int  # rows that lack predecessors
     dropped: int  # rows beyond the error limit that was asked for
     simulated: bool
+    leaps: int = 0  # positions that the play states did not follow: no joint gets there so fast
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,7 @@ def calibration_data(
             raise InputError(
                 f'recording "{log.name}": has no q_encoder; a calibration needs measured joint positions'
             )
-        X = features.matrix(log)
+        X, leaps = features.matrix_and_leaps(log)
         error = log.q_encoder - log.q_nominal
         complete = np.isfinite(X).all(axis=1)
         usable = log.ok & complete
@@ -124,6 +125,7 @@ def calibration_data(
                 without_history=int((log.ok & ~complete).sum()),
                 dropped=int((usable & ~inside).sum()),
                 simulated=log.simulated,
+                leaps=sum(leaps.values()),
             )
         )
         index = np.arange(len(log), dtype=float)

@@ -9,6 +9,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.kernels import Flags, Integers, Step, run
+from catenary.calibration.leaps import ANY, room_of, without_leaps
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
 from catenary.plant import MotionLog
@@ -28,12 +29,15 @@ class Memory(NamedTuple):
     now: Integers  # (1,) row of `ring` that is to be written next
     ring: Floats  # (rows, P) previous positions; NaN where there is none yet
     play: Floats  # (K,) play states; NaN until the first position, on which they are centred
+    seen: Floats  # (J, 4) of the joints that play states follow; see without_leaps
+    rejected: Floats  # (J,) leaps of these joints, which the play states did not follow
 
     def clear(self) -> None:
-        """Forget all earlier rows: another motion begins."""
+        """Forget all earlier rows: another motion begins; what was counted stays."""
         self.now[:] = 0
         self.ring[:] = np.nan
         self.play[:] = np.nan
+        self.seen[:] = [np.nan, np.nan, 0.0, 0.0]
 
 
 @dataclass(frozen=True)
@@ -45,16 +49,24 @@ class FeatureSet:
     y <- min(max(y, x - r), x + r). It remembers on which side of the slack the cable lies, whatever the
     speed or sampling rate. [Prandtl-Ishlinskii hysteresis; Brokate and Sprekels 1996]
     The feature is y - x, which stays within -r and r.
+
+    A position farther from the one before than its joint's largest step is a leap, and play states take the last
+    position that was none (leaps.without_leaps); any step is believed of a joint that `steps` does not name. Rows
+    of less than `period` are given as much room as one of it, since a robot may report less often than it is read.
     """
 
     signals: tuple[str, ...]  # "q:<joint>", "tau:<joint>", "qd:<joint>", or the name of a further signal
     units: tuple[str, ...]  # one per signal
     history: int = 0
     play: tuple[tuple[str, float], ...] = ()  # (position signal, half-width in its unit)
+    steps: tuple[tuple[str, float], ...] = ()  # (position signal, largest step to the next row in its unit)
+    period: float | None = None  # [s] between the rows of `steps`; None where rows have no time
 
     def __post_init__(self) -> None:
         if not self.signals:
             raise InputError("inputs: expected at least one signal, got none")
+        if not all(0.0 < step < np.inf for step in [*dict(self.steps).values(), self.period or 1.0]):
+            raise InputError(f"steps: expected positive limits, got {self.steps} in rows of {self.period} s")
         if self.history < 0:
             raise InputError(f"history: expected zero or more previous commands, got {self.history}")
         if self.history > 0 and not self.positions:
@@ -67,6 +79,11 @@ class FeatureSet:
     def positions(self) -> tuple[str, ...]:
         """The signals that are positions, which history and play states refer to."""
         return tuple(signal for signal in self.signals if signal.startswith("q:"))
+
+    @property
+    def played(self) -> tuple[str, ...]:
+        """The positions that play states follow, J."""
+        return tuple(dict.fromkeys(name for name, _ in self.play))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -106,6 +123,14 @@ class FeatureSet:
         Raises:
             InputError: The log lacks a signal, holds NaN in one, or has it in another unit.
         """
+        return self.matrix_and_leaps(log)[0]
+
+    def matrix_and_leaps(self, log: MotionLog) -> tuple[Floats, dict[str, int]]:
+        """Return `matrix`, and how many leaps of each position the play states did not follow.
+
+        Raises:
+            InputError: As for `matrix`.
+        """
         found = [signal_of(log, name) for name in self.signals]
         for name, expected, (_, unit) in zip(self.signals, self.units, found, strict=True):
             if unit != expected:
@@ -113,27 +138,52 @@ class FeatureSet:
                     f'recording "{log.name}": input "{name}" is in "{unit}", expected "{expected}"'
                 )
         signals = np.column_stack([values for values, _ in found])
-        X, memory = np.empty((len(log), len(self.names))), self.memory()
+        X, memory, room = np.empty((len(log), len(self.names))), self.memory(), room_of(log, self.period)
         for first, last in pairwise([*log.starts, len(log)]):
             memory.clear()
-            run([self.step(signals[first:last], memory, X[first:last])])
-        return X
+            run(self.row_steps(signals[first:last], memory, X[first:last], room[first:last]))
+        return X, self.leaps(memory)
+
+    def leaps(self, memory: Memory) -> dict[str, int]:
+        """Return how many leaps of each position a memory has counted."""
+        return {name: int(count) for name, count in zip(self.played, memory.rejected, strict=True)}
 
     def memory(self, decimation: int = 1) -> Memory:
         """Return an empty memory for rows of which every `decimation`-th is a previous one."""
         ring = np.empty((self.history * decimation, len(self.positions)))
-        memory = Memory(np.zeros(1, dtype=np.int64), ring, np.empty(len(self.play)))
+        joints = len(self.played)
+        memory = Memory(
+            np.zeros(1, dtype=np.int64),
+            ring,
+            np.empty(len(self.play)),
+            np.empty((joints, 4)),
+            np.zeros(joints),
+        )
         memory.clear()
         return memory
 
-    def step(self, signals: Floats, memory: Memory, X: Floats) -> Step:
-        """Return the compiled step that writes features X (N, F) for rows of signals (N, S)."""
+    def row_steps(self, signals: Floats, memory: Memory, X: Floats, room: Floats) -> list[Step]:
+        """Return the compiled steps that write features X (N, F) for rows of signals (N, S); see `room_of`."""
         spacing = len(memory.ring) // max(1, self.history)
         lags = spacing * np.arange(1, self.history + 1, dtype=np.int64)
-        positions = self._places(self.positions)
-        played = self._places([name for name, _ in self.play])
+        limits = np.array([dict(self.steps).get(name, ANY) for name in self.played])
+        believed, owners = (
+            np.empty((len(signals), len(limits))),
+            [self.played.index(name) for name, _ in self.play],
+        )
         widths = np.array([width for _, width in self.play], dtype=float)
-        return Step(gather, (signals, positions, lags, played, widths), (*memory, X))
+        followed = (believed, np.array(owners, dtype=np.int64), widths)
+        leaps = Step(
+            without_leaps,
+            (signals, self._places(self.played), limits, room),
+            (memory.seen, memory.rejected, believed),
+        )
+        features = Step(
+            gather,
+            (signals, self._places(self.positions), lags, *followed),
+            (memory.now, memory.ring, memory.play, X),
+        )
+        return [leaps, features] if self.play else [features]
 
     def _places(self, signals: Sequence[str]) -> Integers:
         return np.array([self.signals.index(name) for name in signals], dtype=np.int64)
@@ -144,6 +194,7 @@ def gather(
     signals: Floats,
     positions: Integers,
     lags: Integers,
+    believed: Floats,
     played: Integers,
     widths: Floats,
     now: Integers,
@@ -159,7 +210,8 @@ def gather(
         signals: (N, S) what the robot reports, row after row.
         positions: (P,) which signals are positions.
         lags: (H,) how many rows ago each previous position lies.
-        played: (K,) which signals the play states follow.
+        believed: (N, J) positions without leaps.
+        played: (K,) which of these the play states follow.
         widths: (K,) half-widths of the play states.
         now: See Memory; so are `ring` and `play`.
         ring: As long as the largest lag.
@@ -179,7 +231,7 @@ def gather(
                 ring[now[0], i] = signals[row, positions[i]]
             now[0] = (now[0] + 1) % len(ring)
         for i in range(len(played)):
-            position = signals[row, played[i]]
+            position = believed[row, played[i]]
             if np.isfinite(position):
                 state = position if np.isnan(play[i]) else play[i]
                 play[i] = min(max(state, position - widths[i]), position + widths[i])

@@ -45,6 +45,8 @@ def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
         "signal_units": model.features.units,
         "history": model.features.history,
         "play": model.features.play,
+        "steps": model.features.steps,
+        "period": model.features.period,
         "target": model.target,
         "rate_hz": model.rate_hz,
         "groups": [{"joints": group.joints, "predictor": _kind(group.predictor)} for group in model.groups],
@@ -89,6 +91,9 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
             tuple(structure["signal_units"]),
             int(structure["history"]),
             tuple((str(name), float(width)) for name, width in structure["play"]),
+            # an older file has none, and its play states follow every position
+            tuple((str(name), float(step)) for name, step in structure.get("steps", ())),
+            structure.get("period"),
         )
         rate = structure.get("rate_hz")  # not known, or the file is older than the field
         if rate is not None and not 0.0 < rate < float("inf"):

@@ -7,8 +7,9 @@ from typing import Literal, get_args
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.calibration.dataset import CalibrationData
+from catenary.calibration.dataset import CalibrationData, sampling_rate
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
+from catenary.calibration.leaps import largest_step, room_of
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.neural import BEST, PAPER, fit_neural
 from catenary.calibration.predictors import Predictor
@@ -117,23 +118,35 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
     per_joint = tuple(choose_signals(log, inputs.get(joint, default)) for joint in log.joint_names)
     signals = tuple(dict.fromkeys(name for names in per_joint for name in names))
     shares = options.play_shares(signals)
+    rates = [sampling_rate(each) for each in logs]
+    period = None if None in rates else 1.0 / max(rate for rate in rates if rate is not None)
     play: list[tuple[str, float]] = []
-    for name in signals:
+    steps: list[tuple[str, float]] = []
+    for name in signals if shares else ():
         joint = name.removeprefix("q:")
         if name.startswith("q:") and joint in log.joint_names:
             column = log.joint_names.index(joint)
-            commands = [
-                each.q_nominal[: max(1, round((1.0 - held_out) * len(each))), column] for each in logs
-            ]
+            commands, motions = [], []
+            for each in logs:
+                seen = max(1, round((1.0 - held_out) * len(each)))
+                q, room = each.q_nominal[:seen, column], room_of(each, period)[:seen]
+                commands.append(q)
+                cuts = [start for start in each.starts[1:] if start < seen]
+                motions += list(zip(np.split(q, cuts), np.split(room, cuts), strict=True))
             low, high = min(float(c.min()) for c in commands), max(float(c.max()) for c in commands)
+            step = largest_step(motions)
             if high > low:
                 play += [(name, share * (high - low)) for share in shares]
+                steps += [(name, step)] if step > 0.0 else []
     if options.play and not play:
         raise InputError(
             f"play: none of the inputs {', '.join(signals)} is the position of a joint that moved"
         )
     units = tuple(unit for _, unit in map(signals_of(log).__getitem__, signals))
-    return Inputs(FeatureSet(signals, units, options.history, tuple(play)), per_joint)
+    return Inputs(
+        FeatureSet(signals, units, options.history, tuple(play), tuple(steps), period if steps else None),
+        per_joint,
+    )
 
 
 def fit(

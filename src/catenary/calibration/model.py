@@ -140,7 +140,14 @@ class CalibrationModel:
         return steps
 
     def tick_steps(
-        self, memory: Memory, q: Floats, signals: Floats, calibrated: Floats, inside: Flags
+        self,
+        memory: Memory,
+        q: Floats,
+        signals: Floats,
+        calibrated: Floats,
+        inside: Flags,
+        *,
+        rate_hz: float | None = None,
     ) -> list[Step]:
         """Return the compiled steps from what a robot reports to calibrated positions, for rows of one motion.
 
@@ -150,10 +157,13 @@ class CalibrationModel:
             signals: (N, S) values of `features.signals`.
             calibrated: (N, n) receives the calibrated positions [rad|m].
             inside: (N, n) receives the flags of `steps`.
+            rate_hz: Of the rows; None where it is that of the training rows, or a higher one.
         """
+        period = self.features.period
+        slower = 1.0 if rate_hz is None or period is None else max(1.0, 1.0 / (rate_hz * period))
         X, correction = np.empty((len(q), len(self.features.names))), np.empty(q.shape)
         return [
-            self.features.step(signals, memory, X),
+            *self.features.row_steps(signals, memory, X, np.full(len(q), slower)),
             *self.steps(X, q, correction, inside),
             Step(kernels.total, (q, correction), (calibrated,)),
         ]

@@ -40,7 +40,8 @@ def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
         previous_next, play_next: what to give as `previous` and `play` at the next step.
 
     Before the first step `previous` and `play` are NaN: rows are outside the valid range until the history is full, and
-    play states begin centred. So the graph, stepped, gives what `Corrector` gives. The metadata `catenary` names
+    play states begin centred. So the graph, stepped, gives what `Corrector` gives, but for leaps
+    of a joint, which its play states follow: keep them out (leaps.py). The metadata `catenary` names
     signals, units and joints as JSON; `card` is the model card.
 
     Args:

@@ -52,10 +52,23 @@ class WireReport:
     not_homed: int  # messages of a robot that was not homed
     outside: tuple[float, ...]  # share of published messages outside the valid range, per joint of the model
     joint_names: tuple[str, ...]
+    leaps: dict[
+        str, int
+    ]  # by input: positions that play states did not follow, as no joint gets there so fast
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data: times in microseconds where so named."""
-        same = ("seconds", "messages", "published", "rate_hz", "late", "missed", "silences", "not_homed")
+        same = (
+            "seconds",
+            "messages",
+            "published",
+            "rate_hz",
+            "late",
+            "missed",
+            "silences",
+            "not_homed",
+            "leaps",
+        )
         return {name: getattr(self, name) for name in same} | {
             "latency_us": None if self.latency is None else self.latency.in_us(),
             "longest_silence_s": self.longest_silence,
@@ -166,6 +179,7 @@ class CalibratedTopics:
             not_homed=self._not_homed,
             outside=tuple((self._outside / max(1, self._published)).tolist()),
             joint_names=self._model.joint_names,
+            leaps=self._corrector.leaps,
         )
 
     def close(self) -> None:

@@ -97,7 +97,7 @@ def c_header(
         corrector = Corrector(calibration, rate_hz=rate_hz)
         text += [
             _correction_comment(calibration, corrector),
-            c_correction(name, calibration, corrector.decimation),
+            c_correction(name, calibration, corrector.decimation, rate_hz),
         ]
         functions += [f"{name}_reset", f"{name}_correct"]
         known = set(zip(model.joint_names, model.joint_units, strict=True))

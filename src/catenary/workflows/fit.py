@@ -237,6 +237,8 @@ def _notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
         text = ", ".join(f"{count} {why}" for why, count in left_out.items() if count)
         if text:
             notes.append(f"{source.name}: left out {text}, of {source.rows} rows")
+        if source.leaps:
+            notes.append(f"{source.name}: play states did not follow {source.leaps} leaps of a joint")
     for name, count in zip(data.joint_names, outliers(data.error)[0], strict=True):
         if count:
             notes.append(

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import nan
 from typing import Any
 
@@ -35,6 +35,7 @@ class Deployment:
     outside: tuple[float, ...]  # share of ticks outside the valid range
     correction: Timing  # [s] of the model's part of a tick alone
     simulated: bool = True
+    leaps: dict[str, int] = field(default_factory=dict)  # by input: positions that play states did not follow
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data: times in microseconds, errors in deg and mm."""
@@ -48,6 +49,7 @@ class Deployment:
             "correction_us": self.correction.in_us(),
             "overruns": self.loop.overruns,
             "real_time_priority": self.loop.has_priority,
+            "leaps": self.leaps,
             "joints": [
                 {"name": name, "unit": unit, "raw_rmse": raw, "rmse": rmse, "outside_valid_range": outside}
                 for name, unit, raw, rmse, outside in zip(
@@ -117,6 +119,7 @@ def deploy_on_robot(
         ticks.append(tick)
 
     report = run_loop(plant, None, motion, corrector=corrector, observers=[observe], real_time=real_time)
+    leaps = corrector.leaps
     scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])
     known = np.array(true)
     rows = np.isfinite(known).all(axis=1)
@@ -131,6 +134,7 @@ def deploy_on_robot(
         outside=tuple((report.outside_valid_range or ())[place] for place in places),
         correction=_time_correction(corrector, [tick.state for tick in ticks]),
         simulated=plant.simulated,
+        leaps=leaps,
     )
 
 
