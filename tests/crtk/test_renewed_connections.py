@@ -22,12 +22,15 @@ def cut(network: LoopbackNetwork, name: str) -> None:
 
 def mend(network: LoopbackNetwork, name: str) -> None:
     """Make them again; latched messages come again."""
-    for publisher in publishers(network, name):
-        publisher.connect()
+    for one in publishers(network, name):
+        one.origin, one.is_connected = one.origin._replace(connection=object()), True
+        for _, subscription in network.topics[one.topic].subscriptions:
+            if one.latched is not None:
+                subscription.push(one.latched, network.clock.now(), one.origin)
 
 
 def publishers(network: LoopbackNetwork, name: str) -> list[LoopbackPublisher]:
-    return [topic.publishers[name] for topic in network._topics.values() if name in topic.publishers]
+    return [topic.publishers[name] for topic in network.topics.values() if name in topic.publishers]
 
 
 class LatchingClient:

@@ -46,7 +46,7 @@ class LoopbackNetwork:
         self.lock = threading.RLock()
         self.transports: dict[str, Loopback] = {}
         self.services: dict[str, _Service] = {}
-        self._topics: dict[str, _LocalTopic] = {}
+        self.topics: dict[str, _LocalTopic] = {}
 
     def topic(self, name: str, type_name: str) -> _LocalTopic:
         """Return the topic of that name, begun if nobody uses it.
@@ -54,39 +54,19 @@ class LoopbackNetwork:
         Raises:
             TransportError: It carries another type.
         """
-        found = self._topics.setdefault(name, _LocalTopic(type_name))
+        found = self.topics.setdefault(name, _LocalTopic(type_name))
         if found.type_name != type_name:
             if found.publishers or found.subscriptions:
                 raise other_type(name, type_name, found.type_name)
             found.type_name = type_name
         return found
 
-    def published(self) -> dict[str, str]:
-        """Return the topics with a publisher, and their types."""
-        return {name: topic.type_name for name, topic in sorted(self._topics.items()) if topic.publishers}
-
-    def publishing(self) -> dict[str, frozenset[str]]:
-        """Return the processes that publish each topic."""
-        return {
-            name: frozenset(one.origin.process for one in topic.publishers.values())
-            for name, topic in self._topics.items()
-        }
-
-    def connections(self, name: str, of: str) -> Connections:
-        """Return the peers of one transport over a topic."""
-        topic = self._topics.get(name)
-        if topic is None:
-            return Connections((), ())
-        publishers = tuple(sorted(name for name, one in topic.publishers.items() if one.is_connected))
-        subscribers = tuple(sorted({owner for owner, _ in topic.subscriptions}))
-        return Connections(publishers if of in subscribers else (), subscribers if of in publishers else ())
-
     def forget(self, name: str) -> None:
         """Remove a transport with its topics and services."""
         with self.lock:
             self.transports.pop(name, None)
             self.services = {key: one for key, one in self.services.items() if one.transport.name != name}
-            for topic in self._topics.values():
+            for topic in self.topics.values():
                 topic.publishers.pop(name, None)
                 for owner, subscription in tuple(topic.subscriptions):
                     if owner == name:
@@ -114,17 +94,8 @@ class LoopbackPublisher:
         self._encode = codec(shared.type_name).encode
         self._sent = 0
         self.is_closed = False
-        self.is_connected = True  # a test may break its connections, and call `connect`
-        self._process = f"{transport.name} {next(_PROCESSES)}"
-        self.origin = Origin(self._process, object(), latch)
-
-    def connect(self) -> None:
-        """Connect to all subscriptions anew; the network's lock is held."""
-        self.origin, self.is_connected = Origin(self._process, object(), self._latch), True
-        if self.latched is not None:
-            now = self._transport.network.clock.now()
-            for _, subscription in self._shared.subscriptions:
-                subscription.push(self.latched, now, self.origin)
+        self.is_connected = True  # a test may break its connections, and give it a new origin
+        self.origin = Origin(f"{transport.name} {next(_PROCESSES)}", object(), latch)
 
     def publish(self, message: Message) -> None:
         """Send a message."""
@@ -163,7 +134,8 @@ class Loopback(Transport):
         super().__init__(name, self.network.clock)
         with self.network.lock:
             if name in self.network.transports:
-                raise TransportError(f'name "{name}" is taken; names on this network: {self._names()}')
+                names = ", ".join(sorted(self.network.transports))
+                raise TransportError(f'name "{name}" is taken; names on this network: {names}')
             self.network.transports[name] = self
 
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> LoopbackPublisher:
@@ -207,17 +179,28 @@ class Loopback(Transport):
     def connections(self, topic: str) -> Connections:
         """Return the peers over a topic."""
         with self.network.lock:
-            return self.network.connections(absolute(topic), self.name)
+            shared = self.network.topics.get(absolute(topic))
+            if shared is None:
+                return Connections((), ())
+            publishers = tuple(sorted(name for name, one in shared.publishers.items() if one.is_connected))
+            subscribers = tuple(sorted({owner for owner, _ in shared.subscriptions}))
+        return Connections(
+            publishers if self.name in subscribers else (), subscribers if self.name in publishers else ()
+        )
 
     def topics(self) -> Mapping[str, str]:
         """Return the topics that anyone publishes, with their types."""
         with self.network.lock:
-            return self.network.published()
+            listed = sorted(self.network.topics.items())
+            return {name: shared.type_name for name, shared in listed if shared.publishers}
 
     def publishing(self) -> Mapping[str, frozenset[str]]:
         """Return the processes that publish each topic."""
         with self.network.lock:
-            return self.network.publishing()
+            return {
+                name: frozenset(one.origin.process for one in shared.publishers.values())
+                for name, shared in self.network.topics.items()
+            }
 
     def is_up(self) -> bool:
         """Return whether it is open."""
@@ -228,6 +211,3 @@ class Loopback(Transport):
         if not self.inbox.closed:
             self.network.forget(self.name)
         super().close()
-
-    def _names(self) -> str:
-        return ", ".join(sorted(self.network.transports))
