@@ -4,21 +4,14 @@ import pinocchio
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.kinematics import (
-    forward_kinematics,
-    frame_poses,
-    jacobian,
-    relative_pose,
-)
+from catenary.dynamics.kinematics import forward_kinematics, frame_poses, jacobian, relative_pose
 from catenary.robots.catalog import load_robot
 from oracles.mujoco_trees import mujoco_data, mujoco_model, mujoco_order
 from oracles.pinocchio_trees import pinocchio_model, pinocchio_order, pinocchio_vector
-from oracles.random_trees import RandomRobot
 from oracles.raven2 import dh_frames
 
 
-def test_links_and_fixed_frames_stand_and_move_as_in_mujoco(random_robots: list[RandomRobot]) -> None:
-    rng = np.random.default_rng(1)
+def test_links_and_fixed_frames_stand_and_move_as_in_mujoco(random_robots, rng):
     for robot in random_robots:
         m = robot.model
         q, point = rng.normal(size=m.n), rng.normal(size=3)
@@ -35,8 +28,7 @@ def test_links_and_fixed_frames_stand_and_move_as_in_mujoco(random_robots: list[
             assert_allclose(jacobian(m, q, link.name, point), expected, atol=1e-10, err_msg=m.name)
 
 
-def test_links_and_fixed_frames_stand_and_move_as_in_pinocchio(random_robots: list[RandomRobot]) -> None:
-    rng = np.random.default_rng(2)
+def test_links_and_fixed_frames_stand_and_move_as_in_pinocchio(random_robots, rng):
     for robot in random_robots:
         m = robot.model
         q, pin = rng.normal(size=m.n), pinocchio_model(robot)
@@ -54,9 +46,8 @@ def test_links_and_fixed_frames_stand_and_move_as_in_pinocchio(random_robots: li
 
 
 @pytest.mark.parametrize(("name", "arm"), [("raven2_full", "left"), ("raven2_full_right", "right")])
-def test_raven_frames_are_those_of_its_table(name: str, arm: str) -> None:
+def test_raven_frames_are_those_of_its_table(name: str, arm: str, rng: np.random.Generator) -> None:
     model = load_robot(name)
-    rng = np.random.default_rng(6)
     for _ in range(50):
         q = rng.uniform(model.lower, model.upper)
         for link, expected in zip(model.link_names, dh_frames(arm, q), strict=True):
@@ -74,10 +65,9 @@ def test_raven_tip_at_home_is_where_the_mechanism_page_says(name: str, side: flo
 
 
 @pytest.mark.parametrize(("name", "n"), [("raven2", 3), ("raven2_full", 6)])
-def test_raven_arms_mirror_each_other(name: str, n: int) -> None:
+def test_raven_arms_mirror_each_other(name: str, n: int, rng: np.random.Generator) -> None:
     left, right = load_robot(name), load_robot(f"{name}_right")
     S = np.diag([1.0, -1.0, 1.0])
-    rng = np.random.default_rng(7)
     for _ in range(50):
         q = rng.uniform(left.lower, left.upper)
         mirrored = q * np.array([1, 1, 1, -1, 1, -1])[:n]

@@ -28,18 +28,16 @@ def within_limits(model: RobotModel, q: Floats) -> bool:
 
 
 @pytest.mark.parametrize("name", ARMS)
-def test_a_thousand_configurations_are_recovered_from_their_poses(name: str) -> None:
+def test_a_thousand_configurations_are_recovered_from_their_poses(name, rng):
     model = load_robot(name)
-    rng = np.random.default_rng(1)
     for q in rng.uniform(model.lower, clear_of_the_remote_centre(model), size=(1000, model.n)):
         found = inverse_kinematics(model, forward_kinematics(model, q), q + 0.1 * rng.uniform(-1, 1, model.n))
         assert_allclose(found, q, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ARMS)
-def test_every_solution_reproduces_the_pose_and_exactly_one_lies_within_the_limits(name: str) -> None:
+def test_every_solution_reproduces_the_pose_and_exactly_one_lies_within_the_limits(name, rng):
     model = load_robot(name)
-    rng = np.random.default_rng(3)
     for q in rng.uniform(model.lower, clear_of_the_remote_centre(model), size=(500, model.n)):
         pose = forward_kinematics(model, q)
         solutions = raven_solutions(model, pose)
@@ -54,10 +52,9 @@ def test_every_solution_reproduces_the_pose_and_exactly_one_lies_within_the_limi
 
 
 @pytest.mark.parametrize("name", ARMS)
-def test_limits_themselves_are_reached(name: str) -> None:
+def test_limits_themselves_are_reached(name: str, rng: np.random.Generator) -> None:
     model = load_robot(name)
     upper = clear_of_the_remote_centre(model) - [0.0, 0.0, 1e-6, 0.0, 0.0, 0.0][: model.n]
-    rng = np.random.default_rng(4)
     for _ in range(100):
         q = np.where(rng.random(model.n) < 0.5, model.lower, upper)
         found = inverse_kinematics(model, forward_kinematics(model, q), q)
@@ -75,9 +72,8 @@ def test_the_roll_is_known_though_the_tool_is_straight(name: str, wrist: float) 
 
 
 @pytest.mark.parametrize("name", FULL_ARMS)
-def test_poses_are_refused_near_the_remote_centre_and_only_there(name: str) -> None:
+def test_poses_are_refused_near_the_remote_centre_and_only_there(name: str, rng: np.random.Generator) -> None:
     model = load_robot(name)
-    rng = np.random.default_rng(5)
     refused = 0
     for q in rng.uniform(model.lower, model.upper, size=(1000, 6)):
         d = q[2] - D
@@ -144,9 +140,8 @@ def test_a_shaft_along_the_shoulders_axis_is_out_of_reach(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ARMS)
-def test_a_path_of_poses_is_followed_along_one_branch(name: str) -> None:
+def test_a_path_of_poses_is_followed_along_one_branch(name: str, rng: np.random.Generator) -> None:
     model = load_robot(name)
-    rng = np.random.default_rng(6)
     a, b = rng.uniform(model.lower, clear_of_the_remote_centre(model), size=(2, model.n))
     q = a + np.linspace(0.0, 1.0, 200)[:, None] * (b - a)
     assert_allclose(raven_path(model, *frame_poses(model, q), a), q, atol=1e-9)

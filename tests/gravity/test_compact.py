@@ -15,7 +15,7 @@ from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
 from oracles.catalogue import robots_with_inertia
-from oracles.random_trees import RandomRobot, random_bodies_on, random_inertia, random_robot
+from oracles.random_trees import random_bodies_on, random_inertia, random_robot
 
 UPRIGHT = np.array([0.0, 0.0, -9.81])
 X, Y, Z = np.eye(3)
@@ -76,8 +76,7 @@ def test_planar_arm_has_the_papers_values() -> None:
     )  # from the lengths and masses of its file
 
 
-def test_compact_form_holds_what_the_full_form_holds(random_robots: list[RandomRobot]) -> None:
-    rng = np.random.default_rng(1)
+def test_compact_form_holds_what_the_full_form_holds(random_robots, rng):
     models = [robot.model for robot in random_robots[:30]] + [
         load_robot(name) for name in robots_with_inertia()
     ]
@@ -86,8 +85,11 @@ def test_compact_form_holds_what_the_full_form_holds(random_robots: list[RandomR
         q, gravity = rng.normal(size=(4, m.n)), 5.0 * rng.normal(size=(4, 3))
         regressor = compact_regressor(m)
         full = gravity_regressor(m, q, gravity) @ gravity_parameters(m).values
-        assert_allclose(regressor.Z(q, gravity) @ regressor.parameters(), full, atol=1e-10, err_msg=m.name)
-        assert regressor.Z(q, gravity).shape[-1] == len(regressor.labels) == len(regressor.units)
+        Z = regressor.Z(q, gravity)
+        assert_allclose(Z @ regressor.parameters(), full, atol=1e-10, err_msg=m.name)
+        assert Z.shape[-1] == len(regressor.labels) == len(regressor.units)
+        traced = evaluate(regressor.line(), q=q[0], gravity=gravity[0])
+        assert_allclose(traced, Z[0].ravel(), rtol=0.0, atol=1e-12, err_msg=m.name)
 
 
 @settings(max_examples=30, deadline=None)
@@ -211,8 +213,7 @@ def test_a_robot_that_cannot_move_has_no_parameters() -> None:
     assert str(compact_regressor(m))
 
 
-def test_kernels_and_many_rows_give_what_one_row_gives(monkeypatch: pytest.MonkeyPatch) -> None:
-    rng = np.random.default_rng(4)
+def test_kernels_and_many_rows_give_what_one_row_gives(monkeypatch, rng):
     for m in (load_robot("raven2_full"), random_robot(8).model):
         regressor = compact_regressor(m)
         q, gravity = rng.normal(size=(9, m.n)), 5.0 * rng.normal(size=(9, 3))
@@ -229,13 +230,3 @@ def test_kernels_and_many_rows_give_what_one_row_gives(monkeypatch: pytest.Monke
             patch.setattr("catenary.gravity.compact.MANY", 5)
             assert (regressor.Z(q, gravity) == given).all()
             assert (regressor.Z(q, gravity[0])[0] == given[0]).all()
-
-
-def test_traces_of_thirty_trees_give_what_z_gives(random_robots: list[RandomRobot]) -> None:
-    rng = np.random.default_rng(5)
-    for robot in random_robots[:30]:
-        regressor = compact_regressor(robot.model)
-        q, gravity = rng.normal(size=robot.model.n), 5.0 * rng.normal(size=3)
-        expected = regressor.Z(q, gravity)
-        given = evaluate(regressor.line(), q=q, gravity=gravity)
-        assert_allclose(given, expected.ravel(), rtol=0.0, atol=1e-12, err_msg=robot.model.name)

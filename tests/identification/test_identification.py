@@ -75,8 +75,7 @@ def test_known_torques_are_subtracted_and_added_again():
     assert_allclose(result.predict(q) - plain.predict(q), load[:50], atol=0.05)
 
 
-def test_poses_at_rest_show_the_gravity_torque():
-    rng = np.random.default_rng(5)
+def test_poses_at_rest_show_the_gravity_torque(rng):
     q = rng.uniform(ARM.lower, ARM.upper, size=(200, 3))
     constant = np.array([0.1, -0.2, 0.3])
     tau = inverse_dynamics(ARM, q, 0 * q, 0 * q, LEVEL) + constant
@@ -165,8 +164,7 @@ def test_consistent_parameters_are_those_of_bodies(consistent):
     assert (consistent.phi[list(consistent.base.parameters.never_negative)] >= -1e-9).all()
 
 
-def test_pseudo_inertia_is_the_second_moment_of_the_mass():
-    rng = np.random.default_rng(8)
+def test_pseudo_inertia_is_the_second_moment_of_the_mass(rng):
     points = np.column_stack([rng.normal(size=(20, 3)), np.ones(20)])
     tensor = sum(p[:3] @ p[:3] * np.eye(3) - np.outer(p[:3], p[:3]) for p in points)
     phi = np.concatenate([[20.0], points[:, :3].sum(axis=0), tensor[np.triu_indices(3)]])
@@ -178,9 +176,8 @@ def test_a_consistent_fit_costs_little_where_the_truth_is_a_body(consistent):
     assert (consistent.training[0].rms <= 1.02 * free.training[0].rms).all()
 
 
-def test_a_consistent_fit_is_a_robot_that_moves_as_the_regressor_says(consistent):
+def test_a_consistent_fit_is_a_robot_that_moves_as_the_regressor_says(consistent, rng):
     robot = consistent.robot()
-    rng = np.random.default_rng(9)
     q, qd, qdd = sinusoids(rng, ARM, np.linspace(0.0, 3.0, 40))
     columns = consistent.base.parameters.regressor(q, qd, qdd, LEVEL)[:, :, 30:]
     beside = columns @ consistent.phi[30:]

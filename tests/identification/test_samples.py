@@ -78,8 +78,7 @@ def test_poses_at_rest_are_taken_as_they_are():
     assert not samples.qd.any()
 
 
-def test_noise_about_a_joint_at_rest_is_no_wrong_velocity():
-    rng = np.random.default_rng(3)
+def test_noise_about_a_joint_at_rest_is_no_wrong_velocity(rng):
     q, qd = RUN.q_nominal.copy(), RUN.qd.copy()
     q[:, 1] = 1.2 + 1e-4 * rng.normal(size=len(q))
     qd[:, 1] = 1e-3 * rng.normal(size=len(q))

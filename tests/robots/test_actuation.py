@@ -61,11 +61,8 @@ def test_a_table_says_what_loads_the_joints(load):
         actuation.friction[0].combination[0] = 1.0
 
 
-def test_a_coordinate_may_move_nothing_but_its_own_friction(load):
+def test_a_coordinate_that_moves_no_joint_needs_an_effect_of_its_own(load):
     assert load(FRICTION) is not None
-
-
-def test_a_coordinate_that_nothing_acts_on_is_refused(load):
     with pytest.raises(InputError, match="coordinates motor move no joint"):
         load('[[actuation.friction]]\nname = "f"\non = { a = 1 }\n')
 

@@ -13,6 +13,8 @@ from catenary.robots.catalog import load_robot
 from catenary.spatial import identity_pose
 from oracles.tree_poses import frame_pose
 
+RAVEN = load_robot("raven2")
+
 BODY = LinkInertia(1.5, np.zeros(3), np.eye(3))
 
 
@@ -80,31 +82,24 @@ def test_a_model_travels_to_another_process(model):
 PLACE = np.array([0.1, -0.2, 0.3])
 
 
-def test_a_payload_of_nothing_changes_nothing():
-    model = load_robot("raven2")
-    assert model.with_payload("wrist", 0.0, PLACE) is model
+def test_no_payload_and_one_taken_off_leave_the_robot_as_it_was():
+    assert RAVEN.with_payload("wrist", 0.0, PLACE) is RAVEN
+    assert RAVEN.with_payload("wrist", 0.3, PLACE).without_payload is RAVEN
 
 
-def test_a_payload_taken_off_leaves_the_robot_as_it_was():
-    model = load_robot("raven2")
-    assert model.with_payload("wrist", 0.3, PLACE).without_payload is model
-
-
-def test_a_payload_adds_its_own_potential_and_kinetic_energy():
-    model = load_robot("raven2")
-    heavy = model.with_payload("elbow", 0.4, PLACE)
-    rng = np.random.default_rng(0)
-    q, qd = rng.uniform(model.lower, model.upper), rng.normal(size=3)
+def test_a_payload_adds_its_own_potential_and_kinetic_energy(rng):
+    heavy = RAVEN.with_payload("elbow", 0.4, PLACE)
+    q, qd = rng.uniform(RAVEN.lower, RAVEN.upper), rng.normal(size=3)
 
     def place(at):
-        pose = frame_pose(model, "elbow", at)
+        pose = frame_pose(RAVEN, "elbow", at)
         return pose[:3, :3] @ PLACE + pose[:3, 3]
 
     velocity = (place(q + 1e-6 * qd) - place(q - 1e-6 * qd)) / 2e-6
     gravity = np.array([0.0, 0.0, -9.81])
-    more = potential_energy(heavy, q, gravity) - potential_energy(model, q, gravity)
+    more = potential_energy(heavy, q, gravity) - potential_energy(RAVEN, q, gravity)
     assert_allclose(more, -0.4 * gravity @ place(q), atol=1e-12)
-    moving = 0.5 * qd @ (mass_matrix(heavy, q) - mass_matrix(model, q)) @ qd
+    moving = 0.5 * qd @ (mass_matrix(heavy, q) - mass_matrix(RAVEN, q)) @ qd
     assert_allclose(moving, 0.2 * velocity @ velocity, rtol=1e-7)  # central difference, h = 1e-6
 
 

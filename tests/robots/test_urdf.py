@@ -256,9 +256,9 @@ def test_a_damaged_file_is_refused_by_file_and_element(text, error, said, tmp_pa
     path.write_text(text)
     with pytest.raises(error) as caught:
         load_urdf(path)
+    assert said in str(caught.value)
     assert type(caught.value) is error
     assert str(caught.value).startswith(f"{path}: ")
-    assert said in str(caught.value)
 
 
 def test_a_mimic_on_a_fixed_joint_moves_nothing():

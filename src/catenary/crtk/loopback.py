@@ -12,7 +12,15 @@ from catenary.crtk.clock import Clock, WallClock
 from catenary.crtk.codec import codec
 from catenary.crtk.inbox import Origin, Request, Subscription
 from catenary.crtk.message import Message
-from catenary.crtk.transport import Connections, Handler, Transport, absolute, answer_of, other_type
+from catenary.crtk.transport import (
+    Connections,
+    Handler,
+    Publisher,
+    Transport,
+    absolute,
+    answer_of,
+    other_type,
+)
 from catenary.errors import TransportError
 from catenary.recording.messages import current_name
 
@@ -72,37 +80,21 @@ class LoopbackNetwork:
                     if owner == name:
                         subscription.close()
 
-    def drop(self, topic: _LocalTopic, subscription: Subscription) -> None:
-        """Remove a subscription."""
-        with self.lock:
-            topic.subscriptions = [one for one in topic.subscriptions if one[1] is not subscription]
 
-
-class LoopbackPublisher:
-    """Publisher of one transport on one topic."""
-
-    overflowed = 0  # a message goes straight into the subscriptions, which count for themselves
+class LoopbackPublisher(Publisher):
+    """Publisher of one transport on one topic; a message goes straight into the subscriptions, which count."""
 
     def __init__(self, transport: "Loopback", topic: str, shared: _LocalTopic, *, latch: bool) -> None:
-        self.topic = topic
-        self.name = transport.name
-        self.type_name = shared.type_name
+        super().__init__(topic, shared.type_name)
         self.latched: bytes | None = None
         self._transport = transport
         self._shared = shared
         self._latch = latch
-        self._encode = codec(shared.type_name).encode
-        self._sent = 0
-        self.is_closed = False
         self.is_connected = True  # a test may break its connections, and give it a new origin
         self.origin = Origin(f"{transport.name} {next(_PROCESSES)}", object(), latch)
 
-    def publish(self, message: Message) -> None:
-        """Send a message."""
-        if self.is_closed:
-            raise TransportError(f"publisher of {self.topic} is closed")
+    def _send(self, message: Message) -> None:
         self._transport.require_open()
-        self._sent += 1
         data = self._encode(message, self._sent)  # also for nobody: what is wrong is refused here and now
         network = self._transport.network
         with network.lock:
@@ -113,10 +105,8 @@ class LoopbackPublisher:
                 for _, subscription in self._shared.subscriptions:
                     subscription.push(data, now, self.origin)
 
-    def close(self) -> None:
-        """Publish no more."""
+    def _end(self) -> None:
         with self._transport.network.lock:
-            self.is_closed = True
             self._shared.publishers.pop(self._transport.name, None)
 
 
@@ -147,10 +137,14 @@ class Loopback(Transport):
         return publisher
 
     def _subscribe(self, subscription: Subscription, type_name: str) -> None:
+        def leave() -> None:
+            with self.network.lock:
+                shared.subscriptions.remove((self.name, subscription))
+
         with self.network.lock:
             shared = self.network.topic(subscription.topic, subscription.type_name)
             shared.subscriptions.append((self.name, subscription))
-            subscription.on_close(lambda: self.network.drop(shared, subscription))
+            subscription.on_close(leave)
             for publisher in shared.publishers.values():
                 if publisher.latched is not None and publisher.is_connected:
                     subscription.push(publisher.latched, self.now(), publisher.origin)
@@ -179,11 +173,11 @@ class Loopback(Transport):
     def connections(self, topic: str) -> Connections:
         """Return the peers over a topic."""
         with self.network.lock:
-            shared = self.network.topics.get(absolute(topic))
-            if shared is None:
+            found = self.network.topics.get(absolute(topic))
+            if found is None:
                 return Connections((), ())
-            publishers = tuple(sorted(name for name, one in shared.publishers.items() if one.is_connected))
-            subscribers = tuple(sorted({owner for owner, _ in shared.subscriptions}))
+            publishers = tuple(sorted(name for name, one in found.publishers.items() if one.is_connected))
+            subscribers = tuple(sorted({owner for owner, _ in found.subscriptions}))
         return Connections(
             publishers if self.name in subscribers else (), subscribers if self.name in publishers else ()
         )
@@ -191,15 +185,15 @@ class Loopback(Transport):
     def topics(self) -> Mapping[str, str]:
         """Return the topics that anyone publishes, with their types."""
         with self.network.lock:
-            listed = sorted(self.network.topics.items())
-            return {name: shared.type_name for name, shared in listed if shared.publishers}
+            found = sorted(self.network.topics.items())
+            return {name: topic.type_name for name, topic in found if topic.publishers}
 
     def publishing(self) -> Mapping[str, frozenset[str]]:
         """Return the processes that publish each topic."""
         with self.network.lock:
             return {
-                name: frozenset(one.origin.process for one in shared.publishers.values())
-                for name, shared in self.network.topics.items()
+                name: frozenset(one.origin.process for one in topic.publishers.values())
+                for name, topic in self.network.topics.items()
             }
 
     def is_up(self) -> bool:

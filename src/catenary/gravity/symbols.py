@@ -95,8 +95,7 @@ def symbols_of(model: RobotModel, expressions: Sequence[Expression]) -> dict[str
             if (name := _step_name(model, child, axis)) in used:
                 parent = model.link_names[model.tree.parent[child]]
                 table[name] = NamedSymbol(
-                    f"from {parent} to {model.link_names[child]}, along {'xyz'[axis]} of {parent} [m]",
-                    step,
+                    f"from {parent} to {model.link_names[child]}, along {'xyz'[axis]} of {parent} [m]", step
                 )
     for link in range(len(model.link_names)):
         for axis in range(3):

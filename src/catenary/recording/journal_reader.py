@@ -11,8 +11,8 @@ from zlib import crc32
 from catenary.errors import FileFormatError
 from catenary.recording.journal import FOOTER, HEAD, HEADER, MAGIC, MARKER, MAX_RECORD, About, JournalTopic
 from catenary.recording.layout import Encoding
+from catenary.recording.messages import check_ros1_type
 from catenary.recording.topics import require_topics
-from catenary.recording.type_checks import check_ros1_type
 
 
 class _Record(NamedTuple):

@@ -11,9 +11,8 @@ from catenary.errors import FileFormatError
 from catenary.recording.bag_stream import BagStream, about_of
 from catenary.recording.journal import About, JournalTopic
 from catenary.recording.layout import Encoding
-from catenary.recording.messages import current_name
+from catenary.recording.messages import check_ros2_type, current_name
 from catenary.recording.topics import ABOUT_TOPIC, require_topics
-from catenary.recording.type_checks import check_ros2_type
 
 # what rosbags raises over a file that ends too early or holds something else
 _UNREADABLE = (ReaderError, OSError, StructError, ValueError, TypeError, KeyError, IndexError, EOFError)

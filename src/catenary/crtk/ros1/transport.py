@@ -16,35 +16,35 @@ from catenary.crtk.inbox import Origin, Request, Subscription
 from catenary.crtk.message import Message
 from catenary.crtk.ros1.find_rospy import make_rospy_importable
 from catenary.crtk.ros1.master import master_uri
-from catenary.crtk.transport import Connections, Handler, Transport, absolute, answer_of, other_type
+from catenary.crtk.transport import (
+    Connections,
+    Handler,
+    Publisher,
+    Transport,
+    absolute,
+    answer_of,
+    other_type,
+)
 from catenary.errors import TransportError
 from catenary.recording.messages import current_name
 
 _open: "Ros1Transport | None" = None  # rospy has one node a process
 
 
-class Ros1Publisher:
-    """Publisher of one topic; `publish` never waits for a peer."""
+class Ros1Publisher(Publisher):
+    """Publisher of one topic; what nobody listens to, and what is not latched, is not even encoded."""
 
     def __init__(self, node: Any, topic: str, type_name: str, latch: bool, queue: int) -> None:
-        self.topic = topic
-        self.type_name = current_name(type_name)
+        super().__init__(topic, type_name)
         self._node = node
         self._publisher, self._peers = node.publish(topic, type_name, queue=queue, latch=latch)
-        self._encode = codec(type_name).encode
-        self._sent = 0
-        self.is_closed = False
 
     @property
     def overflowed(self) -> int:
         """Messages that slow peers missed."""
         return int(self._peers.overflowed)
 
-    def publish(self, message: Message) -> None:
-        """Send a message; one that nobody listens to, and that is not latched, is not even encoded."""
-        if self.is_closed:
-            raise TransportError(f"publisher of {self.topic} is closed")
-        self._sent += 1
+    def _send(self, message: Message) -> None:
         if self._peers.need_messages:
             self._peers.publish(self._encode(message, self._sent))
 
@@ -53,11 +53,8 @@ class Ros1Publisher:
         names: tuple[str, ...] = () if self.is_closed else self._peers.names
         return names
 
-    def close(self) -> None:
-        """Publish no more."""
-        if not self.is_closed:
-            self.is_closed = True
-            self._node.end(self._publisher)
+    def _end(self) -> None:
+        self._node.end(self._publisher)
 
 
 class _Topic:
