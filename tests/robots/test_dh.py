@@ -106,24 +106,15 @@ def test_the_tip_is_the_last_row_unless_named():
     assert from_dh(robot(row("a"), row("b"), tip="a")).tip == "a"
 
 
-@pytest.mark.parametrize(
-    ("description", "said"),
-    [
-        (robot(), 'robot "r": the DH table has no rows'),
-        (robot(row(), convention="craig"), 'convention "craig": expected "modified" or "standard"'),
-        (robot(row(alpha=np.nan)), 'robot "r": DH row "a": alpha is nan, expected a finite number'),
-        (robot(row(d=np.inf)), 'DH row "a": d is inf'),
-        (
-            robot(row(), row("b", variable={"a": 1.0}, lower=0.0)),
-            'DH row "b": has limits but no coordinate of its own',
-        ),
-        (
-            robot(row(upper=1.0), coordinates=[Coordinate("a", "rad")]),
-            'DH row "a": has limits but no coordinate',
-        ),
-        (robot(row(variable={"x": 1.0})), 'link "a": moves with unknown coordinate "x"; coordinates: none'),
-    ],
-)
+@pytest.mark.parametrize(("description", "said"), [
+    (robot(), 'robot "r": the DH table has no rows'),
+    (robot(row(), convention="craig"), 'convention "craig": expected "modified" or "standard"'),
+    (robot(row(alpha=np.nan)), 'robot "r": DH row "a": alpha is nan, expected a finite number'),
+    (robot(row(d=np.inf)), 'DH row "a": d is inf'),
+    (robot(row(), row("b", variable={"a": 1.0}, lower=0.0)), 'DH row "b": has limits but no coordinate of its own'),
+    (robot(row(upper=1.0), coordinates=[Coordinate("a", "rad")]), 'DH row "a": has limits but no coordinate'),
+    (robot(row(variable={"x": 1.0})), 'link "a": moves with unknown coordinate "x"; coordinates: none'),
+])  # fmt: skip
 def test_a_bad_table_is_refused_by_robot_and_row(description, said):
     with pytest.raises(InputError) as caught:
         from_dh(description)

@@ -58,11 +58,8 @@ def test_only_links_without_mass_can_be_declared_massless(model, name, said):
         model.with_massless([name])
 
 
-def test_the_tip_is_the_frame_that_is_meant_when_none_is_named(model):
+def test_the_tip_is_meant_where_no_frame_is_named_and_an_unknown_one_is_refused_with_those_there_are(model):
     assert model.frame() is model.frame("tool")
-
-
-def test_an_unknown_frame_is_refused_with_those_there_are(model):
     with pytest.raises(InputError, match='no frame "x"; frames: a, b, base, tool'):
         model.frame("x")
 
