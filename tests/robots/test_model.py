@@ -33,13 +33,10 @@ def test_arrays_of_a_model_cannot_be_written(model):
             array[...] = 0
 
 
-def test_missing_inertia_is_refused_by_link_name(model):
+def test_missing_inertia_is_refused_by_link_name_and_declaring_the_link_massless_completes_the_model(model):
     with pytest.raises(MissingInertiaError, match=r'robot "robot": no inertia for link.*"b"') as caught:
         model.require_inertia()
     assert caught.value.links == ("b",)
-
-
-def test_declaring_a_link_massless_completes_the_model(model):
     declared = model.with_massless(["b", "tool"])
     declared.require_inertia()
     assert declared.massless == ("b",)

@@ -201,21 +201,16 @@ def test_stop_asks_for_a_stop_when_nothing_is_heard_at_the_start():
     assert statuses[-1] is ReadingStatus.STOP
 
 
-def test_recovery_is_as_smooth_as_the_loss():
-    base = Base(fallback="static")
-    base.run(1.0, TILTED)
-    base.run(1.5)
-    readings = base.run(2.0, TILTED)
-    assert_allclose(readings[-1].gravity, TILTED, atol=1e-6)
+@pytest.mark.parametrize(("fallback", "before"), [("static", TILTED), ("fade", LEVEL)])
+def test_recovery_is_as_smooth_as_the_loss_also_of_a_base_that_was_moved_meanwhile(fallback, before):
+    base = Base(fallback=fallback)
+    base.run(1.0, before)
+    base.run(3.0)
+    moved = tilted_gravity(0.5, 0.4) if before is LEVEL else TILTED
+    readings = base.run(2.0, moved)
+    assert_allclose(readings[-1].gravity, moved, atol=1e-6)
     assert readings[-1].status is ReadingStatus.LIVE
     assert steps(readings).max() <= RECOVER[0] * 0.001 + 1e-9
-
-
-def test_a_base_that_was_moved_while_the_sensor_was_away_is_believed():
-    base = Base()
-    base.run(1.0, LEVEL)
-    base.run(3.0)
-    assert_allclose(base.run(1.5, tilted_gravity(0.5, 0.4))[-1].gravity, tilted_gravity(0.5, 0.4), atol=1e-6)
 
 
 def test_without_rates_where_a_gyroscope_should_be_gravity_goes_on():
