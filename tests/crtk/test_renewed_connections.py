@@ -27,7 +27,7 @@ def mend(network: LoopbackNetwork, name: str) -> None:
 
 
 def publishers(network: LoopbackNetwork, name: str) -> list[LoopbackPublisher]:
-    return [topic.publishers[name] for topic in network._topics.values() if name in topic.publishers]
+    return [topic.publishers[name] for topic in network.topics.values() if name in topic.publishers]
 
 
 class LatchingClient:

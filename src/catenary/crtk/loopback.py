@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import count
 
-from catenary.crtk.clock import Clock, WallClock
+from catenary.crtk.clock import Clock
 from catenary.crtk.codec import codec
 from catenary.crtk.inbox import Origin, Request, Subscription
 from catenary.crtk.message import Message
@@ -49,7 +49,7 @@ class LoopbackNetwork:
     """
 
     def __init__(self, *, clock: Clock | None = None, threaded: bool = False) -> None:
-        self.clock: Clock = clock or WallClock()
+        self.clock = clock or Clock()
         self.threaded = threaded
         self.lock = threading.RLock()
         self.transports: dict[str, Loopback] = {}

@@ -144,11 +144,10 @@ def _gravity_torque(name: str, n: int) -> GravityTorque:
     """Return a function of the torques that hold the positioning joints still; a load at the tool is unknown to it."""
     model = load_robot(name)
     kernel = gravity_kernel(model)
-    k, torque = model.n, np.zeros(n)
+    others = np.zeros(n - model.n)
 
     def compute(q: Floats, gravity: Floats) -> Floats:
-        torque[:k] = kernel(q[:k], gravity)
-        return torque
+        return np.append(kernel(q[: model.n], gravity), others)
 
     return compute
 
