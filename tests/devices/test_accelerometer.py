@@ -35,7 +35,9 @@ def taken(mailbox):
 
 def test_samples_arrive_in_si_units_with_rates_and_stamps(board):
     with opened(board) as device:
+        until(lambda: b"?" in board.asked())
         board.hello()
+        assert device.wait_ready(PATIENCE).sensor == "simulated"
         begin = time.monotonic()
         for k in range(5):
             board.write(board.line((0.1 * k, 0.0, 9.8), (0.0, 0.2, 0.0)))
@@ -60,24 +62,11 @@ def test_the_unit_that_the_board_states_is_converted(tmp_path):
     board.close()
 
 
-def test_the_board_is_asked_for_its_hello(board):
-    with opened(board) as device:
-        until(lambda: b"?" in board.asked())
-        board.hello()
-        assert device.wait_ready(PATIENCE).sensor == "simulated"
-
-
-def test_samples_of_an_unknown_unit_are_left_out(board):
-    with opened(board) as device:
-        board.write(board.line())
-        until(lambda: device.counts.before_hello == 1)
-        assert len(device.mailbox) == 0
-
-
-def test_a_board_that_says_no_hello_is_told_with_what_came_instead(board):
+def test_samples_of_an_unknown_unit_are_left_out_and_told_where_no_hello_comes(board):
     with opened(board) as device:
         board.write(board.line() + b"noise\n")
         until(lambda: device.counts.damaged == 1)
+        assert len(device.mailbox) == 0
         with pytest.raises(
             SensorError, match=r"no hello within 0.05 s: 1 samples, 1 damaged lines; .*115200 baud"
         ):

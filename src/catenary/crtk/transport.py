@@ -15,7 +15,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, Self
 
-from catenary.crtk.clock import Clock, Rate, WallClock
+from catenary.crtk.clock import Clock, Rate
 from catenary.crtk.codec import codec
 from catenary.crtk.inbox import Callback, Inbox, Request, Subscription
 from catenary.crtk.message import Message, message_class
@@ -87,7 +87,7 @@ class Transport(ABC):
         if not re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII):
             raise InputError(f'name "{name}": expected a letter, then letters, digits and underscores')
         self.name = name
-        self.clock: Clock = clock or WallClock()
+        self.clock = clock or Clock()
         self.inbox = Inbox()
         self._publishers: dict[str, Publisher] = {}
 
