@@ -18,7 +18,8 @@ from catenary.crtk.serving.raven_dialect import RavenDialect
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.served_arm import GravityTorque, ServedArm
 from catenary.crtk.serving.served_encoders import ServedEncoders, has_encoders
-from catenary.crtk.serving.server import Server, Speaker
+from catenary.crtk.serving.server import Server
+from catenary.crtk.serving.speaker import Speaker
 from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError
