@@ -81,8 +81,8 @@ class Server:
         """Read the commands that have come, move the arms by a tick, publish."""
         now = self.transport.now()
         self.transport.poll()
-        arrivals = self.transport.arrivals()
-        if arrivals != self._arrivals:
+        arrivals = self.transport.inbox.arrivals
+        if arrivals != self._arrivals:  # else nothing new waits
             self._arrivals = arrivals
             for source in self._sources:
                 for message in source.take(now):
