@@ -223,8 +223,8 @@ def serve(
         pass
     finally:
         settled.end()
-        server.hold()
         for arm in server.arms.values():
+            arm.hold()
             if arm.machine.can_change:
                 arm.machine.command("pause")
                 arm.advance()

@@ -59,6 +59,7 @@ class ServedArm:
         self.goal = Goal(self.most, plant.period)
         self.compensates_gravity = False
         self.tick = 0
+        self.reports_time = 0  # [ns] of the tick, for what is reported in it
         self.changes = 0  # times that its state was read
         self._velocity: Floats | None = None
         self._torque: Floats | None = None
@@ -197,8 +198,6 @@ class ServedArm:
         self.machine.update()
         self.tick += 1
         self.refresh()
-
-    reports_time = 0  # [ns] of the tick, for what is reported in it
 
     def refresh(self) -> None:
         """Read the plant; one that cannot change, such as a parked arm, but once."""

@@ -136,11 +136,6 @@ class Server:
             found.update(self.transport.connections(source.topic.name).publishers)
         return found
 
-    def hold(self) -> None:
-        """Forget all commands; the arms stay where they are."""
-        for arm in self.arms.values():
-            arm.hold()
-
     @property
     def published(self) -> int:
         """Topics that it publishes."""
