@@ -65,9 +65,7 @@ def test_record_makes_further_recordings(project_folder: Path) -> None:
     assert (project_folder / "recordings" / "again").is_dir()
 
 
-def test_extract_writes_tables_and_bags_from_which_a_model_is_fitted(
-    project_folder: Path, tmp_path: Path
-) -> None:
+def test_extract_writes_tables_and_bags_for_a_fit(project_folder: Path, tmp_path: Path) -> None:
     outcome = catenary("extract", project_folder)
     assert "longest gap [ms]" not in outcome.err
     assert "/ravenstate" in outcome.out

@@ -102,9 +102,7 @@ PREVIOUS = [f"q:J{j}[-{k}]" for k in (1, 2) for j in (1, 2, 3)]
     ("options", "rows", "added"),
     [("--history 2", 398, PREVIOUS), ("--play 0.1,0.2", 400, ["play("] * 6), ("--folds 0", 400, [])],
 )
-def test_options_add_inputs_and_take_rows(
-    tmp_path: Path, run: Path, options: str, rows: int, added: list[str]
-) -> None:
+def test_options_change_inputs(tmp_path: Path, run: Path, options: str, rows: int, added: list[str]) -> None:
     content = fit_json(Path(copy(run, tmp_path)), "--model", "linear", *options.split())
     assert content["rows"] == rows
     assert all(map(str.startswith, content["inputs"][3:], added))
@@ -164,9 +162,7 @@ def test_pages_say_what_was_tested_on(model: Path, run: Path, tmp_path: Path) ->
 
 @pytest.mark.usefixtures("_no_pictures")
 @pytest.mark.parametrize("report", ["no_folder/page.html", "."])
-def test_a_page_that_cannot_be_written_loses_nothing(
-    run: Path, model: Path, tmp_path: Path, report: str
-) -> None:
+def test_an_unwritable_page_loses_nothing(run: Path, model: Path, tmp_path: Path, report: str) -> None:
     page = ("--report", tmp_path / report)
     outcome = catenary("fit", run, "--model", "linear", "--out", tmp_path / "m.npz", *page)
     assert outcome.code == 2
@@ -257,9 +253,7 @@ BROKEN: dict[str, bytes | None] = {
 
 
 @pytest.mark.parametrize("kind", BROKEN)
-def test_a_file_that_cannot_be_read_is_refused_by_name(
-    tmp_path: Path, run: Path, model: Path, kind: str
-) -> None:
+def test_an_unreadable_file_is_refused_by_name(tmp_path: Path, run: Path, model: Path, kind: str) -> None:
     for ending in (".npz", ".parquet"):
         path, content = tmp_path / f"bad{ending}", BROKEN[kind]
         if content is not None:

@@ -28,9 +28,7 @@ def test_help_names_every_command() -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_has_help_in_eighty_columns_and_json(
-    command: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_command_has_help_in_80_columns_and_json(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     outcome = catenary(command, "--help")
     assert outcome.code == 0

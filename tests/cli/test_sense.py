@@ -68,9 +68,7 @@ def test_a_board_is_read_over_its_port(board: SimulatedBoard):
     assert data["link"]["damaged"] == 0
 
 
-def test_a_tumble_of_a_board_asks_for_each_attitude_and_refuses_one_that_never_moved(
-    board: SimulatedBoard, tmp_path: Path
-):
+def test_a_tumble_asks_for_all_attitudes_and_refuses_a_board_at_rest(board: SimulatedBoard, tmp_path: Path):
     quick = partial(read_still, seconds=0.15)
     with (
         patch("catenary.cli.sense._enter_pressed", return_value=True),

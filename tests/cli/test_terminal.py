@@ -76,7 +76,7 @@ def test_long_facts_fill_the_lines_of_a_terminal(monkeypatch: pytest.MonkeyPatch
     assert lines[1].startswith(" " * 12 + "seven77")
 
 
-def test_a_pipe_gets_facts_on_one_line_notes_apart_and_no_progress(
+def test_a_pipe_gets_facts_on_one_line_notes_apart_no_progress(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     print_fact("sources", 30 * "word ", width=8)

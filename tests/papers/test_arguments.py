@@ -39,7 +39,7 @@ def test_help_tells_what_the_script_does_and_runs_nothing(capsys: pytest.Capture
         ((__file__,), "is a file"),
     ],
 )
-def test_what_is_no_argument_is_refused(
+def test_bad_arguments_are_refused(
     given: tuple[str, ...], word: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as end:

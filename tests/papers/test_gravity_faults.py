@@ -39,7 +39,7 @@ def healthy(ran: tuple[Start, list[Outcome], Path]) -> Floats:
     return run(ran[0], None, "fade")[0]
 
 
-def test_no_fault_of_the_sensor_moves_a_joint_by_half_a_degree(
+def test_no_fault_of_the_sensor_moves_a_joint_by_half_degree(
     ran: tuple[Start, list[Outcome], Path],
 ) -> None:
     worst = {row.fault: max(row.moved[:2]) for row in ran[1] if max(row.moved[:2]) > LIMIT_DEG}
@@ -62,9 +62,7 @@ def test_configured_fallback_takes_the_place_of_lost_gravity(
     assert (row.moved[0] > 0.05) == (fallback == "static")
 
 
-def test_stop_ends_the_motion_and_holds_the_arm(
-    ran: tuple[Start, list[Outcome], Path], healthy: Floats
-) -> None:
+def test_stop_ends_motion_and_holds_the_arm(ran: tuple[Start, list[Outcome], Path], healthy: Floats) -> None:
     row = outcome(ran[0], "drop_out", "stop", healthy)
     assert row.stopped
     assert row.statuses[-1] == "stop"

@@ -8,7 +8,7 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize("angle_deg", [25, 180])
-def test_without_friction_sensed_gravity_holds_and_every_loaded_joint_falls_with_nominal_gravity(
+def test_without_friction_sensed_gravity_holds_and_joints_fall_with_nominal_one(
     angle_deg: int,
 ) -> None:
     dg, sg = as_rigid_bodies(angle_deg, seconds=1.0)

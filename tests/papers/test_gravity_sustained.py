@@ -55,7 +55,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Change], Path
 
 
 @pytest.mark.slow
-def test_without_friction_the_simulated_arm_goes_where_it_is_expected(
+def test_without_friction_the_simulated_arm_goes_where_expected(
     driven: tuple[list[Change], Path],
 ) -> None:
     free = driven[0][1]
@@ -65,7 +65,7 @@ def test_without_friction_the_simulated_arm_goes_where_it_is_expected(
 
 
 @pytest.mark.slow
-def test_with_friction_it_comes_to_rest_within_what_friction_can_hold(
+def test_with_friction_it_rests_within_what_friction_can_hold(
     driven: tuple[list[Change], Path],
 ) -> None:
     held = driven[0][0]

@@ -18,7 +18,7 @@ def error(runs: list[Run], base: str, controller: str) -> float:
 
 
 @pytest.mark.slow
-def test_sensed_gravity_takes_joint_one_nearer_to_its_reference_on_both_bases(
+def test_sensed_gravity_takes_joint_one_nearer_to_its_goal_on_both_bases(
     ran: tuple[list[Run], Path],
 ) -> None:
     runs, _ = ran

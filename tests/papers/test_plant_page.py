@@ -28,9 +28,7 @@ def test_every_free_parameter_is_listed_with_its_bounds() -> None:
     assert rows[0][-1] == f"{1.0 / FRICTION[0].factor:.2f} to {FRICTION[0].factor:.2f}"
 
 
-def test_the_page_shows_target_reached_verdict_and_reason(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_page_shows_target_verdict_and_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     section = Section(
         "Drift", Table(["RMSE", "paper", "reached"], [["linear", "0.527", "0.515"]]), ["Since."]
     )

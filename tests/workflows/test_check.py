@@ -46,7 +46,7 @@ def test_ranges_and_errors_are_told_in_deg_and_mm() -> None:
         ({"q_nominal": changed(ARRAYS["q_des"], (slice(None), 1), 0.3)}, [], ["J2 never moves"]),
     ],
 )
-def test_faults_and_remarks_of_a_recording(
+def test_findings_of_a_recording(
     changes: dict[str, Any], faults: list[str], remarks: list[str] | None
 ) -> None:
     finding = check_recording(replace(LOG, **changes))

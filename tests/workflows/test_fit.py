@@ -40,9 +40,7 @@ def test_a_linear_fit_recovers_a_linear_error(recording_path: Path, tmp_path: Pa
         assert joint.rmse < 1e-2 * joint.offset_rmse  # what noise of 0.1 mrad and 0.1 mm leaves
 
 
-def test_held_out_errors_are_those_of_an_evaluation_on_the_same_rows(
-    recording_path: Path, tmp_path: Path
-) -> None:
+def test_held_out_errors_are_those_of_evaluating_the_same_rows(recording_path: Path, tmp_path: Path) -> None:
     result = fit_calibration([recording_path], LINEAR, FitRun(held_out=0.25))
     model = saved(result, tmp_path / "model.npz")
     late = {key: np.array(values)[300:] for key, values in simulated_arm.arrays().items() if key != "units"}
@@ -56,10 +54,7 @@ def test_the_held_out_part_is_not_fitted_to(tmp_path: Path) -> None:
     early = simulated_arm.arrays()
     changed = early["q_act"].copy()
     changed[300:] += 1.0
-    paths = [
-        simulated_arm.write(tmp_path / "a.npz"),
-        simulated_arm.write(tmp_path / "b.npz", q_act=changed),
-    ]
+    paths = [simulated_arm.write(tmp_path / "a.npz"), simulated_arm.write(tmp_path / "b.npz", q_act=changed)]
     one, other = (fit_calibration([path], LINEAR, FitRun(held_out=0.25, folds=0)).model for path in paths)
     X, q = early["q_des"], early["q_des"]
     assert_allclose(one.correction(X, q), other.correction(X, q), atol=0.0)

@@ -22,7 +22,7 @@ def log() -> MotionLog:
     return record_simulated(homed_plant(seed=1), motion(), "run", np.random.default_rng(0))
 
 
-def test_it_has_the_positioning_joints_at_the_rate_asked_for_and_is_marked_as_simulated(
+def test_it_has_the_positioning_joints_at_the_rate_asked_for_and_is_simulated(
     log: MotionLog,
 ) -> None:
     assert log.joint_names == JOINTS[:3]
@@ -38,7 +38,7 @@ def test_the_same_seeds_give_the_same_recording(log: MotionLog) -> None:
     assert_array_equal(again.time, log.time)
 
 
-def test_encoders_tell_the_joints_true_positions_between_their_samples(
+def test_encoders_tell_true_positions_between_their_samples(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     runs = []

@@ -64,7 +64,7 @@ def test_it_goes_on_after_a_step_that_failed(finished_folder: Path, monkeypatch:
         def fail(*_: object, **__: object) -> None:
             raise CatenaryError("the loop fell over")
 
-        broken.setattr(simulated_robot, "deploy_on_simulated", fail)
+        broken.setattr(simulated_robot, "deploy_on_robot", fail)
         with pytest.raises(CatenaryError, match="fell over"):
             calibrate_short(finished_folder)
     assert calibrate_short(finished_folder, with_page=False).repeated == ("deploy",)
@@ -86,7 +86,7 @@ def test_every_kind_of_model_is_fitted_to_a_robots_recordings(project_folder: Pa
     assert list(result.evaluations) == ["linear", "polynomial", "neural_paper", BEST]
 
 
-def test_recordings_take_a_robots_place_and_are_fitted_once(
+def test_recordings_replace_a_robot_and_are_fitted_once(
     recordings: tuple[Path, Path], tmp_path: Path
 ) -> None:
     train = tmp_path / "train.npz"

@@ -154,7 +154,7 @@ def test_recording_that_is_stopped_leaves_the_robot_paused_and_is_begun_anew(tmp
 
 
 @pytest.mark.slow
-def test_whole_calibration_is_the_same_job_as_on_a_simulated_robot(
+def test_whole_calibration_runs_as_on_a_simulated_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(calibrate, "models_for", lambda *_: QUICK_MODELS)
