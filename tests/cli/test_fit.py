@@ -173,14 +173,13 @@ def test_an_unwritable_page_loses_nothing(run: Path, model: Path, tmp_path: Path
     assert len(evaluated.json["joints"]) == 3
 
 
-def test_a_terminal_without_the_signs_still_shows_the_numbers(
+def test_an_ascii_terminal_still_shows_the_numbers(
     run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     terminal = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
     monkeypatch.setattr(sys, "stdout", terminal)
-    monkeypatch.setattr(
-        sys, "argv", ["catenary", "fit", str(run), "--model=offset", f"--out={tmp_path / 'm.npz'}"]
-    )
+    command = ["catenary", "fit", str(run), "--model=offset", f"--out={tmp_path / 'm.npz'}"]
+    monkeypatch.setattr(sys, "argv", command)
     with pytest.raises(SystemExit) as end:
         main()
     assert not end.value.code
@@ -227,13 +226,10 @@ SIX = np.zeros((50, 6))
     [
         ({"joint_names": ["a", "b", "c"]}, OTHER_JOINTS),
         ({"units": ["m", "rad", "rad"]}, OTHER_JOINTS),
-        (
-            {"rows": 50, "q_des": SIX, "q_act": SIX, "units": None},
-            "has 6 joints; the model is for 3: J1, J2, J3",
-        ),
+        ({"rows": 50, "q_des": SIX, "q_act": SIX, "units": None}, "has 6 joints; the model is for 3: J1, J2, J3"),
     ],
-)
-def test_a_recording_of_other_joints_than_the_models_is_refused(
+)  # fmt: skip
+def test_a_recording_of_other_joints_is_refused(
     model: Path, tmp_path: Path, changes: dict[str, Any], words: str
 ) -> None:
     other = simulated_arm.write(tmp_path / "other.npz", **changes)

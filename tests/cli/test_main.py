@@ -98,9 +98,6 @@ def test_a_full_disk_is_a_message() -> None:
 
 
 def test_a_reader_that_goes_away_is_no_traceback() -> None:
-    outcome = subprocess.run(
-        ["bash", "-c", f"{sys.executable} -m catenary.cli.main robots --json | head -c 1"],
-        capture_output=True,
-        check=True,
-    )
+    line = f"{sys.executable} -m catenary.cli.main robots --json | head -c 1"
+    outcome = subprocess.run(["bash", "-c", line], capture_output=True, check=True)
     assert outcome.stderr == b""

@@ -224,10 +224,10 @@ def hold(
     if report is not None:
         refuse_unwritable("--report", report)
     arm = conditions.arm(robot)
-    pose = given_joints(arm.model, q, q_deg)
+    law, pose = make_hold(controller, arm), given_joints(arm.model, q, q_deg)
     if pose is None:
         pose = start_pose(arm.model, arm.plant, HOLD_START)
-    result = run(arm, make_hold(controller, arm), pose, seconds)
+    result = run(arm, law, pose, seconds)
     settings = {"robot": robot, "controller": controller}
     title = f"{robot} (simulated), held by {controller} for {seconds:g} s"
     _conclude(title, result, settings | conditions.as_data(), report, as_json)

@@ -46,9 +46,8 @@ def test_pd_alone_is_all_of_its_torque(tilted: SimulatedArm) -> None:
 
 def test_sensed_gravity_takes_the_work_from_the_pd_on_a_tilted_base(tilted: SimulatedArm) -> None:
     still = Rest(AT + np.array([0.8, 0.0, 0.0]), 0.3)
-    static, dynamic = (
-        track(tilted, make_controller(name, tilted), still).pd_share[0] for name in ("sg", "dg")
-    )
+    laws = (make_controller(name, tilted) for name in ("sg", "dg"))
+    static, dynamic = (track(tilted, law, still).pd_share[0] for law in laws)
     assert dynamic < 0.5 * static
 
 

@@ -44,7 +44,7 @@ def deployment(recorded: Path, model: CalibrationModel) -> Deployment:
     return deploy_on_robot(plant_of(recorded), model, motion())
 
 
-def test_error_in_the_loop_is_that_of_the_evaluation(
+def test_error_in_the_loop_is_the_evaluations(
     deployment: Deployment, recorded: Path, model: CalibrationModel
 ) -> None:
     log = record_simulated(plant_of(recorded), motion(), "same", np.random.default_rng(0))

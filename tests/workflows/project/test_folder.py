@@ -90,9 +90,10 @@ def test_damaged_steps_are_refused(project: Project, content: bytes) -> None:
         reopened(project)
 
 
-@pytest.mark.parametrize(
-    "content", [b"{", b"[]", b"{}", b'{"base_tilt_deg": 3, "sparsities": []}', b'{"color": "red"}', b"\xff"]
-)
+UNEVEN = b'{"base_tilt_deg": 3, "sparsities": []}'
+
+
+@pytest.mark.parametrize("content", [b"{", b"[]", b"{}", UNEVEN, b'{"color": "red"}', b"\xff"])
 def test_damaged_settings_are_refused(project: Project, content: bytes) -> None:
     (project.folder / "settings.json").write_bytes(content)
     with pytest.raises(ConfigError, match=r"settings\.json: not the settings of a project"):
