@@ -9,6 +9,7 @@ from weakref import WeakSet
 
 import hypothesis
 import numba
+import numpy as np
 import pytest
 
 if TYPE_CHECKING:  # nothing of catenary may be imported before pytest_configure has run
@@ -63,6 +64,12 @@ def _compile_one_at_a_time(folder: Path) -> None:
             return call(function, *arguments)
 
     Compiled.__call__ = first_call_alone  # type: ignore[method-assign]
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """Random numbers of a test, the same in every run."""
+    return np.random.default_rng(0)
 
 
 @pytest.fixture(scope="session")

@@ -6,12 +6,11 @@ Beside it the messages of the same journal, read one by one.
 import tempfile
 from pathlib import Path
 
-from catenary.recording.bag import write_bag
 from catenary.recording.extract import extract
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.synchronise import synchronise
 from tests.benchmarks.measure import Tables, cpu_time, report
-from tests.oracles.raven_recording import record_minutes
+from tests.oracles.raven_recording import record_minutes, write_bag
 
 MINUTES = 17
 
@@ -27,7 +26,7 @@ def tables() -> Tables:
     with tempfile.TemporaryDirectory() as text:
         folder = Path(text)
         journal = record_minutes(folder / "journal", MINUTES)
-        bags = [*write_bag(JournalReader(journal), folder / "recording.bag")]
+        bags = [write_bag(journal, folder / "recording.bag")]
         to_log(bags, folder / "warm")  # imports, compiled code
         spent = {
             "messages read alone": cpu_time(lambda: sum(1 for _ in JournalReader(journal).messages())),

@@ -128,27 +128,15 @@ def test_recording_shorter_than_the_history_has_no_complete_row() -> None:
     assert np.isnan(X).any(axis=1).all()
 
 
-def test_history_and_play_are_of_positions_only() -> None:
+def test_history_and_play_are_of_positions_only_and_play_alone_cannot_leave_its_range() -> None:
     log = replace(LOG, tau=np.ones((12, 3)))
-    features = FeatureSet(("q:J1", "tau:J1"), ("rad", "Nm"), history=1, play=(("q:J1", 0.1),))
-    assert features.names == ("q:J1", "tau:J1", "q:J1[-1]", "play(q:J1, 0.1)")
-    assert features.feature_units == ("rad", "Nm", "rad", "rad")
-    assert features.matrix(log).shape == (12, 4)
-
-
-def test_play_states_are_the_features_that_cannot_leave_their_range() -> None:
-    features = FeatureSet(NAMES, UNITS, history=1, play=(("q:J1", 0.1), ("q:J3", 0.01)))
-    assert_array_equal(features.bounded, [False] * 6 + [True] * 2)
-
-
-def test_columns_of_a_signal_are_its_value_its_history_and_its_play() -> None:
-    features = FeatureSet(NAMES, UNITS, history=2, play=(("q:J1", 0.1), ("q:J2", 0.1)))
-    assert [features.names[c] for c in features.columns_of(["q:J2"])] == [
-        "q:J2",
-        "q:J2[-1]",
-        "q:J2[-2]",
-        "play(q:J2, 0.1)",
-    ]
+    features = FeatureSet(("q:J1", "tau:J1", "q:J2"), ("rad", "Nm", "rad"), 1, (("q:J1", 0.1),))
+    names = ("q:J1", "tau:J1", "q:J2", "q:J1[-1]", "q:J2[-1]", "play(q:J1, 0.1)")
+    assert features.names == names
+    assert features.feature_units == ("rad", "Nm", "rad", "rad", "rad", "rad")
+    assert features.matrix(log).shape == (12, 6)
+    assert_array_equal(features.bounded, [name.startswith("play") for name in names])
+    assert_array_equal(features.columns_of(["q:J1"]), [i for i, name in enumerate(names) if "q:J1" in name])
 
 
 def test_words_choose_signals_groups_and_all_once_each() -> None:

@@ -96,26 +96,29 @@ def test_arrays_of_another_shape_are_refused(features: tuple[int, ...], q: tuple
         one_of_each().correction(np.zeros(features), np.zeros(q))
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"predictor": Linear(np.zeros((3, 1)), np.zeros(1))}, "take 2 features, .* the predictor takes 3"),
-        ({"predictor": Linear(np.zeros((2, 2)), np.zeros(2))}, "the predictor takes 2 and gives 2"),
-        ({"valid_range": unit_box(1)}, "2 of them watched; .* the valid range is of 1"),
-        ({"columns": np.array([1, 2])}, r"joints \(0,\) take features beyond the 2 that there are"),
-        ({"columns": np.array([0.0, 1.0])}, "columns: expected indices of features"),
-        ({"joints": (1,)}, "each of its 2 joints in one group"),
-    ],
-)
-def test_parts_that_do_not_fit_together_are_refused(change: dict[str, Any], message: str) -> None:
+def with_group(**changes: Any) -> CalibrationModel:
     model = one_of_each()
-    with pytest.raises(InputError, match=message):
-        replace(model, groups=(replace(model.groups[0], **change), model.groups[1]))
+    return replace(model, groups=(replace(model.groups[0], **changes), model.groups[1]))
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
+        (
+            lambda: with_group(predictor=Linear(np.zeros((3, 1)), np.zeros(1))),
+            "take 2 features, .* the predictor takes 3",
+        ),
+        (
+            lambda: with_group(predictor=Linear(np.zeros((2, 2)), np.zeros(2))),
+            "the predictor takes 2 and gives 2",
+        ),
+        (lambda: with_group(valid_range=unit_box(1)), "2 of them watched; .* the valid range is of 1"),
+        (
+            lambda: with_group(columns=np.array([1, 2])),
+            r"joints \(0,\) take features beyond the 2 that there",
+        ),
+        (lambda: with_group(columns=np.array([0.0, 1.0])), "columns: expected indices of features"),
+        (lambda: with_group(joints=(1,)), "each of its 2 joints in one group"),
         (lambda: Linear(np.zeros((4, 2)), np.zeros(3)), r"bias: expected shape \(2,\), got \(3,\)"),
         (lambda: Linear(np.full((4, 2), np.nan), np.zeros(2)), r"weights\[0, 0\] is nan"),
         (lambda: replace(unit_box(3), lower=np.zeros(2)), r"upper: expected shape \(2,\), got \(3,\)"),
@@ -123,8 +126,6 @@ def test_parts_that_do_not_fit_together_are_refused(change: dict[str, Any], mess
         (lambda: replace(one_of_each(), target="torque"), "target 'torque': expected error or position"),
     ],
 )
-def test_arrays_that_do_not_fit_together_are_refused_by_name(
-    make: Callable[[], object], message: str
-) -> None:
+def test_parts_that_do_not_fit_together_are_refused(make: Callable[[], object], message: str) -> None:
     with pytest.raises(InputError, match=message):
         make()

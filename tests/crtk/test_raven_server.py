@@ -9,9 +9,6 @@ from catenary.crtk.conversions import pose_message, pose_of
 from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import message_class
 from catenary.crtk.names import BUTTON, BUTTON_TYPE
-from catenary.crtk.raven_conversions import arm_channels, raven_state_columns
-from catenary.dynamics.kinematics import forward_kinematics
-from catenary.robots.catalog import load_robot
 from catenary.spatial import Pose, rotation_from_rpy
 from served_robot import JointState, ServedRobot, homing_plant, shoulder
 
@@ -147,44 +144,12 @@ def test_measured_arms_are_swapped_and_setpoints_are_not(robot):
         assert_allclose(heard.take()[-1].message.position[0], expected, atol=0.01)
 
 
-def test_the_tools_pose_is_the_forward_kinematics_of_the_joints(robot):
-    q = robot.setpoint
-    model = load_robot("raven2_full")
-    pose = forward_kinematics(model, [*q[:5], 0.5 * (q[6] - q[5])])
-    published = pose_of(robot.last("setpoint_cp"))
-    assert_allclose(published.position, pose.position, atol=1e-9)
-    assert_allclose(published.rotation, pose.rotation, atol=1e-9)
-
-
-def test_ravenstate_holds_the_arms_in_its_own_units(robot):
-    robot.tick(20)
-    message = robot.last("ravenstate", None)
-    gold = robot.server.arms["gold"]
-    assert message.runlevel == 3
-    columns = raven_state_columns(message)
-    # float32, times 180/pi, and what the arm moves meanwhile
-    assert_allclose(arm_channels(columns["jpos_d"], "gold"), gold.setpoint.q, rtol=1e-6)
-    assert_allclose(message.jpos_d[2], np.rad2deg(gold.setpoint.q[2]), rtol=1e-6)
-    assert_allclose(arm_channels(columns["mpos"], "gold"), robot.plant.telemetry()["mpos"], rtol=1e-3)
-    model = load_robot("raven2_full")
-    frame_0, q = model.frames["frame0"].pose, gold.setpoint.q
-    tip = frame_0.inverse() @ forward_kinematics(model, [*q[:5], 0.5 * (q[6] - q[5])])
-    assert_allclose(columns["pos_d"][:3], tip.position, atol=1e-6)  # whole um
-    assert_allclose(columns["ori_d"][:9].reshape(3, 3), tip.rotation, atol=1e-6)
-
-
 def test_joint_states_come_at_33_hz_at_most_with_28_names(robot):
     heard = robot.hear("joint_states", None)
     robot.tick(1000)
     received = heard.take()
     assert 30 <= len(received) <= 33
     assert len(set(received[0].message.name)) == len(received[0].message.position) == 28
-
-
-def test_grasp_topics_carry_the_opening_of_the_jaws(robot):
-    assert_allclose(
-        robot.last("grasp_measured_js").position, [robot.plant.measured_js().q[5:].sum()], atol=1e-3
-    )
 
 
 @pytest.mark.parametrize("topic", ["gold", None])

@@ -1,10 +1,7 @@
 """Ros1Transport between processes; what holds for every transport is in contracts, rospy's own classes in test_ros1_rospy."""
 
 import contextlib
-import os
 import socket
-import subprocess
-import sys
 import time
 import xmlrpc.client
 from collections.abc import Iterator
@@ -13,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from patience import until
-from ros import OPEN, Master, Program, free_port, require_ros1, running_master
+from ros import OPEN, Master, Program, running_master
 
 pytestmark = pytest.mark.slow
 
@@ -334,34 +331,6 @@ def test_the_environments_namespace_and_the_programs_arguments_change_no_name(ma
         assert "/ravenstate_100hz" in robot.line().split()
         with xmlrpc.client.ServerProxy(master.uri) as server:
             assert server.lookupNode("/tests", "/ward/robot")[0] == 1  # type: ignore[index]
-
-
-def test_without_a_master_the_error_comes_within_three_seconds() -> None:
-    require_ros1()
-    # what is waited for at most, which is no longer on a machine that is busy
-    code = f"""
-import threading
-from catenary.crtk.ros1.transport import Ros1Transport
-from catenary.errors import TransportError
-limits, join = [], threading.Thread.join
-def joined(thread, timeout=None):
-    limits.append(timeout)
-    join(thread, timeout)
-threading.Thread.join = joined
-try:
-    Ros1Transport("robot", "http://127.0.0.1:{free_port()}")
-except TransportError as error:
-    print(0.0 < sum(limits) <= 3.0, error)
-"""
-    # with the product's own limits
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env=Master(Path(os.devnull)).environment,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert done.stdout.startswith("True no ROS master at http://127.0.0.1:")
 
 
 def test_one_process_has_one_node(master: Master) -> None:

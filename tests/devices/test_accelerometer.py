@@ -113,20 +113,6 @@ def test_samples_that_are_missing_or_repeated_are_counted(board):
         assert (device.counts.missing, device.counts.repeated) == (2, 2)
 
 
-def test_a_board_whose_clock_wraps_goes_on(tmp_path):
-    board = SimulatedBoard(tmp_path / "board", start_us=2**32 - 50_000)
-    with opened(board) as device:
-        board.hello()
-        for _ in range(20):
-            board.write(board.line())
-            time.sleep(0.01)
-        until(lambda: device.counts.samples == 20)
-        stamps = [s.stamp for s in taken(device.mailbox) if s.kind is Kind.SPECIFIC_FORCE]
-    assert device.counts.restarts == 0
-    assert np.diff(stamps[5:]).max() < 0.05
-    board.close()
-
-
 def test_gravity_lives_through_unplugging_and_plugging_in_again(board):
     mailbox = Mailbox()
     source = SensedGravity(mailbox, rules=SensorRules(stuck_samples=0), angular=False)

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.devices.encoder_counts import CountTracker, Verdict
 from catenary.devices.encoder_rig import EncoderRig
 from catenary.devices.registration import LONGEST, Registration
 from homing_counts import homing_counts
@@ -109,8 +110,10 @@ def test_a_loss_voids_it():
 @pytest.mark.parametrize("told", [True, False])
 def test_a_simulated_arm_is_registered_as_its_own_rig_is(told):
     h = homing_counts()
-    registration = Registration(RIG)
-    for k, counts in enumerate(h.counts):
+    tracker, registration = CountTracker(RIG), Registration(RIG)
+    for k, row in enumerate(h.counts):
+        verdict, counts, _ = tracker.update(tuple(map(int, row)), h.time[k], period=0.004)
+        assert verdict is Verdict.GOOD
         if told:
             registration.tell(bool(h.busy[k] and not h.homed[k]), bool(h.homed[k]))
         registration.update(h.time[k], counts)

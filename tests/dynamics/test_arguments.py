@@ -19,9 +19,8 @@ from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.dynamics.regressor import torque_regressor
 from catenary.errors import InputError, MissingInertiaError
 from catenary.gravity.regressor import gravity_regressor, standard_gravity_regressor
-from catenary.gravity.torque import gravity_torque, potential_energy
+from catenary.gravity.torque import gravity_delta, gravity_torque, potential_energy
 from catenary.robots.catalog import load_robot
-from oracles.random_trees import RandomRobot
 
 RAVEN = load_robot("raven2")
 FUNCTIONS = {
@@ -33,11 +32,13 @@ FUNCTIONS = {
     inverse_dynamics: ("q", "qd", "qdd", "gravity"),
     torque_regressor: ("q", "qd", "qdd", "gravity"),
     gravity_torque: ("q", "gravity"),
+    gravity_delta: ("q", "gravity"),
     potential_energy: ("q", "gravity"),
     gravity_regressor: ("q", "gravity"),
     standard_gravity_regressor: ("q", "gravity"),
 }
-NEED_INERTIA = (mass_matrix, coriolis_matrix, inverse_dynamics, gravity_torque, potential_energy)
+DYNAMICS = (mass_matrix, coriolis_matrix, inverse_dynamics)
+NEED_INERTIA = (*DYNAMICS, gravity_torque, gravity_delta, potential_energy)
 KERNELS = (gravity_kernel, holding_kernel, inverse_dynamics_kernel, mass_matrix_kernel)
 GOOD = {"q": [0.5, 1.5, 0.4], "qd": [0.0] * 3, "qdd": [0.0] * 3, "gravity": [0.0, 0.0, -9.81]}
 MANY = {"q": [GOOD["q"]] * 2, "qd": [GOOD["qd"]] * 2, "qdd": [GOOD["qdd"]] * 2}
@@ -48,8 +49,7 @@ def called(function):
 
 
 @pytest.mark.parametrize("function", FUNCTIONS, ids=called)
-def test_batch_gives_what_single_configurations_give(function, random_robots: list[RandomRobot]) -> None:
-    rng = np.random.default_rng(8)
+def test_batch_gives_what_single_configurations_give(function, random_robots, rng):
     for robot in random_robots[:9]:
         m = robot.model
         drawn = {key: rng.normal(size=(4, 3 if key == "gravity" else m.n)) for key in GOOD}
@@ -90,12 +90,8 @@ REFUSED = [
     ("qdd", {**MANY, "qdd": [0.0] * 3}, r"qdd: expected shape \(2, 3\), got \(3,\)"),
     ("gravity", {"gravity": [0.0, -9.81]}, r"gravity: expected shape \(3,\)"),
     ("gravity", {"gravity": [np.nan, 0.0, 0.0]}, r"gravity\[0\] is nan"),
-    (
-        "gravity",
-        {**MANY, "gravity": np.zeros((3, 3))},
-        r"gravity: expected .* \(2, 3\), as q has it, got \(3, 3\)",
-    ),
-]
+    ("gravity", {**MANY, "gravity": np.zeros((3, 3))}, r"gravity: expected .* \(2, 3\), as q has it, got \(3, 3\)"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("function", FUNCTIONS, ids=called)

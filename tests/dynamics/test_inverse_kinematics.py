@@ -11,6 +11,8 @@ from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
 from oracles.random_trees import random_pose
 
+PLANAR = load_robot("planar_3r")
+
 FAR = Pose(np.eye(3), np.array([5.0, 0.0, 0.0]))
 
 
@@ -49,9 +51,8 @@ def test_poses_of_a_random_arm_are_reached_within_its_limits(seed: int, n: int) 
         assert_allclose(again.rotation, pose.rotation, atol=1.1e-7)
 
 
-def test_targets_at_the_limits_are_reached_from_near_them() -> None:
+def test_targets_at_the_limits_are_reached_from_near_them(rng: np.random.Generator) -> None:
     model = random_arm(3, 7)
-    rng = np.random.default_rng(0)
     reached = 0
     for _ in range(50):
         q = rng.uniform(model.lower, model.upper)
@@ -66,9 +67,8 @@ def test_targets_at_the_limits_are_reached_from_near_them() -> None:
     assert reached >= 45  # a step pressed against the limits, instead of along them, reaches some 35
 
 
-def test_tolerances_are_met_as_asked() -> None:
+def test_tolerances_are_met_as_asked(rng: np.random.Generator) -> None:
     model = random_arm(4, 7)
-    rng = np.random.default_rng(4)
     target = forward_kinematics(model, rng.uniform(-0.5, 0.5, size=7) * [1, 1, 0.3, 1, 1, 1, 1])
     q = inverse_kinematics(
         model, target, np.zeros(7), position_tolerance=1e-12, orientation_tolerance=1e-12, rng=rng
@@ -76,28 +76,23 @@ def test_tolerances_are_met_as_asked() -> None:
     assert_allclose(forward_kinematics(model, q).position, target.position, atol=1e-11)
 
 
-def test_fewer_than_six_joints_match_the_position_alone() -> None:
-    model = load_robot("planar_3r")
-    rng = np.random.default_rng(5)
+def test_fewer_than_six_joints_match_the_position_alone(rng: np.random.Generator) -> None:
     for _ in range(20):
-        target = forward_kinematics(model, rng.uniform(-2.0, 2.0, size=3)).position
-        q = inverse_kinematics(model, Pose(np.eye(3), target), rng.uniform(-1.0, 1.0, size=3), rng=rng)
-        assert_allclose(forward_kinematics(model, q).position, target, atol=1.1e-7)
+        target = forward_kinematics(PLANAR, rng.uniform(-2.0, 2.0, size=3)).position
+        q = inverse_kinematics(PLANAR, Pose(np.eye(3), target), rng.uniform(-1.0, 1.0, size=3), rng=rng)
+        assert_allclose(forward_kinematics(PLANAR, q).position, target, atol=1.1e-7)
 
 
-def test_fewer_than_six_joints_match_a_pose_when_asked() -> None:
-    model = load_robot("planar_3r")
-    rng = np.random.default_rng(6)
-    target = forward_kinematics(model, [0.4, 0.5, -0.3])
-    q = inverse_kinematics(model, target, [0.3, 0.3, 0.3], match="pose", rng=rng)
-    assert_allclose(forward_kinematics(model, q).rotation, target.rotation, atol=1.1e-7)
+def test_fewer_than_six_joints_match_a_pose_when_asked(rng: np.random.Generator) -> None:
+    target = forward_kinematics(PLANAR, [0.4, 0.5, -0.3])
+    q = inverse_kinematics(PLANAR, target, [0.3, 0.3, 0.3], match="pose", rng=rng)
+    assert_allclose(forward_kinematics(PLANAR, q).rotation, target.rotation, atol=1.1e-7)
 
 
 def test_a_frame_other_than_the_tip_is_brought_to_its_pose() -> None:
-    model = load_robot("planar_3r")
-    target = forward_kinematics(model, [0.4, 0.9, 0.0], "link3")
-    q = inverse_kinematics(model, target, [0.3, 0.5, 0.1], frame="link3")
-    assert_allclose(forward_kinematics(model, q, "link3").position, target.position, atol=1.1e-7)
+    target = forward_kinematics(PLANAR, [0.4, 0.9, 0.0], "link3")
+    q = inverse_kinematics(PLANAR, target, [0.3, 0.5, 0.1], frame="link3")
+    assert_allclose(forward_kinematics(PLANAR, q, "link3").position, target.position, atol=1.1e-7)
 
 
 @pytest.mark.parametrize("name", ["raven2", "raven2_full"])
@@ -110,10 +105,9 @@ def test_search_finds_what_the_closed_form_does_not_offer(name: str) -> None:
 
 
 def test_an_unreachable_target_says_how_near_the_search_came() -> None:
-    planar = load_robot("planar_3r")
     # the arm is 0.9 m long
     with pytest.raises(UnreachablePoseError, match=r"nearest 4\.1 m away after 1 start.*pass rng"):
-        inverse_kinematics(planar, FAR, [0.1, 0.1, 0.1])
+        inverse_kinematics(PLANAR, FAR, [0.1, 0.1, 0.1])
     with pytest.raises(UnreachablePoseError, match=r"nearest .* m and .* rad away after 6 start"):
         inverse_kinematics(random_arm(7, 6), FAR, rng=np.random.default_rng(7), starts=5)
 
@@ -139,14 +133,13 @@ def test_random_starts_come_from_the_generator_alone() -> None:
 
 
 def test_wrong_arguments_are_refused_with_a_reason() -> None:
-    model = load_robot("planar_3r")
     with pytest.raises(InputError, match=r"q_start: expected shape \(3,\)"):
-        inverse_kinematics(model, FAR, [0.0, 0.0])
+        inverse_kinematics(PLANAR, FAR, [0.0, 0.0])
     with pytest.raises(InputError, match=r"q_start\[1\] is nan"):
-        inverse_kinematics(model, FAR, [0.0, np.nan, 0.0])
+        inverse_kinematics(PLANAR, FAR, [0.0, np.nan, 0.0])
     with pytest.raises(InputError, match='no frame "foot"'):
-        inverse_kinematics(model, FAR, frame="foot")
+        inverse_kinematics(PLANAR, FAR, frame="foot")
     with pytest.raises(InputError, match=r'match: expected "pose" or "position", got .both.'):
-        inverse_kinematics(model, FAR, match="both")  # type: ignore[arg-type]
+        inverse_kinematics(PLANAR, FAR, match="both")  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"position_tolerance: expected more than 0, got 0\.0"):
-        inverse_kinematics(model, FAR, position_tolerance=0.0)
+        inverse_kinematics(PLANAR, FAR, position_tolerance=0.0)

@@ -9,13 +9,11 @@ from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.robots.catalog import load_robot
 from oracles.mujoco_trees import mujoco_data, mujoco_mass_matrix, mujoco_model
 from oracles.pinocchio_trees import pinocchio_model, pinocchio_order, pinocchio_vector
-from oracles.random_trees import RandomRobot
 
 HOME = [np.pi / 6, np.pi / 2, 0.40]
 
 
-def test_mass_matrix_agrees_with_mujoco_and_pinocchio(random_robots: list[RandomRobot]) -> None:
-    rng = np.random.default_rng(1)
+def test_mass_matrix_agrees_with_mujoco_and_pinocchio(random_robots, rng):
     for robot in random_robots:
         m = robot.model
         q = rng.normal(size=m.n)
@@ -32,8 +30,7 @@ def test_mass_matrix_agrees_with_mujoco_and_pinocchio(random_robots: list[Random
         assert_allclose(M, m.coupling.T @ in_pinocchio @ m.coupling, atol=1e-10, err_msg=m.name)
 
 
-def test_mass_matrix_is_symmetric_and_positive_definite(random_robots: list[RandomRobot]) -> None:
-    rng = np.random.default_rng(2)
+def test_mass_matrix_is_symmetric_and_positive_definite(random_robots, rng):
     for robot in random_robots:
         M = mass_matrix(robot.model, rng.normal(size=(4, robot.model.n)))
         assert_allclose(M, M.transpose(0, 2, 1), atol=1e-12)  # coupling sums in two orders

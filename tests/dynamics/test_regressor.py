@@ -16,8 +16,7 @@ def motion(rng, model, rows=5):
     return rng.normal(size=(3, rows, model.n))
 
 
-def test_regressor_times_parameters_is_inverse_dynamics(random_robots):
-    rng = np.random.default_rng(0)
+def test_regressor_times_parameters_is_inverse_dynamics(random_robots, rng):
     for robot in random_robots:
         q, qd, qdd = motion(rng, robot.model)
         Y = torque_regressor(robot.model, q, qd, qdd, TILTED)
@@ -25,8 +24,7 @@ def test_regressor_times_parameters_is_inverse_dynamics(random_robots):
         assert_allclose(Y @ link_parameters(robot.model.tree), expected, rtol=1e-10, atol=1e-10)
 
 
-def test_regressor_is_pinocchios(random_robots):
-    rng = np.random.default_rng(1)
+def test_regressor_is_pinocchios(random_robots, rng):
     # theirs is (m, mc, Ixx, Ixy, Iyy, Ixz, Iyz, Izz)
     order = np.array([0, 1, 2, 3, 4, 5, 7, 6, 8, 9])
     for robot in random_robots:

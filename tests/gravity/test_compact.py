@@ -15,8 +15,9 @@ from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
 from oracles.catalogue import robots_with_inertia
-from oracles.random_trees import RandomRobot, random_bodies_on, random_inertia, random_robot
+from oracles.random_trees import random_bodies_on, random_inertia, random_robot
 
+PLANAR = load_robot("planar_3r")
 UPRIGHT = np.array([0.0, 0.0, -9.81])
 X, Y, Z = np.eye(3)
 
@@ -46,16 +47,14 @@ def robot_of(*rows: tuple[str, str, str, np.ndarray, Pose], **options) -> RobotM
 
 
 def test_planar_arm_is_printed_as_the_paper_prints_it() -> None:
-    assert str(compact_regressor(load_robot("planar_3r"))).split("\n") == [
+    regressor = compact_regressor(PLANAR)
+    assert str(regressor).split("\n") == [
         "g = g_c [[c1 c12 c123],[0 c12 c123],[0 0 c123]] [s1 s2 s3]^T",
         "s1 = l1 (m2+m3) + lg1 m1",
         "s2 = l2 m3 + lg2 m2",
         "s3 = lg3 m3",
     ]
-
-
-def test_planar_arm_is_printed_for_latex() -> None:
-    first, *parameters = compact_regressor(load_robot("planar_3r")).latex().split("\n")
+    first, *parameters = regressor.latex().split("\n")
     assert r"c_{1} & c_{12} & c_{123} \\ 0 & c_{12} & c_{123} \\ 0 & 0 & c_{123}" in first
     assert parameters == [
         "s_{1} = l_{1} (m_{2}+m_{3}) + l_{g1} m_{1}",
@@ -65,7 +64,7 @@ def test_planar_arm_is_printed_for_latex() -> None:
 
 
 def test_planar_arm_has_the_papers_values() -> None:
-    regressor = compact_regressor(load_robot("planar_3r"))
+    regressor = compact_regressor(PLANAR)
     q = np.array([0.2, 0.5, -0.9])
     c1, c12, c123 = np.cos(np.cumsum(q))
     assert_allclose(
@@ -76,8 +75,7 @@ def test_planar_arm_has_the_papers_values() -> None:
     )  # from the lengths and masses of its file
 
 
-def test_compact_form_holds_what_the_full_form_holds(random_robots: list[RandomRobot]) -> None:
-    rng = np.random.default_rng(1)
+def test_compact_form_holds_what_the_full_form_holds(random_robots, rng):
     models = [robot.model for robot in random_robots[:30]] + [
         load_robot(name) for name in robots_with_inertia()
     ]
@@ -86,8 +84,11 @@ def test_compact_form_holds_what_the_full_form_holds(random_robots: list[RandomR
         q, gravity = rng.normal(size=(4, m.n)), 5.0 * rng.normal(size=(4, 3))
         regressor = compact_regressor(m)
         full = gravity_regressor(m, q, gravity) @ gravity_parameters(m).values
-        assert_allclose(regressor.Z(q, gravity) @ regressor.parameters(), full, atol=1e-10, err_msg=m.name)
-        assert regressor.Z(q, gravity).shape[-1] == len(regressor.labels) == len(regressor.units)
+        Z = regressor.Z(q, gravity)
+        assert_allclose(Z @ regressor.parameters(), full, atol=1e-10, err_msg=m.name)
+        assert Z.shape[-1] == len(regressor.labels) == len(regressor.units)
+        traced = evaluate(regressor.line(), q=q[0], gravity=gravity[0])
+        assert_allclose(traced, Z[0].ravel(), rtol=0.0, atol=1e-12, err_msg=m.name)
 
 
 @settings(max_examples=30, deadline=None)
@@ -124,8 +125,7 @@ def test_two_arms_of_the_same_make_stay_apart() -> None:
 
 
 def test_declared_axes_delete_what_cannot_be_there() -> None:
-    arm = load_robot("planar_3r")
-    anywhere = replace(arm, axes_of_com=np.ones((3, 3), dtype=bool))
+    anywhere = replace(PLANAR, axes_of_com=np.ones((3, 3), dtype=bool))
     assert compact_regressor(anywhere).labels == (
         "l1 (m2+m3) + lg1x m1",
         "lg1y m1",
@@ -174,17 +174,17 @@ def test_every_robot_of_the_catalogue_is_printed(name: str) -> None:
 
 
 def test_parameters_that_no_robot_of_the_structure_has_are_refused() -> None:
-    arm = load_robot("planar_3r")
-    regressor = compact_regressor(arm)
-    s = gravity_parameters(arm).values
+    regressor = compact_regressor(PLANAR)
+    s = gravity_parameters(PLANAR).values
     with pytest.raises(InputError, match=r"s: expected shape \(36,\), got \(35,\)"):
         regressor.compress(s[1:])
-    with pytest.raises(InputError, match=r"s\[7\] \(entry 7 of 36\) is nan"):
-        regressor.compress(np.where(np.arange(36) == 7, np.nan, s))
-    with pytest.raises(InputError, match=r"s\[4\] is 1: expected 0"):
-        regressor.compress(np.where(np.arange(36) == 4, 1.0, s))
-    with pytest.raises(InputError, match=r"s\[6\] is 2 and s\[18\] 0.525: expected equal .* l2 m3 \+ lg2 m2"):
-        regressor.compress(np.where(np.arange(36) == 6, 2.0, s))
+    for entry, number, said in (
+        (7, np.nan, r"s\[7\] \(entry 7 of 36\) is nan"),
+        (4, 1.0, r"s\[4\] is 1: expected 0"),
+        (6, 2.0, r"s\[6\] is 2 and s\[18\] 0.525: expected equal .* l2 m3 \+ lg2 m2"),
+    ):
+        with pytest.raises(InputError, match=said):
+            regressor.compress(np.where(np.arange(36) == entry, number, s))
 
 
 def test_a_robot_of_another_geometry_or_without_inertia_has_no_parameters() -> None:
@@ -211,8 +211,7 @@ def test_a_robot_that_cannot_move_has_no_parameters() -> None:
     assert str(compact_regressor(m))
 
 
-def test_kernels_and_many_rows_give_what_one_row_gives(monkeypatch: pytest.MonkeyPatch) -> None:
-    rng = np.random.default_rng(4)
+def test_kernels_and_many_rows_give_what_one_row_gives(monkeypatch, rng):
     for m in (load_robot("raven2_full"), random_robot(8).model):
         regressor = compact_regressor(m)
         q, gravity = rng.normal(size=(9, m.n)), 5.0 * rng.normal(size=(9, 3))
@@ -229,13 +228,3 @@ def test_kernels_and_many_rows_give_what_one_row_gives(monkeypatch: pytest.Monke
             patch.setattr("catenary.gravity.compact.MANY", 5)
             assert (regressor.Z(q, gravity) == given).all()
             assert (regressor.Z(q, gravity[0])[0] == given[0]).all()
-
-
-def test_traces_of_thirty_trees_give_what_z_gives(random_robots: list[RandomRobot]) -> None:
-    rng = np.random.default_rng(5)
-    for robot in random_robots[:30]:
-        regressor = compact_regressor(robot.model)
-        q, gravity = rng.normal(size=robot.model.n), 5.0 * rng.normal(size=3)
-        expected = regressor.Z(q, gravity)
-        given = evaluate(regressor.line(), q=q, gravity=gravity)
-        assert_allclose(given, expected.ravel(), rtol=0.0, atol=1e-12, err_msg=robot.model.name)

@@ -133,8 +133,7 @@ def test_gradients_of_gravity_are_its_stiffness(name):
     assert_allclose(by_sympy(derived, [q, gravity]), expected.ravel(), atol=1e-10)
 
 
-def test_jax_takes_batches_and_names():
-    rng = np.random.default_rng(2)
+def test_jax_takes_batches_and_names(rng):
     q, gravity = rng.normal(size=(5, 3)), np.array([0.0, 0.0, -9.81])
     model = load_robot("raven2")
     function = export_function(model, "gravity", "jax")

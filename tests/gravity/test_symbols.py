@@ -52,11 +52,7 @@ def test_planar_arm_has_the_papers_symbols() -> None:
         ((Product("", (0, 1)),), "m1+m2", "m_{1}+m_{2}"),
         ((Product("l2,5x", (4,)),), "l2,5x m5", "l_{2,5x} m_{5}"),
         ((Product("lg12z", (11,)),), "lg12z m12", "l_{g12z} m_{12}"),
-        (
-            (Product("l1", (1, 2, 3, 4, 5, 8)),),
-            "l1 (m2+...+m6+m9)",
-            r"l_{1} (m_{2}+\dots+m_{6}+m_{9})",
-        ),
+        ((Product("l1", (1, 2, 3, 4, 5, 8)),), "l1 (m2+...+m6+m9)", r"l_{1} (m_{2}+\dots+m_{6}+m_{9})"),
     ],
 )
 def test_expressions_are_written_as_in_the_paper(expression: Expression, text: str, latex: str) -> None:

@@ -26,6 +26,8 @@ from catenary.spatial import identity_pose
 from moving_arm import LEVEL, sinusoids
 from oracles.random_trees import random_inertia, random_pose, random_robot
 
+RAVEN = load_robot("raven2")
+
 
 def base_of(model, terms="full", gravity=LEVEL):
     recorded = sinusoids(np.random.default_rng(5), model, np.linspace(0.0, 3.0, 200))
@@ -57,12 +59,10 @@ def test_a_vertical_first_axis_hides_two_gravity_parameters_that_a_tilted_base_s
     assert tilted.count == level.count + 2
 
 
-def test_base_parameters_give_the_torques_of_all_parameters():
-    model = load_robot("raven2")
-    base = base_of(model)
-    rng = np.random.default_rng(7)
-    phi = np.concatenate([link_parameters(model.tree), rng.normal(size=9)])
-    q, qd, qdd = sinusoids(rng, model, np.linspace(0.0, 2.0, 50))
+def test_base_parameters_give_the_torques_of_all_parameters(rng):
+    base = base_of(RAVEN)
+    phi = np.concatenate([link_parameters(RAVEN.tree), rng.normal(size=9)])
+    q, qd, qdd = sinusoids(rng, RAVEN, np.linspace(0.0, 2.0, 50))
     whole = base.parameters.regressor(q, qd, qdd, LEVEL) @ phi
     assert_allclose(base.regressor(q, qd, qdd, LEVEL) @ (base.combination @ phi), whole, atol=1e-9)
 
@@ -178,9 +178,8 @@ def test_the_force_along_the_insertion_is_its_weight():
 
 
 def test_condition_is_that_of_columns_of_one_length():
-    arm = load_robot("raven2")
-    base = gravity_base_parameters(arm)
-    q = random_configurations(arm, 40, np.random.default_rng(0))  # the draw that it was found on
+    base = gravity_base_parameters(RAVEN)
+    q = random_configurations(RAVEN, 40, np.random.default_rng(0))  # the draw that it was found on
     W = base.regressor(q, 0.0 * q, 0.0 * q, np.array(LEVEL)).reshape(-1, base.count)
     assert_allclose(base.condition, np.linalg.cond(W / np.linalg.norm(W, axis=0)), rtol=1e-9)
 
@@ -193,8 +192,7 @@ def test_configurations_are_within_the_limits():
 
 
 def test_gravity_must_be_an_acceleration():
-    arm = load_robot("raven2")
     with pytest.raises(InputError, match="gravity is zero"):
-        gravity_base_parameters(arm, np.zeros(3))
+        gravity_base_parameters(RAVEN, np.zeros(3))
     with pytest.raises(InputError, match=r"gravity: expected shape \(3,\)"):
-        gravity_base_parameters(arm, np.zeros(2))
+        gravity_base_parameters(RAVEN, np.zeros(2))

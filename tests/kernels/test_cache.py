@@ -70,30 +70,19 @@ def test_a_file_with_other_content_is_never_run_but_made_anew(folder: Path, cont
     assert file_in(folder).read_bytes() == SOURCE.encode()
 
 
-def test_a_link_in_the_files_place_is_replaced_and_what_it_points_to_left_alone(
-    folder: Path, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("put", [Path.symlink_to, Path.hardlink_to, lambda file, _: file.mkdir()])
+def test_what_stands_in_the_files_place_is_replaced_and_what_it_points_to_left_alone(folder, tmp_path, put):
     again(folder)
-    file = file_in(folder)
-    elsewhere = tmp_path / "elsewhere.py"
+    file, elsewhere = file_in(folder), tmp_path / "elsewhere.py"
     elsewhere.write_bytes(SOURCE.encode())
     elsewhere.chmod(0o600)
-    for link in (Path.symlink_to, Path.hardlink_to):
-        file.unlink()
-        link(file, elsewhere)
-        again(folder)
-        assert not file.is_symlink()
-        assert file.stat().st_ino != elsewhere.stat().st_ino
-    assert elsewhere.read_bytes() == SOURCE.encode()
-
-
-def test_a_folder_in_the_files_place_is_replaced(folder: Path) -> None:
-    again(folder)
-    file = file_in(folder)
     file.unlink()
-    file.mkdir()
+    put(file, elsewhere)
     again(folder)
     assert file.is_file()
+    assert not file.is_symlink()
+    assert file.stat().st_ino != elsewhere.stat().st_ino
+    assert elsewhere.read_bytes() == SOURCE.encode()
 
 
 @pytest.mark.parametrize("rights", [0o770, 0o707, 0o750, 0o711])

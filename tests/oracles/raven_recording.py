@@ -5,10 +5,15 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
 
 from catenary.recording.journal import About, JournalTopic, JournalWriter
+from catenary.recording.journal_reader import JournalReader
+from catenary.recording.messages import ros2_name, typestore
 from catenary.recording.recorder import Recorder
-from catenary.recording.topics import RAVENSTATE, Topic, encode, raven_topics
+from catenary.recording.topics import ABOUT_TOPIC, ABOUT_TYPE, RAVENSTATE, Topic, encode, raven_topics
 
 START_NS = 1_600_000_000_000_000_000
 CENTRE, AMPLITUDE, RATE = (0.7, 1.4, 0.37), (0.3, 0.4, 0.04), (0.2, 0.31, 0.25)  # rad|m, rad|m, rad/s
@@ -84,3 +89,19 @@ def write_journal(
             for message, arrival in zip(encode(topic, stamp, columns), np.sort(stamp), strict=True):
                 journal.append(topic.name, int(arrival), message.tobytes())
     return folder
+
+
+def write_bag(journal: Path, path: Path) -> Path:
+    """Write a recording as one bag of all its topics, by rosbags: a `.bag`, or a ROS 2 bag with MCAP (a folder)."""
+    source, about = JournalReader(journal), ABOUT.as_json().encode()
+    ros = 1 if path.suffix == ".bag" else 2
+    with Writer1(path) if ros == 1 else Writer2(path, version=8, storage_plugin=StoragePlugin.MCAP) as bag:
+        connections = {
+            topic: bag.add_connection(topic, ros2_name(kind), typestore=typestore(ros))
+            for topic, kind in ((ABOUT_TOPIC, ABOUT_TYPE), *source.topics)
+        }
+        stated = (ABOUT_TOPIC, START_NS, len(about).to_bytes(4, "little") + about)
+        for topic, stamp, data in (stated, *source.messages()):
+            to = connections[topic]
+            bag.write(to, stamp, data if ros == 1 else typestore(2).ros1_to_cdr(data, to.msgtype))
+    return path

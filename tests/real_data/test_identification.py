@@ -13,7 +13,7 @@ from catenary.identification.options import IdentifyOptions
 from catenary.identification.payload import estimate_payload
 from catenary.identification.samples import prepare
 from catenary.plant import MotionLog
-from catenary.recording.torque_logs import read_torque_log
+from catenary.recording.logs import read_torque_log
 from catenary.robots.catalog import load_robot
 from catenary.workflows.identify import identify_files, part_of
 

@@ -12,13 +12,13 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from catenary.errors import FileFormatError, InputError
 from catenary.recording import bag
-from catenary.recording.bag import write_bag, write_group_bags
+from catenary.recording.bag import write_group_bags
 from catenary.recording.bag_stream import BagStream
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.messages import full_definition, md5_sum, typestore
 from catenary.recording.source import open_recording, open_recordings
 from catenary.recording.topics import ABOUT_TOPIC
-from oracles.raven_recording import ABOUT, record
+from oracles.raven_recording import ABOUT, record, write_bag
 
 Message = tuple[str, int, bytes]
 
@@ -38,39 +38,22 @@ def sent(journal: Path) -> list[Message]:
 def bags(journal: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """The same as a file of each kind."""
     folder = tmp_path_factory.mktemp("bags")
-    write_bag(JournalReader(journal), folder / "a", "mcap")
-    (ros1,) = write_bag(JournalReader(journal), folder / "a.bag")
-    return {"ros1": ros1, "mcap": next((folder / "a").glob("*.mcap"))}
+    (mcap,) = write_bag(journal, folder / "a").glob("*.mcap")
+    return {"ros1": write_bag(journal, folder / "a.bag"), "mcap": mcap}
 
 
-def _by_rosbags(path: Path) -> Iterator[tuple[str, int, bytes, Any]]:
-    with AnyReader([path]) as reader:  # checks the definitions against their sums, too
+def _by_rosbags(*paths: Path) -> Iterator[tuple[str, int, bytes, Any]]:
+    with AnyReader(paths) as reader:  # checks the definitions against their sums, too
         for connection, stamp, data in reader.messages():
             if connection.topic != ABOUT_TOPIC:
                 yield connection.topic, stamp, bytes(data), reader.deserialize(data, connection.msgtype)
 
 
-def test_a_ros1_bag_holds_the_journals_bytes_definitions_and_sums(
-    journal: Path, sent: list[Message], tmp_path: Path
-) -> None:
-    write_bag(JournalReader(journal), tmp_path / "a.bag")
-    read = [message[:3] for message in _by_rosbags(tmp_path / "a.bag")]
-    assert sorted(read) == sorted(sent)
-    assert sorted(open_recording(tmp_path / "a.bag").messages()) == sorted(sent)
-    with AnyReader([tmp_path / "a.bag"]) as reader:
-        for connection in reader.connections:
-            name = connection.msgtype.replace("/msg/", "/")
-            assert connection.digest == md5_sum(name)
-            assert connection.msgdef.data == full_definition(name)
-    with pytest.raises(InputError, match="never overwritten"):
-        write_bag(JournalReader(journal), tmp_path / "a.bag")
-
-
 def test_mcap_holds_the_same_messages_in_cdr_and_back_their_bytes_but_for_seq(
-    journal: Path, sent: list[Message], tmp_path: Path
+    journal: Path, bags: dict[str, Path], sent: list[Message], tmp_path: Path
 ) -> None:
-    write_bag(JournalReader(journal), tmp_path / "a", "mcap")
-    read = sorted(_by_rosbags(tmp_path / "a"), key=lambda message: (message[1], message[0]))
+    written = write_group_bags(JournalReader(journal), tmp_path / "a", "mcap")
+    read = sorted(_by_rosbags(*written), key=lambda message: (message[1], message[0]))
     for (topic, stamp, _, message), (sent_topic, sent_stamp, data) in zip(
         read, sorted(sent, key=lambda m: (m[1], m[0])), strict=True
     ):
@@ -81,8 +64,8 @@ def test_mcap_holds_the_same_messages_in_cdr_and_back_their_bytes_but_for_seq(
             np.testing.assert_array_equal(getattr(message, field), getattr(original, field))
         header = "hdr" if name.endswith("state") else "header"
         assert vars(getattr(message, header).stamp) == vars(getattr(original, header).stamp)
-    write_bag(open_recording(tmp_path / "a"), tmp_path / "back.bag")
-    back = sorted(open_recording(tmp_path / "back.bag").messages())
+    written = write_group_bags(open_recording(bags["mcap"]), tmp_path / "back")
+    back = sorted(message for source in open_recordings(written) for message in source.messages())
     # ROS 2 has no seq, the first four bytes of a header
     assert [(t, s, d[4:]) for t, s, d in back] == [(t, s, d[4:]) for t, s, d in sorted(sent)]
 
@@ -97,31 +80,32 @@ def test_robot_seed_and_simulated_travel_with_the_bag(bags: dict[str, Path], kin
 
 def test_one_bag_per_topic_as_the_group_records(journal: Path, sent: list[Message], tmp_path: Path) -> None:
     written = write_group_bags(JournalReader(journal), tmp_path)
-    names = [
-        "record_ravenstate",
-        "record_CRTKmeasurejs",
-        "record_ext_jenc",
-        "record_joint_enc",
-        "record_about",
-    ]
-    assert [path.name for path in written] == [f"{name}.bag" for name in names]
-    # RAVEN's group reads them with rosbag's read_messages() and takes all that comes for that topic
+    of_topics = ("ravenstate", "CRTKmeasurejs", "ext_jenc", "joint_enc", "about")
+    assert [path.name for path in written] == [f"record_{name}.bag" for name in of_topics]
     for path in written:
         with AnyReader([path]) as reader:
-            (name,) = {connection.topic for connection, _, _ in reader.messages()}
-            assert [connection.topic for connection in reader.connections] == [name]
+            # RAVEN's group reads them with rosbag's read_messages() and takes all that comes for that topic
+            (connection,) = reader.connections
+            assert {each.topic for each, _, _ in reader.messages()} == {connection.topic}
+            name = connection.msgtype.replace("/msg/", "/")
+            assert connection.digest == md5_sum(name)
+            assert connection.msgdef.data == full_definition(name)
+    assert sorted(message[:3] for message in _by_rosbags(*written)) == sorted(sent)
     sources = open_recordings([tmp_path])
     assert sorted(m for source in sources for m in source.messages()) == sorted(sent)
     stated = [source.about for source in sources if source.about is not None]
     assert [(about.robot, about.seed) for about in stated] == [(ABOUT.robot, ABOUT.seed)]
+    with pytest.raises(InputError, match="never overwritten"):
+        write_group_bags(JournalReader(journal), tmp_path)
 
 
 def test_a_long_recording_goes_into_several_bags(
     journal: Path, sent: list[Message], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bag, "MAX_MESSAGES", 1600)
-    written = write_bag(JournalReader(journal), tmp_path / "a.bag")
-    assert [path.name for path in written] == ["a.bag", "a_1.bag", "a_2.bag"]
+    monkeypatch.setattr(bag, "MAX_MESSAGES", 500)
+    written = write_group_bags(JournalReader(journal), tmp_path)
+    names = [path.name for path in written if path.stem.startswith("record_ext_jenc")]
+    assert names == [f"record_ext_jenc{number}.bag" for number in ("", "_1", "_2")]
     assert sorted(m for path in written for m in open_recording(path).messages()) == sorted(sent)
 
 
@@ -129,7 +113,7 @@ def test_what_a_torn_journal_lost_is_logged_when_a_bag_is_made(
     journal: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     (tmp_path / "torn.journal").write_bytes((journal / "0000.journal").read_bytes()[:-300])
-    write_bag(JournalReader(tmp_path / "torn.journal"), tmp_path / "a.bag")
+    write_group_bags(JournalReader(tmp_path / "torn.journal"), tmp_path / "bags")
     assert "no whole record" in caplog.text
 
 
@@ -140,8 +124,8 @@ def test_a_bag_that_could_not_be_finished_keeps_another_name(journal: Path, tmp_
             raise OSError("gone")
 
     with pytest.raises(OSError, match="gone"):
-        write_bag(Failing(journal), tmp_path / "a.bag")
-    assert [path.name for path in tmp_path.iterdir()] == ["a.bag.part"]
+        write_group_bags(Failing(journal), tmp_path)
+    assert {path.suffix for path in tmp_path.iterdir()} == {".part"}
 
 
 def test_a_topic_that_is_not_there_is_answered_with_those_that_are(journal: Path, tmp_path: Path) -> None:
@@ -194,18 +178,17 @@ def test_a_bag_without_its_index_is_refused(
 def test_a_salvaged_bag_is_written_anew(bags: dict[str, Path], sent: list[Message], tmp_path: Path) -> None:
     whole = bags["ros1"].read_bytes()
     (tmp_path / "cut.bag").write_bytes(whole[: len(whole) // 2])
-    write_bag(BagStream(tmp_path / "cut.bag"), tmp_path / "saved.bag")
-    saved = [m[:3] for m in _by_rosbags(tmp_path / "saved.bag")]
+    written = write_group_bags(BagStream(tmp_path / "cut.bag"), tmp_path / "saved")
+    saved = [m[:3] for m in _by_rosbags(*written)]
     assert sorted(saved) == sorted(sent[: len(saved)])
     assert len(saved) > 0.4 * len(sent)
 
 
 @pytest.mark.parametrize("compression", ["BZ2", "LZ4"])
-def test_compressed_bags_are_salvaged(journal: Path, tmp_path: Path, compression: str) -> None:
-    (path,) = write_bag(JournalReader(journal), tmp_path / "a.bag", topics=["/ravenstate"])
+def test_compressed_bags_are_salvaged(sent: list[Message], tmp_path: Path, compression: str) -> None:
     packed = Writer1(tmp_path / "packed.bag")
     packed.set_compression(Writer1.CompressionFormat[compression])
-    messages = list(open_recording(path).messages())
+    messages = [message for message in sent if message[0] == "/ravenstate"]
     with packed:
         connection = packed.add_connection("/ravenstate", "raven_2/msg/raven_state", typestore=typestore(1))
         for _, stamp, data in messages * 8:
@@ -269,7 +252,7 @@ def test_a_topic_of_an_unknown_type_is_listed_but_not_copied(tmp_path: Path) -> 
     reader = open_recording(tmp_path / "a.bag")
     assert [(t.name, t.type) for t in reader.topics] == [("/imu", "sensor_msgs/Temperature")]
     with pytest.raises(InputError, match="Temperature is not known"):
-        write_bag(reader, tmp_path / "b.bag")
+        write_group_bags(reader, tmp_path / "b")
 
 
 def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:

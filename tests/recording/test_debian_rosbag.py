@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from catenary.recording.bag import write_bag
+from catenary.recording.bag import write_group_bags
 from catenary.recording.extract import extract
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.messages import md5_sum
@@ -58,35 +58,33 @@ def journal(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def ours(journal: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    (path,) = write_bag(JournalReader(journal), tmp_path_factory.mktemp("bag") / "ours.bag")
-    return path
+def ours(journal: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Bags by name."""
+    written = write_group_bags(JournalReader(journal), tmp_path_factory.mktemp("bags"))
+    return {path.stem: path for path in written}
 
 
-def test_rosbag_info_tells_our_topics_and_counts(rosbag: str, journal: Path, ours: Path) -> None:
-    told = by_debian(rosbag, "info", str(ours))
+def test_rosbag_info_tells_our_topics_and_counts(rosbag: str, journal: Path, ours: dict[str, Path]) -> None:
+    told = "".join(by_debian(rosbag, "info", str(path)) for path in ours.values())
     counts = Counter(topic for topic, _, _ in JournalReader(journal).messages())
     for topic, count in counts.items():
         (line,) = [line for line in told.splitlines() if f"{topic} " in line]
         assert f"{count} msgs" in line
 
 
-def test_rosbag_check_wants_no_rule_for_the_types_that_it_knows(
-    rosbag: str, journal: Path, tmp_path: Path
-) -> None:
+def test_rosbag_check_wants_no_rule_for_the_types_that_it_knows(rosbag: str, ours: dict[str, Path]) -> None:
     # raven_2 is not in Debian, and is "Unknown" there whoever recorded it
-    (path,) = write_bag(JournalReader(journal), tmp_path / "joints.bag", topics=["/ext_jpos", "/joint_enc"])
-    told = by_debian(rosbag, "check", str(path))
-    assert "rules missing" not in told
-    assert "Unknown" not in told
-    sums = set(re.findall(r"sensor_msgs/JointState \[(\w+)\]", told))
-    assert sums <= {md5_sum("sensor_msgs/JointState")}, told
+    for name in ("record_ext_jenc", "record_joint_enc"):
+        told = by_debian(rosbag, "check", str(ours[name]))
+        assert "rules missing" not in told
+        assert "Unknown" not in told
+        sums = set(re.findall(r"sensor_msgs/JointState \[(\w+)\]", told))
+        assert sums <= {md5_sum("sensor_msgs/JointState")}, told
 
 
-def test_rosbag_reads_the_numbers_that_we_wrote(ours: Path, tmp_path: Path) -> None:
-    extract([ours], tmp_path / "x")
-    read = json.loads(by_debian("-c", READ, str(ours)))
-    degrees = [row for row in read if row[0] == "/ravenstate"]
+def test_rosbag_reads_the_numbers_that_we_wrote(ours: dict[str, Path], tmp_path: Path) -> None:
+    extract([*ours.values()], tmp_path / "x")
+    degrees = json.loads(by_debian("-c", READ, str(ours["record_ravenstate"])))
     table = pq.read_table(tmp_path / "x" / "ravenstate.parquet")
     assert [row[1] for row in degrees] == table.column("arrival").to_pylist()
     assert [row[2] for row in degrees] == table.column("stamp").to_pylist()
@@ -95,10 +93,14 @@ def test_rosbag_reads_the_numbers_that_we_wrote(ours: Path, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("compression", ["none", "bz2", "lz4"])
-def test_a_bag_of_rosbags_extracts_to_the_same_messages(ours: Path, tmp_path: Path, compression: str) -> None:
-    by_debian("-c", REWRITE, str(ours), str(tmp_path / "theirs.bag"), compression)
+def test_a_bag_of_rosbags_extracts_to_the_same_messages(
+    ours: dict[str, Path], tmp_path: Path, compression: str
+) -> None:
+    rewritten = {path: tmp_path / path.name for path in ours.values()}
+    for path, to in rewritten.items():
+        by_debian("-c", REWRITE, str(path), str(to), compression)
     mine, theirs = (
-        extract([path], tmp_path / name) for name, path in (("x", ours), ("y", tmp_path / "theirs.bag"))
+        extract([*paths], tmp_path / name) for name, paths in (("x", rewritten), ("y", rewritten.values()))
     )
     assert dict(mine.messages) == dict(theirs.messages)
     assert theirs.problems == ()

@@ -10,12 +10,12 @@ from rosbags.highlevel import AnyReader
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
 from catenary.recording import extract as extract_module
-from catenary.recording.bag import write_bag, write_group_bags
+from catenary.recording.bag import write_group_bags
 from catenary.recording.extract import TopicFile, extract, topic_file
 from catenary.recording.journal import About, JournalTopic, JournalWriter
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.topics import EXT_JPOS, GREEN_MEASURED_JS, RAVENSTATE, raven_topics
-from oracles.raven_recording import ABOUT, START_NS, encoder, nominal, record
+from oracles.raven_recording import ABOUT, START_NS, encoder, nominal, record, write_bag
 
 
 @pytest.fixture(scope="module")
@@ -57,17 +57,16 @@ def test_units_and_origin_are_in_the_schema(journal: Path, tmp_path: Path) -> No
     assert TopicFile(tmp_path / "x" / "ravenstate.parquet").about.simulated
 
 
-@pytest.mark.parametrize("kind", ["bag", "group", "mcap", "mcap file"])
+@pytest.mark.parametrize("kind", ["bag", "mcap", "mcap file", "group of bags", "group of mcap"])
 def test_every_kind_of_file_gives_the_same_numbers(journal: Path, tmp_path: Path, kind: str) -> None:
     extract([journal], tmp_path / "x")
-    source = JournalReader(journal)
-    if kind == "group":
-        write_group_bags(source, tmp_path / "bags")
+    if kind == "group of bags":
+        write_group_bags(JournalReader(journal), tmp_path / "bags")
         paths = [tmp_path / "bags"]
-    elif kind == "bag":
-        paths = list(write_bag(source, tmp_path / "a.bag"))
+    elif kind == "group of mcap":
+        paths = [*write_group_bags(JournalReader(journal), tmp_path, "mcap")]
     else:
-        paths = list(write_bag(source, tmp_path / "a", "mcap"))
+        paths = [write_bag(journal, tmp_path / ("a.bag" if kind == "bag" else "a"))]
         paths = list(paths[0].glob("*.mcap")) if kind == "mcap file" else paths
     result = extract(paths, tmp_path / "y")
     assert result.problems == ()
@@ -82,7 +81,7 @@ def test_every_kind_of_file_gives_the_same_numbers(journal: Path, tmp_path: Path
 
 
 def test_every_field_is_what_rosbags_reads(journal: Path, tmp_path: Path) -> None:
-    (path,) = write_bag(JournalReader(journal), tmp_path / "a.bag")
+    path = write_bag(journal, tmp_path / "a.bag")
     extract([path], tmp_path / "x")
     state = _columns(tmp_path / "x", "ravenstate")
     with AnyReader([path]) as reader:
@@ -134,8 +133,7 @@ def test_what_is_cut_off_is_extracted_and_the_loss_reported(journal: Path, tmp_p
     result = extract([tmp_path / "r"], tmp_path / "x")
     assert any("no whole record" in problem for problem in result.problems)
     assert result.messages["/ravenstate"] > 0
-    write_bag(JournalReader(journal), tmp_path / "a.bag")
-    whole = (tmp_path / "a.bag").read_bytes()
+    whole = write_bag(journal, tmp_path / "a.bag").read_bytes()
     (tmp_path / "cut.bag").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(FileFormatError, match="can be saved"):
         extract([tmp_path / "cut.bag"], tmp_path / "y")

@@ -9,13 +9,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from rosbags.highlevel import AnyReader
 
 from catenary.errors import FileFormatError, InputError
-from catenary.recording.bag import write_bag
 from catenary.recording.extract import extract
-from catenary.recording.journal_reader import JournalReader
 from catenary.recording.logs import read_log
 from catenary.recording.raven_csv import read_raven_csv, write_raven_csv
 from catenary.recording.synchronise import synchronise
-from oracles.raven_recording import START_NS, record
+from oracles.raven_recording import START_NS, record, write_bag
 
 # the published layout: first and last column of each field of raven_state
 LAYOUT = {
@@ -30,7 +28,7 @@ LAYOUT = {
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recording")
-    return write_bag(JournalReader(record(folder / "journal", 6.0)), folder / "a.bag")[0]
+    return write_bag(record(folder / "journal", 6.0), folder / "a.bag")
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +46,11 @@ def table(extraction: Path, tmp_path: Path) -> Path:
 def _rows(path: Path) -> list[list[str]]:
     with path.open(newline="") as file:
         return list(csv.reader(file))
+
+
+def _write(rows: list[list[str]], path: Path) -> None:
+    with path.open("w", newline="") as file:
+        csv.writer(file).writerows(rows)
 
 
 def test_every_column_is_the_messages_number_in_its_published_place(bag: Path, table: Path) -> None:
@@ -93,7 +96,7 @@ def test_jpos_is_times_180_over_pi_in_metres_too(table: Path) -> None:
 
 def test_the_csv_reads_back_as_the_log_of_the_recording(extraction: Path, table: Path) -> None:
     expected = synchronise(extraction).log
-    log = read_raven_csv(table, robot="raven2", simulated=True).log
+    log = read_raven_csv(table).log
     assert log.tau is not None
     assert expected.tau is not None
     assert_array_equal(log.q_nominal, expected.q_nominal)
@@ -103,7 +106,6 @@ def test_the_csv_reads_back_as_the_log_of_the_recording(extraction: Path, table:
     assert both[1:-1].all()
     # samples of 100 Hz at 30 Hz: chords of up to 45 ms, 0.4 rad at 0.31 rad/s
     assert_allclose(log.q_encoder[both], expected.q_encoder[both], atol=0.045**2 / 8 * 0.4 * 0.31**2)  # type: ignore[index]
-    assert (log.robot, log.simulated) == ("raven2", True)
 
 
 def test_the_csv_opens_as_a_recording_that_knows_its_file(table: Path) -> None:
@@ -116,15 +118,14 @@ def test_the_csv_opens_as_a_recording_that_knows_its_file(table: Path) -> None:
             read_log(table, **given)
 
 
-def test_force_makes_256_columns_and_comes_back_as_signals(extraction: Path, tmp_path: Path) -> None:
-    stamps = START_NS / 1e9 + np.arange(0.0, 6.0, 0.01)
-    force = np.column_stack([np.full(600, 1.5), np.arange(600.0), -np.arange(600.0)])
-    write_raven_csv(extraction, tmp_path / "a.csv", force=(stamps, force))
-    assert {len(row) for row in _rows(tmp_path / "a.csv")} == {256}
-    log = read_raven_csv(tmp_path / "a.csv").log
-    assert log.time is not None
+def test_force_in_256_columns_is_read_as_signals(table: Path, tmp_path: Path) -> None:
+    rows = _rows(table)
+    for i, row in enumerate(rows):
+        row += [row[12], "1.5", str(i), str(-i)]  # as of the state's stamp
+    _write(rows, tmp_path / "b.csv")
+    log = read_raven_csv(tmp_path / "b.csv").log
     assert_array_equal(log.signals["force_x"], np.full(len(log), 1.5))
-    assert_allclose(log.signals["force_y"], 100.0 * log.time, atol=0.51)  # the nearest sample
+    assert_array_equal(log.signals["force_y"], np.arange(len(log)))
     assert log.signal_units["force_z"] == "N"
 
 
@@ -133,8 +134,7 @@ def test_stamps_that_all_count_from_the_first_state_read_the_same(table: Path, t
     origin = float(rows[0][12])
     for row in rows:
         row[4], row[12] = (repr(float(row[i]) - origin) for i in (4, 12))
-    with (tmp_path / "b.csv").open("w", newline="") as file:
-        csv.writer(file).writerows(rows)
+    _write(rows, tmp_path / "b.csv")
     a, b = read_raven_csv(table).log, read_raven_csv(tmp_path / "b.csv").log
     assert_allclose(a.time, b.time, atol=1e-6)
     assert_allclose(a.q_encoder, b.q_encoder, atol=1e-6, equal_nan=True)
@@ -180,8 +180,6 @@ def test_what_is_no_table_of_numbers_is_refused(
         read_raven_csv(table)
 
 
-def test_a_missing_table_and_a_force_of_another_shape_are_refused(extraction: Path, tmp_path: Path) -> None:
+def test_a_missing_table_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match="no such file"):
         read_raven_csv(tmp_path / "b.csv")
-    with pytest.raises(InputError, match="force"):
-        write_raven_csv(extraction, tmp_path / "a.csv", force=(np.zeros(3), np.zeros((2, 3))))

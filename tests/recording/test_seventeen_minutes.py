@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from catenary.recording.bag import write_bag
+from catenary.recording.bag import write_group_bags
 from catenary.recording.extract import extract
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.synchronise import synchronise
@@ -17,7 +17,7 @@ MINUTES = 17
 @pytest.mark.parametrize("kind", ["journal", "bag"])
 def test_seventeen_minutes_are_extracted_and_synchronised_whole(tmp_path: Path, kind: str) -> None:
     journal = record_minutes(tmp_path / "r", MINUTES)
-    paths = [journal] if kind == "journal" else [*write_bag(JournalReader(journal), tmp_path / "a.bag")]
+    paths = [journal] if kind == "journal" else [*write_group_bags(JournalReader(journal), tmp_path)]
     extract(paths, tmp_path / "x")
     result = synchronise(tmp_path / "x")
     assert len(result.log) > 29 * 60 * MINUTES

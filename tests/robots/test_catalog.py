@@ -38,18 +38,16 @@ def test_robots_without_published_inertia_are_kinematics_only(name):
         gravity_torque(model, np.zeros(model.n), [0.0, 0.0, -9.81])
 
 
-def test_both_masters_are_the_same_arm_in_other_coordinates():
+def test_both_masters_are_the_same_arm_in_other_coordinates(rng):
     motor, joint = load_robot("dvrk_mtm"), load_robot("dvrk_mtm_joint")
-    rng = np.random.default_rng(3)
     for q in rng.normal(size=(10, 7)):
         own = [q[0], q[1], q[2] - q[1], 0.6697 * (q[1] - q[2]) + q[3], *q[4:]]
         for name in motor.link_names:
             assert_allclose(frame_pose(motor, name, q), frame_pose(joint, name, own), atol=1e-12)
 
 
-def test_the_psms_shaft_always_passes_one_point_on_the_first_axis():
+def test_the_psms_shaft_always_passes_one_point_on_the_first_axis(rng):
     model = load_robot("dvrk_psm")
-    rng = np.random.default_rng(4)
     first = frame_pose(model, "yaw", np.zeros(7))
     remote_centre = first[:3, 3] - 0.516 * first[:3, 2]  # the length of the parallelogram's top bar
     for q in rng.uniform(-0.7, 0.7, size=(10, 7)):
@@ -102,6 +100,10 @@ URDF = (
     '<robot name="u"><link name="w"/><link name="a"/><joint name="j" type="continuous"><parent link="w"/>'
     '<child link="a"/></joint></robot>'
 )
+TABLE = (
+    'name = "t"\nconvention = "standard"\nsources = []\n[[link]]\nname = "a"\njoint = "revolute"\n'
+    "alpha_deg = 0\na_m = 0\nd_m = 0\ntheta_deg = 0\nmassless = true\n"
+)
 MJCF = '<mujoco model="m"><worldbody><body name="a"><joint name="j"/><geom size="1"/></body></worldbody></mujoco>'
 
 
@@ -113,6 +115,7 @@ MJCF = '<mujoco model="m"><worldbody><body name="a"><joint name="j"/><geom size=
         ("r.URDF", URDF, "u"),
         ("r.xml", MJCF, "m"),
         ("r.mjcf", MJCF, "m"),
+        ("r.toml", TABLE, "t"),
     ],
 )
 def test_a_file_is_read_by_what_it_holds(tmp_path, file, text, name):
@@ -121,15 +124,6 @@ def test_a_file_is_read_by_what_it_holds(tmp_path, file, text, name):
     model = load_robot(str(path), massless=["a"] if text is URDF else [])
     assert model.name == name
     assert model.missing_inertia == ()
-
-
-def test_a_catalogue_robot_can_be_copied_and_loaded_as_a_file(tmp_path):
-    path = tmp_path / "mine.toml"
-    path.write_text(
-        'name = "mine"\nconvention = "standard"\nsources = []\n[[link]]\nname = "a"\njoint = "revolute"\n'
-        "alpha_deg = 0\na_m = 0\nd_m = 0\ntheta_deg = 0\nmassless = true\n"
-    )
-    assert load_robot(path).name == "mine"
 
 
 @pytest.mark.parametrize(
@@ -147,8 +141,8 @@ def test_a_file_of_another_kind_is_refused(tmp_path, file, text, said):
     path.write_text(text)
     with pytest.raises(FileFormatError) as caught:
         load_robot(path)
-    assert str(caught.value).startswith(f"{path}: ")
     assert said in str(caught.value)
+    assert str(caught.value).startswith(f"{path}: ")
 
 
 def test_what_is_no_robot_is_refused_with_the_catalogue(tmp_path):
@@ -163,7 +157,7 @@ def test_what_is_no_robot_is_refused_with_the_catalogue(tmp_path):
 # the dual-arm robot: what the gravity-regressor paper says of it, and that its halves mirror each other
 
 DUAL = load_robot("dual_arm_19")
-ARM = (
+ARM = [
     "clavicle",
     "shoulder_pitch",
     "shoulder_roll",
@@ -172,7 +166,7 @@ ARM = (
     "wrist_yaw",
     "wrist_pitch",
     "wrist_roll",
-)
+]
 # rotations about the forward and the vertical axis change sign in a mirror, those about the lateral one do not
 FLIP = {"pitch": 1.0, "elbow": 1.0, "clavicle": -1.0, "roll": -1.0, "yaw": -1.0}
 
@@ -201,8 +195,7 @@ def test_dual_arm_stands_a_metre_high_with_hanging_arms():
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_dual_arm_reaches_065_m_and_no_further(side):
-    rng = np.random.default_rng(0)
+def test_dual_arm_reaches_065_m_and_no_further(side, rng):
     reach = []
     for k in range(200):
         q = rng.uniform(DUAL.lower, DUAL.upper) if k else np.zeros(19)
@@ -211,8 +204,7 @@ def test_dual_arm_reaches_065_m_and_no_further(side):
     assert_allclose(max(reach), 0.65, atol=1e-12)
 
 
-def test_dual_arms_mirror_each_other():
-    rng = np.random.default_rng(1)
+def test_dual_arms_mirror_each_other(rng):
     for _ in range(20):
         q = rng.uniform(DUAL.lower, DUAL.upper)
         expected = MIRROR @ frame_pose(DUAL, "left_hand", q) @ MIRROR

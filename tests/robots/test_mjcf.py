@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.errors import (
-    FileFormatError,
-    MissingInertiaError,
-    MissingPackageError,
-    UnsupportedModelError,
-)
+from catenary.errors import FileFormatError, MissingInertiaError, MissingPackageError, UnsupportedModelError
 from catenary.robots.mjcf import load_mjcf
 from oracles.random_robots import random_mjcf
 from oracles.tree_poses import frame_pose, homogeneous, link_poses, moments_about_origin
@@ -212,17 +207,14 @@ SKELETON = worldbody(
 )
 
 
-def test_a_file_without_masses_loads_and_names_the_bodies_that_have_none(load):
+def test_a_body_without_mass_is_named_and_the_masses_of_the_others_are_as_they_were(load):
     model = load(SKELETON)
+    assert model.name == "robot"  # its file's, as it has none of its own
     assert model.missing_inertia == ("b",)
     assert_array_equal(frame_pose(model, "b", [0.0, 0.0])[:3, 3], [1, 0, 1])
     with pytest.raises(MissingInertiaError, match='"b"'):
         model.require_inertia()
     assert load(SKELETON, massless=["b"]).massless == ("b",)
-
-
-def test_the_way_around_missing_masses_leaves_the_masses_that_are_there(load):
-    model = load(SKELETON)
     alone = load(SKELETON.replace('<body name="b" pos="1 0 0"><joint name="k" axis="0 0 1"/></body>', ""))
     assert alone.missing_inertia == ()
     assert_array_equal(model.tree.mass, [1e-6, 0])
@@ -279,10 +271,6 @@ def test_included_files_and_meshes_are_found_beside_the_file(tmp_path, file):
     digests = [hashlib.sha256(path.read_bytes()).hexdigest() for path in (main, part)]
     assert model.sources == (f"{file}, sha256 {digests[0]}", f"part.xml, sha256 {digests[1]}")
     assert model.name == "m"
-
-
-def test_a_robot_without_a_name_is_called_after_its_file(load):
-    assert load(SKELETON).name == "robot"
 
 
 def test_without_mujoco_the_error_says_what_to_install(load, monkeypatch):

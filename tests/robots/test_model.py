@@ -13,6 +13,8 @@ from catenary.robots.catalog import load_robot
 from catenary.spatial import identity_pose
 from oracles.tree_poses import frame_pose
 
+RAVEN = load_robot("raven2")
+
 BODY = LinkInertia(1.5, np.zeros(3), np.eye(3))
 
 
@@ -31,13 +33,10 @@ def test_arrays_of_a_model_cannot_be_written(model):
             array[...] = 0
 
 
-def test_missing_inertia_is_refused_by_link_name(model):
+def test_missing_inertia_is_refused_by_link_name_and_declaring_the_link_massless_completes_the_model(model):
     with pytest.raises(MissingInertiaError, match=r'robot "robot": no inertia for link.*"b"') as caught:
         model.require_inertia()
     assert caught.value.links == ("b",)
-
-
-def test_declaring_a_link_massless_completes_the_model(model):
     declared = model.with_massless(["b", "tool"])
     declared.require_inertia()
     assert declared.massless == ("b",)
@@ -56,11 +55,8 @@ def test_only_links_without_mass_can_be_declared_massless(model, name, said):
         model.with_massless([name])
 
 
-def test_the_tip_is_the_frame_that_is_meant_when_none_is_named(model):
+def test_the_tip_is_meant_where_no_frame_is_named_and_an_unknown_one_is_refused_with_those_there_are(model):
     assert model.frame() is model.frame("tool")
-
-
-def test_an_unknown_frame_is_refused_with_those_there_are(model):
     with pytest.raises(InputError, match='no frame "x"; frames: a, b, base, tool'):
         model.frame("x")
 
@@ -80,31 +76,24 @@ def test_a_model_travels_to_another_process(model):
 PLACE = np.array([0.1, -0.2, 0.3])
 
 
-def test_a_payload_of_nothing_changes_nothing():
-    model = load_robot("raven2")
-    assert model.with_payload("wrist", 0.0, PLACE) is model
+def test_no_payload_and_one_taken_off_leave_the_robot_as_it_was():
+    assert RAVEN.with_payload("wrist", 0.0, PLACE) is RAVEN
+    assert RAVEN.with_payload("wrist", 0.3, PLACE).without_payload is RAVEN
 
 
-def test_a_payload_taken_off_leaves_the_robot_as_it_was():
-    model = load_robot("raven2")
-    assert model.with_payload("wrist", 0.3, PLACE).without_payload is model
-
-
-def test_a_payload_adds_its_own_potential_and_kinetic_energy():
-    model = load_robot("raven2")
-    heavy = model.with_payload("elbow", 0.4, PLACE)
-    rng = np.random.default_rng(0)
-    q, qd = rng.uniform(model.lower, model.upper), rng.normal(size=3)
+def test_a_payload_adds_its_own_potential_and_kinetic_energy(rng):
+    heavy = RAVEN.with_payload("elbow", 0.4, PLACE)
+    q, qd = rng.uniform(RAVEN.lower, RAVEN.upper), rng.normal(size=3)
 
     def place(at):
-        pose = frame_pose(model, "elbow", at)
+        pose = frame_pose(RAVEN, "elbow", at)
         return pose[:3, :3] @ PLACE + pose[:3, 3]
 
     velocity = (place(q + 1e-6 * qd) - place(q - 1e-6 * qd)) / 2e-6
     gravity = np.array([0.0, 0.0, -9.81])
-    more = potential_energy(heavy, q, gravity) - potential_energy(model, q, gravity)
+    more = potential_energy(heavy, q, gravity) - potential_energy(RAVEN, q, gravity)
     assert_allclose(more, -0.4 * gravity @ place(q), atol=1e-12)
-    moving = 0.5 * qd @ (mass_matrix(heavy, q) - mass_matrix(model, q)) @ qd
+    moving = 0.5 * qd @ (mass_matrix(heavy, q) - mass_matrix(RAVEN, q)) @ qd
     assert_allclose(moving, 0.2 * velocity @ velocity, rtol=1e-7)  # central difference, h = 1e-6
 
 

@@ -28,8 +28,7 @@ def test_a_parabola_is_read_exactly_with_its_derivative_whatever_the_stamps(seed
 
 
 @pytest.mark.parametrize("window", [0.03, 0.06])
-def test_it_is_the_least_squares_parabola_of_the_window(window):
-    rng = np.random.default_rng(1)
+def test_it_is_the_least_squares_parabola_of_the_window(window, rng):
     stamps, values = np.arange(50) * 0.005, rng.normal(size=(50, 3))
     fit = filled(values, stamps, CUTOFF_BY_WINDOW / window)
     inside = stamps >= stamps[-1] - window - 1e-6
@@ -69,8 +68,7 @@ def test_half_power_is_at_the_cutoff():
     assert abs(value) == pytest.approx(np.sqrt(0.5), abs=0.05)
 
 
-def test_noise_comes_out_as_documented():
-    rng = np.random.default_rng(3)
+def test_noise_comes_out_as_documented(rng):
     out = []
     for _ in range(400):
         stamps = np.arange(20) * 0.005

@@ -30,8 +30,7 @@ def test_a_sensor_with_its_x_axis_up_reads_gravity_there():
     assert_allclose(gravity, [0.0, 0.0, -9.81])
 
 
-def test_what_a_sensor_distorts_the_mounting_puts_right():
-    rng = np.random.default_rng(0)
+def test_what_a_sensor_distorts_the_mounting_puts_right(rng):
     gravity, rate = rng.normal(size=(2, 5, 3))
     reading = (-gravity @ TURNED.rotation) * TURNED.scale + TURNED.bias
     assert_allclose(TURNED.gravity(reading, Kind.SPECIFIC_FORCE), gravity, atol=1e-12)

@@ -47,8 +47,7 @@ def test_six_sides_are_enough_but_leave_no_residual():
     assert np.isnan(found.residual)
 
 
-def test_the_residual_is_the_noise_of_the_readings():
-    rng = np.random.default_rng(1)
+def test_the_residual_is_the_noise_of_the_readings(rng):
     found = fit_tumble(read(spread(rng, 60), noise=0.02, rng=rng))
     assert found.residual == pytest.approx(0.02, rel=0.3)
     assert_allclose(found.bias, BIAS, atol=0.02)
@@ -68,8 +67,7 @@ def test_readings_in_another_unit_are_told(factor, said):
     assert said in fit_tumble(read(SIX, bias=0.0, scale=factor)).faults[0]
 
 
-def test_a_sensor_that_was_moved_is_told():
-    rng = np.random.default_rng(2)
+def test_a_sensor_that_was_moved_is_told(rng):
     faults = fit_tumble(read(spread(rng, 20), noise=0.5, rng=rng)).faults
     assert any("moved during a reading" in fault for fault in faults)
 
@@ -90,8 +88,7 @@ def test_the_rotation_is_found_from_attitudes_that_are_known(seed):
     assert found.residual_deg < 1e-6
 
 
-def test_the_residual_of_a_rotation_is_how_far_off_the_attitudes_were():
-    rng = np.random.default_rng(4)
+def test_the_residual_of_a_rotation_is_how_far_off_the_attitudes_were(rng):
     up = spread(rng, 200)
     told = Rotation.from_rotvec(np.radians(2.0) * rng.normal(size=(200, 3))).apply(up)
     # two of the three axes of a random turn move a direction
@@ -132,8 +129,7 @@ def test_parallel_directions_are_refused():
         align([[0, 0, 9.8], [0, 0, 9.8]], [[0, 0, 1], [0, 0, 1]])
 
 
-def test_the_mounting_puts_readings_right():
-    rng = np.random.default_rng(5)
+def test_the_mounting_puts_readings_right(rng):
     R_base_imu, up = Rotation.random(rng=rng).as_matrix(), spread(rng, 12)
     readings = read(up @ R_base_imu)
     tumble = fit_tumble(readings)

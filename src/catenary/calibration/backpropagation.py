@@ -14,11 +14,8 @@ from scipy.special import expit
 from catenary.calibration.predictors import Activation
 
 Singles = NDArray[np.float32]
-MOMENTUM, SQUARES, EPSILON = (
-    0.9,
-    0.999,
-    1e-8,
-)  # Adam's decay rates and what it adds to a root [Kingma and Ba 2014]
+# Adam's decay rates, and what it adds to a root [Kingma and Ba 2014]
+MOMENTUM, SQUARES, EPSILON = 0.9, 0.999, 1e-8
 
 
 class TrainedNetwork:

@@ -166,7 +166,7 @@ def fit(
     options = FitOptions(
         kind=model,
         preset=preset,
-        inputs=_words(inputs),
+        inputs=inputs,
         history=history,
         play=None if play is None else tuple(play),
         target=target,
@@ -203,14 +203,6 @@ def evaluate(
     """Return a model's errors on data that it should not have seen: `Calibration.evaluate`, also of a model's file."""
     loaded = model if isinstance(model, Calibration) else load_model(model)
     return loaded.evaluate(q_nominal, q_encoder, tau=tau, qd=qd, time=time, window=window)
-
-
-def _words(
-    inputs: Sequence[str] | Mapping[str, Sequence[str]] | None,
-) -> tuple[str, ...] | dict[str, tuple[str, ...]] | None:
-    if isinstance(inputs, Mapping):
-        return {joint: tuple(words) for joint, words in inputs.items()}
-    return None if inputs is None else tuple(inputs)
 
 
 def _with_card(model: CalibrationModel, card: Card) -> Calibration:

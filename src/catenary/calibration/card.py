@@ -1,5 +1,6 @@
 """The model card: everything a stranger must know before trusting a calibration."""
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.metadata import version
 from typing import Any
@@ -115,7 +116,7 @@ def _scaling(kind: str) -> str:
 def _settings(options: FitOptions) -> dict[str, Any]:
     settings: dict[str, Any] = {
         "kind": options.kind,
-        "inputs": options.inputs,
+        "inputs": dict(options.inputs) if isinstance(options.inputs, Mapping) else options.inputs,
         "history": options.history,
         "play_shares": None if options.play is None else list(options.play),
         "target": options.target,

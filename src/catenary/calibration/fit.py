@@ -1,6 +1,6 @@
 """From recordings to a calibration model, of whichever kind."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -46,7 +46,7 @@ class FitOptions:
 
     kind: Kind = "linear"
     preset: Preset | None = None  # of kind neural; "paper" when None
-    inputs: tuple[str, ...] | dict[str, tuple[str, ...]] | None = None
+    inputs: Sequence[str] | Mapping[str, Sequence[str]] | None = None
     history: int = 0
     play: tuple[float, ...] | None = None
     target: Target = "error"
@@ -104,13 +104,13 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
     if not logs:
         raise InputError("data: expected at least one recording, got none")
     log = logs[0]
-    if isinstance(options.inputs, dict):
+    if isinstance(options.inputs, Mapping):
         for joint in options.inputs:
             if joint not in log.joint_names:
                 raise InputError(
                     f'inputs of joint "{joint}": no such joint; joints: {", ".join(log.joint_names)}'
                 )
-        inputs = options.inputs
+        inputs = dict(options.inputs)
     else:
         inputs = {} if options.inputs is None else dict.fromkeys(log.joint_names, options.inputs)
     default = ("q",) if log.tau is None else ("q", "tau")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.kernels import Flags, Step, between, blocks, dense, run, standardise
+from catenary.calibration.kernels import Flags, Step, between, dense, standardise
 
 SMALLEST_RANGE = 1e-6  # [standard deviations] below it a direction counts as not moved at all
 
@@ -44,14 +44,6 @@ class ValidRange:
             Step(dense, (centred, self.axes, zeros), (projection,)),
             Step(between, (projection, self.axis_lower, self.axis_upper), (inside,)),
         ]
-
-    def inside(self, X: Floats) -> Flags:
-        """Return whether each row of features (N, F) lies within both boxes, (N,); never true for NaN."""
-        X = as_array("features", X, (None, len(self.lower)), finite=False)
-        inside = np.ones(len(X), dtype=bool)
-        for rows in blocks(len(X)):
-            run(self.steps(X[rows], inside[rows]))
-        return inside
 
 
 def fit_valid_range(X: Floats, margin: float) -> ValidRange:

@@ -29,8 +29,6 @@ def joint_state_message(
     position: ArrayLike = (),
     velocity: ArrayLike = (),
     effort: ArrayLike = (),
-    *,
-    frame_id: str = "",
 ) -> Message:
     """Return a sensor_msgs/JointState, at `stamp` [ns]; what is empty is left out of it.
 
@@ -43,12 +41,10 @@ def joint_state_message(
         if len(array) not in (0, len(names)):
             raise InputError(f"{field}: expected {len(names)} numbers, one per joint, got {len(array)}")
         values.append(array)
-    return message_class("sensor_msgs/JointState")(header(stamp, frame_id), names, *values)
+    return message_class("sensor_msgs/JointState")(header(stamp), names, *values)
 
 
-def joint_values(
-    message: Message, names: tuple[str, ...], field: str = "position", *, missing: ArrayLike | None = None
-) -> Floats:
+def joint_values(message: Message, names: tuple[str, ...], field: str = "position") -> Floats:
     """Return the numbers of a sensor_msgs/JointState in the order of our joints, (n,).
 
     With names, each number goes to the joint of its name, in whatever order they come. Without names the first n count,
@@ -58,7 +54,6 @@ def joint_values(
         message: What came.
         names: Our joints.
         field: "position", "velocity" or "effort".
-        missing: (n,) numbers for joints that the message does not name; None refuses such a message.
 
     Raises:
         InputError: A name is unknown, missing or given twice, numbers and names differ in count, or one is not finite.
@@ -80,16 +75,12 @@ def joint_values(
     by_name = dict(zip(given, values, strict=True))
     unknown = [name for name in given if name not in names]
     absent = [name for name in names if name not in by_name]
-    if unknown or len(by_name) < len(given) or (absent and missing is None):
-        faults = [("unknown", unknown), ("missing", absent if missing is None else [])]
-        faults.append(("given twice", sorted({name for name in given if given.count(name) > 1})))
+    twice = sorted({name for name in given if given.count(name) > 1})
+    if unknown or absent or twice:
+        faults = [("unknown", unknown), ("missing", absent), ("given twice", twice)]
         text = "; ".join(f"{fault}: {', '.join(which)}" for fault, which in faults if which)
         raise InputError(f"JointState.name: {text}; the joints are {', '.join(names)}")
-    ordered = np.zeros(len(names)) if missing is None else as_array("missing", missing, (len(names),)).copy()
-    for i, name in enumerate(names):
-        if name in by_name:
-            ordered[i] = by_name[name]
-    return ordered
+    return np.array([by_name[name] for name in names])
 
 
 def joint_state(
@@ -129,21 +120,16 @@ def _quaternion(rotation: list[list[float]]) -> list[float]:
 
     Poses are published every millisecond; scipy's takes 0.1 ms.
     """
-    r, quaternion = rotation, [0.0] * 4
-    trace = r[0][0] + r[1][1] + r[2][2]
-    i = max(range(3), key=lambda axis: r[axis][axis])
-    j, k = (i + 1) % 3, (i + 2) % 3
-    if trace > r[i][i]:
-        w = quaternion[3] = 0.5 * sqrt(1.0 + trace)
-        for i in range(3):
-            j, k = (i + 1) % 3, (i + 2) % 3
-            quaternion[i] = (r[k][j] - r[j][k]) * 0.25 / w
-        return quaternion
-    quaternion[i] = 0.5 * sqrt(1.0 + r[i][i] - r[j][j] - r[k][k])
-    scale = 0.25 / quaternion[i]
-    quaternion[j], quaternion[k] = (r[j][i] + r[i][j]) * scale, (r[k][i] + r[i][k]) * scale
-    quaternion[3] = (r[k][j] - r[j][k]) * scale
-    return quaternion
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
+    products = (  # of any two of x, y, z, w; four times each
+        (1.0 + xx - yy - zz, xy + yx, xz + zx, zy - yz),
+        (xy + yx, 1.0 - xx + yy - zz, yz + zy, xz - zx),
+        (xz + zx, yz + zy, 1.0 - xx - yy + zz, yx - xy),
+        (zy - yz, xz - zx, yx - xy, 1.0 + xx + yy + zz),
+    )
+    largest = max(range(4), key=lambda i: products[i][i])
+    scale = 0.5 / sqrt(products[largest][largest])
+    return [scale * product for product in products[largest]]
 
 
 def pose_of(message: Message) -> Pose:

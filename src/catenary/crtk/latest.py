@@ -27,7 +27,6 @@ class Latest:
             TransportError: The topic carries another type.
         """
         self.topic = topic
-        self.type_name = type_name
         self._transport = transport
         self._subscription = transport.subscribe(topic, type_name, depth=1)
         self._message: Message = None

@@ -8,11 +8,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import count
 
-from catenary.crtk.clock import Clock, WallClock
+from catenary.crtk.clock import Clock
 from catenary.crtk.codec import codec
 from catenary.crtk.inbox import Origin, Request, Subscription
 from catenary.crtk.message import Message
-from catenary.crtk.transport import Connections, Handler, Transport, absolute, answer_of, other_type
+from catenary.crtk.transport import (
+    Connections,
+    Handler,
+    Publisher,
+    Transport,
+    absolute,
+    answer_of,
+    other_type,
+)
 from catenary.errors import TransportError
 from catenary.recording.messages import current_name
 
@@ -41,12 +49,12 @@ class LoopbackNetwork:
     """
 
     def __init__(self, *, clock: Clock | None = None, threaded: bool = False) -> None:
-        self.clock: Clock = clock or WallClock()
+        self.clock = clock or Clock()
         self.threaded = threaded
         self.lock = threading.RLock()
         self.transports: dict[str, Loopback] = {}
         self.services: dict[str, _Service] = {}
-        self._topics: dict[str, _LocalTopic] = {}
+        self.topics: dict[str, _LocalTopic] = {}
 
     def topic(self, name: str, type_name: str) -> _LocalTopic:
         """Return the topic of that name, begun if nobody uses it.
@@ -54,84 +62,39 @@ class LoopbackNetwork:
         Raises:
             TransportError: It carries another type.
         """
-        found = self._topics.setdefault(name, _LocalTopic(type_name))
+        found = self.topics.setdefault(name, _LocalTopic(type_name))
         if found.type_name != type_name:
             if found.publishers or found.subscriptions:
                 raise other_type(name, type_name, found.type_name)
             found.type_name = type_name
         return found
 
-    def published(self) -> dict[str, str]:
-        """Return the topics with a publisher, and their types."""
-        return {name: topic.type_name for name, topic in sorted(self._topics.items()) if topic.publishers}
-
-    def publishing(self) -> dict[str, frozenset[str]]:
-        """Return the processes that publish each topic."""
-        return {
-            name: frozenset(one.origin.process for one in topic.publishers.values())
-            for name, topic in self._topics.items()
-        }
-
-    def connections(self, name: str, of: str) -> Connections:
-        """Return the peers of one transport over a topic."""
-        topic = self._topics.get(name)
-        if topic is None:
-            return Connections((), ())
-        publishers = tuple(sorted(name for name, one in topic.publishers.items() if one.is_connected))
-        subscribers = tuple(sorted({owner for owner, _ in topic.subscriptions}))
-        return Connections(publishers if of in subscribers else (), subscribers if of in publishers else ())
-
     def forget(self, name: str) -> None:
         """Remove a transport with its topics and services."""
         with self.lock:
             self.transports.pop(name, None)
             self.services = {key: one for key, one in self.services.items() if one.transport.name != name}
-            for topic in self._topics.values():
+            for topic in self.topics.values():
                 topic.publishers.pop(name, None)
                 for owner, subscription in tuple(topic.subscriptions):
                     if owner == name:
                         subscription.close()
 
-    def drop(self, topic: _LocalTopic, subscription: Subscription) -> None:
-        """Remove a subscription."""
-        with self.lock:
-            topic.subscriptions = [one for one in topic.subscriptions if one[1] is not subscription]
 
-
-class LoopbackPublisher:
-    """Publisher of one transport on one topic."""
-
-    overflowed = 0  # a message goes straight into the subscriptions, which count for themselves
+class LoopbackPublisher(Publisher):
+    """Publisher of one transport on one topic; a message goes straight into the subscriptions, which count."""
 
     def __init__(self, transport: "Loopback", topic: str, shared: _LocalTopic, *, latch: bool) -> None:
-        self.topic = topic
-        self.name = transport.name
-        self.type_name = shared.type_name
+        super().__init__(topic, shared.type_name)
         self.latched: bytes | None = None
         self._transport = transport
         self._shared = shared
         self._latch = latch
-        self._encode = codec(shared.type_name).encode
-        self._sent = 0
-        self.is_closed = False
-        self.is_connected = True  # a test may break its connections, and call `connect`
-        self._process = f"{transport.name} {next(_PROCESSES)}"
-        self.origin = Origin(self._process, object(), latch)
+        self.is_connected = True  # a test may break its connections, and give it a new origin
+        self.origin = Origin(f"{transport.name} {next(_PROCESSES)}", object(), latch)
 
-    def connect(self) -> None:
-        """Connect to all subscriptions anew; the network's lock is held."""
-        self.origin, self.is_connected = Origin(self._process, object(), self._latch), True
-        if self.latched is not None:
-            now = self._transport.network.clock.now()
-            for _, subscription in self._shared.subscriptions:
-                subscription.push(self.latched, now, self.origin)
-
-    def publish(self, message: Message) -> None:
-        """Send a message."""
-        if self.is_closed:
-            raise TransportError(f"publisher of {self.topic} is closed")
+    def _send(self, message: Message) -> None:
         self._transport.require_open()
-        self._sent += 1
         data = self._encode(message, self._sent)  # also for nobody: what is wrong is refused here and now
         network = self._transport.network
         with network.lock:
@@ -142,10 +105,8 @@ class LoopbackPublisher:
                 for _, subscription in self._shared.subscriptions:
                     subscription.push(data, now, self.origin)
 
-    def close(self) -> None:
-        """Publish no more."""
+    def _end(self) -> None:
         with self._transport.network.lock:
-            self.is_closed = True
             self._shared.publishers.pop(self._transport.name, None)
 
 
@@ -163,7 +124,8 @@ class Loopback(Transport):
         super().__init__(name, self.network.clock)
         with self.network.lock:
             if name in self.network.transports:
-                raise TransportError(f'name "{name}" is taken; names on this network: {self._names()}')
+                names = ", ".join(sorted(self.network.transports))
+                raise TransportError(f'name "{name}" is taken; names on this network: {names}')
             self.network.transports[name] = self
 
     def _publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> LoopbackPublisher:
@@ -175,10 +137,14 @@ class Loopback(Transport):
         return publisher
 
     def _subscribe(self, subscription: Subscription, type_name: str) -> None:
+        def leave() -> None:
+            with self.network.lock:
+                shared.subscriptions.remove((self.name, subscription))
+
         with self.network.lock:
             shared = self.network.topic(subscription.topic, subscription.type_name)
             shared.subscriptions.append((self.name, subscription))
-            subscription.on_close(lambda: self.network.drop(shared, subscription))
+            subscription.on_close(leave)
             for publisher in shared.publishers.values():
                 if publisher.latched is not None and publisher.is_connected:
                     subscription.push(publisher.latched, self.now(), publisher.origin)
@@ -207,17 +173,28 @@ class Loopback(Transport):
     def connections(self, topic: str) -> Connections:
         """Return the peers over a topic."""
         with self.network.lock:
-            return self.network.connections(absolute(topic), self.name)
+            found = self.network.topics.get(absolute(topic))
+            if found is None:
+                return Connections((), ())
+            publishers = tuple(sorted(name for name, one in found.publishers.items() if one.is_connected))
+            subscribers = tuple(sorted({owner for owner, _ in found.subscriptions}))
+        return Connections(
+            publishers if self.name in subscribers else (), subscribers if self.name in publishers else ()
+        )
 
     def topics(self) -> Mapping[str, str]:
         """Return the topics that anyone publishes, with their types."""
         with self.network.lock:
-            return self.network.published()
+            found = sorted(self.network.topics.items())
+            return {name: topic.type_name for name, topic in found if topic.publishers}
 
     def publishing(self) -> Mapping[str, frozenset[str]]:
         """Return the processes that publish each topic."""
         with self.network.lock:
-            return self.network.publishing()
+            return {
+                name: frozenset(one.origin.process for one in topic.publishers.values())
+                for name, topic in self.network.topics.items()
+            }
 
     def is_up(self) -> bool:
         """Return whether it is open."""
@@ -228,6 +205,3 @@ class Loopback(Transport):
         if not self.inbox.closed:
             self.network.forget(self.name)
         super().close()
-
-    def _names(self) -> str:
-        return ", ".join(sorted(self.network.transports))

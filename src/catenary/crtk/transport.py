@@ -13,9 +13,9 @@ import re
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import NamedTuple, Protocol, Self
+from typing import NamedTuple, Self
 
-from catenary.crtk.clock import Clock, Rate, WallClock
+from catenary.crtk.clock import Clock, Rate
 from catenary.crtk.codec import codec
 from catenary.crtk.inbox import Callback, Inbox, Request, Subscription
 from catenary.crtk.message import Message, message_class
@@ -36,33 +36,43 @@ class Connections(NamedTuple):
     subscribers: tuple[str, ...]  # who get its messages
 
 
-class Publisher(Protocol):
+class Publisher(ABC):
     """Sends messages of one type to one topic."""
 
-    @property
-    def topic(self) -> str: ...  # noqa: D102
-    @property
-    def type_name(self) -> str: ...  # noqa: D102
+    def __init__(self, topic: str, type_name: str) -> None:
+        self.topic, self.type_name = topic, current_name(type_name)
+        self.is_closed = False
+        self._encode = codec(type_name).encode
+        self._sent = 0  # messages so far: `seq` in their headers
+
     @property
     def overflowed(self) -> int:
-        """Messages that slow peers missed, over all peers."""
-        ...
+        """Messages that slow peers missed, over all peers; 0 where nothing waits, or nobody counts."""
+        return 0
 
     def publish(self, message: Message) -> None:
         """Send a message; it never waits for a peer.
 
         Raises:
             InputError: It is not of the publisher's type, or a value does not fit its field.
-            TransportError: The transport is closed.
+            TransportError: The publisher or its transport is closed.
         """
-        ...
-
-    @property
-    def is_closed(self) -> bool: ...  # noqa: D102
+        if self.is_closed:
+            raise TransportError(f"publisher of {self.topic} is closed")
+        self._sent += 1
+        self._send(message)
 
     def close(self) -> None:
         """Publish no more."""
-        ...
+        if not self.is_closed:
+            self.is_closed = True
+            self._end()
+
+    @abstractmethod
+    def _send(self, message: Message) -> None: ...
+
+    @abstractmethod
+    def _end(self) -> None: ...
 
 
 class Transport(ABC):
@@ -77,7 +87,7 @@ class Transport(ABC):
         if not re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII):
             raise InputError(f'name "{name}": expected a letter, then letters, digits and underscores')
         self.name = name
-        self.clock: Clock = clock or WallClock()
+        self.clock = clock or Clock()
         self.inbox = Inbox()
         self._publishers: dict[str, Publisher] = {}
 

@@ -163,7 +163,7 @@ class EncoderBoard(SerialBoard):
         with self._lock:
             self.tally.unplugged += 1
             self._lose("the board was unplugged")
-            self._tracker.restart("")
+            self._tracker.restart()
 
     def _on_back(self) -> None:
         with self._lock:

@@ -70,19 +70,16 @@ class CountTracker:
         self._raw: Raw | None = None  # of the last good row
         self._time = -math.inf
         self._candidate: tuple[Raw, float, int] | None = None  # raw, time, rows that agree
-        self._loss = ""  # when the first row after it comes
 
-    def restart(self, reason: str) -> None:
+    def restart(self) -> None:
         """Forget where the counters were: the board was unplugged."""
-        if self._raw is not None:
-            self._loss = reason
         self._raw, self._candidate = None, None
 
     def update(self, raw: Raw, time: float, *, period: float = LATENESS) -> Tracked:
         """Judge a row that came at a time [s]; `period` is the time between two [s]."""
         late = max(LATENESS, period)
         if self._raw is None:
-            return self._go_on(raw, time, self._loss)
+            return self._go_on(raw, time, "")
         gap = max(0.0, time - self._time)
         step = self._step(self._raw, raw)
         if gap > SILENCE:
@@ -134,7 +131,7 @@ class CountTracker:
     def _go_on(self, raw: Raw, time: float, loss: str) -> Tracked:
         """Begin at a row as it is: the first one, or one after a loss."""
         self._counts = frozen(self._rig.direction * np.array(raw, dtype=float))
-        self._raw, self._time, self._candidate, self._loss = raw, time, None, ""
+        self._raw, self._time, self._candidate = raw, time, None
         return Tracked(Verdict.LOST if loss else Verdict.GOOD, self._counts, loss)
 
     def _told(self, far: NDArray[np.bool_], step: Floats) -> str:

@@ -29,10 +29,7 @@ def actuation_terms(actuation: Actuation, *, static: bool = False) -> tuple[Actu
                 terms.append(ActuationTerm(kind, friction.name, friction.combination))
     if not static:
         terms += [ActuationTerm("motor_inertia", m.name, m.combination) for m in actuation.motor_inertia]
-    return (
-        *terms,
-        *(ActuationTerm("spring", s.name, s.combination, s.lever) for s in actuation.springs),
-    )
+    return (*terms, *(ActuationTerm("spring", s.name, s.combination, s.lever) for s in actuation.springs))
 
 
 def actuation_columns(

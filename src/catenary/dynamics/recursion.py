@@ -96,11 +96,7 @@ def place_links(
             base_rotation[n, r, k] = 1.0 if r == k else 0.0
     for i in range(n):
         parent = tree.parent[i]
-        put(
-            base_position,
-            i,
-            add(row(base_position, parent), times(base_rotation, parent, row(position, i))),
-        )
+        put(base_position, i, add(row(base_position, parent), times(base_rotation, parent, row(position, i))))
         for k in range(3):
             put_column(base_rotation, i, k, times(base_rotation, parent, column(rotation, i, k)))
 

@@ -170,10 +170,7 @@ def _link_wrenches(
 
 @inlined
 def _symmetric_times(
-    a: tuple[float, float, float],
-    b: tuple[float, float, float],
-    same: bool,
-    v: tuple[float, float, float],
+    a: tuple[float, float, float], b: tuple[float, float, float], same: bool, v: tuple[float, float, float]
 ) -> tuple[float, float, float]:
     """Return (a b^T + b a^T) v, or a a^T v where both are the same."""
     one = scale(dot(b, v), a)

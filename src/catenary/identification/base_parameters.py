@@ -86,10 +86,7 @@ class BaseParameters:
 
 
 def base_parameters(
-    parameters: Parameters,
-    gravity: Floats,
-    recorded: tuple[Floats, Floats, Floats],
-    rng: np.random.Generator,
+    parameters: Parameters, gravity: Floats, recorded: tuple[Floats, Floats, Floats], rng: np.random.Generator
 ) -> BaseParameters:
     """Find the base parameters on random and recorded motion together, the best conditioned columns first.
 

@@ -142,13 +142,11 @@ def _code_of(function: Callable[..., None], arrays: Sequence[NDArray[Any]]) -> i
     key = plain, str((signature, [array.ndim for array in arrays]))
     if key not in _code:
         source, kept = _source(plain, arrays, str(signature))
+        names: dict[str, Any] = {"function": function, "carray": numba.carray}
         if kept:
-            module = load_module(
-                f"bind-{plain.__name__}", source, {"function": function, "carray": numba.carray}
-            )
+            module = load_module(f"bind-{plain.__name__}", source, names)
             call, kept = module.call, module.__file__ is not None
         else:
-            names: dict[str, Any] = {"function": function, "carray": numba.carray}
             exec(source, names)
             call = names["call"]
         _code[key] = numba.cfunc(signature, cache=kept, error_model="numpy")(call)

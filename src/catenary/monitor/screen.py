@@ -7,7 +7,14 @@ from catenary.monitor.snapshot import Snapshot
 from catenary.sensing.vector import tilt_of
 
 BAR = 12  # characters of a joint's range
-_WIDTH = {"reported": 10, "calibrated": 11, "set": 10, "encoder": 10, "torque": 9, "gravity": 9}
+_COLUMNS = {  # by heading: field of the snapshot, characters
+    "reported": ("q", 10),
+    "calibrated": ("calibrated", 11),
+    "set": ("setpoint", 10),
+    "encoder": ("encoder", 10),
+    "torque": ("tau", 9),
+    "gravity": ("gravity_tau", 9),
+}
 
 
 def monitor_lines(
@@ -25,12 +32,12 @@ def monitor_lines(
     shown = [_fit(_left_right(f"catenary monitor  {name}", _state(shot), columns), columns)]
     rate = "-" if shot.rate_hz is None else f"{shot.rate_hz:.0f} Hz"
     shown += [_fit(_left_right(f"time {shot.time:10.2f} s", f"states {rate:>8}", columns), columns), ""]
-    columns_shown = _columns(shot)
-    heads = "".join(head.rjust(_WIDTH[head]) for head, _ in columns_shown)
-    shown.append(_fit(f"{'':<14}{heads}   range", columns))
+    heads = [head for head, (field, _) in _COLUMNS.items() if getattr(shot, field) is not None]
+    titles = "".join(head.rjust(_COLUMNS[head][1]) for head in heads)
+    shown.append(_fit(f"{'':<14}{titles}   range", columns))
     for j, joint in enumerate(shot.joint_names):
         unit = "deg" if shot.joint_units[j] == "rad" else "mm"
-        cells = "".join(_cell(values, j, shot, head) for head, values in columns_shown)
+        cells = "".join(_cell(shot, head, j) for head in heads)
         shown.append(_fit(f"{joint[:9]:<10}{unit:<4}{cells}   {_bar(shot, j)}", columns))
     shown += ["", _fit(_gravity(shot), columns)]
     warnings = shot.warnings()
@@ -52,26 +59,15 @@ def plain_line(shot: Snapshot) -> str:
     return f"{shot.time:.2f} s  {_state(shot)}  {values}" + (f"  ! {warnings}" if warnings else "")
 
 
-def _columns(shot: Snapshot) -> list[tuple[str, Floats]]:
-    given = {
-        "reported": shot.q,
-        "calibrated": shot.calibrated,
-        "set": shot.setpoint,
-        "encoder": shot.encoder,
-        "torque": shot.tau,
-        "gravity": shot.gravity_tau,
-    }
-    return [(head, values) for head, values in given.items() if values is not None]
-
-
-def _cell(values: Floats, j: int, shot: Snapshot, head: str) -> str:
+def _cell(shot: Snapshot, head: str, j: int) -> str:
+    field, width = _COLUMNS[head]
+    values: Floats = getattr(shot, field)
     if j >= len(values) or not np.isfinite(values[j]):
-        return "-".rjust(_WIDTH[head])
-    unit = shot.joint_units[j]
+        return "-".rjust(width)
     if head in ("torque", "gravity"):
-        return f"{values[j]:.3f}".rjust(_WIDTH[head])  # [Nm], [N]
+        return f"{values[j]:.3f}".rjust(width)  # [Nm], [N]
     outside = head == "calibrated" and shot.inside is not None and not shot.inside[j]
-    return f"{_human(values[j], unit):.2f}{'?' if outside else ''}".rjust(_WIDTH[head])
+    return f"{_human(values[j], shot.joint_units[j]):.2f}{'?' if outside else ''}".rjust(width)
 
 
 def _human(value: float, unit: str) -> float:

@@ -27,9 +27,8 @@ from catenary.recording.bag_chunks import (
 )
 from catenary.recording.journal import About, JournalTopic
 from catenary.recording.layout import Encoding
-from catenary.recording.messages import current_name
+from catenary.recording.messages import check_ros1_type, check_ros2_type, current_name
 from catenary.recording.topics import ABOUT_TOPIC, require_topics
-from catenary.recording.type_checks import check_ros1_type, check_ros2_type
 
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
 MCAP_MAGIC = b"\x89MCAP0\r\n"

@@ -7,12 +7,13 @@ ROS's common messages. The md5 sums that follow from them are the published ones
 from collections.abc import Mapping
 from functools import cache
 from hashlib import md5
+from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
 from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import FieldDesc, Typesdict
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from catenary.errors import FileFormatError
@@ -152,6 +153,39 @@ def ros2_name(name: str) -> str:
     return f"{package}/msg/{message}"
 
 
+def check_ros1_type(path: Path, topic: str, name: str, found: str, definition: str) -> None:
+    """Check a type by its md5 sum; `*`, which some writers put there, is taken for unknown and not checked.
+
+    Raises:
+        FileFormatError: It is not our version of the type; the message says which fields differ.
+    """
+    known = current_name(name)
+    if known in MESSAGES and found not in ("*", md5_sum(known)):
+        raise FileFormatError(
+            f"{path}: topic {topic}: {name} has md5 sum {found}, expected {md5_sum(known)}; "
+            + _difference(path, topic, name, definition, ros=1)
+        )
+
+
+def check_ros2_type(path: Path, topic: str, name: str, definition: str) -> None:
+    """Check a type by its definition and those that it contains.
+
+    Raises:
+        FileFormatError: It is not our version of the type; the message says which fields differ.
+    """
+    if current_name(name) not in MESSAGES or not definition:
+        return
+    if definition.lstrip("= \n").startswith("IDL:"):
+        raise FileFormatError(
+            f"{path}: topic {topic}: {name} is defined in IDL, expected ROS's .msg language"
+        )
+    difference = _difference(path, topic, name, definition, ros=2)
+    if difference:
+        raise FileFormatError(
+            f"{path}: topic {topic}: {name} differs from the type that catenary knows: {difference}"
+        )
+
+
 def _known(name: str) -> str:
     """Name of a type in the store."""
     if "/" not in current_name(name) or ros2_name(name) not in typestore().fielddefs:
@@ -167,3 +201,31 @@ def _field(name: str, description: FieldDesc) -> Field:
         return Field(name, _TIME_NAMES.get(plain, plain), None)
     element, length = description[1]
     return _field(name, element)._replace(length=length)
+
+
+def _difference(path: Path, topic: str, name: str, text: str, *, ros: int) -> str:
+    """Return in words the fields of a full definition that differ from ours; empty when there are none."""
+    try:
+        found = get_types_from_msg(text, current_name(name))
+    except TypesysError as error:
+        raise FileFormatError(
+            f"{path}: topic {topic}: definition of {name}: expected ROS's .msg language, got {text!r}"
+        ) from error
+    differences = []
+    for part in map(current_name, found):
+        if part not in MESSAGES:
+            continue
+        expected = fields_of(typestore(ros).fielddefs[ros2_name(part)][1])
+        got = fields_of(found[ros2_name(part)][1])
+        lacks = ", ".join(_text(f) for f in expected if f not in got)
+        adds = ", ".join(_text(f) for f in got if f not in expected)
+        if lacks or adds:
+            differences.append(f"{part} lacks [{lacks}] and has besides [{adds}]")
+        elif got != expected:
+            differences.append(f"{part} has its fields in another order")
+    return "; ".join(differences)
+
+
+def _text(field: Field) -> str:
+    brackets = "" if field.length is None else f"[{field.length or ''}]"
+    return f"{field.type}{brackets} {field.name}"

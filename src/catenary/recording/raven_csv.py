@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.csv
 from numpy.typing import NDArray
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.importers import is_number
 from catenary.recording.series import Series, clean_series
@@ -47,36 +47,22 @@ _COLUMNS = {column.name: column for column in RAVENSTATE.columns}
 STATE_COLUMNS: tuple[TopicColumn, ...] = tuple(_COLUMNS[name] for name in STATE_FIELDS)
 
 
-def write_raven_csv(
-    folder: Path,
-    path: Path,
-    *,
-    arm: Arm = "gold",
-    max_gap: float = 0.05,
-    force: tuple[Floats, Floats] | None = None,
-) -> int:
-    """Write an extraction in the published layout, in bounded memory.
+def write_raven_csv(folder: Path, path: Path, *, arm: Arm = "gold", max_gap: float = 0.05) -> int:
+    """Write an extraction in the published layout without force, in bounded memory.
 
     Args:
         folder: What `extract` wrote.
         path: The file; replaced if it is there.
         arm: Whose measured_js.
         max_gap: A sample further away than this [s] is left out: its stamp and numbers are `nan`.
-        force: Stamps (M,) [s] and forces (M, 3) [N], for the layout with 256 columns.
 
     Returns:
         Number of rows.
 
     Raises:
         FileFormatError: raven_state, ext_jpos or measured_js is not in the extraction.
-        InputError: The force is of another shape.
     """
     parts = [read_first_column(folder, topic, max_gap) for topic in (EXT_JPOS, measured_topic(arm))]
-    last = None
-    if force is not None:
-        stamp = as_array("force stamps", force[0], (None,))
-        values = as_array("force", force[1], (len(stamp), 3))
-        last = clean_series("force", np.rint(stamp * SECOND).astype(np.int64), values, max_gap=max_gap)
     rows = 0
     names = [name for column in STATE_COLUMNS for name in column.names]
     part = path.with_name(f"{path.name}.part")
@@ -90,8 +76,6 @@ def write_raven_csv(
             blocks: list[NDArray[Any]] = [*_nearest(parts[0], stamp_ns, max_gap, first)]
             blocks += [*_nearest(parts[1], stamp_ns, max_gap), stamp_ns / SECOND]
             blocks += [_published(column, content[name]) for column in STATE_COLUMNS for name in column.names]
-            if last is not None:
-                blocks += _nearest(last, stamp_ns, max_gap)
             table = pa.table(blocks, names=[str(i) for i in range(len(blocks))])
             pa.csv.write_csv(table, out, options)
             rows += len(stamp_ns)
@@ -99,28 +83,17 @@ def write_raven_csv(
     return rows
 
 
-def read_raven_csv(
-    path: Path,
-    options: SynchroniseOptions | None = None,
-    *,
-    robot: str | None = None,
-    simulated: bool = False,
-) -> Synchronisation:
+def read_raven_csv(path: Path) -> Synchronisation:
     """Read the published CSV, with or without force, into a log as `synchronise` makes it.
 
+    It is the log of the gold arm; the file, which may begin with a line of names, does not say of which robot.
     Forces become the signals force_x, force_y, force_z [N] (of the state's row, as they stand).
-
-    Args:
-        path: The file, with or without a line of names.
-        options: Arm and limits.
-        robot: The file does not say.
-        simulated: The file does not say.
 
     Raises:
         FileFormatError: No such file, not numbers, or another number of columns.
         InputError: No row with finite numbers.
     """
-    options = options if options is not None else SynchroniseOptions()
+    options = SynchroniseOptions()
     table = _read_numbers(path)
     if len(table) == 0:
         raise InputError(f"{path}: has no rows")
@@ -139,8 +112,8 @@ def read_raven_csv(
     wanted = [f"{kind}:{options.arm}_{axis}" for kind in ("jpos", "tau", "jvel") for axis in AXES]
     return build_log(
         name=path.stem,
-        robot=robot,
-        simulated=simulated,
+        robot=None,
+        simulated=False,
         state={name: clean.values[:, names.index(name)] for name in wanted},
         state_stamp=clean.stamp,
         encoder=encoder,

@@ -30,7 +30,7 @@ class Tumble:
     bias: Floats  # (3,) [m/s2]
     scale: Floats  # (3,)
     residual: (
-        float  # [m/s2] RMS of corrected lengths minus standard gravity; NaN of six readings, which leave none
+        float  # [m/s2] RMS of corrected lengths less standard gravity; NaN of six readings: none is left
     )
     missing: tuple[str, ...]  # sides of the sensor that never were up
     faults: tuple[str, ...]  # why the numbers must not be used

@@ -45,6 +45,12 @@ class TeleopMotion:
         self._lower, self._upper = np.array(joints.lower), np.array(joints.upper)
         self._model = model
         self._speed = FIRST_SPEED
+        n = len(self.joint_names)
+        self._moves = {  # joint and direction of each key
+            key: (joint, sign)
+            for keys, sign in ((FORWARD, 1.0), (BACKWARD, -1.0))
+            for joint, key in enumerate(keys[:n])
+        }
         self._full_speed = np.array([JOINT_SPEED[unit] for unit in self.joint_units])
         self._dead_man = DeadMan()
         self._q: Floats | None = None  # where the motion has led, until it ends
@@ -65,7 +71,7 @@ class TeleopMotion:
             self._speed = min(self._speed + 1, len(SPEEDS) - 1)
         elif key in SLOWER:
             self._speed = max(self._speed - 1, 0)
-        elif self._joint(key) is not None or (key in AXES and self._model is not None):
+        elif key in self._moves or (key in AXES and self._model is not None):
             self._dead_man.press(key, now)
         else:
             return False
@@ -102,9 +108,8 @@ class TeleopMotion:
         """Return the joint steps (n,) that the joints' own keys ask for."""
         step = np.zeros(len(self.joint_names))
         for key, share in shares.items():
-            joint = self._joint(key)
-            if joint is not None:
-                j, sign = joint
+            if key in self._moves:
+                j, sign = self._moves[key]
                 step[j] += sign * share * self.speed * self._full_speed[j] * period
         return step
 
@@ -131,10 +136,3 @@ class TeleopMotion:
     def _beyond(self, q: Floats, low: Floats, high: Floats) -> tuple[str, ...]:
         bad = (q < low - _ROUNDING) | (q > high + _ROUNDING)
         return tuple(self.joint_names[j] for j in np.flatnonzero(bad))
-
-    def _joint(self, key: str) -> tuple[int, float] | None:
-        """Return the joint that a key moves, and the direction; None for other keys."""
-        for keys, sign in ((FORWARD, 1.0), (BACKWARD, -1.0)):
-            if len(key) == 1 and key in keys[: len(self.joint_names)]:
-                return keys.index(key), sign
-        return None

@@ -8,7 +8,7 @@ from typing import Any
 from catenary.identification.files import load_identification
 from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
 from catenary.identification.samples import prepare
-from catenary.recording.torque_logs import read_torque_log
+from catenary.recording.logs import read_torque_log
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from typing import Any
 from catenary.crtk.codec import codec
 from catenary.crtk.inbox import Request, Subscription
 from catenary.crtk.message import Message, message_class, message_fields
-from catenary.crtk.transport import DEPTH, Connections, Handler, Transport, absolute, other_type
+from catenary.crtk.transport import DEPTH, Connections, Handler, Publisher, Transport, absolute, other_type
 from catenary.errors import MissingPackageError, TransportError
 from catenary.recording.messages import current_name, fields, ros2_name, typestore
 
@@ -43,31 +43,19 @@ def ros2_class(name: str, kind: str = "msg") -> Any:
         raise MissingPackageError(f"{ros2_name(name)}: not found in ROS 2: {hint}") from error
 
 
-class Ros2Publisher:
+class Ros2Publisher(Publisher):
     """Publisher of one topic."""
 
-    overflowed = 0  # ROS 2 does not tell
-
     def __init__(self, transport: "Ros2Transport", topic: str, type_name: str, handle: Any) -> None:
-        self.topic = topic
-        self.type_name = type_name
-        self._transport = transport
-        self._handle = handle
-        self._encode = codec(type_name).encode
-        self.is_closed = False
+        super().__init__(topic, type_name)
+        self._transport, self._handle = transport, handle
 
-    def publish(self, message: Message) -> None:
-        """Send a message."""
-        if self.is_closed:
-            raise TransportError(f"publisher of {self.topic} is closed")
+    def _send(self, message: Message) -> None:
         data = self._encode(message, 0)
         self._handle.publish(bytes(typestore(2).ros1_to_cdr(data, ros2_name(self.type_name))))
 
-    def close(self) -> None:
-        """Publish no more."""
-        if not self.is_closed:
-            self.is_closed = True
-            self._transport.node.destroy_publisher(self._handle)
+    def _end(self) -> None:
+        self._transport.node.destroy_publisher(self._handle)
 
 
 class Ros2Transport(Transport):
@@ -115,7 +103,7 @@ class Ros2Transport(Transport):
         handle = self.node.create_publisher(
             ros2_class(type_name), topic, self._qos(1 if latch else queue, latch=latch)
         )
-        return Ros2Publisher(self, topic, current_name(type_name), handle)
+        return Ros2Publisher(self, topic, type_name, handle)
 
     def _subscribe(self, subscription: Subscription, type_name: str) -> None:
         """Begin to receive; latched messages come from publishers that are there already."""

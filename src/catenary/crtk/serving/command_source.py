@@ -13,7 +13,6 @@ at any time.
 """
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import NamedTuple
 
 from catenary.crtk.clock import SECOND
@@ -35,9 +34,7 @@ class Beginning(NamedTuple):
 
     time: int  # [ns]
     published: frozenset[str]  # topics
-    publishing: Mapping[str, frozenset[str]] = MappingProxyType(
-        {}
-    )  # processes by topic, where that can be told
+    publishing: Mapping[str, frozenset[str]]  # processes by topic, where that can be told
 
 
 class CommandSource:
@@ -101,20 +98,14 @@ class CommandSource:
                 return True
         waits = self._waits and not self._is_newcomer(arrival.process)
         if waits or (arrival.is_first and self._is_from_before(arrival.process, now)):
-            self._reports.say(
-                f"{self.topic.name}: from before",
-                "its client was there before this server, so this may be an old command: not obeyed, send it anew",
-                now,
-            )
-            return False
-        if arrival.is_renewed:
-            self._reports.say(
-                f"{self.topic.name}: after a break",
-                "said while its client was not connected, so this may be an old command: not obeyed, send it anew",
-                now,
-            )
-            return False
-        return True
+            kind, reason = "from before", "its client was there before this server"
+        elif arrival.is_renewed:
+            kind, reason = "after a break", "said while its client was not connected"
+        else:
+            return True
+        text = f"{reason}, so this may be an old command: not obeyed, send it anew"
+        self._reports.say(f"{self.topic.name}: {kind}", text, now)
+        return False
 
     def _is_newcomer(self, process: str) -> bool:
         """Return whether a program is known not to have published the topic when the server began."""

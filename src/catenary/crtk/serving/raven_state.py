@@ -75,11 +75,10 @@ class RavenState:
         self._floats[:, channels] = self._factors * joints
         self._counts[:, channels] = rows(_COUNTS)
         arrays["grasp_d"][place] = setpoint.q[-JAWS:].sum()
-        if arm.tool is not None:
-            for pose, position, rotation in (
-                (arm.measured_pose, "pos", "ori"),
-                (arm.setpoint_pose, "pos_d", "ori_d"),
-            ):
-                in_frame_0 = arm.tool.in_frame_0(pose)
-                arrays[position][3 * place : 3 * place + 3] = _UM * in_frame_0.position
-                arrays[rotation][9 * place : 9 * place + 9] = in_frame_0.rotation.ravel()
+        for pose, position, rotation in (
+            (arm.measured_pose, "pos", "ori"),
+            (arm.setpoint_pose, "pos_d", "ori_d"),
+        ):
+            in_frame_0 = arm.tool.in_frame_0(pose)
+            arrays[position][3 * place : 3 * place + 3] = _UM * in_frame_0.position
+            arrays[rotation][9 * place : 9 * place + 9] = in_frame_0.rotation.ravel()

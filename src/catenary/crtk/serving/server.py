@@ -4,7 +4,6 @@ The server keeps no time: `tick` is called at the robot's rate by whoever does (
 """
 
 from collections.abc import Mapping
-from typing import Protocol
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.conversions import Stamps
@@ -15,30 +14,13 @@ from catenary.crtk.serving.outlet import Outlet
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.served_encoders import ServedEncoders
+from catenary.crtk.serving.speaker import Speaker
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError
 from catenary.recording.topics import Arm
 
 _STARTS = ": starts"
 WATCH = SECOND // 10  # [ns] between two looks at who is connected
-
-
-class Speaker(Protocol):
-    """A dialect: what is published, and what is obeyed."""
-
-    topics: tuple[CrtkTopic, ...]
-
-    def begin(self, outlets: dict[tuple[str, Arm | None], Outlet]) -> None:
-        """Prepare to publish by outlets, verb by verb; called once, before `publish`."""
-        ...
-
-    def publish(self, now: int) -> None:
-        """Publish the arms' states, stamped `now` [ns]."""
-        ...
-
-    def obey(self, topic: CrtkTopic, message: Message) -> None:
-        """Obey a command, or raise one of catenary's errors; state commands are the server's."""
-        ...
 
 
 class Server:
