@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from catenary.calibration.dataset import CalibrationData, calibration_data, sampling_rate
+from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.features import FeatureSet
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -156,7 +156,7 @@ def test_rate_is_that_of_most_steps() -> None:
     time = log.time.copy()
     time[20:] += 7.0  # a pause
     time[40:] -= 9.0  # another recording begins
-    assert sampling_rate(replace(log, time=time)) == pytest.approx(30.0)
+    assert calibration_data([replace(log, time=time)], PLAIN).rate_hz == pytest.approx(30.0)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from rosbags.highlevel import AnyReader
 
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
@@ -14,7 +13,7 @@ from catenary.recording.bag import write_group_bags
 from catenary.recording.extract import TopicFile, extract, topic_file
 from catenary.recording.journal import About, JournalTopic, JournalWriter
 from catenary.recording.journal_reader import JournalReader
-from catenary.recording.topics import EXT_JPOS, GREEN_MEASURED_JS, RAVENSTATE, raven_topics
+from catenary.recording.topics import EXT_JPOS, GREEN_MEASURED_JS, raven_topics
 from oracles.raven_recording import ABOUT, START_NS, encoder, nominal, record, write_bag
 
 
@@ -78,26 +77,6 @@ def test_every_kind_of_file_gives_the_same_numbers(journal: Path, tmp_path: Path
         assert list(got) == list(expected)
         for name, values in expected.items():
             assert_array_equal(got[name], values, err_msg=name)
-
-
-def test_every_field_is_what_rosbags_reads(journal: Path, tmp_path: Path) -> None:
-    path = write_bag(journal, tmp_path / "a.bag")
-    extract([path], tmp_path / "x")
-    state = _columns(tmp_path / "x", "ravenstate")
-    with AnyReader([path]) as reader:
-        connections = [c for c in reader.connections if c.topic == "/ravenstate"]
-        for row, (connection, arrival, data) in enumerate(reader.messages(connections)):
-            message = reader.deserialize(data, connection.msgtype)
-            assert state["arrival"][row] == arrival
-            for column in RAVENSTATE.columns:
-                if column.name == "dt":
-                    continue
-                raw = np.atleast_1d(getattr(message, column.path)).astype(float)
-                scale = 1e-6 if column.path in ("pos", "pos_d") else 1.0
-                if column.path in ("jpos", "jvel", "mpos", "mvel", "jpos_d", "mpos_d"):
-                    scale = np.pi / 180.0
-                got = [state[name][row] for name in column.names]
-                assert_allclose(got, raw * scale, rtol=1e-15, err_msg=column.name)
 
 
 def test_memory_is_bounded_by_row_groups(

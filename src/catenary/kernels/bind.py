@@ -160,13 +160,8 @@ def _source(plain: FunctionType, arrays: Sequence[NDArray[Any]], signature: str)
     views = (f"carray(a{i}, ({''.join(f'{size}, ' for size in of)}))" for i, of in enumerate(sizes))
     # numba does not see that a function which is called has changed
     digest = _digest_of(plain)
-    text = [
-        f"# {plain.__module__}.{plain.__qualname__}, {digest}: {signature}",
-        f"def call({names}):",
-        f"    function({', '.join(views)})",
-        "",
-    ]
-    return "\n".join(text), digest is not None
+    head = f"# {plain.__module__}.{plain.__qualname__}, {digest}: {signature}\ndef call({names}):\n"
+    return f"{head}    function({', '.join(views)})\n", digest is not None
 
 
 def _digest_of(function: FunctionType) -> str | None:

@@ -118,10 +118,7 @@ def _plants(serving: Serving) -> dict[Arm, Plant]:
 
     def made(side: str) -> CablePlant:
         plant = CablePlant(
-            side=side,
-            seed=serving.seed,
-            payload=serving.payload,
-            base=FixedBase(float(roll), float(pitch)),
+            side=side, seed=serving.seed, payload=serving.payload, base=FixedBase(float(roll), float(pitch))
         )
         if serving.homed:
             plant.home()

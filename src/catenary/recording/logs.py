@@ -179,9 +179,7 @@ def read_torque_log(path: Path, model: RobotModel) -> MotionLog:
         InputError: Wrong shape, NaN, a rate that is not above zero, or raw efforts of a robot without scale.
     """
     if path.suffix == ".parquet":
-        if not path.is_file():
-            raise FileFormatError(f"{path}: no such file")
-        return read_parquet(path)
+        return read_log(path)
     if path.suffix != ".npz":
         raise FileFormatError(f'{path}: ending "{path.suffix}": expected a recording, .npz or .parquet')
     content = read_arrays(path)
