@@ -17,7 +17,7 @@ from catenary.control.report import LoopReport
 from catenary.crtk.client import CrtkClient
 from catenary.plant import JointState
 from catenary.simulation.cable_plant import CablePlant
-from catenary.trajectories.embedded import Embedded
+from catenary.trajectories.in_turn import Embedded
 from catenary.trajectories.reference import Trajectory
 from catenary.units import DISPLAY
 from catenary.workflows.robot.motion import check_motion, move_to
