@@ -11,8 +11,7 @@ from catenary.errors import InputError
 from catenary.robots.catalog import load_robot
 from catenary.trajectories.calibration_box import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.trajectories.cartesian import CartesianSinusoids
-from catenary.trajectories.embedded import Embedded
-from catenary.trajectories.in_turn import InTurn, Rest
+from catenary.trajectories.in_turn import Embedded, InTurn, Rest
 from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids

@@ -20,7 +20,6 @@ def test_default_box_is_the_published_one() -> None:
 
 
 # a quarter: 5 sweeps and 4 moves of 250 in y in each of 5 layers, and 4 moves and a bit in z
-# a quarter: 5 sweeps and 4 moves of 250 in y in each of 5 layers, and 4 moves and a bit in z
 @pytest.mark.parametrize(("sparsity", "rows"), [(0.25, 31052), (0.3333, 21060)])
 def test_rows_are_as_many_as_were_published(sparsity: float, rows: int) -> None:
     assert len(unit_zigzag(sparsity)) == rows
