@@ -55,12 +55,8 @@ def tables() -> Tables:
         plant.servo_jp(wanted)
         plant.wait()
 
-    calls = {
-        "wait": plant.wait,
-        "servo_jp and wait": tick,
-        "measured_js": plant.measured_js,
-        "telemetry": plant.telemetry,
-    }
+    calls = {"wait": plant.wait, "servo_jp and wait": tick}
+    calls |= {"measured_js": plant.measured_js, "telemetry": plant.telemetry}
     rng = np.random.default_rng(0)
     runs: Table = {
         "zig-zag of 17 minutes, 2 substeps": run_of(zigzag("J2-J3", [1 / 2, 1 / 3, 1 / 4]), 2),

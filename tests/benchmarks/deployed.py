@@ -59,10 +59,8 @@ def measure(kind: str, seconds: float) -> dict[str, float]:
             deployed.interrupt()
             report = json.loads(deployed.finish()[0])
     return {
-        "seconds": report["seconds"],
         "hertz": report["rate_hz"],
-        "messages": report["messages"],
-        **{name: report[name] for name in ("published", "late", "missed", "silences")},
+        **{name: report[name] for name in ("seconds", "messages", "published", "late", "missed", "silences")},
         **{f"{name}_ms": value / 1e3 for name, value in report["latency_us"].items()},
         "cores": cores,
         "memory_growth_mb": growth,

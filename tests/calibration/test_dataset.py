@@ -83,16 +83,16 @@ def test_split_holds_out_the_end_of_every_recording(held_out: float) -> None:
         assert abs(len(last) - held_out * len(log)) < 1.0
 
 
-@pytest.mark.parametrize("held_out", [0.0, 1.0, -0.2, 1.5, np.nan])
-def test_held_out_share_that_is_no_share_is_refused(held_out: float) -> None:
-    with pytest.raises(InputError, match="held-out share"):
-        calibration_data([run()], PLAIN).split_by_time(held_out)
-
-
-def test_split_that_leaves_a_side_empty_is_refused() -> None:
-    data = calibration_data([run(bad=tuple(range(40, 50)))], PLAIN)
-    with pytest.raises(InputError, match="leaves no rows on one side"):
-        data.split_by_time(0.1)
+@pytest.mark.parametrize(
+    ("held_out", "message"),
+    [
+        *[(share, "held-out share") for share in (0.0, 1.0, -0.2, 1.5, np.nan)],
+        (0.1, "leaves no rows on one side"),
+    ],
+)
+def test_held_out_share_that_is_none_or_leaves_a_side_empty_is_refused(held_out: float, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        calibration_data([run(bad=tuple(range(40, 50)))], PLAIN).split_by_time(held_out)
 
 
 @pytest.mark.parametrize("count", [2, 5, 7])
@@ -130,11 +130,7 @@ SHORT = r"6 rows, 2 without measurement, 4 without 6 previous commands, 0 beyond
 @pytest.mark.parametrize(
     ("logs", "history", "message"),
     [
-        (
-            [run(1, robot="raven2"), run(2, robot="dvrk")],
-            0,
-            '"run1" and "run2" are of two robots: raven2 and dvrk',
-        ),
+        ([run(1, robot="raven2"), run(2, robot="dvrk")], 0, "are of two robots: raven2 and dvrk"),
         ([run(1), run(2, joint_names=("a", "b", "c"))], 0, OTHERS),
         ([run(1), run(2, joint_units=("rad", "m", "m"))], 0, OTHERS),
         ([], 0, "at least one recording"),

@@ -155,6 +155,10 @@ class CablePlant(SimulatedPlant):
         self._wanted = None
         self.encoders.see(self.state.q)
 
+    def external_encoders(self) -> Floats:
+        """Return where the external encoders see the positioning joints, (3,) [rad, rad, m]."""
+        return self.encoders.positions(self.encoders.counts(self.state.q))
+
     # what only a simulator can do
 
     def run(self, setpoints: ArrayLike) -> TickLog:
