@@ -220,8 +220,8 @@ def serve(
         pass
     finally:
         settled.end()
-        server.hold()
         for arm in server.arms.values():
+            arm.hold()
             if arm.machine.can_change:
                 arm.machine.command("pause")
                 arm.advance()
