@@ -146,14 +146,12 @@ def read_parquet(
         raise FileFormatError(f"{path}: columns q_nominal:<joint> are missing for {', '.join(names)}")
     if "ok" not in columns:
         raise FileFormatError(f"{path}: column ok, the rows whose q_encoder can be trusted, is missing")
-    time = columns.pop("time", None)
-    ok = columns.pop("ok")
     return MotionLog(
         name=path.stem,
         joint_names=names,
         joint_units=joint_units,
-        ok=ok,
-        time=time,
+        ok=columns.pop("ok"),
+        time=columns.pop("time", None),
         **joints,
         signals=columns,
         signal_units={
