@@ -173,9 +173,7 @@ def test_an_unwritable_page_loses_nothing(run: Path, model: Path, tmp_path: Path
     assert len(evaluated.json["joints"]) == 3
 
 
-def test_an_ascii_terminal_still_shows_the_numbers(
-    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_ascii_terminal_still_shows_the_numbers(run: Path, tmp_path: Path, monkeypatch: Any) -> None:
     terminal = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
     monkeypatch.setattr(sys, "stdout", terminal)
     command = ["catenary", "fit", str(run), "--model=offset", f"--out={tmp_path / 'm.npz'}"]
@@ -230,7 +228,7 @@ SIX = np.zeros((50, 6))
     ],
 )  # fmt: skip
 def test_a_recording_of_other_joints_is_refused(
-    model: Path, tmp_path: Path, changes: dict[str, Any], words: str
+    model: Path, tmp_path: Path, changes: Any, words: str
 ) -> None:
     other = simulated_arm.write(tmp_path / "other.npz", **changes)
     assert words in refusal("evaluate", model, other)

@@ -75,9 +75,8 @@ def test_friction_follows_the_share_of_pd(monkeypatch: pytest.MonkeyPatch) -> No
     start = load_cable_arm().cable.rotor_friction[0]
 
     def share(arm: CableArm, base_deg: float, *, sensed: bool) -> PDShare:
-        more = (
-            1.3 * PD_SHARE * (arm.cable.rotor_friction[0] / start) ** 0.6
-        )  # of a robot with too much friction
+        # of a robot with too much friction
+        more = 1.3 * PD_SHARE * (arm.cable.rotor_friction[0] / start) ** 0.6
         return PDShare(np.full(3, more), np.ones(3), np.ones(3))
 
     monkeypatch.setattr(plant_refit, "pd_share", share)

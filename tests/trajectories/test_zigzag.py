@@ -7,8 +7,15 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import InputError
-from catenary.trajectories.calibration_box import CALIBRATION_LOWER, CALIBRATION_UPPER
-from catenary.trajectories.zigzag import DIRECTIONS, ROWS_PER_SECOND, unit_zigzag, zigzag, zigzag_rows
+from catenary.trajectories.zigzag import (
+    CALIBRATION_LOWER,
+    CALIBRATION_UPPER,
+    DIRECTIONS,
+    ROWS_PER_SECOND,
+    unit_zigzag,
+    zigzag,
+    zigzag_rows,
+)
 
 LOW, HIGH = [-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]
 

@@ -85,9 +85,7 @@ def test_progress_ends_at_one(recording_path: Path) -> None:
         ("q_des", (slice(None), 2), 0.1, "J3: never moved; the model holds only where they stood"),
     ],
 )  # fmt: skip
-def test_what_was_left_out_or_looks_wrong_is_noted(
-    tmp_path: Path, key: str, place: Any, value: float, note: str
-) -> None:
+def test_what_looks_wrong_is_noted(tmp_path: Path, key: str, place: Any, value: float, note: str) -> None:
     arrays = simulated_arm.arrays()
     arrays[key][place] = value
     np.savez(tmp_path / "run.npz", **arrays)

@@ -114,9 +114,7 @@ BEYOND = r'joint "shoulder" at 1\.7\d+ s: position 1.6\d+ rad outside \[0, 1.6\]
         ({}, 1.3, LimitError, BEYOND, 0),
     ],
 )  # fmt: skip
-def test_motion_ends_where_it_must(
-    options: dict[str, Any], start: float, error: type[Exception], message: str, sent: int
-) -> None:
+def test_motion_ends_where_it_must(options: Any, start: float, error: Any, message: str, sent: int) -> None:
     plant = arm(q=(start, 1.5, 0.4, 0.1), **options)
     with pytest.raises(error, match=message):
         run_trajectory(plant, swing(start=start), joints=["shoulder"])
@@ -135,8 +133,8 @@ BEYOND_AT_ITS_END = go_to([1.5], [1.6001], max_velocity=[0.1], max_acceleration=
         (swing(), {"max_velocity": [0.15]}, r'"shoulder" at 0\.\d+ s: velocity 0.1\d+ rad/s beyond 0.15 rad/s'),
     ],
 )  # fmt: skip
-def test_excursions_last_instant_and_velocities_are_checked(
-    motion: Trajectory, options: dict[str, Any], message: str
+def test_excursions_last_instant_and_velocity_are_checked(
+    motion: Trajectory, options: Any, message: str
 ) -> None:
     with pytest.raises(LimitError, match=message):
         check_motion(arm(), motion, joints=["shoulder"], **options)

@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError, LimitError, NotReadyError
 from catenary.robots.catalog import load_robot
-from catenary.trajectories.calibration_box import CALIBRATION_LOWER, CALIBRATION_UPPER
+from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.workflows.robot import operator_motion
 from catenary.workflows.robot.followed_file import FollowedFile
 from catenary.workflows.robot.motion import check_motion
