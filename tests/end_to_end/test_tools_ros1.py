@@ -207,7 +207,7 @@ def test_ctrl_c_holds_the_robot_where_it_is(ros_master: Master, ready: None) -> 
         out, _ = going.finish()
         held = at_rest(robot)
         assert_allclose(at_rest(robot), held)
-        assert robot.operating_state().state == "ENABLED"
+        assert robot.operating_state().state == "PAUSED"
     assert going.process.returncode == 130
     assert "stopped by Ctrl-C" in out
     assert abs(held[0] - begin[0]) < np.deg2rad(19.0)
