@@ -23,8 +23,7 @@ ROOT = Path(__file__).parents[1]
 def pytest_configure() -> None:
     """Keep compiled code per state of the sources.
 
-    numba recompiles a function when its own file changes, not when a file it calls into does, so tests would
-    run what a recursion was before it was edited.
+    Two states are then compiled side by side, and neither makes the other's code old.
     """
     sources = sha256()
     for path in sorted((ROOT / "src").rglob("*.py")):
@@ -111,11 +110,8 @@ def moving_arm_logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from moving_arm import PLACE, recorded, write_npz
 
     arm, folder = load_robot("raven2"), tmp_path_factory.mktemp("moving_arm")
-    for name, seed, model in (
-        ("run0", 0, arm),
-        ("run1", 1, arm),
-        ("loaded", 2, arm.with_payload("wrist", 0.2, PLACE)),
-    ):
+    models = {"run0": arm, "run1": arm, "loaded": arm.with_payload("wrist", 0.2, PLACE)}
+    for seed, (name, model) in enumerate(models.items()):
         write_npz(recorded(model, seed, noise=0.1), folder / f"{name}.npz")
     return folder
 

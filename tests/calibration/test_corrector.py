@@ -27,23 +27,17 @@ def state(q: Floats, tau: Floats) -> JointState:
     return JointState(0.0, q, np.zeros_like(q), tau, np.zeros(0), np.zeros(3), 0.0)
 
 
-def test_history_at_a_multiple_of_the_training_rate_looks_as_far_back_in_time() -> None:
-    slow = model(history=3, rate_hz=50.0)
-    calibrated, flags = Corrector(slow, rate_hz=50.0).run(SIGNALS[:, :3], SIGNALS)
-    held = np.repeat(SIGNALS, 20, axis=0)  # the same motion at 1 kHz, each row for 20 ticks
-    corrector = Corrector(slow, rate_hz=1000.0)
-    assert corrector.decimation == 20
-    out, inside = corrector.run(held[:, :3], held)
-    assert_array_equal(out[::20], calibrated)
-    assert_array_equal(inside[::20], flags)
-
-
-def test_play_states_need_no_rate() -> None:
-    hysteretic = model(plays=2)
-    calibrated, _ = Corrector(hysteretic).run(SIGNALS[:, :3], SIGNALS)
-    held = np.repeat(SIGNALS, 7, axis=0)
-    out, _ = Corrector(hysteretic, rate_hz=333.0).run(held[:, :3], held)
-    assert_array_equal(out[::7], calibrated)
+@pytest.mark.parametrize(
+    ("options", "slow", "ticks"),
+    [({"history": 3, "rate_hz": 50.0}, 50.0, 20), ({"plays": 2}, 1000.0, 7)],
+    ids=["history counts in time", "play states need no rate"],
+)
+def test_motion_held_for_some_ticks_is_calibrated_as_that_of_the_training(options, slow, ticks) -> None:
+    calibrated, flags = Corrector(model(**options), rate_hz=slow).run(SIGNALS[:, :3], SIGNALS)
+    held = np.repeat(SIGNALS, ticks, axis=0)
+    out, inside = Corrector(model(**options), rate_hz=slow * ticks).run(held[:, :3], held)
+    assert_array_equal(out[::ticks], calibrated)
+    assert_array_equal(inside[::ticks], flags)
 
 
 @pytest.mark.parametrize(
@@ -57,26 +51,15 @@ def test_play_states_need_no_rate() -> None:
         (50.0, {"decimation": 0}, "decimation: expected one or more"),
     ],
 )
-def test_rates_at_which_history_would_be_another_are_refused(
-    trained: float | None, options: dict[str, float], message: str
-) -> None:
+def test_rates_at_which_history_would_be_another_are_refused(trained, options, message) -> None:
     with pytest.raises(InputError, match=message):
         Corrector(model(history=2, rate_hz=trained), **options)  # type: ignore[arg-type]
 
 
 def test_a_few_per_cent_of_rate_are_taken_and_a_decimation_that_is_said() -> None:
+    assert Corrector(model(history=3, rate_hz=50.0), rate_hz=1000.0).decimation == 20
     assert Corrector(model(history=2, rate_hz=30.0), rate_hz=1000.0).decimation == 33
     assert Corrector(model(history=2, rate_hz=None), decimation=33).decimation == 33
-
-
-def test_reset_forgets_previous_ticks() -> None:
-    remembering = model(history=2, plays=1, rate_hz=1000.0)
-    corrector = Corrector(remembering)
-    first = corrector.run(SIGNALS[:, :3], SIGNALS)
-    corrector.run(SIGNALS[::-1, :3], SIGNALS[::-1])
-    again = corrector.run(SIGNALS[:, :3], SIGNALS)
-    assert_array_equal(first[0], again[0])
-    assert_array_equal(first[1], again[1])
 
 
 def test_nan_among_previous_positions_clears_the_flag_for_as_long_as_it_is_one() -> None:
@@ -153,23 +136,29 @@ def test_without_history_any_rate_does() -> None:
     Corrector(model(), rate_hz=1000.0).prepare(NAMES, UNITS, 500.0)
 
 
-def test_arrays_that_cannot_be_taken_are_refused() -> None:
-    fixed, inside = np.zeros(3), np.empty(3, dtype=bool)
-    fixed.setflags(write=False)
-    corrector = Corrector(model())
-    with pytest.raises(InputError, match=r"signals: expected shape \(200, 5\), got \(200, 4\)"):
-        corrector.run(SIGNALS[:, :3], SIGNALS[:, :4])
-    with pytest.raises(ValueError, match="read-only"):
-        corrector.correct(np.zeros(3), np.zeros(5), fixed, inside)
-    with pytest.raises(InputError, match="not of the robot that it was prepared for"):
-        corrector.correct_state(state(np.zeros(3), np.zeros(3)), np.empty(3), inside)
+Q, VALUES, OUT, INSIDE = np.zeros(3), np.zeros(5), np.zeros(3), np.zeros(3, dtype=bool)
+FIXED = np.zeros(3)
+FIXED.setflags(write=False)
 
 
-@pytest.mark.parametrize("sizes", [(2, 5, 3, 3), (3, 4, 3, 3), (3, 5, 4, 3), (3, 5, 3, 2)])
-def test_arrays_of_another_size_are_refused(sizes: tuple[int, int, int, int]) -> None:
-    q, signals, out, inside = (np.zeros(size) for size in sizes)
-    with pytest.raises(InputError, match=r"expected q_nominal \(3,\), signals \(5,\)"):
-        Corrector(model()).correct(q, signals, out, inside.astype(bool))
+@pytest.mark.parametrize(
+    ("method", "arrays", "message"),
+    [
+        ("run", (SIGNALS[:, :3], SIGNALS[:, :4]), r"signals: expected shape \(200, 5\), got \(200, 4\)"),
+        ("correct", (Q, VALUES, FIXED, INSIDE), "read-only"),
+        ("correct", (Q[:2], VALUES, OUT, INSIDE), r"expected q_nominal \(3,\), signals \(5,\)"),
+        ("correct", (Q, VALUES[:4], OUT, INSIDE), r"got \(3,\), \(4,\)"),
+        ("correct", (Q, VALUES, np.zeros(4), INSIDE), r"got \(3,\), \(5,\), \(4,\)"),
+        ("correct", (Q, VALUES, OUT, INSIDE[:2]), r"got .*, \(2,\)"),
+        ("correct_state", (state(Q, Q), OUT, INSIDE), "not of the robot that it was prepared for"),
+        ("bind", (Q, VALUES[:4], OUT, INSIDE), r"expected q_nominal \(3,\), .* got \(3,\), \(4,\)"),
+        ("bind", (Q, VALUES, Q, INSIDE), "overlaps"),
+        ("bind", (Q, VALUES, OUT.astype(np.float32), INSIDE), "float32"),
+    ],
+)
+def test_arrays_that_cannot_be_taken_are_refused(method: str, arrays: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        getattr(Corrector(model()), method)(*arrays)
 
 
 def test_arrays_of_another_type_or_layout_are_copied() -> None:
@@ -186,16 +175,19 @@ def test_arrays_of_another_type_or_layout_are_copied() -> None:
     whole.correct(np.zeros(3, dtype=int), np.zeros(5, dtype=np.float32), np.empty(3), np.empty(3, dtype=bool))
 
 
-def test_a_copy_has_a_memory_of_its_own() -> None:
-    first = Corrector(model(history=2, rate_hz=1000.0))
-    first.prepare(NAMES, ("rad", "rad", "m"), 1000.0)
+@pytest.mark.parametrize("copied", [deepcopy, lambda corrector: pickle.loads(pickle.dumps(corrector))])
+def test_a_copy_goes_on_from_the_same_memory_and_then_has_its_own(copied) -> None:
+    first = Corrector(model(history=2, plays=1, rate_hz=1000.0))
     expected, _ = first.run(SIGNALS[:, :3], SIGNALS)
-    first.reset()
-    second, out, inside = deepcopy(first), np.empty(3), np.empty(3, dtype=bool)
-    for k in range(20):
-        first.correct(SIGNALS[k, :3].copy(), SIGNALS[k], out, inside)
-        assert_array_equal(out, expected[k])
-        second.correct(np.zeros(3), np.zeros(5), out, inside)
+    first.run(SIGNALS[:50, :3], SIGNALS[:50])
+    second, out, inside = copied(first), np.empty(3), np.empty(3, dtype=bool)
+    for k in range(50, 70):
+        for corrector in (first, second):
+            corrector.correct(SIGNALS[k, :3], SIGNALS[k], out, inside)
+            assert_array_equal(out, expected[k])
+    second.correct(Q, VALUES, out, inside)
+    first.correct(SIGNALS[70, :3], SIGNALS[70], out, inside)
+    assert_array_equal(out, expected[70])
 
 
 def test_a_bound_tick_runs_on_the_arrays_that_it_was_given() -> None:
@@ -208,23 +200,3 @@ def test_a_bound_tick_runs_on_the_arrays_that_it_was_given() -> None:
         tick()
         assert_array_equal(out, expected[k])
         assert_array_equal(inside, flags[k])
-
-
-def test_arrays_that_cannot_be_bound_are_refused() -> None:
-    q, signals, out, inside = np.empty(3), np.empty(5), np.empty(3), np.empty(3, dtype=bool)
-    corrector = Corrector(model())
-    with pytest.raises(InputError, match=r"expected q_nominal \(3,\), signals \(5,\), .* got \(3,\), \(4,\)"):
-        corrector.bind(q, signals[:4], out, inside)
-    with pytest.raises(InputError, match="overlaps"):
-        corrector.bind(q, signals, q, inside)
-    with pytest.raises(InputError, match="float32"):
-        corrector.bind(q, signals, out.astype(np.float32), inside)
-
-
-def test_a_pickled_corrector_goes_on_from_the_same_memory() -> None:
-    corrector = Corrector(model(history=2, plays=1, rate_hz=1000.0))
-    expected, _ = corrector.run(SIGNALS[:, :3], SIGNALS)
-    corrector.run(SIGNALS[:50, :3], SIGNALS[:50])
-    again, out = pickle.loads(pickle.dumps(corrector)), np.empty(3)
-    again.correct(SIGNALS[50, :3], SIGNALS[50], out, np.empty(3, dtype=bool))
-    assert_array_equal(out, expected[50])

@@ -70,18 +70,14 @@ def test_play_does_not_depend_on_the_rate_of_sampling(x: np.ndarray, r: float, s
 
 @repeatable
 @given(motions, half_widths, st.floats(0.0, 10.0), st.integers(0, 2**32 - 1))
-def test_play_of_a_motion_that_lies_above_another_lies_above(
-    x: np.ndarray, r: float, lift: float, seed: int
-) -> None:
+def test_play_of_a_motion_that_lies_above_another_lies_above(x, r, lift, seed) -> None:
     above = x + lift * np.random.default_rng(seed).uniform(size=len(x))
     assert np.all(play(above, r) >= play(x, r))
 
 
 @repeatable
 @given(motions, half_widths, st.tuples(*[st.floats(-100.0, 100.0)] * 4))
-def test_larger_sweep_wipes_out_the_loops_within_it(
-    x: np.ndarray, r: float, turns: tuple[float, float, float, float]
-) -> None:
+def test_larger_sweep_wipes_out_the_loops_within_it(x, r, turns) -> None:
     start, back, forth, end = np.sort(turns)
     direct = play(np.array([*x, start, end]), r)
     with_loop = play(np.array([*x, start, forth, back, end]), r)
@@ -108,18 +104,14 @@ def test_rows_without_measurement_are_commands_all_the_same() -> None:
     assert_array_equal(features.matrix(replace(LOG, ok=ok)), features.matrix(LOG))
 
 
-def test_history_ends_where_the_clock_goes_back() -> None:
+def test_history_and_play_begin_anew_where_the_clock_goes_back() -> None:
     time = np.array([*range(7), *range(5)], dtype=float)
-    X = FeatureSet(NAMES, UNITS, history=3).matrix(replace(LOG, time=time))
+    features = FeatureSet(NAMES, UNITS, history=3, play=(("q:J1", 0.2),))
+    X = features.matrix(replace(LOG, time=time))
     assert_array_equal(np.flatnonzero(np.isnan(X).any(axis=1)), [0, 1, 2, 7, 8, 9])
     assert_array_equal(X[10, 3:6], LOG.q_nominal[9])
-
-
-def test_play_begins_anew_where_the_clock_goes_back() -> None:
-    time = np.array([*range(7), *range(5)], dtype=float)
-    X = FeatureSet(NAMES, UNITS, play=(("q:J1", 0.2),)).matrix(replace(LOG, time=time))
     expected = np.concatenate([dragged(LOG.q_nominal[:7, 0], 0.2), dragged(LOG.q_nominal[7:, 0], 0.2)])
-    assert_array_equal(X[:, 3], expected - LOG.q_nominal[:, 0])
+    assert_array_equal(X[:, -1], expected - LOG.q_nominal[:, 0])
 
 
 def test_recording_shorter_than_the_history_has_no_complete_row() -> None:
@@ -128,27 +120,15 @@ def test_recording_shorter_than_the_history_has_no_complete_row() -> None:
     assert np.isnan(X).any(axis=1).all()
 
 
-def test_history_and_play_are_of_positions_only() -> None:
+def test_history_and_play_are_of_positions_only_and_play_alone_cannot_leave_its_range() -> None:
     log = replace(LOG, tau=np.ones((12, 3)))
-    features = FeatureSet(("q:J1", "tau:J1"), ("rad", "Nm"), history=1, play=(("q:J1", 0.1),))
-    assert features.names == ("q:J1", "tau:J1", "q:J1[-1]", "play(q:J1, 0.1)")
-    assert features.feature_units == ("rad", "Nm", "rad", "rad")
-    assert features.matrix(log).shape == (12, 4)
-
-
-def test_play_states_are_the_features_that_cannot_leave_their_range() -> None:
-    features = FeatureSet(NAMES, UNITS, history=1, play=(("q:J1", 0.1), ("q:J3", 0.01)))
-    assert_array_equal(features.bounded, [False] * 6 + [True] * 2)
-
-
-def test_columns_of_a_signal_are_its_value_its_history_and_its_play() -> None:
-    features = FeatureSet(NAMES, UNITS, history=2, play=(("q:J1", 0.1), ("q:J2", 0.1)))
-    assert [features.names[c] for c in features.columns_of(["q:J2"])] == [
-        "q:J2",
-        "q:J2[-1]",
-        "q:J2[-2]",
-        "play(q:J2, 0.1)",
-    ]
+    features = FeatureSet(("q:J1", "tau:J1", "q:J2"), ("rad", "Nm", "rad"), 1, (("q:J1", 0.1),))
+    names = ("q:J1", "tau:J1", "q:J2", "q:J1[-1]", "q:J2[-1]", "play(q:J1, 0.1)")
+    assert features.names == names
+    assert features.feature_units == ("rad", "Nm", "rad", "rad", "rad", "rad")
+    assert features.matrix(log).shape == (12, 6)
+    assert_array_equal(features.bounded, [name.startswith("play") for name in names])
+    assert_array_equal(features.columns_of(["q:J1"]), [i for i, name in enumerate(names) if "q:J1" in name])
 
 
 def test_words_choose_signals_groups_and_all_once_each() -> None:

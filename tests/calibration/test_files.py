@@ -10,10 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
 
 from catenary.calibration.files import card_path, load_model, save_model
-from catenary.calibration.predictors import Linear
 from catenary.errors import FileFormatError
 from recordings import fitted, recording
 
@@ -88,6 +86,7 @@ def test_a_file_that_was_changed_is_refused(path: Path, change: Callable[..., An
 
 
 def test_a_model_is_one_file_of_plain_arrays_with_a_readable_card_beside_it(path: Path) -> None:
+    save_model(fitted(LOG, kind="offset"), {}, path)  # which is replaced
     save_model(MODEL, CARD, path)
     assert sorted(p.name for p in path.parent.iterdir()) == ["arm.card.json", "arm.npz"]
     assert json.loads(card_path(path).read_text(encoding="utf-8")) == CARD
@@ -97,7 +96,8 @@ def test_a_model_is_one_file_of_plain_arrays_with_a_readable_card_beside_it(path
     save_model(MODEL, CARD, path)
     assert path.read_bytes() == first
     card_path(path).unlink()
-    assert load_model(path)[1] == CARD
+    model, card = load_model(path)
+    assert (model.kind, card) == ("linear", CARD)
 
 
 @pytest.mark.parametrize(
@@ -120,15 +120,7 @@ def test_what_is_no_model_is_refused(path: Path, write: Callable[[Path], Any], m
         load_model(path)
 
 
-def test_model_replaces_the_one_before(path: Path) -> None:
-    save_model(fitted(LOG, kind="offset"), CARD, path)
-    save_model(MODEL, CARD, path)
-    assert load_model(path)[0].kind == "linear"
-
-
-def test_failed_write_leaves_the_old_model_and_nothing_else(
-    path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failed_write_leaves_the_old_model_and_nothing_else(path, monkeypatch) -> None:
     save_model(fitted(LOG, kind="offset"), CARD, path)
     before = {p.name: p.read_bytes() for p in path.parent.iterdir()}
 
@@ -164,29 +156,6 @@ def test_pickled_objects_are_refused_and_not_run(path: Path, tmp_path: Path) -> 
     assert not (tmp_path / "sprung").exists()
 
 
-def test_truncated_file_is_refused_wherever_it_ends(path: Path) -> None:
-    save_model(MODEL, CARD, path)
-    whole = path.read_bytes()
-    for end in range(0, len(whole), 101):
-        path.write_bytes(whole[:end])
-        with pytest.raises(FileFormatError, match=r"arm.npz: cannot be read"):
-            load_model(path)
-
-
-def test_flipped_bits_are_refused_or_harmless(path: Path) -> None:
-    save_model(MODEL, CARD, path)
-    whole, rng, expected = path.read_bytes(), np.random.default_rng(2), MODEL.calibrate(LOG)
-    for _ in range(300):
-        damaged = bytearray(whole)
-        damaged[rng.integers(len(whole))] ^= 1 << int(rng.integers(8))
-        path.write_bytes(damaged)
-        try:
-            model, _ = load_model(path)
-        except FileFormatError:
-            continue
-        assert_array_equal(model.calibrate(LOG), expected)
-
-
 def test_any_missing_array_is_noticed(path: Path) -> None:
     save_model(MODEL, CARD, path)
     for key in np.load(path).files:
@@ -213,14 +182,6 @@ def test_predictor_without_a_file_format_is_refused_before_writing(path: Path) -
     with pytest.raises(TypeError, match="no file format for Mystery"):
         save_model(replace(MODEL, groups=(group,)), CARD, path)
     assert not path.exists()
-
-
-def test_numbers_keep_every_bit(path: Path) -> None:
-    odd = Linear(np.full((6, 3), np.nextafter(0.1, 1.0)), np.full(3, 5e-324))
-    save_model(replace(MODEL, groups=(replace(MODEL.groups[0], predictor=odd),)), CARD, path)
-    back = load_model(path)[0].groups[0].predictor
-    assert back.weights.tobytes() == odd.weights.tobytes()
-    assert back.bias.tobytes() == odd.bias.tobytes()
 
 
 def test_loading_a_model_for_a_loop_imports_nothing_that_fits_one() -> None:

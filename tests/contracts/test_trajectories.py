@@ -9,15 +9,13 @@ from numpy.typing import NDArray
 
 from catenary.errors import InputError
 from catenary.robots.catalog import load_robot
-from catenary.trajectories.calibration_box import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.trajectories.cartesian import CartesianSinusoids
-from catenary.trajectories.embedded import Embedded
-from catenary.trajectories.in_turn import InTurn, Rest
+from catenary.trajectories.in_turn import Embedded, InTurn, Rest
 from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.waypoints import follow_waypoints, play_rows
-from catenary.trajectories.zigzag import DIRECTIONS, zigzag, zigzag_rows
+from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER, DIRECTIONS, zigzag, zigzag_rows
 
 Floats = NDArray[np.float64]
 
@@ -103,9 +101,7 @@ def test_motion_stays_within_its_range(case: tuple[Trajectory, Floats, Floats]) 
     ],
     ids=["velocity", "acceleration"],
 )
-def test_velocity_and_acceleration_are_derivatives(
-    trajectory: Trajectory, order: int, h: float, atol: float
-) -> None:
+def test_velocity_and_acceleration_are_derivatives(trajectory, order, h, atol) -> None:
     t = np.linspace(-1.0, trajectory.duration + 1.0, 3001)
     before, after = trajectory.sample(t - h)[order - 1], trajectory.sample(t + h)[order - 1]
     assert_allclose((after - before) / (2.0 * h), trajectory.sample(t)[order], atol=atol)

@@ -8,7 +8,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.conversions import pose_of
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
-from catenary.crtk.names import find_topic
 from catenary.dynamics.kinematics import forward_kinematics, relative_pose
 from catenary.nodes.serve import Serving, make_server
 from catenary.recording.topics import Arm
@@ -116,25 +115,3 @@ def test_the_whole_state_is_in_the_robots_own_units() -> None:
             assert_allclose(position[3 * k : 3 * k + 3], 1e6 * pose.position, atol=1.0)  # whole um
             assert_allclose(rotation[9 * k : 9 * k + 9], pose.rotation.ravel(), atol=1e-6)
         assert message.grasp_d[k] == np.float32(served.plant.setpoint_js().q[-2:].sum())
-
-
-def test_nothing_is_made_while_nobody_listens(monkeypatch: pytest.MonkeyPatch) -> None:
-    network = LoopbackNetwork()
-    server = make_server(
-        Serving(dialect="crtk"), Loopback("robot", network), plants={"gold": homed_plant("left")}
-    )
-    server.tick()  # the state is latched, so it is told once whoever listens
-    published: list[str] = []
-    for outlet in server.outlets.values():
-        outlet.watch()
-        monkeypatch.setattr(
-            outlet, "publish", lambda message, topic=outlet.topic: published.append(topic.verb)
-        )
-    server.tick()
-    assert published == []
-    Loopback("client", network).subscribe(
-        find_topic("crtk", "measured_js", "gold").name, "sensor_msgs/JointState"
-    )
-    server.outlets["measured_js", "gold"].watch()
-    server.tick()
-    assert published == ["measured_js"]

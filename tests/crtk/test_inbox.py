@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from catenary.crtk.inbox import Inbox, Received, Request, Subscription
+from catenary.crtk.inbox import Inbox, Received, Subscription
 from catenary.errors import FileFormatError
 from patience import PATIENCE
 
@@ -114,17 +114,3 @@ def test_four_threads_lose_and_repeat_nothing() -> None:
     got += [received.message for received in one.take()]
     for k in range(4):
         assert [i for source, i in got if source == k] == list(range(1000))
-
-
-def test_a_request_gives_its_answer_or_its_error() -> None:
-    def fail() -> Any:
-        raise ValueError("no")
-
-    answered, failed = Request(lambda: 3), Request(fail)
-    assert not answered.wait(0.0)
-    answered.run()
-    failed.run()
-    assert answered.wait(0.0)
-    assert answered.result() == 3
-    with pytest.raises(ValueError, match="no"):
-        failed.result()

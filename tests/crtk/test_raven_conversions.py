@@ -37,10 +37,6 @@ def test_single_numbers_are_columns_of_one_and_the_duration_is_in_seconds() -> N
     assert_array_equal(got["dt"], [0.0015])
 
 
-def test_what_is_not_given_is_zero() -> None:
-    assert all(not values.any() for values in columns().values())
-
-
 def test_recordings_read_the_same_from_the_bytes() -> None:
     sent: Message = random_message(STATE, np.random.default_rng(2))._replace(
         hdr=header(1_500_000_000_000_000_007)

@@ -1,6 +1,5 @@
 """A connection to a latching client breaks and is made again: what it had said is no command any more."""
 
-import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -8,8 +7,9 @@ from catenary.crtk.clock import SECOND, ManualClock
 from catenary.crtk.conversions import command_message
 from catenary.crtk.loopback import Loopback, LoopbackNetwork, LoopbackPublisher
 from catenary.crtk.message import header, message_class
+from catenary.simulation.cable_plant import CablePlant
 from oracles.cable_arms import homed_plant
-from served_robot import BEGIN, JointState, ServedRobot
+from served_robot import BEGIN, JointState, ServedRobot, shoulder
 
 COMMAND = "crtk_msgs/StringStamped"
 
@@ -22,12 +22,15 @@ def cut(network: LoopbackNetwork, name: str) -> None:
 
 def mend(network: LoopbackNetwork, name: str) -> None:
     """Make them again; latched messages come again."""
-    for publisher in publishers(network, name):
-        publisher.connect()
+    for one in publishers(network, name):
+        one.origin, one.is_connected = one.origin._replace(connection=object()), True
+        for _, subscription in network.topics[one.topic].subscriptions:
+            if one.latched is not None:
+                subscription.push(one.latched, network.clock.now(), one.origin)
 
 
 def publishers(network: LoopbackNetwork, name: str) -> list[LoopbackPublisher]:
-    return [topic.publishers[name] for topic in network._topics.values() if name in topic.publishers]
+    return [topic.publishers[name] for topic in network.topics.values() if name in topic.publishers]
 
 
 class LatchingClient:
@@ -44,16 +47,8 @@ class LatchingClient:
         self.robot.tick(2)
 
     def move(self, amount: float) -> None:
-        self.jr.publish(JointState(position=np.array([amount, *np.zeros(6)])))
+        self.jr.publish(JointState(position=shoulder(amount)))
         self.robot.tick(2)
-
-    def lose_connection(self) -> None:
-        cut(self.robot.network, self.transport.name)
-        self.robot.tick(300)
-
-    def come_back(self) -> None:
-        mend(self.robot.network, self.transport.name)
-        self.robot.tick(300)
 
 
 @pytest.fixture(params=["raven", "crtk"])
@@ -65,14 +60,50 @@ def reported(robot: ServedRobot, kind: str) -> int:
     return sum(report.count for name, report in robot.server.reports.kinds.items() if name.endswith(kind))
 
 
-def test_a_resume_that_was_obeyed_is_not_obeyed_again(robot):
-    client = LatchingClient(robot)
-    client.command("resume")
-    assert robot.state() == "ENABLED"
-    robot.plant.state_command("pause")
-    client.lose_connection()
-    client.come_back()
-    assert robot.state() == "PAUSED"
+# what happens, in its order: what the client says ("now": with a fresh stamp), and what befalls it and the robot
+@pytest.mark.parametrize(
+    ("story", "state", "complaints"),
+    [
+        ("resume, robot pauses, break, mend", "PAUSED", 0),
+        ("resume, pause, break, resume, mend", "PAUSED", 1),
+        ("resume, pause, break, resume now, mend", "ENABLED", 0),
+        ("resume, break, pause, mend", "PAUSED", 0),
+        ("resume, break, disable, mend", "DISABLED", 0),
+        ("resume, pause, break, mend, resume", "ENABLED", 0),
+        ("break, resume, mend", "ENABLED", 0),
+        ("resume, restart, robot pauses, resume", "ENABLED", 0),
+    ],
+    ids=[
+        "what was obeyed is not obeyed again",
+        "what was said while nobody was connected is not obeyed",
+        "a fresh stamp is obeyed",
+        "pause is obeyed",
+        "disable is obeyed",
+        "the next command is obeyed",
+        "what a program says first is obeyed though latched",
+        "a program started again under its name is another",
+    ],
+)
+def test_after_a_break(robot, story, state, complaints):
+    client, connected = LatchingClient(robot), True
+    for event in story.split(", "):
+        before = robot.state()
+        if event == "robot pauses":
+            robot.plant.state_command("pause")
+            robot.tick()
+        elif event == "restart":
+            client.transport.close()
+            client = LatchingClient(robot)
+        elif event in ("break", "mend"):
+            connected = event == "mend"
+            (mend if connected else cut)(robot.network, client.transport.name)
+            robot.tick(300)
+        else:
+            word, _, now = event.partition(" ")
+            client.command(word, stamp=robot.clock.now() if now else 0)
+        assert connected or robot.state() == before
+    assert robot.state() == state
+    assert reported(robot, "after a break") == complaints
 
 
 def test_an_increment_is_not_made_twice(robot):
@@ -80,81 +111,33 @@ def test_an_increment_is_not_made_twice(robot):
     client.command("resume")
     client.move(1e-3)
     once = robot.setpoint
-    client.lose_connection()
-    client.come_back()
+    for change in (cut, mend):
+        change(robot.network, client.transport.name)
+        robot.tick(300)
     assert_array_equal(robot.setpoint, once)
-
-
-def test_a_command_said_while_nobody_was_connected_is_not_obeyed(robot):
-    client = LatchingClient(robot)
-    client.command("resume")
-    client.command("pause")
-    client.lose_connection()
-    client.command("resume")
-    client.come_back()
-    assert robot.state() == "PAUSED"
-    assert reported(robot, "after a break") == 1
-
-
-def test_a_freshly_stamped_command_is_obeyed_after_a_break(robot):
-    client = LatchingClient(robot)
-    client.command("resume")
-    client.command("pause")
-    client.lose_connection()
-    client.command("resume", stamp=robot.clock.now())
-    client.come_back()
-    assert robot.state() == "ENABLED"
-
-
-@pytest.mark.parametrize("command", ["pause", "disable"])
-def test_what_stops_is_obeyed_after_a_break(robot, command):
-    client = LatchingClient(robot)
-    client.command("resume")
-    client.lose_connection()
-    client.command(command)
-    assert robot.state() == "ENABLED"
-    client.come_back()
-    assert robot.state() == {"pause": "PAUSED", "disable": "DISABLED"}[command]
-
-
-def test_after_a_break_the_next_command_is_obeyed(robot):
-    client = LatchingClient(robot)
-    client.command("resume")
-    client.command("pause")
-    client.lose_connection()
-    client.come_back()
-    client.command("resume")
     client.move(1e-3)
-    assert robot.state() == "ENABLED"
-    assert_allclose(robot.setpoint[0] - robot.plant.measured_js().q[0], 1e-3, atol=1e-3)
+    assert_allclose((robot.setpoint - once)[0], 1e-3, atol=1e-12)
 
 
-def test_what_a_program_says_first_is_obeyed_though_latched(robot):
-    client = LatchingClient(robot)
-    client.lose_connection()
-    client.command("resume")
-    client.come_back()
-    assert robot.state() == "ENABLED"
+def before_the_robot(*verbs: str) -> tuple[LoopbackNetwork, list[LoopbackPublisher]]:
+    """A network with a client that was there before the robot, and its latched publishers."""
+    network = LoopbackNetwork(clock=ManualClock(BEGIN))
+    old = Loopback("client", network)
+    kinds = {"state_command": COMMAND, "servo_jr": "sensor_msgs/JointState"}
+    return network, [old.publisher(f"/arm1/{verb}", kinds[verb], latch=True) for verb in verbs]
 
 
-def test_a_program_started_again_under_its_name_is_another(robot):
-    client = LatchingClient(robot)
-    client.command("resume")
-    client.transport.close()
-    robot.plant.state_command("pause")
-    LatchingClient(robot).command("resume")
-    assert robot.state() == "ENABLED"
+def paused_plant() -> CablePlant:
+    plant = homed_plant("left")
+    plant.state_command("pause")
+    return plant
 
 
 def test_an_old_client_that_comes_back_late_does_not_enable_a_restarted_robot():
-    network = LoopbackNetwork(clock=ManualClock(BEGIN))
-    old = Loopback("client", network)
-    publisher = old.publisher("/arm1/state_command", COMMAND, latch=True)
+    network, (publisher,) = before_the_robot("state_command")
     publisher.publish(command_message("resume", 0))
     cut(network, "client")
-    plant = homed_plant("left")
-    plant.state_command("pause")
-    robot = ServedRobot("raven", network=network, plant=plant)
+    robot = ServedRobot("raven", network=network, plant=paused_plant())
     robot.tick(15_000)
     mend(network, "client")
     robot.tick(500)
@@ -164,14 +147,9 @@ def test_an_old_client_that_comes_back_late_does_not_enable_a_restarted_robot():
 
 @pytest.mark.parametrize("dialect", ["raven", "crtk"])
 def test_a_new_client_is_obeyed_at_once_though_one_that_crashed_is_listed_still(dialect):
-    network = LoopbackNetwork(clock=ManualClock(BEGIN))
-    crashed = Loopback("client", network)
-    for verb, kind in (("state_command", COMMAND), ("servo_jr", "sensor_msgs/JointState")):
-        crashed.publisher(f"/arm1/{verb}", kind, latch=True)
+    network, _ = before_the_robot("state_command", "servo_jr")
     cut(network, "client")
-    plant = homed_plant("left")
-    plant.state_command("pause")
-    robot = ServedRobot(dialect, network=network, plant=plant)
+    robot = ServedRobot(dialect, network=network, plant=paused_plant())
     robot.tick(10)
     client = LatchingClient(robot)
     client.command("resume")
@@ -182,14 +160,12 @@ def test_a_new_client_is_obeyed_at_once_though_one_that_crashed_is_listed_still(
 
 
 def test_an_old_client_waits_though_a_new_one_is_obeyed():
-    network = LoopbackNetwork(clock=ManualClock(BEGIN))
-    old = Loopback("client", network)
-    publisher = old.publisher("/arm1/servo_jr", "sensor_msgs/JointState", latch=True)
+    network, (publisher,) = before_the_robot("servo_jr")
     robot = ServedRobot("raven", network=network)
     robot.tick(10)
     start = robot.setpoint
     for amount in (1e-3, 2e-3):
-        publisher.publish(JointState(position=np.array([amount, *np.zeros(6)])))
+        publisher.publish(JointState(position=shoulder(amount)))
         robot.tick(2)
     assert_array_equal(robot.setpoint, start)
     LatchingClient(robot).move(1e-3)

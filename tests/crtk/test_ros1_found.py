@@ -25,22 +25,15 @@ def test_a_system_without_rospy_is_told_how_to_get_it(without_rospy: Path) -> No
         make_rospy_importable()
 
 
-def test_the_systems_packages_come_behind_all_others(
-    without_rospy: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.parametrize("fits", [True, False])
+def test_the_systems_packages_come_last_where_versions_agree(without_rospy, monkeypatch, fits) -> None:
     (without_rospy / "rospy").mkdir()
     (without_rospy / "rospy" / "__init__.py").touch()
     before = list(sys.path)
-    monkeypatch.setattr(find_rospy, "_system_python", lambda: sys.version_info[:2])
-    make_rospy_importable()
-    assert sys.path == [*before, str(without_rospy)]
-
-
-def test_packages_of_another_python_are_left_alone(
-    without_rospy: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (without_rospy / "rospy").mkdir()
-    (without_rospy / "rospy" / "__init__.py").touch()
-    monkeypatch.setattr(find_rospy, "_system_python", lambda: (3, 8))
-    with pytest.raises(MissingPackageError, match="not found for Python"):
+    monkeypatch.setattr(find_rospy, "_system_python", lambda: sys.version_info[:2] if fits else (3, 8))
+    if fits:
         make_rospy_importable()
+        assert sys.path == [*before, str(without_rospy)]
+    else:
+        with pytest.raises(MissingPackageError, match="not found for Python"):
+            make_rospy_importable()

@@ -7,21 +7,21 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.crtk.clock import SECOND, ManualClock
 from catenary.crtk.conversions import command_message
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
-from catenary.crtk.message import header, message_class
+from catenary.crtk.message import header
+from catenary.crtk.names import BUTTON, BUTTON_TYPE, Dialect
 from catenary.errors import InputError, NotReadyError, TransportError
 from catenary.nodes.serve import Serving, make_server
 from catenary.simulation.cable_plant import CablePlant
 from oracles.cable_arms import homed_plant
-from served_robot import BEGIN, JointState, ServedRobot, shoulder
+from served_robot import BEGIN, JointState, ServedRobot, homing_plant, shoulder
 
 
-def living_client(state: str, *commands: str, dialect: str = "raven", stamp: int = 0) -> ServedRobot:
+def living_client(state: str, command: str, *, dialect: Dialect = "raven", stamp: int = 0) -> ServedRobot:
     """A robot that starts on a network where a client has latched a command of its own."""
     network = LoopbackNetwork(clock=ManualClock(BEGIN))
     client = Loopback("client", network)
     publisher = client.publisher("/arm1/state_command", "crtk_msgs/StringStamped", latch=True)
-    for command in commands:
-        publisher.publish(command_message(command, stamp))
+    publisher.publish(command_message(command, stamp))
     plant = homed_plant("left")
     plant.state_command({"PAUSED": "pause", "DISABLED": "disable"}[state])
     robot = ServedRobot(dialect, network=network, plant=plant)
@@ -29,32 +29,27 @@ def living_client(state: str, *commands: str, dialect: str = "raven", stamp: int
     return robot
 
 
-@pytest.mark.parametrize("stamp", [0, BEGIN - SECOND // 10, BEGIN - 100 * SECOND])
-def test_a_latched_resume_of_a_living_client_does_not_enable_a_restarted_robot(stamp):
-    robot = living_client("PAUSED", "resume", stamp=stamp)
+@pytest.mark.parametrize(
+    ("state", "latched", "stamp", "dialect"),
+    [
+        ("PAUSED", "resume", 0, "raven"),
+        ("PAUSED", "resume", BEGIN - SECOND // 10, "raven"),
+        ("PAUSED", "resume", BEGIN - 100 * SECOND, "raven"),
+        ("DISABLED", "enable", 0, "crtk"),
+    ],
+)
+def test_a_latched_command_of_a_client_enables_no_restarted_robot(state, latched, stamp, dialect):
+    robot = living_client(state, latched, dialect=dialect, stamp=stamp)
     robot.tick(3000)
-    assert robot.state() == "PAUSED"
+    assert robot.state() == state
     assert sum(report.count for report in robot.server.reports.kinds.values()) == 1
 
 
-def test_a_latched_enable_does_not_either():
-    robot = living_client("DISABLED", "enable", dialect="crtk")
-    robot.tick(3000)
-    assert robot.state() == "DISABLED"
-
-
-def test_the_same_client_is_obeyed_a_second_later():
+@pytest.mark.parametrize(("ticks", "stamped"), [(1200, False), (10, True)])
+def test_the_same_client_is_obeyed_a_second_later_or_with_a_stamp(ticks, stamped):
     robot = living_client("PAUSED", "resume")
-    robot.tick(1200)
-    robot.command("resume")
-    robot.tick()
-    assert robot.state() == "ENABLED"
-
-
-def test_a_command_that_is_stamped_after_the_start_is_obeyed_at_once():
-    robot = living_client("PAUSED", "resume")
-    robot.tick(10)
-    robot.command("resume", stamp=robot.clock.now())
+    robot.tick(ticks)
+    robot.command("resume", stamp=robot.clock.now() if stamped else 0)
     robot.tick()
     assert robot.state() == "ENABLED"
 
@@ -114,6 +109,42 @@ def test_trouble_of_one_kind_is_logged_once_in_five_seconds_and_counted(caplog):
         robot.tick()
     assert robot.server.reports.count("/arm1/servo_jr: refused") == 400
     assert len([one for one in caplog.records if "servo_jr" in one.message]) == 1
+
+
+def press_the_silver_button(robot: ServedRobot) -> None:
+    assert robot.client.call(BUTTON, BUTTON_TYPE).success
+
+
+def enable_and_home(robot: ServedRobot) -> None:
+    for command in ("enable", "home"):
+        robot.tick()
+        robot.command(command)
+
+
+@pytest.mark.parametrize(
+    ("dialect", "start", "states"),
+    [
+        ("raven", press_the_silver_button, [("ENABLED", False, True), ("PAUSED", True, False)]),
+        (
+            "crtk",
+            enable_and_home,
+            [
+                ("DISABLED", False, False),
+                ("ENABLED", False, False),
+                ("ENABLED", False, True),
+                ("ENABLED", True, False),
+            ],
+        ),
+    ],
+)
+def test_homing_is_busy_and_leaves_the_pedal_up_or_the_arm_enabled(dialect, start, states):
+    robot = ServedRobot(dialect, plant=homing_plant())
+    assert robot.state() == "DISABLED"
+    heard = robot.hear("operating_state")
+    start(robot)
+    robot.tick(300)
+    seen = [(one.message.state, one.message.is_homed, one.message.is_busy) for one in heard.take()]
+    assert list(dict.fromkeys(seen)) == states
 
 
 def test_homing_that_fails_leaves_a_fault_and_a_living_server():
@@ -176,11 +207,20 @@ def test_clients_are_known_by_name():
     assert robot.server.clients() == {"client"}
 
 
-def test_nobody_hears_nothing_is_made():
+def test_nothing_is_made_while_nobody_listens():
     robot = ServedRobot()
-    robot.tick(200)
-    assert not any(outlet.heard for outlet in robot.server.outlets.values())
     heard = robot.client.subscribe("/ravenstate", "raven_2/raven_state")
     robot.tick(200)
+    outlets = robot.server.outlets.values()
+    assert [outlet.topic.verb for outlet in outlets if outlet.heard] == ["ravenstate"]
+    sent = {outlet.topic.name: outlet.publisher._sent for outlet in outlets}
+    assert len(heard.take()) == 200
+    robot.tick(200)
+    assert {one.topic.name for one in outlets if one.publisher._sent > sent[one.topic.name]} == {
+        "/ravenstate"
+    }
+    assert len(heard.take()) == 200
+    heard.close()
+    heard = robot.hear("measured_js")  # whoever comes later is found within a tenth of a second
+    robot.tick(200)
     assert 90 <= len(heard.take()) <= 200
-    assert message_class("raven_2/raven_state")().runlevel == 0

@@ -1,5 +1,4 @@
 import math
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -7,60 +6,19 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.devices.encoder_board import STALE, EncoderBoard
+from catenary.devices.encoder_board import STALE
 from catenary.devices.encoder_counts import CONFIRM
 from catenary.devices.encoder_rig import EncoderRig
 from catenary.errors import SensorError
-from homing_counts import homing_counts
-from oracles.simulated_encoders import SimulatedEncoders
+from oracles.encoder_bench import AWAY, EncoderBench
 from patience import until
 
 RIG = EncoderRig()
-AWAY, STOPS = np.array([3000.0, 26_000.0, 100_000.0]), np.array([0.0, 30_000.0, 112_000.0])
-
-
-class Bench:
-    """A board, its driver, and a time that goes on by a period with each line."""
-
-    def __init__(self, link: Path, *, period: float = 0.01, **options) -> None:
-        self.board = SimulatedEncoders(link, **options)
-        self.now, self.period = 10.0, period
-        self.driver = EncoderBoard(
-            str(link), EncoderRig(bits=options.get("bits", 32)), clock=lambda: self.now
-        )
-        self.board.write(b"7_8\r\n")  # the port is opened in the middle of a line
-        until(lambda: self.heard == 1)
-
-    @property
-    def heard(self) -> int:
-        t = self.driver.tally
-        return t.rows + t.malformed + t.cut + t.rejected
-
-    def write(self, data: bytes) -> None:
-        self.now += self.period
-        before = self.heard
-        self.board.write(data)
-        until(lambda: self.heard > before, every=0.0005)
-
-    def send(self, *rows) -> None:
-        for row in rows:
-            self.write(self.board.line(row))
-
-    def home(self) -> None:
-        """Into the stops, and back."""
-        self.driver.tell(is_busy=True, is_homed=False)
-        for share in (*np.linspace(0.0, 1.0, 60), *[1.0] * 5, *np.linspace(1.0, 0.0, 60)):
-            self.send(np.round(AWAY + share * (STOPS - AWAY)))
-        self.driver.tell(is_busy=False, is_homed=True)
-
-    def close(self) -> None:
-        self.driver.close()
-        self.board.close()
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
-    bench = Bench(tmp_path / "encoders")
+def bench(tmp_path: Path) -> Iterator[EncoderBench]:
+    bench = EncoderBench(tmp_path / "encoders")
     yield bench
     bench.close()
 
@@ -103,26 +61,6 @@ def test_noise_and_cut_lines_are_counted_and_change_nothing(bench):
     assert "insertion" in reading.complaint
     assert reading.is_valid
     assert_array_equal(reading.counts, AWAY)
-
-
-def test_a_line_may_come_in_pieces(bench):
-    line = bench.board.line([1, 2, 3])
-    bench.board.write(line[:4])
-    time.sleep(0.02)
-    bench.write(line[4:])
-    assert_array_equal(bench.driver.reading().counts, [1, 2, 3])
-
-
-@pytest.mark.parametrize("bits", [16, 24])
-def test_positions_go_on_over_the_ends_of_the_counters(tmp_path, bits):
-    offset = (0, 2 ** (bits - 1) - 28_000, 2 ** (bits - 1) - 101_000)
-    bench = Bench(tmp_path / "encoders", bits=bits, offset=offset)
-    bench.home()
-    reading = bench.driver.reading()
-    assert reading.is_valid
-    assert reading.tally["rejected"] == 0
-    assert_allclose(reading.q_encoder[2], 0.572467 - 0.06, atol=1e-4)
-    bench.close()
 
 
 def test_missed_counts_void_the_registration(bench):
@@ -183,22 +121,3 @@ def test_a_silent_board_is_told(bench):
     bench.write(b"hello\n")
     with pytest.raises(SensorError, match=r"no row of counts within 0.05 s: 1 other lines .*hello.*a_b_c"):
         bench.driver.wait_ready(0.05)
-
-
-@pytest.mark.slow
-def test_a_simulated_arm_that_homes_is_registered_over_the_line_as_by_its_own_rig(tmp_path):
-    h = homing_counts()
-    bench = Bench(tmp_path / "encoders", period=0.004)
-    begin = bench.now
-    for k, counts in enumerate(h.counts):
-        bench.driver.tell(is_busy=bool(h.busy[k]), is_homed=bool(h.homed[k]))
-        bench.send(counts)
-        bench.now = begin + h.time[k]
-    samples = bench.driver.take()
-    reading = bench.driver.reading()
-    bench.close()
-    assert reading.tally["rejected"] == reading.tally["losses"] == reading.tally["malformed"] == 0
-    late = samples[-200:]  # while it moves to and fro
-    assert all(sample.is_valid for sample in late)
-    ours = np.array([sample.q_encoder for sample in late])
-    assert np.abs((ours - h.ext_jpos[-200:]) * RIG.counts).max() < 1.0

@@ -116,12 +116,3 @@ def test_the_lines_on_the_page_are_lines_of_the_protocol():
     page = (Path(__file__).parents[2] / "docs" / "devices.md").read_text()
     read = [parse_line(line) for line in re.findall(r"^\$CAT.*$", page, re.MULTILINE)]
     assert [type(line) for line in read] == [Hello, BoardSample]
-
-
-def test_the_sketchs_hello_is_one():
-    page = (Path(__file__).parents[2] / "docs" / "devices.md").read_text()
-    body = re.search(r'strcpy\(body, "(.*)"\);', page)
-    assert body is not None
-    hello = parse_line(framed(body.group(1)))
-    assert isinstance(hello, Hello)
-    assert hello.has_gyroscope

@@ -66,10 +66,7 @@ def test_a_linear_spring_pulls_back_to_zero():
 
 
 def test_smoothed_coulomb_friction_is_the_sign_far_from_rest():
-    fast, slow = (
-        columns([0, 0], [1, 0], [0, 0], smoothing=0.02),
-        columns([0, 0], [1e-3, 0], [0, 0], smoothing=0.02),
-    )
+    fast, slow = (columns([0, 0], [speed, 0], [0, 0], smoothing=0.02) for speed in (1.0, 1e-3))
     assert_allclose(fast[:, 0], C, atol=1e-12)
     assert_allclose(slow[:, 0], C * 0.05, rtol=1e-3)  # tanh x = x - x^3 / 3
 

@@ -90,12 +90,8 @@ REFUSED = [
     ("qdd", {**MANY, "qdd": [0.0] * 3}, r"qdd: expected shape \(2, 3\), got \(3,\)"),
     ("gravity", {"gravity": [0.0, -9.81]}, r"gravity: expected shape \(3,\)"),
     ("gravity", {"gravity": [np.nan, 0.0, 0.0]}, r"gravity\[0\] is nan"),
-    (
-        "gravity",
-        {**MANY, "gravity": np.zeros((3, 3))},
-        r"gravity: expected .* \(2, 3\), as q has it, got \(3, 3\)",
-    ),
-]
+    ("gravity", {**MANY, "gravity": np.zeros((3, 3))}, r"gravity: expected .* \(2, 3\), as q has it, got \(3, 3\)"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("function", FUNCTIONS, ids=called)

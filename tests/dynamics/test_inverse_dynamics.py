@@ -5,9 +5,11 @@ import numpy as np
 import pinocchio
 import pytest
 from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
 
 from catenary.dynamics.inverse_dynamics import BaseMotion, coriolis_matrix, inverse_dynamics
 from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.gravity.torque import gravity_torque, potential_energy
 from oracles.mujoco_trees import mujoco_model, mujoco_order
 from oracles.pinocchio_trees import pinocchio_model, pinocchio_order, pinocchio_vector
 from oracles.random_trees import Floats, RandomRobot, random_rotation
@@ -74,15 +76,19 @@ def test_torques_are_what_peers_compute(peer, moving, random_robots, rng):
         assert_allclose(tau, expected, atol=1e-10, err_msg=robot.model.name)
 
 
-def test_coriolis_matrix_agrees_with_pinocchio(random_robots, rng):
+def test_coriolis_matrix_agrees_with_pinocchio_and_is_the_term_of_the_equation_of_motion(random_robots, rng):
     for robot in random_robots:
-        m = robot.model
-        q, qd, _ = random_motion(robot, rng)
+        m, gravity = robot.model, 5.0 * rng.normal(size=3)
+        q, qd, qdd = random_motion(robot, rng)
         pin = pinocchio_model(robot)
         x, xd = (pinocchio_vector(robot, pin, v) for v in (m.coupling @ q + m.offset, m.coupling @ qd))
         order = pinocchio_order(robot, pin)
         C = pinocchio.computeCoriolisMatrix(pin, pin.createData(), x, xd)[np.ix_(order, order)]
         assert_allclose(coriolis_matrix(m, q, qd), m.coupling.T @ C @ m.coupling, atol=1e-10, err_msg=m.name)
+        there, back = coriolis_matrix(m, q, qd) @ qdd, coriolis_matrix(m, q, qdd) @ qd
+        assert_allclose(there, back, atol=1e-10, err_msg=m.name)  # as Christoffel's symbols have it
+        terms = mass_matrix(m, q) @ qdd + coriolis_matrix(m, q, qd) @ qd + gravity_torque(m, q, gravity)
+        assert_allclose(inverse_dynamics(m, q, qd, qdd, gravity), terms, atol=1e-10, err_msg=m.name)
 
 
 def test_rate_of_the_mass_matrix_less_twice_the_coriolis_matrix_is_skew(random_robots, rng):
@@ -94,3 +100,20 @@ def test_rate_of_the_mass_matrix_less_twice_the_coriolis_matrix_is_skew(random_r
         C = coriolis_matrix(m, q, qd)
         # central difference, h = 1e-6, of entries up to 200
         assert_allclose(M_dot, C + C.T, atol=3e-7, err_msg=m.name)
+
+
+@pytest.mark.parametrize("seed", [6, 15])
+def test_an_unforced_arm_keeps_its_energy(random_robots, seed: int, rng) -> None:
+    m, gravity = random_robots[seed].model, np.array([0.0, 0.0, -9.81])
+
+    def rate(_: float, state: Floats) -> Floats:
+        q, qd = np.split(state, 2)
+        bias = inverse_dynamics(m, q, qd, np.zeros(m.n), gravity)
+        return np.concatenate([qd, np.linalg.solve(mass_matrix(m, q), -bias)])
+
+    motion = solve_ivp(rate, (0.0, 1.0), 0.3 * rng.normal(size=2 * m.n), rtol=1e-9, atol=1e-9)
+    q, qd = np.split(motion.y.T, 2, axis=1)
+    potential = potential_energy(m, q, gravity)
+    energy = potential + 0.5 * np.einsum("ki,kij,kj->k", qd, mass_matrix(m, q), qd)
+    assert_allclose(energy, energy[0], atol=1e-5)  # the integrator's own error
+    assert np.ptp(potential) > 1.0  # J: it did fall

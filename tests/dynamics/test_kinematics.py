@@ -11,35 +11,27 @@ from oracles.pinocchio_trees import pinocchio_model, pinocchio_order, pinocchio_
 from oracles.raven2 import dh_frames
 
 
-def test_links_and_fixed_frames_stand_and_move_as_in_mujoco(random_robots, rng):
+def test_links_and_fixed_frames_stand_and_move_as_in_mujoco_and_pinocchio(random_robots, rng) -> None:
     for robot in random_robots:
         m = robot.model
         q, point = rng.normal(size=m.n), rng.normal(size=3)
-        mj = mujoco_model(robot)
-        data = mujoco_data(robot, mj, q)
+        mj, pin = mujoco_model(robot), pinocchio_model(robot)
+        data, pin_data = mujoco_data(robot, mj, q), pin.createData()
+        x = pinocchio_vector(robot, pin, m.coupling @ q + m.offset)
+        pinocchio.framesForwardKinematics(pin, pin_data, x)
         for link in robot.links:
             pose, body = forward_kinematics(m, q, link.name), data.body(link.name)
-            assert_allclose(pose.position, body.xpos, atol=1e-10, err_msg=m.name)
-            assert_allclose(pose.rotation.ravel(), body.xmat, atol=1e-10)
+            frame = pin.getFrameId(f"{link.name}_frame")
+            for position in (body.xpos, pin_data.oMf[frame].translation):
+                assert_allclose(pose.position, position, atol=1e-10, err_msg=m.name)
+            for rotation in (body.xmat.reshape(3, 3), pin_data.oMf[frame].rotation):
+                assert_allclose(pose.rotation, rotation, atol=1e-10)
             linear, angular = np.zeros((3, mj.nv)), np.zeros((3, mj.nv))
             at = body.xmat.reshape(3, 3) @ point + body.xpos
             mujoco.mj_jac(mj, data, linear, angular, at, mj.body(link.name).id)
             expected = np.vstack([linear, angular])[:, mujoco_order(robot, mj)] @ m.coupling
             assert_allclose(jacobian(m, q, link.name, point), expected, atol=1e-10, err_msg=m.name)
-
-
-def test_links_and_fixed_frames_stand_and_move_as_in_pinocchio(random_robots, rng):
-    for robot in random_robots:
-        m = robot.model
-        q, pin = rng.normal(size=m.n), pinocchio_model(robot)
-        data, x = pin.createData(), pinocchio_vector(robot, pin, m.coupling @ q + m.offset)
-        pinocchio.framesForwardKinematics(pin, data, x)
-        for link in robot.links:
-            frame = pin.getFrameId(f"{link.name}_frame")
-            pose = forward_kinematics(m, q, link.name)
-            assert_allclose(pose.position, data.oMf[frame].translation, atol=1e-10, err_msg=m.name)
-            assert_allclose(pose.rotation, data.oMf[frame].rotation, atol=1e-10)
-            J = pinocchio.computeFrameJacobian(pin, data, x, frame, pinocchio.LOCAL_WORLD_ALIGNED)
+            J = pinocchio.computeFrameJacobian(pin, pin_data, x, frame, pinocchio.LOCAL_WORLD_ALIGNED)
             # Pinocchio gives a vector for a single joint
             expected = J.reshape(6, -1)[:, pinocchio_order(robot, pin)] @ m.coupling
             assert_allclose(jacobian(m, q, link.name), expected, atol=1e-10, err_msg=m.name)

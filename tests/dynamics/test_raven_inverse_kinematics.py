@@ -12,8 +12,17 @@ from catenary.spatial import Pose
 from oracles.random_trees import Floats
 
 ARMS = ["raven2_full", "raven2_full_right", "raven2", "raven2_right"]
-FULL_ARMS = ARMS[:2]
 L, D = 0.013, 0.47  # m, from the mechanism's table
+
+
+@pytest.fixture(params=ARMS)
+def arm(request) -> RobotModel:
+    return load_robot(request.param)
+
+
+@pytest.fixture(params=ARMS[:2])
+def full_arm(request) -> RobotModel:
+    return load_robot(request.param)
 
 
 def clear_of_the_remote_centre(model: RobotModel) -> Floats:
@@ -27,65 +36,55 @@ def within_limits(model: RobotModel, q: Floats) -> bool:
     return bool(np.delete(inside, 3 if model.n == 6 else []).all())  # the roll may be turned once around
 
 
-@pytest.mark.parametrize("name", ARMS)
-def test_a_thousand_configurations_are_recovered_from_their_poses(name, rng):
-    model = load_robot(name)
-    for q in rng.uniform(model.lower, clear_of_the_remote_centre(model), size=(1000, model.n)):
-        found = inverse_kinematics(model, forward_kinematics(model, q), q + 0.1 * rng.uniform(-1, 1, model.n))
+def test_a_thousand_configurations_are_recovered_from_their_poses(arm, rng):
+    for q in rng.uniform(arm.lower, clear_of_the_remote_centre(arm), size=(1000, arm.n)):
+        found = inverse_kinematics(arm, forward_kinematics(arm, q), q + 0.1 * rng.uniform(-1, 1, arm.n))
         assert_allclose(found, q, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ARMS)
-def test_every_solution_reproduces_the_pose_and_exactly_one_lies_within_the_limits(name, rng):
-    model = load_robot(name)
-    for q in rng.uniform(model.lower, clear_of_the_remote_centre(model), size=(500, model.n)):
-        pose = forward_kinematics(model, q)
-        solutions = raven_solutions(model, pose)
-        assert sum(within_limits(model, s) for s in solutions) == 1
-        assert 2 <= len(solutions) <= (8 if model.n == 6 else 4)
+def test_every_solution_reproduces_the_pose_and_exactly_one_lies_within_the_limits(arm, rng):
+    for q in rng.uniform(arm.lower, clear_of_the_remote_centre(arm), size=(500, arm.n)):
+        pose = forward_kinematics(arm, q)
+        solutions = raven_solutions(arm, pose)
+        assert sum(within_limits(arm, s) for s in solutions) == 1
+        assert 2 <= len(solutions) <= (8 if arm.n == 6 else 4)
         assert len(solutions) % 2 == 0
         for s in solutions:
-            again = forward_kinematics(model, s)
+            again = forward_kinematics(arm, s)
             assert_allclose(again.position, pose.position, atol=1e-12)
-            if model.n == 6:
+            if arm.n == 6:
                 assert_allclose(again.rotation, pose.rotation, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ARMS)
-def test_limits_themselves_are_reached(name: str, rng: np.random.Generator) -> None:
-    model = load_robot(name)
-    upper = clear_of_the_remote_centre(model) - [0.0, 0.0, 1e-6, 0.0, 0.0, 0.0][: model.n]
+def test_limits_themselves_are_reached(arm, rng: np.random.Generator) -> None:
+    upper = clear_of_the_remote_centre(arm) - [0.0, 0.0, 1e-6, 0.0, 0.0, 0.0][: arm.n]
     for _ in range(100):
-        q = np.where(rng.random(model.n) < 0.5, model.lower, upper)
-        found = inverse_kinematics(model, forward_kinematics(model, q), q)
+        q = np.where(rng.random(arm.n) < 0.5, arm.lower, upper)
+        found = inverse_kinematics(arm, forward_kinematics(arm, q), q)
         assert_allclose(found, q, atol=1e-9)
-        assert (found >= model.lower).all()
-        assert (found <= model.upper).all()
+        assert (found >= arm.lower).all()
+        assert (found <= arm.upper).all()
 
 
-@pytest.mark.parametrize("name", FULL_ARMS)
 @pytest.mark.parametrize("wrist", [0.0, 1e-12, -1e-7])
-def test_the_roll_is_known_though_the_tool_is_straight(name: str, wrist: float) -> None:
-    model = load_robot(name)
+def test_the_roll_is_known_though_the_tool_is_straight(full_arm, wrist: float) -> None:
     q = np.array([np.pi / 6, np.pi / 2, 0.40, 0.7, wrist, -0.4])
-    assert_allclose(inverse_kinematics(model, forward_kinematics(model, q), q + 0.1), q, atol=1e-9)
+    assert_allclose(inverse_kinematics(full_arm, forward_kinematics(full_arm, q), q + 0.1), q, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", FULL_ARMS)
-def test_poses_are_refused_near_the_remote_centre_and_only_there(name: str, rng: np.random.Generator) -> None:
-    model = load_robot(name)
+def test_poses_are_refused_near_the_remote_centre_and_only_there(full_arm, rng: np.random.Generator) -> None:
     refused = 0
-    for q in rng.uniform(model.lower, model.upper, size=(1000, 6)):
+    for q in rng.uniform(full_arm.lower, full_arm.upper, size=(1000, 6)):
         d = q[2] - D
         # either wrist candidate within L: the true one at d, the other one 2 L back through the tool's joint
         near = abs(d) <= L or d**2 - 4 * d * L * np.cos(q[4]) + 4 * L**2 <= L**2
-        pose = forward_kinematics(model, q)
+        pose = forward_kinematics(full_arm, q)
         if near:
             refused += 1
             with pytest.raises(UnreachablePoseError, match="mm from the remote centre"):
-                inverse_kinematics(model, pose, q)
+                inverse_kinematics(full_arm, pose, q)
         else:
-            assert_allclose(inverse_kinematics(model, pose, q), q, atol=1e-9)
+            assert_allclose(inverse_kinematics(full_arm, pose, q), q, atol=1e-9)
     assert 70 < refused < 130  # about a tenth of the box
 
 
@@ -99,36 +98,30 @@ def test_three_joints_refuse_a_wrist_in_the_remote_centre() -> None:
         assert_allclose(inverse_kinematics(model, forward_kinematics(model, q), q), q, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", FULL_ARMS)
-def test_roll_stays_on_the_side_of_the_start(name: str) -> None:
-    model = load_robot(name)
+def test_roll_stays_on_the_side_of_the_start(full_arm) -> None:
     q = np.array([0.5, 1.5, 0.4, np.deg2rad(179.0), 0.3, 0.2])
-    pose = forward_kinematics(model, q)
-    assert_allclose(inverse_kinematics(model, pose, q), q, atol=1e-9)
+    pose = forward_kinematics(full_arm, q)
+    assert_allclose(inverse_kinematics(full_arm, pose, q), q, atol=1e-9)
     other = q - [0.0, 0.0, 0.0, 2 * np.pi, 0.0, 0.0]
-    assert_allclose(inverse_kinematics(model, pose, other), other, atol=1e-9)
+    assert_allclose(inverse_kinematics(full_arm, pose, other), other, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", FULL_ARMS)
-def test_a_frame_fixed_to_the_tool_is_brought_to_its_pose(name: str) -> None:
-    model = load_robot(name)
+def test_a_frame_fixed_to_the_tool_is_brought_to_its_pose(full_arm) -> None:
     q = np.array([0.5, 1.5, 0.4, 0.1, 0.3, 0.2])
     offset = Pose(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.array([0.01, 0.0, 0.0]))
-    tool = model.frames["tool"]
-    object.__setattr__(model, "frames", {**model.frames, "jaw": tool._replace(pose=tool.pose @ offset)})
-    found = inverse_kinematics(model, forward_kinematics(model, q, "jaw"), q, frame="jaw")
+    tool = full_arm.frames["tool"]
+    object.__setattr__(full_arm, "frames", {**full_arm.frames, "jaw": tool._replace(pose=tool.pose @ offset)})
+    found = inverse_kinematics(full_arm, forward_kinematics(full_arm, q, "jaw"), q, frame="jaw")
     assert_allclose(found, q, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ARMS)
-def test_a_pose_beyond_a_limit_names_the_limit(name: str) -> None:
-    model = load_robot(name)
-    q = np.array([0.5, 1.5, 0.2, 0.1, 0.3, 0.2])[: model.n]
+def test_a_pose_beyond_a_limit_names_the_limit(arm) -> None:
+    q = np.array([0.5, 1.5, 0.2, 0.1, 0.3, 0.2])[: arm.n]
     with pytest.raises(UnreachablePoseError, match=r'joint "insertion": 0.2 m outside \[0.23, 0.56\]'):
-        inverse_kinematics(model, forward_kinematics(model, q), q)
+        inverse_kinematics(arm, forward_kinematics(arm, q), q)
     q[1:3] = 0.6, 0.4
     with pytest.raises(UnreachablePoseError, match=r'joint "elbow": 0.6 rad outside'):
-        inverse_kinematics(model, forward_kinematics(model, q), q)
+        inverse_kinematics(arm, forward_kinematics(arm, q), q)
 
 
 @pytest.mark.parametrize("name", ["raven2", "raven2_right"])
@@ -139,12 +132,10 @@ def test_a_shaft_along_the_shoulders_axis_is_out_of_reach(name: str) -> None:
         inverse_kinematics(model, Pose(np.eye(3), np.array([0.0, 0.1, 0.0])))
 
 
-@pytest.mark.parametrize("name", ARMS)
-def test_a_path_of_poses_is_followed_along_one_branch(name: str, rng: np.random.Generator) -> None:
-    model = load_robot(name)
-    a, b = rng.uniform(model.lower, clear_of_the_remote_centre(model), size=(2, model.n))
+def test_a_path_of_poses_is_followed_along_one_branch(arm, rng: np.random.Generator) -> None:
+    a, b = rng.uniform(arm.lower, clear_of_the_remote_centre(arm), size=(2, arm.n))
     q = a + np.linspace(0.0, 1.0, 200)[:, None] * (b - a)
-    assert_allclose(raven_path(model, *frame_poses(model, q), a), q, atol=1e-9)
+    assert_allclose(raven_path(arm, *frame_poses(arm, q), a), q, atol=1e-9)
 
 
 def test_a_path_names_the_pose_that_it_cannot_reach() -> None:

@@ -17,6 +17,7 @@ from catenary.spatial import Pose
 from oracles.catalogue import robots_with_inertia
 from oracles.random_trees import random_bodies_on, random_inertia, random_robot
 
+PLANAR = load_robot("planar_3r")
 UPRIGHT = np.array([0.0, 0.0, -9.81])
 X, Y, Z = np.eye(3)
 
@@ -46,16 +47,14 @@ def robot_of(*rows: tuple[str, str, str, np.ndarray, Pose], **options) -> RobotM
 
 
 def test_planar_arm_is_printed_as_the_paper_prints_it() -> None:
-    assert str(compact_regressor(load_robot("planar_3r"))).split("\n") == [
+    regressor = compact_regressor(PLANAR)
+    assert str(regressor).split("\n") == [
         "g = g_c [[c1 c12 c123],[0 c12 c123],[0 0 c123]] [s1 s2 s3]^T",
         "s1 = l1 (m2+m3) + lg1 m1",
         "s2 = l2 m3 + lg2 m2",
         "s3 = lg3 m3",
     ]
-
-
-def test_planar_arm_is_printed_for_latex() -> None:
-    first, *parameters = compact_regressor(load_robot("planar_3r")).latex().split("\n")
+    first, *parameters = regressor.latex().split("\n")
     assert r"c_{1} & c_{12} & c_{123} \\ 0 & c_{12} & c_{123} \\ 0 & 0 & c_{123}" in first
     assert parameters == [
         "s_{1} = l_{1} (m_{2}+m_{3}) + l_{g1} m_{1}",
@@ -65,7 +64,7 @@ def test_planar_arm_is_printed_for_latex() -> None:
 
 
 def test_planar_arm_has_the_papers_values() -> None:
-    regressor = compact_regressor(load_robot("planar_3r"))
+    regressor = compact_regressor(PLANAR)
     q = np.array([0.2, 0.5, -0.9])
     c1, c12, c123 = np.cos(np.cumsum(q))
     assert_allclose(
@@ -126,8 +125,7 @@ def test_two_arms_of_the_same_make_stay_apart() -> None:
 
 
 def test_declared_axes_delete_what_cannot_be_there() -> None:
-    arm = load_robot("planar_3r")
-    anywhere = replace(arm, axes_of_com=np.ones((3, 3), dtype=bool))
+    anywhere = replace(PLANAR, axes_of_com=np.ones((3, 3), dtype=bool))
     assert compact_regressor(anywhere).labels == (
         "l1 (m2+m3) + lg1x m1",
         "lg1y m1",
@@ -176,17 +174,17 @@ def test_every_robot_of_the_catalogue_is_printed(name: str) -> None:
 
 
 def test_parameters_that_no_robot_of_the_structure_has_are_refused() -> None:
-    arm = load_robot("planar_3r")
-    regressor = compact_regressor(arm)
-    s = gravity_parameters(arm).values
+    regressor = compact_regressor(PLANAR)
+    s = gravity_parameters(PLANAR).values
     with pytest.raises(InputError, match=r"s: expected shape \(36,\), got \(35,\)"):
         regressor.compress(s[1:])
-    with pytest.raises(InputError, match=r"s\[7\] \(entry 7 of 36\) is nan"):
-        regressor.compress(np.where(np.arange(36) == 7, np.nan, s))
-    with pytest.raises(InputError, match=r"s\[4\] is 1: expected 0"):
-        regressor.compress(np.where(np.arange(36) == 4, 1.0, s))
-    with pytest.raises(InputError, match=r"s\[6\] is 2 and s\[18\] 0.525: expected equal .* l2 m3 \+ lg2 m2"):
-        regressor.compress(np.where(np.arange(36) == 6, 2.0, s))
+    for entry, number, said in (
+        (7, np.nan, r"s\[7\] \(entry 7 of 36\) is nan"),
+        (4, 1.0, r"s\[4\] is 1: expected 0"),
+        (6, 2.0, r"s\[6\] is 2 and s\[18\] 0.525: expected equal .* l2 m3 \+ lg2 m2"),
+    ):
+        with pytest.raises(InputError, match=said):
+            regressor.compress(np.where(np.arange(36) == entry, number, s))
 
 
 def test_a_robot_of_another_geometry_or_without_inertia_has_no_parameters() -> None:

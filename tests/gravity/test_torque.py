@@ -78,9 +78,7 @@ def test_gravity_torque_is_what_peers_compute(peer, atol, random_robots, rng):
         (90, 135, 0.40, (-2.2626, 0.2669, 0.3915)),
     ],
 )
-def test_raven_holds_what_the_mechanism_page_says(
-    name: str, j1_deg: float, j2_deg: float, j3: float, expected: tuple[float, ...]
-) -> None:
+def test_raven_holds_what_the_mechanism_page_says(name, j1_deg, j2_deg, j3, expected) -> None:
     model = load_robot(name)
     q = np.zeros(model.n)
     q[:3] = np.deg2rad(j1_deg), np.deg2rad(j2_deg), j3
@@ -115,7 +113,6 @@ def test_one_configuration_takes_one_gravity_as_a_row_too() -> None:
     q = np.array([0.5, 1.5, 0.4])
     assert gravity_torque(RAVEN, q, [UPRIGHT]).shape == (3,)
     assert gravity_torque(RAVEN, [q], UPRIGHT).shape == (1, 3)
-    assert gravity_torque(RAVEN, np.empty((0, 3)), UPRIGHT).shape == (0, 3)
 
 
 @pytest.mark.parametrize("name", ["raven2", "planar_3r"])
@@ -141,7 +138,4 @@ def test_firmware_for_a_level_base_plus_the_delta_is_the_whole_gravity_torque(ra
         q, gravity = rng.normal(size=robot.model.n), tilted_gravity(*rng.uniform(-3.0, 3.0, 2))
         whole = gravity_torque(robot.model, q, LEVEL) + gravity_delta(robot.model, q, gravity)
         assert_allclose(whole, gravity_torque(robot.model, q, gravity), atol=1e-11)
-
-
-def test_there_is_nothing_to_add_on_a_level_base() -> None:
-    assert_array_equal(gravity_delta(RAVEN, [0.5, 1.5, 0.4], LEVEL), np.zeros(3))
+        assert_array_equal(gravity_delta(robot.model, q, LEVEL), np.zeros(robot.model.n))  # nothing to add

@@ -19,27 +19,24 @@ def log(**changes):
 RUN = log()
 
 
-def test_filtered_signals_are_those_of_the_motion():
-    run = log()
-    samples = prepare(run, ARM, FULL)
-    inner = slice(100, -100)
-    assert_allclose(samples.q, run.q_nominal[inner], atol=1e-4)
-    assert_allclose(samples.qd, run.qd[inner], atol=1e-3)
+@pytest.fixture(scope="module")
+def samples():
+    return prepare(RUN, ARM, FULL)
 
 
-def test_accelerations_are_derivatives_of_the_velocity():
-    samples = prepare(log(), ARM, FULL)
+def test_filtered_signals_are_those_of_the_motion_and_accelerations_derivatives_of_the_velocity(samples):
+    assert_allclose(samples.q, RUN.q_nominal[100:-100], atol=1e-4)
+    assert_allclose(samples.qd, RUN.qd[100:-100], atol=1e-3)
     assert_allclose(samples.qdd[1:-1], (samples.qd[2:] - samples.qd[:-2]) * 100.0, atol=1e-9)
 
 
-def test_velocities_come_from_positions_where_none_are_recorded():
-    with_rates, without = prepare(log(), ARM, FULL), prepare(log(qd=None), ARM, FULL)
-    assert_allclose(without.qd, with_rates.qd, atol=2e-3)  # central differences at 200 Hz of 7 rad/s
+def test_velocities_come_from_positions_where_none_are_recorded(samples):
+    without = prepare(log(qd=None), ARM, FULL)
+    assert_allclose(without.qd, samples.qd, atol=2e-3)  # central differences at 200 Hz of 7 rad/s
 
 
-def test_the_filter_has_no_delay():
-    samples = prepare(log(), ARM, FULL)
-    raw = log().tau[100:-100]
+def test_the_filter_has_no_delay(samples):
+    raw = RUN.tau[100:-100]
     for axis in range(3):
         lags = [
             np.corrcoef(samples.tau[5:-5, axis], np.roll(raw, k, axis=0)[5:-5, axis])[0, 1]
@@ -85,8 +82,7 @@ def test_noise_about_a_joint_at_rest_is_no_wrong_velocity(rng):
     assert len(prepare(log(q_nominal=q, qd=qd), ARM, FULL)) == 5800
 
 
-def test_blocks_alternate_and_lose_no_row():
-    samples = prepare(log(), ARM, FULL)
+def test_blocks_alternate_and_lose_no_row(samples):
     one, other = alternate_blocks(samples, 2.0)
     assert len(one) + len(other) == len(samples)
     assert_allclose(other.time[0] - one.time[0], 2.0)
@@ -103,29 +99,23 @@ def swapped(values):
     return values[:, [1, 0, 2]]
 
 
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({"tau": None}, "has no torques"),
-        ({"time": None}, "has no time: full dynamics need `fs` [Hz] or `t` [s]"),
-        ({"seconds": 1.0}, "200 rows from row 0: shorter than the filter, which needs 229"),
-        ({"q_nominal": degrees(RUN.q_nominal)}, "joint elbow goes from"),
-        (
-            {"q_nominal": 1000.0 * RUN.q_nominal, "qd": 1000.0 * RUN.qd},
-            "is it in degrees, or another joint's?",
-        ),
-        (
-            {"qd": degrees(RUN.qd)},
-            "velocity of joint elbow is 57.3 times the derivative of its position: degrees per second?",
-        ),
-        ({"qd": swapped(RUN.qd)}, "velocity of joint shoulder is not the derivative of its position"),
-        ({"qd": swapped(RUN.qd)}, "it follows joint elbow: swapped axes?"),
-        ({"time": 2.0 * RUN.time}, "another sampling rate than stated?"),
-        ({"time": np.zeros(len(RUN))}, "time stands still"),
-        ({"rate": 15.0}, "recorded at 15 Hz: the cut-off 10 Hz must be below half of it"),
-        ({"joint_units": ("rad", "rad", "rad")}, "its joints are in rad, rad, rad"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "said"), [
+    ({"tau": None}, "has no torques"),
+    ({"time": None}, "has no time: full dynamics need `fs` [Hz] or `t` [s]"),
+    ({"seconds": 1.0}, "200 rows from row 0: shorter than the filter, which needs 229"),
+    ({"q_nominal": degrees(RUN.q_nominal)}, "joint elbow goes from"),
+    ({"q_nominal": 1000.0 * RUN.q_nominal, "qd": 1000.0 * RUN.qd}, "is it in degrees, or another joint's?"),
+    (
+        {"qd": degrees(RUN.qd)},
+        "velocity of joint elbow is 57.3 times the derivative of its position: degrees per second?",
+    ),
+    ({"qd": swapped(RUN.qd)}, "velocity of joint shoulder is not the derivative of its position"),
+    ({"qd": swapped(RUN.qd)}, "it follows joint elbow: swapped axes?"),
+    ({"time": 2.0 * RUN.time}, "another sampling rate than stated?"),
+    ({"time": np.zeros(len(RUN))}, "time stands still"),
+    ({"rate": 15.0}, "recorded at 15 Hz: the cut-off 10 Hz must be below half of it"),
+    ({"joint_units": ("rad", "rad", "rad")}, "its joints are in rad, rad, rad"),
+])  # fmt: skip
 def test_a_recording_that_cannot_be_of_the_robot_is_refused(changes, said):
     with pytest.raises(InputError) as caught:
         prepare(log(**changes), ARM, FULL)
@@ -137,6 +127,6 @@ def test_another_number_of_joints_is_refused():
         prepare(log(), load_robot("panda"), FULL)
 
 
-def test_one_block_is_no_split():
+def test_one_block_is_no_split(samples):
     with pytest.raises(InputError, match="less than two blocks of 100"):
-        alternate_blocks(prepare(log(), ARM, FULL), 100.0)
+        alternate_blocks(samples, 100.0)

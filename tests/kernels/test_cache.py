@@ -70,30 +70,19 @@ def test_a_file_with_other_content_is_never_run_but_made_anew(folder: Path, cont
     assert file_in(folder).read_bytes() == SOURCE.encode()
 
 
-def test_a_link_in_the_files_place_is_replaced_and_what_it_points_to_left_alone(
-    folder: Path, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("put", [Path.symlink_to, Path.hardlink_to, lambda file, _: file.mkdir()])
+def test_what_stands_in_the_files_place_is_replaced_and_what_it_points_to_left_alone(folder, tmp_path, put):
     again(folder)
-    file = file_in(folder)
-    elsewhere = tmp_path / "elsewhere.py"
+    file, elsewhere = file_in(folder), tmp_path / "elsewhere.py"
     elsewhere.write_bytes(SOURCE.encode())
     elsewhere.chmod(0o600)
-    for link in (Path.symlink_to, Path.hardlink_to):
-        file.unlink()
-        link(file, elsewhere)
-        again(folder)
-        assert not file.is_symlink()
-        assert file.stat().st_ino != elsewhere.stat().st_ino
-    assert elsewhere.read_bytes() == SOURCE.encode()
-
-
-def test_a_folder_in_the_files_place_is_replaced(folder: Path) -> None:
-    again(folder)
-    file = file_in(folder)
     file.unlink()
-    file.mkdir()
+    put(file, elsewhere)
     again(folder)
     assert file.is_file()
+    assert not file.is_symlink()
+    assert file.stat().st_ino != elsewhere.stat().st_ino
+    assert elsewhere.read_bytes() == SOURCE.encode()
 
 
 @pytest.mark.parametrize("rights", [0o770, 0o707, 0o750, 0o711])
@@ -144,9 +133,7 @@ def test_files_of_another_user_are_not_used(folder: Path, monkeypatch: pytest.Mo
     assert again(folder).__file__ is None
 
 
-def test_without_a_place_to_write_kernels_are_compiled_in_memory(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_place_to_write_kernels_are_compiled_in_memory(folder, monkeypatch) -> None:
     def refuse(*_args: object, **_options: object) -> None:
         raise PermissionError("read-only")
 
@@ -161,9 +148,7 @@ def test_a_home_that_is_a_file_does_no_harm(tmp_path: Path) -> None:
     assert again(tmp_path / "home" / "catenary" / "kernels").__file__ is None
 
 
-def test_the_folder_is_where_the_platform_keeps_caches(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_the_folder_is_where_the_platform_keeps_caches(monkeypatch, tmp_path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert cache_folder() == tmp_path / "catenary" / "kernels"
     monkeypatch.setenv(

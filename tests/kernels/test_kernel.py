@@ -112,20 +112,14 @@ def test_other_arrays_are_refused_by_name(kernel: Kernel) -> None:
         kernel.rows(np.zeros((4, 3)), np.zeros((4, 3)), out=np.zeros((3, 4)))
 
 
-@pytest.mark.parametrize(
-    ("arrays", "message"),
-    [
-        ((Q, GRAVITY), r"expected 3 arrays \(q, gravity, out\), got 2"),
-        ((Q[:2], GRAVITY, np.empty(3)), r"q: expected a float64 array of shape \(3,\), got float64 \(2,\)"),
-        (
-            (Q, GRAVITY, np.empty((3, 1))),
-            r"out: expected a float64 array of shape \(3,\), got float64 \(3, 1\)",
-        ),
-        ((Q, GRAVITY.astype(int), np.empty(3)), r"gravity: expected a float64 array .*got int64 \(3,\)"),
-        ((list(Q), GRAVITY, np.empty(3)), r"q: expected a float64 array of shape \(3,\), got list"),
-        ((Q, GRAVITY, Q), "out: expected memory of its own, got an array that overlaps q"),
-    ],
-)
+@pytest.mark.parametrize(("arrays", "message"), [
+    ((Q, GRAVITY), r"expected 3 arrays \(q, gravity, out\), got 2"),
+    ((Q[:2], GRAVITY, np.empty(3)), r"q: expected a float64 array of shape \(3,\), got float64 \(2,\)"),
+    ((Q, GRAVITY, np.empty((3, 1))), r"out: expected a float64 array of shape \(3,\), got float64 \(3, 1\)"),
+    ((Q, GRAVITY.astype(int), np.empty(3)), r"gravity: expected a float64 array .*got int64 \(3,\)"),
+    ((list(Q), GRAVITY, np.empty(3)), r"q: expected a float64 array of shape \(3,\), got list"),
+    ((Q, GRAVITY, Q), "out: expected memory of its own, got an array that overlaps q"),
+])  # fmt: skip
 def test_bind_refuses_other_arrays_by_name(kernel: Kernel, arrays, message: str) -> None:
     with pytest.raises(InputError, match=message):
         kernel.bind(*arrays)

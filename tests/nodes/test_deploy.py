@@ -1,9 +1,11 @@
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from catenary.arrays import Floats
 from catenary.calibration.model import CalibrationModel
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.conversions import joint_values, pose_of
@@ -22,19 +24,22 @@ from recordings import fitted
 
 START = np.array([0.6, 1.4, 0.38, 0.0, 0.1, 0.2, -0.2])
 OFFSET = np.array([0.02, -0.03, 0.001])
-POSITIONS = ("q:shoulder", "q:elbow", "q:insertion")
+
+
+def linear_model(error: Callable[[Floats], Floats], **options: Any) -> CalibrationModel:
+    """A model of what positions (400, 3) around START err by."""
+    q = START[:3] + np.array([0.2, 0.2, 0.02]) * np.random.default_rng(0).uniform(-1.0, 1.0, (400, 3))
+    log = MotionLog(
+        name="run", joint_names=JOINTS[:3], joint_units=("rad", "rad", "m"), q_nominal=q,
+        q_encoder=q + error(q), ok=np.ones(400, dtype=bool), time=np.arange(400) / 1000.0,
+    )  # fmt: skip
+    return fitted(log, kind="linear", inputs=("q:shoulder", "q:elbow", "q:insertion"), **options)
 
 
 @pytest.fixture(scope="module")
 def model() -> CalibrationModel:
     """Its correction is OFFSET, whatever the position, trusted around START."""
-    rng = np.random.default_rng(0)
-    q = START[:3] + np.array([0.2, 0.2, 0.02]) * rng.uniform(-1.0, 1.0, (400, 3))
-    log = MotionLog(
-        name="run", joint_names=JOINTS[:3], joint_units=("rad", "rad", "m"), q_nominal=q,
-        q_encoder=q + OFFSET, ok=np.ones(400, dtype=bool), time=np.arange(400) / 30.0,
-    )  # fmt: skip
-    return fitted(log, kind="linear", inputs=POSITIONS)
+    return linear_model(lambda q: OFFSET)
 
 
 class Deployed:
@@ -61,9 +66,7 @@ def plant(**options: Any) -> IdealPlant:
     return IdealPlant(START.tolist(), joint_names=JOINTS, joint_units=UNITS, **options)
 
 
-def test_each_message_of_the_robot_is_corrected_once_with_pose_and_gravity_torque(
-    model: CalibrationModel,
-) -> None:
+def test_each_message_of_the_robot_is_corrected_once_with_pose_and_gravity_torque(model) -> None:
     deployed = Deployed(model, gravity_torque=True)
     deployed.ticks(50)
     messages = [received.message for received in deployed.heard["measured_js"].take()]
@@ -114,9 +117,7 @@ def test_robot_may_restart_and_is_corrected_again_when_homed(model: CalibrationM
 
 
 @pytest.mark.parametrize("late", [0.004, 0.05])
-def test_newest_is_published_however_late_and_latency_is_from_its_arrival(
-    model: CalibrationModel, late: float
-) -> None:
+def test_newest_is_published_however_late_and_latency_is_from_its_arrival(model, late) -> None:
     deployed = Deployed(model)
     deployed.client.wait()
     deployed.robot.clock.robots.clear()
@@ -143,14 +144,7 @@ def test_one_that_does_not_keep_up_publishes_less_not_later(model: CalibrationMo
 
 
 def test_a_model_with_previous_positions_sees_those_that_came_too_late() -> None:
-    rng = np.random.default_rng(2)
-    q = START[:3] + np.array([0.2, 0.2, 0.02]) * rng.uniform(-1.0, 1.0, (400, 3))
-    before = np.vstack([q[:1], q[:-1]])
-    log = MotionLog(
-        name="run", joint_names=JOINTS[:3], joint_units=("rad", "rad", "m"), q_nominal=q,
-        q_encoder=q + 0.1 * (q - before), ok=np.ones(400, dtype=bool), time=np.arange(400) / 1000.0,
-    )  # fmt: skip
-    model = fitted(log, kind="linear", inputs=POSITIONS, history=1)
+    model = linear_model(lambda q: 0.1 * np.diff(q, axis=0, prepend=q[:1]), history=1)
     last = []
     for looks in (True, False):
         deployed = Deployed(model)

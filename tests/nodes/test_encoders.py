@@ -7,68 +7,47 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.conversions import joint_values, operating_state_message
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
-from catenary.devices.encoder_board import EncoderBoard
 from catenary.errors import InputError
 from catenary.nodes import encoders as encoder_node
 from catenary.nodes.encoders import STATE_TOPIC, EncoderNode, publish_encoders
 from catenary.plant import OperatingState
+from oracles.encoder_bench import AWAY, EncoderBench
 from oracles.manual_time import ManualTime
-from oracles.simulated_encoders import SimulatedEncoders
-from patience import until
 
 JOINTS = ("shoulder", "elbow", "insertion")
-AWAY, STOPS = np.array([3000.0, 26_000.0, 100_000.0]), np.array([0.0, 30_000.0, 112_000.0])
 
 
-class Rig:
+class Rig(EncoderBench):
     """A board, its node, a robot that tells its state, and a listener."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, link: Path) -> None:
+        super().__init__(link)
         network = LoopbackNetwork()
-        self.now = 10.0
-        self.board = SimulatedEncoders(folder / "encoders")
-        self.driver = EncoderBoard(str(self.board.link), clock=lambda: self.now)
-        self.board.write(b"\n7\n")
-        self.transport, listener = Loopback("node", network), Loopback("listener", network)
-        self.node = EncoderNode(self.driver, self.transport)
-        self.robot = Loopback("robot", network)
+        self.robot, listener = Loopback("robot", network), Loopback("listener", network)
+        self.node = EncoderNode(self.driver, Loopback("node", network))
         self.state = self.robot.publisher(STATE_TOPIC, "crtk_msgs/operating_state")
         self.counts = listener.subscribe("/joint_enc", "sensor_msgs/JointState")
         self.positions = listener.subscribe("/ext_jpos", "sensor_msgs/JointState")
 
-    def send(self, row) -> None:
-        self.now += 0.01
-        before = self.driver.tally.rows
-        self.board.send(row)
-        until(lambda: self.driver.tally.rows > before, every=0.0005)
+    def write(self, data: bytes) -> None:
+        super().write(data)
         self.node.step()
 
-    def tell(self, homed: bool, busy: bool) -> None:
-        state = OperatingState("ENABLED", homed, busy)
+    def tell(self, *, is_busy: bool, is_homed: bool) -> None:
+        state = OperatingState("ENABLED", is_homed, is_busy)
         self.state.publish(operating_state_message(state, self.robot.now()))
         self.node.step()
-
-    def home(self) -> None:
-        self.tell(homed=False, busy=True)
-        for share in (*np.linspace(0.0, 1.0, 60), *[1.0] * 5, *np.linspace(1.0, 0.0, 60)):
-            self.send(np.round(AWAY + share * (STOPS - AWAY)))
-        self.tell(homed=True, busy=False)
-
-    def close(self) -> None:
-        self.driver.close()
-        self.board.close()
 
 
 @pytest.fixture
 def rig(tmp_path: Path) -> Iterator[Rig]:
-    rig = Rig(tmp_path)
+    rig = Rig(tmp_path / "encoders")
     yield rig
     rig.close()
 
 
 def test_counts_are_published_as_they_come_and_positions_not_before_homing(rig):
-    rig.send([1, -2, 3])
-    rig.send([2, -2, 3])
+    rig.send([1, -2, 3], [2, -2, 3])
     messages = [one.message for one in rig.counts.take()]
     assert [joint_values(m, JOINTS).tolist() for m in messages] == [[1, -2, 3], [2, -2, 3]]
     # a period apart, as the rows came
@@ -95,22 +74,15 @@ def test_the_robots_operating_state_registers_and_positions_follow(rig):
 def test_positions_end_when_the_counts_are_lost(rig):
     rig.home()
     rig.positions.take()
-    lost = AWAY + np.array([40_000.0, 0.0, 0.0])
-    tally = rig.driver.tally
-    for _ in range(10):
-        before = tally.rows + tally.rejected
-        rig.board.send(lost)
-        until(lambda before=before: tally.rows + tally.rejected > before, every=0.0005)
-        rig.now += 0.01
-    assert tally.losses == 1
-    rig.node.step()
+    rig.send(*[AWAY + np.array([40_000.0, 0.0, 0.0])] * 10)
+    assert rig.driver.tally.losses == 1
     assert rig.positions.take() == []
     assert "home the robot again" in rig.node.status(1.0).reading.reason
 
 
 def test_a_robot_that_homes_again_is_registered_anew(rig):
     rig.home()
-    rig.tell(homed=False, busy=True)
+    rig.tell(is_busy=True, is_homed=False)
     rig.positions.take()
     rig.send(AWAY)
     assert rig.positions.take() == []

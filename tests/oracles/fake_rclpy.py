@@ -170,9 +170,11 @@ class Service:
     callback: Any
 
 
+@dataclass(frozen=True)
 class Client:
-    def __init__(self, node: "Node", kind: Any, name: str) -> None:
-        self.node, self.kind, self.name = node, kind, name
+    node: "Node"
+    kind: Any
+    name: str
 
     def wait_for_service(self, timeout_sec: float | None = None) -> bool:
         end = time.monotonic() + (timeout_sec or 0.0)
@@ -243,7 +245,7 @@ class Node:
     def destroy_node(self) -> None:
         with GRAPH.lock:
             for kind in (GRAPH.publishers, GRAPH.subscriptions, GRAPH.services):
-                kind[:] = [one for one in kind if one.node is not self]  # type: ignore[attr-defined]
+                kind[:] = [one for one in kind if one.node is not self]
 
     def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
         ends: list[Any] = [*GRAPH.publishers, *GRAPH.subscriptions]
@@ -262,18 +264,10 @@ class Node:
         return [_info(one) for one in GRAPH.subscriptions if one.topic == topic]
 
     def count_publishers(self, topic: str) -> int:
-        return len(self.get_publishers_info_by_topic(topic))
+        return sum(one.topic == topic for one in GRAPH.publishers)
 
 
-class Graph:
-    def __init__(self) -> None:
-        self.lock = threading.RLock()
-        self.publishers: list[Publisher] = []
-        self.subscriptions: list[Subscription] = []
-        self.services: list[Service] = []
-
-
-GRAPH = Graph()
+GRAPH = SimpleNamespace(lock=threading.RLock(), publishers=[], subscriptions=[], services=[])
 
 
 def _info(end: Any) -> SimpleNamespace:
@@ -283,10 +277,6 @@ def _info(end: Any) -> SimpleNamespace:
 def init(*, args: Any, context: Context, signal_handler_options: SignalHandlerOptions) -> None:
     assert signal_handler_options is SignalHandlerOptions.NO
     context._running = True
-
-
-def create_node(name: str, *, context: Context, use_global_arguments: bool = True) -> Node:
-    return Node(name, context=context, use_global_arguments=use_global_arguments)
 
 
 def shutdown(*, context: Context) -> None:
@@ -316,7 +306,7 @@ def installed() -> Iterator[None]:
     """Put it, and the messages that ROS 2 has, where `import` finds them."""
     qos = {kind.__name__: kind for kind in (QoSProfile, DurabilityPolicy, ReliabilityPolicy, HistoryPolicy)}
     modules: dict[str, dict[str, Any]] = {
-        "rclpy": {"init": init, "create_node": create_node, "shutdown": shutdown},
+        "rclpy": {"init": init, "create_node": Node, "shutdown": shutdown},
         "rclpy.context": {"Context": Context},
         "rclpy.executors": {"SingleThreadedExecutor": SingleThreadedExecutor},
         "rclpy.signals": {"SignalHandlerOptions": SignalHandlerOptions},

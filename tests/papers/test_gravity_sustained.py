@@ -6,58 +6,55 @@ from numpy.testing import assert_allclose
 
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.workflows.gravity.simulated_arm import raven_gains
-from papers.gravity_sustained import (
-    CASES,
-    Change,
-    drive_gain,
-    friction_band,
-    frictionless,
-    main,
-    missing,
-    with_believed_drives,
-    without_friction,
-)
+from papers import gravity_sustained
 
 ARM = load_cable_arm()
+Driven = tuple[list[gravity_sustained.Change], Path]
 
 
 def test_drives_as_believed_give_what_was_asked_for() -> None:
-    assert_allclose(drive_gain(with_believed_drives(ARM)), np.eye(3), atol=1e-14)
+    assert_allclose(
+        gravity_sustained.drive_gain(gravity_sustained.with_believed_drives(ARM)), np.eye(3), atol=1e-14
+    )
 
 
 def test_a_weak_drive_lets_the_joint_go_further_by_as_much() -> None:
-    believed = with_believed_drives(ARM)
+    believed = gravity_sustained.with_believed_drives(ARM)
     weak = believed._replace(cable=believed.cable.replace(ratio_error=np.array([-0.1, 0.0, 0.0])))
     # true ratio 0.9 of the believed: 0.9 of the torque. Gravity's own stiffness, a hundredth, weighs a tenth more
-    assert_allclose(frictionless(weak, "pd")[0] / frictionless(believed, "pd")[0], 1.0 / 0.9, rtol=3e-3)
+    assert_allclose(
+        gravity_sustained.frictionless(weak, "pd")[0] / gravity_sustained.frictionless(believed, "pd")[0],
+        1.0 / 0.9,
+        rtol=3e-3,
+    )
 
 
 def test_a_stiff_arm_of_ideal_drives_goes_by_the_missing_torque_over_kp() -> None:
-    believed = with_believed_drives(ARM)
+    believed = gravity_sustained.with_believed_drives(ARM)
     stiff = believed._replace(
         cable=believed.cable.replace(stiffness=100.0 * believed.cable.stiffness),
         firmware=believed.firmware.replace(kp=100.0 * believed.firmware.kp),
     )
-    expected = missing() / raven_gains(stiff.firmware).kp
+    expected = gravity_sustained.missing() / raven_gains(stiff.firmware).kp
     # gravity's own stiffness is 1e-4 of theirs
-    assert_allclose(frictionless(stiff, "pd"), expected, rtol=2e-3)
+    assert_allclose(gravity_sustained.frictionless(stiff, "pd"), expected, rtol=2e-3)
 
 
 def test_friction_that_is_none_keeps_a_joint_nowhere() -> None:
-    assert friction_band(without_friction(ARM)) == 0.0
-    assert friction_band(ARM) > 0.0
+    assert gravity_sustained.friction_band(gravity_sustained.without_friction(ARM)) == 0.0
+    assert gravity_sustained.friction_band(ARM) > 0.0
 
 
 @pytest.fixture(scope="module")
-def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Change], Path]:
+def driven(tmp_path_factory: pytest.TempPathFactory) -> Driven:
     folder = tmp_path_factory.mktemp("sustained")
-    return main(folder, (CASES[0], CASES[2]), ("sg",)), folder
+    return gravity_sustained.main(
+        folder, (gravity_sustained.CASES[0], gravity_sustained.CASES[2]), ("sg",)
+    ), folder
 
 
 @pytest.mark.slow
-def test_without_friction_the_simulated_arm_goes_where_it_is_expected(
-    driven: tuple[list[Change], Path],
-) -> None:
+def test_without_friction_the_simulated_arm_goes_where_it_is_expected(driven: Driven) -> None:
     free = driven[0][1]
     # expected is about the pose that is reported; the true one is 2 deg off
     assert_allclose(free.simulated, free.expected, rtol=0.03)
@@ -65,16 +62,14 @@ def test_without_friction_the_simulated_arm_goes_where_it_is_expected(
 
 
 @pytest.mark.slow
-def test_with_friction_it_comes_to_rest_within_what_friction_can_hold(
-    driven: tuple[list[Change], Path],
-) -> None:
+def test_with_friction_it_comes_to_rest_within_what_friction_can_hold(driven: Driven) -> None:
     held = driven[0][0]
     assert abs(held.simulated - held.expected) < 2.0 * held.band  # at either rest
     assert abs(held.simulated - held.response.largest) < 1e-3  # deg: it stays where it was carried
 
 
 @pytest.mark.slow
-def test_page_and_data_hold_every_case(driven: tuple[list[Change], Path], written) -> None:
+def test_page_and_data_hold_every_case(driven: Driven, written) -> None:
     changes, folder = driven
     results, page = written(folder, "gravity_sustained")
     assert [row["case"] for row in results] == [change.case for change in changes]

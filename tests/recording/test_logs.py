@@ -7,13 +7,17 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
 from catenary.plant import MotionLog
-from catenary.recording.logs import FORMAT, read_log, write_parquet
+from catenary.recording.logs import FORMAT, read_log, read_torque_log, write_parquet
+from catenary.robots.catalog import load_robot
 from recordings import recording
+
+ARM = load_robot("two_link")
+Q = np.arange(12.0).reshape(6, 2)
 
 
 def full_log(rows: int = 8) -> MotionLog:
@@ -78,16 +82,9 @@ def test_schema_states_the_unit_of_every_column(path: Path) -> None:
     write_parquet(full_log(), path)
     schema = pq.read_schema(path)
     units = {field.name: field.metadata[b"unit"].decode() for field in schema}
-    assert units == {
-        "time": "s",
-        "ok": "",
-        **dict(zip([f"q_nominal:J{i}" for i in (1, 2, 3)], ("rad", "rad", "m"), strict=True)),
-        **dict(zip([f"q_encoder:J{i}" for i in (1, 2, 3)], ("rad", "rad", "m"), strict=True)),
-        **dict(zip([f"qd:J{i}" for i in (1, 2, 3)], ("rad/s", "rad/s", "m/s"), strict=True)),
-        **dict(zip([f"tau:J{i}" for i in (1, 2, 3)], ("Nm", "Nm", "N"), strict=True)),
-        "temperature": "K",
-        "current": "A",
-    }
+    expected = {"q_nominal": "rad rad m", "q_encoder": "rad rad m", "qd": "rad/s rad/s m/s", "tau": "Nm Nm N"}
+    joints = {f"{key}:J{j + 1}": unit for key, of in expected.items() for j, unit in enumerate(of.split())}
+    assert units == joints | {"time": "s", "ok": "", "temperature": "K", "current": "A"}
 
 
 def test_folder_that_looks_like_a_partition_adds_no_column(tmp_path: Path) -> None:
@@ -189,22 +186,21 @@ def test_what_contradicts_the_file_is_refused(path: Path) -> None:
     assert len(read_log(path, units=["rad", "rad", "m"], joint_names=["J1", "J2", "J3"])) == 8
 
 
-def test_files_that_cannot_be_had_are_named(tmp_path: Path) -> None:
+def test_files_are_told_by_their_ending_and_those_that_cannot_be_had_are_named(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match=r"run.parquet: cannot be written"):
         write_parquet(full_log(), tmp_path / "none" / "run.parquet")
     for name in ("none.npz", "none.parquet", "none.csv"):
         with pytest.raises(FileFormatError, match=f"{name}: no such file"):
             read_log(tmp_path / name)
+    np.savez(tmp_path / "run.npz", q_des=Q, q_act=Q, ok=np.ones(6, dtype=bool))
+    log = read_log(tmp_path / "run.npz", units=("m", "rad"), joint_names=("slide", "turn"))
+    assert (log.joint_units, log.joint_names) == (("m", "rad"), ("slide", "turn"))
+    for name, said in (("none.npz", "no such file"), ("none.parquet", "no such file"), ("run.csv", "ending")):
+        with pytest.raises(FileFormatError, match=f"{name}: {said}"):
+            read_torque_log(tmp_path / name, ARM)
     (tmp_path / "run.txt").write_text("a,b")
     with pytest.raises(FileFormatError, match=r'ending ".txt": expected a recording, .npz, .parquet or .csv'):
         read_log(tmp_path / "run.txt")
-
-
-def test_command_log_is_read_with_given_names_and_units(tmp_path: Path) -> None:
-    q = np.zeros((4, 2))
-    np.savez(tmp_path / "run.npz", q_des=q, q_act=q, ok=np.ones(4, dtype=bool))
-    log = read_log(tmp_path / "run.npz", units=("m", "rad"), joint_names=("slide", "turn"))
-    assert (log.joint_units, log.joint_names) == (("m", "rad"), ("slide", "turn"))
 
 
 @pytest.mark.parametrize(("rows", "flips"), [(8, 120), pytest.param(10_000, 400, marks=pytest.mark.slow)])
@@ -223,3 +219,58 @@ def test_flipped_bits_are_noticed_unless_the_numbers_are_the_same(path: Path, ro
             continue
         assert_array_equal(back.q_nominal, log.q_nominal)
         assert_array_equal(back.q_encoder, log.q_encoder)
+
+
+@pytest.fixture
+def read(tmp_path):
+    def from_arrays(model=ARM, **arrays):
+        path = tmp_path / "run.npz"
+        np.savez(path, **arrays)
+        return read_torque_log(path, model)
+
+    return from_arrays
+
+
+def test_a_recording_has_the_robots_names_units_and_a_hash(read):
+    log = read(q=Q, tau=2 * Q, dq=3 * Q, fs=200.0)
+    assert log.joint_names == ARM.joint_names
+    assert log.joint_units == ARM.joint_units
+    assert log.name == "run"
+    assert log.sha256 is not None
+    assert_allclose(log.qd, 3 * Q)
+    assert_allclose(log.time, np.arange(6) / 200.0)
+
+
+def test_time_stamps_go_before_a_rate_and_poses_need_none(read):
+    time = np.array([0.0, 0.1, 0.3, 0.35, 0.4, 0.5])
+    assert_allclose(read(q=Q, tau=Q, t=time, fs=10.0).time, time)
+    log = read(q=Q.astype(np.float32), tau=Q)
+    assert (log.time, log.qd, log.q_nominal.dtype) == (None, None, np.float64)
+
+
+def test_raw_efforts_are_scaled_by_the_robots_file(read):
+    model = load_robot("tiago")
+    log = read(model, q=np.zeros((3, 8)), effort=np.ones((3, 8)))
+    assert_allclose(log.tau[0], [1, 13.6, 13.6, -8.7, -8.7, -20.6, -20.6, -20.6])
+    assert log.notes == ("raw efforts times the robot's effort_scale",)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "error", "said"),
+    [
+        ({"tau": Q}, FileFormatError, "expected arrays q (N, n) and tau (N, n)"),
+        ({"q": Q}, FileFormatError, "this file has q"),
+        ({"q": Q[:, 0], "tau": Q}, InputError, "q: expected shape (N, n), got (6,)"),
+        ({"q": Q, "tau": Q, "fs": [1.0, 2.0]}, InputError, "fs: expected shape (), got (2,)"),
+        ({"q": Q, "tau": Q, "fs": -1.0}, InputError, "expected a rate above zero"),
+        ({"q": Q, "tau": Q > 0}, InputError, "tau: expected numbers, got bool"),
+        ({"q": Q, "tau": Q[:3]}, InputError, "tau: expected shape (6, 2), got (3, 2)"),
+        ({"q": Q, "tau": Q * np.nan}, InputError, "tau is nan at row 0"),
+        ({"q": Q, "effort": Q}, InputError, "gives no effort_scale"),
+        ({"q": Q, "tau": Q, "t": np.full(6, np.inf)}, InputError, "t is inf at row 0"),
+    ],
+)
+def test_what_is_no_recording_is_refused(read, arrays, error, said):
+    with pytest.raises(error) as caught:
+        read(**arrays)
+    assert said in str(caught.value)

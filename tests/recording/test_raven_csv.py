@@ -1,6 +1,5 @@
 import csv
 import hashlib
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -58,15 +57,10 @@ def test_every_column_is_the_messages_number_in_its_published_place(bag: Path, t
     assert {len(row) for row in rows} == {252}
     with AnyReader([bag]) as reader:
         messages = {
-            topic: [
-                (c, reader.deserialize(data, c.msgtype))
-                for c, _, data in reader.messages([c for c in reader.connections if c.topic == topic])
-            ]
-            for topic in ("/ravenstate", "/ext_jpos", "/arm2/measured_js")
+            each.topic: [reader.deserialize(data, each.msgtype) for _, _, data in reader.messages([each])]
+            for each in reader.connections
         }
-    states = [message for _, message in messages["/ravenstate"]]
-    assert len(rows) == len(states)
-    for row, state in zip(rows, states, strict=True):
+    for row, state in zip(rows, messages["/ravenstate"], strict=True):
         for field, (first, last) in LAYOUT.items():
             value = np.atleast_1d(getattr(state, field))
             written = np.array([float(text) for text in row[first : last + 1]]).astype(value.dtype)
@@ -77,14 +71,14 @@ def test_every_column_is_the_messages_number_in_its_published_place(bag: Path, t
             ("/ext_jpos", 0, START_NS / 1e9, 3),
             ("/arm2/measured_js", 4, 0.0, 7),
         ):
-            others = [m for _, m in messages[topic]]
-            times = np.array([m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for m in others])
+            stamps = [message.header.stamp for message in messages[topic]]
+            times = np.array([each.sec + each.nanosec * 1e-9 for each in stamps])
             nearest = int(np.argmin(np.abs(times - stamp)))
             got = float(row[stamp_column]) + origin
             assert_allclose(abs(got - stamp), abs(times[nearest] - stamp), atol=2e-6)
             same = int(np.argmin(np.abs(times - got)))
             numbers = [float(text) for text in row[stamp_column + 1 : stamp_column + 1 + width]]
-            assert_array_equal(numbers, others[same].position)
+            assert_array_equal(numbers, messages[topic][same].position)
 
 
 def test_jpos_is_times_180_over_pi_in_metres_too(table: Path) -> None:
@@ -146,9 +140,7 @@ def test_a_line_of_names_is_passed_over(table: Path, tmp_path: Path) -> None:
     assert len(read_raven_csv(tmp_path / "b.csv").log) == len(read_raven_csv(table).log)
 
 
-def test_rows_without_an_encoder_near_are_written_as_nan_and_not_trusted(
-    extraction: Path, tmp_path: Path
-) -> None:
+def test_rows_without_an_encoder_near_are_written_as_nan_and_not_trusted(extraction, tmp_path) -> None:
     write_raven_csv(extraction, tmp_path / "a.csv", max_gap=0.0001)
     rows = _rows(tmp_path / "a.csv")
     lonely = [row[0] == "nan" for row in rows]
@@ -172,9 +164,7 @@ NAMES = ",".join(f"c{i}" for i in range(252)) + "\n"
     ],
     ids=["columns", "cut off", "text", "names alone"],
 )
-def test_what_is_no_table_of_numbers_is_refused(
-    table: Path, change: Callable[[str], str], message: str
-) -> None:
+def test_what_is_no_table_of_numbers_is_refused(table, change, message) -> None:
     table.write_text(change(table.read_text()))
     with pytest.raises((FileFormatError, InputError), match=message):
         read_raven_csv(table)

@@ -70,29 +70,22 @@ def test_a_coordinate_that_moves_no_joint_needs_an_effect_of_its_own(load):
 LEVER = "lever = { arm_m = 0.2, anchor_m = 0.1, rest_length_m = 0.05, angle_deg = 0 }\n"
 
 
-@pytest.mark.parametrize(
-    ("text", "error", "said"),
-    [
-        ("[actuation]\nfrictions = 1\n", ConfigError, "actuation: frictions: unknown key"),
-        ('[actuation]\nweighting = "best"\n', ConfigError, "actuation: weighting"),
-        ("[actuation.filter]\norder = 4\n", ConfigError, "cutoff_hz: this key is missing"),
-        ("[actuation.filter]\norder = 0\ncutoff_hz = 1\ncut_samples = 0\n", ConfigError, "order"),
-        (FRICTION.replace("motor", "b"), ConfigError, 'unknown coordinate "b"; coordinates: a, motor'),
-        ('[[actuation.friction]]\nname = "f"\non = {}\n', ConfigError, 'friction[0] "f": on'),
-        (FRICTION + FRICTION, InputError, 'friction "f": is there twice'),
-        (FRICTION.replace("2, motor = -1.5", "0"), InputError, "acts on no coordinate"),
-        (
-            '[[actuation.spring]]\nname = "s"\non = { motor = 1 }\n' + LEVER,
-            InputError,
-            "expected an arm above 0",
-        ),
-        (
-            "[actuation]\neffort_scale = [1]\n" + FRICTION,
-            InputError,
-            "effort scale: expected 2 factors, got 1",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("text", "error", "said"), [
+    ("[actuation]\nfrictions = 1\n", ConfigError, "actuation: frictions: unknown key"),
+    ('[actuation]\nweighting = "best"\n', ConfigError, "actuation: weighting"),
+    ("[actuation.filter]\norder = 4\n", ConfigError, "cutoff_hz: this key is missing"),
+    ("[actuation.filter]\norder = 0\ncutoff_hz = 1\ncut_samples = 0\n", ConfigError, "order"),
+    (FRICTION.replace("motor", "b"), ConfigError, 'unknown coordinate "b"; coordinates: a, motor'),
+    ('[[actuation.friction]]\nname = "f"\non = {}\n', ConfigError, 'friction[0] "f": on'),
+    (FRICTION + FRICTION, InputError, 'friction "f": is there twice'),
+    (FRICTION.replace("2, motor = -1.5", "0"), InputError, "acts on no coordinate"),
+    (
+        '[[actuation.spring]]\nname = "s"\non = { motor = 1 }\n' + LEVER,
+        InputError,
+        "expected an arm above 0",
+    ),
+    ("[actuation]\neffort_scale = [1]\n" + FRICTION, InputError, "effort scale: expected 2 factors, got 1"),
+])  # fmt: skip
 def test_effects_that_cannot_be_meant_are_refused(load, text, error, said):
     with pytest.raises(error) as caught:
         load(text)

@@ -161,23 +161,14 @@ REFUSED = [
     ({"links": [link(parent="x")]}, 'link "a" hangs on unknown link "x"; links: base, a'),
     ({"links": [link(variable={"x": 1.0})]}, 'link "a": moves with unknown coordinate "x"; coordinates: q'),
     ({"links": [link(variable={"q": np.nan})]}, 'link "a": factor of "q" is nan'),
-    (
-        {"links": [link(), link("f", joint="fixed", variable={"q": 1.0})]},
-        'link "f": is fixed and moves with q',
-    ),
+    ({"links": [link(), link("f", joint="fixed", variable={"q": 1.0})]}, 'link "f": is fixed and moves with q'),
     ({"links": [link(joint="ball")]}, 'link "a": joint "ball", expected revolute or prismatic or fixed'),
     ({"links": [link(axis=np.zeros(3))]}, 'link "a": axis must not be zero'),
     ({"links": [link(axis=NAN3)]}, 'link "a": axis[1] is nan'),
     ({"links": [link(offset=np.inf)]}, 'link "a": offset is inf'),
     ({"links": [link(pose=Pose(np.eye(3), NAN3))]}, 'link "a": joint: origin[1] is nan'),
-    (
-        {"links": [link(pose=Pose(2 * np.eye(3), np.zeros(3)))]},
-        'link "a": joint: rotation: expected a rotation',
-    ),
-    (
-        {"links": [link(frame=Pose(-np.eye(3), np.zeros(3)))]},
-        'link "a": link frame: rotation: expected a rotation',
-    ),
+    ({"links": [link(pose=Pose(2 * np.eye(3), np.zeros(3)))]}, 'link "a": joint: rotation: expected a rotation'),
+    ({"links": [link(frame=Pose(-np.eye(3), np.zeros(3)))]}, 'link "a": link frame: rotation: expected a rotation'),
     ({"links": body(mass=-1.0)}, 'link "a": mass -1.0 kg, expected a finite number, zero or more'),
     ({"links": body(mass=np.nan)}, 'link "a": mass nan kg'),
     ({"links": body(com=NAN3)}, 'link "a": centre of mass[1] is nan'),
@@ -195,7 +186,7 @@ REFUSED = [
     ({"frames": {"f": ("a", Pose(np.ones((3, 3)), np.zeros(3)))}}, 'frame "f": rotation: expected'),
     ({"tip": "x"}, 'tip "x" is no frame; frames: base, a'),
     ({"massless": ["x"]}, 'massless link "x" is not a link; links: a'),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("changed", "said"), REFUSED, ids=[said[-40:] for _, said in REFUSED])

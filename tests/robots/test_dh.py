@@ -81,17 +81,15 @@ def test_every_branch_that_hangs_on_the_base_has_the_tables_base_pose():
         assert_array_equal(frame_pose(model, frame, np.zeros(2))[:3, 3], [0, 0, 1])
 
 
-def test_a_row_may_move_with_its_own_coordinate_and_others():
-    # a parallelogram: the second link keeps its direction when the first turns
-    model = from_dh(robot(row("a", a=1.0), row("b", a=1.0, variable={"b": 1.0, "a": -1.0})))
-    assert model.joint_names == ("a", "b")
-    assert_array_equal(model.coupling, [[1, 0], [-1, 1]])
-
-
-def test_a_row_may_follow_anothers_coordinate_without_one_of_its_own():
-    model = from_dh(robot(row("a"), row("b", variable={"a": 2.0})))
-    assert model.joint_names == ("a",)
-    assert_array_equal(model.coupling, [[1], [2]])
+# a parallelogram, whose second link keeps its direction when the first turns; a row without a coordinate of its own
+@pytest.mark.parametrize(("variable", "names", "coupling"), [
+    ({"b": 1.0, "a": -1.0}, ("a", "b"), [[1, 0], [-1, 1]]),
+    ({"a": 2.0}, ("a",), [[1], [2]]),
+])  # fmt: skip
+def test_a_row_may_move_with_other_rows_coordinates(variable, names, coupling):
+    model = from_dh(robot(row("a", a=1.0), row("b", a=1.0, variable=variable)))
+    assert model.joint_names == names
+    assert_array_equal(model.coupling, coupling)
 
 
 def test_limits_and_units_are_those_of_the_rows_own_coordinates():
@@ -106,24 +104,15 @@ def test_the_tip_is_the_last_row_unless_named():
     assert from_dh(robot(row("a"), row("b"), tip="a")).tip == "a"
 
 
-@pytest.mark.parametrize(
-    ("description", "said"),
-    [
-        (robot(), 'robot "r": the DH table has no rows'),
-        (robot(row(), convention="craig"), 'convention "craig": expected "modified" or "standard"'),
-        (robot(row(alpha=np.nan)), 'robot "r": DH row "a": alpha is nan, expected a finite number'),
-        (robot(row(d=np.inf)), 'DH row "a": d is inf'),
-        (
-            robot(row(), row("b", variable={"a": 1.0}, lower=0.0)),
-            'DH row "b": has limits but no coordinate of its own',
-        ),
-        (
-            robot(row(upper=1.0), coordinates=[Coordinate("a", "rad")]),
-            'DH row "a": has limits but no coordinate',
-        ),
-        (robot(row(variable={"x": 1.0})), 'link "a": moves with unknown coordinate "x"; coordinates: none'),
-    ],
-)
+@pytest.mark.parametrize(("description", "said"), [
+    (robot(), 'robot "r": the DH table has no rows'),
+    (robot(row(), convention="craig"), 'convention "craig": expected "modified" or "standard"'),
+    (robot(row(alpha=np.nan)), 'robot "r": DH row "a": alpha is nan, expected a finite number'),
+    (robot(row(d=np.inf)), 'DH row "a": d is inf'),
+    (robot(row(), row("b", variable={"a": 1.0}, lower=0.0)), 'DH row "b": has limits but no coordinate of its own'),
+    (robot(row(upper=1.0), coordinates=[Coordinate("a", "rad")]), 'DH row "a": has limits but no coordinate'),
+    (robot(row(variable={"x": 1.0})), 'link "a": moves with unknown coordinate "x"; coordinates: none'),
+])  # fmt: skip
 def test_a_bad_table_is_refused_by_robot_and_row(description, said):
     with pytest.raises(InputError) as caught:
         from_dh(description)

@@ -33,13 +33,10 @@ def test_arrays_of_a_model_cannot_be_written(model):
             array[...] = 0
 
 
-def test_missing_inertia_is_refused_by_link_name(model):
+def test_missing_inertia_is_refused_by_link_name_and_declaring_the_link_massless_completes_the_model(model):
     with pytest.raises(MissingInertiaError, match=r'robot "robot": no inertia for link.*"b"') as caught:
         model.require_inertia()
     assert caught.value.links == ("b",)
-
-
-def test_declaring_a_link_massless_completes_the_model(model):
     declared = model.with_massless(["b", "tool"])
     declared.require_inertia()
     assert declared.massless == ("b",)
@@ -58,11 +55,8 @@ def test_only_links_without_mass_can_be_declared_massless(model, name, said):
         model.with_massless([name])
 
 
-def test_the_tip_is_the_frame_that_is_meant_when_none_is_named(model):
+def test_the_tip_is_meant_where_no_frame_is_named_and_an_unknown_one_is_refused_with_those_there_are(model):
     assert model.frame() is model.frame("tool")
-
-
-def test_an_unknown_frame_is_refused_with_those_there_are(model):
     with pytest.raises(InputError, match='no frame "x"; frames: a, b, base, tool'):
         model.frame("x")
 

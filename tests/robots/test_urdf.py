@@ -132,7 +132,9 @@ def test_the_root_link_is_the_base_and_stays_a_frame():
     assert model.tree.mass.sum() == 2.0  # the root's own mass plays no part
 
 
-def test_another_link_named_base_keeps_its_pose_under_a_name_that_a_note_gives():
+def test_a_root_named_base_is_the_base_and_another_keeps_its_pose_under_a_name_that_a_note_gives():
+    model = parse_urdf(urdf(joint("j", "base", "a"), links=("base", "a")))
+    assert (set(model.frames), model.notes) == ({"base", "a"}, ())
     text = urdf(
         joint("f", "root", "base", "fixed", '<origin xyz="0 0 1"/>'),
         joint("j", "base", "a"),
@@ -142,12 +144,6 @@ def test_another_link_named_base_keeps_its_pose_under_a_name_that_a_note_gives()
     assert_array_equal(frame_pose(model, "base (file)", [0.0])[:3, 3], [0, 0, 1])
     assert_array_equal(frame_pose(model, "base", [0.0]), np.eye(4))
     assert any('"base" of the file is named "base (file)"' in note for note in model.notes)
-
-
-def test_a_root_named_base_is_the_base():
-    model = parse_urdf(urdf(joint("j", "base", "a"), links=("base", "a")))
-    assert set(model.frames) == {"base", "a"}
-    assert model.notes == ()
 
 
 def test_moving_links_without_mass_are_missing_inertia_unless_something_fixed_to_them_has_some():

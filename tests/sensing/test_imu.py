@@ -45,6 +45,15 @@ class Base:
         return readings
 
 
+def rocking(amplitude, frequency, middle=0.0, pitch=0.0):
+    """Gravity(t), and rates(t), of a base that rolls by an amplitude [rad] at a frequency [Hz] about a middle [rad]."""
+    w = 2.0 * math.pi * frequency
+    return (
+        lambda t: tilted_gravity(middle + amplitude * math.sin(w * t), pitch),
+        lambda t: [amplitude * w * math.cos(w * t), 0.0, 0.0],
+    )
+
+
 def steps(readings):
     return np.linalg.norm(np.diff([r.gravity for r in readings], axis=0), axis=1)
 
@@ -80,10 +89,7 @@ def test_what_was_measured_before_the_first_read_is_known_at_once():
 
 
 def test_tilting_by_hand_is_followed_without_delay():
-    def gravity(t):
-        return tilted_gravity(0.3 * math.sin(2.0 * math.pi * 0.5 * t), 0.1)
-
-    base = Base()
+    base, (gravity, _) = Base(), rocking(0.3, 0.5, pitch=0.1)
     base.run(1.0, gravity)
     for k, reading in enumerate(base.run(2.0, gravity)):
         # 0.5 Hz is followed to 0.1 %, half a millisecond would be 0.005 m/s2
@@ -142,10 +148,7 @@ def test_each_fallback_goes_where_it_says_without_a_leap(fallback, expected):
 
 
 def test_hold_keeps_the_last_vector_of_a_rocking_base_and_fade_its_mean():
-    def gravity(t):
-        return tilted_gravity(0.25 + 0.1 * math.sin(2.0 * math.pi * t), 0.0)
-
-    ends = {}
+    ends, (gravity, _) = {}, rocking(0.1, 1.0, middle=0.25)
     for fallback in ("hold", "fade"):
         base = Base(fallback=fallback)
         base.run(4.25, gravity)  # to the end of its swing
@@ -155,36 +158,24 @@ def test_hold_keeps_the_last_vector_of_a_rocking_base_and_fade_its_mean():
 
 
 def test_hold_keeps_gravity_of_the_newest_sample_and_not_what_a_parabola_made_of_it():
-    def gravity(t):
-        return tilted_gravity(0.1 * math.sin(2.0 * math.pi * t), 0.0)
-
-    base = Base(fallback="hold")
+    base, (gravity, _) = Base(fallback="hold"), rocking(0.1, 1.0)
     base.run(2.001, gravity)  # upright, where it moves fastest: 6 m/s3 by 0.1 rad at 1 Hz
     assert_allclose(base.run(2.0)[-1].gravity, gravity(2.0), atol=0.01)
 
 
 @pytest.mark.parametrize(("amplitude", "frequency"), [(0.02, 2.0), (0.03, 1.0), (0.01, 5.0), (0.2, 0.5)])
 def test_a_gyroscope_that_agrees_with_small_quick_rocking_is_believed(amplitude, frequency):
-    w = 2.0 * math.pi * frequency
-
-    def gravity(t):
-        return tilted_gravity(amplitude * math.sin(w * t), 0.0)
-
-    def rate(t):
-        return [amplitude * w * math.cos(w * t), 0.0, 0.0]
-
-    base = Base(angular=True)
+    base, (gravity, rate) = Base(angular=True), rocking(amplitude, frequency)
     base.run(1.0, gravity, rate, hz=200.0)
     readings = base.run(3.0, gravity, rate, hz=200.0)
     assert {r.faults for r in readings} == {Fault.NONE}
     said = np.array([r.base_rates[0, 0] for r in readings])
-    assert_allclose(
-        said, [rate(1.0 + 0.001 * k)[0] for k in range(3000)], atol=0.15 * amplitude * w
-    )  # 5 Hz is near the cut-off
+    fastest = amplitude * 2.0 * math.pi * frequency
+    # 5 Hz is near the cut-off
+    assert_allclose(said, [rate(1.0 + 0.001 * k)[0] for k in range(3000)], atol=0.15 * fastest)
 
 
-SLIGHTLY = 0.003  # [rad] at 2 Hz
-TURN = 4.0 * math.pi
+SLIGHTLY, RATE = rocking(0.003, 2.0)
 
 
 @pytest.mark.parametrize(
@@ -193,10 +184,7 @@ TURN = 4.0 * math.pi
         (LEVEL, [0.3, 0.0, 0.0]),
         (LEVEL, [0.0, -1.0, 1.0]),
         (LEVEL, lambda t: [2.0 * math.sin(2.0 * math.pi * t), 0.0, 0.0]),
-        (  # degrees a second
-            lambda t: tilted_gravity(SLIGHTLY * math.sin(TURN * t), 0.0),
-            lambda t: [math.degrees(SLIGHTLY * TURN * math.cos(TURN * t)), 0.0, 0.0],
-        ),
+        (SLIGHTLY, lambda t: np.degrees(RATE(t))),  # degrees a second
     ],
 )
 def test_a_gyroscope_that_turns_while_gravity_hardly_moves_is_not_believed(gravity, rate):
@@ -308,21 +296,16 @@ def test_stop_asks_for_a_stop_when_nothing_is_heard_at_the_start():
     assert statuses[-1] is ReadingStatus.STOP
 
 
-def test_recovery_is_as_smooth_as_the_loss():
-    base = Base(fallback="static")
-    base.run(1.0, TILTED)
-    base.run(1.5)
-    readings = base.run(2.0, TILTED)
-    assert_allclose(readings[-1].gravity, TILTED, atol=1e-6)
+@pytest.mark.parametrize(("fallback", "before"), [("static", TILTED), ("fade", LEVEL)])
+def test_recovery_is_as_smooth_as_the_loss_also_of_a_base_that_was_moved_meanwhile(fallback, before):
+    base = Base(fallback=fallback)
+    base.run(1.0, before)
+    base.run(3.0)
+    moved = tilted_gravity(0.5, 0.4) if before is LEVEL else TILTED
+    readings = base.run(2.0, moved)
+    assert_allclose(readings[-1].gravity, moved, atol=1e-6)
     assert readings[-1].status is ReadingStatus.LIVE
     assert steps(readings).max() <= RECOVER[0] * 0.001 + 1e-9
-
-
-def test_a_base_that_was_moved_while_the_sensor_was_away_is_believed():
-    base = Base()
-    base.run(1.0, LEVEL)
-    base.run(3.0)
-    assert_allclose(base.run(1.5, tilted_gravity(0.5, 0.4))[-1].gravity, tilted_gravity(0.5, 0.4), atol=1e-6)
 
 
 def test_without_rates_where_a_gyroscope_should_be_gravity_goes_on():

@@ -11,21 +11,15 @@ from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, RockingBase
 from catenary.simulation.cable_parameters import varied
 from catenary.simulation.cable_plant import PAYLOAD_PLACE, CablePlant
-from catenary.simulation.columns import COLUMNS
+from catenary.simulation.columns import COLUMNS, CONTROL_FIELDS
 from catenary.transmission.coupling import tensions_for, winding_of
 from oracles.cable_arms import homed_plant, linear_arm, smooth_motion
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 MODEL = load_robot("raven2")
 ROCKING = RockingBase(0.1, 0.1, 0.3, lever=(0.0, 0.2, 0.5))
-SENT = {"tau": "torque", "dac_val": "dac", "jpos_d": "setpoint", "mpos_d": "motor_setpoint"}
-READ = {
-    "encVals": "counts",
-    "mpos": "motor",
-    "mvel": "motor_velocity",
-    "jpos": "joint",
-    "jvel": "joint_velocity",
-}
+SENT = ("tau", "dac_val", "jpos_d", "mpos_d")
+READ = ("encVals", "mpos", "mvel", "jpos", "jvel")
 
 
 def settle(plant, seconds=0.5, torque=None):
@@ -45,14 +39,14 @@ def test_ticking_equals_running_bit_for_bit(base):
     log = run.run(rows)
     for k, row in enumerate(rows):
         read = ticked.telemetry()
-        for name, column in READ.items():
-            assert_array_equal(read[name], getattr(log, column)[k])
+        for name in READ:
+            assert_array_equal(read[name], getattr(log, CONTROL_FIELDS[name])[k])
         assert_array_equal(read["q_true"], log.q[k])
         ticked.servo_jp(row)
         ticked.wait()
         sent = ticked.telemetry()
-        for name, column in SENT.items():
-            assert_array_equal(sent[name], getattr(log, column)[k])
+        for name in SENT:
+            assert_array_equal(sent[name], getattr(log, CONTROL_FIELDS[name])[k])
     assert ticked.state == run.state
 
 
@@ -229,7 +223,13 @@ REACHED_BY = {"DISABLED": "disable", "ENABLED": "resume", "PAUSED": "pause"}
 
 def faulty_plant():
     """A plant whose software e-stop has tripped."""
-    return settle(homed_plant(), 0.001, torque=[1e4, 0.0, 0.0])
+    plant = homed_plant()
+    gains = plant.firmware
+    plant.firmware = gains.replace(kp=100.0 * gains.kp)
+    plant.servo_jp(plant.lower)
+    settle(plant, 0.001)
+    plant.firmware = gains
+    return plant
 
 
 @pytest.mark.parametrize(("before", "command", "after"), TRANSITIONS)
@@ -311,3 +311,19 @@ def test_inertial_sensors_read_the_bases_motion():
     assert_allclose(seen["accelerometer"], motion[0, 2] - gravity[0], atol=1e-12)
     assert_allclose(seen["gyroscope"], motion[0, 0], atol=1e-12)
     assert_allclose(CablePlant().telemetry()["accelerometer"], [0.0, 0.0, 9.81])  # +g upwards at rest
+
+
+@pytest.mark.parametrize(("joint", "tau"), [(0, 7.0), (1, -1e300), (2, -1e300), (6, -7.0)])
+def test_no_torque_takes_a_joint_beyond_its_soft_limits(joint, tau):
+    plant = homed_plant()
+    torque = np.zeros(7)
+    torque[joint] = tau
+    beyond = np.full(7, -np.inf)
+    for _ in range(60):
+        settle(plant, 0.02, torque)
+        q = plant.measured_js().q
+        beyond = np.maximum(beyond, np.maximum(q - plant.upper, plant.lower - q))
+    # what gravity and the cables' own swing take, and the insertion carries the tools' cables along
+    assert (beyond <= [0.02, 0.02, 0.001, 0.08, 0.08, 0.08, 0.08]).all()
+    assert abs(beyond[joint]) < 0.12  # it has come to its limit
+    assert plant.operating_state().state == "ENABLED"

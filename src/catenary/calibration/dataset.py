@@ -167,11 +167,10 @@ def sampling_rate(log: MotionLog) -> float | None:
 
 
 def _common_rate(logs: Sequence[MotionLog]) -> float | None:
-    rates = [sampling_rate(log) for log in logs]
-    known = [rate for rate in rates if rate is not None]
-    if len(known) < len(rates) or max(known) > (1.0 + RATE_TOLERANCE) * min(known):
-        return None
-    return float(np.median(known))
+    """Return the rows per second of all recordings; None where they differ, or one has no time."""
+    rates = [rate for rate in map(sampling_rate, logs) if rate is not None]
+    alike = len(rates) == len(logs) and max(rates) <= (1.0 + RATE_TOLERANCE) * min(rates)
+    return float(np.median(rates)) if alike else None
 
 
 def _same_joints(a: MotionLog, b: MotionLog) -> None:

@@ -1,7 +1,5 @@
 """The control loop: the only clock, and the only place that cleans up behind a controller."""
 
-import contextlib
-import logging
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -13,9 +11,10 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.control.controller import Controller
+from catenary.control.leaving import GIVE_UP_AFTER, FiniteTicks, hold, leave_safe
 from catenary.control.limits import TorqueLimits
 from catenary.control.realtime import Durations, RealTime
-from catenary.control.report import GravityTally, LoopReport, Tally
+from catenary.control.report import GravityTally, LoopReport, RunningRms
 from catenary.errors import InputError, LimitError, SensorError
 from catenary.plant import JointState, Plant, require_ready
 from catenary.sensing.vector import GravityReading, ReadingStatus
@@ -24,7 +23,6 @@ from catenary.trajectories.reference import Reference, Trajectory
 Flags = NDArray[np.bool_]
 # [rad], [m] from a robot's setpoint to a first reference: more than rounding, less than what firmware stops at
 LEAP = {"rad": 0.02, "m": 0.002}
-_log = logging.getLogger(__name__)
 
 
 class StateCorrector(Protocol):
@@ -74,6 +72,7 @@ def run_loop(
     observers: Sequence[Observer] = (),
     duration: float | None = None,
     real_time: bool = False,
+    give_up_after: int = GIVE_UP_AFTER,
 ) -> LoopReport:
     """Run a controller on a robot along a trajectory.
 
@@ -83,7 +82,7 @@ def run_loop(
     whatever is compiled on first use holds up nothing but the start.
 
     At the end the robot holds its position, by its firmware where it has servo_jp, otherwise at zero torque and
-    paused. Whatever else ends the loop, an error or Ctrl-C, it holds its last measured position or gets zero torque,
+    paused. Whatever else ends the loop, an error or Ctrl-C, it holds its last finite position or gets zero torque,
     and is paused; the error goes on, with the report so far as its attribute `loop_report`.
 
     Args:
@@ -99,6 +98,8 @@ def run_loop(
         observers: Called with every tick, after its command was sent.
         duration: [s]; the trajectory's when None; infinity runs until Ctrl-C.
         real_time: Keep time also with a simulated plant, which otherwise runs as fast as it can.
+        give_up_after: Ticks in a row with a torque or a measured position that is NaN or infinite, after which the
+            loop ends. In fewer such a torque is zero.
 
     Returns:
         Timing, trust and tracking.
@@ -108,6 +109,8 @@ def run_loop(
         UnsupportedCommandError: It takes no torques, or without controller no positions.
         LimitError: Without controller, and the trajectory begins elsewhere than the robot's setpoint is.
         InputError: Rate, duration, trajectory or limits do not fit the plant.
+        NotFiniteError: Torques or measured positions were not finite for `give_up_after` ticks in a row; the robot
+            holds at its last finite position, and is paused.
         SensorError: The source of gravity asks for a stop; the robot holds, and is paused.
     """
     waits = _require_ready(plant, controller, rate_hz)
@@ -127,10 +130,11 @@ def run_loop(
     if corrector is not None:
         corrector.prepare(plant.joint_names, plant.joint_units, rate_hz)
     clock = RealTime(dt) if real_time or not plant.simulated else None
-    compute, tally, inside = Durations(), Tally(n), np.ones(n, dtype=bool)
+    compute, inside, outside = Durations(), np.ones(n, dtype=bool), np.zeros(n)
+    nominal, calibrated = RunningRms(n), RunningRms(n)  # of the reference less each
     sensed = None if gravity is None else GravityTally()
-    ticks, held = 0, state.q
-    finished = False
+    finite = FiniteTicks(plant.joint_names, state.q, give_up_after)
+    ticks, finished = 0, False
 
     def report() -> LoopReport:
         return LoopReport(
@@ -143,11 +147,9 @@ def run_loop(
             jitter=None if clock is None else clock.jitter.timing(),
             overruns=None if clock is None else clock.overruns,
             has_priority=clock is not None and clock.has_priority,
-            outside_valid_range=None
-            if corrector is None
-            else tuple((tally.outside / max(1, ticks)).tolist()),
-            tracking_nominal=tally.nominal.value(),
-            tracking_calibrated=None if corrector is None else tally.calibrated.value(),
+            outside_valid_range=None if corrector is None else tuple((outside / max(1, ticks)).tolist()),
+            tracking_nominal=nominal.value(),
+            tracking_calibrated=None if corrector is None else calibrated.value(),
             limited_ticks=limits.limited,
             not_finite_ticks=limits.not_finite,
             gravity=None if sensed is None else sensed.report(),
@@ -159,11 +161,11 @@ def run_loop(
         for number in numbers:
             begin = time.perf_counter()
             state = plant.measured_js()
-            q_nominal = held = state.q
+            q_nominal = state.q
             if corrector is not None:
-                calibrated, inside = np.empty(n), np.empty(n, dtype=bool)
-                corrector.correct_state(state, calibrated, inside)
-                state = JointState(state.time, calibrated, *state[2:])
+                q, inside = np.empty(n), np.empty(n, dtype=bool)
+                corrector.correct_state(state, q, inside)
+                state = JointState(state.time, q, *state[2:])
             if gravity is not None and sensed is not None:
                 reading = gravity.read(state.time)
                 sensed.add(reading)
@@ -175,11 +177,16 @@ def run_loop(
             reference = trajectory(number * dt)
             tau = None
             if controller is None:
+                finite.update(q_nominal)
                 plant.servo_jp(reference.q)
             else:
-                tau = limits.apply(controller.torque(state, reference), q_nominal, dt)
+                wanted = controller.torque(state, reference)
+                tau = limits.apply(wanted, q_nominal, dt)
+                finite.update(q_nominal, wanted)
                 plant.servo_jf(tau)
-            tally.add(reference.q, q_nominal, state.q, inside)
+            nominal.add(reference.q, q_nominal)
+            calibrated.add(reference.q, state.q)
+            outside += ~inside
             ticks += 1
             for observe in observers:
                 observe(Tick(number, number * dt, state, q_nominal, inside, reference, tau))
@@ -194,10 +201,10 @@ def run_loop(
                     clock.start()
         finished = True
         if controller is not None:
-            _hand_over(plant)
+            _hand_over(plant, finite.held)
         return report()
     except BaseException as error:  # Ctrl-C too: whatever ends the loop must not leave the robot under way
-        _leave_safe(plant, held, error)
+        leave_safe(plant, finite.held, error)
         finished = False
         error.loop_report = report()  # type: ignore[attr-defined]
         error.add_note(f"the control loop ended after {ticks} ticks ({ticks * dt:.3f} s)")
@@ -232,36 +239,8 @@ def _require_near(plant: Plant, first: Floats) -> None:
             )
 
 
-def _hand_over(plant: Plant) -> None:
-    """Let the robot hold where it is, without the controller."""
-    _hold(plant, plant.measured_js().q)
-    if "servo_jp" not in plant.supports:
+def _hand_over(plant: Plant, last: Floats) -> None:
+    """Let the robot hold where it is, without the controller; at `last` (n,) [rad|m] where that is not finite."""
+    q = plant.measured_js().q
+    if not hold(plant, np.where(np.isfinite(q), q, last)):
         plant.state_command("pause")
-
-
-def _hold(plant: Plant, q: Floats) -> None:
-    """Command positions q (n,), or zero torque where the robot takes none or q is not finite."""
-    if "servo_jp" in plant.supports and np.isfinite(q).all():
-        plant.servo_jp(q)
-    else:
-        plant.servo_jf(np.zeros(len(q)))
-
-
-def _leave_safe(plant: Plant, last: Floats, error: BaseException) -> None:
-    """Hold the last measured position or go limp, then pause; what fails on the way is told with the error."""
-
-    def hold() -> None:
-        q = last
-        with contextlib.suppress(Exception):  # measuring may be what failed
-            q = plant.measured_js().q
-        _hold(plant, q)
-
-    def pause() -> None:
-        plant.state_command("pause")
-
-    for name, action in (("holding", hold), ("pausing", pause)):
-        try:
-            action()
-        except BaseException as another:  # a second Ctrl-C, too, must not keep the robot from being paused
-            error.add_note(f"{name} the robot failed: {another!r}")
-            _log.error("%s the robot failed: %r", name, another)

@@ -2,34 +2,17 @@
 
 import threading
 import time
-from typing import Protocol
 
 from catenary.errors import InputError
 
 SECOND = 1_000_000_000  # [ns]
 
 
-class Clock(Protocol):
-    """What a transport needs of time."""
+class Clock:
+    """The machine's own time, which is what transports keep to unless they are given another."""
 
     def now(self) -> int:
         """Return the time of day [ns since 1970], which may be set back and forth."""
-        ...
-
-    def elapsed(self) -> int:
-        """Return the time [ns] since an arbitrary moment, which only grows."""
-        ...
-
-    def sleep(self, seconds: float) -> None:
-        """Let time pass."""
-        ...
-
-
-class WallClock:
-    """The machine's own time."""
-
-    def now(self) -> int:
-        """Return the time of day [ns since 1970]."""
         return time.time_ns()
 
     def elapsed(self) -> int:
@@ -42,7 +25,7 @@ class WallClock:
             time.sleep(seconds)
 
 
-class ManualClock:
+class ManualClock(Clock):
     """Time that passes only when somebody sleeps: a second of simulation takes no second."""
 
     def __init__(self, start: int = SECOND) -> None:

@@ -32,19 +32,7 @@ _Write = Callable[[Any], bytes]  # a value
 _Change = Callable[[Any], Any]  # of what rosbags gives, into our values
 _WRONG = (SerdeError, struct.error, TypeError, ValueError, OverflowError, AttributeError)
 _COUNT = struct.Struct("<I")  # of an array or a string, and a header's `seq`
-# `struct`'s letters for NumPy's numbers
-_LETTERS = {
-    "i1": "b",
-    "i2": "h",
-    "i4": "i",
-    "i8": "q",
-    "u1": "B",
-    "u2": "H",
-    "u4": "I",
-    "u8": "Q",
-    "f4": "f",
-    "f8": "d",
-}
+_EIGHT_BYTES = str.maketrans("lL", "qQ")  # NumPy's letters, in the standard sizes of `struct`
 
 
 class Codec(NamedTuple):
@@ -132,7 +120,7 @@ def _writer(field: Field) -> _Write:
 
 def _letter(field: Field) -> str:
     """Return the letter by which `struct` knows a number."""
-    return "?" if field.type == "bool" else _LETTERS[NUMBERS[field.type].removeprefix("<")]
+    return "?" if field.type == "bool" else np.dtype(NUMBERS[field.type]).char.translate(_EIGHT_BYTES)
 
 
 def _text(text: str) -> bytes:

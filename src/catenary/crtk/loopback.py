@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import count
 
-from catenary.crtk.clock import Clock, WallClock
+from catenary.crtk.clock import Clock
 from catenary.crtk.codec import codec
 from catenary.crtk.inbox import Origin, Request, Subscription
 from catenary.crtk.message import Message
@@ -49,7 +49,7 @@ class LoopbackNetwork:
     """
 
     def __init__(self, *, clock: Clock | None = None, threaded: bool = False) -> None:
-        self.clock: Clock = clock or WallClock()
+        self.clock = clock or Clock()
         self.threaded = threaded
         self.lock = threading.RLock()
         self.transports: dict[str, Loopback] = {}
@@ -90,17 +90,8 @@ class LoopbackPublisher(Publisher):
         self._transport = transport
         self._shared = shared
         self._latch = latch
-        self.is_connected = True  # a test may break its connections, and call `connect`
-        self._process = f"{transport.name} {next(_PROCESSES)}"
-        self.origin = Origin(self._process, object(), latch)
-
-    def connect(self) -> None:
-        """Connect to all subscriptions anew; the network's lock is held."""
-        self.origin, self.is_connected = Origin(self._process, object(), self._latch), True
-        if self.latched is not None:
-            now = self._transport.network.clock.now()
-            for _, subscription in self._shared.subscriptions:
-                subscription.push(self.latched, now, self.origin)
+        self.is_connected = True  # a test may break its connections, and give it a new origin
+        self.origin = Origin(f"{transport.name} {next(_PROCESSES)}", object(), latch)
 
     def _send(self, message: Message) -> None:
         self._transport.require_open()

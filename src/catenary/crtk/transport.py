@@ -15,7 +15,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, Self
 
-from catenary.crtk.clock import Clock, Rate, WallClock
+from catenary.crtk.clock import Clock, Rate
 from catenary.crtk.codec import codec
 from catenary.crtk.inbox import Callback, Inbox, Request, Subscription
 from catenary.crtk.message import Message, message_class
@@ -87,7 +87,7 @@ class Transport(ABC):
         if not re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII):
             raise InputError(f'name "{name}": expected a letter, then letters, digits and underscores')
         self.name = name
-        self.clock: Clock = clock or WallClock()
+        self.clock = clock or Clock()
         self.inbox = Inbox()
         self._publishers: dict[str, Publisher] = {}
 
@@ -161,10 +161,6 @@ class Transport(ABC):
         """Run callbacks and services for what has come; wait for the first up to `timeout` [s]; return how many ran."""
         self.require_open()
         return self.inbox.run(timeout)
-
-    def arrivals(self) -> int:
-        """Return how many messages have come so far, over all subscriptions; unchanged means that nothing new waits."""
-        return self.inbox.arrivals
 
     def spin(self) -> None:
         """Poll until the transport is closed or its network is told to end it."""

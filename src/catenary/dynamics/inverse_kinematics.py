@@ -172,9 +172,8 @@ def _damped_least_squares(
 
 def _tip_follows(wanted: Frame, tip: Frame, match: Match) -> bool:
     """Return whether the wanted frame's target says where the tip must be: a position alone does so for the tip."""
-    if match == "pose":
-        return wanted.link == tip.link
-    return wanted.link == tip.link and np.array_equal(wanted.pose.position, tip.pose.position)
+    same_point = match == "pose" or np.array_equal(wanted.pose.position, tip.pose.position)
+    return wanted.link == tip.link and same_point
 
 
 def _search_range(model: RobotModel) -> tuple[Floats, Floats]:

@@ -8,7 +8,7 @@ from catenary.dynamics.coordinates import place_tree, to_robot_columns
 from catenary.dynamics.recursion import place_links
 from catenary.dynamics.vectors import add, cross, row, times
 from catenary.kernels.compiled import compiled
-from catenary.robots.model import Frame, RobotModel, Tree
+from catenary.robots.model import RobotModel, Tree
 from catenary.spatial import Pose
 
 
@@ -104,16 +104,11 @@ def jacobian(
     """
     rows, single = as_batch("q", q, model.n)
     target = model.frame(frame)
-    offset = _point_in_link(target, point)
+    in_frame = np.zeros(3) if point is None else as_array("point", point, (3,))
+    offset = target.pose.rotation @ in_frame + target.pose.position
     out = np.zeros((len(rows), 6, model.n))
     _jacobian_rows(model.tree, model.coupling, model.offset, rows, target.link, offset, out)
     return out[0] if single else out
-
-
-def _point_in_link(frame: Frame, point: ArrayLike | None) -> Floats:
-    in_frame = np.zeros(3) if point is None else as_array("point", point, (3,))
-    offset: Floats = frame.pose.rotation @ in_frame + frame.pose.position
-    return offset
 
 
 @compiled

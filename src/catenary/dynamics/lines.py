@@ -39,9 +39,7 @@ class Placed(NamedTuple):
     trace: Trace
     tree: Tree  # every link of the model is two here: 2 i is fixed, 2 i + 1 moves
     coupling: Floats  # (2 n_tree, n)
-    turn: (
-        Floats  # (n_tree, 3, 3) R_link_traced: a link whose joint turns about an odd axis is traced along it
-    )
+    turn: Floats  # (n_tree, 3, 3) R_link_traced: where a joint's axis is odd, its link is traced along it
     x: Terms  # (2 n_tree,) displacements of the tree's joints [rad|m]
     rotation: Terms  # (2 n_tree, 3, 3)
     position: Terms  # (2 n_tree, 3)
@@ -71,17 +69,8 @@ def gravity_line(model: RobotModel) -> Line:
     p = placed(model)
     m = len(p.tree.parent)
     g = p.trace.inputs("gravity", 3)
-    torque = empty(m)
-    gravity_recursion(
-        p.tree,
-        p.rotation,
-        p.position,
-        (g[0], g[1], g[2]),
-        empty(m + 1),
-        empty(m + 1, 3),
-        empty(m + 1, 3),
-        torque,
-    )
+    torque, work = empty(m), (empty(m + 1), empty(m + 1, 3), empty(m + 1, 3))
+    gravity_recursion(p.tree, p.rotation, p.position, (g[0], g[1], g[2]), *work, torque)
     return p.trace.line(_to_robot(p.coupling, torque))
 
 
@@ -126,19 +115,9 @@ def _newton_euler_line(
     omega[m], alpha[m] = 0.0, 0.0
     if moving_base:
         omega[m], alpha[m] = p.trace.inputs("omega", 3), p.trace.inputs("alpha", 3)
-    newton_euler_recursion(
-        p.tree,
-        p.rotation,
-        p.position,
-        _to_tree(p.coupling, qd),
-        _to_tree(p.coupling, qdd),
-        omega,
-        alpha,
-        acceleration,
-        empty(m + 1, 3),
-        empty(m + 1, 3),
-        torque,
-    )
+    rates = _to_tree(p.coupling, qd), _to_tree(p.coupling, qdd)
+    work = empty(m + 1, 3), empty(m + 1, 3)
+    newton_euler_recursion(p.tree, p.rotation, p.position, *rates, omega, alpha, acceleration, *work, torque)
     return p.trace.line(_to_robot(p.coupling, torque))
 
 

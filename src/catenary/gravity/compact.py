@@ -322,13 +322,10 @@ def _effects(model: RobotModel, wanted: Sequence[RegressorColumn]) -> list[bool]
 
 
 def _require_same_structure(made_of: RobotModel, robot: RobotModel) -> None:
-    def moves_alike() -> bool:
-        pairs = [(getattr(made_of.tree, name), getattr(robot.tree, name)) for name in GEOMETRY]
-        pairs += [(made_of.coupling, robot.coupling), (made_of.offset, robot.offset)]
-        return all(np.allclose(ours, theirs, atol=1e-9) for ours, theirs in pairs)
-
+    pairs = [(getattr(made_of.tree, name), getattr(robot.tree, name)) for name in GEOMETRY]
+    pairs += [(made_of.coupling, robot.coupling), (made_of.offset, robot.offset)]
     same = made_of.joint_names == robot.joint_names and made_of.link_names == robot.link_names
-    if not (same and moves_alike()):
+    if not (same and all(np.allclose(ours, theirs, atol=1e-9) for ours, theirs in pairs)):
         raise InputError(
             f'robot "{robot.name}": expected the joints, links and geometry of "{made_of.name}", which the compact '
             "regressor was made of"

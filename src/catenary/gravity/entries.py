@@ -118,11 +118,8 @@ def _atom_text(atom: Atom, *, latex: bool) -> str:
     if all(factor == 1.0 for _, factor in factors):
         index = ("," if any(k > 8 for k, _ in factors) else "").join(str(k + 1) for k, _ in factors)
         return f"{kind}_{{{index}}}" if latex else f"{kind}{index}"
-    return (
-        rf"\{'cos' if kind == 'c' else 'sin'}({_angle_text(factors, latex=latex)})"
-        if latex
-        else (f"{kind}({_angle_text(factors, latex=latex)})")
-    )
+    name = {"c": r"\cos", "s": r"\sin"}[kind] if latex else kind
+    return f"{name}({_angle_text(factors, latex=latex)})"
 
 
 def _angle_text(factors: tuple[tuple[int, float], ...], *, latex: bool) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_positive
 from catenary.errors import InputError
-from catenary.gravity.compact import CompactRegressor, compact_regressor
+from catenary.gravity.compact import compact_regressor
 from catenary.gravity.regressor import require_parameters
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
@@ -31,7 +31,44 @@ class Observed(Protocol):
     def tau(self) -> Floats | None: ...  # noqa: D102  (n,) [Nm|N] that was sent
 
 
-class GravityEstimator:
+class EstimatedGravity:
+    """Parameters of a robot's gravity that are being estimated, and the torque that they give."""
+
+    def __init__(self, model: RobotModel, s0: ArrayLike | None) -> None:
+        """Take a robot, of which only the geometry is used, and parameters (p,) to start from, zero when None.
+
+        Raises:
+            InputError: Another number of parameters, not finite, or a robot on which gravity has no effect.
+        """
+        self.regressor = compact_regressor(model)
+        if not self.regressor.expressions:
+            raise InputError(
+                f'robot "{model.name}": no parameter has an effect: gravity loads none of its joints'
+            )
+        self._s = self._start(s0)
+        self._kernel = self.regressor.kernel()
+
+    @property
+    def s_hat(self) -> Floats:
+        """Estimated parameters (p,) [kg m, kg]; `regressor.labels` names them."""
+        return self._s.copy()
+
+    def torque(self, q: Floats, gravity: Floats) -> Floats:
+        """Return the estimated gravity torque Z s_hat (n,) [Nm|N]."""
+        torque: Floats = self._kernel(q, gravity) @ self._s
+        return torque
+
+    def _start(self, s0: ArrayLike | None) -> Floats:
+        labels = self.regressor.labels
+        return np.zeros(len(labels)) if s0 is None else np.array(require_parameters("s0", s0, labels))
+
+    def _require_sizes(self, *arrays: Floats) -> None:
+        n = self.regressor.model.n
+        if any(len(array) != n for array in arrays):
+            raise InputError(f"gravity estimator: is for {n} joints, the robot has {len(arrays[0])}")
+
+
+class GravityEstimator(EstimatedGravity):
     """The paper's law on the compact regressor.
 
     In a controller, `update` each tick gives the torque to add to the PD's. As an observer of `run_loop` it takes
@@ -70,8 +107,8 @@ class GravityEstimator:
             InputError: Another shape, not finite, a negative gain, an Omega that is not positive definite, or a robot
                 on which gravity has no effect.
         """
-        self.regressor = regressor_with_effect(model)
-        n, labels = model.n, self.regressor.labels
+        super().__init__(model, s0)
+        n = model.n
         self.kp, self.kd = as_array("kp", kp, (n,)), as_array("kd", kd, (n,))
         for name, gains in (("kp", self.kp), ("kd", self.kd)):
             if (gains < 0.0).any():
@@ -79,21 +116,12 @@ class GravityEstimator:
         self.omega = _as_omega(omega, n)
         if not 0.0 < damping < np.inf:
             raise InputError(f"damping: expected a positive number, got {damping}")
-        self._s = np.zeros(len(labels)) if s0 is None else np.array(require_parameters("s0", s0, labels))
-        self._kernel = self.regressor.kernel()
         self.max_speed, self.damping = as_positive("max_speed", one_for_all(max_speed, n), (n,)), damping
         self._time = np.nan
 
-    @property
-    def s_hat(self) -> Floats:
-        """Estimated parameters (p,) [kg m, kg]; `regressor.labels` names them."""
-        return self._s.copy()
-
     def reset(self, s0: ArrayLike | None = None) -> None:
         """Begin anew, from parameters (p,) or from zero."""
-        labels = self.regressor.labels
-        self._s[:] = 0.0 if s0 is None else require_parameters("s0", s0, labels)
-        self._time = np.nan
+        self._s, self._time = self._start(s0), np.nan
 
     def update(self, q: Floats, qd: Floats, q_desired: Floats, gravity: Floats, dt: float) -> Floats:
         """Let dt [s] pass at a measured state, and return the gravity torque (n,) [Nm|N] now estimated there.
@@ -111,11 +139,6 @@ class GravityEstimator:
         """Update with time and gravity from a robot's state."""
         return self.update(state.q, state.qd, q_desired, state.gravity, self._passed(state.time))
 
-    def torque(self, q: Floats, gravity: Floats) -> Floats:
-        """Return the estimated gravity torque Z s_hat (n,) [Nm|N]."""
-        torque: Floats = self._kernel(q, gravity) @ self._s
-        return torque
-
     def __call__(self, tick: Observed) -> None:
         """Observe a tick of the control loop."""
         if tick.tau is not None:
@@ -129,12 +152,6 @@ class GravityEstimator:
         last, self._time = self._time, time
         step = time - last
         return step if 0.0 < step <= LONGEST_STEP else 0.0  # zero, too, the first time
-
-    def _require_sizes(self, *arrays: Floats) -> None:
-        if any(len(array) != len(self.kp) for array in arrays):
-            raise InputError(
-                f"gravity estimator: is for {len(self.kp)} joints, the robot has {len(arrays[0])}"
-            )
 
     def _at_rest(self, Z: Floats, qd: Floats, dt: float) -> bool:
         """Return whether the law holds: time passes, no joint is fast, and no number is missing."""
@@ -152,20 +169,6 @@ class GravityEstimator:
 def one_for_all(values: ArrayLike, n: int) -> ArrayLike:
     """Return a single number as (n,), and anything else as it is."""
     return np.full(n, values) if np.ndim(values) == 0 else values
-
-
-def regressor_with_effect(model: RobotModel) -> CompactRegressor:
-    """Return a robot's compact regressor.
-
-    Raises:
-        InputError: It has no parameters.
-    """
-    regressor = compact_regressor(model)
-    if not regressor.expressions:
-        raise InputError(
-            f'robot "{model.name}": no parameter has an effect: gravity loads none of its joints'
-        )
-    return regressor
 
 
 def _as_omega(omega: ArrayLike, n: int) -> Floats:

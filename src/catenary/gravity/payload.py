@@ -37,13 +37,10 @@ class CarriedLoad:
 
     def __init__(self, model: RobotModel) -> None:
         """Take a robot, of which only the geometry is used; it carries nothing."""
-        links = len(model.tree.mass)
-        empty = model.tree._replace(
-            mass=np.zeros(links), com=np.zeros((links, 3)), inertia=np.zeros((links, 3, 3))
-        )
-        self.model = self._empty = replace(
-            model, missing_inertia=(), tree=empty
-        )  # the load alone, on massless links
+        n = len(model.tree.mass)
+        empty = model.tree._replace(mass=np.zeros(n), com=np.zeros((n, 3)), inertia=np.zeros((n, 3, 3)))
+        # the load alone, on massless links
+        self.model = self._empty = replace(model, missing_inertia=(), tree=empty)
         self.mass = 0.0
 
     def attach(self, mass: float, frame: str | None = None, position: ArrayLike = (0.0, 0.0, 0.0)) -> None:

@@ -17,16 +17,15 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_positive
 from catenary.errors import InputError
-from catenary.gravity.estimator import Observed, one_for_all, regressor_with_effect
+from catenary.gravity.estimator import EstimatedGravity, Observed, one_for_all
 from catenary.gravity.payload import PER_LOAD, load_directions
-from catenary.gravity.regressor import require_parameters
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
 
 SURPRISE = 3.0  # standard deviations of torque that say that the load has changed
 
 
-class RecursiveGravityEstimator:
+class RecursiveGravityEstimator(EstimatedGravity):
     """Recursive least squares on torques that hold the arm still.
 
     A torque is taken only when it tells something, the excitation gate:
@@ -79,10 +78,8 @@ class RecursiveGravityEstimator:
             InputError: Another shape or range, a carrier that is no moving frame, or a robot on which gravity has no
                 effect.
         """
-        self.regressor = regressor_with_effect(model)
-        n, labels = model.n, self.regressor.labels
-        p = len(labels)
-        self._s = np.zeros(p) if s0 is None else np.array(require_parameters("s0", s0, labels))
+        super().__init__(model, s0)
+        n, p = model.n, len(self._s)
         self._max_speed = as_positive("max_speed", one_for_all(max_speed, n), (n,))
         self._noise = as_positive("noise", one_for_all(noise, n), (n,))
         from_stop = as_array("margin", one_for_all(margin, n), (n,))
@@ -98,13 +95,7 @@ class RecursiveGravityEstimator:
         loads = [load_directions(self.regressor, frame) * sizes for frame in carriers]
         self._loads = np.hstack([np.empty((p, 0)), *loads])  # V
         self._information = np.zeros((p, p))  # A
-        self._kernel = self.regressor.kernel()
         self._resting_since, self._last_taken, self._taken = np.nan, np.nan, 0
-
-    @property
-    def s_hat(self) -> Floats:
-        """Estimated parameters (p,) [kg m, kg]; `regressor.labels` names them."""
-        return self._s.copy()
 
     @property
     def standard_deviations(self) -> Floats:
@@ -122,9 +113,7 @@ class RecursiveGravityEstimator:
 
         Arrays are float64 and of the robot's size; what is not finite is not taken.
         """
-        n = self.regressor.model.n
-        if not (len(q) == len(qd) == len(tau) == n):
-            raise InputError(f"gravity estimator: is for {n} joints, the robot has {len(q)}")
+        self._require_sizes(q, qd, tau)
         free = (self._lower < q) & (q < self._upper) & (np.abs(qd) <= self._max_speed) & np.isfinite(tau)
         if not free.all():  # also where a number is NaN
             self._resting_since = np.nan
@@ -166,11 +155,6 @@ class RecursiveGravityEstimator:
         """Update from a robot's state and the torque it reports, and return the gravity torque (n,) [Nm|N] there."""
         self.update(state.q, state.qd, state.tau, state.gravity, state.time)
         return self.torque(state.q, state.gravity)
-
-    def torque(self, q: Floats, gravity: Floats) -> Floats:
-        """Return the estimated gravity torque Z s_hat (n,) [Nm|N]."""
-        torque: Floats = self._kernel(q, gravity) @ self._s
-        return torque
 
     def __call__(self, tick: Observed) -> None:
         """Observe a tick of the control loop."""

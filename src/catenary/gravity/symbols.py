@@ -77,9 +77,7 @@ def expression_latex(expression: Expression) -> str:
 def symbols_of(model: RobotModel, expressions: Sequence[Expression]) -> dict[str, NamedSymbol]:
     """Return what the symbols in expressions stand for, in the order of links: masses, lengths, centres of mass."""
     used = {name for expression in expressions for name, _ in expression}
-    massive = sorted(
-        {link for expression in expressions for product in expression for link in product.masses}
-    )
+    massive = sorted({link for expression in expressions for _, masses in expression for link in masses})
     known = not model.missing_inertia
     table = {
         f"m{link + 1}": NamedSymbol(

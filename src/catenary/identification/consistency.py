@@ -13,9 +13,7 @@ from catenary.errors import InputError, MissingPackageError
 from catenary.identification.base_parameters import BaseParameters
 
 LENGTH = 0.1  # [m] brings kg, kg m and kg m2 of arms to one size
-LEAST = (
-    1e-6  # [kg] least eigenvalue of J in these units: a mass above zero, so that a link has a centre of mass
-)
+LEAST = 1e-6  # [kg] least eigenvalue of J in these units: above zero, so that a link has a centre of mass
 PREFER_SMALL = 1e-7  # of the squared torque per kg: what torques do not show is as little mass as may be
 
 

@@ -201,12 +201,9 @@ def _inner(room: Room) -> tuple[Floats, Floats]:
 def _base(parameters: Parameters, room: Room, gravity: Floats, rng: np.random.Generator) -> BaseParameters:
     low, high = _inner(room)
     size = (200, parameters.model.n)
-    still = np.zeros(size)
-    moving = (
-        (still, still)
-        if parameters.terms == "static"
-        else (rng.normal(size=size), 5.0 * rng.normal(size=size))
-    )
+    moving = np.zeros(size), np.zeros(size)
+    if parameters.terms == "full":
+        moving = rng.normal(size=size), 5.0 * rng.normal(size=size)
     return base_parameters(parameters, gravity, (rng.uniform(low, high, size), *moving), rng)
 
 

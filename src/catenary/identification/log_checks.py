@@ -73,9 +73,8 @@ def check_rates(where: str, model: RobotModel, derivative: Floats, qd: Floats) -
         if correlation[i, i] < FAITHFUL:
             others = np.where(moving, correlation[:, i], -1.0)
             best = int(np.argmax(others))
-            hint = (
-                f"; it follows joint {model.joint_names[best]}: swapped axes?" if others[best] > 0.9 else ""
-            )
+            follows = f"; it follows joint {model.joint_names[best]}: swapped axes?"
+            hint = follows if others[best] > 0.9 else ""
             raise InputError(
                 f"{where}: the velocity of joint {name} is not the derivative of its position "
                 f"(correlation {correlation[i, i]:.2f}){hint}"

@@ -34,9 +34,9 @@ class IdentifyOptions:
             raise InputError(f'terms "{self.terms}": expected {" or ".join(get_args(Terms))}')
         if self.weighting is not None and self.weighting not in get_args(Weighting):
             raise InputError(f'weighting "{self.weighting}": expected {", ".join(get_args(Weighting))}')
-        for name, least in (("cutoff_hz", 0.0), ("blocks", 0.0)):
+        for name in ("cutoff_hz", "blocks"):
             value = getattr(self, name)
-            if value is not None and not (np.isfinite(value) and value > least):
+            if value is not None and not 0.0 < value < np.inf:
                 raise InputError(f"{name}: expected a number above zero, got {value}")
         for name, low in (("order", 1), ("cut_samples", 0), ("period_samples", 1)):
             value = getattr(self, name)
@@ -51,8 +51,6 @@ def actuation_of(model: RobotModel) -> Actuation:
 
 def filter_of(model: RobotModel, options: IdentifyOptions) -> SignalFilter:
     """Return the filter: what the options say, the robot's file otherwise."""
-    chosen = {
-        name: getattr(options, name) for name in ("order", "cutoff_hz", "cut_samples", "period_samples")
-    }
-    given = {name: value for name, value in chosen.items() if value is not None}
+    names = ("order", "cutoff_hz", "cut_samples", "period_samples")
+    given = {name: value for name in names if (value := getattr(options, name)) is not None}
     return replace(actuation_of(model).filter, **given)

@@ -109,8 +109,7 @@ def _segment(
     nyquist = 0.5 / step
     if settings.cutoff_hz >= nyquist:
         raise InputError(
-            f"{where}: recorded at {1.0 / step:g} Hz: the cut-off {settings.cutoff_hz:g} Hz must be below "
-            f"half of it"
+            f"{where}: recorded at {1.0 / step:g} Hz: the cut-off {settings.cutoff_hz:g} Hz must be below half of it"
         )
     from scipy.signal import butter, sosfiltfilt
 

@@ -142,13 +142,11 @@ def _code_of(function: Callable[..., None], arrays: Sequence[NDArray[Any]]) -> i
     key = plain, str((signature, [array.ndim for array in arrays]))
     if key not in _code:
         source, kept = _source(plain, arrays, str(signature))
+        names: dict[str, Any] = {"function": function, "carray": numba.carray}
         if kept:
-            module = load_module(
-                f"bind-{plain.__name__}", source, {"function": function, "carray": numba.carray}
-            )
+            module = load_module(f"bind-{plain.__name__}", source, names)
             call, kept = module.call, module.__file__ is not None
         else:
-            names: dict[str, Any] = {"function": function, "carray": numba.carray}
             exec(source, names)
             call = names["call"]
         _code[key] = numba.cfunc(signature, cache=kept, error_model="numpy")(call)
@@ -162,13 +160,8 @@ def _source(plain: FunctionType, arrays: Sequence[NDArray[Any]], signature: str)
     views = (f"carray(a{i}, ({''.join(f'{size}, ' for size in of)}))" for i, of in enumerate(sizes))
     # numba does not see that a function which is called has changed
     digest = _digest_of(plain)
-    text = [
-        f"# {plain.__module__}.{plain.__qualname__}, {digest}: {signature}",
-        f"def call({names}):",
-        f"    function({', '.join(views)})",
-        "",
-    ]
-    return "\n".join(text), digest is not None
+    head = f"# {plain.__module__}.{plain.__qualname__}, {digest}: {signature}\ndef call({names}):\n"
+    return f"{head}    function({', '.join(views)})\n", digest is not None
 
 
 def _digest_of(function: FunctionType) -> str | None:

@@ -125,9 +125,8 @@ def _is_closed(folder: Path) -> bool:
 def _is_own(path: Path, is_kind: Callable[[int], bool]) -> bool:
     """Return whether a path is itself, not a link to, a file or folder of the user's."""
     status = os.lstat(path)
-    one_name = status.st_nlink == 1 or stat.S_ISDIR(
-        status.st_mode
-    )  # under another name it could be elsewhere
+    # under another name it could be elsewhere
+    one_name = status.st_nlink == 1 or stat.S_ISDIR(status.st_mode)
     return is_kind(status.st_mode) and status.st_uid == os.geteuid() and one_name
 
 

@@ -59,11 +59,8 @@ def jax_function(line: Line, shape: tuple[int, ...]) -> JaxFunction:
                 raise InputError(
                     f"{name}: expected shape ({widths[name]},), got {array.shape}; jax.vmap takes batches"
                 )
-        return (
-            (constant + sign * compute(arrays, steps)[source]).reshape(shape)
-            if steps
-            else constant.reshape(shape)
-        )
+        found = constant + sign * compute(arrays, steps)[source] if steps else constant
+        return found.reshape(shape)
 
     return jax.jit(function)  # type: ignore[no-any-return]
 

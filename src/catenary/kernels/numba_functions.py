@@ -58,8 +58,7 @@ def numba_functions(title: str, line: Line, shape: tuple[int, ...]) -> ModuleTyp
         shape: Of one configuration's result.
     """
     widths = widths_of(line)
-    writers = [Path(str(module.__file__)) for module in (sines, llvm_line)]
-    writers.append(Path(__file__))
+    writers = [Path(file) for file in (str(sines.__file__), str(llvm_line.__file__), __file__)]
     text = TEXT.format(
         title=title,
         operations=line.operations,

@@ -128,16 +128,11 @@ class CalibratedTopics:
         self._latency = Durations()
         self._messages = client.transport.subscribe(client.measured_topic, JOINT_STATE, depth=DEPTH)
         self._begin = self._last = client.transport.now()
-        self._is_silent = False
+        self.is_silent = False  # nothing has come from the robot for longer than the client allows
         self._came = self._published = self._late = self._not_homed = self._silences = 0
         self._longest = 0.0
         self._outside = np.zeros(len(self._places))
         self._stamps: tuple[int, int, int] | None = None  # first, last [ns] and number of an unbroken run
-
-    @property
-    def is_silent(self) -> bool:
-        """Nothing has come from the robot for longer than the client allows."""
-        return self._is_silent
 
     def step(self, timeout: float = 0.0) -> int:
         """Correct and publish what has come; wait for the first up to `timeout` [s]; return how many were published."""
@@ -147,7 +142,7 @@ class CalibratedTopics:
             if self._note_silence(received.time):  # another motion begins, perhaps another robot's
                 self._corrector.reset()
                 self._stamps = None
-            self._is_silent = False
+            self.is_silent = False
             self._last = received.time
             self._came += 1
             self._correct(received, is_newest=received is came[-1])
@@ -193,9 +188,9 @@ class CalibratedTopics:
         self._longest = max(self._longest, silence)
         if silence <= self._client.stale_after:
             return False
-        if not self._is_silent:
+        if not self.is_silent:
             self._silences += 1
-            self._is_silent = True
+            self.is_silent = True
         return True
 
     def _correct(self, received: Received, *, is_newest: bool) -> None:

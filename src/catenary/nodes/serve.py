@@ -18,7 +18,8 @@ from catenary.crtk.serving.raven_dialect import RavenDialect
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.served_arm import GravityTorque, ServedArm
 from catenary.crtk.serving.served_encoders import ServedEncoders, has_encoders
-from catenary.crtk.serving.server import Server, Speaker
+from catenary.crtk.serving.server import Server
+from catenary.crtk.serving.speaker import Speaker
 from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError
@@ -117,10 +118,7 @@ def _plants(serving: Serving) -> dict[Arm, Plant]:
 
     def made(side: str) -> CablePlant:
         plant = CablePlant(
-            side=side,
-            seed=serving.seed,
-            payload=serving.payload,
-            base=FixedBase(float(roll), float(pitch)),
+            side=side, seed=serving.seed, payload=serving.payload, base=FixedBase(float(roll), float(pitch))
         )
         if serving.homed:
             plant.home()
@@ -144,11 +142,10 @@ def _gravity_torque(name: str, n: int) -> GravityTorque:
     """Return a function of the torques that hold the positioning joints still; a load at the tool is unknown to it."""
     model = load_robot(name)
     kernel = gravity_kernel(model)
-    k, torque = model.n, np.zeros(n)
+    others = np.zeros(n - model.n)
 
     def compute(q: Floats, gravity: Floats) -> Floats:
-        torque[:k] = kernel(q[:k], gravity)
-        return torque
+        return np.append(kernel(q[: model.n], gravity), others)
 
     return compute
 
@@ -223,8 +220,8 @@ def serve(
         pass
     finally:
         settled.end()
-        server.hold()
         for arm in server.arms.values():
+            arm.hold()
             if arm.machine.can_change:
                 arm.machine.command("pause")
                 arm.advance()

@@ -29,7 +29,6 @@ class JournalReport:
     messages: dict[str, int] = field(default_factory=dict)  # by topic
     problems: list[str] = field(default_factory=list)  # in words, with places
     lost: int = 0  # messages that are known to be missing
-    torn_bytes: int = 0  # at the end of the last file, of a record that was not written whole
     closed: bool = False  # the recording was finished, not cut off
 
 
@@ -138,7 +137,6 @@ def _records(file: Path, report: JournalReport) -> Iterator[_Record]:
                     continue
                 following = _next_record(content, position + 1)
                 if following is None:
-                    report.torn_bytes += size - position
                     report.problems.append(
                         f"{file}: its last {size - position} bytes, from {position} on, are no whole record"
                     )

@@ -128,13 +128,9 @@ def assemble(
     folded = _fold(ordered)
     if not folded.moving:
         raise UnsupportedModelError(f"{where}: no moving joint, expected at least one")
-    bodies = [_NOTHING if body is None else body for body in folded.inertia]
-    without = [link for link, body in zip(folded.moving, bodies, strict=True) if body.mass == 0.0]
+    without = [link for link, body in zip(folded.moving, folded.inertia, strict=True) if body.mass == 0.0]
 
-    coupling = np.zeros((len(folded.moving), len(coordinates)))
-    for row, link in enumerate(folded.moving):
-        for column, coordinate in enumerate(coordinates):
-            coupling[row, column] = link.variable.get(coordinate.name, 0.0)
+    moved = [[link.variable.get(c.name, 0.0) for c in coordinates] for link in folded.moving]
     all_frames = _all_frames(where, folded.carrier, frames or {})
     tip = tip if tip is not None else _deepest(ordered)
     if tip not in all_frames:
@@ -144,8 +140,8 @@ def assemble(
         joint_names=tuple(c.name for c in coordinates),
         joint_units=tuple(c.unit for c in coordinates),
         link_names=tuple(link.name for link in folded.moving),
-        tree=_tree(folded, bodies),
-        coupling=coupling,
+        tree=_tree(folded),
+        coupling=np.array(moved, dtype=float),
         offset=np.array([link.offset for link in folded.moving]),
         lower=np.array([c.lower for c in coordinates]),
         upper=np.array([c.upper for c in coordinates]),
@@ -171,7 +167,7 @@ class _Folded:
     moving: list[Link] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)
     poses: list[Pose] = field(default_factory=list)
-    inertia: list[LinkInertia | None] = field(default_factory=list)
+    inertia: list[LinkInertia] = field(default_factory=list)
     axes_of_com: list[Flags] = field(default_factory=list)
 
 
@@ -184,14 +180,15 @@ def _fold(ordered: Sequence[Link]) -> _Folded:
             here = here @ link.frame
             folded.carrier[link.name] = Frame(index, here)
             if index >= 0 and link.inertia is not None:
-                folded.inertia[index] = _sum(folded.inertia[index], link.inertia.moved(here))
+                body, more = folded.inertia[index], link.inertia.moved(here)
+                folded.inertia[index] = more if body is _NOTHING else body.plus(more)
                 folded.axes_of_com[index] |= _axes_seen_from(here, link.axes_of_com)
             continue
         folded.carrier[link.name] = Frame(len(folded.moving), link.frame)
         folded.moving.append(link)
         folded.parents.append(index)
         folded.poses.append(here)
-        folded.inertia.append(None if link.inertia is None else link.inertia.moved(link.frame))
+        folded.inertia.append(_NOTHING if link.inertia is None else link.inertia.moved(link.frame))
         folded.axes_of_com.append(_axes_seen_from(link.frame, link.axes_of_com))
     return folded
 
@@ -203,16 +200,16 @@ def _axes_seen_from(pose: Pose, axes_of_com: Sequence[bool]) -> Flags:
     return off_axis
 
 
-def _tree(folded: _Folded, bodies: Sequence[LinkInertia]) -> Tree:
+def _tree(folded: _Folded) -> Tree:
     return Tree(
         parent=np.array(folded.parents, dtype=np.int64),
         prismatic=np.array([link.joint == "prismatic" for link in folded.moving]),
         rotation=np.array([pose.rotation for pose in folded.poses]),
         origin=np.array([pose.position for pose in folded.poses]),
         axis=np.array([link.axis / np.linalg.norm(link.axis) for link in folded.moving]),
-        mass=np.array([body.mass for body in bodies]),
-        com=np.array([body.com for body in bodies]),
-        inertia=np.array([body.inertia for body in bodies]),
+        mass=np.array([body.mass for body in folded.inertia]),
+        com=np.array([body.com for body in folded.inertia]),
+        inertia=np.array([body.inertia for body in folded.inertia]),
     )
 
 
@@ -231,10 +228,6 @@ def _all_frames(
         as_array(f'{where}: frame "{name}": position', pose.position, (3,))
         frames[name] = Frame(carrier[link].link, carrier[link].pose @ pose)
     return frames
-
-
-def _sum(a: LinkInertia | None, b: LinkInertia) -> LinkInertia:
-    return b if a is None else a.plus(b)
 
 
 def _parents_first(where: str, links: Sequence[Link]) -> list[Link]:

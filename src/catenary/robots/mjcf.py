@@ -203,11 +203,7 @@ def _body_links(
         is_last = joint == own[-1]
         anchor = np.array(c.model.jnt_pos[joint])
         link = name if is_last else f"{name}/{joints[joint]}"
-        variable, at_zero = {joints[joint]: 1.0}, 0.0
-        if joints[joint] in following:
-            mimic = following[joints[joint]]
-            variable = {} if mimic.leader is None else {mimic.leader: mimic.multiplier}
-            at_zero = mimic.offset
+        mimic = following.get(joints[joint], Mimic(joints[joint], 1.0, 0.0))
         slides = c.model.jnt_type[joint] == c.mujoco.mjtJoint.mjJNT_SLIDE
         yield Link(
             name=link,
@@ -215,8 +211,8 @@ def _body_links(
             joint="prismatic" if slides else "revolute",
             pose=pose @ Pose(np.eye(3), anchor),
             axis=np.array(c.model.jnt_axis[joint]),
-            variable=variable,
-            offset=at_zero - float(c.model.qpos0[joint]),
+            variable={} if mimic.leader is None else {mimic.leader: mimic.multiplier},
+            offset=mimic.offset - float(c.model.qpos0[joint]),
             frame=Pose(np.eye(3), -anchor),
             inertia=inertia if is_last else None,
             massless=not is_last,

@@ -131,8 +131,8 @@ class RobotModel:
                     f'robot "{self.name}": massless link "{link}" is not a link; '
                     f"links: {', '.join(self.link_names)}"
                 )
-            if link in self.link_names and self.tree.mass[self.link_names.index(link)] > 0.0:
-                mass = self.tree.mass[self.link_names.index(link)]
+            mass = self.tree.mass[self.link_names.index(link)] if link in self.link_names else 0.0
+            if mass > 0.0:
                 raise InputError(f'robot "{self.name}": link "{link}" is named massless but has {mass:g} kg')
         declared = {*self.massless, *(link for link in links if link in self.missing_inertia)}
         return replace(

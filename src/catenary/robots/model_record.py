@@ -51,7 +51,7 @@ def robot_record(model: RobotModel) -> dict[str, Any]:
             name: [f.link, f.pose.rotation.tolist(), f.pose.position.tolist()]
             for name, f in model.frames.items()
         },
-        "actuation": None if model.actuation is None else _plain(asdict(model.actuation)),
+        "actuation": None if model.actuation is None else asdict(model.actuation, dict_factory=_plain),
     }
 
 
@@ -99,13 +99,9 @@ def robot_from_record(record: dict[str, Any]) -> RobotModel:
         raise FileFormatError(f"the robot in it is damaged: {error!r}") from error
 
 
-def _plain(value: Any) -> Any:
-    """Return dictionaries, lists and numbers of dictionaries, tuples and arrays."""
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, dict):
-        return {key: _plain(v) for key, v in value.items()}
-    return [_plain(v) for v in value] if isinstance(value, (list, tuple)) else value
+def _plain(items: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a data class's fields with arrays as lists."""
+    return {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in items}
 
 
 def _array(values: Any, shape: tuple[int, ...], key: str, *, infinite: bool = False) -> Floats:

@@ -15,7 +15,7 @@ from catenary.robots.dh import DHRobot, DHRow, from_dh, own_coordinates
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
 
-Vector = Annotated[tuple[float, float, float], Field()]
+Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 
 

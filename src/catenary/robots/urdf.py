@@ -64,7 +64,7 @@ def parse_urdf(
     root = _only_root(where, links, joints)
     names = names_beside_base(name for name in links if name != root) | {root: BASE}
     free, following = _leaders(where, joints)
-    tree_links = [_tree_link(where, joint, links[joint.child], names, free, following) for joint in joints]
+    tree_links = [_tree_link(where, joint, links[joint.child], names, following) for joint in joints]
     with naming_the_file(where):
         model = assemble(
             robot.get("name") or "unnamed",
@@ -183,11 +183,8 @@ def _mimic(what: str, element: Element) -> Mimic:
     if not leader:
         raise FileFormatError(f"{what}: <mimic> names no joint")
     what = f"{what}: <mimic>"
-    return Mimic(
-        leader,
-        _number(what, element, "multiplier", default=1.0),
-        _number(what, element, "offset", default=0.0),
-    )
+    multiplier = _number(what, element, "multiplier", default=1.0)
+    return Mimic(leader, multiplier, _number(what, element, "offset", default=0.0))
 
 
 def _only_root(where: str, links: Mapping[str, Element], joints: Sequence[_Joint]) -> str:
@@ -225,27 +222,17 @@ def _leaders(where: str, joints: Sequence[_Joint]) -> tuple[set[str], dict[str, 
 
 
 def _tree_link(
-    where: str,
-    joint: _Joint,
-    child: Element,
-    names: Mapping[str, str],
-    free: set[str],
-    following: Mapping[str, Mimic],
+    where: str, joint: _Joint, child: Element, names: Mapping[str, str], following: Mapping[str, Mimic]
 ) -> Link:
-    variable: dict[str, float] = {joint.name: 1.0} if joint.name in free else {}
-    offset = 0.0
-    if joint.name in following:
-        mimic = following[joint.name]
-        variable = {str(mimic.leader): mimic.multiplier}
-        offset = mimic.offset
+    mimic = following.get(joint.name, Mimic(joint.name, 1.0, 0.0))
     return Link(
         name=names[joint.child],
         parent=names[joint.parent],
         joint=joint.kind,
         pose=joint.pose,
         axis=joint.axis,
-        variable=variable,
-        offset=offset,
+        variable={} if joint.kind == "fixed" else {str(mimic.leader): mimic.multiplier},
+        offset=mimic.offset,
         inertia=_inertia(f'{where}: link "{joint.child}"', child),
     )
 

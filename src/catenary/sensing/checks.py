@@ -55,11 +55,10 @@ class SensorRules:
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
-            if name in ("stuck_samples", "accept_jump_after", "future"):
-                if not value >= 0:
-                    raise InputError(f"sensor rules: {name}: expected 0 or more, got {value}")
-            elif not value > 0:
-                raise InputError(f"sensor rules: {name}: expected more than 0, got {value}")
+            may_be_zero = name in ("stuck_samples", "accept_jump_after", "future")
+            if not (value > 0 or (may_be_zero and value == 0)):
+                least = "0 or more" if may_be_zero else "more than 0"
+                raise InputError(f"sensor rules: {name}: expected {least}, got {value}")
         if not self.rest_lower < self.rest_upper:
             raise InputError(
                 f"sensor rules: rest_lower {self.rest_lower}: expected less than rest_upper {self.rest_upper}"
@@ -224,9 +223,8 @@ class GravityCheck:
         if not 0.0 < dt < self.REST or step > self._rules.max_step:
             self._long_mean = gravity
         else:
-            self._long_mean = self._long_mean + (gravity - self._long_mean) * (
-                1.0 - math.exp(-dt / self.MEAN)
-            )
+            share = 1.0 - math.exp(-dt / self.MEAN)
+            self._long_mean = self._long_mean + share * (gravity - self._long_mean)
         if not 0.0 < dt < self.REST:
             self._mean, self._variance, self.steady_since = gravity, 0.0, stamp
             return

@@ -128,20 +128,13 @@ def save_mounting(path: Path | str, mounting: Mounting, tumble: TumbleSection | 
     Raises:
         FileFormatError: It cannot be written.
     """
-    lines = [
-        "# How a sensor of gravity is mounted: true = (reading - bias) / scale, turned by R_base_imu",
-        "",
-    ]
-    lines += ["[sensor]", f"name = {_text(mounting.sensor)}"]
+    lines = ["# How a sensor of gravity is mounted: true = (reading - bias) / scale, turned by R_base_imu"]
+    lines += ["", "[sensor]", f"name = {_text(mounting.sensor)}"]
     for key, limit in (("range_m_s2", mounting.acceleration_range), ("range_rad_s", mounting.rate_range)):
         if np.isfinite(limit):
             lines.append(f"{key} = {float(limit)!r}")
-    lines += [
-        "",
-        "[accelerometer]",
-        f"bias_m_s2 = {mounting.bias.tolist()}",
-        f"scale = {mounting.scale.tolist()}",
-    ]
+    lines += ["", "[accelerometer]", f"bias_m_s2 = {mounting.bias.tolist()}"]
+    lines.append(f"scale = {mounting.scale.tolist()}")
     lines += ["", "[gyroscope]", f"bias_rad_s = {mounting.rate_bias.tolist()}", "", "[mounting]"]
     lines.append("rotation = [  # R_base_imu: takes vectors in the sensor's axes to the base's")
     lines += [f"    {row.tolist()}," for row in mounting.rotation]

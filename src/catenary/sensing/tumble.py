@@ -30,7 +30,7 @@ class Tumble:
     bias: Floats  # (3,) [m/s2]
     scale: Floats  # (3,)
     residual: (
-        float  # [m/s2] RMS of corrected lengths minus standard gravity; NaN of six readings, which leave none
+        float  # [m/s2] RMS of corrected lengths less standard gravity; NaN of six readings: none is left
     )
     missing: tuple[str, ...]  # sides of the sensor that never were up
     faults: tuple[str, ...]  # why the numbers must not be used
@@ -65,11 +65,8 @@ def fit_tumble(readings: ArrayLike) -> Tumble:
         raise InputError(f"tumble: expected at least {FEWEST} readings at rest, got {len(y)}")
     faults = _length_faults(y)
     directions = y / np.maximum(np.linalg.norm(y, axis=1, keepdims=True), 1e-12)
-    missing = tuple(
-        side
-        for k, side in enumerate(_SIDES)
-        if not (directions[:, k // 2] * (1.0 if k % 2 == 0 else -1.0) >= _NEAR).any()
-    )
+    covered = (np.stack([directions, -directions], axis=2).reshape(-1, 6) >= _NEAR).any(axis=0)
+    missing = tuple(side for side, seen in zip(_SIDES, covered, strict=True) if not seen)
     if missing:
         faults.append(f"too little spread: no reading with {', '.join(missing)}")
     if faults:

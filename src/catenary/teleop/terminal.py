@@ -8,7 +8,7 @@ import sys
 import termios
 import tty
 from shutil import get_terminal_size
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Any, Self
 
 from catenary.errors import InputError
@@ -44,9 +44,7 @@ class RawTerminal:
         self._open()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         self._close()
         for number, handler in self._handlers.items():
             signal.signal(number, handler)

@@ -17,7 +17,7 @@ from catenary.identification.options import IdentifyOptions, filter_of
 from catenary.identification.samples import Samples, alternate_blocks, prepare
 from catenary.identification.swapped import swapped_axes
 from catenary.plant import MotionLog
-from catenary.recording.torque_logs import read_torque_log
+from catenary.recording.logs import read_torque_log
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 

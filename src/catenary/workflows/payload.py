@@ -8,7 +8,7 @@ from typing import Any
 from catenary.identification.files import load_identification
 from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
 from catenary.identification.samples import prepare
-from catenary.recording.torque_logs import read_torque_log
+from catenary.recording.logs import read_torque_log
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def payload_of_files(
     notes = []
     if best.mass is None:
         notes.append(
-            "the motion does not show the mass by itself, only mass times place; give its place with --at"
+            "the motion shows only mass times place, not the mass by itself; give its place with --at"
         )
     close = [c.link for c in candidates if best.detected and c.explained > best.explained - 0.05]
     if close:

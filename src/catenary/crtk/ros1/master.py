@@ -86,10 +86,6 @@ class Master:
         except OSError:
             return False
 
-    def publishers(self, topic: str) -> list[str]:
-        """Return the URIs of nodes that publish a topic and are alive."""
-        return self.publisher_uris(self.publisher_names().get(topic, frozenset()))
-
     def publisher_uris(self, names: frozenset[str]) -> list[str]:
         """Return the URIs of those nodes among `names` that are alive."""
         uris = [self.node(name) for name in sorted(names)]

@@ -29,6 +29,10 @@ _node: "Node | None" = None
 class Node:
     """This process's node: its topics and services, and what it knows of its master."""
 
+    # who sends to a subscriber, for those that import no rospy
+    publishers = staticmethod(peers.publishers)
+    publisher_uri = staticmethod(peers.publisher_uri)
+
     def __init__(self, name: str, uri: str) -> None:
         """Start it; see `node`."""
         caller = f"{os.environ.get('ROS_NAMESPACE', '').rstrip('/')}/{name}"
@@ -53,7 +57,6 @@ class Node:
         logging.getLogger("rospy").addHandler(logging.NullHandler())
         self.uri: str = rospy.get_node_uri()
         self.up = True
-        self.registered_again = 0
         self.on_shutdown: Callable[[], None] = lambda: None
         self._publishers: dict[str, Any] = {}  # rospy's, by topic
         self._subscribers: dict[str, Any] = {}
@@ -63,8 +66,9 @@ class Node:
         atexit.register(rospy.signal_shutdown, "the program ends")
         threading.Thread(target=self._watch, name="ROS master watch", daemon=True).start()
 
-    def publish(self, topic: str, type_name: str, to: peers.Peers, *, latch: bool) -> Any:
-        """Begin to publish by a `rospy.Publisher`, which `end` ends."""
+    def publish(self, topic: str, type_name: str, *, queue: int, latch: bool) -> tuple[Any, peers.Peers]:
+        """Begin to publish by a `rospy.Publisher`, which `end` ends; messages are given to the peers."""
+        to = peers.Peers(queue, latch=latch)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SyntaxWarning)  # rospy recommends a queue; see peers.py
             made = rospy.Publisher(
@@ -72,7 +76,7 @@ class Node:
             )
         to.watch(made)
         self._publishers[topic] = made
-        return made
+        return made, to
 
     def subscribe(self, topic: str, type_name: str, callback: Callable[[Any], None]) -> Any:
         """Begin to receive by a `rospy.Subscriber`, which `end` ends; `callback` runs in rospy's threads."""
@@ -89,11 +93,23 @@ class Node:
         listed.pop(topic, None)
         publisher_or_subscriber.unregister()
 
-    def serve(self, name: str, type_name: str, handler: Callable[[Any], Any]) -> Any:
-        """Offer a service by a `rospy.Service`; `handler` runs in rospy's threads."""
-        made = rospy.Service(name, service_class(type_name), handler)
-        self._services[name] = made
-        return made
+    def serve(self, name: str, type_name: str, answer: Callable[[bytes], bytes]) -> None:
+        """Offer a service by a `rospy.Service`; `answer` runs in rospy's threads, and its error is the caller's."""
+        response = raw_class(f"{type_name}Response")
+
+        def handle(request: Any) -> Any:
+            try:
+                return response(answer(request.data))
+            except Exception as error:
+                raise rospy.ServiceException(str(error)) from error
+
+        self._services[name] = rospy.Service(name, service_class(type_name), handle)
+
+    def call(self, name: str, type_name: str, request: bytes) -> bytes:
+        """Return a service's answer; rospy waits for it without end."""
+        proxy = rospy.ServiceProxy(name, service_class(type_name))
+        answer: bytes = proxy(raw_class(f"{type_name}Request")(request)).data
+        return answer
 
     def end_service(self, name: str) -> None:
         """Offer a service no more."""
@@ -117,7 +133,6 @@ class Node:
         if pid != self.master_pid or known is None:
             self._register()
             self.master_pid = pid
-            self.registered_again += 1
             _logger.warning("registered again with the ROS master at %s", self.master.uri)
         self.up = True
         self._connect_again()

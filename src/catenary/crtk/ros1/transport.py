@@ -37,8 +37,7 @@ class Ros1Publisher(Publisher):
     def __init__(self, node: Any, topic: str, type_name: str, latch: bool, queue: int) -> None:
         super().__init__(topic, type_name)
         self._node = node
-        self._peers = _peers().Peers(queue, latch=latch)
-        self._publisher = node.publish(topic, type_name, self._peers, latch=latch)
+        self._publisher, self._peers = node.publish(topic, type_name, queue=queue, latch=latch)
 
     @property
     def overflowed(self) -> int:
@@ -68,9 +67,9 @@ class _Topic:
         self._origins: dict[str, Origin] = {}  # the last one of each publisher
         self._lock = threading.Lock()
         self._node = node
-        self._subscriber: Any = None
+        self.subscriber: Any = None
         with self._lock:  # a message may come before it is known
-            self._subscriber = node.subscribe(name, type_name, self._receive)
+            self.subscriber = node.subscribe(name, type_name, self._receive)
 
     def add(self, subscription: Subscription) -> None:
         """Give a subscription what comes from now on, and what publishers have latched."""
@@ -87,12 +86,8 @@ class _Topic:
 
     def publishers(self) -> tuple[str, ...]:
         """Return the names of the nodes that it is connected to."""
-        found: tuple[str, ...] = _peers().publishers(self._subscriber)
+        found: tuple[str, ...] = self._node.publishers(self.subscriber)
         return found
-
-    def close(self) -> None:
-        """Receive no more."""
-        self._node.end(self._subscriber)
 
     def _receive(self, message: Any) -> None:
         time = time_ns()
@@ -111,7 +106,7 @@ class _Topic:
         name = head.get("callerid", "")
         known = self._origins.get(name)
         if known is None or known.connection is not head:
-            process = f"{name} {_peers().publisher_uri(self._subscriber, head)}"
+            process = f"{name} {self._node.publisher_uri(self.subscriber, head)}"
             known = self._origins[name] = Origin(process, head, head.get("latching") == "1")
         return known
 
@@ -160,43 +155,39 @@ class Ros1Transport(Transport):
 
     def _unsubscribe(self, topic: str, subscription: Subscription) -> None:
         if self._topics[topic].remove(subscription):
-            self._topics.pop(topic).close()
+            self.node.end(self._topics.pop(topic).subscriber)
 
     def _refuse_other_type(self, topic: str, type_name: str) -> None:
         """Refuse what rospy would only mention in a log, while nothing arrives."""
         published = self.node.master.topics().get(topic)
         if published is None or current_name(published) == current_name(type_name):
             return
-        if self.node.master.publishers(topic):  # not only one that crashed
+        names = self.node.master.publisher_names().get(topic, frozenset())
+        if self.node.master.publisher_uris(names):  # not only one that crashed
             raise other_type(topic, type_name, published)
 
     def _serve(self, name: str, type_name: str, handler: Handler) -> None:
         if name in self._services or self.node.master.service_answers(name):
             raise TransportError(f"service {name} is offered already")
-        rospy, raw_class = importlib.import_module("rospy"), _messages().raw_class
         asked, answer = codec(f"{type_name}Request"), codec(f"{type_name}Response")
 
-        def serve(raw: Any) -> Any:
-            request = Request(lambda: answer.encode(handler(asked.decode(raw.data)), 0))
+        def serve(data: bytes) -> Any:
+            request = Request(lambda: answer.encode(handler(asked.decode(data)), 0))
             self.inbox.put(request.run)
             while not request.wait(0.1):
                 if self.inbox.closed:
-                    raise rospy.ServiceException("the server was closed")
-            try:
-                return raw_class(f"{type_name}Response")(request.result())
-            except Exception as error:
-                raise rospy.ServiceException(str(error)) from error
+                    raise TransportError("the server was closed")
+            return request.result()
 
         self.node.serve(name, type_name, serve)
         self._services.append(name)
 
     def _call(self, name: str, type_name: str, request: Message, timeout: float) -> Message:
         asked, answer = codec(f"{type_name}Request"), codec(f"{type_name}Response")
-        raw = _messages().raw_class(f"{type_name}Request")(asked.encode(request, 0))
+        data = asked.encode(request, 0)
         if self.node.master.service(name) is None:
             raise TransportError(f"service {name}: nobody offers it")
-        proxy = importlib.import_module("rospy").ServiceProxy(name, _messages().service_class(type_name))
-        waiting = Request(lambda: answer.decode(proxy(raw).data))
+        waiting = Request(lambda: answer.decode(self.node.call(name, type_name, data)))
         threading.Thread(target=waiting.run, daemon=True).start()  # rospy itself would wait for ever
         return answer_of(name, waiting, timeout)
 
@@ -236,16 +227,6 @@ class Ros1Transport(Transport):
         for publisher in self._publishers.values():
             publisher.close()
         for topic in self._topics.values():
-            topic.close()
+            self.node.end(topic.subscriber)
         for service in self._services:
             self.node.end_service(service)
-
-
-def _messages() -> Any:
-    """Return the module that imports genpy."""
-    return importlib.import_module("catenary.crtk.ros1.messages")
-
-
-def _peers() -> Any:
-    """Return a module that imports rospy."""
-    return importlib.import_module("catenary.crtk.ros1.peers")

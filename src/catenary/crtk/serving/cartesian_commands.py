@@ -4,7 +4,6 @@ import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.crtk.serving.served_arm import ServedArm
-from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.errors import InputError
 from catenary.spatial import Pose, rotation_from_vector, rotation_vector
 
@@ -16,11 +15,10 @@ def servo_pose(arm: ServedArm, pose: Pose) -> None:
     """Go towards a pose: refused beyond 75 mm from the setpoint, and at most 15 mm of the way.
 
     Raises:
-        InputError: It is too far away, or the arm has no kinematics.
+        InputError: It is too far away.
         UnreachablePoseError: The mechanism refuses it.
     """
-    tool = _tool(arm)
-    start = tool.pose(arm.setpoint.q)
+    start = arm.tool.pose(arm.setpoint.q)
     way = pose.position - start.position
     distance = float(np.linalg.norm(way))
     if distance > REFUSED:
@@ -31,14 +29,14 @@ def servo_pose(arm: ServedArm, pose: Pose) -> None:
         share = CLIPPED / distance
         turn = share * rotation_vector(start.rotation.T @ pose.rotation)
         pose = Pose(start.rotation @ rotation_from_vector(turn), start.position + share * way)
-    arm.go_towards(tool.joints(pose, arm.setpoint.q))
+    arm.go_towards(arm.tool.joints(pose, arm.setpoint.q))
 
 
 def servo_pose_increment(arm: ServedArm, step: Floats, turn: Floats) -> None:
     """Move the tool by a step (3,) [m] and turn it by a rotation vector (3,) [rad], both in base axes.
 
     Raises:
-        InputError: A number is not finite, or the arm has no kinematics.
+        InputError: A number is not finite.
         UnreachablePoseError: The mechanism refuses it.
     """
     q = arm.commanded
@@ -49,7 +47,7 @@ def servo_twist(arm: ServedArm, twist: Floats) -> None:
     """Move the tool at a velocity and angular velocity (6,) in base axes [m/s, rad/s], for 0.1 s.
 
     Raises:
-        InputError: A number is not finite, or the arm has no kinematics.
+        InputError: A number is not finite.
         UnreachablePoseError: The mechanism refuses it.
     """
     dt, q = arm.plant.period, arm.setpoint.q
@@ -59,14 +57,7 @@ def servo_twist(arm: ServedArm, twist: Floats) -> None:
 
 
 def _joints_beside(arm: ServedArm, q: Floats, step: Floats, turn: Floats) -> Floats:
-    tool = _tool(arm)
     step, turn = as_array("translation", step, (3,)), as_array("rotation", turn, (3,))
-    start = tool.pose(q)
+    start = arm.tool.pose(q)
     goal = Pose(rotation_from_vector(turn) @ start.rotation, start.position + step)
-    return tool.joints(goal, q)
-
-
-def _tool(arm: ServedArm) -> ToolPose:
-    if arm.tool is None:
-        raise InputError("the arm's kinematics are not known: it has no Cartesian verbs")
-    return arm.tool
+    return arm.tool.joints(goal, q)

@@ -28,8 +28,6 @@ class Increments:
             most: (n,) largest motion in a tick [rad|m].
             period: [s] of a tick.
         """
-        self.clamped = 0  # messages that asked for more
-        self.late = 0  # messages that had to be left out
         self._most = most
         self._patience = max(1, round(BACKLOG / period))
         self._waiting: deque[tuple[Floats, int]] = deque()
@@ -40,22 +38,17 @@ class Increments:
 
     def add(self, dq: Floats, tick: int) -> None:
         """Take in a message's increments (n,) [rad|m], which came in a tick."""
-        allowed = np.minimum(np.maximum(dq, -self._most), self._most)
-        self.clamped += not (allowed == dq).all()
-        self._waiting.append((allowed, tick))
+        self._waiting.append((np.minimum(np.maximum(dq, -self._most), self._most), tick))
 
     def next(self, tick: int) -> Floats | None:
         """Return what to move in a tick (n,) [rad|m], or None."""
         waiting = self._waiting
         while waiting and tick - waiting[0][1] > self._patience:
             waiting.popleft()
-            self.late += 1
         if not waiting:
             return None
         total = waiting.popleft()[0]
-        for _ in range(MOST_A_TICK - 1):
-            if not waiting:
-                break
+        for _ in range(min(MOST_A_TICK - 1, len(waiting))):
             more = total + waiting[0][0]
             if (np.abs(more) > self._most).any():
                 break

@@ -13,7 +13,6 @@ at any time.
 """
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import NamedTuple
 
 from catenary.crtk.clock import SECOND
@@ -27,7 +26,6 @@ OLDEST = SECOND // 2  # [ns] age of a stamp beyond which a command is not obeyed
 SETTLE = SECOND  # [ns] after a connection to a client that was there before the server
 LONGEST_WAIT = 10 * SECOND  # [ns] for such a connection, where the client turns out to be dead
 ALWAYS_OBEYED = ("disable", "pause")
-_NOTHING: list[Message] = []
 
 
 class Beginning(NamedTuple):
@@ -35,9 +33,7 @@ class Beginning(NamedTuple):
 
     time: int  # [ns]
     published: frozenset[str]  # topics
-    publishing: Mapping[str, frozenset[str]] = MappingProxyType(
-        {}
-    )  # processes by topic, where that can be told
+    publishing: Mapping[str, frozenset[str]]  # processes by topic, where that can be told
 
 
 class CommandSource:
@@ -61,17 +57,20 @@ class CommandSource:
         self._waits = topic.name in beginning.published
         self._subscription = transport.subscribe(topic.name, topic.type)
         self._missed = 0
+        self.process = ""  # that the newest fresh command came from, as in `Arrival.process`
 
     def take(self, now: int) -> list[Message]:
         """Return the fresh commands that came since the last time, oldest first; `now` in ns."""
         if not len(self._subscription):
-            return _NOTHING
-        fresh = [one.message for one in self._subscription.take_arrivals() if self._is_fresh(one, now)]
+            return []
+        fresh = [one for one in self._subscription.take_arrivals() if self._is_fresh(one, now)]
+        if fresh:
+            self.process = fresh[-1].process
         lost = self._subscription.overflowed + self._subscription.damaged
         if lost > self._missed:
             self._reports.say(f"{self.topic.name}: lost", f"{lost - self._missed} commands", now)
             self._missed = lost
-        return fresh
+        return [one.message for one in fresh]
 
     def watch(self, now: int) -> None:
         """Look at who is connected; called some ten times a second."""
@@ -101,20 +100,14 @@ class CommandSource:
                 return True
         waits = self._waits and not self._is_newcomer(arrival.process)
         if waits or (arrival.is_first and self._is_from_before(arrival.process, now)):
-            self._reports.say(
-                f"{self.topic.name}: from before",
-                "its client was there before this server, so this may be an old command: not obeyed, send it anew",
-                now,
-            )
-            return False
-        if arrival.is_renewed:
-            self._reports.say(
-                f"{self.topic.name}: after a break",
-                "said while its client was not connected, so this may be an old command: not obeyed, send it anew",
-                now,
-            )
-            return False
-        return True
+            kind, reason = "from before", "its client was there before this server"
+        elif arrival.is_renewed:
+            kind, reason = "after a break", "said while its client was not connected"
+        else:
+            return True
+        text = f"{reason}, so this may be an old command: not obeyed, send it anew"
+        self._reports.say(f"{self.topic.name}: {kind}", text, now)
+        return False
 
     def _is_newcomer(self, process: str) -> bool:
         """Return whether a program is known not to have published the topic when the server began."""

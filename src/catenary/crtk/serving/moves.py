@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats
 from catenary.crtk.serving.served_arm import ServedArm
-from catenary.errors import InputError, LimitError
+from catenary.errors import LimitError
 from catenary.spatial import Pose, rotation_vector
 from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Reference, Trajectory
@@ -46,19 +46,15 @@ def straight_move(arm: ServedArm, goal: Pose) -> Iterator[Trajectory | None]:
 
     Raises:
         UnreachablePoseError: The mechanism refuses a pose on the way; nothing moves.
-        InputError: The arm's kinematics are not known.
     """
-    tool = arm.tool
-    if tool is None:
-        raise InputError("the arm's kinematics are not known: it has no Cartesian verbs")
     q = arm.setpoint.q
-    start = tool.pose(q)
+    start = arm.tool.pose(q)
     way, turn = goal.position - start.position, rotation_vector(start.rotation.T @ goal.rotation)
     pieces = max(np.linalg.norm(way) / _SPACING, np.linalg.norm(turn) / _TURN)
     count = max(4, int(np.ceil(pieces)))
     shares = np.arange(1, count + 1)[:, np.newaxis] / count
     rotations = start.rotation @ Rotation.from_rotvec(shares * turn).as_matrix()
-    rows = tool.path(rotations, start.position + shares * way, q)
+    rows = arm.tool.path(rotations, start.position + shares * way, q)
     return _along(np.vstack([q, rows]), *_bounds(arm))
 
 

@@ -1,6 +1,6 @@
 """What the public RAVEN-II software (branch crtk) says and obeys, topic for topic; see docs/crtk.md."""
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
@@ -11,10 +11,9 @@ from catenary.crtk.conversions import joint_values, pose_of
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.names import RAVEN, CrtkTopic
 from catenary.crtk.serving import arm_messages, cartesian_commands
-from catenary.crtk.serving.outlet import Outlet
 from catenary.crtk.serving.raven_state import RavenState
 from catenary.crtk.serving.served_arm import ServedArm
-from catenary.crtk.serving.state_machine import why_not_obeyed
+from catenary.crtk.serving.speaker import MakeMessage, Obey, Outlets, Speaker, single_number
 from catenary.errors import InputError
 from catenary.recording.topics import Arm
 from catenary.spatial import Pose, rotation_from_quaternion, rotation_vector
@@ -28,10 +27,8 @@ _RVIZ_NAMES = tuple(f"{name}_{side}{what}" for what in ("", "2") for side in "LR
 # the model's zeros: insertion from the remote centre, roll turned, second jaw the other way [r2_kinematics.h: d4]
 _RVIZ_SIGN = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, -1.0])
 _RVIZ_SHIFT = np.array([0.0, 0.0, -0.47, -np.pi / 4.0, 0.0, 0.0, 0.0])
-
-
-# what is said of an arm in every tick, verb by verb
-_SAID: dict[str, Callable[[ServedArm, int], Message]] = {
+# what is published of each arm in every tick, verb by verb
+_PUBLISHED: dict[str, MakeMessage] = {
     "operating_state": arm_messages.operating_state,
     "measured_js": arm_messages.measured_js,
     "setpoint_js": arm_messages.setpoint_js,
@@ -41,10 +38,10 @@ _SAID: dict[str, Callable[[ServedArm, int], Message]] = {
 }
 
 
-class RavenDialect:
+class RavenDialect(Speaker):
     """Speaks for a robot of a gold and a green arm."""
 
-    def __init__(self, arms: dict[Arm, ServedArm]) -> None:
+    def __init__(self, arms: Mapping[Arm, ServedArm]) -> None:
         """Speak for arms of seven joints, both of them.
 
         Raises:
@@ -56,30 +53,20 @@ class RavenDialect:
                 raise InputError(
                     f"dialect raven: the {name} arm has {found} joints, expected {len(_RVIZ)}; other robots speak crtk"
                 )
-        self.topics = RAVEN
-        self._arms = arms
+        super().__init__(arms, RAVEN, _PUBLISHED, _OBEYED)
         self._leader = next((arm for arm in arms.values() if arm.machine.can_change), arms["gold"])
         self._slow: int | None = None
 
-    # what it says
-
-    def begin(self, outlets: dict[tuple[str, Arm | None], Outlet]) -> None:
-        """Prepare to publish."""
-        self._said = [
-            (outlets[verb, name], make, arm)
-            for name, arm in self._arms.items()
-            for verb, make in _SAID.items()
-            if arm.tool is not None or not verb.endswith("_cp")
-        ]
-        self._said.append((outlets["operating_state", None], arm_messages.operating_state, self._leader))
-        self._raven_state = RavenState(self._arms, self._leader.plant.period)
+    def begin(self, outlets: Outlets) -> None:
+        """Prepare to publish by outlets; called once, before `publish`."""
+        super().begin(outlets)
+        self._outlets.append((outlets["operating_state", None], arm_messages.operating_state, self._leader))
+        self._raven_state = RavenState(self.arms, self._leader.plant.period)
         self._whole, self._joint_states = outlets["ravenstate", None], outlets["joint_states", None]
 
     def publish(self, now: int) -> None:
         """Publish the arms' states, stamped `now` [ns], where anybody listens."""
-        made = [(outlet, make(arm, now)) for outlet, make, arm in self._said if outlet.heard]
-        for outlet, message in made:
-            outlet.publish(message)
+        super().publish(now)
         if self._whole.heard:
             self._whole.publish(self._raven_state.message(now))
         if self._slow is None or not 0 <= now - self._slow < SLOW:
@@ -88,33 +75,19 @@ class RavenDialect:
                 self._joint_states.publish(_JointState(header(now), _RVIZ_NAMES, self._rviz()))
 
     def _rviz(self) -> Floats:
-        gold, green = self._arms["gold"], self._arms["green"]
+        gold, green = self.arms["gold"], self.arms["green"]
         rows = (gold.measured.q, green.measured.q, gold.setpoint.q, green.setpoint.q)
         return np.concatenate([_RVIZ_SIGN * q + _RVIZ_SHIFT for q in rows])
 
-    # what it obeys
-
     def obey(self, topic: CrtkTopic, message: Message) -> None:
-        """Obey a command of one of the topics `in`.
-
-        Raises:
-            InputError: It is none that can be obeyed; nothing moves.
-            UnreachablePoseError: The mechanism refuses it.
-        """
+        """Obey a command, as every dialect; `raven_automove` moves those arms that are ready."""
         if topic.verb == "raven_automove":
             self._automove(message)
-            return
-        arm = None if topic.arm is None else self._arms[topic.arm]
-        if arm is None:
-            raise InputError("the robot has no such arm")
-        if not arm.machine.can_change:
-            raise InputError("the arm is parked")
-        if not arm.is_ready:
-            raise InputError(why_not_obeyed(arm.state))
-        _OBEY[topic.verb](arm, message)
+        else:
+            super().obey(topic, message)
 
     def _automove(self, message: Message) -> None:
-        for i, arm in enumerate((self._arms["gold"], self._arms["green"])):
+        for i, arm in enumerate((self.arms["gold"], self.arms["green"])):
             step = np.asarray(message.del_pos[3 * i : 3 * i + 3], dtype=float)
             turn = message.tf_incr[i]
             step = 1e-6 * (step + as_array("raven_automove.tf_incr", tuple(turn.translation), (3,)))
@@ -124,60 +97,39 @@ class RavenDialect:
             vector = (
                 rotation_vector(rotation_from_quaternion(quaternion)) if quaternion.any() else np.zeros(3)
             )
-            if not (step.any() or vector.any()) or not arm.is_ready or arm.tool is None:
+            if not (step.any() or vector.any()) or not arm.is_ready:
                 continue
             cartesian_commands.servo_pose_increment(
                 arm, arm.tool.from_frame_0(step), arm.tool.from_frame_0(vector)
             )
 
 
-def _numbers(arm: ServedArm, message: Message) -> tuple[Floats, bool]:
-    """A command's numbers (7,), or the single one (1,) that means the grasp, and whether it is that."""
-    if len(message.position) == 1 and len(message.name) <= 1:
-        return as_array("JointState.position", message.position, (1,)), True
-    return joint_values(message, arm.names), False
-
-
-def _grasp(arm: ServedArm, opening: float) -> Floats:
-    """Increments (7,) that open the jaws by an angle [rad], half with each."""
-    dq = np.zeros(len(arm.names))
-    dq[-arm_messages.JAWS :] = 0.5 * opening
-    return dq
+def _is_grasp(message: Message) -> bool:
+    """Return whether a command's single number means the grasp."""
+    return len(message.position) == 1 and len(message.name) <= 1
 
 
 def _servo_jr(arm: ServedArm, message: Message) -> None:
-    values, single = _numbers(arm, message)
-    arm.increment(_grasp(arm, values[0]) if single else values)
+    if _is_grasp(message):
+        arm.increment(arm.jaw_increments(single_number(message)))
+    else:
+        arm.increment(joint_values(message, arm.names))
 
 
 def _servo_jp(arm: ServedArm, message: Message) -> None:
-    values, single = _numbers(arm, message)
-    if single:
-        opening = values[0] - arm.setpoint.q[-arm_messages.JAWS :].sum()
-        values = arm.setpoint.q + _grasp(arm, opening)
-    elif len(message.position) != len(arm.names) and not message.name:
+    if _is_grasp(message):
+        arm.step_towards(arm.joints_at_opening(single_number(message)))
+        return
+    if len(message.position) != len(arm.names) and not message.name:
         raise InputError(
             f"servo_jp: {len(message.position)} numbers, expected {len(arm.names)}, or 1 for the grasp"
         )
-    arm.step_towards(values)
+    arm.step_towards(joint_values(message, arm.names))
 
 
 def _servo_jv(arm: ServedArm, message: Message) -> None:
     field = "velocity" if len(message.velocity) else "position"  # the robot's own clients use the latter
     arm.increment(arm.plant.period * joint_values(message, arm.names, field))
-
-
-def _grasp_jr(arm: ServedArm, message: Message) -> None:
-    arm.increment(_grasp(arm, float(as_array("JointState.position", message.position, (1,))[0])))
-
-
-def _grasp_jp(arm: ServedArm, message: Message) -> None:
-    opening = float(as_array("JointState.position", message.position, (1,))[0])
-    arm.step_towards(arm.setpoint.q + _grasp(arm, opening - arm.setpoint.q[-arm_messages.JAWS :].sum()))
-
-
-def _servo_cp(arm: ServedArm, message: Message) -> None:
-    cartesian_commands.servo_pose(arm, pose_of(message))
 
 
 def _servo_cr(arm: ServedArm, message: Message) -> None:
@@ -198,13 +150,13 @@ def _increment_of(message: Message) -> Pose:
     return pose_of(message)
 
 
-_OBEY: dict[str, Callable[[ServedArm, Message], None]] = {
+_OBEYED: dict[str, Obey] = {
     "servo_jr": _servo_jr,
     "servo_jp": _servo_jp,
     "servo_jv": _servo_jv,
-    "servo_cp": _servo_cp,
+    "servo_cp": lambda arm, message: cartesian_commands.servo_pose(arm, pose_of(message)),
     "servo_cr": _servo_cr,
     "servo_cv": _servo_cv,
-    "grasp_servo_jr": _grasp_jr,
-    "grasp_servo_jp": _grasp_jp,
+    "grasp_servo_jr": lambda arm, message: arm.increment(arm.jaw_increments(single_number(message))),
+    "grasp_servo_jp": lambda arm, message: arm.step_towards(arm.joints_at_opening(single_number(message))),
 }

@@ -8,8 +8,7 @@ from catenary.arrays import Floats
 from catenary.crtk.clock import SECOND
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.raven_conversions import CHANNELS
-from catenary.crtk.serving.arm_messages import JAWS
-from catenary.crtk.serving.served_arm import ServedArm
+from catenary.crtk.serving.served_arm import JAWS, ServedArm
 from catenary.recording.messages import NUMBERS, fields
 from catenary.recording.topics import Arm
 
@@ -75,11 +74,10 @@ class RavenState:
         self._floats[:, channels] = self._factors * joints
         self._counts[:, channels] = rows(_COUNTS)
         arrays["grasp_d"][place] = setpoint.q[-JAWS:].sum()
-        if arm.tool is not None:
-            for pose, position, rotation in (
-                (arm.measured_pose, "pos", "ori"),
-                (arm.setpoint_pose, "pos_d", "ori_d"),
-            ):
-                in_frame_0 = arm.tool.in_frame_0(pose)
-                arrays[position][3 * place : 3 * place + 3] = _UM * in_frame_0.position
-                arrays[rotation][9 * place : 9 * place + 9] = in_frame_0.rotation.ravel()
+        for pose, position, rotation in (
+            (arm.measured_pose, "pos", "ori"),
+            (arm.setpoint_pose, "pos_d", "ori_d"),
+        ):
+            in_frame_0 = arm.tool.in_frame_0(pose)
+            arrays[position][3 * place : 3 * place + 3] = _UM * in_frame_0.position
+            arrays[rotation][9 * place : 9 * place + 9] = in_frame_0.rotation.ravel()

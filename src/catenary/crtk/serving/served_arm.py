@@ -1,12 +1,13 @@
 """One arm behind a server: what it was commanded becomes one command a tick for its plant."""
 
 from collections.abc import Callable, Iterator
+from functools import cached_property
 
 import numpy as np
 
 from catenary.arrays import Floats
 from catenary.crtk.names import Dialect
-from catenary.crtk.serving.command_queue import FOLLOW, Goal, Increments
+from catenary.crtk.serving.command_queue import Goal, Increments
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.state_machine import StateMachine
 from catenary.crtk.serving.tool_pose import ToolPose
@@ -16,6 +17,7 @@ from catenary.recording.topics import Arm
 from catenary.spatial import Pose
 from catenary.trajectories.reference import Trajectory
 
+JAWS = 2  # joints, the last ones
 FASTEST = {"rad": 2.5, "m": 0.05}  # [rad/s], [m/s] of a setpoint: 0.0025 rad, 0.05 mm in a millisecond
 LEAST_BUSY = 0.05  # [s] CRTK's Python client waits for a busy state and then for none, also after a move to where it is
 GravityTorque = Callable[[Floats, Floats], Floats]  # joints (n,), gravity (3,) -> torques (n,)
@@ -34,9 +36,9 @@ class ServedArm:
         dialect: Dialect,
         reports: Reports,
         *,
-        arm: Arm | None = None,
-        tool: ToolPose | None = None,
-        gravity_torque: GravityTorque | None = None,
+        arm: Arm,
+        tool: ToolPose,
+        gravity_torque: GravityTorque,
     ) -> None:
         """Take over a plant.
 
@@ -45,11 +47,10 @@ class ServedArm:
             dialect: Whose rules its states follow.
             reports: Where troubles go.
             arm: Which of the robot's arms it is.
-            tool: Its kinematics; without, it has no Cartesian verbs.
+            tool: Its kinematics.
             gravity_torque: What holds it still, for the compensation that CRTK's clients may ask for.
         """
         self.plant, self.arm, self.tool, self.gravity_torque = plant, arm, tool, gravity_torque
-        self.label = arm or "arm"
         self.reports = reports
         self.names = plant.joint_names
         self.machine = StateMachine(plant, dialect)
@@ -58,17 +59,14 @@ class ServedArm:
         self.goal = Goal(self.most, plant.period)
         self.compensates_gravity = False
         self.tick = 0
+        self.reports_time = 0  # [ns] of the tick, for what is reported in it
         self.changes = 0  # times that its state was read
         self._velocity: Floats | None = None
         self._torque: Floats | None = None
         self._until = 0  # tick at which velocity or torque lapse
-        self._follow = max(1, round(FOLLOW / plant.period))
         self._move: tuple[Trajectory, int] | None = None
         self._plan: Iterator[Trajectory | None] | None = None
         self._was_ready = self._is_known = False
-        self._measured_pose: Pose | None = None
-        self._setpoint_pose: Pose | None = None
-        self._measured_twist: Floats | None = None
         self._takes_positions = "servo_jp" in plant.supports
         self.refresh()
 
@@ -83,25 +81,25 @@ class ServedArm:
     def increment(self, dq: Floats) -> None:
         """Move by dq (n,) [rad|m], besides what waits already."""
         if not self.increments:
-            self._drop()
+            self.hold()
         self.increments.add(dq, self.tick)
 
     def step_towards(self, q: Floats) -> None:
         """Move one clamped step towards q (n,) [rad|m]."""
         if not self.goal:
-            self._drop()
+            self.hold()
         self.goal.add(q)
 
     def go_towards(self, q: Floats) -> None:
         """Move towards q (n,) [rad|m] until it is reached, or until 0.1 s have passed."""
-        self._drop()
+        self.hold()
         self.goal.set(q, self.goal.follow)
 
     def run_at(self, qd: Floats) -> None:
         """Move at qd (n,) [rad/s|m/s] for 0.1 s."""
         velocity = np.clip(qd * self.plant.period, -self.most, self.most)
-        self._drop()
-        self._velocity, self._until = velocity, self.tick + self._follow
+        self.hold()
+        self._velocity, self._until = velocity, self.tick + self.goal.follow
 
     def push_with(self, tau: Floats) -> None:
         """Command joint torques (n,) for 0.1 s, plus gravity's where that was asked for.
@@ -111,10 +109,9 @@ class ServedArm:
         """
         if "servo_jf" not in self.plant.supports:
             raise InputError("the arm takes no torques")
-        was_pushed = self._torque is not None
-        if not was_pushed:
-            self._drop()
-        self._torque, self._until = tau, self.tick + self._follow
+        if self._torque is None:
+            self.hold()
+        self._torque, self._until = tau, self.tick + self.goal.follow
 
     def go_limp(self) -> None:
         """Command zero torque, or gravity's alone, until something else is commanded.
@@ -127,46 +124,40 @@ class ServedArm:
 
     def move(self, trajectory: Trajectory) -> None:
         """Follow a trajectory from the setpoint, busy until it ends."""
-        self._drop()
+        self.hold()
         self._move = (trajectory, self.tick)
 
     def move_when_planned(self, plan: Iterator[Trajectory | None]) -> None:
         """Follow a trajectory from the setpoint, busy at once; `plan` is asked once a tick until it gives it."""
-        self._drop()
+        self.hold()
         self._plan = plan
 
     def hold(self) -> None:
         """Forget all commands and stay."""
-        self._drop()
+        self.increments.clear()
+        self.goal.clear()
+        self._velocity = self._move = self._plan = None
+        if self._torque is not None:
+            self._torque = None
+            if self.is_ready and self._takes_positions:
+                self.plant.servo_jp(self.measured.q)
 
-    @property
+    # what it reports; each pose is computed once a tick, if anybody asks: `refresh` clears it
+
+    @cached_property
     def measured_pose(self) -> Pose:
-        """Pose of its tool in the base, as measured; worked out once a tick. The arm has kinematics."""
-        if self._measured_pose is None:
-            assert self.tool is not None
-            self._measured_pose = self.tool.pose(self.measured.q)
-        return self._measured_pose
+        """Pose of its tool in the base, as measured."""
+        return self.tool.pose(self.measured.q)
 
-    @property
+    @cached_property
     def setpoint_pose(self) -> Pose:
         """Setpoint of that pose."""
-        if self._setpoint_pose is None:
-            assert self.tool is not None
-            self._setpoint_pose = self.tool.pose(self.setpoint.q)
-        return self._setpoint_pose
+        return self.tool.pose(self.setpoint.q)
 
-    @property
+    @cached_property
     def measured_twist(self) -> Floats:
         """Velocity of its tool [m/s] and angular velocity [rad/s] in base axes, (6,), as measured."""
-        if self._measured_twist is None:
-            assert self.tool is not None
-            self._measured_twist = self.tool.velocity(self.measured.q, self.measured.qd)
-        return self._measured_twist
-
-    @property
-    def is_moving(self) -> bool:
-        """Return whether a move is under way."""
-        return self._move is not None or self._plan is not None
+        return self.tool.velocity(self.measured.q, self.measured.qd)
 
     @property
     def commanded(self) -> Floats:
@@ -178,6 +169,16 @@ class ServedArm:
         with np.errstate(divide="ignore"):
             self.increment(dq * min(1.0, float((self.most / np.abs(dq)).min())))
 
+    def jaw_increments(self, angle: float) -> Floats:
+        """Return increments (n,) that open the jaws by an angle [rad], half with each."""
+        dq = np.zeros(len(self.names))
+        dq[-JAWS:] = 0.5 * angle
+        return dq
+
+    def joints_at_opening(self, opening: float) -> Floats:
+        """Return the setpoint (n,) with the jaws opened to an angle [rad]."""
+        return self.setpoint.q + self.jaw_increments(opening - self.setpoint.q[-JAWS:].sum())
+
     # what it does
 
     def advance(self) -> None:
@@ -187,19 +188,16 @@ class ServedArm:
             if ready:
                 self._act()
             elif self._was_ready:
-                self._drop()
+                self.hold()
             self._was_ready = ready
             self.plant.wait()
-        except (
-            CatenaryError
-        ) as error:  # a stop that was not found, a trip between two lines: the server goes on
-            self._drop()
-            self.reports.say(f"{self.label}: fault", str(error), self.reports_time)
+        except CatenaryError as error:
+            # a stop that was not found, a trip between two lines: the server goes on
+            self.hold()
+            self.reports.say(f"{self.arm}: fault", str(error), self.reports_time)
         self.machine.update()
         self.tick += 1
         self.refresh()
-
-    reports_time = 0  # [ns] of the tick, for what is reported in it
 
     def refresh(self) -> None:
         """Read the plant; one that cannot change, such as a parked arm, but once."""
@@ -209,10 +207,12 @@ class ServedArm:
         self.changes += 1
         self.measured: JointState = self.plant.measured_js()
         self.setpoint: JointState = self.plant.setpoint_js()
-        self._measured_pose = self._setpoint_pose = self._measured_twist = None
+        for cached in ("measured_pose", "setpoint_pose", "measured_twist"):
+            self.__dict__.pop(cached, None)
         state = self.plant.operating_state()
+        is_moving = self._move is not None or self._plan is not None
         self.state: OperatingState = (
-            state._replace(is_busy=True) if self.is_moving and state.state == "ENABLED" else state
+            state._replace(is_busy=True) if is_moving and state.state == "ENABLED" else state
         )
 
     def _act(self) -> None:
@@ -245,7 +245,7 @@ class ServedArm:
             self._send(self.measured.q)  # the firmware holds where the arm is
             return
         tau = self._torque
-        if self.compensates_gravity and self.gravity_torque is not None:
+        if self.compensates_gravity:
             tau = tau + self.gravity_torque(self.measured.q, self.measured.gravity)
         self.plant.servo_jf(tau)
 
@@ -253,13 +253,4 @@ class ServedArm:
         if self._takes_positions:
             self.plant.servo_jp(q)
         else:
-            self.reports.say(f"{self.label}: cannot", "the robot takes no positions", self.reports_time)
-
-    def _drop(self) -> None:
-        self.increments.clear()
-        self.goal.clear()
-        self._velocity = self._move = self._plan = None
-        if self._torque is not None:
-            self._torque = None
-            if self.is_ready and self._takes_positions:
-                self.plant.servo_jp(self.measured.q)
+            self.reports.say(f"{self.arm}: cannot", "the robot takes no positions", self.reports_time)

@@ -11,7 +11,7 @@ from catenary.crtk.names import JOINT_STATE, CrtkTopic
 from catenary.crtk.serving.outlet import Outlet
 from catenary.crtk.transport import Transport
 from catenary.plant import Plant
-from catenary.recording.topics import EXT_JPOS, JOINT_ENC, Topic
+from catenary.recording.topics import EXT_JPOS, JOINT_ENC
 
 
 def has_encoders(plant: Plant) -> bool:
@@ -29,7 +29,10 @@ class ServedEncoders:
             TransportError: A topic is taken otherwise.
         """
         self._plant = plant
-        self.outlets = tuple(_outlet(transport, topic) for topic in (JOINT_ENC, EXT_JPOS))
+        self.outlets = tuple(
+            Outlet(transport, CrtkTopic(topic.name, JOINT_STATE, "out", topic.columns[0].name))
+            for topic in (JOINT_ENC, EXT_JPOS)
+        )
         self._every = min(round(SECOND / topic.rate) for topic in (EXT_JPOS, JOINT_ENC))  # [ns]
         self._due: int | None = None
         self._stamps = Stamps()
@@ -48,7 +51,3 @@ class ServedEncoders:
             values = telemetry[outlet.topic.verb]
             if outlet.heard and np.isfinite(values).all():
                 outlet.publish(joint_state_message(EXT_JPOS.joint_names, stamp, values))
-
-
-def _outlet(transport: Transport, topic: Topic) -> Outlet:
-    return Outlet(transport, CrtkTopic(topic.name, JOINT_STATE, "out", topic.columns[0].name))

@@ -4,41 +4,24 @@ The server keeps no time: `tick` is called at the robot's rate by whoever does (
 """
 
 from collections.abc import Mapping
-from typing import Protocol
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.conversions import Stamps
 from catenary.crtk.message import Message, message_class
 from catenary.crtk.names import BUTTON, BUTTON_TYPE, COMMAND, CrtkTopic
 from catenary.crtk.serving.command_source import Beginning, CommandSource
+from catenary.crtk.serving.commander import Commander
 from catenary.crtk.serving.outlet import Outlet
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.served_encoders import ServedEncoders
+from catenary.crtk.serving.speaker import Speaker
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError
 from catenary.recording.topics import Arm
 
 _STARTS = ": starts"
 WATCH = SECOND // 10  # [ns] between two looks at who is connected
-
-
-class Speaker(Protocol):
-    """A dialect: what is published, and what is obeyed."""
-
-    topics: tuple[CrtkTopic, ...]
-
-    def begin(self, outlets: dict[tuple[str, Arm | None], Outlet]) -> None:
-        """Prepare to publish by outlets, verb by verb; called once, before `publish`."""
-        ...
-
-    def publish(self, now: int) -> None:
-        """Publish the arms' states, stamped `now` [ns]."""
-        ...
-
-    def obey(self, topic: CrtkTopic, message: Message) -> None:
-        """Obey a command, or raise one of catenary's errors; state commands are the server's."""
-        ...
 
 
 class Server:
@@ -82,6 +65,7 @@ class Server:
         ]
         # state commands first: what was sent after a `resume` is obeyed in the same tick
         self._sources.sort(key=lambda source: source.topic.type != COMMAND)
+        self._commanders = {name: Commander(transport) for name in arms}
         self._arrivals = 0  # messages that were looked at
         self.outlets = {
             (topic.verb, topic.arm): Outlet(transport, topic) for topic in wanted if topic.direction == "out"
@@ -99,13 +83,13 @@ class Server:
         """Read the commands that have come, move the arms by a tick, publish."""
         now = self.transport.now()
         self.transport.poll()
-        arrivals = self.transport.arrivals()
-        if arrivals != self._arrivals:
+        arrivals = self.transport.inbox.arrivals
+        if arrivals != self._arrivals:  # else nothing new waits
             self._arrivals = arrivals
             for source in self._sources:
                 for message in source.take(now):
                     self.commands += 1
-                    self._obey(source.topic, message, now)
+                    self._obey(source, message, now)
         for arm in self.arms.values():
             arm.reports_time = now
             arm.advance()
@@ -120,6 +104,8 @@ class Server:
                 outlet.watch()
             for source in self._sources:
                 source.watch(now)
+            for name, arm in self.arms.items():
+                self._pause_abandoned(arm, self._commanders[name], now)
 
     def press_button(self) -> list[str]:
         """Press the silver button; return what it did, arm by arm."""
@@ -154,11 +140,6 @@ class Server:
             found.update(self.transport.connections(source.topic.name).publishers)
         return found
 
-    def hold(self) -> None:
-        """Forget all commands; the arms stay where they are."""
-        for arm in self.arms.values():
-            arm.hold()
-
     @property
     def published(self) -> int:
         """Topics that it publishes."""
@@ -175,14 +156,28 @@ class Server:
             success=any(text.endswith(_STARTS) for text in said), message="; ".join(said)
         )
 
-    def _obey(self, topic: CrtkTopic, message: Message, now: int) -> None:
+    def _obey(self, source: CommandSource, message: Message, now: int) -> None:
+        topic = source.topic
         try:
             if topic.type == COMMAND:
                 self._state_command(topic, message.string, now)
             else:
                 self._dialect.obey(topic, message)
+                for name in self.arms if topic.arm is None else (topic.arm,):
+                    self._commanders[name].commands(topic.name, source.process, now)
         except CatenaryError as error:  # whatever a client sends, the robot goes on
             self.reports.say(f"{topic.name}: refused", str(error), now)
+
+    def _pause_abandoned(self, arm: ServedArm, commander: Commander, now: int) -> None:
+        """Pause an arm whose commander has gone in the middle of a motion."""
+        if not arm.is_ready:
+            commander.forget()
+            return
+        gone = commander.left(now, is_moving=arm.state.is_busy)
+        if gone is not None:
+            arm.hold()
+            arm.machine.command("pause")
+            self.reports.say(f"{arm.arm}: paused", f"{gone} moved it and is gone", now)
 
     def _state_command(self, topic: CrtkTopic, text: str, now: int) -> None:
         if topic.arm is None:

@@ -36,8 +36,8 @@ class ToolPose:
             self._to_model[-1] = 0.0
             self._to_model[-1, -2:] = -0.5, 0.5
         frame_0 = model.frames.get("frame0")
-        self._frame_0 = None if frame_0 is None else frame_0.pose
-        self._base_in_frame_0 = Pose(np.eye(3), np.zeros(3)) if frame_0 is None else frame_0.pose.inverse()
+        self._frame_0 = Pose(np.eye(3), np.zeros(3)) if frame_0 is None else frame_0.pose
+        self._base_in_frame_0 = self._frame_0.inverse()
 
     def pose(self, q: Floats) -> Pose:
         """Return the tool's pose in the base frame, at joints (n,)."""
@@ -55,11 +55,7 @@ class ToolPose:
             UnreachablePoseError: The remote centre, a joint limit or the mechanism refuses the pose.
         """
         start = np.clip(self._to_model @ near, self.model.lower, self.model.upper)
-        found = inverse_kinematics(self.model, pose, start)
-        if not self.has_jaws:
-            return found
-        half = 0.5 * (near[-2] + near[-1])
-        return np.array([*found[:-1], half - found[-1], half + found[-1]])
+        return self._with_jaws(inverse_kinematics(self.model, pose, start), near)
 
     def path(self, rotations: Floats, positions: Floats, near: Floats) -> Floats:
         """Return joints (N, n) along a path of poses, (N, 3, 3) and (N, 3) [m], each as `joints` from the one before.
@@ -77,10 +73,7 @@ class ToolPose:
             found = np.empty((len(positions), model.n))
             for k, (rotation, position) in enumerate(zip(rotations, positions, strict=True)):
                 start = found[k] = inverse_kinematics(model, Pose(rotation, position), start)
-        if not self.has_jaws:
-            return found
-        half, tool = 0.5 * (near[-2] + near[-1]), found[:, -1]
-        return np.column_stack([found[:, :-1], half - tool, half + tool])
+        return self._with_jaws(found, near)
 
     def prepare(self) -> None:
         """Compile what `path` runs, in the middle of the joints' range, wherever the robot may be."""
@@ -91,11 +84,18 @@ class ToolPose:
         place = self.pose(near)
         self.path(place.rotation[np.newaxis], place.position[np.newaxis], near)
 
+    def _with_jaws(self, found: Floats, near: Floats) -> Floats:
+        """Return the robot's joints (..., n) at the model's, with the opening of the jaws as in `near`."""
+        if not self.has_jaws:
+            return found
+        half, tool = 0.5 * (near[-2] + near[-1]), found[..., -1:]
+        return np.concatenate([found[..., :-1], half - tool, half + tool], axis=-1)
+
     def in_frame_0(self, pose: Pose) -> Pose:
         """Return a pose of the base in the mechanism's frame 0; the same where it has none."""
-        return pose if self._frame_0 is None else self._base_in_frame_0 @ pose
+        return self._base_in_frame_0 @ pose
 
     def from_frame_0(self, vectors: Floats) -> Floats:
         """Return directions (3,) or rotations' columns of frame 0 in base axes."""
-        turned: Floats = vectors if self._frame_0 is None else self._frame_0.rotation @ vectors
+        turned: Floats = self._frame_0.rotation @ vectors
         return turned

@@ -1,4 +1,7 @@
-"""Motions an operator asks for: to a place, at random, along a file; each watched, and held when stopped."""
+"""Motions an operator asks for: to a place, at random, along a file; each watched.
+
+However a motion ends, the robot holds and is paused. One that is refused moves nothing, and changes no state.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,7 +14,7 @@ from catenary.arrays import Floats, as_array
 from catenary.calibration.progress import Progress, silent
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.errors import CatenaryError, InputError, LimitError
+from catenary.errors import InputError, LimitError
 from catenary.plant import JointState, OperatingState, Plant, require_ready
 from catenary.robots.catalog import RAVEN_SIDES
 from catenary.spatial import Pose
@@ -22,15 +25,15 @@ from catenary.units import in_words
 from catenary.workflows.robot.followed_file import FollowedFile
 from catenary.workflows.robot.motion import GENTLE_VELOCITY, check_motion, move_to, run_trajectory
 from catenary.workflows.robot.operated_robot import OperatedRobot
+from catenary.workflows.robot.rest import at_rest_afterwards
 
 # a fifth of what a RAVEN-II's firmware lets pass, 2.5 rad/s and 0.05 m/s: a faster file was likely not meant for it
 LARGEST_VELOCITY = {"rad": 0.5, "m": 0.01}  # [rad/s], [m/s]
-NEAR = {
-    "rad": np.deg2rad(60.0),
-    "m": 0.15,
-}  # way to the start of a file that is gone without being asked twice
+# way to the start of a file that is gone without being asked twice
+NEAR = {"rad": np.deg2rad(60.0), "m": 0.15}  # [rad], [m]
 MIDDLE = 0.3  # share of the range, to either side of its middle, in which other robots than RAVEN-II move at random
-HOLD_TICKS = 20  # during which a robot is told to stay where it is
+ARRIVAL = 0.5  # [s] that a robot's setpoint gets at a motion's end to come to where it was sent last
+ARRIVED = 1e-6  # [rad|m]
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,14 @@ class MotionSummary:
     q: Floats  # (n,) [rad|m] reported at the end
     state: OperatingState  # at the end
     late_ticks: int
-    interrupted: bool  # by Ctrl-C: the robot holds where it is
+    ended_by: (
+        str | None
+    )  # Ctrl-C or the name of a signal, before the motion's end: the robot holds where it is
+
+    @property
+    def interrupted(self) -> bool:
+        """Return whether it was ended before its end."""
+        return self.ended_by is not None
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, SI."""
@@ -58,6 +68,7 @@ class MotionSummary:
             "simulated": self.simulated,
             "duration_s": self.duration,
             "interrupted": self.interrupted,
+            "ended_by": self.ended_by,
             "late_ticks": self.late_ticks,
             "state": self.state._asdict(),
             "joints": [
@@ -94,12 +105,7 @@ def go_to_joints(
     units = dict(zip(robot.plant.joint_names, robot.plant.joint_units, strict=True))
     # move_to refuses unknown names
     velocity = [speed * GENTLE_VELOCITY[units.get(name, "rad")] for name in names]
-    return _watched(
-        robot,
-        lambda observe: move_to(
-            robot.plant, goal, joints=names, max_velocity=velocity, observe=observe, progress=progress
-        ),
-    )
+    return _watched(robot, move_to, goal, joints=names, max_velocity=velocity, progress=progress)
 
 
 def joints_at(robot: OperatedRobot, position: ArrayLike, *, rng: np.random.Generator) -> Floats:
@@ -146,7 +152,7 @@ def run_random(
         NotReadyError, UnsupportedCommandError, InputError: Nothing has moved.
     """
     motion = random_motion(robot, seconds, rng=rng)
-    return _run(robot, motion, robot.joints, progress)
+    return _watched(robot, run_trajectory, motion, joints=robot.joints, progress=progress)
 
 
 def follow(
@@ -172,7 +178,15 @@ def follow(
         LimitError: The motion leaves limits or speeds, or its start is far away; nothing has moved.
         NotReadyError, UnsupportedCommandError, InputError: As `robot.motion.run_trajectory`.
     """
-    names, motion, way = planned(robot, file, blend=blend, largest_velocity=largest_velocity)
+    plant, motion = robot.plant, file.trajectory(blend)
+    names = plant.joint_names[: len(file.joint_units)] if file.joint_names is None else file.joint_names
+    moved = _joints_of(file, names, plant)
+    fastest = LARGEST_VELOCITY if largest_velocity is None else largest_velocity
+    try:
+        check_motion(plant, motion, joints=names, max_velocity=[fastest[unit] for unit in file.joint_units])
+    except LimitError as error:
+        raise LimitError(f"{file.name}: {error}; nothing has moved") from error
+    way = np.abs(motion(0.0).q - plant.setpoint_js().q[moved])
     for name, unit, far in zip(names, file.joint_units, way, strict=True):
         if far > NEAR[unit] and not from_afar:
             raise LimitError(
@@ -180,91 +194,62 @@ def follow(
                 f"more than {in_words(NEAR[unit], unit, 1)}; nothing has moved. "
                 "Go there first (catenary goto), or say --from-afar"
             )
-    return _run(robot, motion, names, progress)
+    return _watched(robot, run_trajectory, motion, joints=names, progress=progress)
 
 
-def planned(
-    robot: OperatedRobot,
-    file: FollowedFile,
-    *,
-    blend: float = BLEND,
-    largest_velocity: dict[str, float] | None = None,
-) -> tuple[tuple[str, ...], Trajectory, Floats]:
-    """Check all of a file's motion; return its joints, the motion, and how far its start is, (k,) [rad|m].
-
-    Raises:
-        LimitError: The motion leaves limits or speeds.
-        InputError: Joints that the robot does not have, or in another unit.
-    """
-    plant = robot.plant
-    names = plant.joint_names[: len(file.joint_units)] if file.joint_names is None else file.joint_names
-    unknown = [name for name in names if name not in plant.joint_names]
-    if unknown or len(names) != len(file.joint_units):
+def _joints_of(file: FollowedFile, names: Sequence[str], plant: Plant) -> list[int]:
+    """Return which joints a file moves; refuse those that the robot does not have, or has in another unit."""
+    if len(names) != len(file.joint_units) or not set(names) <= set(plant.joint_names):
         raise InputError(
             f"{file.name}: moves {', '.join(names)}; the robot has {', '.join(plant.joint_names)}"
         )
     moved = [plant.joint_names.index(name) for name in names]
-    for j, unit in zip(moved, file.joint_units, strict=True):
+    for j, name, unit in zip(moved, names, file.joint_units, strict=True):
         if plant.joint_units[j] != unit:
             raise InputError(
-                f'{file.name}: joint "{plant.joint_names[j]}" is in {unit}; the robot\'s is in {plant.joint_units[j]}'
+                f'{file.name}: joint "{name}" is in {unit}; the robot\'s is in {plant.joint_units[j]}'
             )
-    motion = file.trajectory(blend)
-    fastest = LARGEST_VELOCITY if largest_velocity is None else largest_velocity
-    try:
-        check_motion(plant, motion, joints=names, max_velocity=[fastest[plant.joint_units[j]] for j in moved])
-    except LimitError as error:
-        raise LimitError(f"{file.name}: {error}; nothing has moved") from error
-    return names, motion, np.abs(motion(0.0).q - plant.setpoint_js().q[moved])
-
-
-def hold(plant: Plant) -> None:
-    """Hold a robot at its setpoint; one that is not enabled stands on its brakes and is left alone."""
-    q = np.array(plant.setpoint_js().q)
-    for _ in range(HOLD_TICKS):
-        if plant.operating_state().state != "ENABLED":
-            return
-        plant.servo_jp(q)
-        plant.wait()
-
-
-def _run(robot: OperatedRobot, motion: Trajectory, names: Sequence[str], progress: Progress) -> MotionSummary:
-    return _watched(
-        robot,
-        lambda observe: run_trajectory(robot.plant, motion, joints=names, observe=observe, progress=progress),
-    )
+    return moved
 
 
 def _watched(
-    robot: OperatedRobot, move: Callable[[Callable[[JointState, Reference], None]], None]
+    robot: OperatedRobot, move: Callable[..., None], to: ArrayLike | Trajectory, **options: Any
 ) -> MotionSummary:
+    """Move a robot by `move_to` or `run_trajectory`; it holds where that ends, and is paused."""
     plant = robot.plant
     require_ready(plant, "servo_jp")
     n = len(plant.joint_names)
     largest, squares, count = np.zeros(n), np.zeros(n), 0
     begin, late = plant.measured_js().time, robot.late()
+    sent: Floats | None = None
 
     def observe(state: JointState, reference: Reference) -> None:
-        nonlocal count
+        nonlocal count, sent
         error = np.abs(state.q - reference.q)
         np.maximum(largest, error, out=largest)
         squares[:] += error**2
-        count += 1
+        count, sent = count + 1, reference.q
 
-    interrupted = False
+    ended_by = None
     try:
-        move(observe)
-    except KeyboardInterrupt:
-        interrupted = True
-        hold(plant)
-    except BaseException as error:
-        try:
-            hold(plant)
-        except CatenaryError as another:
-            error.add_note(f"holding the robot failed: {another}")
-        raise
+        with at_rest_afterwards(plant, began=lambda: count > 0):
+            move(plant, to, observe=observe, **options)
+            if sent is not None:
+                _arrive(plant, sent)
+    except KeyboardInterrupt as stop:  # SIGTERM and SIGHUP, too, whose names are its text
+        if getattr(stop, "__notes__", ()):
+            raise  # the robot does not hold, or is not paused
+        ended_by = str(stop) or "Ctrl-C"
     end = plant.measured_js()
     return MotionSummary(
         robot.name, plant.simulated, end.time - begin, plant.joint_names, plant.joint_units,
-        largest, np.sqrt(squares / max(count, 1)), end.q, plant.operating_state(), robot.late() - late, interrupted,
+        largest, np.sqrt(squares / max(count, 1)), end.q, plant.operating_state(), robot.late() - late, ended_by,
     )  # fmt: skip
+
+
+def _arrive(plant: Plant, q: Floats) -> None:
+    """Wait until a robot behind a transport has taken up the last setpoint (n,) [rad|m]; half a second at most."""
+    for _ in range(round(ARRIVAL / plant.period)):
+        if plant.operating_state().state != "ENABLED" or np.abs(plant.setpoint_js().q - q).max() <= ARRIVED:
+            return
+        plant.wait()

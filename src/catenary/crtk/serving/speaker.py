@@ -1,0 +1,74 @@
+"""What dialects share: arms that are published verb by verb, and commands that are obeyed verb by verb."""
+
+from collections.abc import Callable, Mapping
+
+from catenary.arrays import as_array
+from catenary.crtk.message import Message
+from catenary.crtk.names import CrtkTopic
+from catenary.crtk.serving.outlet import Outlet
+from catenary.crtk.serving.served_arm import ServedArm
+from catenary.crtk.serving.state_machine import why_not_obeyed
+from catenary.errors import InputError
+from catenary.recording.topics import Arm
+
+Outlets = Mapping[tuple[str, Arm | None], Outlet]  # by verb and arm
+MakeMessage = Callable[[ServedArm, int], Message]  # arm, stamp [ns]
+Obey = Callable[[ServedArm, Message], None]
+
+
+class Speaker:
+    """A dialect: what is published, and what is obeyed."""
+
+    def __init__(
+        self,
+        arms: Mapping[Arm, ServedArm],
+        topics: tuple[CrtkTopic, ...],
+        published: Mapping[str, MakeMessage],
+        obeyed: Mapping[str, Obey],
+    ) -> None:
+        """Speak for arms, over topics.
+
+        Args:
+            arms: By name.
+            topics: Of the dialect, those that these arms have.
+            published: What each arm publishes in every tick, by verb.
+            obeyed: What each arm does on a command, by verb.
+        """
+        self.arms, self.topics = arms, topics
+        self._published, self._obeyed = published, obeyed
+
+    def begin(self, outlets: Outlets) -> None:
+        """Prepare to publish by outlets; called once, before `publish`."""
+        self._outlets = [
+            (outlets[verb, name], make, arm)
+            for name, arm in self.arms.items()
+            for verb, make in self._published.items()
+            if (verb, name) in outlets
+        ]
+
+    def publish(self, now: int) -> None:
+        """Publish the arms' states, stamped `now` [ns], where anybody listens."""
+        made = [(outlet, make(arm, now)) for outlet, make, arm in self._outlets if outlet.heard]
+        for outlet, message in made:
+            outlet.publish(message)
+
+    def obey(self, topic: CrtkTopic, message: Message) -> None:
+        """Obey a command; state commands are the server's.
+
+        Raises:
+            InputError: It is none that can be obeyed; nothing moves.
+            UnreachablePoseError: The mechanism refuses it.
+        """
+        if topic.arm is None:
+            raise InputError("the robot has no such arm")
+        arm = self.arms[topic.arm]
+        if not arm.machine.can_change:
+            raise InputError("the arm is parked")
+        if not arm.is_ready:
+            raise InputError(why_not_obeyed(arm.state))
+        self._obeyed[topic.verb](arm, message)
+
+
+def single_number(message: Message) -> float:
+    """Return the single position of a JointState: an opening of the jaws, or a change of it [rad]."""
+    return float(as_array("JointState.position", message.position, (1,))[0])
