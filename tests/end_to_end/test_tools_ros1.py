@@ -255,9 +255,7 @@ def test_what_others_do_is_recorded(ready: None, tmp_path: Path) -> None:
     assert recording.about.simulated
 
 
-def test_a_deployed_model_is_heard_and_shown_beside_gravity(
-    ros_master: Master, ready: None, tmp_path: Path
-) -> None:
+def test_a_deployed_model_is_heard_and_shown_beside_gravity(ros_master, ready, tmp_path) -> None:
     model, folder = write_model(tmp_path), tmp_path / "beside"
     options = ("--gravity-torque", "--gravity", "/gravity", "--rate", "200", "--json")
     with (
