@@ -103,7 +103,9 @@ def test_a_position_that_is_no_number_is_left_out_and_counted(model: Calibration
     deployed.ticks(2)
     robot = deployed.robot.robot
     stamp = header(robot.transport.now())
-    spoilt = message_class("sensor_msgs/JointState")(stamp, JOINTS, np.full(7, np.nan), np.zeros(7), np.zeros(7))
+    spoilt = message_class("sensor_msgs/JointState")(
+        stamp, JOINTS, np.full(7, np.nan), np.zeros(7), np.zeros(7)
+    )
     for _ in range(3):
         robot._out["measured_js"].publish(spoilt)
     deployed.topics.step()

@@ -57,7 +57,17 @@ class WireReport:
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data: times in microseconds where so named."""
-        same = ("seconds", "messages", "published", "rate_hz", "late", "missed", "silences", "not_homed", "unreadable")
+        same = (
+            "seconds",
+            "messages",
+            "published",
+            "rate_hz",
+            "late",
+            "missed",
+            "silences",
+            "not_homed",
+            "unreadable",
+        )
         return {name: getattr(self, name) for name in same} | {
             "latency_us": None if self.latency is None else self.latency.in_us(),
             "longest_silence_s": self.longest_silence,
