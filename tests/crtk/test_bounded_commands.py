@@ -181,7 +181,7 @@ def long_lived(request) -> ServedRobot:
     return robot
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_no_message_of_any_content_ends_a_server_or_moves_a_setpoint_out_of_its_limits(long_lived, data):
     robot = long_lived
