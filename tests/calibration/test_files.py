@@ -75,10 +75,10 @@ MISFITS: list[dict[str, Any]] = [
     ("change", "message"),
     [
         *[(restructured(**{key: None}), f"is a damaged .*: KeyError.*{key}") for key in PARTS],
-        *[(restructured(**misfit), "is a damaged calibration model") for misfit in MISFITS],
-        *[(replaced(key, lambda _, t=text: t), "is a damaged calibration model") for key, text in TEXTS],
-        *[(replaced(key, lambda values: values[:1]), "is a damaged calibration model") for key in SHAPED],
-        (replaced("0.columns", lambda columns: columns + 5), "is a damaged calibration model"),
+        *[(restructured(**misfit), "damaged: is no calibration model") for misfit in MISFITS],
+        *[(replaced(key, lambda _, t=text: t), "damaged: is no calibration model") for key, text in TEXTS],
+        *[(replaced(key, lambda values: values[:1]), "damaged: is no calibration model") for key in SHAPED],
+        (replaced("0.columns", lambda columns: columns + 5), "damaged: is no calibration model"),
         (restructured(format="catenary.calibration.9"), "'catenary.calibration.9', expected 'catenary.cal"),
     ],
 )

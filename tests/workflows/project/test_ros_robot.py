@@ -125,6 +125,16 @@ def test_recording_becomes_a_motion_log_of_the_robot(tmp_path: Path) -> None:
     assert not robot.record(opened, TRAIN, short_motion(), "short", after="home")  # once
 
 
+def test_a_name_used_twice_loses_no_recording_of_a_robot(tmp_path: Path) -> None:
+    setup, opened = on_loopback(), project(tmp_path)
+    robot, before = homed(opened, setup), []
+    for number in range(3):
+        assert robot.record(opened, "again", short_motion(number), number, after="home")
+        before.append(next((opened.folder / "recordings" / "again").iterdir()).read_bytes())
+    kept = [opened.folder / "replaced" / name for name in ("again", "again.2")]
+    assert [next(folder.iterdir()).read_bytes() for folder in kept] == before[:2]
+
+
 def test_motion_beyond_the_limits_is_refused_before_anything_moves(tmp_path: Path) -> None:
     setup, opened = on_loopback(), project(tmp_path)
     robot = homed(opened, setup)
