@@ -111,11 +111,8 @@ def moving_arm_logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from moving_arm import PLACE, recorded, write_npz
 
     arm, folder = load_robot("raven2"), tmp_path_factory.mktemp("moving_arm")
-    for name, seed, model in (
-        ("run0", 0, arm),
-        ("run1", 1, arm),
-        ("loaded", 2, arm.with_payload("wrist", 0.2, PLACE)),
-    ):
+    models = {"run0": arm, "run1": arm, "loaded": arm.with_payload("wrist", 0.2, PLACE)}
+    for seed, (name, model) in enumerate(models.items()):
         write_npz(recorded(model, seed, noise=0.1), folder / f"{name}.npz")
     return folder
 

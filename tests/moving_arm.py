@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from catenary.arrays import Floats
 from catenary.dynamics.actuation import actuation_columns, actuation_terms
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.identification.options import actuation_of
@@ -14,9 +15,7 @@ LEVEL = np.array([0.0, 0.0, -9.81])
 PLACE = (0.02, -0.1, 0.05)  # [m] of a payload, from the wrist
 
 
-def sinusoids(
-    rng: np.random.Generator, model: RobotModel, time: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def sinusoids(rng: np.random.Generator, model: RobotModel, time: Floats) -> tuple[Floats, Floats, Floats]:
     """Positions, velocities, accelerations (N, n): three sines a joint, around the middle of its range."""
     bounded = np.isfinite(model.upper - model.lower)
     low, high = np.where(bounded, model.lower, -2.2), np.where(bounded, model.upper, 2.2)
@@ -28,9 +27,7 @@ def sinusoids(
     return q, reach / 3.0 * (w * np.cos(angle)).sum(axis=0), -reach / 3.0 * (w**2 * np.sin(angle)).sum(axis=0)
 
 
-def torques(
-    model: RobotModel, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, beside: np.ndarray
-) -> np.ndarray:
+def torques(model: RobotModel, q: Floats, qd: Floats, qdd: Floats, beside: Floats) -> Floats:
     """Inverse dynamics, and friction, rotors and springs of these sizes."""
     actuation = actuation_of(model)
     columns = actuation_columns(actuation_terms(actuation), q, qd, qdd, actuation.coulomb_velocity)

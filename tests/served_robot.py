@@ -56,11 +56,8 @@ class ServedRobot:
             self.plant.state_command({"PAUSED": "pause", "DISABLED": "disable"}[state])
         parked = ParkedArm(JOINTS, UNITS, homed_plant("left").firmware.home_value)
         self.client = Loopback("client", self.network) if network is None else network.transports["client"]
-        self.server: Server = make_server(
-            Serving(dialect=dialect),
-            Loopback("robot", self.network),
-            plants={"gold": self.plant, "green": parked},
-        )
+        plants, carrier = {"gold": self.plant, "green": parked}, Loopback("robot", self.network)
+        self.server: Server = make_server(Serving(dialect=dialect), carrier, plants=plants)
         self._publishers: dict[str, Any] = {}
 
     @property

@@ -50,18 +50,12 @@ def test_a_file_becomes_its_schema(tmp_path):
         ("[[row]]\na_m = 1", r"row\[0\]: name: this key is missing"),
         ('[[row]]\nname = "r"\na_m = 1\na = 2', r'row\[0\] "r": a: unknown key.*ends in its unit: a_m'),
         ('[[row]]\nname = "r"\na_m = 1\nlimits = [0, 1]', "limits: unknown key.*limits_deg or limits_m"),
-        (
-            '[[row]]\nname = "r"\na_m = 1\nlimits_rad = [0, 1]',
-            'limits_rad: unknown key; did you mean "limits_',
-        ),
-        (
-            'titel = "t"',
-            r'titel: unknown key; did you mean "title"\? \(known: count, day, folder, on, row, title\)',
-        ),
+        ('[[row]]\nname = "r"\na_m = 1\nlimits_rad = [0, 1]', 'limits_rad: unknown key; did you mean "limits_'),
+        ('titel = "t"', r'titel: unknown key; did you mean "title"\? \(known: count, day, folder, on, row, title\)'),
         ("zzz = 1", r"zzz: unknown key \(known"),
         ("title = ", "cannot be read as TOML"),
     ],
-)
+)  # fmt: skip
 def test_a_wrong_file_is_refused_by_file_and_key(tmp_path, text, said):
     path = tmp_path / "a.toml"
     path.write_text(text)

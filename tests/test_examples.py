@@ -45,9 +45,8 @@ def test_the_ur5e_is_the_makers_dh_table() -> None:
         [(0, -0.02561, 0.00193), (0.2125, 0, 0.11336), (0.15, 0, 0.0265), (0, -0.0018, 0.01634), (0, 0.0018, 0.01634),
          (0, 0, -0.001159)]
     )  # fmt: skip
-    links = [
-        LinkInertia(m, c, np.zeros((3, 3))) for m, c in zip(mass, com, strict=True)
-    ]  # gravity asks for no inertia
+    # gravity asks for no inertia
+    links = [LinkInertia(m, c, np.zeros((3, 3))) for m, c in zip(mass, com, strict=True)]
     columns = zip(alpha, a, d, links, strict=True)
     rows = [DHRow(f"joint{i}", "revolute", *row, 0.0, inertia=link) for i, (*row, link) in enumerate(columns)]
     table = from_dh(DHRobot("ur5e", "standard", rows))

@@ -27,10 +27,10 @@ def test_arrays_of_a_log_are_read_only_copies() -> None:
         assert not values.flags.writeable
 
 
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [*product(("q_nominal", "time"), (np.nan, np.inf, -np.inf)), ("tau", np.nan), ("qd", np.nan)],
-)
+INFINITE = product(("q_nominal", "time"), (np.nan, np.inf, -np.inf))
+
+
+@pytest.mark.parametrize(("key", "value"), [*INFINITE, ("tau", np.nan), ("qd", np.nan)])
 def test_non_finite_value_is_refused_with_its_row(key: str, value: float) -> None:
     given = changed("time" if key == "time" else "q_nominal", 4, value)
     with pytest.raises(InputError, match=rf'"run": {key} is -?(nan|inf) at row 4'):

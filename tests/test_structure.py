@@ -54,9 +54,8 @@ def test_what_a_page_names_exists(page: Path) -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_files_and_names_of_the_package_that_a_page_names_exist(page: Path) -> None:
     text = page.read_text()
-    files = [
-        f"/{path}" for room in ("src", "papers", "tests", "examples") for path in (ROOT / room).rglob("*.py")
-    ]
+    rooms = ("src", "papers", "tests", "examples")
+    files = [f"/{path}" for room in rooms for path in (ROOT / room).rglob("*.py")]
     named = [name for name in re.findall(r"[\w/]+\.py\b", text) if not re.fullmatch(OF_OTHERS, name[:-3])]
     assert [name for name in named if not any(file.endswith(f"/{name.lstrip('/')}") for file in files)] == []
     for name in re.findall(r"\bcatenary(?:\.[A-Za-z]\w*)+(?![.\w])", text):

@@ -6,7 +6,7 @@ from catenary.calibration.calibration import fit as fit
 from catenary.calibration.calibration import load_model as load_model
 from catenary.calibration.corrector import Corrector as Corrector
 from catenary.control.elastic import ElasticPD as ElasticPD
-from catenary.control.estimated_gravity_pd import EstimatedGravityPD as EstimatedGravityPD
+from catenary.control.gravity_pd import EstimatedGravityPD as EstimatedGravityPD
 from catenary.control.gravity_pd import GravityPD as GravityPD
 from catenary.control.inertia_pd import InertiaPD as InertiaPD
 from catenary.control.limits import TorqueLimits as TorqueLimits

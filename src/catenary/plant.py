@@ -44,9 +44,8 @@ class JointState(NamedTuple):
     q_motor: Floats  # (m,) [rad] motor shafts, empty where a robot has none
     gravity: Floats  # (3,) [m/s2] in the base frame: free fall less the acceleration of the base's origin
     gravity_age: float  # [s] since it was measured; inf when it is nominal
-    base_rates: Floats = (
-        AT_REST  # (2, 3) angular velocity and acceleration of the base, in its axes [rad/s, rad/s2]
-    )
+    # (2, 3) angular velocity and acceleration of the base, in its axes [rad/s, rad/s2]
+    base_rates: Floats = AT_REST
 
 
 class Column(NamedTuple):

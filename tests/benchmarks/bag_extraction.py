@@ -82,15 +82,13 @@ def write_long_bag(path: Path, seconds: int) -> None:
         pieces.append(encode(topic, START_NS + PERIOD * np.arange(rows), own))
     done = 0
     with Writer(path) as writer:
-        connections = [
-            writer.add_connection(t.name, ros2_name(t.type), typestore=typestore()) for t in TOPICS
-        ]
+        known = typestore()
+        connections = [writer.add_connection(t.name, ros2_name(t.type), typestore=known) for t in TOPICS]
         while done < seconds * 100:
             stamp = START_NS + PERIOD * (done + np.arange(rows))
             for topic, piece in zip(TOPICS, pieces, strict=True):
-                piece[f"{topic.header}.stamp.sec"], piece[f"{topic.header}.stamp.nsec"] = np.divmod(
-                    stamp, 10**9
-                )
+                place = f"{topic.header}.stamp"
+                piece[f"{place}.sec"], piece[f"{place}.nsec"] = np.divmod(stamp, 10**9)
             for i in range(min(rows, seconds * 100 - done)):
                 for k, connection in enumerate(connections):
                     writer.write(connection, int(stamp[i]) + k * 1_000_000, pieces[k][i].tobytes())

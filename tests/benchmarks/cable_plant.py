@@ -38,12 +38,8 @@ def run_of(trajectory: Trajectory, substeps: int) -> dict[str, float]:
     here = plant.control.setpoint[:JOINTS]
     moved_along(plant, go_to(here, start, max_velocity=fastest, max_acceleration=strongest))
     spent, duration = moved_along(plant, trajectory), trajectory.duration
-    return {
-        "simulated_s": duration,
-        "cpu_s": spent,
-        "times_real_time": duration / spent,
-        "us_per_tick": 1e6 * spent / (duration / PERIOD),
-    }
+    speed = {"times_real_time": duration / spent, "us_per_tick": 1e6 * spent / (duration / PERIOD)}
+    return {"simulated_s": duration, "cpu_s": spent, **speed}
 
 
 def tables() -> Tables:
@@ -55,12 +51,8 @@ def tables() -> Tables:
         plant.servo_jp(wanted)
         plant.wait()
 
-    calls = {
-        "wait": plant.wait,
-        "servo_jp and wait": tick,
-        "measured_js": plant.measured_js,
-        "telemetry": plant.telemetry,
-    }
+    calls = {"wait": plant.wait, "servo_jp and wait": tick}
+    calls |= {"measured_js": plant.measured_js, "telemetry": plant.telemetry}
     rng = np.random.default_rng(0)
     runs: Table = {
         "zig-zag of 17 minutes, 2 substeps": run_of(zigzag("J2-J3", [1 / 2, 1 / 3, 1 / 4]), 2),

@@ -25,10 +25,8 @@ def casadi_gravity(
     n = model.n
     x, g = casadi.SX.sym("q", n), casadi.SX.sym("g", 3)
     values = [x[i] for i in range(n)]
-    columns = [
-        np.array([f(v) for v in values] + [None], dtype=object)[:n]
-        for f in (lambda v: v, casadi.sin, casadi.cos)
-    ]
+    functions = (lambda v: v, casadi.sin, casadi.cos)
+    columns = [np.array([f(v) for v in values] + [None], dtype=object)[:n] for f in functions]
     rotation, position, torque = empty(n, 3, 3), empty(n, 3), empty(n)
     place_joints(model.tree, *columns, rotation, position)
     work = empty(n + 1), empty(n + 1, 3), empty(n + 1, 3)

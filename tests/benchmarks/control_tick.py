@@ -58,13 +58,8 @@ def tables() -> Tables:
     """Time ticks in simulated and in real time."""
     kp, kd = np.full(N, 100.0), np.full(N, 10.0)
     gravity_pd = GravityPD(robots()["Panda-like, 7 joints"].model, kp, kd)
-    limits = TorqueLimits(
-        np.full(N, 9.0),
-        slew=np.full(N, 1e3),
-        lower=np.full(N, -3.0),
-        upper=np.full(N, 3.0),
-        taper=np.full(N, 0.1),
-    )
+    largest, slew, upper, taper = (np.full(N, value) for value in (9.0, 1e3, 3.0, 0.1))
+    limits = TorqueLimits(largest, slew=slew, lower=-upper, upper=upper, taper=taper)
     at_rest, turning, corrector = np.zeros((2, 3)), np.full((2, 3), 0.1), network_corrector()
     cases: dict[str, tuple[Controller, Corrector | None, Floats]] = {
         "PD": (JointPD(kp, kd), None, at_rest),
@@ -77,14 +72,12 @@ def tables() -> Tables:
         plant = StillPlant(rates)
         runs = [run_loop(plant, controller, Rest(), limits=limits, corrector=correct) for _ in range(ROUNDS)]
         times = [run.compute for run in runs if run.compute is not None]
-        compute[name] = {
-            key: 1e6 * float(np.median([getattr(t, key) for t in times]))
-            for key in ("median", "p99", "p999", "max")
-        }
+        quantiles = ("median", "p99", "p999", "max")
+        compute[name] = {q: 1e6 * float(np.median([getattr(t, q) for t in times])) for q in quantiles}
         real = run_loop(plant, controller, Rest(), limits=limits, corrector=correct, real_time=True)
         real_time[name] = {
             **{f"compute {key}": 1e6 * getattr(real.compute, key) for key in ("median", "p99")},
-            **{f"jitter {key}": 1e6 * getattr(real.jitter, key) for key in ("median", "p99", "p999", "max")},
+            **{f"jitter {key}": 1e6 * getattr(real.jitter, key) for key in quantiles},
             "overruns": float(real.overruns),
             "priority": float(real.has_priority),
         }

@@ -33,14 +33,9 @@ def measure(kind: str, seconds: float) -> dict[str, float]:
     rng = np.random.default_rng(0)
     q = np.array([0.5, 1.5, 0.4]) + np.array([0.5, 0.5, 0.1]) * rng.uniform(-1.0, 1.0, (2000, 3))
     names = ("shoulder", "elbow", "insertion")
-    model = catenary.fit(
-        q,
-        q + 0.01 * np.sin(3.0 * q),
-        units=("rad", "rad", "m"),
-        joint_names=names,
-        time=np.arange(2000) / 30.0,
-        model=kind,
-    )
+    true, time_s = q + 0.01 * np.sin(3.0 * q), np.arange(2000) / 30.0
+    units = ("rad", "rad", "m")
+    model = catenary.fit(q, true, units=units, joint_names=names, time=time_s, model=kind)
     with (
         master_and_folder() as (master, folder),
         Program(master, COMMAND, "serve", "--homed", "--json") as server,
@@ -59,10 +54,8 @@ def measure(kind: str, seconds: float) -> dict[str, float]:
             deployed.interrupt()
             report = json.loads(deployed.finish()[0])
     return {
-        "seconds": report["seconds"],
         "hertz": report["rate_hz"],
-        "messages": report["messages"],
-        **{name: report[name] for name in ("published", "late", "missed", "silences")},
+        **{name: report[name] for name in ("seconds", "messages", "published", "late", "missed", "silences")},
         **{f"{name}_ms": value / 1e3 for name, value in report["latency_us"].items()},
         "cores": cores,
         "memory_growth_mb": growth,

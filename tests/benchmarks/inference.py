@@ -26,13 +26,8 @@ def model_of(predictor: Fitted, rng: np.random.Generator) -> CalibrationModel:
     """Return a model of three joints that takes positions and torques of eight."""
     wide = random_model("linear", rng.normal(size=(2000, INPUTS)), rng, joints=8, torques=8)
     group = replace(wide.groups[0], joints=tuple(range(JOINTS)), predictor=predictor)
-    return replace(
-        wide,
-        joint_names=wide.joint_names[:JOINTS],
-        joint_units=wide.joint_units[:JOINTS],
-        offset=wide.offset[:JOINTS],
-        groups=(group,),
-    )
+    names, units, offset = (part[:JOINTS] for part in (wide.joint_names, wide.joint_units, wide.offset))
+    return replace(wide, joint_names=names, joint_units=units, offset=offset, groups=(group,))
 
 
 def one_sample(predictor: Fitted, x: Floats, rng: np.random.Generator) -> Table:
@@ -47,9 +42,8 @@ def one_sample(predictor: Fitted, x: Floats, rng: np.random.Generator) -> Table:
         "Corrector.correct": partial(corrector.correct, q, x, out, inside),
     }
     others = peers(predictor, x[None, :])
-    others["exported graph, onnxruntime"] = session_call(
-        session_of(to_onnx(model, {})), "correction", {"signals": x[None, :]}
-    )
+    session = session_of(to_onnx(model, {}))
+    others["exported graph, onnxruntime"] = session_call(session, "correction", {"signals": x[None, :]})
     _check(others, out[None, :])
     return side_by_side(contenders | others, calls=CALLS, rounds=ROUNDS)
 
@@ -59,10 +53,8 @@ def many_samples(predictor: Fitted, X: Floats, calls: int, rng: np.random.Genera
     corrector, q = Corrector(model_of(predictor, rng)), np.zeros((len(X), JOINTS))
     others = peers(predictor, X)
     _check(others, predictor.predict(X))
-    contenders: dict[str, Call] = {
-        "predictor alone": lambda: predictor.predict(X),
-        "Corrector.run": lambda: corrector.run(q, X),
-    }
+    contenders: dict[str, Call] = {"predictor alone": partial(predictor.predict, X)}
+    contenders["Corrector.run"] = partial(corrector.run, q, X)
     return side_by_side(contenders | others, calls=calls, rounds=ROUNDS)
 
 

@@ -75,13 +75,9 @@ def onnx_call(predictor: Fitted, X: Floats, dtype: type) -> Predict:
             add("Add", add("Mul", z, constant(predictor.out_scale)), constant(predictor.out_mean))
     kind = TensorProto.FLOAT if dtype is np.float32 else TensorProto.DOUBLE
     name = nodes[-1].output[0]
-    graph = helper.make_graph(
-        nodes,
-        "predictor",
-        [helper.make_tensor_value_info("x", kind, ["rows", X.shape[1]])],
-        [helper.make_tensor_value_info(name, kind, ["rows", None])],
-        arrays,
-    )
+    taken = helper.make_tensor_value_info("x", kind, ["rows", X.shape[1]])
+    given = helper.make_tensor_value_info(name, kind, ["rows", None])
+    graph = helper.make_graph(nodes, "predictor", [taken], [given], arrays)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
     return session_call(session_of(model), name, {"x": X.astype(dtype)})
 
@@ -111,10 +107,7 @@ def sklearn_call(predictor: Fitted, X: Floats) -> Predict:
     if isinstance(predictor, Network):
         regressor.coefs_, regressor.intercepts_ = list(predictor.weights), list(predictor.biases)
         return lambda: estimator.predict(X) * predictor.out_scale + predictor.out_mean
-    weights = (
-        predictor.weights
-        if isinstance(predictor, Linear)
-        else np.vstack([predictor.linear, predictor.quadratic])
-    )
+    linear = isinstance(predictor, Linear)
+    weights = predictor.weights if linear else np.vstack([predictor.linear, predictor.quadratic])
     regressor.coef_, regressor.intercept_ = weights.T, predictor.bias
     return partial(estimator.predict, X)

@@ -75,28 +75,25 @@ def single_calls(robot: RandomRobot, folder: Path) -> dict[str, Table]:
         contenders["MuJoCo mj_forward"] = partial(mujoco.mj_forward, mj, mujoco.MjData(mj))
     found = {"gravity torque": beside("Pinocchio", contenders)}
     moving = inverse_dynamics_kernel(model).bind(q, qd, qdd, gravity, still, still.copy(), motion)
-    for title, bound, checked, peer in (
-        (
-            "mass matrix (crba)",
-            mass_matrix_kernel(model).bind(q, M),
-            partial(mass_matrix, model, q),
-            partial(pinocchio.crba, pin, data, q),
-        ),
-        (
-            "inverse dynamics (rnea), on a base that may move",
-            moving,
-            partial(inverse_dynamics, model, q, qd, qdd, gravity),
-            partial(pinocchio.rnea, pin, data, q, qd, qdd),
-        ),
-        (
-            "forward kinematics",
-            forward_kinematics_kernel(model).bind(q, pose),
-            partial(forward_kinematics_kernel(model), q),
-            partial(pinocchio.forwardKinematics, pin, data, q),
-        ),
-    ):
-        found[title] = beside("Pinocchio", {"Pinocchio": peer, "bound kernel": bound, "new array": checked})
-    return found
+    placing = forward_kinematics_kernel(model)
+    others = {
+        "mass matrix (crba)": {
+            "Pinocchio": partial(pinocchio.crba, pin, data, q),
+            "bound kernel": mass_matrix_kernel(model).bind(q, M),
+            "new array": partial(mass_matrix, model, q),
+        },
+        "inverse dynamics (rnea), on a base that may move": {
+            "Pinocchio": partial(pinocchio.rnea, pin, data, q, qd, qdd),
+            "bound kernel": moving,
+            "new array": partial(inverse_dynamics, model, q, qd, qdd, gravity),
+        },
+        "forward kinematics": {
+            "Pinocchio": partial(pinocchio.forwardKinematics, pin, data, q),
+            "bound kernel": placing.bind(q, pose),
+            "new array": partial(placing, q),
+        },
+    }
+    return found | {title: beside("Pinocchio", contenders) for title, contenders in others.items()}
 
 
 def many(model: RobotModel, rng: np.random.Generator, folder: Path) -> Table:
@@ -151,35 +148,25 @@ def start_up() -> Table:
     table: Table = {}
     with tempfile.TemporaryDirectory() as empty:
         # byte code as an installed package has it, from the second process on
-        own = {
-            "XDG_CACHE_HOME": empty,
-            "NUMBA_CACHE_DIR": f"{empty}/numba",
-            "PYTHONPYCACHEPREFIX": f"{empty}/bytes",
-        }
-        environment = {**os.environ, **own}
+        caches = {"NUMBA_CACHE_DIR": f"{empty}/numba", "PYTHONPYCACHEPREFIX": f"{empty}/bytes"}
+        environment = {**os.environ, "XDG_CACHE_HOME": empty, **caches}
         environment.pop("PYTHONDONTWRITEBYTECODE", None)
         for name, code in STARTS.items():
             spent = []
             for _ in range(ROUNDS + 1):
-                begin, before = time.perf_counter(), os.times()
+                begin, before = time.perf_counter(), _cpu_of_children()
                 subprocess.run([sys.executable, "-c", code], check=True, env=environment)
-                wall, after = time.perf_counter() - begin, os.times()
-                cpu = (
-                    after.children_user
-                    + after.children_system
-                    - before.children_user
-                    - before.children_system
-                )
-                spent.append((cpu, wall))
+                spent.append((_cpu_of_children() - before, time.perf_counter() - begin))
             # the first has neither byte code nor machine code
             cold, (cpu, wall) = spent[0], np.median(spent[1:], axis=0)
-            table[name] = {
-                "cpu_s": float(cpu),
-                "wall_s": float(wall),
-                "cold_cpu_s": cold[0],
-                "cold_wall_s": cold[1],
-            }
+            warm = {"cpu_s": float(cpu), "wall_s": float(wall)}
+            table[name] = {**warm, "cold_cpu_s": cold[0], "cold_wall_s": cold[1]}
     return table
+
+
+def _cpu_of_children() -> float:
+    times = os.times()
+    return times.children_user + times.children_system
 
 
 def compile_times(robot: RandomRobot) -> dict[str, float]:
@@ -204,9 +191,8 @@ def tables() -> Tables:
     with tempfile.TemporaryDirectory() as folder:
         os.environ["XDG_CACHE_HOME"] = folder
         arms = robots()
-        found = {
-            "tracing and compiling, empty cache, s": {name: compile_times(arm) for name, arm in arms.items()}
-        }
+        compiling = {name: compile_times(arm) for name, arm in arms.items()}
+        found = {"tracing and compiling, empty cache, s": compiling}
         for name, arm in arms.items():
             found |= {f"{name}: {title}": table for title, table in single_calls(arm, Path(folder)).items()}
             found[f"{name}: {MANY} configurations"] = many(arm.model, np.random.default_rng(1), Path(folder))

@@ -86,9 +86,8 @@ def report(measured: Callable[..., Tables], about: str | None, **usual: Any) -> 
         usual: Further options, which `measured` takes, and what they are where they are not given; of a tuple any
             may be chosen.
     """
-    parser = argparse.ArgumentParser(
-        description=about, formatter_class=argparse.ArgumentDefaultsHelpFormatter
-    )
+    form = argparse.ArgumentDefaultsHelpFormatter
+    parser = argparse.ArgumentParser(description=about, formatter_class=form)
     parser.add_argument("--json", type=Path, help="where the tables go")
     for name, value in usual.items():
         if isinstance(value, tuple):
@@ -112,10 +111,8 @@ def print_table(title: str, table: Table) -> None:
     """Print a table; its rows as columns where they are long, and what a row lacks as NaN."""
     values = list(dict.fromkeys(value for row in table.values() for value in row))
     if len(values) > 9:
-        values, table = (
-            list(table),
-            {v: {name: row.get(v, np.nan) for name, row in table.items()} for v in values},
-        )
+        turned = {v: {name: row.get(v, np.nan) for name, row in table.items()} for v in values}
+        values, table = list(table), turned
     wide = max(34, *map(len, table))
     print(f"\n{title}\n  {'':{wide}}" + "".join(f"{value:>{max(12, len(value) + 2)}}" for value in values))
     for name, row in table.items():
@@ -124,11 +121,8 @@ def print_table(title: str, table: Table) -> None:
 
 def machine() -> dict[str, str]:
     """Return what the benchmark ran on."""
-    names = [
-        line.partition(":")[2].strip()
-        for line in Path("/proc/cpuinfo").read_text().splitlines()
-        if line.startswith("model name")
-    ]
+    lines = Path("/proc/cpuinfo").read_text().splitlines()
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return {
         "processor": names[0] if names else platform.processor(),
         "cores": str(len(names)),

@@ -62,9 +62,8 @@ def _library(folder: Path) -> ctypes.CDLL | None:
     command += ["-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30"]
     command += ["-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DPINOCCHIO_ENABLE_TEMPLATE_INSTANTIATION"]
     command += [f"-I{root / 'include'}", f"-I{eigen}", str(source), "-o", str(library)]
-    subprocess.run(
-        [*command, f"-L{root / 'lib'}", f"-Wl,-rpath,{root / 'lib'}", "-lpinocchio_default"], check=True
-    )
+    command += [f"-L{root / 'lib'}", f"-Wl,-rpath,{root / 'lib'}", "-lpinocchio_default"]
+    subprocess.run(command, check=True)
     return ctypes.CDLL(str(library))
 
 
@@ -81,19 +80,12 @@ def cpp_loop(model: RobotModel, q: Floats, out: Floats, folder: Path) -> Callabl
     rows = (tree.rotation, tree.origin, tree.mass, tree.com, tree.inertia, tree.prismatic)
     numbers = np.hstack([np.asarray(each, dtype=float).reshape(model.n, -1) for each in rows])
     run = library.gravity_rows
-    run.argtypes = [
-        ctypes.c_long,
-        ctypes.c_void_p,
-        ctypes.c_void_p,
-        ctypes.c_long,
-        ctypes.c_void_p,
-        ctypes.c_void_p,
-    ]
+    number, array = ctypes.c_long, ctypes.c_void_p
+    run.argtypes = [number, array, array, number, array, array]
     run.restype = None
-    arrays = np.ascontiguousarray(numbers), parents  # alive as long as the call
-    return lambda: run(
-        model.n, arrays[1].ctypes.data, arrays[0].ctypes.data, len(q), q.ctypes.data, out.ctypes.data
-    )
+    numbers = np.ascontiguousarray(numbers)  # alive as long as the call, as are the other arrays
+    data = [each.ctypes for each in (parents, numbers, q, out)]
+    return lambda: run(model.n, data[0].data, data[1].data, len(q), data[2].data, data[3].data)
 
 
 def _eigen() -> Path | None:

@@ -10,14 +10,8 @@ from tests.oracles.random_trees import RandomRobot, random_inertia
 
 # modified DH of the Franka Panda (Franka Emika, Robot and interface specifications): a [m], d [m], alpha [deg]
 PANDA = (
-    (0, 0.333, 0),
-    (0, 0, -90),
-    (0, 0.316, 90),
-    (0.0825, 0, 90),
-    (-0.0825, 0.384, -90),
-    (0, 0, 90),
-    (0.088, 0, 90),
-)
+    (0, 0.333, 0), (0, 0, -90), (0, 0.316, 90), (0.0825, 0, 90), (-0.0825, 0.384, -90), (0, 0, 90), (0.088, 0, 90),
+)  # fmt: skip
 TORSO = ((0, 0.4, 0), (0, 0, -90), (0.3, 0, 0), (0.3, 0, 90), (0, 0.2, -90))
 
 
@@ -45,12 +39,8 @@ def pinocchio_robot(model: RobotModel) -> pinocchio.Model:
         if (tree.axis[i] == [0.0, 0.0, 1.0]).all():
             joint = pinocchio.JointModelPZ() if tree.prismatic[i] else pinocchio.JointModelRZ()
         else:
-            unaligned = (
-                pinocchio.JointModelPrismaticUnaligned
-                if tree.prismatic[i]
-                else pinocchio.JointModelRevoluteUnaligned
-            )
-            joint = unaligned(tree.axis[i])
+            kind = "Prismatic" if tree.prismatic[i] else "Revolute"
+            joint = getattr(pinocchio, f"JointModel{kind}Unaligned")(tree.axis[i])
         pose = pinocchio.SE3(tree.rotation[i], tree.origin[i])
         added = pin.addJoint(int(tree.parent[i]) + 1, joint, pose, name)
         body = pinocchio.Inertia(tree.mass[i], tree.com[i], tree.inertia[i])
@@ -69,9 +59,7 @@ def _chain(
     for k, (a, d, alpha_deg) in enumerate(rows):
         alpha = np.deg2rad(alpha_deg)
         R = np.round([[1, 0, 0], [0, np.cos(alpha), -np.sin(alpha)], [0, np.sin(alpha), np.cos(alpha)]])
-        origin = (
-            np.array([a, 0.0, 0.0]) + R @ [0.0, 0.0, d] + ([0.0, shift, 0.0] if k == 0 else [0.0, 0.0, 0.0])
-        )
+        origin = np.array([a, shift if k == 0 else 0.0, 0.0]) + R @ [0.0, 0.0, d]
         links.append(
             Link(
                 name=f"{name}{k + 1}",

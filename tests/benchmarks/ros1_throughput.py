@@ -68,11 +68,8 @@ sys.stdin.readline()
 
 def raven_topics() -> list[tuple[str, str]]:
     """Return what a RAVEN-II publishes every millisecond."""
-    return [
-        (topic.name, topic.type)
-        for topic in RAVEN
-        if topic.direction == "out" and topic.verb != "joint_states"
-    ]
+    out = (topic for topic in RAVEN if topic.direction == "out" and topic.verb != "joint_states")
+    return [(topic.name, topic.type) for topic in out]
 
 
 def measure(topics: list[tuple[str, str]]) -> dict[str, float]:

@@ -58,6 +58,5 @@ def tables(seconds: float, dialect: tuple[str, ...], listener: tuple[str, ...]) 
 
 
 if __name__ == "__main__":
-    report_of_programs(
-        tables, __doc__, seconds=20.0, dialect=("raven", "crtk"), listener=("sockets", "rospy")
-    )
+    choices = {"dialect": ("raven", "crtk"), "listener": ("sockets", "rospy")}
+    report_of_programs(tables, __doc__, seconds=20.0, **choices)

@@ -67,16 +67,6 @@ def test_a_few_per_cent_of_rate_are_taken_and_a_decimation_that_is_said() -> Non
     assert Corrector(model(history=2, rate_hz=None), decimation=33).decimation == 33
 
 
-def test_reset_forgets_previous_ticks() -> None:
-    remembering = model(history=2, plays=1, rate_hz=1000.0)
-    corrector = Corrector(remembering)
-    first = corrector.run(SIGNALS[:, :3], SIGNALS)
-    corrector.run(SIGNALS[::-1, :3], SIGNALS[::-1])
-    again = corrector.run(SIGNALS[:, :3], SIGNALS)
-    assert_array_equal(first[0], again[0])
-    assert_array_equal(first[1], again[1])
-
-
 def test_nan_among_previous_positions_clears_the_flag_for_as_long_as_it_is_one() -> None:
     corrector = Corrector(model(history=3, rate_hz=1000.0))
     still = np.tile(np.median(SIGNALS, axis=0), (20, 1))

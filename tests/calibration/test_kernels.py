@@ -74,18 +74,6 @@ def test_wide_networks_equal_matrix_products_beyond_a_block_of_rows() -> None:
     assert_allclose(network.predict(X), predicted(network, X), rtol=0.0, atol=1e-11)
 
 
-@pytest.mark.parametrize("name", PREDICTORS)
-def test_a_row_has_the_same_bits_alone_and_in_any_batch(name: str) -> None:
-    rng = np.random.default_rng(2)
-    predictor = random_predictor(name, 9, 5, rng)
-    X = rng.normal(size=(33, 9))
-    batch = predictor.predict(X)
-    for k in range(len(X)):
-        assert_array_equal(predictor.predict(X[k : k + 1])[0], batch[k])
-    assert_array_equal(predictor.predict(X[::-1]), batch[::-1])
-    assert predictor.predict(X[:0]).shape == (0, 5)
-
-
 def test_features_of_another_width_are_refused() -> None:
     linear = random_predictor("linear", 4, 2, np.random.default_rng(3))
     with pytest.raises(InputError, match=r"features: expected shape \(N, 4\), got \(5, 3\)"):

@@ -207,20 +207,6 @@ def test_output_that_never_moved_gets_no_ripple(settings: NetworkSettings) -> No
     assert_allclose(network.predict(X)[:, -1], 0.02, atol=1e-12)  # rounding of the linear model
 
 
-@pytest.mark.filterwarnings("error")
-def test_logistic_unit_does_not_overflow_far_from_zero() -> None:
-    network = Network(
-        np.zeros(1),
-        np.ones(1),
-        (np.array([[1.0]]), np.array([[1.0]])),
-        (np.zeros(1), np.zeros(1)),
-        "logistic",
-        np.zeros(1),
-        np.ones(1),
-    )
-    assert_array_equal(network.predict(np.array([[-1e6], [0.0], [1e6]])), [[0.0], [0.5], [1.0]])
-
-
 def test_progress_rises_to_one() -> None:
     told: list[float] = []
     X, Y = problem(100)

@@ -18,7 +18,6 @@ from catenary.calibration.model import CalibrationModel
 from catenary.calibration.onnx import OPSET, save_onnx, to_onnx
 from catenary.errors import FileFormatError, InputError, MissingPackageError
 from oracles.calibration_models import PREDICTORS, random_model
-from recordings import fitted, recording
 
 CARD = {"robot": "räven"}
 CLOSE = {"rtol": 1e-9, "atol": 1e-9}  # sums of some hundred terms of order one to ten, in another order
@@ -74,29 +73,6 @@ def test_graph_gives_the_correction_of_every_kind_of_model(kind: str, per_joint:
     assert 0.0 < inside.mean() < 1.0
     assert (given["inside"] == inside).all()
     assert_allclose(given["correction"], model.correction(X, q), **CLOSE)
-
-
-@pytest.mark.parametrize(
-    ("kind", "options"),
-    [
-        ("offset", {}),
-        ("linear", {"history": 2}),
-        ("polynomial", {}),
-        ("neural", {}),
-        ("neural", {"preset": "best"}),
-        ("linear", {"inputs": {"J1": ("q:J1", "q:J2"), "J3": ("q:J3",)}}),
-        ("linear", {"target": "position"}),
-    ],
-)
-def test_graph_of_a_fitted_model_gives_what_calibrate_gives(kind: str, options: dict[str, Any]) -> None:
-    log = recording(np.random.default_rng(1), rows=120)
-    model = fitted(log, kind=kind, **options)
-    signals = np.column_stack(
-        [log.q_nominal[:, log.joint_names.index(s.removeprefix("q:"))] for s in model.features.signals]
-    )
-    correction, inside = step_through(session_of(model), signals, log.q_nominal)
-    assert inside.any()
-    assert_allclose(log.q_nominal + correction, model.calibrate(log), rtol=0.0, atol=1e-11)
 
 
 @settings(max_examples=25, deadline=None)

@@ -77,11 +77,3 @@ def waves(seed: int, outputs: int = 2) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     X = rng.normal(size=(300, 3)) * [1.0, 0.05, 2.0] + [0.0, 0.1, -1.0]
     return X, np.column_stack([np.sin(X[:, 0] + 5.0 * X[:, 1] * (k + X[:, 2])) for k in range(outputs)])
-
-
-def test_prediction_of_many_rows_is_that_of_each() -> None:
-    rng = np.random.default_rng(6)
-    X = rng.normal(size=(9000, 42))  # 903 products a row: more than are kept in memory at a time
-    polynomial = fit_polynomial(X[:1500], rng.normal(size=(1500, 2)), ridge=10.0)
-    rows = [0, 4428, 4429, 8999]
-    assert_allclose(polynomial.predict(X)[rows], polynomial.predict(X[rows]), rtol=1e-9, atol=1e-12)

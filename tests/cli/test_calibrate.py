@@ -67,9 +67,7 @@ def test_record_makes_further_recordings(project_folder: Path) -> None:
     assert (project_folder / "recordings" / "again").is_dir()
 
 
-def test_extract_writes_tables_and_bags_from_which_a_model_is_fitted(
-    project_folder: Path, tmp_path: Path
-) -> None:
+def test_extract_writes_tables_and_bags_for_a_fit(project_folder: Path, tmp_path: Path) -> None:
     outcome = catenary("extract", project_folder)
     assert "longest gap [ms]" not in outcome.err
     assert "/ravenstate" in outcome.out
@@ -93,7 +91,7 @@ def test_deploy_tells_errors_and_latency(recorded: Path, raven_model: Path) -> N
     assert "RMSE while the loop ran" in catenary(*line).out
 
 
-def test_a_loop_of_no_length_or_with_a_model_of_another_robot_is_refused(
+def test_a_loop_of_no_length_or_of_another_model_is_refused(
     recorded: Path, raven_model: Path, model: Path
 ) -> None:
     for seconds in ("nan", "inf", "0", "-1"):

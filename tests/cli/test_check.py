@@ -90,9 +90,7 @@ NO_TEXT = b'<robot name="\xff\xfe"/>'
         *((f"a{ending}", None, "is a folder, expected a file") for ending in ("", ".npz", ".toml", ".urdf", ".parquet")),
     ],
 )  # fmt: skip
-def test_what_cannot_be_read_ends_with_2(
-    tmp_path: Path, name: str, content: str | bytes | None, words: str
-) -> None:
+def test_unreadable_ends_with_2(tmp_path: Path, name: str, content: str | bytes | None, words: str) -> None:
     path = tmp_path / name
     if content is None:
         path.mkdir()

@@ -102,9 +102,7 @@ PREVIOUS = [f"q:J{j}[-{k}]" for k in (1, 2) for j in (1, 2, 3)]
     ("options", "rows", "added"),
     [("--history 2", 398, PREVIOUS), ("--play 0.1,0.2", 400, ["play("] * 6), ("--folds 0", 400, [])],
 )
-def test_options_add_inputs_and_take_rows(
-    tmp_path: Path, run: Path, options: str, rows: int, added: list[str]
-) -> None:
+def test_options_change_inputs(tmp_path: Path, run: Path, options: str, rows: int, added: list[str]) -> None:
     content = fit_json(Path(copy(run, tmp_path)), "--model", "linear", *options.split())
     assert content["rows"] == rows
     assert all(map(str.startswith, content["inputs"][3:], added))
@@ -164,9 +162,7 @@ def test_pages_say_what_was_tested_on(model: Path, run: Path, tmp_path: Path) ->
 
 @pytest.mark.usefixtures("_no_pictures")
 @pytest.mark.parametrize("report", ["no_folder/page.html", "."])
-def test_a_page_that_cannot_be_written_loses_nothing(
-    run: Path, model: Path, tmp_path: Path, report: str
-) -> None:
+def test_an_unwritable_page_loses_nothing(run: Path, model: Path, tmp_path: Path, report: str) -> None:
     page = ("--report", tmp_path / report)
     outcome = catenary("fit", run, "--model", "linear", "--out", tmp_path / "m.npz", *page)
     assert outcome.code == 2
@@ -177,14 +173,11 @@ def test_a_page_that_cannot_be_written_loses_nothing(
     assert len(evaluated.json["joints"]) == 3
 
 
-def test_a_terminal_without_the_signs_still_shows_the_numbers(
-    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_ascii_terminal_still_shows_the_numbers(run: Path, tmp_path: Path, monkeypatch: Any) -> None:
     terminal = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
     monkeypatch.setattr(sys, "stdout", terminal)
-    monkeypatch.setattr(
-        sys, "argv", ["catenary", "fit", str(run), "--model=offset", f"--out={tmp_path / 'm.npz'}"]
-    )
+    command = ["catenary", "fit", str(run), "--model=offset", f"--out={tmp_path / 'm.npz'}"]
+    monkeypatch.setattr(sys, "argv", command)
     with pytest.raises(SystemExit) as end:
         main()
     assert not end.value.code
@@ -231,14 +224,11 @@ SIX = np.zeros((50, 6))
     [
         ({"joint_names": ["a", "b", "c"]}, OTHER_JOINTS),
         ({"units": ["m", "rad", "rad"]}, OTHER_JOINTS),
-        (
-            {"rows": 50, "q_des": SIX, "q_act": SIX, "units": None},
-            "has 6 joints; the model is for 3: J1, J2, J3",
-        ),
+        ({"rows": 50, "q_des": SIX, "q_act": SIX, "units": None}, "has 6 joints; the model is for 3: J1, J2, J3"),
     ],
-)
-def test_a_recording_of_other_joints_than_the_models_is_refused(
-    model: Path, tmp_path: Path, changes: dict[str, Any], words: str
+)  # fmt: skip
+def test_a_recording_of_other_joints_is_refused(
+    model: Path, tmp_path: Path, changes: Any, words: str
 ) -> None:
     other = simulated_arm.write(tmp_path / "other.npz", **changes)
     assert words in refusal("evaluate", model, other)
@@ -257,9 +247,7 @@ BROKEN: dict[str, bytes | None] = {
 
 
 @pytest.mark.parametrize("kind", BROKEN)
-def test_a_file_that_cannot_be_read_is_refused_by_name(
-    tmp_path: Path, run: Path, model: Path, kind: str
-) -> None:
+def test_an_unreadable_file_is_refused_by_name(tmp_path: Path, run: Path, model: Path, kind: str) -> None:
     for ending in (".npz", ".parquet"):
         path, content = tmp_path / f"bad{ending}", BROKEN[kind]
         if content is not None:

@@ -30,9 +30,8 @@ def identified(log: Path, out: Path, *options: object) -> Any:
 
 def test_identify_prints_counts_condition_and_residuals(moving_arm_logs: Path, tmp_path: Path) -> None:
     test_log = moving_arm_logs / "run1.npz"
-    content = identified(
-        moving_arm_logs / "run0.npz", tmp_path / "a.npz", "--test", test_log, "--period", 1000
-    )
+    options = ("--test", test_log, "--period", 1000)
+    content = identified(moving_arm_logs / "run0.npz", tmp_path / "a.npz", *options)
     assert {"n_base", "condition", "rank", "training", "tests"} <= set(content)
     assert content["n_base"] == content["rank"]
     (test,) = content["tests"]
@@ -52,14 +51,14 @@ def test_identify_writes_parameters_card_page_and_urdf(moving_arm_logs: Path, tm
     assert load_identification(out)[0].model.name == "raven2"
     assert json.loads((tmp_path / "arm.card.json").read_text())["data"][0]["use"] == "fitted"
     html = page.read_text()
-    for words in (
+    sections = (
         "Excitation",
         "Base parameters",
         "Torques of run0",
         "data:image/png;base64",
         "assumed friction",
-    ):
-        assert words in html
+    )
+    assert all(words in html for words in sections)
     assert load_urdf(urdf).tree.mass.min() > 0.0
 
 
@@ -146,7 +145,6 @@ RUN = recorded(ARM, 0, seconds=4.0)
 )  # fmt: skip
 def test_a_recording_that_cannot_be_used_is_refused(tmp_path: Path, changes: dict, words: str) -> None:
     write_npz(RUN, tmp_path / "log.npz", **changes)
-    assert words in refusal(
-        "identify", tmp_path / "log.npz", "--robot", "raven2", "--out", tmp_path / "o.npz"
-    )
-    assert not (tmp_path / "o.npz").exists()
+    out = tmp_path / "o.npz"
+    assert words in refusal("identify", tmp_path / "log.npz", "--robot", "raven2", "--out", out)
+    assert not out.exists()

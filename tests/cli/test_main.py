@@ -28,9 +28,7 @@ def test_help_names_every_command() -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_has_help_in_eighty_columns_and_json(
-    command: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_command_has_help_in_80_columns_and_json(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     outcome = catenary(command, "--help")
     assert outcome.code == 0
@@ -100,9 +98,6 @@ def test_a_full_disk_is_a_message() -> None:
 
 
 def test_a_reader_that_goes_away_is_no_traceback() -> None:
-    outcome = subprocess.run(
-        ["bash", "-c", f"{sys.executable} -m catenary.cli.main robots --json | head -c 1"],
-        capture_output=True,
-        check=True,
-    )
+    line = f"{sys.executable} -m catenary.cli.main robots --json | head -c 1"
+    outcome = subprocess.run(["bash", "-c", line], capture_output=True, check=True)
     assert outcome.stderr == b""

@@ -47,9 +47,8 @@ def test_gravity_is_published_from_a_board(tmp_path: Path, monkeypatch: pytest.M
     board = SimulatedBoard(tmp_path / "board", gyroscope=False)
     time = BoardTime(board, lambda: board.line((0.0, 0.0, 9.81 + 0.001 * (board.count % 7))), board.hello)
     time.rule(monkeypatch)
-    monkeypatch.setattr(
-        network, "make_transport", lambda ros, name: Loopback(name, LoopbackNetwork(clock=time))
-    )
+    alone = LoopbackNetwork(clock=time)
+    monkeypatch.setattr(network, "make_transport", lambda ros, name: Loopback(name, alone))
     outcome = catenary("gravity-node", "--port", board.link, "--ros", "none", "--duration", "1.5", "--json")
     board.close()
     assert outcome.code == 0

@@ -1,7 +1,6 @@
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from unittest.mock import patch
 
 import pytest
 
@@ -68,15 +67,10 @@ def test_a_board_is_read_over_its_port(board: SimulatedBoard):
     assert data["link"]["damaged"] == 0
 
 
-def test_a_tumble_of_a_board_asks_for_each_attitude_and_refuses_one_that_never_moved(
-    board: SimulatedBoard, tmp_path: Path
-):
-    quick = partial(read_still, seconds=0.15)
-    with (
-        patch("catenary.cli.sense._enter_pressed", return_value=True),
-        patch("catenary.workflows.sense.read_still", quick),
-    ):
-        outcome = catenary("sense", "--port", board.link, "--tumble", "--out", tmp_path / "m.toml")
+def test_a_tumble_asks_for_all_attitudes_and_refuses_a_board_at_rest(board, tmp_path, monkeypatch):
+    monkeypatch.setattr("catenary.cli.sense._enter_pressed", lambda: True)
+    monkeypatch.setattr("catenary.workflows.sense.read_still", partial(read_still, seconds=0.15))
+    outcome = catenary("sense", "--port", board.link, "--tumble", "--out", tmp_path / "m.toml")
     assert outcome.code == 2
     assert "12/12" in outcome.err
     assert "all directions are parallel" in outcome.err

@@ -24,8 +24,7 @@ def test_serving_prints_a_line_a_second_and_sums_up():
 
 
 def test_a_person_reads_state_and_rate():
-    result = catenary(
-        "serve", "--ros", "none", "--homed", "--dialect", "crtk", "--duration", "1.2", "--rate", "200"
-    )
+    options = ("--dialect", "crtk", "--duration", "1.2", "--rate", "200")
+    result = catenary("serve", "--ros", "none", "--homed", *options)
     assert "gold DISABLED homed" in result.out
     assert "to nobody" in result.err

@@ -4,15 +4,8 @@ import sys
 
 import pytest
 
-from catenary.cli.terminal import (
-    numbers,
-    print_fact,
-    print_json,
-    print_notes,
-    print_table,
-    progress_bar,
-    words,
-)
+from catenary.cli import terminal
+from catenary.cli.terminal import numbers, print_fact, print_json, print_notes, print_table, progress_bar
 from catenary.errors import InputError
 
 
@@ -30,7 +23,7 @@ def test_what_is_no_number_is_refused_by_the_options_name(text: str) -> None:
 
 
 def test_words_stand_between_commas() -> None:
-    assert words(" rad,, m ,") == ("rad", "m")
+    assert terminal.words(" rad,, m ,") == ("rad", "m")
 
 
 def test_what_json_does_not_know_is_null(capsys: pytest.CaptureFixture[str]) -> None:
@@ -68,17 +61,15 @@ class Terminal(io.StringIO):
 
 def test_long_facts_fill_the_lines_of_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "40")
-    terminal = Terminal()
-    monkeypatch.setattr(sys, "stdout", terminal)
+    shown = Terminal()
+    monkeypatch.setattr(sys, "stdout", shown)
     print_fact("sources", 10 * "seven77 ", width=8)
-    lines = terminal.getvalue().split("\n")
+    lines = shown.getvalue().split("\n")
     assert max(map(len, lines)) <= 40
     assert lines[1].startswith(" " * 12 + "seven77")
 
 
-def test_a_pipe_gets_facts_on_one_line_notes_apart_and_no_progress(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_pipe_gets_facts_on_one_line_and_no_progress(capsys: pytest.CaptureFixture[str]) -> None:
     print_fact("sources", 30 * "word ", width=8)
     assert capsys.readouterr().out.count("\n") == 1
     print_notes(["one", "two"])
@@ -88,9 +79,9 @@ def test_a_pipe_gets_facts_on_one_line_notes_apart_and_no_progress(
 
 
 def test_a_progress_bar_in_a_terminal_says_what_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    terminal = Terminal()
-    monkeypatch.setattr(sys, "stderr", terminal)
+    shown = Terminal()
+    monkeypatch.setattr(sys, "stderr", shown)
     monkeypatch.setenv("TERM", "xterm")
     with progress_bar("fitting") as progress:
         progress(0.5)
-    assert "fitting" in terminal.getvalue()
+    assert "fitting" in shown.getvalue()

@@ -10,8 +10,7 @@ import pytest
 from catenary.arrays import Floats
 from catenary.control.controller import SplitController
 from catenary.control.elastic import ElasticPD
-from catenary.control.estimated_gravity_pd import EstimatedGravityPD
-from catenary.control.gravity_pd import GravityHold, GravityPD
+from catenary.control.gravity_pd import EstimatedGravityPD, GravityHold, GravityPD
 from catenary.control.inertia_pd import InertiaPD
 from catenary.control.pd import JointPD
 from catenary.errors import InputError

@@ -9,15 +9,13 @@ from numpy.typing import NDArray
 
 from catenary.errors import InputError
 from catenary.robots.catalog import load_robot
-from catenary.trajectories.calibration_box import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.trajectories.cartesian import CartesianSinusoids
-from catenary.trajectories.embedded import Embedded
-from catenary.trajectories.in_turn import InTurn, Rest
+from catenary.trajectories.in_turn import Embedded, InTurn, Rest
 from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.waypoints import follow_waypoints, play_rows
-from catenary.trajectories.zigzag import DIRECTIONS, zigzag, zigzag_rows
+from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER, DIRECTIONS, zigzag, zigzag_rows
 
 Floats = NDArray[np.float64]
 

@@ -5,9 +5,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.arrays import Floats
-from catenary.control.gravity_pd import GravityHold, GravityPD
+from catenary.control.gravity_pd import EstimatedGravityPD, GravityHold, GravityPD
 from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
 from catenary.errors import InputError, MissingInertiaError
+from catenary.gravity.compact import compact_regressor
+from catenary.gravity.estimator import GravityEstimator
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import AT_REST, JointState
 from catenary.robots.catalog import load_robot
@@ -91,3 +93,20 @@ def test_angular_acceleration_of_the_base_loads_the_raven_as_much_as_rocking_gra
     hold = GravityHold(ARM)
     swing = 2.0 * abs(hold.torque(rocked, REFERENCE) - hold.torque(placed, REFERENCE))[0]
     assert 0.4 < swing < 1.0  # of the order of the holding torque
+
+
+def test_torque_is_the_pds_and_the_estimated_gravity() -> None:
+    estimator = GravityEstimator(ARM, KP, KD, s0=compact_regressor(ARM).parameters())
+    tau = EstimatedGravityPD(KP, KD, estimator).torque(state(), REFERENCE)
+    # at the first tick no time has passed: the parameters are still those that it began with
+    assert_allclose(tau, PD + gravity_torque(ARM, Q, TILTED), rtol=1e-12)
+
+
+def test_what_the_spring_holds_at_rest_moves_into_the_estimate() -> None:
+    kp, kd = np.array([9.0, 8.0, 7.0]), np.array([3.0, 2.0, 1.0])
+    controller = EstimatedGravityPD(kp, kd, GravityEstimator(ARM, kp, kd))
+    still = state(LEVEL)._replace(q=np.array([0.4, 1.2, 0.4]), qd=np.zeros(3))
+    reference = Reference(still.q + 0.1, np.zeros(3), np.zeros(3))
+    first, second = (controller.torque(still._replace(time=t), reference) for t in (0.0, 0.05))
+    # Omega = 2 / s over 0.05 s adds a tenth of kp (q_d - q); Z Z^+ is 1 but for its damping
+    assert_allclose(second - first, 0.1 * 0.1 * kp, rtol=0.02)

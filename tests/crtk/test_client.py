@@ -32,6 +32,11 @@ def connected(plant: Any, **options: Any) -> tuple[RobotOnLoopback, CrtkClient]:
     return setup, CrtkClient(setup.transport, **options)
 
 
+def wait(client: CrtkClient, ticks: int) -> None:
+    for _ in range(ticks):
+        client.wait()
+
+
 def test_missing_robot_is_reported_by_its_topics() -> None:
     clock = ManualClock()
     with pytest.raises(TransportError, match="after 5 s") as caught:
@@ -82,11 +87,9 @@ def test_robot_of_any_joints_is_taken_with_its_limits() -> None:
 def test_silent_robot_is_refused() -> None:
     setup, client = connected(ideal(), stale_after=0.1)
     setup.robot.silent = True
-    for _ in range(95):
-        client.wait()
+    wait(client, 95)
     client.measured_js()
-    for _ in range(10):
-        client.wait()
+    wait(client, 10)
     for ask in (client.measured_js, client.setpoint_js, client.operating_state):
         with pytest.raises(TransportError, match="nothing has come from the robot"):
             ask()
@@ -110,11 +113,9 @@ def test_far_goal_is_reached_in_clamped_steps() -> None:
     client.servo_jp(goal)
     before = setup.robot.commands
     client.wait()
-    assert_allclose(
-        np.abs(client.setpoint_js().q - goal).max(), 0.0175, atol=1e-9
-    )  # less one step of 2.5 mrad
-    for _ in range(7):
-        client.wait()
+    # less one step of 2.5 mrad
+    assert_allclose(np.abs(client.setpoint_js().q - goal).max(), 0.0175, atol=1e-9)
+    wait(client, 7)
     assert_allclose(client.setpoint_js().q, goal, atol=1e-9)
     client.wait()
     assert setup.robot.commands - before == 8  # one message a tick, none when it is there
@@ -133,8 +134,7 @@ def test_lost_and_repeated_messages_move_no_joint_elsewhere() -> None:
     for _ in range(100):
         client.servo_jr(np.full(7, np.deg2rad(0.003)))
         client.wait()
-    for _ in range(3):
-        client.wait()
+    wait(client, 3)
     assert_allclose(client.setpoint_js().q - START, np.deg2rad(0.3), rtol=1e-9)
 
 
@@ -142,20 +142,17 @@ def test_goal_is_forgotten_by_a_pause() -> None:
     setup, client = connected(homed_plant())
     client.servo_jp(client.setpoint_js().q + 0.02)
     setup.robot.plant.state_command("pause")  # the pedal
-    client.wait()
-    client.wait()
+    wait(client, 2)
     setup.robot.plant.state_command("resume")
     held = setup.robot.plant.setpoint_js().q
-    for _ in range(5):
-        client.wait()
+    wait(client, 5)
     assert_array_equal(setup.robot.plant.setpoint_js().q, held)
 
 
 def test_increments_begin_where_somebody_else_has_moved_the_robot() -> None:
     setup, client = connected(ideal())
     client.servo_jp(START)
-    client.wait()
-    client.wait()
+    wait(client, 2)
     setup.robot.plant.servo_jp(np.array(START) + 0.1)
     client.wait()
     client.servo_jr(np.full(7, 0.01))
@@ -169,8 +166,7 @@ def test_robot_that_restarts_is_not_enabled_by_what_was_asked_before() -> None:
     client.state_command("resume")
     setup.unplug()
     setup.restart(ideal(ready=False))
-    for _ in range(10):
-        client.wait()
+    wait(client, 10)
     assert client.operating_state().state == "DISABLED"
     with pytest.raises(NotReadyError):
         client.servo_jp(START)
@@ -217,8 +213,7 @@ def test_encoders_come_as_telemetry_and_turn_to_nan_when_silent() -> None:
     setup, client = connected(homed_plant())
     assert_allclose(client.telemetry()["ext_jpos"], setup.robot.plant.telemetry()["ext_jpos"])
     setup.robot._out.pop("ext_jpos")
-    for _ in range(250):
-        client.wait()
+    wait(client, 250)
     assert np.isnan(client.telemetry()["ext_jpos"]).all()
     assert np.isfinite(client.telemetry()["joint_enc"]).all()
 

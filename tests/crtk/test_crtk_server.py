@@ -8,7 +8,7 @@ from catenary.crtk.conversions import pose_message, pose_of
 from catenary.crtk.message import message_class
 from catenary.crtk.serving.moves import joint_move, straight_move
 from catenary.spatial import Pose, rotation_from_rpy
-from served_robot import JointState, ServedRobot, homing_plant, shoulder
+from served_robot import JointState, ServedRobot, shoulder
 
 EXACT = 1e-12
 Empty = message_class("std_msgs/Empty")
@@ -23,27 +23,6 @@ def robot() -> ServedRobot:
 def pose(robot: ServedRobot) -> Pose:
     """Setpoint of the tool."""
     return pose_of(robot.last("setpoint_cp"))
-
-
-def test_homing_is_busy_and_leaves_the_arm_enabled():
-    robot = ServedRobot("crtk", plant=homing_plant())
-    heard = robot.hear("operating_state")
-    robot.tick()
-    robot.command("enable")
-    robot.tick()
-    robot.command("home")
-    for _ in range(30):
-        robot.tick(10)
-        if robot.server.arms["gold"].state.is_homed:
-            break
-    states = [one.message for one in heard.take()]
-    seen = list(dict.fromkeys((one.state, one.is_homed, one.is_busy) for one in states))
-    assert seen == [
-        ("DISABLED", False, False),
-        ("ENABLED", False, False),
-        ("ENABLED", False, True),
-        ("ENABLED", True, False),
-    ]
 
 
 def test_a_state_is_latched_and_not_repeated_while_nothing_happens(robot):

@@ -10,7 +10,7 @@ from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import message_class
 from catenary.crtk.names import BUTTON, BUTTON_TYPE
 from catenary.spatial import Pose, rotation_from_rpy
-from served_robot import JointState, ServedRobot, homing_plant, shoulder
+from served_robot import JointState, ServedRobot, shoulder
 
 STEP = np.deg2rad(0.003)  # what a client sends in a millisecond
 UP = np.array([0.0, 0.0, 1.0])
@@ -81,13 +81,15 @@ def test_a_servo_jp_moves_one_clamped_step_a_message(robot):
 
 
 @pytest.mark.parametrize("state", ["PAUSED", "DISABLED"])
-def test_nothing_moves_unless_enabled_and_nothing_is_kept_for_later(state):
+def test_nothing_moves_unless_enabled_which_is_reported_and_nothing_is_kept_for_later(state):
     robot = ServedRobot(state=state)
     before = robot.setpoint
     for _ in range(200):
         robot.joints("servo_jr", shoulder(STEP))
     robot.tick(5)
     assert_array_equal(robot.setpoint, before)
+    (report,) = robot.server.reports.kinds.values()
+    assert report.text == f"not obeyed while the arm is {state}, homed"
     robot.command("resume")
     robot.tick()
     before = robot.setpoint  # where the arm is, when control begins
@@ -159,37 +161,11 @@ def test_state_commands_come_over_the_arms_topic_and_the_robots(robot, topic):
     assert robot.state() == "PAUSED"
 
 
-def test_a_motion_command_that_is_not_obeyed_is_reported_with_the_state():
-    robot = ServedRobot("raven", state="PAUSED")
-    robot.joints("servo_jr", np.full(7, 1e-3))
-    robot.tick(2)
-    assert [report.text for report in robot.server.reports.kinds.values()] == [
-        "not obeyed while the arm is PAUSED, homed"
-    ]
-
-
 def test_arms_that_the_robot_has_not_are_listened_to_and_ignored(robot):
     publisher = robot.client.publisher("/arm3/state_command", "crtk_msgs/StringStamped")
     publisher.publish(message_class("crtk_msgs/StringStamped")(string="disable"))
     robot.tick(2)
     assert robot.state() == "ENABLED"
-
-
-def test_the_silver_button_homes_busily_and_then_the_pedal_is_up():
-    robot = ServedRobot(plant=homing_plant())
-    assert robot.state() == "DISABLED"
-    state = robot.hear("operating_state")
-    answer = robot.client.call(BUTTON, BUTTON_TYPE)
-    assert answer.success
-    for _ in range(30):
-        robot.tick(10)
-        if robot.state() == "PAUSED":
-            break
-    seen = [(one.message.state, one.message.is_homed, one.message.is_busy) for one in state.take()]
-    assert list(dict.fromkeys(seen)) == [
-        ("ENABLED", False, True),
-        ("PAUSED", True, False),
-    ]
 
 
 def test_the_silver_button_does_nothing_to_a_running_robot(robot):

@@ -230,22 +230,17 @@ def test_a_peer_that_says_nothing_keeps_no_other_out(master: Master) -> None:
         assert time.monotonic() - begin < 60.0  # [s] after which rospy gives the silent one up
 
 
-def test_a_name_that_runs_already_is_refused_and_goes_on(master: Master) -> None:
+def test_a_name_that_runs_already_is_refused_and_goes_on_and_is_free_after_a_crash(master: Master) -> None:
     with Program(master, LISTENER, "robot") as first:
         assert first.line() == "listening"
         with Program(master, OPEN, "robot") as second:
             errors = second.finish()[1]
         assert "a node /robot runs already" in errors
         assert numbers(first) == []
-
-
-def test_a_name_left_behind_by_a_crash_is_free(master: Master) -> None:
-    with Program(master, LISTENER, "robot") as first:
-        assert first.line() == "listening"
         first.process.kill()
         first.process.wait()
-    with Program(master, LISTENER, "robot") as second:
-        assert second.line() == "listening"
+    with Program(master, LISTENER, "robot") as third:
+        assert third.line() == "listening"
 
 
 def test_a_publisher_that_crashes_and_comes_back_is_heard_again(master: Master) -> None:

@@ -8,12 +8,12 @@ from catenary.crtk.clock import SECOND, ManualClock
 from catenary.crtk.conversions import command_message
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header
-from catenary.crtk.names import Dialect
+from catenary.crtk.names import BUTTON, BUTTON_TYPE, Dialect
 from catenary.errors import InputError, NotReadyError, TransportError
 from catenary.nodes.serve import Serving, make_server
 from catenary.simulation.cable_plant import CablePlant
 from oracles.cable_arms import homed_plant
-from served_robot import BEGIN, JointState, ServedRobot, shoulder
+from served_robot import BEGIN, JointState, ServedRobot, homing_plant, shoulder
 
 
 def living_client(state: str, command: str, *, dialect: Dialect = "raven", stamp: int = 0) -> ServedRobot:
@@ -111,6 +111,42 @@ def test_trouble_of_one_kind_is_logged_once_in_five_seconds_and_counted(caplog):
         robot.tick()
     assert robot.server.reports.count("/arm1/servo_jr: refused") == 400
     assert len([one for one in caplog.records if "servo_jr" in one.message]) == 1
+
+
+def press_the_silver_button(robot: ServedRobot) -> None:
+    assert robot.client.call(BUTTON, BUTTON_TYPE).success
+
+
+def enable_and_home(robot: ServedRobot) -> None:
+    for command in ("enable", "home"):
+        robot.tick()
+        robot.command(command)
+
+
+@pytest.mark.parametrize(
+    ("dialect", "start", "states"),
+    [
+        ("raven", press_the_silver_button, [("ENABLED", False, True), ("PAUSED", True, False)]),
+        (
+            "crtk",
+            enable_and_home,
+            [
+                ("DISABLED", False, False),
+                ("ENABLED", False, False),
+                ("ENABLED", False, True),
+                ("ENABLED", True, False),
+            ],
+        ),
+    ],
+)
+def test_homing_is_busy_and_leaves_the_pedal_up_or_the_arm_enabled(dialect, start, states):
+    robot = ServedRobot(dialect, plant=homing_plant())
+    assert robot.state() == "DISABLED"
+    heard = robot.hear("operating_state")
+    start(robot)
+    robot.tick(300)
+    seen = [(one.message.state, one.message.is_homed, one.message.is_busy) for one in heard.take()]
+    assert list(dict.fromkeys(seen)) == states
 
 
 def test_homing_that_fails_leaves_a_fault_and_a_living_server():

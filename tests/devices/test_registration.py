@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose
 from catenary.devices.encoder_counts import CountTracker, Verdict
 from catenary.devices.encoder_rig import EncoderRig
 from catenary.devices.registration import LONGEST, Registration
-from homing_counts import homing_counts
+from catenary.simulation.cable_plant import CablePlant
 
 RIG = EncoderRig()
 PERIOD = 0.01
@@ -96,18 +96,44 @@ def test_a_joint_that_goes_past_its_stop_shows_that_it_was_none():
     assert "insertion went past what was taken for the stop" in registration.reason
 
 
+@pytest.fixture(scope="module")
+def simulated_homing():
+    """An arm homes, then moves 0.1 rad, 0.1 rad, 20 mm to and fro: every 4 ms time, counts, state, its rig's positions."""
+    plant = CablePlant(start=np.array([0.3, 1.7, 0.45]))
+    plant.state_command("enable")
+    plant.state_command("home")
+    rows = []
+
+    def look():
+        counts = plant.encoders.counts(plant.state.q)
+        rows.append((plant.time, counts, plant.operating_state(), plant.encoders.positions(counts)))
+
+    look()
+    while plant.operating_state().is_busy:
+        for _ in range(4):
+            plant.wait()
+        look()
+    home = plant.measured_js().q
+    for phase in np.linspace(0.0, 2.0 * np.pi, 250):
+        target = home + np.sin(phase) * np.array([0.1, 0.1, 0.02, 0.0, 0.0, 0.0, 0.0])
+        for _ in range(4):
+            plant.servo_jp(target)
+            plant.wait()
+        look()
+    return rows
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("told", [True, False])
-def test_a_simulated_arm_is_registered_as_its_own_rig_is(told):
-    h = homing_counts()
+def test_a_simulated_arm_is_registered_as_its_own_rig_is(simulated_homing, told):
     tracker, registration = CountTracker(RIG), Registration(RIG)
-    for k, row in enumerate(h.counts):
-        verdict, counts, _ = tracker.update(tuple(map(int, row)), h.time[k], period=0.004)
+    for time, row, state, _ in simulated_homing:
+        verdict, counts, _ = tracker.update(tuple(map(int, row)), time, period=0.004)
         assert verdict is Verdict.GOOD
         if told:
-            registration.tell(bool(h.busy[k] and not h.homed[k]), bool(h.homed[k]))
-        registration.update(h.time[k], counts)
+            registration.tell(state.is_busy and not state.is_homed, state.is_homed)
+        registration.update(time, counts)
     assert registration.zero is not None
-    ours = RIG.positions(h.counts[-1], registration.zero)
+    _, counts, _, expected = simulated_homing[-1]
     # the rig's own sees every ms from when the joints seek, this one every second
-    assert np.abs((ours - h.ext_jpos[-1]) * RIG.counts).max() < 1.0
+    assert np.abs((RIG.positions(counts, registration.zero) - expected) * RIG.counts).max() < 1.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.control.estimated_gravity_pd import EstimatedGravityPD
+from catenary.control.gravity_pd import EstimatedGravityPD
 from catenary.control.loop import run_loop
 from catenary.control.pd import JointPD
 from catenary.errors import InputError

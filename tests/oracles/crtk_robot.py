@@ -5,12 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from catenary.crtk.conversions import (
-    Stamps,
-    joint_state_message,
-    joint_values,
-    operating_state_message,
-)
+from catenary.crtk.conversions import Stamps, joint_state_message, joint_values, operating_state_message
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.crtk.names import BUTTON, BUTTON_TYPE, NAMESPACES, Dialect, crtk_topics, find_topic

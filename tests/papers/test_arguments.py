@@ -1,15 +1,15 @@
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from papers import arguments
 from papers.arguments import folder_and_robots, folder_argument
 
-SCRIPTS = [
-    path for path in Path(arguments.__file__).parent.glob("*.py") if "if __name__ ==" in path.read_text()
-]
+PAPERS = Path(arguments.__file__).parent
+SCRIPTS = [path for path in PAPERS.glob("*.py") if "if __name__ ==" in path.read_text()]
 USUAL = (None, 1, 2)
 
 
@@ -39,9 +39,7 @@ def test_help_tells_what_the_script_does_and_runs_nothing(capsys: pytest.Capture
         ((__file__,), "is a file"),
     ],
 )
-def test_what_is_no_argument_is_refused(
-    given: tuple[str, ...], word: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_arguments_are_refused(given: tuple[str, ...], word: str, capsys: Any) -> None:
     with pytest.raises(SystemExit) as end:
         folder_and_robots("About.", USUAL, given)
     assert end.value.code == 2

@@ -44,9 +44,8 @@ def test_response_of_joints_to_a_rocking_base_is_that_of_the_simulated_bodies() 
 
     run_loop(arm.plant, JointPD(linear.kp, linear.kd), Rest(RAVEN_START, 1.5), observers=[observe])
     time, q = np.array(ticks)[-1000:].T  # two periods, after the gains' transient
-    wave = np.stack(
-        [np.sin(2 * np.pi * hz * time), np.cos(2 * np.pi * hz * time), np.ones(len(time))], axis=1
-    )
+    angle = 2 * np.pi * hz * time
+    wave = np.stack([np.sin(angle), np.cos(angle), np.ones(len(time))], axis=1)
     fit = np.linalg.lstsq(wave, q, rcond=None)[0]
     expected = abs(joint_response(linear, hz, NOTHING)[0, 0])
     # gravity's own stiffness, a hundredth of kp, and the loop's delay are not in the linear arm

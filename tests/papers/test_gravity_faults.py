@@ -7,6 +7,7 @@ from papers import gravity_faults
 from papers.gravity_faults import LIMIT_DEG, Outcome, Start, main, outcome, ready, run
 
 pytestmark = pytest.mark.slow
+Ran = tuple[Start, list[Outcome], Path]
 # what a person must be told of it; a fault of length or of a single sample has more than one true name
 NAMED = {
     "drop_out": {"interrupted"},
@@ -26,7 +27,7 @@ NAMED = {
 
 
 @pytest.fixture(scope="module")
-def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[Start, list[Outcome], Path]:
+def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
     folder = tmp_path_factory.mktemp("faults")
     start = ready()
     with pytest.MonkeyPatch.context() as patch:
@@ -35,25 +36,23 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[Start, list[Outcome],
 
 
 @pytest.fixture(scope="module")
-def healthy(ran: tuple[Start, list[Outcome], Path]) -> Floats:
+def healthy(ran: Ran) -> Floats:
     return run(ran[0], None, "fade")[0]
 
 
-def test_no_fault_of_the_sensor_moves_a_joint_by_half_a_degree(
-    ran: tuple[Start, list[Outcome], Path],
-) -> None:
+def test_no_fault_of_the_sensor_moves_a_joint_by_half_a_degree(ran: Ran) -> None:
     worst = {row.fault: max(row.moved[:2]) for row in ran[1] if max(row.moved[:2]) > LIMIT_DEG}
     assert worst == {}
 
 
-def test_every_fault_is_named_in_the_report(ran: tuple[Start, list[Outcome], Path]) -> None:
+def test_every_fault_is_named_in_the_report(ran: Ran) -> None:
     unnamed = {row.fault: row.faults for row in ran[1] if not NAMED[row.fault] & set(row.faults)}
     assert unnamed == {}
 
 
 @pytest.mark.parametrize("fallback", ["hold", "fade", "static"])
 def test_configured_fallback_takes_the_place_of_lost_gravity(
-    ran: tuple[Start, list[Outcome], Path], healthy: Floats, fallback: str
+    ran: Ran, healthy: Floats, fallback: str
 ) -> None:
     row = outcome(ran[0], "drop_out", fallback, healthy)
     assert "fallback" in row.statuses
@@ -62,16 +61,14 @@ def test_configured_fallback_takes_the_place_of_lost_gravity(
     assert (row.moved[0] > 0.05) == (fallback == "static")
 
 
-def test_stop_ends_the_motion_and_holds_the_arm(
-    ran: tuple[Start, list[Outcome], Path], healthy: Floats
-) -> None:
+def test_stop_ends_the_motion_and_holds_the_arm(ran: Ran, healthy: Floats) -> None:
     row = outcome(ran[0], "drop_out", "stop", healthy)
     assert row.stopped
     assert row.statuses[-1] == "stop"
     assert max(row.moved[:2]) < LIMIT_DEG
 
 
-def test_page_and_data_hold_every_outcome(ran: tuple[Start, list[Outcome], Path], written) -> None:
+def test_page_and_data_hold_every_outcome(ran: Ran, written) -> None:
     _, rows, folder = ran
     results, page = written(folder, "gravity_faults")
     assert [tuple(row["moved"]) for row in results] == [row.moved for row in rows]

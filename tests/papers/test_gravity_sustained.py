@@ -19,6 +19,7 @@ from papers.gravity_sustained import (
 )
 
 ARM = load_cable_arm()
+Driven = tuple[list[Change], Path]
 
 
 def test_drives_as_believed_give_what_was_asked_for() -> None:
@@ -49,15 +50,13 @@ def test_friction_that_is_none_keeps_a_joint_nowhere() -> None:
 
 
 @pytest.fixture(scope="module")
-def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Change], Path]:
+def driven(tmp_path_factory: pytest.TempPathFactory) -> Driven:
     folder = tmp_path_factory.mktemp("sustained")
     return main(folder, (CASES[0], CASES[2]), ("sg",)), folder
 
 
 @pytest.mark.slow
-def test_without_friction_the_simulated_arm_goes_where_it_is_expected(
-    driven: tuple[list[Change], Path],
-) -> None:
+def test_without_friction_the_simulated_arm_goes_where_it_is_expected(driven: Driven) -> None:
     free = driven[0][1]
     # expected is about the pose that is reported; the true one is 2 deg off
     assert_allclose(free.simulated, free.expected, rtol=0.03)
@@ -65,16 +64,14 @@ def test_without_friction_the_simulated_arm_goes_where_it_is_expected(
 
 
 @pytest.mark.slow
-def test_with_friction_it_comes_to_rest_within_what_friction_can_hold(
-    driven: tuple[list[Change], Path],
-) -> None:
+def test_with_friction_it_comes_to_rest_within_what_friction_can_hold(driven: Driven) -> None:
     held = driven[0][0]
     assert abs(held.simulated - held.expected) < 2.0 * held.band  # at either rest
     assert abs(held.simulated - held.response.largest) < 1e-3  # deg: it stays where it was carried
 
 
 @pytest.mark.slow
-def test_page_and_data_hold_every_case(driven: tuple[list[Change], Path], written) -> None:
+def test_page_and_data_hold_every_case(driven: Driven, written) -> None:
     changes, folder = driven
     results, page = written(folder, "gravity_sustained")
     assert [row["case"] for row in results] == [change.case for change in changes]

@@ -5,9 +5,11 @@ import pytest
 
 from papers.gravity_tracking import Run, error_table, main, share_table
 
+Ran = tuple[list[Run], Path]
+
 
 @pytest.fixture(scope="module")
-def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Run], Path]:
+def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
     folder = tmp_path_factory.mktemp("tracking")
     # joint 1 swings most along y
     return main(folder, (None,), (20,), (), cycles=1, axes=("y",)), folder
@@ -18,16 +20,14 @@ def error(runs: list[Run], base: str, controller: str) -> float:
 
 
 @pytest.mark.slow
-def test_sensed_gravity_takes_joint_one_nearer_to_its_reference_on_both_bases(
-    ran: tuple[list[Run], Path],
-) -> None:
+def test_sensed_gravity_takes_joint_one_nearer_to_its_reference_on_both_bases(ran: Ran) -> None:
     runs, _ = ran
     for base in ("20", "rocking"):
         assert error(runs, base, "dg") < error(runs, base, "pd")
 
 
 @pytest.mark.slow
-def test_page_and_data_hold_every_run(ran: tuple[list[Run], Path], written) -> None:
+def test_page_and_data_hold_every_run(ran: Ran, written) -> None:
     runs, folder = ran
     results, page = written(folder, "gravity_tracking")
     assert len(results) == len(runs) == 3 + 4
@@ -36,15 +36,8 @@ def test_page_and_data_hold_every_run(ran: tuple[list[Run], Path], written) -> N
 
 
 def run_of(seed: int | None, controller: str, error: float) -> Run:
-    return Run(
-        seed,
-        "20",
-        controller,
-        "absolute",
-        (error, 1.0, 1.0),
-        (0.5 if controller != "pd" else 1.0,) * 3,
-        (2.0,) * 3,
-    )
+    share = 1.0 if controller == "pd" else 0.5
+    return Run(seed, "20", controller, "absolute", (error, 1.0, 1.0), (share,) * 3, (2.0,) * 3)
 
 
 def test_tables_show_nominal_robot_spread_and_change() -> None:

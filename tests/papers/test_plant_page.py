@@ -9,9 +9,8 @@ from papers import plant_page
 from papers.plant_page import Fitted, Section, verdict, write_plant_page
 from papers.plant_targets import DRIFT, FREE, FRICTION
 
-FITTED = Fitted(
-    np.ones(len(FRICTION)), np.ones(len(FREE)), np.ones(len(DRIFT)), np.array([0.001, 0.0, -0.002])
-)
+FACTORS = (np.ones(len(parameters)) for parameters in (FRICTION, FREE, DRIFT))
+FITTED = Fitted(*FACTORS, np.array([0.001, 0.0, -0.002]))
 
 
 def test_what_is_within_15_percent_is_reached() -> None:
@@ -28,12 +27,9 @@ def test_every_free_parameter_is_listed_with_its_bounds() -> None:
     assert rows[0][-1] == f"{1.0 / FRICTION[0].factor:.2f} to {FRICTION[0].factor:.2f}"
 
 
-def test_the_page_shows_target_reached_verdict_and_reason(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    section = Section(
-        "Drift", Table(["RMSE", "paper", "reached"], [["linear", "0.527", "0.515"]]), ["Since."]
-    )
+def test_the_page_shows_target_verdict_and_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    table = Table(["RMSE", "paper", "reached"], [["linear", "0.527", "0.515"]])
+    section = Section("Drift", table, ["Since."])
     monkeypatch.setattr(plant_page, "sections", lambda _: [section])
     path = tmp_path / "results" / "plant_refit.html"
     write_plant_page(path, load_cable_arm(), FITTED)

@@ -6,15 +6,7 @@ from catenary import JointState, Reference, gravity_torque, load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.spatial import LEVEL
-from papers.plant_pd_share import (
-    HOLD,
-    LOOKED_AT,
-    MOVE,
-    POSES_DEG,
-    HeldTool,
-    pd_share,
-    poses_of_joint_1,
-)
+from papers.plant_pd_share import HOLD, LOOKED_AT, MOVE, POSES_DEG, HeldTool, pd_share, poses_of_joint_1
 from papers.raven_base import turned_base
 
 ARM = load_cable_arm()
@@ -27,9 +19,7 @@ def _state(gravity: np.ndarray) -> JointState:
 
 
 @pytest.mark.parametrize(("sensed", "gravity"), [(True, TILTED), (False, LEVEL)])
-def test_without_error_the_torque_is_that_of_the_gravity_it_believes_in(
-    sensed: bool, gravity: np.ndarray
-) -> None:
+def test_without_error_the_torque_is_that_of_believed_gravity(sensed: bool, gravity: np.ndarray) -> None:
     controller = HeldTool(ARM.firmware, sensed=sensed)
     tau = controller.torque(_state(TILTED), Reference(HOME, np.zeros(7), np.zeros(7)))
     assert_allclose(tau[:3], gravity_torque(load_robot("raven2"), HOME[:3], gravity))

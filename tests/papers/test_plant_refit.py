@@ -48,9 +48,8 @@ def test_fitted_numbers_are_written_and_everything_else_stays(tmp_path: Path) ->
         assert_allclose(new[free.joint], factor * old[free.joint], rtol=1e-5)  # six digits are written
     for name in set(before.cable.fields) - FITTED:
         assert_allclose(getattr(after.cable, name), getattr(before.cable, name), rtol=0)
-    assert [entry.origin for entry in after.file.cable.values()] == [
-        entry.origin for entry in before.file.cable.values()
-    ]
+    origins = [[entry.origin for entry in arm.file.cable.values()] for arm in (after, before)]
+    assert origins[0] == origins[1]
 
 
 def test_only_numbers_marked_as_fitted_are_free() -> None:
@@ -76,9 +75,8 @@ def test_friction_follows_the_share_of_pd(monkeypatch: pytest.MonkeyPatch) -> No
     start = load_cable_arm().cable.rotor_friction[0]
 
     def share(arm: CableArm, base_deg: float, *, sensed: bool) -> PDShare:
-        more = (
-            1.3 * PD_SHARE * (arm.cable.rotor_friction[0] / start) ** 0.6
-        )  # of a robot with too much friction
+        # of a robot with too much friction
+        more = 1.3 * PD_SHARE * (arm.cable.rotor_friction[0] / start) ** 0.6
         return PDShare(np.full(3, more), np.ones(3), np.ones(3))
 
     monkeypatch.setattr(plant_refit, "pd_share", share)

@@ -59,8 +59,7 @@ def test_what_was_identified_on_a_level_base_holds_on_another() -> None:
 def test_the_simulated_robot_holds_its_poses_with_gravity_and_friction() -> None:
     poses = hold_poses(BASES["level"], 2, 1, None, None)
     truth = gravity_torque(ARM, poses.q["true"], poses.gravity)
-    assert_allclose(
-        poses.q["true"], poses.q["reported"], atol=0.1
-    )  # stretch and errors of ratio, no registration
+    # stretch and errors of ratio, no registration
+    assert_allclose(poses.q["true"], poses.q["reported"], atol=0.1)
     assert (np.abs(poses.tau[:, :2] - truth[:, :2]) < 0.5).all()  # Nm; as much as joint friction leaves
     assert "calibrated" not in poses.q

@@ -1,5 +1,6 @@
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -84,9 +85,7 @@ def test_every_term_does_what_the_page_says() -> None:
 
 
 @pytest.mark.slow
-def test_picture_and_table_of_the_page_are_what_the_script_makes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_picture_and_table_of_the_page_are_the_scripts(tmp_path: Path, capsys: Any) -> None:
     main(tmp_path)
     page = (ROOT / "docs" / "tutorial-two-link.md").read_text()
     rows = [line for line in capsys.readouterr().out.splitlines() if re.match(r"\| PD", line)]

@@ -58,15 +58,10 @@ def test_every_column_is_the_messages_number_in_its_published_place(bag: Path, t
     assert {len(row) for row in rows} == {252}
     with AnyReader([bag]) as reader:
         messages = {
-            topic: [
-                (c, reader.deserialize(data, c.msgtype))
-                for c, _, data in reader.messages([c for c in reader.connections if c.topic == topic])
-            ]
-            for topic in ("/ravenstate", "/ext_jpos", "/arm2/measured_js")
+            each.topic: [reader.deserialize(data, each.msgtype) for _, _, data in reader.messages([each])]
+            for each in reader.connections
         }
-    states = [message for _, message in messages["/ravenstate"]]
-    assert len(rows) == len(states)
-    for row, state in zip(rows, states, strict=True):
+    for row, state in zip(rows, messages["/ravenstate"], strict=True):
         for field, (first, last) in LAYOUT.items():
             value = np.atleast_1d(getattr(state, field))
             written = np.array([float(text) for text in row[first : last + 1]]).astype(value.dtype)
@@ -77,14 +72,14 @@ def test_every_column_is_the_messages_number_in_its_published_place(bag: Path, t
             ("/ext_jpos", 0, START_NS / 1e9, 3),
             ("/arm2/measured_js", 4, 0.0, 7),
         ):
-            others = [m for _, m in messages[topic]]
-            times = np.array([m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for m in others])
+            stamps = [message.header.stamp for message in messages[topic]]
+            times = np.array([each.sec + each.nanosec * 1e-9 for each in stamps])
             nearest = int(np.argmin(np.abs(times - stamp)))
             got = float(row[stamp_column]) + origin
             assert_allclose(abs(got - stamp), abs(times[nearest] - stamp), atol=2e-6)
             same = int(np.argmin(np.abs(times - got)))
             numbers = [float(text) for text in row[stamp_column + 1 : stamp_column + 1 + width]]
-            assert_array_equal(numbers, others[same].position)
+            assert_array_equal(numbers, messages[topic][same].position)
 
 
 def test_jpos_is_times_180_over_pi_in_metres_too(table: Path) -> None:

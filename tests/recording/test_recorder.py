@@ -7,8 +7,8 @@ from numpy.testing import assert_allclose
 from catenary.errors import InputError
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.recorder import Recorder, Throttle
-from catenary.recording.topics import EXT_JPOS, RAVENSTATE, decode, raven_topics
-from oracles.raven_recording import ABOUT, START_NS, encoder, nominal, record, telemetry
+from catenary.recording.topics import EXT_JPOS, raven_topics
+from oracles.raven_recording import ABOUT, record, telemetry
 
 
 def test_tick_by_tick_and_all_at_once_give_the_same_bytes(tmp_path: Path) -> None:
@@ -40,17 +40,6 @@ def test_topics_come_at_their_rates_with_uneven_stamps(tmp_path: Path) -> None:
         assert_allclose(1.0 / intervals.mean(), topic.rate, rtol=0.02)  # jitter of 5 %, hundreds of intervals
         assert intervals.std() > 0.02 / topic.rate
         assert intervals.min() > 0.0
-
-
-def test_messages_hold_the_state_of_the_instant_they_are_stamped_with(tmp_path: Path) -> None:
-    record(tmp_path / "r", 3.0)
-    raw = [data for _, _, data in JournalReader(tmp_path / "r").messages((RAVENSTATE.name,))]
-    state = decode(RAVENSTATE, raw)
-    time = (state.stamp - START_NS) / 1e9
-    assert_allclose(state.columns["jpos"][:, :3], nominal(time), atol=1e-7)  # float32 degrees
-    raw = [data for _, _, data in JournalReader(tmp_path / "r").messages((EXT_JPOS.name,))]
-    rig = decode(EXT_JPOS, raw)
-    assert_allclose(rig.columns["ext_jpos"], encoder((rig.stamp - START_NS) / 1e9), atol=1e-12)  # float64
 
 
 def test_what_a_robot_lacks_is_left_out_and_named(tmp_path: Path) -> None:

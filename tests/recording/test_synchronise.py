@@ -150,23 +150,6 @@ def test_an_encoder_whose_messages_end_is_reported(tmp_path: Path) -> None:
     assert_allclose((start, start + length), (rig_time[-1], STATE_TIME[-1]), atol=1e-6)
 
 
-def test_shuffled_and_repeated_messages_change_nothing_but_the_report(
-    plain: Synchronisation, tmp_path: Path
-) -> None:
-    rng = np.random.default_rng(5)
-    order = np.arange(len(RIG_TIME))
-    order[100:110] = order[100:110][::-1]
-    again = np.sort(np.concatenate([order, rng.choice(len(order), 30, replace=False)]))
-    again[100:110] = again[100:110][::-1]
-    mixed = _synchronised(tmp_path / "b", RIG_TIME[again], encoder(RIG_TIME[again]))
-    assert mixed.log.q_encoder is not None
-    assert plain.log.q_encoder is not None
-    assert_array_equal(mixed.log.q_encoder, plain.log.q_encoder)
-    assert_array_equal(mixed.log.ok, plain.log.ok)
-    assert mixed.topics[1].repeated == 30
-    assert mixed.topics[1].shuffled > 0
-
-
 def test_a_state_that_comes_shuffled_and_twice_is_put_in_order(tmp_path: Path) -> None:
     state_time = np.concatenate([STATE_TIME[:50], STATE_TIME[40:]])
     result = _synchronised(tmp_path, RIG_TIME, encoder(RIG_TIME), state_time)

@@ -11,6 +11,8 @@ from catenary.recording.topics import (
     EXT_JPOS,
     RAVENSTATE,
     TOPICS,
+    Topic,
+    TopicSamples,
     decode,
     encode,
     raven_topics,
@@ -20,40 +22,35 @@ from oracles.raven_recording import telemetry
 
 TIME = 0.033 * np.arange(20)
 STAMP = np.rint(TIME * 1e9).astype(np.int64) + 1_700_000_000_123_456_789
+COLUMNS = telemetry(TIME, np.random.default_rng(0))
+
+
+def published(columns: dict[str, np.ndarray], topic: Topic = RAVENSTATE) -> TopicSamples:
+    """What a reader makes of a topic that was published from these columns."""
+    return decode(topic, [message.tobytes() for message in encode(topic, STAMP, columns)])
 
 
 def test_numbers_are_published_as_the_robot_does() -> None:
-    columns = telemetry(TIME, np.random.default_rng(0))
-    for row, raw in enumerate(encode(RAVENSTATE, STAMP, columns)):
+    for row, raw in enumerate(encode(RAVENSTATE, STAMP, COLUMNS)):
         message = typestore(1).deserialize_ros1(raw.tobytes(), "raven_2/msg/raven_state")
         for name in ("jpos", "jvel", "mpos", "mvel", "jpos_d", "mpos_d"):  # degrees, metres of insertion too
             # rtol: float32
-            assert_allclose(getattr(message, name), columns[name][row] * 180.0 / np.pi, rtol=1e-7)
-        assert_array_equal(message.pos, np.rint(columns["pos"][row] * 1e6))  # whole micrometres
-        assert_allclose(message.tau, columns["tau"][row], rtol=1e-7)
-        assert_array_equal(message.encVals, columns["encVals"][row])
+            assert_allclose(getattr(message, name), COLUMNS[name][row] * 180.0 / np.pi, rtol=1e-7)
+        assert_array_equal(message.pos, np.rint(COLUMNS["pos"][row] * 1e6))  # whole micrometres
+        assert_allclose(message.tau, COLUMNS["tau"][row], rtol=1e-7)
+        assert_array_equal(message.encVals, COLUMNS["encVals"][row])
         stamp = message.hdr.stamp
         assert (stamp.sec * 10**9 + stamp.nanosec, message.hdr.seq) == (STAMP[row], row)
 
 
 def test_what_is_decoded_is_what_was_encoded() -> None:
-    columns = telemetry(TIME, np.random.default_rng(0))
     for topic in raven_topics():
-        messages = [m.tobytes() for m in encode(topic, STAMP, columns)]
-        samples = decode(topic, messages)
+        samples = published(COLUMNS, topic)
         assert_array_equal(samples.stamp, STAMP)
         for column in topic.columns:
-            if column.name in columns:
-                # atol: micrometres rounded; rtol: float32
-                assert_allclose(
-                    samples.columns[column.name],
-                    columns[column.name],
-                    rtol=1e-6,
-                    atol=6e-7,
-                    err_msg=column.name,
-                )
-            else:
-                assert np.isnan(samples.columns[column.name]).all()
+            # what was not given comes back as NaN; atol: micrometres rounded; rtol: float32
+            expected = COLUMNS.get(column.name, np.full((len(STAMP), column.width), np.nan))
+            assert_allclose(samples.columns[column.name], expected, rtol=1e-6, atol=6e-7, err_msg=column.name)
 
 
 def test_insertion_is_in_metres_and_other_joints_in_radians() -> None:
@@ -75,9 +72,6 @@ def test_state_at_100_hz_has_its_own_topic_without_a_slash() -> None:
     assert topic_named("ravenstate") is RAVENSTATE
 
 
-COLUMNS = telemetry(TIME, np.random.default_rng(0))
-
-
 @pytest.mark.parametrize(
     ("stamp", "columns", "message"),
     [
@@ -93,18 +87,14 @@ def test_what_no_message_can_hold_is_refused(stamp: Any, columns: Any, message: 
 
 
 def test_what_is_not_required_is_published_as_zero() -> None:
-    columns = telemetry(TIME, np.random.default_rng(0))
-    samples = decode(
-        RAVENSTATE,
-        [m.tobytes() for m in encode(RAVENSTATE, STAMP, {k: columns[k] for k in ("jpos", "tau")})],
-    )
+    samples = published({name: COLUMNS[name] for name in ("jpos", "tau")})
     assert not samples.columns["encVals"].any()
 
 
 def test_an_angle_that_is_not_a_number_is_published_as_such() -> None:
-    columns = telemetry(TIME, np.random.default_rng(0))
-    columns["jpos"][3, 2] = np.nan
-    samples = decode(RAVENSTATE, [m.tobytes() for m in encode(RAVENSTATE, STAMP, columns)])
+    jpos = COLUMNS["jpos"].copy()
+    jpos[3, 2] = np.nan
+    samples = published(COLUMNS | {"jpos": jpos})
     assert np.isnan(samples.columns["jpos"]).sum() == 1
 
 

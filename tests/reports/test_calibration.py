@@ -2,6 +2,7 @@ import base64
 import io
 import re
 from pathlib import Path
+from typing import Any
 
 import matplotlib.image
 import numpy as np
@@ -17,9 +18,10 @@ from catenary.reports.page import Picture
 from catenary.workflows.fit import FitResult, FitRun, fit_calibration
 
 NAME = "<b>J1</b> & co"
+Result = tuple[FitResult, Evaluation]
 
 
-def fitted(path: Path, **changes: object) -> tuple[FitResult, Evaluation]:
+def fitted(path: Path, **changes: object) -> Result:
     """A model fitted to half of a recording, and its errors on the other half."""
     path = simulated_arm.write(path, **{"joint_names": [NAME, "J2", "J3"], **changes})
     result = fit_calibration([path], FitOptions(kind="linear"), FitRun(held_out=0.5))
@@ -34,12 +36,12 @@ def page_of(result: FitResult, evaluation: Evaluation, path: Path, **changes: ob
 
 
 @pytest.fixture(scope="module")
-def result(tmp_path_factory: pytest.TempPathFactory) -> tuple[FitResult, Evaluation]:
+def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
     return fitted(tmp_path_factory.mktemp("report") / "run.npz")
 
 
 @pytest.fixture(scope="module")
-def page(result: tuple[FitResult, Evaluation], tmp_path_factory: pytest.TempPathFactory) -> str:
+def page(result: Result, tmp_path_factory: pytest.TempPathFactory) -> str:
     return page_of(*result, tmp_path_factory.mktemp("page") / "page.html")
 
 
@@ -64,9 +66,7 @@ def test_table_notes_and_card_stand_on_the_page_with_names_escaped(page: str) ->
     assert "<b>J1" not in page
 
 
-def test_only_simulated_data_are_marked(
-    page: str, result: tuple[FitResult, Evaluation], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_simulated_data_are_marked(page: str, result: Result, tmp_path: Path, monkeypatch: Any) -> None:
     mark = "Simulated: no real robot was measured"
     assert mark not in page
     monkeypatch.setattr(calibration, "joint_picture", lambda *_: Picture("", ""))
@@ -81,7 +81,7 @@ def test_long_recordings_are_drawn_too(tmp_path: Path, t: np.ndarray | None) -> 
     assert drawn(picture.png)
 
 
-def test_the_error_table_shows_the_evaluation(result: tuple[FitResult, Evaluation]) -> None:
+def test_the_error_table_shows_the_evaluation(result: Result) -> None:
     _, evaluation = result
     for table in (error_table(evaluation), window_table(evaluation)):
         assert {len(row) for row in table.rows} == {len(table.header)}

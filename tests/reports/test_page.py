@@ -62,9 +62,8 @@ def test_pictures_are_inside_the_page(tmp_path: Path) -> None:
 def test_simulated_data_are_marked_and_real_ones_are_not(tmp_path: Path) -> None:
     assert "Simulated: no real robot" in page(tmp_path / "p.html", [], simulated=True)
     real = page(tmp_path / "p.html", [Text("x")])
-    assert not re.search(
-        r"Simulated|https?:|src=|href=|<script|@import|url\(", real
-    )  # nothing outside either
+    # nothing outside either
+    assert not re.search(r"Simulated|https?:|src=|href=|<script|@import|url\(", real)
 
 
 def test_names_that_are_no_text_do_not_stop_the_page(tmp_path: Path) -> None:

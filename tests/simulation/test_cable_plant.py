@@ -11,21 +11,15 @@ from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, RockingBase
 from catenary.simulation.cable_parameters import varied
 from catenary.simulation.cable_plant import PAYLOAD_PLACE, CablePlant
-from catenary.simulation.columns import COLUMNS
+from catenary.simulation.columns import COLUMNS, CONTROL_FIELDS
 from catenary.transmission.coupling import tensions_for, winding_of
 from oracles.cable_arms import homed_plant, linear_arm, smooth_motion
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 MODEL = load_robot("raven2")
 ROCKING = RockingBase(0.1, 0.1, 0.3, lever=(0.0, 0.2, 0.5))
-SENT = {"tau": "torque", "dac_val": "dac", "jpos_d": "setpoint", "mpos_d": "motor_setpoint"}
-READ = {
-    "encVals": "counts",
-    "mpos": "motor",
-    "mvel": "motor_velocity",
-    "jpos": "joint",
-    "jvel": "joint_velocity",
-}
+SENT = ("tau", "dac_val", "jpos_d", "mpos_d")
+READ = ("encVals", "mpos", "mvel", "jpos", "jvel")
 
 
 def settle(plant, seconds=0.5, torque=None):
@@ -45,14 +39,14 @@ def test_ticking_equals_running_bit_for_bit(base):
     log = run.run(rows)
     for k, row in enumerate(rows):
         read = ticked.telemetry()
-        for name, column in READ.items():
-            assert_array_equal(read[name], getattr(log, column)[k])
+        for name in READ:
+            assert_array_equal(read[name], getattr(log, CONTROL_FIELDS[name])[k])
         assert_array_equal(read["q_true"], log.q[k])
         ticked.servo_jp(row)
         ticked.wait()
         sent = ticked.telemetry()
-        for name, column in SENT.items():
-            assert_array_equal(sent[name], getattr(log, column)[k])
+        for name in SENT:
+            assert_array_equal(sent[name], getattr(log, CONTROL_FIELDS[name])[k])
     assert ticked.state == run.state
 
 

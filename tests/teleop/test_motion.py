@@ -8,12 +8,12 @@ from catenary.teleop.dead_man import RAMP, TIMEOUT
 from catenary.teleop.motion import JOINT_SPEED, TeleopMotion
 
 PERIOD = 0.001
+RAVEN = load_robot("raven2")
 START = np.array([0.8, 1.5, 0.4])
 
 
 def raven_motion() -> TeleopMotion:
-    model = load_robot("raven2")
-    return TeleopMotion(model, model)
+    return TeleopMotion(RAVEN, RAVEN)
 
 
 def held(motion: TeleopMotion, key: str, seconds: float, q: np.ndarray, after: float = 0.0) -> np.ndarray:
@@ -49,9 +49,8 @@ def test_speed_never_leaps() -> None:
 
 @pytest.mark.parametrize(("key", "axis", "sign"), [("up", 0, 1), ("right", 1, -1), ("page up", 2, 1)])
 def test_the_tip_moves_straight_along_its_axis(key: str, axis: int, sign: int) -> None:
-    model = load_robot("raven2")
     path = held(raven_motion(), key, 1.0, START)
-    way = forward_kinematics(model, path[-1]).position - forward_kinematics(model, path[0]).position
+    way = forward_kinematics(RAVEN, path[-1]).position - forward_kinematics(RAVEN, path[0]).position
     assert way[axis] * sign > 0.001
     off = np.delete(way, axis)
     assert np.abs(off).max() < 0.02 * abs(way[axis])  # what the damping of the inverse takes
@@ -59,17 +58,15 @@ def test_the_tip_moves_straight_along_its_axis(key: str, axis: int, sign: int) -
 
 def test_a_limit_is_reached_reported_and_never_passed() -> None:
     motion = raven_motion()
-    upper = load_robot("raven2").upper
-    q = np.array([upper[0] - 0.001, 1.5, 0.4])
+    q = np.array([RAVEN.upper[0] - 0.001, 1.5, 0.4])
     path = held(motion, "q", 1.0, q)
-    assert_allclose(path[-1, 0], upper[0])
+    assert_allclose(path[-1, 0], RAVEN.upper[0])
     motion.press("q", 1.0)
     assert motion.step(path[-1], 1.0, PERIOD).blocked == ("shoulder",)
 
 
 def test_a_joint_beyond_its_limit_may_only_come_back() -> None:
-    upper = load_robot("raven2").upper
-    q = np.array([upper[0] + 0.1, 1.5, 0.4])
+    q = np.array([RAVEN.upper[0] + 0.1, 1.5, 0.4])
     assert_allclose(held(raven_motion(), "q", 0.5, q)[-1], q)
     assert held(raven_motion(), "a", 0.5, q)[-1, 0] < q[0]
 

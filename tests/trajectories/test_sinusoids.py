@@ -3,8 +3,8 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from catenary.errors import InputError
-from catenary.trajectories.calibration_box import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.trajectories.sinusoids import FASTEST, SLOWEST, TURNING_BAND, random_sinusoids
+from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
 
 
 def test_joints_turn_near_the_ends_of_their_ranges_and_cross_at_random_speeds(

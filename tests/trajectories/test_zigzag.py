@@ -7,8 +7,15 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import InputError
-from catenary.trajectories.calibration_box import CALIBRATION_LOWER, CALIBRATION_UPPER
-from catenary.trajectories.zigzag import DIRECTIONS, ROWS_PER_SECOND, unit_zigzag, zigzag, zigzag_rows
+from catenary.trajectories.zigzag import (
+    CALIBRATION_LOWER,
+    CALIBRATION_UPPER,
+    DIRECTIONS,
+    ROWS_PER_SECOND,
+    unit_zigzag,
+    zigzag,
+    zigzag_rows,
+)
 
 LOW, HIGH = [-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]
 
@@ -19,7 +26,6 @@ def test_default_box_is_the_published_one() -> None:
     assert_allclose(box, [[20.0, 55.0, 0.33], [60.0, 110.0, 0.42]])
 
 
-# a quarter: 5 sweeps and 4 moves of 250 in y in each of 5 layers, and 4 moves and a bit in z
 # a quarter: 5 sweeps and 4 moves of 250 in y in each of 5 layers, and 4 moves and a bit in z
 @pytest.mark.parametrize(("sparsity", "rows"), [(0.25, 31052), (0.3333, 21060)])
 def test_rows_are_as_many_as_were_published(sparsity: float, rows: int) -> None:

@@ -51,6 +51,10 @@ def output_of(header: str, body: str, rows: np.ndarray, folder: Path, language: 
     return np.frombuffer(given).reshape(len(rows), -1)
 
 
+def puts(**sizes: int) -> str:
+    return "".join(f"  for (i = 0; i < {n}; ++i) PUT({name}[i]);\n" for name, n in sizes.items())
+
+
 def prefix_of(header: str) -> str:
     found = re.search(r"void (\w+)_gravity\(", header)
     assert found
@@ -68,8 +72,7 @@ def test_gravity_and_regressors_in_c_are_pythons(model: RobotModel, language: st
     body = (
         f"  double tau[{n}], Z[{n * p}], C[{n * s}];\nLOOP  {name}_gravity(r, r + {n}, tau);\n"
         f"  {name}_gravity_regressor(r, r + {n}, Z);\n  {name}_compact_regressor(r, r + {n}, C);\n"
-        f"  for (i = 0; i < {n}; ++i) PUT(tau[i]);\n  for (i = 0; i < {n * p}; ++i) PUT(Z[i]);\n"
-        f"  for (i = 0; i < {n * s}; ++i) PUT(C[i]);\n"
+        + puts(tau=n, Z=n * p, C=n * s)
     )
     rng = np.random.default_rng(1)
     rows = np.column_stack([3.0 * rng.normal(size=(STATES, n)), 5.0 * rng.normal(size=(STATES, 3))])
@@ -119,8 +122,7 @@ def corrected(header: str, rows: np.ndarray, n: int, folder: Path, language: str
     name = prefix_of(header)
     body = (
         f"  double out[{n}];\n  int inside[{n}];\n  {name}_state state;\n  {name}_reset(&state);\n"
-        f"LOOP  {name}_correct(&state, r, r + {n}, out, inside);\n"
-        f"  for (i = 0; i < {n}; ++i) PUT(out[i]);\n  for (i = 0; i < {n}; ++i) PUT(inside[i]);\n"
+        f"LOOP  {name}_correct(&state, r, r + {n}, out, inside);\n" + puts(out=n, inside=n)
     )
     return output_of(header, body, rows, folder, language)
 
@@ -164,9 +166,8 @@ def test_check_values_in_the_comments_are_what_python_gives() -> None:
 
 def test_names_from_files_cannot_leave_the_comments(language: str, tmp_path: Path) -> None:
     name = 'arm */ #error "x" \n\\'
-    model = replace(
-        load_robot("two_link"), name=name, joint_names=("a*/b", "c\nd"), link_names=("*/ int x;", "??/")
-    )
+    joints, links = ("a*/b", "c\nd"), ("*/ int x;", "??/")
+    model = replace(load_robot("two_link"), name=name, joint_names=joints, link_names=links)
     body = f"LOOP  PUT(r[0]); (void){prefix_of(c_header(model).text)}_gravity;\n"
     output_of(c_header(model).text, body, np.zeros((1, 1)), tmp_path, language)
 

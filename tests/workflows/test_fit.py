@@ -11,13 +11,7 @@ from catenary.calibration.files import save_model
 from catenary.calibration.fit import FitOptions
 from catenary.errors import InputError
 from catenary.recording.logs import write_parquet
-from catenary.workflows.fit import (
-    FitResult,
-    FitRun,
-    evaluate_calibration,
-    evaluation_summary,
-    fit_calibration,
-)
+from catenary.workflows.fit import FitRun, evaluate_calibration, evaluation_summary, fit_calibration
 from recordings import recording
 
 LINEAR = FitOptions(kind="linear")
@@ -28,26 +22,26 @@ def recording_path(tmp_path: Path) -> Path:
     return simulated_arm.write(tmp_path / "run.npz")
 
 
-def saved(result: FitResult, path: Path) -> Path:
-    save_model(result.model, result.card, path)
-    return path
+def fitted_to(recording: Path, folder: Path) -> Path:
+    """The file of a linear model."""
+    result = fit_calibration([recording], LINEAR)
+    save_model(result.model, result.card, folder / "model.npz")
+    return folder / "model.npz"
 
 
 def test_a_linear_fit_recovers_a_linear_error(recording_path: Path, tmp_path: Path) -> None:
-    model = saved(fit_calibration([recording_path], LINEAR), tmp_path / "model.npz")
+    model = fitted_to(recording_path, tmp_path)
     other = simulated_arm.write(tmp_path / "other.npz", seed=0, noise=0.0)
     for joint in evaluate_calibration(model, [other]).evaluation.joints:
         assert joint.rmse < 1e-2 * joint.offset_rmse  # what noise of 0.1 mrad and 0.1 mm leaves
 
 
-def test_held_out_errors_are_those_of_an_evaluation_on_the_same_rows(
-    recording_path: Path, tmp_path: Path
-) -> None:
+def test_held_out_errors_are_those_of_evaluating_the_same_rows(recording_path: Path, tmp_path: Path) -> None:
     result = fit_calibration([recording_path], LINEAR, FitRun(held_out=0.25))
-    model = saved(result, tmp_path / "model.npz")
+    save_model(result.model, result.card, tmp_path / "model.npz")
     late = {key: np.array(values)[300:] for key, values in simulated_arm.arrays().items() if key != "units"}
     np.savez(tmp_path / "late.npz", **late)
-    evaluation = evaluate_calibration(model, [tmp_path / "late.npz"]).evaluation
+    evaluation = evaluate_calibration(tmp_path / "model.npz", [tmp_path / "late.npz"]).evaluation
     assert result.held_out is not None
     assert evaluation.joints == result.held_out.joints
 
@@ -56,10 +50,7 @@ def test_the_held_out_part_is_not_fitted_to(tmp_path: Path) -> None:
     early = simulated_arm.arrays()
     changed = early["q_act"].copy()
     changed[300:] += 1.0
-    paths = [
-        simulated_arm.write(tmp_path / "a.npz"),
-        simulated_arm.write(tmp_path / "b.npz", q_act=changed),
-    ]
+    paths = [simulated_arm.write(tmp_path / "a.npz"), simulated_arm.write(tmp_path / "b.npz", q_act=changed)]
     one, other = (fit_calibration([path], LINEAR, FitRun(held_out=0.25, folds=0)).model for path in paths)
     X, q = early["q_des"], early["q_des"]
     assert_allclose(one.correction(X, q), other.correction(X, q), atol=0.0)
@@ -94,9 +85,7 @@ def test_progress_ends_at_one(recording_path: Path) -> None:
         ("q_des", (slice(None), 2), 0.1, "J3: never moved; the model holds only where they stood"),
     ],
 )  # fmt: skip
-def test_what_was_left_out_and_what_looks_wrong_is_noted(
-    tmp_path: Path, key: str, place: Any, value: float, note: str
-) -> None:
+def test_what_looks_wrong_is_noted(tmp_path: Path, key: str, place: Any, value: float, note: str) -> None:
     arrays = simulated_arm.arrays()
     arrays[key][place] = value
     np.savez(tmp_path / "run.npz", **arrays)
@@ -105,7 +94,7 @@ def test_what_was_left_out_and_what_looks_wrong_is_noted(
 
 
 def test_a_recording_used_in_training_is_known_by_its_content(recording_path: Path, tmp_path: Path) -> None:
-    model = saved(fit_calibration([recording_path], LINEAR), tmp_path / "model.npz")
+    model = fitted_to(recording_path, tmp_path)
     copy = tmp_path / "another_name.npz"
     copy.write_bytes(recording_path.read_bytes())
     other = simulated_arm.write(tmp_path / "other.npz", seed=1)
@@ -115,13 +104,12 @@ def test_a_recording_used_in_training_is_known_by_its_content(recording_path: Pa
 def test_a_summary_of_simulated_data_says_so(tmp_path: Path) -> None:
     path = tmp_path / "log.parquet"
     write_parquet(recording(np.random.default_rng(0), simulated=True), path)
-    model = saved(fit_calibration([path], LINEAR), tmp_path / "model.npz")
-    assert evaluation_summary(evaluate_calibration(model, [path]))["simulated"] is True
+    result = evaluate_calibration(fitted_to(path, tmp_path), [path])
+    assert evaluation_summary(result)["simulated"] is True
 
 
 def test_no_recordings_are_refused(recording_path: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="at least one recording"):
         fit_calibration([], LINEAR)
-    model = saved(fit_calibration([recording_path], LINEAR), tmp_path / "model.npz")
     with pytest.raises(InputError, match="at least one recording"):
-        evaluate_calibration(model, [])
+        evaluate_calibration(fitted_to(recording_path, tmp_path), [])

@@ -11,13 +11,18 @@ from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSen
 from catenary.workflows.sense import SimulatedFeed, read_still, watch
 
 
-def feed(base, *faults, model=None):
-    return SimulatedFeed(SimulatedSensor(base, Mailbox(), model or SensorModel(), faults=faults, seed=2))
+def feed(base, *faults):
+    return SimulatedFeed(SimulatedSensor(base, Mailbox(), SensorModel(), faults=faults, seed=2))
+
+
+def watched(base, seconds, *faults, **options):
+    """What is said of a sensor that was watched for some seconds."""
+    source_feed = feed(base, *faults)
+    return watch(source_feed, SensedGravity(source_feed.mailbox), seconds, **options)
 
 
 def test_a_summary_says_what_was_measured():
-    source_feed = feed(FixedBase(0.3, -0.2))
-    summary = watch(source_feed, SensedGravity(source_feed.mailbox), 3.0)
+    summary = watched(FixedBase(0.3, -0.2), 3.0)
     assert summary.was_live
     assert set(summary.gravity.ticks) == {"live"}
     assert summary.gravity.faults == {}
@@ -29,35 +34,30 @@ def test_a_summary_says_what_was_measured():
 
 
 def test_a_summary_names_what_was_wrong():
-    source_feed = feed(FixedBase(), InjectedFault("unit_g", 1.0))
-    summary = watch(source_feed, SensedGravity(source_feed.mailbox), 2.0)
+    summary = watched(FixedBase(), 2.0, InjectedFault("unit_g", 1.0))
     assert summary.gravity.faults["unit_g"] > 100
     assert any("in g, not m/s2" in message for message in summary.gravity.messages)
 
 
 def test_a_sensor_that_never_can_be_believed_is_not_live():
-    source_feed = feed(FixedBase(), InjectedFault("gravity_stripped", 0.0))
-    summary = watch(source_feed, SensedGravity(source_feed.mailbox), 0.5)
+    summary = watched(FixedBase(), 0.5, InjectedFault("gravity_stripped", 0.0))
     assert not summary.was_live
     assert np.isnan(summary.mean).all()
 
 
 def test_ctrl_c_sums_up():
-    source_feed, seen = feed(FixedBase()), []
-
     def interrupt(reading, time):
-        seen.append(time)
         if time >= 0.5:
             raise KeyboardInterrupt
 
-    summary = watch(source_feed, SensedGravity(source_feed.mailbox), np.inf, show=interrupt)
+    summary = watched(FixedBase(), np.inf, show=interrupt)
     assert summary.duration == pytest.approx(0.5)
     assert summary.was_live
 
 
 def test_no_time_is_refused():
     with pytest.raises(InputError, match="duration"):
-        watch(feed(FixedBase()), SensedGravity(Mailbox()), 0.0)
+        watched(FixedBase(), 0.0)
 
 
 def test_a_sensor_at_rest_gives_its_means():
@@ -69,14 +69,10 @@ def test_a_sensor_at_rest_gives_its_means():
 @pytest.mark.parametrize(
     ("base", "faults", "said"),
     [
-        (
-            RockingBase(0.0, 0.3, 1.0),
-            (),
-            r"did not stand still within 3 s: its readings vary by [0-9.]+ m/s2",
-        ),
+        (RockingBase(0.0, 0.3, 1.0), (), r"did not stand still within 3 s: its readings vary by [0-9.]+ m/s2"),
         (FixedBase(), (InjectedFault("drop_out", 0.0),), "no samples within 3 s"),
     ],
-)
+)  # fmt: skip
 def test_a_sensor_that_moves_or_says_nothing_is_refused(base, faults, said):
     with pytest.raises(SensorError, match=said):
         read_still(feed(base, *faults), patience=3.0)

@@ -22,9 +22,7 @@ def log() -> MotionLog:
     return record_simulated(homed_plant(seed=1), motion(), "run", np.random.default_rng(0))
 
 
-def test_it_has_the_positioning_joints_at_the_rate_asked_for_and_is_marked_as_simulated(
-    log: MotionLog,
-) -> None:
+def test_it_has_the_positioning_joints_at_the_rate_asked_for(log: MotionLog) -> None:
     assert log.joint_names == JOINTS[:3]
     assert set(log.signals) == {f"{group}:{tool}" for group in ("q", "tau") for tool in JOINTS[3:]}
     assert len(log) == pytest.approx(30.0 * SECONDS, abs=2)
@@ -38,9 +36,7 @@ def test_the_same_seeds_give_the_same_recording(log: MotionLog) -> None:
     assert_array_equal(again.time, log.time)
 
 
-def test_encoders_tell_the_joints_true_positions_between_their_samples(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_encoders_tell_true_positions_between_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     runs = []
     run = CablePlant.run
 

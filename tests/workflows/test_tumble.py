@@ -19,9 +19,8 @@ READINGS = {attitude.name: READER(attitude) for attitude in ATTITUDES}
 
 
 def test_a_tumble_finds_bias_scale_and_rotation_of_a_sensor():
-    outcome = run_tumble(
-        lambda attitude: READINGS[attitude.name], start=Mounting(position=np.array([0.1, 0.2, 0.3]))
-    )
+    start = Mounting(position=np.array([0.1, 0.2, 0.3]))
+    outcome = run_tumble(lambda attitude: READINGS[attitude.name], start=start)
     assert outcome.faults == ()
     # noise of 0.04 m/s2 over 200 samples
     assert_allclose(outcome.mounting.bias, TRUE.bias, atol=0.01)

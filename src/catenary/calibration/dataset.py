@@ -157,19 +157,16 @@ def calibration_data(
     )
 
 
-def sampling_rate(log: MotionLog) -> float | None:
-    """Return rows per second of a recording, by the median of its time steps; None where it has no time."""
-    steps = np.diff(log.time) if log.time is not None else np.zeros(0)
-    forward = steps[steps > 0.0]  # where the clock goes back, another recording begins
-    return float(1.0 / np.median(forward)) if len(forward) else None
-
-
 def _common_rate(logs: Sequence[MotionLog]) -> float | None:
-    rates = [sampling_rate(log) for log in logs]
-    known = [rate for rate in rates if rate is not None]
-    if len(known) < len(rates) or max(known) > (1.0 + RATE_TOLERANCE) * min(known):
-        return None
-    return float(np.median(known))
+    """Return the rows per second of all recordings, each by the median of its time steps; None where they differ."""
+    rates = []
+    for log in logs:
+        steps = np.diff(log.time) if log.time is not None else np.zeros(0)
+        forward = steps[steps > 0.0]  # where the clock goes back, another recording begins
+        if len(forward) == 0:
+            return None
+        rates.append(1.0 / np.median(forward))
+    return float(np.median(rates)) if max(rates) <= (1.0 + RATE_TOLERANCE) * min(rates) else None
 
 
 def _same_joints(a: MotionLog, b: MotionLog) -> None:

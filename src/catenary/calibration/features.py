@@ -106,13 +106,19 @@ class FeatureSet:
         Raises:
             InputError: The log lacks a signal, holds NaN in one, or has it in another unit.
         """
-        found = [signal_of(log, name) for name in self.signals]
-        for name, expected, (_, unit) in zip(self.signals, self.units, found, strict=True):
+        known, columns = signals_of(log), []
+        for name, expected in zip(self.signals, self.units, strict=True):
+            if name not in known:
+                raise _unknown(log, name)
+            values, unit = known[name]
+            what = f'recording "{log.name}": input "{name}" is'
+            bad = np.flatnonzero(~np.isfinite(values))
+            if len(bad):
+                raise InputError(f"{what} {values[bad[0]]} at row {bad[0]} ({len(bad)} such rows)")
             if unit != expected:
-                raise InputError(
-                    f'recording "{log.name}": input "{name}" is in "{unit}", expected "{expected}"'
-                )
-        signals = np.column_stack([values for values, _ in found])
+                raise InputError(f'{what} in "{unit}", expected "{expected}"')
+            columns.append(values)
+        signals = np.column_stack(columns)
         X, memory = np.empty((len(log), len(self.names))), self.memory()
         for first, last in pairwise([*log.starts, len(log)]):
             memory.clear()
@@ -195,24 +201,6 @@ def signals_of(log: MotionLog) -> dict[str, tuple[Floats, str]]:
             of_group = {"q": unit, "qd": f"{unit}/s", "tau": TORQUE_UNIT[unit]}[group]
             signals[f"{group}:{joint}"] = values, of_group
     return signals | {name: (values, log.signal_units.get(name, "")) for name, values in log.signals.items()}
-
-
-def signal_of(log: MotionLog, name: str) -> tuple[Floats, str]:
-    """Return one signal of a log by name, (N,), and its unit.
-
-    Raises:
-        InputError: The log has none of that name, or it holds NaN or infinity.
-    """
-    known = signals_of(log)
-    if name not in known:
-        raise _unknown(log, name)
-    values, unit = known[name]
-    bad = np.flatnonzero(~np.isfinite(values))
-    if len(bad):
-        raise InputError(
-            f'recording "{log.name}": input "{name}" is {values[bad[0]]} at row {bad[0]} ({len(bad)} such rows)'
-        )
-    return values, unit
 
 
 def choose_signals(log: MotionLog, words: Sequence[str]) -> tuple[str, ...]:

@@ -26,9 +26,7 @@ class RobotAccess:
 
     ros: Annotated[
         int | None,
-        Option(
-            metavar="1|2", help="The robot is on ROS 1 or 2. [default: the project's, simulated at first]"
-        ),
+        Option(metavar="1|2", help="Robot on ROS 1 or 2. [default: the project's, simulated at first]"),
     ] = None
     yes: Annotated[
         bool, Option("--yes", help="With --ros: do not ask; the robot's state must permit each step.")

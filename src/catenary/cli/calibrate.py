@@ -11,14 +11,7 @@ from typer import Argument, Option
 from catenary.cli.beside_robot import RobotAccess, deploy_beside, record_others, robot_of
 from catenary.cli.gravity_source import GravityOptions
 from catenary.cli.options import AsJson, Units
-from catenary.cli.project_options import (
-    ExcitationOptions,
-    Folder,
-    Hours,
-    Seed,
-    open_project,
-    require_project,
-)
+from catenary.cli.project_options import ExcitationOptions, Folder, Hours, Seed, open_project, require_project
 from catenary.cli.terminal import announce, print_json, print_notes, print_table, progress_bar, words
 from catenary.errors import InputError
 
@@ -145,9 +138,7 @@ def deploy(
     project: Annotated[
         Path | None, Argument(metavar="PROJECT", help="Folder of the project; none with --ros.")
     ] = None,
-    seconds: Annotated[
-        float | None, Option(help="How long it runs. [default: 20; with --ros until Ctrl-C]")
-    ] = None,
+    seconds: Annotated[float | None, Option(help="Duration. [default: 20; with --ros until Ctrl-C]")] = None,
     real_time: Annotated[bool, Option("--real-time/--fast", help="Keep time with the clock.")] = True,
     ros: Annotated[
         int | None, Option(metavar="1|2", help="Beside a robot on ROS: publish its messages corrected.")
@@ -179,7 +170,7 @@ def deploy(
     from catenary.calibration.files import load_model
     from catenary.simulation.plant_state import restore_plant
     from catenary.workflows.project.calibrate import TRAIN, random_motion
-    from catenary.workflows.project.deploy import deploy_on_simulated
+    from catenary.workflows.project.deploy import deploy_on_robot
     from catenary.workflows.project.simulated_robot import left_at, make_plant
 
     loaded, _ = load_model(model)
@@ -191,7 +182,7 @@ def deploy(
     plant.state_command("enable")
     motion, _ = random_motion(opened, seconds, 1)
     with _progress(f"{seconds:g} s at 1 kHz"):
-        result = deploy_on_simulated(plant, loaded, motion, real_time=real_time)
+        result = deploy_on_robot(plant, loaded, motion, real_time=real_time)
     if as_json:
         print_json(result.as_data())
         return
@@ -208,9 +199,7 @@ def calibrate(
     train: Annotated[
         list[Path] | None, Argument(metavar="[DATA...]", help="Recordings to train on, in place of a robot.")
     ] = None,
-    test: Annotated[
-        list[Path] | None, Option(metavar="DATA", help="Recording to test on; may be repeated.")
-    ] = None,
+    test: Annotated[list[Path] | None, Option(metavar="DATA", help="Test recording; repeatable.")] = None,
     units: Units = None,
     hours: Hours = None,
     as_json: AsJson = False,

@@ -15,9 +15,7 @@ def export(
     ],
     c: Annotated[Path | None, Option(metavar="OUT", help="C header of a robot to write, e.g. arm.h.")] = None,
     onnx: Annotated[Path | None, Option(metavar="OUT", help="ONNX graph to write, e.g. arm.onnx.")] = None,
-    model: Annotated[
-        Path | None, Option(metavar="CALIBRATION", help="Calibration model for the C header.")
-    ] = None,
+    model: Annotated[Path | None, Option(metavar="CALIBRATION", help="Calibration for the C header.")] = None,
     rate_hz: Annotated[
         float | None,
         Option(
@@ -37,9 +35,7 @@ def export(
     from catenary.errors import InputError
 
     if (c is None) == (onnx is None):
-        raise InputError(
-            "export: expected --c OUT for a robot or --onnx OUT for a calibration model, one of them"
-        )
+        raise InputError("export: expected one of --c OUT for a robot, --onnx OUT for a calibration model")
     if c is not None:
         _c(what, c, model, 1000.0 if rate_hz is None else rate_hz, as_json)
     elif onnx is not None:

@@ -32,14 +32,10 @@ Recordings = Annotated[
 ]
 LARGEST = sys.float_info.max
 LARGEST_SEED = 2**32 - 1  # that scikit-learn takes
-Seed = Annotated[
-    int, Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Seed of everything random.")
-]
+Seed = Annotated[int, Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Seed of all randomness.")]
 MaxError = Annotated[
     str | None,
-    Option(
-        "--max-error", metavar="E,E,...", help="Leave out rows with a larger error, per joint in deg and mm."
-    ),
+    Option("--max-error", metavar="E,E,...", help="Leave out rows with larger errors, per joint in deg, mm."),
 ]
 
 
@@ -87,9 +83,7 @@ def fit(
         float | None,
         Option(metavar="SHARE", help="Keep the last part of each recording, this share of it, for a test."),
     ] = None,
-    folds: Annotated[
-        int, Option(metavar="N", min=0, help="Blocks of time for the cross-validation; 0 for none.")
-    ] = 5,
+    folds: Annotated[int, Option(metavar="N", min=0, help="Blocks of the cross-validation; 0 for none.")] = 5,
     max_error: MaxError = None,
     ridge: Annotated[
         float | None,

@@ -1,8 +1,9 @@
 """catenary gravity, track and hold."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
@@ -41,9 +42,7 @@ class Conditions:
     ] = None
     rock_deg: Annotated[
         tuple[float, float] | None,
-        Option(
-            metavar="FROM TO", help="Rock the base about its y axis between these angles, after the tilt."
-        ),
+        Option(metavar="FROM TO", help="Rock the base about its y axis between these angles, once tilted."),
     ] = None
     rock_hz: Annotated[float, Option(metavar="F", min=0.0, help="Frequency of the rocking.")] = 1.0
     payload: Annotated[
@@ -51,7 +50,7 @@ class Conditions:
     ] = 0.0
     seed: SimulatedSeed = None
 
-    def as_data(self) -> dict[str, object]:
+    def as_data(self) -> dict[str, Any]:
         """Return plain data, for the JSON and the page."""
         return {
             "base_tilt_deg": self.base_tilt_deg or (0.0, 0.0),
@@ -162,9 +161,7 @@ def track(
     ] = None,
     q_deg: SameInDeg = None,
     amplitude_mm: Annotated[float, Option(metavar="A", min=0.0, help="Amplitude of the sinusoids.")] = 78.74,
-    axes: Annotated[
-        str, Option(metavar="A,A,...", help="Base axes along which the sinusoids run.")
-    ] = "x,y,z",
+    axes: Annotated[str, Option(metavar="A,A,...", help="Base axes that the sinusoids run along.")] = "x,y,z",
     seconds: Annotated[float, Option(metavar="S", min=2.0, help="Length of the random motion.")] = 20.0,
     damping: Annotated[
         str,
@@ -197,12 +194,7 @@ def track(
     )  # fmt: skip
     law = make_controller(controller, arm, damping=damping)  # type: ignore[arg-type]  # refuses what it does not know
     result = run(arm, law, chosen.trajectory, windows=chosen.windows)
-    settings: dict[str, object] = {
-        "robot": robot,
-        "controller": controller,
-        "motion": motion,
-        "damping": damping,
-    }
+    settings = {"robot": robot, "controller": controller, "motion": motion, "damping": damping}
     title = f"{robot} (simulated), controller {controller}, {motion}"
     _conclude(title, result, settings | conditions.as_data(), report, as_json)
 
@@ -227,22 +219,22 @@ def hold(
     """
     from catenary.workflows.gravity.controllers import make_hold
     from catenary.workflows.gravity.hold import hold as run
-    from catenary.workflows.gravity.motions import hold_start
+    from catenary.workflows.gravity.motions import HOLD_START, start_pose
 
     if report is not None:
         refuse_unwritable("--report", report)
     arm = conditions.arm(robot)
-    pose = given_joints(arm.model, q, q_deg)
-    result = run(
-        arm, make_hold(controller, arm), hold_start(arm.model, arm.plant) if pose is None else pose, seconds
-    )
-    settings: dict[str, object] = {"robot": robot, "controller": controller}
+    law, pose = make_hold(controller, arm), given_joints(arm.model, q, q_deg)
+    if pose is None:
+        pose = start_pose(arm.model, arm.plant, HOLD_START)
+    result = run(arm, law, pose, seconds)
+    settings = {"robot": robot, "controller": controller}
     title = f"{robot} (simulated), held by {controller} for {seconds:g} s"
     _conclude(title, result, settings | conditions.as_data(), report, as_json)
 
 
 def _conclude(
-    title: str, result: "Tracking | Holding", settings: dict[str, object], report: Path | None, as_json: bool
+    title: str, result: "Tracking | Holding", settings: Mapping[str, Any], report: Path | None, as_json: bool
 ) -> None:
     from catenary.reports.gravity import gravity_table, write_gravity_report
 

@@ -18,9 +18,7 @@ class GravityOptions:
 
     gravity: Annotated[
         str | None,
-        Option(
-            metavar="TOPIC", help="With --ros: gravity as `catenary gravity-node` publishes it, as /gravity."
-        ),
+        Option(metavar="TOPIC", help="With --ros: gravity of `catenary gravity-node`, as /gravity."),
     ] = None
     imu: Annotated[
         str | None,
@@ -38,15 +36,11 @@ class GravityOptions:
         if self == GravityOptions():
             return None
         if ros is None:
-            raise InputError(
-                "--gravity, --imu and --mounting go with --ros; a simulated robot knows its gravity"
-            )
+            raise InputError("--gravity, --imu and --mounting go with --ros; a simulated robot knows its own")
         if self.gravity is not None and self.imu is not None:
             raise InputError("give one of --gravity and --imu")
         if self.mounting is not None and self.imu is None:
-            raise InputError(
-                "--mounting goes with --imu; what a gravity node publishes is in base axes already"
-            )
+            raise InputError("--mounting goes with --imu; a gravity node publishes in base axes already")
         from catenary.crtk.latest import ImuTopic, published_gravity
         from catenary.sensing.mounting import Mounting, load_mounting
 

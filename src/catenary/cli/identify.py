@@ -33,9 +33,7 @@ def identify(
     test: Annotated[
         list[Path] | None, Option(metavar="LOG", help="A recording to judge the result by; may be repeated.")
     ] = None,
-    terms: Annotated[
-        str, Option(metavar="WHAT", help="full: all of the dynamics; static: poses at rest.")
-    ] = "full",
+    terms: Annotated[str, Option(metavar="WHAT", help="full: all dynamics; static: poses at rest.")] = "full",
     cutoff_hz: CutOff = None,
     period: Annotated[
         int | None,
@@ -50,16 +48,12 @@ def identify(
     ] = None,
     consistent: Annotated[
         bool,
-        Option(
-            "--consistent", help="Only physically possible parameters: positive masses, inertia and friction."
-        ),
+        Option("--consistent", help="Physically possible parameters only: positive mass, inertia, friction."),
     ] = False,
     blocks: Annotated[
         float | None, Option(metavar="S", help="Hold out every second block of S seconds (static: S rows).")
     ] = None,
-    rows: Annotated[
-        str | None, Option(metavar="A:B", help="Rows of the recordings to fit. [default: all]")
-    ] = None,
+    rows: Annotated[str | None, Option(metavar="A:B", help="Rows of LOG to fit. [default: all]")] = None,
     gravity: Gravity = None,
     urdf: Annotated[
         Path | None, Option(metavar="FILE", help="Also write the robot as URDF; needs --consistent.")
@@ -87,9 +81,7 @@ def identify(
     )
     tests = test or []
     if urdf is not None and not consistent:
-        raise InputError(
-            "--urdf: only a physically consistent fit gives each link an inertia; add --consistent"
-        )
+        raise InputError("--urdf: only a physically consistent fit gives links an inertia; add --consistent")
     outputs = {"--out": out, "the card of --out": card_path(out), "--report": report, "--urdf": urdf}
     refuse_to_overwrite(outputs, [*logs, *tests, Path(robot)])
     result = identify_files(logs, robot, options, tests=tests, rows=_rows(rows))
@@ -111,9 +103,8 @@ def identify(
     if report is not None:  # last: whatever goes wrong with it, the parameters are there
         from catenary.reports.identification import write_identification_report
 
-        write_identification_report(
-            report, found, result.card, result.tests or result.training, notes=result.notes
-        )
+        shown = result.tests or result.training
+        write_identification_report(report, found, result.card, shown, notes=result.notes)
         if not as_json:
             print(f"page:  {report}")
 
@@ -146,14 +137,10 @@ def excitation(
     trials: Annotated[
         int, Option(metavar="N", min=1, help="Motions to choose from; more trials find a better one.")
     ] = 300,
-    lower: Annotated[
-        str | None, Option(metavar="Q,Q,...", help="Lower limits to stay within, rad and m.")
-    ] = None,
-    upper: Annotated[
-        str | None, Option(metavar="Q,Q,...", help="Upper limits to stay within, rad and m.")
-    ] = None,
+    lower: Annotated[str | None, Option(metavar="Q,Q,...", help="Lower limits to keep, rad and m.")] = None,
+    upper: Annotated[str | None, Option(metavar="Q,Q,...", help="Upper limits to keep, rad and m.")] = None,
     velocity: Annotated[
-        str | None, Option(metavar="V,V,...", help="Limits of velocity to stay within, rad/s and m/s.")
+        str | None, Option(metavar="V,V,...", help="Limits of velocity to keep, rad/s and m/s.")
     ] = None,
     gravity: Gravity = None,
     seed: Annotated[int, Option(metavar="N", min=0, help="Seed of everything random.")] = 0,

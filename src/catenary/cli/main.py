@@ -43,9 +43,8 @@ def main() -> None:
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(
-                errors="backslashreplace"
-            )  # a terminal without a character still shows the rest
+            # a terminal without a character still shows the rest
+            stream.reconfigure(errors="backslashreplace")
     try:
         try:
             app(prog_name="catenary")

@@ -34,9 +34,7 @@ def monitor(
         float | None, Option(metavar="HZ", help="Samples a second. [default: 25 on a screen, 1 in a pipe]")
     ] = None,
     seconds: Annotated[float | None, Option(help="How long to watch. [default: until Q or Ctrl-C]")] = None,
-    moving: Annotated[
-        bool, Option("--moving", help="The robot simulated here moves at random meanwhile.")
-    ] = False,
+    moving: Annotated[bool, Option("--moving", help="The simulated robot moves at random.")] = False,
     record: Record = None,
     as_json: Annotated[bool, Option("--json", help="Print a line of JSON for each sample, SI.")] = False,
 ) -> None:

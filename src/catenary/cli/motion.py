@@ -74,32 +74,21 @@ def random(
 
     from catenary.workflows.robot.operator_motion import run_random
 
-    with (
-        open_robot(robot) as opened,
-        progress_bar("random") as tell,
-    ):
+    with open_robot(robot) as opened, progress_bar("random") as tell:
         summary = run_random(opened, seconds, rng=np.random.default_rng(seed), progress=tell)
     _say(summary, as_json, "done")
 
 
 def follow(
     robot: PacedRobot,
-    file: Annotated[
-        Path, Argument(metavar="FILE", help=".csv, .parquet or .npz: time and joints, with units.")
-    ],
+    file: Annotated[Path, Argument(metavar="FILE", help=".csv, .parquet, .npz: time, joints, with units.")],
     rows_per_second: Annotated[
         float | None, Option(help="Rate of a CSV that holds numbers alone. [default: 64.3]")
     ] = None,
     blend: Annotated[float, Option(help="Seconds over which velocities are averaged.")] = 0.5,
-    largest_deg_s: Annotated[
-        float | None, Option(help="Refuse a motion that turns faster. [default: 28.6]")
-    ] = None,
-    largest_mm_s: Annotated[
-        float | None, Option(help="Refuse a motion that slides faster. [default: 10]")
-    ] = None,
-    from_afar: Annotated[
-        bool, Option("--from-afar", help="Allow a start more than 60 deg or 150 mm away.")
-    ] = False,
+    largest_deg_s: Annotated[float | None, Option(help="Refuse to turn faster. [default: 28.6]")] = None,
+    largest_mm_s: Annotated[float | None, Option(help="Refuse to slide faster. [default: 10]")] = None,
+    from_afar: Annotated[bool, Option("--from-afar", help="Allow a start over 60 deg, 150 mm away.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Move a robot along a file.
@@ -123,10 +112,7 @@ def follow(
     away = motion.leaves_rows(motion.trajectory(blend), blend)
     shown = ", ".join(in_words(value, unit, 2) for value, unit in zip(away, motion.joint_units, strict=True))
     print_notes([f"{len(motion.q)} rows, {motion.time[-1]:.1f} s; corners are passed within {shown}"])
-    with (
-        open_robot(robot) as opened,
-        progress_bar("follow") as tell,
-    ):
+    with open_robot(robot) as opened, progress_bar("follow") as tell:
         summary = follow_file(
             opened, motion, blend=blend, largest_velocity=fastest, from_afar=from_afar, progress=tell
         )

@@ -139,9 +139,8 @@ def _shown(line: Callable[[Any], tuple[str, Sequence[str]]], as_json: bool) -> C
             print_json_line({"final": status.as_data()} if final else status.as_data())
             return
         text, remarks = line(status)
-        print(
-            f"{text}  {status.subscribers} programs listen{'' if status.is_up else '  NO MASTER'}", flush=True
-        )
+        master = "" if status.is_up else "  NO MASTER"
+        print(f"{text}  {status.subscribers} programs listen{master}", flush=True)
         if list(remarks) != said:
             said[:] = remarks
             print_notes(said)

@@ -1,8 +1,8 @@
 """Options that commands of several families have, and groups of them that a command takes as one argument."""
 
-import inspect
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
+from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,13 +19,9 @@ Carrier = Annotated[str, Option("--ros", metavar="1|2|none", help="ROS that carr
 Duration = Annotated[
     float | None, Option("--duration", metavar="S", min=0.0, help="How long to run. [default: until Ctrl-C]")
 ]
-Record = Annotated[
-    Path | None, Option("--record", metavar="FOLDER", help="Also record the topics of a RAVEN-II.")
-]
+Record = Annotated[Path | None, Option("--record", metavar="FOLDER", help="Also record a RAVEN-II's topics.")]
 Baud = Annotated[int, Option("--baud", min=300, help="Speed of the serial line.")]
-MountingFile = Annotated[
-    Path | None, Option("--mounting", metavar="FILE", help="Mounting file of the sensor.")
-]
+MountingFile = Annotated[Path | None, Option("--mounting", metavar="FILE", help="Sensor's mounting file.")]
 SimulatedSeed = Annotated[
     int | None,
     Option(
@@ -42,12 +38,10 @@ def with_groups_apart(command: Callable[..., None]) -> Callable[..., None]:
     A group is a parameter whose type is a dataclass of options with defaults. Help lists its options behind the
     command's own, and --json last.
     """
-    own = inspect.signature(command).parameters.values()
+    own = signature(command).parameters.values()
     groups: dict[str, Any] = {p.name: p.annotation for p in own if is_dataclass(p.annotation)}
     shared = [
-        inspect.Parameter(
-            field.name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=field.type
-        )
+        Parameter(field.name, Parameter.KEYWORD_ONLY, default=field.default, annotation=field.type)
         for group in groups.values()
         for field in fields(group)
     ]
@@ -60,6 +54,6 @@ def with_groups_apart(command: Callable[..., None]) -> Callable[..., None]:
         command(**given)
 
     run.__doc__ = command.__doc__
-    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {p.name: p.annotation for p in parameters}
     return run

@@ -15,9 +15,7 @@ if TYPE_CHECKING:
 Folder = Annotated[Path, Argument(metavar="PROJECT", help="Folder of the project; made if it is not there.")]
 Seed = Annotated[
     int | None,
-    Option(
-        "--seed", help="Simulate another robot of the kind, drawn with this seed. [default: the nominal one]"
-    ),
+    Option("--seed", help="Simulate another robot, drawn with this seed. [default: the nominal one]"),
 ]
 Hours = Annotated[float | None, Option("--hours", help="Length of the random motion.")]
 

@@ -15,9 +15,7 @@ if TYPE_CHECKING:
 
 def regressor(
     robot: Robot,
-    compact: Annotated[
-        bool, Option("--compact", help="Print the compact form, as formulas with values.")
-    ] = False,
+    compact: Annotated[bool, Option("--compact", help="Print the compact form, with its values.")] = False,
     latex: Annotated[bool, Option("--latex", help="Print the compact form for LaTeX.")] = False,
     as_json: Annotated[bool, Option("--json", help="Print JSON: kg and kg m.")] = False,
 ) -> None:

@@ -33,9 +33,7 @@ class WatchedRobot:
     ] = None
     simulated: Annotated[
         bool,
-        Option(
-            "--simulated", help="With --ros: that robot is a simulation, so there is no workspace to clear."
-        ),
+        Option("--simulated", help="With --ros: that robot is simulated, so there is no workspace to clear."),
     ] = False
     base_tilt_deg: Annotated[
         str | None, Option(metavar="R,P", help="Simulated: roll about x, then pitch about y, of its base.")
@@ -88,9 +86,7 @@ def open_robot(
         yield simulated_robot(robot, seed=seed, base_tilt_deg=angles, homed=homed, real_time=not fast)
         return
     if tilt is not None or seed is not None or fast:
-        raise InputError(
-            "--base-tilt-deg, --robot-seed and --fast go with a robot simulated here, not with --ros"
-        )
+        raise InputError("--base-tilt-deg, --robot-seed and --fast go with a simulated robot, not with --ros")
     with ros_transport(chosen.ros) as transport:
         opened, client = robot_over(
             transport, robot, dialect=chosen.dialect, namespace=chosen.namespace, simulated=simulated, imu=imu

@@ -20,7 +20,6 @@ from catenary.units import in_words
 
 if TYPE_CHECKING:
     from catenary.dynamics.inverse_kinematics import Match
-    from catenary.robots.model import RobotModel
     from catenary.spatial import Pose
 
 Robot = Annotated[
@@ -66,9 +65,8 @@ def fk(
     values = joint_values(model, q, q_deg)
     print_notes(beyond_limits(model, values))
     name = model.tip if frame is None else frame
-    poses = {
-        f: relative_pose(model, values, name, f) for f in (in_frame, *_other_base_frames(model, in_frame))
-    }
+    resting = [f for f in model.frames if model.frames[f].link < 0 and f not in ("base", in_frame)]
+    poses = {f: relative_pose(model, values, name, f) for f in (in_frame, *resting)}
     if as_json:
         asked = {"robot": model.name, "q": values, "unit": model.joint_units, "frame": name, "in": in_frame}
         others = {f: pose_numbers(pose) for f, pose in poses.items() if f != in_frame}
@@ -119,9 +117,7 @@ def ik(
     start = given_joints(model, q, q_deg)
     if position_mm is None:
         if start is None:
-            raise InputError(
-                "ik: give the goal with --position-mm, or joints with --q whose pose is the goal"
-            )
+            raise InputError("ik: give the goal with --position-mm, or with --q joints whose pose it is")
         if rpy_deg is not None or quaternion is not None:
             raise InputError("ik: an orientation without --position-mm; give both")
         goal = relative_pose(model, start, name, in_frame)
@@ -134,9 +130,8 @@ def ik(
     match: Match | None = None
     if position_mm is not None:
         match = "position" if rpy_deg is None and quaternion is None else "pose"
-    solution = inverse_kinematics(
-        model, base_pose, start, frame=name, match=match, rng=np.random.default_rng(seed)
-    )
+    rng = np.random.default_rng(seed)
+    solution = inverse_kinematics(model, base_pose, start, frame=name, match=match, rng=rng)
     reached = relative_pose(model, solution, name, in_frame)
     if as_json:
         asked = {"robot": model.name, "q": solution, "unit": model.joint_units, "frame": name, "in": in_frame}
@@ -190,7 +185,3 @@ def _goal(position_mm: str, rpy_deg: str | None, quaternion: str | None) -> "Pos
     elif quaternion is not None:
         rotation = rotation_from_quaternion(numbers("--quaternion", quaternion))
     return Pose(rotation, position)
-
-
-def _other_base_frames(model: "RobotModel", shown: str) -> list[str]:
-    return [name for name, frame in model.frames.items() if frame.link == -1 and name not in ("base", shown)]

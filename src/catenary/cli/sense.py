@@ -25,9 +25,7 @@ _LINE_EVERY = 1.0  # [s] in a file or pipe
 
 
 def sense(
-    port: Annotated[
-        str | None, Option(metavar="PORT", help="Serial port of a board, as /dev/ttyACM0.")
-    ] = None,
+    port: Annotated[str | None, Option(metavar="PORT", help="Serial port, as /dev/ttyACM0.")] = None,
     simulated: Annotated[bool, Option("--simulated", help="Use a simulated sensor.")] = False,
     tilt_deg: Annotated[
         tuple[float, float] | None, Option(metavar="R P", help="Roll, then pitch, of the simulated base.")

@@ -24,17 +24,13 @@ def serve(
         str, Option(metavar="raven|crtk", help="Topics of the RAVEN-II, or the present CRTK.")
     ] = "raven",
     ros: Carrier = "1",
-    rate: Annotated[
-        float, Option(metavar="HZ", help="Rate at which the robot's state is published.")
-    ] = 1000.0,
+    rate: Annotated[float, Option(metavar="HZ", help="Rate at which its state is published.")] = 1000.0,
     seed: SimulatedSeed = None,
     base_tilt_deg: Annotated[
         str, Option(metavar="ROLL,PITCH", help="Tilt of the base: roll about x, then pitch about y.")
     ] = "0,0",
     payload: Annotated[float, Option(metavar="KG", help="Mass at the tool's wrist.")] = 0.0,
-    green: Annotated[
-        bool, Option("--green", help="Let the green arm move too; otherwise it is parked.")
-    ] = False,
+    green: Annotated[bool, Option("--green", help="Let the green arm move too; else it is parked.")] = False,
     homed: Annotated[bool, Option("--homed", help="Begin homed; homing takes half a minute.")] = False,
     encoders: Annotated[
         bool,
@@ -80,10 +76,7 @@ def serve(
         )
 
 
-def button(
-    ros: Carrier = "1",
-    as_json: AsJson = False,
-) -> None:
+def button(ros: Carrier = "1", as_json: AsJson = False) -> None:
     """Press the silver button of a served RAVEN-II: it homes."""
     from catenary.crtk.names import BUTTON, BUTTON_TYPE
     from catenary.crtk.network import make_transport
@@ -114,9 +107,8 @@ def _listen(commands: deque[str]) -> None:
         return
 
     def read() -> None:
-        with contextlib.suppress(
-            OSError, ValueError
-        ):  # a standard input that nobody can read, or that is closed
+        # a standard input that nobody can read, or that is closed
+        with contextlib.suppress(OSError, ValueError):
             for line in sys.stdin:
                 if line.strip():
                     commands.append(line.strip())

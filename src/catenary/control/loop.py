@@ -15,7 +15,7 @@ from catenary.arrays import Floats, as_array
 from catenary.control.controller import Controller
 from catenary.control.limits import TorqueLimits
 from catenary.control.realtime import Durations, RealTime
-from catenary.control.report import GravityTally, LoopReport, Tally
+from catenary.control.report import GravityTally, LoopReport, RunningRms
 from catenary.errors import InputError, LimitError, SensorError
 from catenary.plant import JointState, Plant, require_ready
 from catenary.sensing.vector import GravityReading, ReadingStatus
@@ -127,7 +127,8 @@ def run_loop(
     if corrector is not None:
         corrector.prepare(plant.joint_names, plant.joint_units, rate_hz)
     clock = RealTime(dt) if real_time or not plant.simulated else None
-    compute, tally, inside = Durations(), Tally(n), np.ones(n, dtype=bool)
+    compute, inside, outside = Durations(), np.ones(n, dtype=bool), np.zeros(n)
+    nominal, calibrated = RunningRms(n), RunningRms(n)  # of the reference less each
     sensed = None if gravity is None else GravityTally()
     ticks, held = 0, state.q
     finished = False
@@ -143,11 +144,9 @@ def run_loop(
             jitter=None if clock is None else clock.jitter.timing(),
             overruns=None if clock is None else clock.overruns,
             has_priority=clock is not None and clock.has_priority,
-            outside_valid_range=None
-            if corrector is None
-            else tuple((tally.outside / max(1, ticks)).tolist()),
-            tracking_nominal=tally.nominal.value(),
-            tracking_calibrated=None if corrector is None else tally.calibrated.value(),
+            outside_valid_range=None if corrector is None else tuple((outside / max(1, ticks)).tolist()),
+            tracking_nominal=nominal.value(),
+            tracking_calibrated=None if corrector is None else calibrated.value(),
             limited_ticks=limits.limited,
             not_finite_ticks=limits.not_finite,
             gravity=None if sensed is None else sensed.report(),
@@ -161,9 +160,9 @@ def run_loop(
             state = plant.measured_js()
             q_nominal = held = state.q
             if corrector is not None:
-                calibrated, inside = np.empty(n), np.empty(n, dtype=bool)
-                corrector.correct_state(state, calibrated, inside)
-                state = JointState(state.time, calibrated, *state[2:])
+                q, inside = np.empty(n), np.empty(n, dtype=bool)
+                corrector.correct_state(state, q, inside)
+                state = JointState(state.time, q, *state[2:])
             if gravity is not None and sensed is not None:
                 reading = gravity.read(state.time)
                 sensed.add(reading)
@@ -179,7 +178,9 @@ def run_loop(
             else:
                 tau = limits.apply(controller.torque(state, reference), q_nominal, dt)
                 plant.servo_jf(tau)
-            tally.add(reference.q, q_nominal, state.q, inside)
+            nominal.add(reference.q, q_nominal)
+            calibrated.add(reference.q, state.q)
+            outside += ~inside
             ticks += 1
             for observe in observers:
                 observe(Tick(number, number * dt, state, q_nominal, inside, reference, tau))

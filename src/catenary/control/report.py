@@ -5,15 +5,12 @@ from dataclasses import dataclass
 from math import isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.control.realtime import Timing
 from catenary.kernels.compiled import compiled
 from catenary.sensing.faults import Fault
 from catenary.sensing.vector import GravityReading, ReadingStatus
-
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -75,20 +72,6 @@ class LoopReport:
         if self.gravity is not None:
             lines.append(str(self.gravity))
         return "\n".join(lines)
-
-
-class Tally:
-    """Sums over the ticks of a run, per joint."""
-
-    def __init__(self, joints: int) -> None:
-        self.nominal, self.calibrated = RunningRms(joints), RunningRms(joints)  # of the reference less each
-        self.outside = np.zeros(joints)  # ticks outside the valid range
-
-    def add(self, q_ref: Floats, q_nominal: Floats, q_calibrated: Floats, inside: Flags) -> None:
-        """Count a tick, each (n,)."""
-        self.nominal.add(q_ref, q_nominal)
-        self.calibrated.add(q_ref, q_calibrated)
-        self.outside += ~inside
 
 
 class RunningRms:

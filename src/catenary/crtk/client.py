@@ -20,13 +20,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
 from catenary.crtk.clock import SECOND
-from catenary.crtk.conversions import (
-    Stamps,
-    command_message,
-    joint_state,
-    joint_state_message,
-    joint_values,
-)
+from catenary.crtk.conversions import Stamps, command_message, joint_state, joint_state_message, joint_values
 from catenary.crtk.conversions import operating_state as operating_state_of
 from catenary.crtk.joints import RobotJoints, checked_joints, raven_joints
 from catenary.crtk.latest import ImuTopic, Latest, MeasuredGravity

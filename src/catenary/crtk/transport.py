@@ -162,10 +162,6 @@ class Transport(ABC):
         self.require_open()
         return self.inbox.run(timeout)
 
-    def arrivals(self) -> int:
-        """Return how many messages have come so far, over all subscriptions; unchanged means that nothing new waits."""
-        return self.inbox.arrivals
-
     def spin(self) -> None:
         """Poll until the transport is closed or its network is told to end it."""
         while not self.inbox.closed:

@@ -46,12 +46,7 @@ class SerialAccelerometer(SerialBoard):
     """
 
     def __init__(
-        self,
-        port: str,
-        mailbox: Mailbox,
-        *,
-        baud: int = BAUD,
-        clock: Callable[[], float] = time.monotonic,
+        self, port: str, mailbox: Mailbox, *, baud: int = BAUD, clock: Callable[[], float] = time.monotonic
     ) -> None:
         """Open the port and begin to read.
 

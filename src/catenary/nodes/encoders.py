@@ -82,14 +82,8 @@ class EncoderNode:
         """Return the status, `seconds` after the begin."""
         connections = self.transport.connections
         listeners = {name for topic in self.published for name in connections(topic).subscribers}
-        return EncoderStatus(
-            seconds,
-            self.board.reading(),
-            self.robot,
-            dict(self.published),
-            len(listeners),
-            self.transport.is_up(),
-        )
+        reading, is_up = self.board.reading(), self.transport.is_up()
+        return EncoderStatus(seconds, reading, self.robot, dict(self.published), len(listeners), is_up)
 
 
 def publish_encoders(

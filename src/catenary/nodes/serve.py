@@ -118,10 +118,7 @@ def _plants(serving: Serving) -> dict[Arm, Plant]:
 
     def made(side: str) -> CablePlant:
         plant = CablePlant(
-            side=side,
-            seed=serving.seed,
-            payload=serving.payload,
-            base=FixedBase(float(roll), float(pitch)),
+            side=side, seed=serving.seed, payload=serving.payload, base=FixedBase(float(roll), float(pitch))
         )
         if serving.homed:
             plant.home()
@@ -223,8 +220,8 @@ def serve(
         pass
     finally:
         settled.end()
-        server.hold()
         for arm in server.arms.values():
+            arm.hold()
             if arm.machine.can_change:
                 arm.machine.command("pause")
                 arm.advance()

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from struct import Struct
 from types import TracebackType
-from typing import Any, Literal, NamedTuple, NoReturn, Self
+from typing import Any, Literal, NamedTuple, Self
 from zlib import crc32
 
 from catenary.errors import InputError, RecordingError
@@ -139,8 +139,7 @@ class JournalWriter:
             InputError: Unknown topic, or the recording is closed.
             RecordingError: The disk is full or failed, now or at an earlier flush.
         """
-        if self._error is not None:
-            self._fail()
+        self._raise_error()
         if self._closed:
             raise InputError(f"{self.folder}: is closed")
         index = self._index.get(topic)
@@ -166,8 +165,7 @@ class JournalWriter:
         """
         with self._disk_lock:
             self._write_pending()
-        if self._error is not None:
-            self._fail()
+        self._raise_error()
 
     def close(self) -> None:
         """Finish the recording; a second time does nothing.
@@ -182,8 +180,7 @@ class JournalWriter:
         with self._disk_lock:
             self._write_pending(end="last")
             self._closed = True
-        if self._error is not None:
-            self._fail()
+        self._raise_error()
 
     @property
     def messages(self) -> int:
@@ -293,16 +290,17 @@ class JournalWriter:
         except OSError:
             log.exception("%s: could not be cut behind its last whole record", self.folder)
 
-    def _fail(self) -> NoReturn:
-        """Close and say what is safe."""
+    def _raise_error(self) -> None:
+        """Close and say what is safe, if the disk was full or failed."""
+        if self._error is None:
+            return
         with self._disk_lock:
             self._closed = True
             self._stop.set()
             if self._fd >= 0:
                 os.close(self._fd)
                 self._fd = -1
-        safe, reason = self._safe_messages, self._error.strerror if self._error is not None else "closed"
         raise RecordingError(
-            f"{self.folder}: recording stopped: {reason}. Safe are the first {safe} of {self._messages} messages, "
-            f"in {self._part + 1} file(s); {self._messages - safe} are lost"
+            f"{self.folder}: recording stopped: {self._error.strerror}. Safe are the first {self._safe_messages} of "
+            f"{self._messages} messages, in {self._part + 1} file(s); {self._messages - self._safe_messages} are lost"
         ) from self._error

@@ -145,14 +145,12 @@ def read_parquet(
         raise FileFormatError(f"{path}: columns q_nominal:<joint> are missing for {', '.join(names)}")
     if "ok" not in columns:
         raise FileFormatError(f"{path}: column ok, the rows whose q_encoder can be trusted, is missing")
-    time = columns.pop("time", None)
-    ok = columns.pop("ok")
     return MotionLog(
         name=path.stem,
         joint_names=names,
         joint_units=joint_units,
-        ok=ok,
-        time=time,
+        ok=columns.pop("ok"),
+        time=columns.pop("time", None),
         **joints,
         signals=columns,
         signal_units={
@@ -178,9 +176,7 @@ def read_torque_log(path: Path, model: RobotModel) -> MotionLog:
         InputError: Wrong shape, NaN, a rate that is not above zero, or raw efforts of a robot without scale.
     """
     if path.suffix == ".parquet":
-        if not path.is_file():
-            raise FileFormatError(f"{path}: no such file")
-        return read_parquet(path)
+        return read_log(path)
     if path.suffix != ".npz":
         raise FileFormatError(f'{path}: ending "{path.suffix}": expected a recording, .npz or .parquet')
     content = read_arrays(path)

@@ -103,9 +103,8 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str) -> list[B
     joints = []
     for joint in deployment["joints"]:
         errors = [f"{joint[key]:.3f}" for key in ("raw_rmse", "rmse")]
-        joints.append(
-            [joint["name"], joint["unit"], *errors, f"{100.0 * joint['outside_valid_range']:.1f} %"]
-        )
+        outside = f"{100.0 * joint['outside_valid_range']:.1f} %"
+        joints.append([joint["name"], joint["unit"], *errors, outside])
     priority = "with" if deployment["real_time_priority"] else "without"
     return [
         Text(

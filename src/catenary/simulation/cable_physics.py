@@ -13,9 +13,8 @@ from catenary.simulation.cable_parameters import Cable
 from catenary.simulation.records import PerAxis, PerJoint, Record
 from catenary.transmission.coupling import joint_forces, winding_of
 from catenary.transmission.drift import loss_rate, set_rate
-from catenary.transmission.elasticity import beyond_backlash, tension_of
+from catenary.transmission.elasticity import beyond_backlash, bouc_wen_step, maxwell_step, tension_of
 from catenary.transmission.friction import coulomb, coulomb_coupled
-from catenary.transmission.hysteresis import bouc_wen_step, maxwell_step
 
 FRICTION_SWEEPS = 4
 

@@ -10,7 +10,7 @@ from catenary.errors import InputError, NotReadyError
 from catenary.plant import JointState
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel, Tree
-from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase
+from catenary.simulation.base_motion import BaseTimeline, FixedBase, MovingBase
 from catenary.simulation.cable_parameters import CableArm, Rig, load_cable_arm, right_arm, varied
 from catenary.simulation.cable_physics import ArmState, Work, unstretched_rotors
 from catenary.simulation.columns import COLUMNS, sample
@@ -126,9 +126,6 @@ class CablePlant(SimulatedPlant):
         """Return the firmware's joint setpoint."""
         return self.measured_js()._replace(q=self.control.setpoint.copy(), qd=np.zeros(AXES))
 
-    def _base_now(self) -> BaseSamples:
-        return self._base.rows(self._tick, 1)[0]
-
     def telemetry(self) -> Mapping[str, Floats]:
         """Return the latest sample of every column of `columns`."""
         return sample(self.control, self.state.q, self.encoders, self._base_now())
@@ -157,6 +154,10 @@ class CablePlant(SimulatedPlant):
         self._advance(KEEP if row is None else row[np.newaxis], NO_LOG)
         self._wanted = None
         self.encoders.see(self.state.q)
+
+    def external_encoders(self) -> Floats:
+        """Return where the external encoders see the positioning joints, (3,) [rad, rad, m]."""
+        return self.encoders.positions(self.encoders.counts(self.state.q))
 
     # what only a simulator can do
 

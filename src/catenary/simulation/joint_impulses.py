@@ -6,9 +6,8 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.kernels.compiled import compiled, inlined
-from catenary.simulation.cholesky import solve_factored
 from catenary.simulation.joint_hardware import DriveParameters
-from catenary.simulation.joint_step import StepMotion
+from catenary.simulation.joint_step import StepMotion, solve_factored
 
 SWEEPS = 1000  # of projected Gauss-Seidel, at most
 SETTLED = 1e-13  # [rad/s|m/s] change in a sweep below which impulses are found

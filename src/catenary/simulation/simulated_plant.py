@@ -126,9 +126,9 @@ class SimulatedPlant(ABC):
         self._state, self._fault = state, f": {why}" if why else ""
         self._state_changed()
 
-    @abstractmethod
     def _base_now(self) -> BaseSamples:
         """Return the base's motion at this instant, one row."""
+        return self._base.rows(self._tick, 1)[0]
 
     def _joint_state(self, q: Floats, qd: Floats, tau: Floats, q_motor: Floats) -> JointState:
         gravity, motion = self._base_now()

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import as_array, as_positive, frozen
 from catenary.errors import InputError
-from catenary.trajectories.calibration_box import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.trajectories.smoothed_path import BrokenLine, SmoothedPath
+from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
 
 TURNING_BAND = frozen(np.array([np.deg2rad(5.0), np.deg2rad(10.0), 0.02]))  # [rad, rad, m]
 SLOWEST = frozen(np.array([np.deg2rad(1.1), np.deg2rad(1.5), 0.0025]))  # [rad/s, rad/s, m/s]

@@ -101,7 +101,7 @@ class SmoothedPath(SampledTrajectory):
         return largest
 
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """Return references at many times (N,) [s]: q, qd, qdd, each (N, n); rising times are fastest."""
+        """Return references at many times (N,) [s]: q, qd, qdd, each (N, n)."""
         t = as_array("times", times, (None,))
         q, qd, qdd = np.empty((3, len(t), len(self._lines.blends)))
         _evaluate_lines(self._lines, t, q, qd, qdd)
@@ -114,22 +114,15 @@ def _evaluate_lines(lines: _Lines, times: Floats, q: Floats, qd: Floats, qdd: Fl
         first, last = lines.first[j], lines.first[j + 1] - 1
         blend = lines.blends[j]
         begin, end = lines.times[first], lines.times[last] + blend
-        k = first - 1  # the last corner before the window; first - 1 when all lie in it or after it
         for i in range(len(times)):
-            if first == last or times[i] <= begin:
-                q[i, j], qd[i, j], qdd[i, j] = lines.points[first], 0.0, 0.0
-                continue
-            if times[i] >= end:
-                q[i, j], qd[i, j], qdd[i, j] = lines.points[last], 0.0, 0.0
+            if first == last or not begin < times[i] < end:
+                rests = last if times[i] >= end else first
+                q[i, j], qd[i, j], qdd[i, j] = lines.points[rests], 0.0, 0.0
                 continue
             opens = times[i] - blend  # the window reaches from here to times[i], in the line's own time
             here = times[i] - 0.5 * blend
-            if k >= first and lines.times[k] > opens:
-                k = first - 1  # time went back
-            if k < last and lines.times[k + 1] <= opens:
-                k += 1
-                if k < last and lines.times[k + 1] <= opens:  # a leap
-                    k = first + np.searchsorted(lines.times[first : last + 1], opens, side="right") - 1
+            # the last corner before the window; first - 1 when all lie in it or after it
+            k = first + np.searchsorted(lines.times[first : last + 1], opens, side="right") - 1
             if k < first:
                 position, velocity = lines.points[first], 0.0
             else:

@@ -39,14 +39,14 @@ def follow_waypoints(
     fastest = as_positive("speed", speed, (rows.shape[1],))
     pause = float(as_positive("blend", blend))
     rows = rows[np.append(True, (np.diff(rows, axis=0) != 0.0).any(axis=1))]
-    times = _row_times(rows, fastest)
+    steps = (np.abs(np.diff(rows, axis=0)) / fastest).max(axis=1, initial=0.0)
+    times = np.append(0.0, np.cumsum(steps))  # [s] when each row is reached
     if q_start is not None:
         start = as_array("q_start", q_start, (rows.shape[1],))
         way = float((np.abs(rows[0] - start) / fastest).max())
         if way > 0.0:
             # a stop of one blend at the first row brings the motion to it exactly
-            later = times[1:] if len(times) > 1 else times[:0]
-            times = np.concatenate([[0.0, way, way + pause], way + pause + later])
+            times = np.concatenate([[0.0, way, way + pause], way + pause + times[1:]])
             rows = np.concatenate([[start], rows[:1], rows])
     return SmoothedPath.through(times, rows, pause)
 
@@ -85,9 +85,3 @@ def read_waypoints(path: Path, joints: int) -> Floats:
         raise FileFormatError(f"{path}: no such file") from error
     except (OSError, ValueError) as error:
         raise FileFormatError(f"{path}: expected rows of {joints} numbers: {error}") from error
-
-
-def _row_times(rows: Floats, fastest: Floats) -> Floats:
-    """Return when each row is reached if the joint that has farthest to go moves at its speed, (N,) [s]."""
-    steps = (np.abs(np.diff(rows, axis=0)) / fastest).max(axis=1, initial=0.0)
-    return np.append(0.0, np.cumsum(steps))

@@ -21,14 +21,17 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catenary.arrays import Floats, as_array, as_positive
+from catenary.arrays import Floats, as_array, as_positive, frozen
 from catenary.errors import InputError
 from catenary.spatial import rotation_about_x, rotation_about_z
-from catenary.trajectories.calibration_box import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.trajectories.smoothed_path import SmoothedPath
 
 Direction = Literal["J1", "J2", "J3", "J1-J2", "J2-J3", "J1-J3", "J1-J2-J3"]
 DIRECTIONS: tuple[Direction, ...] = get_args(Direction)
+
+# the RAVEN-II's calibration box: limits of joints 1 to 3 in the published trajectories [rad, rad, m]
+CALIBRATION_LOWER = frozen(np.array([np.deg2rad(20.0), np.deg2rad(55.0), 0.33]))
+CALIBRATION_UPPER = frozen(np.array([np.deg2rad(60.0), np.deg2rad(110.0), 0.42]))
 
 ROWS_PER_SECOND = 64.3  # 65,164 rows of J2-J3 at 1/2 + 1/3 + 1/4 take the paper's 1013 s
 BLEND = 0.5  # [s], ours: the paper asks for smooth velocity and states no number

@@ -1,1 +1,1 @@
-"""What lies between a motor and its joint, one effect to a file: coupling, elasticity, hysteresis, friction, drift."""
+"""What lies between a motor and its joint, coupling, elasticity (with hysteresis and creep), friction, drift."""

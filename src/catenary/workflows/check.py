@@ -148,9 +148,7 @@ def check_recording(log: MotionLog) -> Finding:
     elif not log.ok.any():
         finding.faults.append("ok is set on no row: it cannot be calibrated from")
     elif not log.ok.all():
-        finding.remarks.append(
-            f"{int((~log.ok).sum())} rows without a trusted measurement serve as history only"
-        )
+        finding.remarks.append(f"{(~log.ok).sum()} rows without a trusted measurement serve as history only")
     finding.remarks += log.notes
     return finding
 
@@ -214,9 +212,7 @@ def _check_model(path: Path) -> Finding:
         finding.facts.append((joint["joint"], f"{spread} (fixed offset {joint['offset_rmse_mean']:.3f})"))
         # two ways to sum the same offset differ in their last digits
         if joint["rmse_mean"] > joint["offset_rmse_mean"] * (1.0 + 1e-9):
-            finding.faults.append(
-                f"{joint['joint']}: worse than the fixed offset on blocks of time it did not see"
-            )
+            finding.faults.append(f"{joint['joint']}: worse than the fixed offset on unseen blocks of time")
     for joint in card["errors"]["held_out"] or []:
         error = f"RMSE {joint['rmse']:.3f} {joint['unit']} on the last part of the recordings, which it did not see"
         fact = f"{joint['name']}, held out", f"{error} (fixed offset {joint['offset_rmse']:.3f})"

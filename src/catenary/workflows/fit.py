@@ -213,9 +213,7 @@ def _limits(max_error: tuple[float, ...] | None, log: MotionLog) -> Floats | Non
             f"max error: expected {len(log.joint_names)} positive numbers (deg, mm), one per joint, "
             f"got {list(max_error)}"
         )
-    return np.array(
-        [limit / DISPLAY[unit][1] for limit, unit in zip(max_error, log.joint_units, strict=True)]
-    )
+    return np.array([most / DISPLAY[unit][1] for most, unit in zip(max_error, log.joint_units, strict=True)])
 
 
 def outliers(errors: Floats) -> tuple[NDArray[np.int64], Floats]:

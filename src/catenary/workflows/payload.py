@@ -59,7 +59,7 @@ def payload_of_files(
     notes = []
     if best.mass is None:
         notes.append(
-            "the motion does not show the mass by itself, only mass times place; give its place with --at"
+            "the motion shows only mass times place, not the mass by itself; give its place with --at"
         )
     close = [c.link for c in candidates if best.detected and c.explained > best.explained - 0.05]
     if close:

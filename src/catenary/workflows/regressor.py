@@ -10,12 +10,7 @@ from catenary.identification.base_parameters import TILTED, BaseParameters, grav
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 
-WORDS = {
-    "alone": "by itself",
-    "combined": "in combination",
-    "none": "no effect",
-    "known": "massless",
-}
+WORDS = {"alone": "by itself", "combined": "in combination", "none": "no effect", "known": "massless"}
 
 
 @dataclass(frozen=True)
@@ -73,7 +68,7 @@ class RegressorReport:
         names = standard_labels(self.model)
         said = [
             f"level base: {level.count} combinations of {len(names)} masses and first moments load the joints, "
-            "and torques tell no more than these",
+            "and torques tell no more than these"
         ]
         for kind, words in (
             ("alone", "identifiable by themselves"),
@@ -101,11 +96,10 @@ class RegressorReport:
         """Return plain data, in kg and kg m."""
         form, names = self.compact, standard_labels(self.model)
         compact_values = _listed(self.compact_values, len(form.labels))
+        columns = zip(form.labels, form.units, compact_values, strict=True)
         parameters = [
             {"name": f"s{k}", "expression": label, "unit": unit, "value": value}
-            for k, (label, unit, value) in enumerate(
-                zip(form.labels, form.units, compact_values, strict=True), 1
-            )
+            for k, (label, unit, value) in enumerate(columns, 1)
         ]
         standard_values = _listed(self.standard_values, len(names))
         kinds = zip(self.identifiable("level"), self.identifiable("tilted"), strict=True)
@@ -114,9 +108,7 @@ class RegressorReport:
             "compact": {
                 "columns": form.entries(),
                 "parameters": parameters,
-                "symbols": {
-                    name: {"meaning": s.meaning, "value": s.value} for name, s in form.symbols.items()
-                },
+                "symbols": {name: symbol._asdict() for name, symbol in form.symbols.items()},
                 "without_effect": list(form.ineffective),
             },
             "standard": [

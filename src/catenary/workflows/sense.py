@@ -21,18 +21,13 @@ _SETTLE = 0.1  # [s] for the first samples
 _STILL = 0.15  # [m/s2] standard deviation of an axis at rest: three times a cheap sensor's noise
 
 
+@dataclass
 class Feed:
     """Source of samples, and the clock that stamps them: this machine's, unless a kind of source has its own."""
 
-    def __init__(
-        self,
-        mailbox: Mailbox,
-        *,
-        has_gyroscope: bool = False,
-        link: Callable[[], dict[str, Any]] = dict,
-    ) -> None:
-        """Take where samples arrive, whether angular rates are among them, and what counts them on their line."""
-        self.mailbox, self.has_gyroscope, self.link = mailbox, has_gyroscope, link
+    mailbox: Mailbox  # where samples arrive
+    has_gyroscope: bool = False  # angular rates are among them
+    link: Callable[[], dict[str, Any]] = dict  # counts them on their line
 
     def now(self) -> float:
         """Return the time [s]."""

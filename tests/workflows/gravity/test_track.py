@@ -46,13 +46,12 @@ def test_pd_alone_is_all_of_its_torque(tilted: SimulatedArm) -> None:
 
 def test_sensed_gravity_takes_the_work_from_the_pd_on_a_tilted_base(tilted: SimulatedArm) -> None:
     still = Rest(AT + np.array([0.8, 0.0, 0.0]), 0.3)
-    static, dynamic = (
-        track(tilted, make_controller(name, tilted), still).pd_share[0] for name in ("sg", "dg")
-    )
+    laws = (make_controller(name, tilted) for name in ("sg", "dg"))
+    static, dynamic = (track(tilted, law, still).pd_share[0] for law in laws)
     assert dynamic < 0.5 * static
 
 
-def test_a_motion_out_of_reach_is_refused_before_anything_moves(tilted: SimulatedArm) -> None:
+def test_a_motion_out_of_reach_moves_nothing(tilted: SimulatedArm) -> None:
     before = tilted.plant.measured_js()
     with pytest.raises(LimitError):
         track(tilted, make_controller("dg", tilted), Rest([2.0, 1.5, 0.4], 1.0))
@@ -92,9 +91,7 @@ def test_a_robot_without_limits_is_told_to_state_a_start() -> None:
     ("name", "start", "options"),
     [("raven2", [0.7, 1.5, 0.35], {"amplitude": 0.02}), ("two_link", [0.4, 0.9], {"amplitude": 0.1, "axes": ("x", "z")})],
 )  # fmt: skip
-def test_sinusoids_begin_where_asked_along_the_axes_an_arm_has(
-    name: str, start: list[float], options: dict
-) -> None:
+def test_sinusoids_begin_where_asked_along_axes_it_has(name: str, start: list[float], options: dict) -> None:
     model, rng = load_robot(name), np.random.default_rng(1)
     trajectory = make_motion("cartesian", model, model, rng, q_start=start, **options).trajectory
     assert_allclose(trajectory(0.0).q, start, atol=1e-9)

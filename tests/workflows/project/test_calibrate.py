@@ -8,12 +8,7 @@ from catenary.calibration.fit import FitOptions
 from catenary.errors import CatenaryError, InputError
 from catenary.workflows.fit import FitRun
 from catenary.workflows.project import calibrate, simulated_robot
-from catenary.workflows.project.calibrate import (
-    BEST,
-    CalibrationResult,
-    calibrate_recordings,
-    calibrate_robot,
-)
+from catenary.workflows.project.calibrate import BEST, CalibrationResult, calibrate_recordings
 from catenary.workflows.project.folder import Project, ProjectSettings
 from simulated_project import QUICK_MODELS, SHORT, calibrate_short
 
@@ -21,15 +16,13 @@ FITS = tuple(f"fit {name}" for name in QUICK_MODELS)
 
 
 @pytest.fixture(scope="module")
-def recordings(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+def days(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Two recordings of an arm of three joints."""
     folder = tmp_path_factory.mktemp("recordings")
-    days = {"monday": 1, "tuesday": 2}
-    monday, tuesday = (simulated_arm.write(folder / f"{day}.npz", seed=seed) for day, seed in days.items())
-    return monday, tuesday
+    return tuple(simulated_arm.write(folder / f"day{k}.npz", seed=k) for k in (1, 2))
 
 
-def from_recordings(
+def calibrated(
     folder: Path, train: list[Path], test: list[Path], *, with_page: bool = False
 ) -> CalibrationResult:
     with pytest.MonkeyPatch.context() as patch:
@@ -64,7 +57,7 @@ def test_it_goes_on_after_a_step_that_failed(finished_folder: Path, monkeypatch:
         def fail(*_: object, **__: object) -> None:
             raise CatenaryError("the loop fell over")
 
-        broken.setattr(simulated_robot, "deploy_on_simulated", fail)
+        broken.setattr(simulated_robot, "deploy_on_robot", fail)
         with pytest.raises(CatenaryError, match="fell over"):
             calibrate_short(finished_folder)
     assert calibrate_short(finished_folder, with_page=False).repeated == ("deploy",)
@@ -82,39 +75,35 @@ def test_results_are_written_and_said_to_be_simulated(finished: CalibrationResul
 
 @pytest.mark.slow
 def test_every_kind_of_model_is_fitted_to_a_robots_recordings(project_folder: Path) -> None:
-    result = calibrate_robot(Project(project_folder, SHORT))
+    result = calibrate.calibrate_robot(Project(project_folder, SHORT))
     assert list(result.evaluations) == ["linear", "polynomial", "neural_paper", BEST]
 
 
-def test_recordings_take_a_robots_place_and_are_fitted_once(
-    recordings: tuple[Path, Path], tmp_path: Path
-) -> None:
+def test_recordings_replace_a_robot_and_are_fitted_once(days: tuple[Path, Path], tmp_path: Path) -> None:
     train = tmp_path / "train.npz"
-    train.write_bytes(recordings[0].read_bytes())
-    result = from_recordings(tmp_path / "project", [train], [recordings[1]], with_page=True)
+    train.write_bytes(days[0].read_bytes())
+    result = calibrated(tmp_path / "project", [train], [days[1]], with_page=True)
     assert result.repeated == FITS
     assert result.deployment is None
     assert result.page.is_file()
     joints = result.evaluations[BEST].joints
     assert all(joint.rmse < 0.1 * joint.raw_rmse for joint in joints)
     # not fitted again to the same recordings, and again to changed ones
-    assert from_recordings(tmp_path / "project", [train], [recordings[1]]).repeated == ()
+    assert calibrated(tmp_path / "project", [train], [days[1]]).repeated == ()
     simulated_arm.write(train, seed=5)
-    assert from_recordings(tmp_path / "project", [train], [recordings[1]]).repeated == FITS
+    assert calibrated(tmp_path / "project", [train], [days[1]]).repeated == FITS
 
 
-def test_an_error_of_nothing_is_a_dash_in_the_table(recordings: tuple[Path, Path], tmp_path: Path) -> None:
+def test_an_error_of_nothing_is_a_dash_in_the_table(tmp_path: Path) -> None:
     q = simulated_arm.arrays(seed=2)["q_des"]
     perfect = simulated_arm.write(tmp_path / "perfect.npz", q_act=q)
     exact = simulated_arm.write(tmp_path / "exact.npz", q_act=q, seed=3)
-    _, rows = from_recordings(tmp_path / "project", [perfect], [exact]).table()
+    _, rows = calibrated(tmp_path / "project", [perfect], [exact]).table()
     assert not any("nan" in cell for row in rows for cell in row)
 
 
-def test_recordings_that_cannot_be_tested_on_are_refused_before_anything_is_fitted(
-    recordings: tuple[Path, Path], tmp_path: Path
-) -> None:
-    project, train, copied = tmp_path / "project", list(recordings), tmp_path / "copy.npz"
+def test_unfit_tests_are_refused_before_anything_is_fitted(days: tuple[Path, Path], tmp_path: Path) -> None:
+    project, train, copied = tmp_path / "project", list(days), tmp_path / "copy.npz"
     copied.write_bytes(train[0].read_bytes())
     for test, words in (
         ([train[0]], "cannot be both"),
@@ -123,5 +112,5 @@ def test_recordings_that_cannot_be_tested_on_are_refused_before_anything_is_fitt
         ([], "--test"),
     ):
         with pytest.raises(InputError, match=words):
-            from_recordings(project, train, test)
+            calibrated(project, train, test)
     assert not (project / "models").exists()

@@ -14,7 +14,7 @@ from catenary.simulation.plant_state import restore_plant
 from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
-from catenary.workflows.project.deploy import Deployment, deploy_on_simulated
+from catenary.workflows.project.deploy import Deployment, deploy_on_robot
 from catenary.workflows.project.simulated_robot import make_plant
 from catenary.workflows.simulated_recording import record_simulated
 from recordings import data_of, fitted, recording
@@ -41,10 +41,10 @@ def model(recorded: Path) -> CalibrationModel:
 
 @pytest.fixture(scope="module")
 def deployment(recorded: Path, model: CalibrationModel) -> Deployment:
-    return deploy_on_simulated(plant_of(recorded), model, motion())
+    return deploy_on_robot(plant_of(recorded), model, motion())
 
 
-def test_error_in_the_loop_is_that_of_the_evaluation(
+def test_error_in_the_loop_is_the_evaluations(
     deployment: Deployment, recorded: Path, model: CalibrationModel
 ) -> None:
     log = record_simulated(plant_of(recorded), motion(), "same", np.random.default_rng(0))
@@ -66,9 +66,9 @@ def test_what_does_not_fit_is_refused_before_anything_moves(recorded: Path, mode
     other = fitted(recording(np.random.default_rng(0)), kind="linear")
     far = go_to([0.5, 1.5, 0.4], [0.5, 1.5, 4.0], max_velocity=[1, 1, 1], max_acceleration=[1, 1, 1])
     with pytest.raises(InputError):
-        deploy_on_simulated(plant, other, motion())
+        deploy_on_robot(plant, other, motion())
     with pytest.raises(LimitError, match="insertion"):
-        deploy_on_simulated(plant, model, far)
+        deploy_on_robot(plant, model, far)
     assert plant.time == begin
     with pytest.raises(NotReadyError):
-        deploy_on_simulated(CablePlant(seed=1), model, motion())
+        deploy_on_robot(CablePlant(seed=1), model, motion())

@@ -59,9 +59,7 @@ def test_a_step_is_done_once_also_when_the_project_is_opened_again(project: Proj
     assert work.times == 1
 
 
-def test_a_step_is_repeated_when_what_it_is_made_from_changed_or_a_file_is_gone(
-    project: Project, work: Work
-) -> None:
+def test_a_step_is_repeated_when_its_inputs_changed_or_a_file_is_gone(project: Project, work: Work) -> None:
     assert project.run("step", [2], [work.path], work)
     work.path.unlink()
     assert project.run("step", [2], [work.path], work)
@@ -74,9 +72,7 @@ def test_a_step_that_fails_is_not_done_but_those_before_it_are(project: Project,
     assert reopened(project).run("second", [1], [work.path], work)
 
 
-def test_a_step_that_failed_with_other_settings_is_not_taken_for_the_one_before(
-    project: Project, work: Work
-) -> None:
+def test_a_step_that_failed_with_other_inputs_is_not_the_one_before(project: Project, work: Work) -> None:
     with pytest.raises(OSError, match="unplugged"):
         project.run("step", [2], [work.path], fail)  # may have written half of its files over the others
     assert reopened(project).run("step", MADE_FROM, [work.path], work)
@@ -103,9 +99,10 @@ def test_damaged_steps_are_refused(project: Project, content: bytes) -> None:
         reopened(project)
 
 
-@pytest.mark.parametrize(
-    "content", [b"{", b"[]", b"{}", b'{"base_tilt_deg": 3, "sparsities": []}', b'{"color": "red"}', b"\xff"]
-)
+UNEVEN = b'{"base_tilt_deg": 3, "sparsities": []}'
+
+
+@pytest.mark.parametrize("content", [b"{", b"[]", b"{}", UNEVEN, b'{"color": "red"}', b"\xff"])
 def test_damaged_settings_are_refused(project: Project, content: bytes) -> None:
     (project.folder / "settings.json").write_bytes(content)
     with pytest.raises(

@@ -21,6 +21,7 @@ from catenary.workflows.project.ros_robot import RosRobot
 from catenary.workflows.robot.guide import AnswerYes
 from oracles.crtk_robot import RobotOnLoopback
 from oracles.encoded_plant import OFFSET, START, EncodedPlant
+from person import Person
 from simulated_project import QUICK_MODELS
 
 SETTINGS = ProjectSettings(connection="ros1", test_minutes=0.25)
@@ -32,25 +33,6 @@ def short_motion(seed: int = 0) -> Trajectory:
     rng = np.random.default_rng(seed)
     points = np.array(START[:3]) + SWING * rng.uniform(-1.0, 1.0, (6, 3))
     return follow_waypoints(points, speed=[0.3, 0.3, 0.02])
-
-
-class Person:
-    """Answers as told, and does what is asked."""
-
-    def __init__(self, **does: Any) -> None:
-        self.asked: list[str] = []
-        self.told: list[str] = []
-        self._does = does
-
-    def say(self, text: str) -> None:
-        self.told.append(text)
-
-    def confirm(self, text: str) -> bool:
-        self.asked.append(text)
-        for word, act in self._does.items():
-            if word in text:
-                return act() is not False
-        return True
 
 
 def on_loopback(plant: EncodedPlant | None = None) -> RobotOnLoopback:
@@ -164,7 +146,7 @@ def test_recording_that_is_stopped_leaves_the_robot_paused_and_is_begun_anew(tmp
 
 
 @pytest.mark.slow
-def test_whole_calibration_is_the_same_job_as_on_a_simulated_robot(
+def test_whole_calibration_runs_as_on_a_simulated_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(calibrate, "models_for", lambda *_: QUICK_MODELS)

@@ -39,9 +39,7 @@ def test_a_simulated_arm_is_recorded_at_its_topics_rates(tmp_path: Path) -> None
     assert extract([tmp_path / "run"], tmp_path / "out").problems == ()
 
 
-def test_a_full_disk_ends_the_recording_and_nothing_else(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_ends_only_the_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot, plant = simulated()
     recorder = BesideRecorder(robot, tmp_path / "run")
     run(recorder, plant)

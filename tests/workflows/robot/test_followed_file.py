@@ -9,17 +9,16 @@ from catenary.errors import FileFormatError, InputError
 from catenary.plant import MotionLog
 from catenary.recording.logs import write_parquet
 from catenary.trajectories.zigzag import zigzag, zigzag_rows
-from catenary.workflows.robot.followed_file import read_followed_file
+from catenary.workflows.robot.followed_file import FollowedFile, read_followed_file
 
 
-def write(path: Path, text: str) -> Path:
-    path.write_text(text)
-    return path
+def read(folder: Path, text: str, **options: float) -> FollowedFile:
+    (folder / "run.csv").write_text(text)
+    return read_followed_file(folder / "run.csv", **options)
 
 
 def test_units_of_the_heading_are_obeyed(tmp_path: Path) -> None:
-    path = write(tmp_path / "run.csv", "time [ms],elbow [deg],insertion [mm]\n500,90,400\n1500,180,350\n")
-    file = read_followed_file(path)
+    file = read(tmp_path, "time [ms],elbow [deg],insertion [mm]\n500,90,400\n1500,180,350\n")
     assert (file.joint_names, file.joint_units) == (("elbow", "insertion"), ("rad", "m"))
     assert_allclose(file.time, [0.0, 1.0])
     assert_allclose(file.q, [[np.pi / 2, 0.4], [np.pi, 0.35]])
@@ -31,9 +30,8 @@ def test_a_published_zigzag_becomes_the_trajectory_of_the_generator(tmp_path: Pa
     file = read_followed_file(tmp_path / "traj.csv")
     times = np.linspace(0.0, file.time[-1], 501)
     # each row is a corner here, only the turns are there: straight between either way
-    assert_allclose(
-        file.trajectory().sample(times)[0], zigzag("J1", [0.5]).sample(times)[0], rtol=0.0, atol=1e-9
-    )
+    q, expected = (motion.sample(times)[0] for motion in (file.trajectory(), zigzag("J1", [0.5])))
+    assert_allclose(q, expected, rtol=0.0, atol=1e-9)
     assert file.notes
 
 
@@ -69,10 +67,9 @@ def test_an_archive_states_its_units(tmp_path: Path) -> None:
 )
 def test_a_csv_that_leaves_a_doubt_is_refused(tmp_path: Path, text: str, complaint: str) -> None:
     with pytest.raises((FileFormatError, InputError), match=complaint):
-        read_followed_file(write(tmp_path / "run.csv", text))
+        read(tmp_path, text)
 
 
 def test_a_rate_is_refused_where_the_file_has_times(tmp_path: Path) -> None:
-    path = write(tmp_path / "run.csv", "time [s],elbow [deg]\n0,1\n1,2\n")
     with pytest.raises(InputError, match="states its times"):
-        read_followed_file(path, rows_per_second=10.0)
+        read(tmp_path, "time [s],elbow [deg]\n0,1\n1,2\n", rows_per_second=10.0)

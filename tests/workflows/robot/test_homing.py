@@ -13,23 +13,7 @@ from catenary.workflows.robot.operated_robot import robot_over
 from oracles.crtk_robot import RobotOnLoopback
 from oracles.encoded_plant import OFFSET, EncodedPlant
 from oracles.ideal_plant import IdealPlant
-
-
-class Person:
-    """Answers what it is asked, and presses the button of the robot beside it when asked to."""
-
-    def __init__(self, answers: list[bool], setup: RobotOnLoopback) -> None:
-        self.asked: list[str] = []
-        self._answers, self._setup = answers, setup
-
-    def say(self, text: str) -> None:
-        """Hear."""
-
-    def confirm(self, text: str) -> bool:
-        self.asked.append(text)
-        if "start button" in text:
-            self._setup.robot._press(None)
-        return self._answers.pop(0)
+from person import Person
 
 
 class LongHoming(EncodedPlant):
@@ -58,7 +42,7 @@ def homed(setup: RobotOnLoopback, guide: Guide, **options: Any) -> Homing:
 
 def test_a_person_clears_the_workspace_then_presses_the_button() -> None:
     setup = RobotOnLoopback(EncodedPlant(ready=False))
-    person = Person([True, True], setup)
+    person = Person(button=lambda: setup.robot._press(None))
     found = homed(setup, person)
     assert ["workspace" in person.asked[0], "start button" in person.asked[1]] == [True, True]
     assert found.was_run
@@ -73,7 +57,7 @@ def test_external_encoders_are_reported_beside_what_the_robot_believes() -> None
 
 def test_a_homed_robot_is_left_alone_and_nobody_is_asked() -> None:
     setup = RobotOnLoopback(EncodedPlant())
-    person = Person([], setup)
+    person = Person()
     assert not homed(setup, person).was_run
     assert person.asked == []
     assert setup.robot.commands == 0
@@ -82,7 +66,7 @@ def test_a_homed_robot_is_left_alone_and_nobody_is_asked() -> None:
 def test_a_workspace_that_is_not_clear_leaves_the_robot_unhomed() -> None:
     setup = RobotOnLoopback(EncodedPlant(ready=False))
     with pytest.raises(NotReadyError, match="nothing has moved"):
-        homed(setup, Person([False], setup))
+        homed(setup, Person(workspace=lambda: False))
     assert not setup.robot.plant.operating_state().is_homed
 
 
@@ -93,7 +77,7 @@ CRTK = {"robot": "two_link", "dialect": "crtk", "namespace": "/arm1"}
 def test_a_robot_that_speaks_crtk_is_homed_by_commands() -> None:
     plant = IdealPlant([0.0, 0.0], joint_names=TWO_LINK.joint_names, ready=False)
     setup = RobotOnLoopback(plant, dialect="crtk")
-    person = Person([True], setup)
+    person = Person()
     found = homed(setup, person, **CRTK)
     assert found.joint_names == model_joints(TWO_LINK).names
     assert found.state == ("ENABLED", True, False)

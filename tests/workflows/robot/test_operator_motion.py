@@ -5,16 +5,11 @@ from numpy.testing import assert_allclose
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError, LimitError, NotReadyError
 from catenary.robots.catalog import load_robot
-from catenary.trajectories.calibration_box import CALIBRATION_LOWER, CALIBRATION_UPPER
+from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
+from catenary.workflows.robot import operator_motion
 from catenary.workflows.robot.followed_file import FollowedFile
 from catenary.workflows.robot.motion import check_motion
-from catenary.workflows.robot.operator_motion import (
-    follow,
-    go_to_joints,
-    joints_at,
-    random_motion,
-    run_random,
-)
+from catenary.workflows.robot.operator_motion import follow, go_to_joints, joints_at, random_motion
 from oracles.ideal_plant import IdealPlant, ideal_robot
 
 START = np.array([0.52, 1.57, 0.40])
@@ -81,7 +76,7 @@ def test_random_motion_of_any_robot_stays_within_its_limits() -> None:
 
 def test_motions_go_on_to_their_end() -> None:
     robot = ideal_robot(START)
-    assert run_random(robot, 4.0, rng=np.random.default_rng(0)).duration >= 4.0
+    assert operator_motion.run_random(robot, 4.0, rng=np.random.default_rng(0)).duration >= 4.0
     assert_allclose(follow(robot, file_of([[0.5], [0.7]], [0.0, 2.0])).q[0], 0.7)
 
 
@@ -102,9 +97,8 @@ def test_a_file_that_cannot_be_followed_moves_nothing(q: object, time: object, c
 
 def test_a_far_start_is_gone_to_when_asked() -> None:
     robot = ideal_robot(START)
-    far = float(robot.model.upper[1]) - 0.01
-    if far - START[1] <= np.deg2rad(60.0):
-        far = float(robot.model.lower[1]) + 0.01
+    near_the_ends = robot.model.upper[1] - 0.01, robot.model.lower[1] + 0.01
+    far = max(near_the_ends, key=lambda q: abs(q - START[1]))
     file = FollowedFile("run.csv", ("elbow",), ("rad",), np.array([0.0]), np.array([[far]]))
     summary = follow(robot, file, from_afar=True)
     assert_allclose(summary.q[1], far)

@@ -91,9 +91,7 @@ def test_topic_that_never_comes_or_has_another_type_is_refused(tmp_path: Path) -
         TopicRecorder(robot.transport, tmp_path / "b", raven_topics())
 
 
-def test_messages_that_were_not_collected_in_time_are_counted(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_messages_not_collected_in_time_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(topic_recorder, "DEPTH", 100)
     robot = RobotOnLoopback(homed_plant())
     with TopicRecorder(robot.transport, tmp_path / "r", raven_topics()) as recorder:
@@ -102,9 +100,7 @@ def test_messages_that_were_not_collected_in_time_are_counted(
     assert any("came faster" in problem for problem in recorder.problems())
 
 
-def test_full_disk_ends_the_recording_and_what_came_before_is_safe(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_full_disk_keeps_what_was_recorded_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = RobotOnLoopback(homed_plant())
     recorder = TopicRecorder(robot.transport, tmp_path / "r", raven_topics(state_rate=100.0))
     robot.clock.sleep(0.5)

@@ -2,10 +2,9 @@
 
 from catenary.crtk.conversions import operating_state_message, pose_message
 from catenary.crtk.message import Message, header, message_class
-from catenary.crtk.serving.served_arm import ServedArm
+from catenary.crtk.serving.served_arm import JAWS, ServedArm
 from catenary.plant import JointState
 
-JAWS = 2  # joints, the last ones
 BASE = "base"  # frame of all poses
 _JointState = message_class("sensor_msgs/JointState")
 _Vector3 = message_class("geometry_msgs/Vector3")

@@ -26,7 +26,6 @@ OLDEST = SECOND // 2  # [ns] age of a stamp beyond which a command is not obeyed
 SETTLE = SECOND  # [ns] after a connection to a client that was there before the server
 LONGEST_WAIT = 10 * SECOND  # [ns] for such a connection, where the client turns out to be dead
 ALWAYS_OBEYED = ("disable", "pause")
-_NOTHING: list[Message] = []
 
 
 class Beginning(NamedTuple):
@@ -62,7 +61,7 @@ class CommandSource:
     def take(self, now: int) -> list[Message]:
         """Return the fresh commands that came since the last time, oldest first; `now` in ns."""
         if not len(self._subscription):
-            return _NOTHING
+            return []
         fresh = [one.message for one in self._subscription.take_arrivals() if self._is_fresh(one, now)]
         lost = self._subscription.overflowed + self._subscription.damaged
         if lost > self._missed:

@@ -12,15 +12,7 @@ from catenary.crtk.names import CrtkTopic, topics
 from catenary.crtk.serving import arm_messages, cartesian_commands
 from catenary.crtk.serving.moves import joint_move, straight_move
 from catenary.crtk.serving.served_arm import ServedArm
-from catenary.crtk.serving.speaker import (
-    MakeMessage,
-    Obey,
-    Outlets,
-    Speaker,
-    jaw_increments,
-    joints_at_opening,
-    single_number,
-)
+from catenary.crtk.serving.speaker import MakeMessage, Obey, Outlets, Speaker, single_number
 from catenary.errors import InputError
 from catenary.plant import OperatingState
 from catenary.recording.topics import Arm
@@ -123,12 +115,12 @@ _OBEYED: dict[str, Obey] = {
     "move_cr": lambda arm, message: arm.move_when_planned(straight_move(arm, _moved(arm, message))),
     "hold": lambda arm, message: arm.hold(),
     "free": lambda arm, message: arm.go_limp(),
-    "jaw/servo_jp": lambda arm, message: arm.go_towards(joints_at_opening(arm, single_number(message))),
-    "jaw/servo_jr": lambda arm, message: arm.increment(jaw_increments(arm, single_number(message))),
+    "jaw/servo_jp": lambda arm, message: arm.go_towards(arm.joints_at_opening(single_number(message))),
+    "jaw/servo_jr": lambda arm, message: arm.increment(arm.jaw_increments(single_number(message))),
     "jaw/move_jp": lambda arm, message: arm.move(
-        joint_move(arm, joints_at_opening(arm, single_number(message)))
+        joint_move(arm, arm.joints_at_opening(single_number(message)))
     ),
     "jaw/move_jr": lambda arm, message: arm.move(
-        joint_move(arm, arm.setpoint.q + jaw_increments(arm, single_number(message)))
+        joint_move(arm, arm.setpoint.q + arm.jaw_increments(single_number(message)))
     ),
 }

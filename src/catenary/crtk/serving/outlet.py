@@ -1,6 +1,5 @@
 """What a server publishes: nothing is sent on topics that nobody listens to."""
 
-from catenary.crtk.message import Message
 from catenary.crtk.names import CrtkTopic
 from catenary.crtk.transport import Transport
 
@@ -18,11 +17,8 @@ class Outlet:
         self.topic = topic
         latch = topic.verb == "operating_state"  # whoever comes later knows it at once
         self.publisher = transport.publisher(topic.name, topic.type, latch=latch)
+        self.publish = self.publisher.publish
         self.heard = True
-
-    def publish(self, message: Message) -> None:
-        """Publish a message."""
-        self.publisher.publish(message)
 
     def watch(self) -> None:
         """Look whether anybody listens; called some ten times a second."""

@@ -13,15 +13,7 @@ from catenary.crtk.names import RAVEN, CrtkTopic
 from catenary.crtk.serving import arm_messages, cartesian_commands
 from catenary.crtk.serving.raven_state import RavenState
 from catenary.crtk.serving.served_arm import ServedArm
-from catenary.crtk.serving.speaker import (
-    MakeMessage,
-    Obey,
-    Outlets,
-    Speaker,
-    jaw_increments,
-    joints_at_opening,
-    single_number,
-)
+from catenary.crtk.serving.speaker import MakeMessage, Obey, Outlets, Speaker, single_number
 from catenary.errors import InputError
 from catenary.recording.topics import Arm
 from catenary.spatial import Pose, rotation_from_quaternion, rotation_vector
@@ -119,14 +111,14 @@ def _is_grasp(message: Message) -> bool:
 
 def _servo_jr(arm: ServedArm, message: Message) -> None:
     if _is_grasp(message):
-        arm.increment(jaw_increments(arm, single_number(message)))
+        arm.increment(arm.jaw_increments(single_number(message)))
     else:
         arm.increment(joint_values(message, arm.names))
 
 
 def _servo_jp(arm: ServedArm, message: Message) -> None:
     if _is_grasp(message):
-        arm.step_towards(joints_at_opening(arm, single_number(message)))
+        arm.step_towards(arm.joints_at_opening(single_number(message)))
         return
     if len(message.position) != len(arm.names) and not message.name:
         raise InputError(
@@ -165,6 +157,6 @@ _OBEYED: dict[str, Obey] = {
     "servo_cp": lambda arm, message: cartesian_commands.servo_pose(arm, pose_of(message)),
     "servo_cr": _servo_cr,
     "servo_cv": _servo_cv,
-    "grasp_servo_jr": lambda arm, message: arm.increment(jaw_increments(arm, single_number(message))),
-    "grasp_servo_jp": lambda arm, message: arm.step_towards(joints_at_opening(arm, single_number(message))),
+    "grasp_servo_jr": lambda arm, message: arm.increment(arm.jaw_increments(single_number(message))),
+    "grasp_servo_jp": lambda arm, message: arm.step_towards(arm.joints_at_opening(single_number(message))),
 }

@@ -8,8 +8,7 @@ from catenary.arrays import Floats
 from catenary.crtk.clock import SECOND
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.raven_conversions import CHANNELS
-from catenary.crtk.serving.arm_messages import JAWS
-from catenary.crtk.serving.served_arm import ServedArm
+from catenary.crtk.serving.served_arm import JAWS, ServedArm
 from catenary.recording.messages import NUMBERS, fields
 from catenary.recording.topics import Arm
 

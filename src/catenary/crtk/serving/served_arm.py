@@ -17,6 +17,7 @@ from catenary.recording.topics import Arm
 from catenary.spatial import Pose
 from catenary.trajectories.reference import Trajectory
 
+JAWS = 2  # joints, the last ones
 FASTEST = {"rad": 2.5, "m": 0.05}  # [rad/s], [m/s] of a setpoint: 0.0025 rad, 0.05 mm in a millisecond
 LEAST_BUSY = 0.05  # [s] CRTK's Python client waits for a busy state and then for none, also after a move to where it is
 GravityTorque = Callable[[Floats, Floats], Floats]  # joints (n,), gravity (3,) -> torques (n,)
@@ -58,6 +59,7 @@ class ServedArm:
         self.goal = Goal(self.most, plant.period)
         self.compensates_gravity = False
         self.tick = 0
+        self.reports_time = 0  # [ns] of the tick, for what is reported in it
         self.changes = 0  # times that its state was read
         self._velocity: Floats | None = None
         self._torque: Floats | None = None
@@ -167,6 +169,16 @@ class ServedArm:
         with np.errstate(divide="ignore"):
             self.increment(dq * min(1.0, float((self.most / np.abs(dq)).min())))
 
+    def jaw_increments(self, angle: float) -> Floats:
+        """Return increments (n,) that open the jaws by an angle [rad], half with each."""
+        dq = np.zeros(len(self.names))
+        dq[-JAWS:] = 0.5 * angle
+        return dq
+
+    def joints_at_opening(self, opening: float) -> Floats:
+        """Return the setpoint (n,) with the jaws opened to an angle [rad]."""
+        return self.setpoint.q + self.jaw_increments(opening - self.setpoint.q[-JAWS:].sum())
+
     # what it does
 
     def advance(self) -> None:
@@ -186,8 +198,6 @@ class ServedArm:
         self.machine.update()
         self.tick += 1
         self.refresh()
-
-    reports_time = 0  # [ns] of the tick, for what is reported in it
 
     def refresh(self) -> None:
         """Read the plant; one that cannot change, such as a parked arm, but once."""

@@ -81,8 +81,8 @@ class Server:
         """Read the commands that have come, move the arms by a tick, publish."""
         now = self.transport.now()
         self.transport.poll()
-        arrivals = self.transport.arrivals()
-        if arrivals != self._arrivals:
+        arrivals = self.transport.inbox.arrivals
+        if arrivals != self._arrivals:  # else nothing new waits
             self._arrivals = arrivals
             for source in self._sources:
                 for message in source.take(now):
@@ -135,11 +135,6 @@ class Server:
         for source in self._sources:
             found.update(self.transport.connections(source.topic.name).publishers)
         return found
-
-    def hold(self) -> None:
-        """Forget all commands; the arms stay where they are."""
-        for arm in self.arms.values():
-            arm.hold()
 
     @property
     def published(self) -> int:

@@ -2,12 +2,9 @@
 
 from collections.abc import Callable, Mapping
 
-import numpy as np
-
-from catenary.arrays import Floats, as_array
+from catenary.arrays import as_array
 from catenary.crtk.message import Message
 from catenary.crtk.names import CrtkTopic
-from catenary.crtk.serving.arm_messages import JAWS
 from catenary.crtk.serving.outlet import Outlet
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.state_machine import why_not_obeyed
@@ -75,15 +72,3 @@ class Speaker:
 def single_number(message: Message) -> float:
     """Return the single position of a JointState: an opening of the jaws, or a change of it [rad]."""
     return float(as_array("JointState.position", message.position, (1,))[0])
-
-
-def jaw_increments(arm: ServedArm, angle: float) -> Floats:
-    """Return increments (n,) that open the jaws by an angle [rad], half with each."""
-    dq = np.zeros(len(arm.names))
-    dq[-JAWS:] = 0.5 * angle
-    return dq
-
-
-def joints_at_opening(arm: ServedArm, opening: float) -> Floats:
-    """Return the setpoint (n,) with the jaws opened to an angle [rad]."""
-    return arm.setpoint.q + jaw_increments(arm, opening - arm.setpoint.q[-JAWS:].sum())

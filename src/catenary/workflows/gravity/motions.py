@@ -26,7 +26,6 @@ HOLD_START = (1.0, 1.6, 0.4)
 POSES = 6
 REST = 1.5  # [s] at a pose
 WATCHED = 0.7  # [s] of it, at its end: the arm has come to rest
-_TURN = 1.0  # [s] of random motion's turns
 
 
 class Motion(NamedTuple):
@@ -73,10 +72,10 @@ def make_motion(
         fastest = np.array([GENTLE_VELOCITY[unit] for unit in limits.joint_units])
         trajectory = random_sinusoids(
             rng, seconds, lower=middle - half, upper=middle + half, turning_band=0.25 * half,
-            slowest=0.4 * fastest, fastest=fastest, turn_time=_TURN,
+            slowest=0.4 * fastest, fastest=fastest,
         )  # fmt: skip
         return Motion(trajectory, None)
-    start = _start(model, limits) if q_start is None else as_array("q_start", q_start, (model.n,))
+    start = start_pose(model, limits) if q_start is None else as_array("q_start", q_start, (model.n,))
     if name == "cartesian":
         return Motion(CartesianSinusoids(model, start, amplitude=amplitude, axes=axes), None)
     lower, upper = _range(limits)
@@ -124,16 +123,12 @@ def poses_along(
     return Motion(InTurn(parts), windows)
 
 
-def hold_start(model: RobotModel, limits: Bounded) -> Floats:
-    """Return the pose from which an arm is held passively, (n,) [rad|m]: HOLD_START, or the middle of its range.
+def start_pose(model: RobotModel, limits: Bounded, raven: tuple[float, ...] = RAVEN_START) -> Floats:
+    """Return where an arm starts, (n,) [rad|m]: a RAVEN-II at `raven`, others in the middle of their ranges.
 
     Raises:
         InputError: Joints without limits.
     """
-    return _start(model, limits, HOLD_START)
-
-
-def _start(model: RobotModel, limits: Bounded, raven: tuple[float, float, float] = RAVEN_START) -> Floats:
     if model.closed_form == "raven2" and model.n == len(raven):
         return np.array(raven)
     lower, upper = _range(limits)
@@ -143,7 +138,5 @@ def _start(model: RobotModel, limits: Bounded, raven: tuple[float, float, float]
 def _range(limits: Bounded) -> tuple[Floats, Floats]:
     lower, upper = limits.lower, limits.upper
     for j in np.flatnonzero(~(np.isfinite(lower) & np.isfinite(upper))):
-        raise InputError(
-            f'joint "{limits.joint_names[j]}": has no limits, expected some to move within; give --q'
-        )
+        raise InputError(f'joint "{limits.joint_names[j]}": has no limits to move within; give --q')
     return lower, upper

@@ -48,11 +48,7 @@ class SimulatedArm:
 
 
 def simulated_arm(
-    robot: str,
-    *,
-    base: MovingBase | None = None,
-    payload: float = 0.0,
-    seed: int | None = None,
+    robot: str, *, base: MovingBase | None = None, payload: float = 0.0, seed: int | None = None
 ) -> SimulatedArm:
     """Put an arm on a base, switch it on and home it.
 

@@ -1,7 +1,6 @@
 """Run a calibration model in the 1 kHz loop of a robot, and measure its latency and error there."""
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import nan
 from typing import Any
@@ -15,9 +14,10 @@ from catenary.calibration.model import CalibrationModel
 from catenary.control.loop import Tick, run_loop
 from catenary.control.realtime import Durations, Timing
 from catenary.control.report import LoopReport
-from catenary.plant import JointState, Plant
+from catenary.crtk.client import CrtkClient
+from catenary.plant import JointState
 from catenary.simulation.cable_plant import CablePlant
-from catenary.trajectories.embedded import Embedded
+from catenary.trajectories.in_turn import Embedded
 from catenary.trajectories.reference import Trajectory
 from catenary.units import DISPLAY
 from catenary.workflows.robot.motion import check_motion, move_to
@@ -57,44 +57,20 @@ class Deployment:
         }
 
 
-def deploy_on_simulated(
-    plant: CablePlant, model: CalibrationModel, trajectory: Trajectory, *, real_time: bool = False
-) -> Deployment:
-    """Run a model in the 1 kHz loop of a simulated robot that follows a trajectory by its own firmware.
-
-    Args:
-        plant: Homed and enabled.
-        model: Fitted to recordings of this robot.
-        trajectory: Of the model's joints.
-        real_time: Keep time with the clock, to see jitter and overruns.
-
-    Raises:
-        LimitError: The trajectory leaves the limits; nothing has moved.
-        InputError: The robot lacks a joint or an input of the model.
-    """
-
-    def encoders() -> Floats:
-        return plant.encoders.positions(plant.encoders.counts(plant.state.q))
-
-    return deploy_on_robot(plant, model, trajectory, encoders, real_time=real_time)
-
-
 def deploy_on_robot(
-    plant: Plant,
+    plant: CablePlant | CrtkClient,
     model: CalibrationModel,
     trajectory: Trajectory,
-    encoders: Callable[[], Floats],
     *,
     real_time: bool = False,
 ) -> Deployment:
-    """Run a model in the 1 kHz loop of any robot that follows a trajectory by its own firmware.
+    """Run a model in the 1 kHz loop of a RAVEN-II that follows a trajectory by its own firmware.
 
     Args:
-        plant: Homed and enabled.
+        plant: Homed and enabled; its external encoders are read in every tick.
         model: Fitted to recordings of this robot.
         trajectory: Of the model's joints.
-        encoders: Returns where the model's joints are now [rad|m], NaN where unknown; called in every tick.
-        real_time: Keep time with the clock also on a simulated robot.
+        real_time: Keep time with the clock also on a simulated robot, to see jitter and overruns.
 
     Raises:
         LimitError: The trajectory leaves the limits; nothing has moved.
@@ -102,9 +78,8 @@ def deploy_on_robot(
     """
     places = [plant.joint_names.index(name) for name in model.joint_names if name in plant.joint_names]
     corrector = Corrector(model)
-    corrector.prepare(
-        plant.joint_names, plant.joint_units, 1.0 / plant.period
-    )  # refuses before anything moves
+    # refuses before anything moves
+    corrector.prepare(plant.joint_names, plant.joint_units, 1.0 / plant.period)
     joints = [plant.joint_names[j] for j in places]
     check_motion(plant, trajectory, joints=joints)
     move_to(plant, trajectory(0.0).q, joints=joints)
@@ -113,7 +88,7 @@ def deploy_on_robot(
     ticks: list[Tick] = []
 
     def observe(tick: Tick) -> None:  # light: it is part of the loop
-        true.append(encoders())
+        true.append(plant.external_encoders())
         ticks.append(tick)
 
     report = run_loop(plant, None, motion, corrector=corrector, observers=[observe], real_time=real_time)

@@ -91,9 +91,7 @@ class RosRobot(ProjectRobot):
         with self._connected(project) as client:
             self._make_ready(client)
             with _paused_afterwards(client):
-                found = deploy_on_robot(
-                    client, model, trajectory, client.external_encoders, real_time=not self._simulated
-                )
+                found = deploy_on_robot(client, model, trajectory, real_time=not self._simulated)
         return found.as_data()
 
     def _connected(self, project: Project) -> CrtkClient:

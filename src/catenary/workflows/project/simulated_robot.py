@@ -21,7 +21,7 @@ from catenary.simulation.raven_telemetry import COLUMNS, telemetry_of
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
-from catenary.workflows.project.deploy import deploy_on_simulated
+from catenary.workflows.project.deploy import deploy_on_robot
 from catenary.workflows.project.folder import Project, ProjectSettings, write
 from catenary.workflows.project.robot import ProjectRobot, Take, arm_of, empty
 from catenary.workflows.robot.motion import check_motion
@@ -51,13 +51,14 @@ class SimulatedRobot(ProjectRobot):
             plant = make_plant(project.settings)
             plant.home()
             save_plant(plant, homed)
-            encoders = plant.telemetry()["ext_jpos"]
-            found = {
+            content = {
+                "simulated": True,
+                "seconds": plant.time,
                 "joint_names": plant.joint_names,
                 "believed": plant.control.joint,
-                "external_encoders": encoders,
+                "external_encoders": plant.external_encoders(),
+                "true": plant.state.q,
             }
-            content = {"simulated": True, "seconds": plant.time, **found, "true": plant.state.q}
             write(folder / "home.json", content)
 
         files = [homed, folder / "home.json"]
@@ -78,14 +79,11 @@ class SimulatedRobot(ProjectRobot):
         check_motion(plant, take.trajectory, joints=CALIBRATED)
         empty(take.folder)
         arm = arm_of(project)
-        about = About(
-            robot=ROBOT[arm], simulated=True, seed=settings.seed, configuration={"motion": take.motion}
-        )
+        made = {"motion": take.motion}
+        about = About(robot=ROBOT[arm], simulated=True, seed=settings.seed, configuration=made)
         rng = np.random.default_rng([0 if settings.seed is None else settings.seed, *take.name.encode()])
-        start = plant.control.setpoint[: len(CALIBRATED)]
-        approach = go_to(
-            start, take.trajectory(0.0).q, max_velocity=[0.2, 0.2, 0.01], max_acceleration=[0.4, 0.4, 0.02]
-        )
+        start, speeds = plant.control.setpoint[: len(CALIBRATED)], np.array([0.2, 0.2, 0.01])
+        approach = go_to(start, take.trajectory(0.0).q, max_velocity=speeds, max_acceleration=2.0 * speeds)
         for _ in driven(plant, approach, CHUNK):
             pass
         begin = plant.time
@@ -105,7 +103,7 @@ class SimulatedRobot(ProjectRobot):
         plant = make_plant(project.settings)
         restore_plant(plant, left_at(project, after))
         plant.state_command("enable")
-        return deploy_on_simulated(plant, model, trajectory, real_time=True).as_data()
+        return deploy_on_robot(plant, model, trajectory, real_time=True).as_data()
 
 
 def left_at(project: Project, step: str) -> Path:

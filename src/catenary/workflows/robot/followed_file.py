@@ -100,21 +100,14 @@ def _read_csv(path: Path, rows_per_second: float | None) -> FollowedFile:
     plain = [cell for cell, head in zip(rows[0], heads, strict=True) if head is None]
     if plain:
         raise FileFormatError(
-            f'{path}: column "{plain[0]}" states no unit: expected NAME [UNIT], as in time [s]'
+            f'{path}: column "{plain[0]}" has no unit: expected NAME [UNIT], as in time [s]'
         )
     names = [head["name"] for head in heads if head]
     units = [head["unit"] for head in heads if head]
     if names[0] not in ("time", "t") or units[0] not in SECONDS:
         raise FileFormatError(f'{path}: first column "{rows[0][0]}": expected time [s] or time [ms]')
-    wrong = [unit for unit in units[1:] if unit not in SCALE]
-    if wrong or len(names) < 2:
-        raise FileFormatError(
-            f"{path}: joints' units: expected some of {', '.join(SCALE)}, got {', '.join(wrong) or 'none'}"
-        )
     values = _numbers(path, rows[1:], first=2, width=len(names))
-    q = values[:, 1:] * [SCALE[unit][1] for unit in units[1:]]
-    si = tuple(SCALE[unit][0] for unit in units[1:])
-    return FollowedFile(path.name, tuple(names[1:]), si, values[:, 0] * SECONDS[units[0]], frozen(q))
+    return _in_si(path, names[1:], units[1:], values[:, 0] * SECONDS[units[0]], values[:, 1:])
 
 
 def _of_log(path: Path, log: MotionLog) -> FollowedFile:
@@ -131,20 +124,19 @@ def _read_npz(path: Path) -> FollowedFile:
     missing = [name for name in ("t", "units", "joint_names") if name not in content]
     if key is None or missing:
         raise FileFormatError(f"{path}: lacks {', '.join([*missing, *([] if key else ['q or q_des'])])}")
-    units = [str(unit) for unit in content["units"]]
-    wrong = [unit for unit in units if unit not in SCALE]
-    q = np.asarray(content[key], dtype=float)
-    if wrong or q.ndim != 2 or q.shape[1] != len(units):
+    time, q = (np.asarray(content[name], dtype=float) for name in ("t", key))
+    return _in_si(path, content["joint_names"].tolist(), content["units"].tolist(), time, q)
+
+
+def _in_si(path: Path, names: list[str], units: list[str], time: Floats, q: Floats) -> FollowedFile:
+    """Return a motion of joints (N, k) that are in k units of SCALE."""
+    if not units or not set(units) <= set(SCALE) or q.ndim != 2 or q.shape[1] != len(units):
         raise FileFormatError(
-            f"{path}: expected {key} (N, k) and k units among {', '.join(SCALE)}; got {q.shape} and {', '.join(units)}"
+            f"{path}: expected joint positions (N, k) in k units among {', '.join(SCALE)}; "
+            f"got {q.shape} in {', '.join(units) or 'none'}"
         )
-    return FollowedFile(
-        path.name,
-        tuple(str(name) for name in content["joint_names"]),
-        tuple(SCALE[unit][0] for unit in units),
-        np.asarray(content["t"], dtype=float),
-        frozen(q * [SCALE[unit][1] for unit in units]),
-    )
+    si, scale = zip(*(SCALE[unit] for unit in units), strict=True)
+    return FollowedFile(path.name, tuple(names), si, time, frozen(q * np.array(scale)))
 
 
 def _checked(path: Path, found: FollowedFile) -> FollowedFile:

@@ -64,9 +64,7 @@ def check_motion(
         bad = ~((q >= lower) & (q <= upper) & (np.abs(qd) <= fastest))
         if bad.any():
             k, j = (int(i) for i in np.argwhere(bad)[0])
-            raise LimitError(
-                _violation(limits, int(moved[j]), float(times[k]), q[k, j], qd[k, j], fastest[j])
-            )
+            raise LimitError(_violation(limits, int(moved[j]), times[k], q[k, j], qd[k, j], fastest[j]))
 
 
 def gentle_way(

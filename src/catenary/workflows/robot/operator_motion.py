@@ -25,10 +25,8 @@ from catenary.workflows.robot.operated_robot import OperatedRobot
 
 # a fifth of what a RAVEN-II's firmware lets pass, 2.5 rad/s and 0.05 m/s: a faster file was likely not meant for it
 LARGEST_VELOCITY = {"rad": 0.5, "m": 0.01}  # [rad/s], [m/s]
-NEAR = {
-    "rad": np.deg2rad(60.0),
-    "m": 0.15,
-}  # way to the start of a file that is gone without being asked twice
+# way to the start of a file that is gone without being asked twice
+NEAR = {"rad": np.deg2rad(60.0), "m": 0.15}  # [rad], [m]
 MIDDLE = 0.3  # share of the range, to either side of its middle, in which other robots than RAVEN-II move at random
 HOLD_TICKS = 20  # during which a robot is told to stay where it is
 
@@ -94,12 +92,7 @@ def go_to_joints(
     units = dict(zip(robot.plant.joint_names, robot.plant.joint_units, strict=True))
     # move_to refuses unknown names
     velocity = [speed * GENTLE_VELOCITY[units.get(name, "rad")] for name in names]
-    return _watched(
-        robot,
-        lambda observe: move_to(
-            robot.plant, goal, joints=names, max_velocity=velocity, observe=observe, progress=progress
-        ),
-    )
+    return _watched(robot, move_to, goal, joints=names, max_velocity=velocity, progress=progress)
 
 
 def joints_at(robot: OperatedRobot, position: ArrayLike, *, rng: np.random.Generator) -> Floats:
@@ -146,7 +139,7 @@ def run_random(
         NotReadyError, UnsupportedCommandError, InputError: Nothing has moved.
     """
     motion = random_motion(robot, seconds, rng=rng)
-    return _run(robot, motion, robot.joints, progress)
+    return _watched(robot, run_trajectory, motion, joints=robot.joints, progress=progress)
 
 
 def follow(
@@ -172,7 +165,15 @@ def follow(
         LimitError: The motion leaves limits or speeds, or its start is far away; nothing has moved.
         NotReadyError, UnsupportedCommandError, InputError: As `robot.motion.run_trajectory`.
     """
-    names, motion, way = planned(robot, file, blend=blend, largest_velocity=largest_velocity)
+    plant, motion = robot.plant, file.trajectory(blend)
+    names = plant.joint_names[: len(file.joint_units)] if file.joint_names is None else file.joint_names
+    moved = _joints_of(file, names, plant)
+    fastest = LARGEST_VELOCITY if largest_velocity is None else largest_velocity
+    try:
+        check_motion(plant, motion, joints=names, max_velocity=[fastest[unit] for unit in file.joint_units])
+    except LimitError as error:
+        raise LimitError(f"{file.name}: {error}; nothing has moved") from error
+    way = np.abs(motion(0.0).q - plant.setpoint_js().q[moved])
     for name, unit, far in zip(names, file.joint_units, way, strict=True):
         if far > NEAR[unit] and not from_afar:
             raise LimitError(
@@ -180,42 +181,22 @@ def follow(
                 f"more than {in_words(NEAR[unit], unit, 1)}; nothing has moved. "
                 "Go there first (catenary goto), or say --from-afar"
             )
-    return _run(robot, motion, names, progress)
+    return _watched(robot, run_trajectory, motion, joints=names, progress=progress)
 
 
-def planned(
-    robot: OperatedRobot,
-    file: FollowedFile,
-    *,
-    blend: float = BLEND,
-    largest_velocity: dict[str, float] | None = None,
-) -> tuple[tuple[str, ...], Trajectory, Floats]:
-    """Check all of a file's motion; return its joints, the motion, and how far its start is, (k,) [rad|m].
-
-    Raises:
-        LimitError: The motion leaves limits or speeds.
-        InputError: Joints that the robot does not have, or in another unit.
-    """
-    plant = robot.plant
-    names = plant.joint_names[: len(file.joint_units)] if file.joint_names is None else file.joint_names
-    unknown = [name for name in names if name not in plant.joint_names]
-    if unknown or len(names) != len(file.joint_units):
+def _joints_of(file: FollowedFile, names: Sequence[str], plant: Plant) -> list[int]:
+    """Return which joints a file moves; refuse those that the robot does not have, or has in another unit."""
+    if len(names) != len(file.joint_units) or not set(names) <= set(plant.joint_names):
         raise InputError(
             f"{file.name}: moves {', '.join(names)}; the robot has {', '.join(plant.joint_names)}"
         )
     moved = [plant.joint_names.index(name) for name in names]
-    for j, unit in zip(moved, file.joint_units, strict=True):
+    for j, name, unit in zip(moved, names, file.joint_units, strict=True):
         if plant.joint_units[j] != unit:
             raise InputError(
-                f'{file.name}: joint "{plant.joint_names[j]}" is in {unit}; the robot\'s is in {plant.joint_units[j]}'
+                f'{file.name}: joint "{name}" is in {unit}; the robot\'s is in {plant.joint_units[j]}'
             )
-    motion = file.trajectory(blend)
-    fastest = LARGEST_VELOCITY if largest_velocity is None else largest_velocity
-    try:
-        check_motion(plant, motion, joints=names, max_velocity=[fastest[plant.joint_units[j]] for j in moved])
-    except LimitError as error:
-        raise LimitError(f"{file.name}: {error}; nothing has moved") from error
-    return names, motion, np.abs(motion(0.0).q - plant.setpoint_js().q[moved])
+    return moved
 
 
 def hold(plant: Plant) -> None:
@@ -228,16 +209,10 @@ def hold(plant: Plant) -> None:
         plant.wait()
 
 
-def _run(robot: OperatedRobot, motion: Trajectory, names: Sequence[str], progress: Progress) -> MotionSummary:
-    return _watched(
-        robot,
-        lambda observe: run_trajectory(robot.plant, motion, joints=names, observe=observe, progress=progress),
-    )
-
-
 def _watched(
-    robot: OperatedRobot, move: Callable[[Callable[[JointState, Reference], None]], None]
+    robot: OperatedRobot, move: Callable[..., None], to: ArrayLike | Trajectory, **options: Any
 ) -> MotionSummary:
+    """Move a robot by `move_to` or `run_trajectory`; it holds where that is stopped."""
     plant = robot.plant
     require_ready(plant, "servo_jp")
     n = len(plant.joint_names)
@@ -253,7 +228,7 @@ def _watched(
 
     interrupted = False
     try:
-        move(observe)
+        move(plant, to, observe=observe, **options)
     except KeyboardInterrupt:
         interrupted = True
         hold(plant)

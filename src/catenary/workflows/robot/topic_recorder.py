@@ -38,11 +38,9 @@ class TopicCount:
         """Return what is wrong, or None."""
         if self.came == 0:
             return f"topic {self.name}: nothing came"
-        return (
-            f"topic {self.name}: {self.lost} messages came faster than they were collected"
-            if self.lost
-            else None
-        )
+        if self.lost:
+            return f"topic {self.name}: {self.lost} messages came faster than they were collected"
+        return None
 
 
 @dataclass

@@ -168,9 +168,8 @@ def watch_log(
     begin, shown, played = clock(), -np.inf, 0.0
     for row in range(len(log)):
         if row:
-            played += (
-                max(float(log.time[row] - log.time[row - 1]), 0.0) / speed
-            )  # another recording begins at once
+            # another recording begins at once
+            played += max(float(log.time[row] - log.time[row - 1]), 0.0) / speed
         qd = nothing if log.qd is None else log.qd[row]
         tau = nothing if log.tau is None else log.tau[row]
         state = JointState(

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.simulation.cholesky import factorise, solve_factored
+from catenary.simulation.joint_step import factorise, solve_factored
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 19])
