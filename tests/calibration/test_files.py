@@ -104,8 +104,8 @@ def test_a_model_is_one_file_of_plain_arrays_with_a_readable_card_beside_it(path
     ("write", "message"),
     [
         (lambda path: None, "no such file"),
-        (lambda path: path.write_bytes(pickle.dumps({"structure": 1})), "cannot be read"),
-        (lambda path: path.write_bytes(np.random.default_rng(1).bytes(3000)), "cannot be read"),
+        (lambda path: path.write_bytes(pickle.dumps({"structure": 1})), "damaged: cannot be read"),
+        (lambda path: path.write_bytes(np.random.default_rng(1).bytes(3000)), "damaged: cannot be read"),
         (
             lambda path: np.savez(path, weights=np.zeros(3), bias=np.zeros(1)),
             r"is no .* \(it holds weights, bias\)",
