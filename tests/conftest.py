@@ -23,8 +23,7 @@ ROOT = Path(__file__).parents[1]
 def pytest_configure() -> None:
     """Keep compiled code per state of the sources.
 
-    numba recompiles a function when its own file changes, not when a file it calls into does, so tests would
-    run what a recursion was before it was edited.
+    Two states are then compiled side by side, and neither makes the other's code old.
     """
     sources = sha256()
     for path in sorted((ROOT / "src").rglob("*.py")):

@@ -8,15 +8,6 @@ import pytest
 
 from catenary.calibration.fit import FitOptions
 from catenary.workflows.project import calibrate
-from catenary.workflows.project.calibrate import (
-    BEST,
-    TEST,
-    TRAIN,
-    CalibrationResult,
-    calibrate_robot,
-    excitation,
-    random_motion,
-)
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.recordings import extract_recording
 from catenary.workflows.project.simulated_robot import SimulatedRobot
@@ -25,7 +16,7 @@ SHORT = ProjectSettings(seed=1, sparsities=(1.0,), test_minutes=0.25)
 POSITIONS = ("q:shoulder", "q:elbow", "q:insertion")
 QUICK_MODELS = {
     "linear": FitOptions(kind="linear", inputs=POSITIONS),
-    BEST: FitOptions(kind="linear", inputs=POSITIONS, ridge=1.0),
+    calibrate.BEST: FitOptions(kind="linear", inputs=POSITIONS, ridge=1.0),
 }
 
 
@@ -33,18 +24,23 @@ def record_short(folder: Path) -> Project:
     """Home a robot, record both motions and extract them."""
     project, robot = Project(folder, SHORT), SimulatedRobot()
     robot.home(project)
-    robot.record(project, TRAIN, *excitation(project), after="home")
-    robot.record(project, TEST, *random_motion(project, 60.0 * SHORT.test_minutes), after=TRAIN)
-    for name in (TRAIN, TEST):
+    robot.record(project, calibrate.TRAIN, *calibrate.excitation(project), after="home")
+    robot.record(
+        project,
+        calibrate.TEST,
+        *calibrate.random_motion(project, 60.0 * SHORT.test_minutes),
+        after=calibrate.TRAIN,
+    )
+    for name in (calibrate.TRAIN, calibrate.TEST):
         extract_recording(project, name)
     return project
 
 
-def calibrate_short(folder: Path, *, with_page: bool = True, **changes: Any) -> CalibrationResult:
+def calibrate_short(folder: Path, *, with_page: bool = True, **changes: Any) -> calibrate.CalibrationResult:
     """Calibrate a project by linear models, two seconds in the loop; a page takes as long as all the rest."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(calibrate, "models_for", lambda *_: QUICK_MODELS)
         patch.setattr(calibrate, "DEPLOY_SECONDS", 2.0)
         if not with_page:
             patch.setattr(calibrate, "write_project_report", lambda page, *_, **__: page.write_text("a page"))
-        return calibrate_robot(Project(folder, replace(SHORT, **changes)))
+        return calibrate.calibrate_robot(Project(folder, replace(SHORT, **changes)))

@@ -6,23 +6,13 @@ from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
+from catenary import spatial
 from catenary.errors import InputError
-from catenary.spatial import (
-    Pose,
-    as_rotation,
-    identity_pose,
-    quaternion_from_rotation,
-    rotation_about_x,
-    rotation_about_z,
-    rotation_from_quaternion,
-    rotation_from_rpy,
-    rotation_vector,
-)
 
 numbers = st.floats(-3.0, 3.0)
 vectors = arrays(np.float64, 3, elements=numbers)
 quaternions = arrays(np.float64, 4, elements=numbers).filter(lambda q: np.linalg.norm(q) > 1e-3)
-poses = st.builds(lambda q, p: Pose(rotation_from_quaternion(q), p), quaternions, vectors)
+poses = st.builds(lambda q, p: spatial.Pose(spatial.rotation_from_quaternion(q), p), quaternions, vectors)
 
 
 def cross_matrix(v):
@@ -49,14 +39,14 @@ def test_composition_is_associative(a, b, c):
 
 @given(poses)
 def test_a_pose_times_its_inverse_is_the_identity(pose):
-    assert_same_pose(pose @ pose.inverse(), identity_pose())
-    assert_same_pose(pose.inverse() @ pose, identity_pose())
+    assert_same_pose(pose @ pose.inverse(), spatial.identity_pose())
+    assert_same_pose(pose.inverse() @ pose, spatial.identity_pose())
 
 
 @given(quaternions)
 def test_a_quaternion_survives_the_way_through_a_matrix_but_for_sign_and_length(q):
     unit = q / np.linalg.norm(q)
-    back = quaternion_from_rotation(rotation_from_quaternion(q))
+    back = spatial.quaternion_from_rotation(spatial.rotation_from_quaternion(q))
     assert back[0] >= 0.0
     assert_allclose(abs(unit @ back), 1.0, atol=1e-12)
 
@@ -65,29 +55,31 @@ def test_a_quaternion_survives_the_way_through_a_matrix_but_for_sign_and_length(
 def test_a_quaternion_rotates_as_its_product_with_a_vector(q, v):
     w, u = q[0] / np.linalg.norm(q), q[1:] / np.linalg.norm(q)
     rotated = v + 2.0 * np.cross(u, np.cross(u, v) + w * v)  # q v q*, written out
-    assert_allclose(rotation_from_quaternion(q) @ v, rotated, atol=1e-11)
+    assert_allclose(spatial.rotation_from_quaternion(q) @ v, rotated, atol=1e-11)
 
 
 @given(vectors)
 def test_rpy_is_roll_then_pitch_then_yaw_about_fixed_axes(rpy):
     roll, pitch, yaw = (expm(cross_matrix(axis) * angle) for axis, angle in zip(np.eye(3), rpy, strict=True))
-    assert_allclose(rotation_from_rpy(rpy), yaw @ pitch @ roll, atol=1e-11)
+    assert_allclose(spatial.rotation_from_rpy(rpy), yaw @ pitch @ roll, atol=1e-11)
 
 
 @given(st.floats(-7.0, 7.0))
 def test_rotations_about_x_and_z_are_the_exponentials_of_their_axes(angle):
-    assert_allclose(rotation_about_x(angle), expm(cross_matrix([1, 0, 0]) * angle), atol=1e-11)
-    assert_allclose(rotation_about_z(angle), expm(cross_matrix([0, 0, 1]) * angle), atol=1e-11)
+    assert_allclose(spatial.rotation_about_x(angle), expm(cross_matrix([1, 0, 0]) * angle), atol=1e-11)
+    assert_allclose(spatial.rotation_about_z(angle), expm(cross_matrix([0, 0, 1]) * angle), atol=1e-11)
 
 
 @given(vectors.filter(lambda v: np.linalg.norm(v) < 3.1))
 def test_rotation_vector_inverts_the_exponential(v):
-    assert_allclose(rotation_vector(expm(cross_matrix(v))), v, atol=1e-8)  # ill-conditioned close to pi
+    assert_allclose(
+        spatial.rotation_vector(expm(cross_matrix(v))), v, atol=1e-8
+    )  # ill-conditioned close to pi
 
 
 def test_a_zero_quaternion_is_refused():
     with pytest.raises(InputError, match=r"quaternion: expected \(w, x, y, z\) of non-zero length"):
-        rotation_from_quaternion([0, 0, 0, 0])
+        spatial.rotation_from_quaternion([0, 0, 0, 0])
 
 
 @pytest.mark.parametrize(
@@ -100,4 +92,4 @@ def test_a_zero_quaternion_is_refused():
 )  # fmt: skip
 def test_what_is_no_proper_rotation_is_refused(matrix, words):
     with pytest.raises(InputError, match=words):
-        as_rotation("R", matrix)
+        spatial.as_rotation("R", matrix)

@@ -79,6 +79,10 @@ class SensorError(CatenaryError):
     """A sensor that a robot depends on cannot be trusted, and the robot was stopped or nothing could be measured."""
 
 
+class NotFiniteError(CatenaryError):
+    """Torques or measured positions were NaN or infinite for too many ticks in a row, and the robot was stopped."""
+
+
 class ExcitationError(CatenaryError, ValueError):
     """Recordings do not move the robot in a way that would show its parameters.
 

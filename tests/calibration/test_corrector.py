@@ -1,5 +1,4 @@
 import pickle
-from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import replace
 from typing import Any
@@ -33,9 +32,7 @@ def state(q: Floats, tau: Floats) -> JointState:
     [({"history": 3, "rate_hz": 50.0}, 50.0, 20), ({"plays": 2}, 1000.0, 7)],
     ids=["history counts in time", "play states need no rate"],
 )
-def test_motion_held_for_some_ticks_is_calibrated_as_that_of_the_training(
-    options: dict[str, Any], slow: float, ticks: int
-) -> None:
+def test_motion_held_for_some_ticks_is_calibrated_as_that_of_the_training(options, slow, ticks) -> None:
     calibrated, flags = Corrector(model(**options), rate_hz=slow).run(SIGNALS[:, :3], SIGNALS)
     held = np.repeat(SIGNALS, ticks, axis=0)
     out, inside = Corrector(model(**options), rate_hz=slow * ticks).run(held[:, :3], held)
@@ -54,9 +51,7 @@ def test_motion_held_for_some_ticks_is_calibrated_as_that_of_the_training(
         (50.0, {"decimation": 0}, "decimation: expected one or more"),
     ],
 )
-def test_rates_at_which_history_would_be_another_are_refused(
-    trained: float | None, options: dict[str, float], message: str
-) -> None:
+def test_rates_at_which_history_would_be_another_are_refused(trained, options, message) -> None:
     with pytest.raises(InputError, match=message):
         Corrector(model(history=2, rate_hz=trained), **options)  # type: ignore[arg-type]
 
@@ -181,9 +176,7 @@ def test_arrays_of_another_type_or_layout_are_copied() -> None:
 
 
 @pytest.mark.parametrize("copied", [deepcopy, lambda corrector: pickle.loads(pickle.dumps(corrector))])
-def test_a_copy_goes_on_from_the_same_memory_and_then_has_its_own(
-    copied: Callable[[Corrector], Corrector],
-) -> None:
+def test_a_copy_goes_on_from_the_same_memory_and_then_has_its_own(copied) -> None:
     first = Corrector(model(history=2, plays=1, rate_hz=1000.0))
     expected, _ = first.run(SIGNALS[:, :3], SIGNALS)
     first.run(SIGNALS[:50, :3], SIGNALS[:50])

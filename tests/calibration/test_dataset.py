@@ -156,8 +156,6 @@ def test_rate_is_that_of_most_steps() -> None:
     ("rates", "common"),
     [((None,), None), ((30.0, None), None), ((30.0, 30.3), 30.15), ((30.0, 50.0), None), ((30.0,), 30.0)],
 )
-def test_rate_of_the_data_is_that_of_all_recordings(
-    rates: tuple[float | None, ...], common: float | None
-) -> None:
+def test_rate_of_the_data_is_that_of_all_recordings(rates, common) -> None:
     rate = calibration_data([at_rate(rate) for rate in rates], PLAIN).rate_hz
     assert rate == (None if common is None else pytest.approx(common))

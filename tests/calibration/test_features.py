@@ -70,18 +70,14 @@ def test_play_does_not_depend_on_the_rate_of_sampling(x: np.ndarray, r: float, s
 
 @repeatable
 @given(motions, half_widths, st.floats(0.0, 10.0), st.integers(0, 2**32 - 1))
-def test_play_of_a_motion_that_lies_above_another_lies_above(
-    x: np.ndarray, r: float, lift: float, seed: int
-) -> None:
+def test_play_of_a_motion_that_lies_above_another_lies_above(x, r, lift, seed) -> None:
     above = x + lift * np.random.default_rng(seed).uniform(size=len(x))
     assert np.all(play(above, r) >= play(x, r))
 
 
 @repeatable
 @given(motions, half_widths, st.tuples(*[st.floats(-100.0, 100.0)] * 4))
-def test_larger_sweep_wipes_out_the_loops_within_it(
-    x: np.ndarray, r: float, turns: tuple[float, float, float, float]
-) -> None:
+def test_larger_sweep_wipes_out_the_loops_within_it(x, r, turns) -> None:
     start, back, forth, end = np.sort(turns)
     direct = play(np.array([*x, start, end]), r)
     with_loop = play(np.array([*x, start, forth, back, end]), r)

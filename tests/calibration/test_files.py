@@ -120,9 +120,7 @@ def test_what_is_no_model_is_refused(path: Path, write: Callable[[Path], Any], m
         load_model(path)
 
 
-def test_failed_write_leaves_the_old_model_and_nothing_else(
-    path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failed_write_leaves_the_old_model_and_nothing_else(path, monkeypatch) -> None:
     save_model(fitted(LOG, kind="offset"), CARD, path)
     before = {p.name: p.read_bytes() for p in path.parent.iterdir()}
 

@@ -50,9 +50,7 @@ def one_of_each(target: Target = "error") -> CalibrationModel:
     ],
     ids=["inside", "outside for one", "missing for one", "outside for both"],
 )
-def test_each_group_corrects_its_joints_or_falls_back_to_its_offset(
-    features: Any, correction: Any, inside: Any
-) -> None:
+def test_each_group_corrects_its_joints_or_falls_back_to_its_offset(features, correction, inside) -> None:
     X = np.array([features])
     assert_allclose(one_of_each().correction(X, np.zeros((1, 2))), [correction], rtol=1e-15)
     assert_array_equal(one_of_each().inside(X), [inside])

@@ -123,9 +123,7 @@ def test_every_epoch_takes_every_row_once_in_another_order(steps: list[dict[str,
 @pytest.mark.parametrize(
     ("rows", "batch", "steps_of_an_epoch"), [(100, 64, 2), (64, 64, 1), (10, 64, 1), (129, 64, 3)]
 )
-def test_number_of_steps_is_epochs_times_batches(
-    steps: list[dict[str, Any]], rows: int, batch: int, steps_of_an_epoch: int
-) -> None:
+def test_number_of_steps_is_epochs_times_batches(steps, rows, batch, steps_of_an_epoch) -> None:
     train(*problem(rows), replace(SMALL, batch=batch, epochs=4))
     assert len(steps) == 4 * steps_of_an_epoch
 
@@ -153,9 +151,7 @@ def test_penalty_that_does_best_on_late_rows_is_taken(steps: list[dict[str, Any]
 
 
 @pytest.mark.parametrize("late", [False, True])
-def test_without_rows_to_choose_on_the_first_penalty_is_taken(
-    steps: list[dict[str, Any]], late: bool
-) -> None:
+def test_without_rows_to_choose_on_the_first_penalty_is_taken(steps, late) -> None:
     train(*problem(64), replace(SMALL, l2=(0.5, 0.1), epochs=1), late=np.full(64, late))
     assert [s["l2"] for s in steps] == [0.5]
 

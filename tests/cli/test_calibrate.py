@@ -91,9 +91,7 @@ def test_deploy_tells_errors_and_latency(recorded: Path, raven_model: Path) -> N
     assert "RMSE while the loop ran" in catenary(*line).out
 
 
-def test_a_loop_of_no_length_or_of_another_model_is_refused(
-    recorded: Path, raven_model: Path, model: Path
-) -> None:
+def test_a_loop_of_no_length_or_of_another_model_is_refused(recorded, raven_model, model) -> None:
     for seconds in ("nan", "inf", "0", "-1"):
         assert "duration" in refusal("deploy", raven_model, recorded, f"--seconds={seconds}")
     assert "J1" in refusal("deploy", model, recorded, "--seconds", "2", "--fast")

@@ -227,9 +227,7 @@ SIX = np.zeros((50, 6))
         ({"rows": 50, "q_des": SIX, "q_act": SIX, "units": None}, "has 6 joints; the model is for 3: J1, J2, J3"),
     ],
 )  # fmt: skip
-def test_a_recording_of_other_joints_is_refused(
-    model: Path, tmp_path: Path, changes: Any, words: str
-) -> None:
+def test_a_recording_of_other_joints_is_refused(model, tmp_path, changes, words) -> None:
     other = simulated_arm.write(tmp_path / "other.npz", **changes)
     assert words in refusal("evaluate", model, other)
 

@@ -13,7 +13,7 @@ def test_goto_arrives_and_says_how_well() -> None:
     # what the robot reports differs from its setpoint by its control error, 0.2 deg and 1 mm at rest
     assert_allclose(np.rad2deg([shoulder["q"], elbow["q"]]), [33.0, 88.0], atol=0.3)
     assert_allclose(insertion["q"], 0.395, atol=1e-3)
-    assert outcome.json["state"]["state"] == "ENABLED"
+    assert outcome.json["state"]["state"] == "PAUSED"
     assert not outcome.json["interrupted"]
 
 

@@ -87,9 +87,7 @@ def test_ik_of_a_position_leaves_the_orientation_free() -> None:
         (("--position-mm=-67,-19,7.4", "--in", "frame0"), "reached", [-0.067, -0.019, 0.0074]),
     ],
 )
-def test_ik_reaches_poses_of_joints_and_in_other_frames(
-    arguments: tuple[str, ...], key: str, expected: list[float]
-) -> None:
+def test_ik_reaches_poses_of_joints_and_in_other_frames(arguments, key, expected) -> None:
     found = catenary("ik", "raven2", *arguments, "--json").json[key]
     assert_allclose(found["position"] if key == "reached" else found, expected, atol=1e-9)
 

@@ -44,9 +44,7 @@ def test_columns_of_a_table_line_up(capsys: pytest.CaptureFixture[str]) -> None:
     )  # fmt: skip
 
 
-def test_a_wide_table_is_not_cut_and_brackets_in_cells_do_no_harm(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_wide_table_is_not_cut_and_brackets_in_cells_do_no_harm(capsys, monkeypatch) -> None:
     monkeypatch.setenv("COLUMNS", "20")
     print_table("Title", [f"c{i}" for i in range(30)], [[f"{i}.123" for i in range(30)]])
     assert "29.123" in capsys.readouterr().out

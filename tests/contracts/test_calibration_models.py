@@ -2,7 +2,6 @@
 
 import warnings
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -135,9 +134,7 @@ def test_calibration_is_causal(case: Case) -> None:
     assert_array_equal(changed[:40], case.model.calibrate(NEW)[:40])
 
 
-def test_saved_and_loaded_model_gives_the_same_bits_and_says_the_same_of_itself(
-    case: Case, tmp_path: Path
-) -> None:
+def test_saved_and_loaded_model_gives_the_same_bits_and_says_the_same_of_itself(case, tmp_path) -> None:
     save_model(case.model, {"robot": None}, tmp_path / "model.npz")
     back, _ = load_model(tmp_path / "model.npz")
     assert back.calibrate(NEW).tobytes() == case.model.calibrate(NEW).tobytes()

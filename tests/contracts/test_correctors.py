@@ -39,9 +39,7 @@ def fitted(model: CalibrationModel, signals: Floats) -> tuple[Floats, NDArray[np
     target=st.sampled_from(["error", "position"]),
     per_joint=st.booleans(),
 )
-def test_run_gives_the_bits_of_the_fitted_model(
-    kind: str, seed: int, history: int, plays: int, target: str, per_joint: bool
-) -> None:
+def test_run_gives_the_bits_of_the_fitted_model(kind, seed, history, plays, target, per_joint) -> None:
     model, signals = drawn(kind, seed, history=history, plays=plays, target=target, per_joint=per_joint)
     calibrated, flags = fitted(model, signals)
     out, inside = Corrector(model, rate_hz=30.0).run(signals[:, : len(model.joint_names)], signals)

@@ -220,3 +220,13 @@ def test_states_are_those_of_crtk(ready):
 def test_unknown_state_command_is_refused(ready):
     with pytest.raises(UnsupportedCommandError):
         ready.state_command("nonsense")
+
+
+def test_no_torque_takes_a_simulated_robot_beyond_its_models_limits():
+    plant = homed_mujoco("raven2")
+    for sign in (1.0, -1.0):
+        for _ in range(300):
+            plant.servo_jf(sign * np.full(len(plant.joint_names), 50.0))
+            plant.wait()
+            q = plant.measured_js().q
+            assert ((plant.lower <= q) & (q <= plant.upper)).all()

@@ -101,9 +101,7 @@ def test_motion_stays_within_its_range(case: tuple[Trajectory, Floats, Floats]) 
     ],
     ids=["velocity", "acceleration"],
 )
-def test_velocity_and_acceleration_are_derivatives(
-    trajectory: Trajectory, order: int, h: float, atol: float
-) -> None:
+def test_velocity_and_acceleration_are_derivatives(trajectory, order, h, atol) -> None:
     t = np.linspace(-1.0, trajectory.duration + 1.0, 3001)
     before, after = trajectory.sample(t - h)[order - 1], trajectory.sample(t + h)[order - 1]
     assert_allclose((after - before) / (2.0 * h), trajectory.sample(t)[order], atol=atol)

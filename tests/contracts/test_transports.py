@@ -216,9 +216,7 @@ def test_a_closed_subscription_gets_nothing_more(transport: Transport, topic: st
     assert closed.take() == []
 
 
-def test_a_topic_can_be_published_again_after_its_publisher_is_closed(
-    transport: Transport, topic: str
-) -> None:
+def test_a_topic_can_be_published_again_after_its_publisher_is_closed(transport, topic) -> None:
     subscription = transport.subscribe(topic, TEXT)
     for data in ("first", "second"):
         publisher = transport.publisher(topic, TEXT)
@@ -315,9 +313,7 @@ def test_a_service_that_fails_says_why(transport: Transport, topic: str) -> None
             transport.call(topic, TRIGGER, timeout=PATIENCE)
 
 
-def test_an_exception_in_a_callback_reaches_poll_and_spares_the_rest(
-    transport: Transport, topic: str
-) -> None:
+def test_an_exception_in_a_callback_reaches_poll_and_spares_the_rest(transport, topic) -> None:
     got = []
 
     def fail_once(one: Received) -> None:

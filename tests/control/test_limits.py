@@ -32,9 +32,7 @@ def test_small_torques_pass_unchanged_and_large_ones_are_cut() -> None:
     ],
     ids=["from zero", "from the torque being applied", "at a single NaN"],
 )
-def test_torque_changes_no_faster_than_the_slew_rate(
-    applied: float, demanded: list[float], sent: list[float]
-) -> None:
+def test_torque_changes_no_faster_than_the_slew_rate(applied, demanded, sent) -> None:
     limits = TorqueLimits([10.0], slew=[1000.0])
     limits.reset(np.array([applied]))
     assert [once(limits, [tau])[0] for tau in demanded] == sent
@@ -63,9 +61,7 @@ def test_a_torque_of_too_few_joints_is_none_for_the_rest() -> None:
 
 @settings(max_examples=300, deadline=None)
 @given(st.lists(st.tuples(ANY, ANY), min_size=1, max_size=8))
-def test_whatever_is_demanded_what_is_sent_is_a_number_within_the_limits(
-    demands: list[tuple[float, float]],
-) -> None:
+def test_whatever_is_demanded_what_is_sent_is_a_number_within_the_limits(demands) -> None:
     limits = TorqueLimits([2.0], slew=[500.0], lower=[-1.0], upper=[1.0], taper=[0.1])
     last = 0.0
     for tau, q in demands:

@@ -248,9 +248,7 @@ def test_a_robot_that_stops_by_itself_ends_the_loop() -> None:
     ("supports", "last", "state"),
     [({"servo_jp", "servo_jf"}, "servo_jp", "ENABLED"), ({"servo_jf"}, "state_command", "PAUSED")],
 )
-def test_at_the_end_of_torque_control_the_robot_holds_or_is_paused(
-    supports: set[str], last: str, state: str
-) -> None:
+def test_at_the_end_of_torque_control_the_robot_holds_or_is_paused(supports, last, state) -> None:
     plant = MassPlant(ZERO)
     plant.supports = frozenset(supports)
     run_loop(plant, PD, Swing(0.1))

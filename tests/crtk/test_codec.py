@@ -1,6 +1,5 @@
 import contextlib
 import struct
-from typing import Any
 
 import numpy as np
 import pytest
@@ -102,9 +101,7 @@ def test_lists_and_whole_numbers_are_taken_for_arrays() -> None:
         ("crtk_msgs/OperatingState", {"state": 3}, "state: expected string"),
     ],
 )
-def test_a_value_that_does_not_fit_is_refused_by_the_fields_name(
-    name: str, values: dict[str, Any], complaint: str
-) -> None:
+def test_a_value_that_does_not_fit_is_refused_by_the_fields_name(name, values, complaint) -> None:
     with pytest.raises(InputError, match=complaint):
         codec(name).encode(message_class(name)(**values), 1)
 

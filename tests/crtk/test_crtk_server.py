@@ -172,9 +172,7 @@ def test_moves_keep_their_bounds_and_differentiate(robot):
         ),
     ],
 )
-def test_a_move_that_cannot_be_made_is_refused_with_the_reason_before_anything_moves(
-    robot, verb, message, reason
-):
+def test_an_impossible_move_is_refused_with_the_reason_before_anything_moves(robot, verb, message, reason):
     command, before = message(robot), robot.setpoint
     robot.say(verb, command)
     robot.tick(3)

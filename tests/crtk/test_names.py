@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from catenary.crtk.message import message_class
-from catenary.crtk.names import NAMESPACES, RAVEN, Dialect, crtk_topics, find_topic, topic_name, topics
+from catenary.crtk.names import NAMESPACES, RAVEN, crtk_topics, find_topic, topic_name, topics
 from catenary.crtk.transport import absolute
 from catenary.errors import InputError
 from catenary.recording.topics import GOLD_MEASURED_JS, GREEN_MEASURED_JS, RAVENSTATE
@@ -30,9 +30,7 @@ def test_every_topic_has_a_known_type_a_name_and_is_listed_once(dialect: str) ->
         ("crtk", ["measured_js", "measured_cp", "servo_jp"], False),
     ],
 )
-def test_what_the_raven_measures_is_swapped_and_nothing_else(
-    dialect: Dialect, verbs: list[str], swapped: bool
-) -> None:
+def test_what_the_raven_measures_is_swapped_and_nothing_else(dialect, verbs, swapped) -> None:
     for verb in verbs:
         found = [topic_name(dialect, verb, arm) for arm in ("gold", "green")]
         assert found == [f"/arm{number}/{verb}" for number in ((2, 1) if swapped else (1, 2))]

@@ -198,8 +198,7 @@ def test_a_servo_cp_is_clipped_to_15_mm_and_refused_beyond_75(robot, distance, m
     assert np.linalg.norm(before_watchdog) <= moved + 1e-6
     for _ in range(4):
         robot.say(
-            "servo_cp",
-            pose_message(Pose(start.rotation, start.position - moved * UP), 0, "", child=""),
+            "servo_cp", pose_message(Pose(start.rotation, start.position - moved * UP), 0, "", child="")
         )
         robot.tick(100)
     assert_allclose(

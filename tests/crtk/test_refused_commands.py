@@ -1,12 +1,9 @@
 """Commands that make no sense, in both dialects: they move nothing and are reported."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from catenary.crtk.names import Dialect
 from served_robot import JointState, ServedRobot
 
 NONSENSE = {
@@ -30,9 +27,7 @@ OF_RAVEN = [
 
 
 @pytest.mark.parametrize(("dialect", "verb", "fields"), OF_CRTK + OF_RAVEN)
-def test_numbers_that_make_no_sense_move_nothing_and_are_reported(
-    dialect: Dialect, verb: str, fields: dict[str, Any]
-) -> None:
+def test_numbers_that_make_no_sense_move_nothing_and_are_reported(dialect, verb, fields) -> None:
     robot = ServedRobot(dialect)
     before = robot.setpoint
     robot.say(verb, JointState(**fields))

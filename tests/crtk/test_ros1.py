@@ -41,15 +41,12 @@ sys.stdin.readline()
 """
 )
 # says what has come: whenever a line comes, the numbers since the last
-LISTENER = (
-    OPEN
-    + """
+LISTENER = f"""{OPEN}
 subscription = transport.subscribe("/count", T, depth=100_000)
 print("listening")
 while sys.stdin.readline():
     print(*(one.message.string.split()[0] for one in subscription.take()))
 """
-)
 
 
 @pytest.fixture(scope="module")
@@ -111,9 +108,7 @@ def test_a_master_that_dies_is_noticed_and_loses_no_message(own_master: Master) 
 
 
 def test_a_returned_master_knows_topics_and_services_again(own_master: Master) -> None:
-    code = (
-        OPEN
-        + """
+    code = f"""{OPEN}
 from catenary.crtk.transport import Spinner
 response = message_class("std_srvs/TriggerResponse")
 transport.service("/button", "std_srvs/Trigger", lambda request: response(success=True))
@@ -131,7 +126,6 @@ with Spinner(transport):
     print(got[0].message.string.split()[0])
     sys.stdin.readline()
 """
-    )
     with Program(own_master, code, "robot") as robot:
         assert robot.line() == "up"
         own_master.kill()
@@ -142,14 +136,11 @@ with Spinner(transport):
         with Program(own_master, TALKER, "talker", "100", "10", "") as talker:
             assert talker.line() == "connected"
             assert int(robot.line()) >= 1
-        client = (
-            OPEN
-            + """
+        client = f"""{OPEN}
 heard = transport.subscribe("/said", T)
 print(heard.take(PATIENCE)[0].message.string)
 print(transport.call("/button", "std_srvs/Trigger", timeout=PATIENCE).success)
 """
-        )
         with Program(own_master, client, "client") as late:
             assert late.line() == "before"
             assert late.line() == "True"
@@ -254,15 +245,12 @@ def test_a_publisher_that_crashes_and_comes_back_is_heard_again(master: Master) 
 
 
 def test_what_a_crash_left_behind_does_not_stop_another_program(master: Master) -> None:
-    code = (
-        OPEN
-        + """
+    code = f"""{OPEN}
 transport.publisher("/left", sys.argv[2])
 transport.service("/left_service", "std_srvs/Trigger", lambda request: request)
 print("up")
 sys.stdin.readline()
 """
-    )
     with Program(master, code, "crashing", "std_msgs/String") as first:
         assert first.line() == "up"
         with Program(master, code, "other", "std_msgs/Bool") as second:
@@ -286,16 +274,13 @@ def test_a_node_that_is_told_to_end_leaves_spin(master: Master) -> None:
 
 
 def test_ctrl_c_is_the_programs_own(master: Master) -> None:
-    code = (
-        OPEN
-        + """
+    code = f"""{OPEN}
 try:
     print("sleeping")
     time.sleep(30.0)
 except KeyboardInterrupt:
     print("interrupted", transport.is_up())
 """
-    )
     with Program(master, code, "robot") as robot:
         assert robot.line() == "sleeping"
         robot.interrupt()
@@ -304,9 +289,7 @@ except KeyboardInterrupt:
         assert robot.process.returncode == 0
 
 
-def test_a_program_that_ends_is_unregistered_and_writes_no_log_file(
-    own_master: Master, tmp_path: Path
-) -> None:
+def test_a_program_that_ends_is_unregistered_and_writes_no_log_file(own_master, tmp_path) -> None:
     before = set(tmp_path.rglob("*"))
     with Program(own_master, OPEN + 'transport.publisher("/x", T)\n', "robot") as robot:
         assert robot.finish() == ("", "")
@@ -329,9 +312,7 @@ def test_the_environments_namespace_and_the_programs_arguments_change_no_name(ma
 
 
 def test_one_process_has_one_node(master: Master) -> None:
-    code = (
-        OPEN
-        + """
+    code = f"""{OPEN}
 def attempt(name, uri=None):
     try:
         Ros1Transport(name, uri).close()
@@ -345,7 +326,6 @@ attempt("other")
 attempt("robot", "http://127.0.0.1:1")
 attempt("robot")
 """
-    )
     with Program(master, code, "robot") as robot:
         assert "close that one first" in robot.line()
         assert "cannot be other" in robot.line()

@@ -26,9 +26,7 @@ def test_a_system_without_rospy_is_told_how_to_get_it(without_rospy: Path) -> No
 
 
 @pytest.mark.parametrize("fits", [True, False])
-def test_packages_of_the_systems_python_come_behind_all_others_where_versions_agree(
-    without_rospy: Path, monkeypatch: pytest.MonkeyPatch, fits: bool
-) -> None:
+def test_the_systems_packages_come_last_where_versions_agree(without_rospy, monkeypatch, fits) -> None:
     (without_rospy / "rospy").mkdir()
     (without_rospy / "rospy" / "__init__.py").touch()
     before = list(sys.path)

@@ -49,9 +49,7 @@ def test_a_uri_that_is_none_is_refused(uri: str) -> None:
         Master(uri, "/tests")
 
 
-def test_uri_is_the_one_given_then_the_environments_then_this_machines(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_uri_is_the_one_given_then_the_environments_then_this_machines(monkeypatch) -> None:
     monkeypatch.setenv("ROS_MASTER_URI", "http://robot:11311")
     assert master_uri("http://other:1") == "http://other:1"
     assert master_uri() == "http://robot:11311"

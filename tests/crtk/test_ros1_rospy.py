@@ -25,25 +25,19 @@ rospy.init_node(sys.argv[1])
 
 
 def test_rospys_own_classes_read_what_is_sent(ros_master: Master) -> None:
-    code = (
-        ROSPY
-        + """
+    code = f"""{ROSPY}
 def tell(m):
     print(m.header.stamp.to_nsec(), m.header.frame_id, *m.name, *m.position, len(m.velocity), *m.effort)
 rospy.Subscriber("/js", JointState, tell)
 print("listening")
 rospy.spin()
 """
-    )
-    sender = (
-        OPEN
-        + """
+    sender = f"""{OPEN}
 publisher = transport.publisher("/js", "sensor_msgs/JointState", latch=True)
 publisher.publish(message_class("sensor_msgs/JointState")(
     header(1_700_000_000_123_456_789, "base"), ("a", "b"), (0.25, -1.5), (), [3, 4]))
 sys.stdin.readline()
 """
-    )
     with Program(ros_master, code, "rospy") as listener:
         assert listener.line() == "listening"
         with Program(ros_master, sender, "robot"):
@@ -51,9 +45,7 @@ sys.stdin.readline()
 
 
 def test_what_rospys_own_classes_send_is_read(ros_master: Master) -> None:
-    code = (
-        ROSPY
-        + """
+    code = f"""{ROSPY}
 publisher = rospy.Publisher("/tf", TransformStamped, queue_size=10, latch=True)
 message = TransformStamped()
 message.header.stamp = rospy.Time(1_700_000_000, 123_456_789)
@@ -65,16 +57,12 @@ rospy.Service("/button", Trigger, lambda request: TriggerResponse(True, "pressed
 print("sent")
 rospy.spin()
 """
-    )
-    reader = (
-        OPEN
-        + """
+    reader = f"""{OPEN}
 subscription = transport.subscribe("/tf", "geometry_msgs/TransformStamped")
 ((m, _),) = subscription.take(PATIENCE)
 print(m.header.stamp, m.child_frame_id, m.transform.translation.x, m.transform.rotation.w)
 print(*transport.call("/button", "std_srvs/Trigger", timeout=PATIENCE))
 """
-    )
     with Program(ros_master, code, "rospy") as talker:
         assert talker.line() == "sent"
         with Program(ros_master, reader, "client") as client:
@@ -83,15 +71,12 @@ print(*transport.call("/button", "std_srvs/Trigger", timeout=PATIENCE))
 
 
 def test_rospy_calls_a_service(ros_master: Master) -> None:
-    server = (
-        OPEN
-        + """
+    server = f"""{OPEN}
 response = message_class("std_srvs/TriggerResponse")
 transport.service("/button", "std_srvs/Trigger", lambda request: response(success=True, message="ours"))
 print("serving")
 transport.spin()
 """
-    )
     code = ROSPY + 'print(rospy.ServiceProxy("/button", Trigger)().message)\n'
     with Program(ros_master, server, "robot") as robot:
         assert robot.line() == "serving"

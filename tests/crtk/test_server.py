@@ -38,9 +38,7 @@ def living_client(state: str, command: str, *, dialect: Dialect = "raven", stamp
         ("DISABLED", "enable", 0, "crtk"),
     ],
 )
-def test_a_latched_command_of_a_living_client_does_not_enable_a_restarted_robot(
-    state, latched, stamp, dialect
-):
+def test_a_latched_command_of_a_client_enables_no_restarted_robot(state, latched, stamp, dialect):
     robot = living_client(state, latched, dialect=dialect, stamp=stamp)
     robot.tick(3000)
     assert robot.state() == state

@@ -202,16 +202,13 @@ def test_a_client_like_crtks_enables_servos_and_moves(tmp_path: Path):
         assert found["move_cp"]
 
 
-LISTEN = (
-    CLIENT
-    + """
+LISTEN = f"""{CLIENT}
 state = Latest("/operating_state", "crtk_msgs/operating_state")
 until(state)
 from catenary.crtk.names import BUTTON, BUTTON_TYPE
 answer = transport.call(BUTTON, BUTTON_TYPE, timeout=PATIENCE)
 print(json.dumps([state().state, answer.success, answer.message]))
 """
-)
 
 
 @pytest.mark.slow
@@ -239,9 +236,7 @@ def test_without_a_master_serving_ends_with_its_uri(tmp_path: Path):
 
 
 # a client that is killed in mid-motion: it prints once it moves, and goes on until then
-MOVES_ON = (
-    CLIENT
-    + """
+MOVES_ON = f"""{CLIENT}
 setpoint = Latest("/arm1/setpoint_js", "sensor_msgs/JointState")
 jr = commander("/arm1/servo_jr", "sensor_msgs/JointState")
 commander("/arm1/state_command", "crtk_msgs/StringStamped").publish(Command(string="resume"))
@@ -255,10 +250,7 @@ print("moving", flush=True)
 while moving():
     time.sleep(0.002)
 """
-)
-WATCH = (
-    CLIENT
-    + """
+WATCH = f"""{CLIENT}
 setpoint = Latest("/arm1/setpoint_js", "sensor_msgs/JointState")
 until(setpoint)
 def rests():  # what waits of increments is done within 250 ticks
@@ -268,7 +260,6 @@ until(rests)
 first = setpoint.message.position[0]
 print(json.dumps(setpoint.after(500).position[0] - first))
 """
-)
 
 
 @pytest.mark.slow

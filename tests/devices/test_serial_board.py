@@ -45,9 +45,7 @@ def test_lines_come_whole_with_the_time_at_which_they_came(port: SimulatedPort) 
         assert board.times == {4.5}
 
 
-def test_the_board_is_asked_each_time_it_is_plugged_in_and_half_a_line_is_forgotten(
-    port: SimulatedPort,
-) -> None:
+def test_the_board_is_asked_each_time_it_is_plugged_in_and_half_a_line_is_forgotten(port) -> None:
     with Listener(str(port.link)) as board:
         until(lambda: port.asked() == b"?")
         port.write(b"first\nhalf")

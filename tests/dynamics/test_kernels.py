@@ -8,13 +8,6 @@ from numpy.testing import assert_allclose
 
 from catenary.dynamics import kernels
 from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
-from catenary.dynamics.kernels import (
-    forward_kinematics_kernel,
-    gravity_kernel,
-    holding_kernel,
-    inverse_dynamics_kernel,
-    mass_matrix_kernel,
-)
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.dynamics.lines import (
     forward_kinematics_line,
@@ -58,8 +51,13 @@ def expected_of(m: RobotModel, frame: str | None, q, qd, qdd, gravity, omega, al
 @pytest.mark.parametrize("name", ["raven2", "random 8", "random 17"])
 def test_kernels_give_what_the_recursions_give(name: str) -> None:
     m = model_of(name)
-    made = gravity_kernel(m), holding_kernel(m), inverse_dynamics_kernel(m), mass_matrix_kernel(m)
-    made = (*made, forward_kinematics_kernel(m))
+    made = (
+        kernels.gravity_kernel(m),
+        kernels.holding_kernel(m),
+        kernels.inverse_dynamics_kernel(m),
+        kernels.mass_matrix_kernel(m),
+    )
+    made = (*made, kernels.forward_kinematics_kernel(m))
     for given in states(m, 20):
         for kernel, expected in zip(made, expected_of(m, None, **given), strict=True):
             result = kernel(*(given[name] for name in kernel.inputs))
@@ -98,10 +96,10 @@ def test_many_configurations_go_through_the_kernel(monkeypatch: pytest.MonkeyPat
 
 def test_a_robots_kernels_are_made_once() -> None:
     m = load_robot("raven2")
-    assert gravity_kernel(m) is gravity_kernel(m)
-    assert gravity_kernel(m) is not gravity_kernel(replace(m, name="another"))
+    assert kernels.gravity_kernel(m) is kernels.gravity_kernel(m)
+    assert kernels.gravity_kernel(m) is not kernels.gravity_kernel(replace(m, name="another"))
 
 
 def test_a_robots_name_is_no_code() -> None:
     model = replace(load_robot("raven2"), name='"""\nraise SystemExit\n"""')
-    assert gravity_kernel(model)(np.zeros(3), np.zeros(3)).shape == (3,)
+    assert kernels.gravity_kernel(model)(np.zeros(3), np.zeros(3)).shape == (3,)

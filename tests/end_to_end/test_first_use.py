@@ -45,9 +45,7 @@ def test_the_model_takes_most_of_the_error_away_on_another_day(folder: Path) -> 
 
 
 @pytest.mark.parametrize(("name", "kind"), [("monday.npz", "recording"), ("arm.npz", "calibration model")])
-def test_check_in_a_shell_finds_nothing_wrong_with_any_of_the_files(
-    folder: Path, name: str, kind: str
-) -> None:
+def test_check_in_a_shell_finds_nothing_wrong_with_any_of_the_files(folder, name, kind) -> None:
     outcome = subprocess.run(
         [sys.executable, "-m", "catenary.cli.main", "check", name],
         cwd=folder,

@@ -1,7 +1,6 @@
 """A robot in another process over ROS 1: connected to, restarted, and calibrated to its report."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -51,9 +50,7 @@ def robot(master: Master, state: str = "ready") -> Program:
     return program
 
 
-def test_robot_that_dies_is_noticed_and_one_that_comes_back_is_not_enabled_by_us(
-    ros_master: Master, transport: Ros1Transport
-) -> None:
+def test_robot_that_dies_is_noticed_and_not_enabled_when_back(ros_master, transport) -> None:
     with (
         robot(ros_master) as first,
         CrtkClient(transport, stale_after=5.0, connect_timeout=PATIENCE) as client,
@@ -77,9 +74,7 @@ def test_missing_robot_is_named_over_ros(transport: Ros1Transport) -> None:
         CrtkClient(transport, connect_timeout=0.5)
 
 
-def test_served_robot_is_calibrated_to_its_report(
-    ros_master: Master, patient_node: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_served_robot_is_calibrated_to_its_report(ros_master, patient_node, tmp_path, monkeypatch) -> None:
     motion = follow_waypoints(STROLL, speed=[0.2, 0.2, 0.01])
     monkeypatch.setattr(calibrate, "excitation", lambda project: (motion, "a stroll"))
     monkeypatch.setattr(calibrate, "models_for", lambda robot, seed: QUICK_MODELS)

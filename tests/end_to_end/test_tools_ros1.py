@@ -207,7 +207,7 @@ def test_ctrl_c_holds_the_robot_where_it_is(ros_master: Master, ready: None) -> 
         out, _ = going.finish()
         held = at_rest(robot)
         assert_allclose(at_rest(robot), held)
-        assert robot.operating_state().state == "ENABLED"
+        assert robot.operating_state().state == "PAUSED"
     assert going.process.returncode == 130
     assert "stopped by Ctrl-C" in out
     assert abs(held[0] - begin[0]) < np.deg2rad(19.0)
@@ -255,9 +255,7 @@ def test_what_others_do_is_recorded(ready: None, tmp_path: Path) -> None:
     assert recording.about.simulated
 
 
-def test_a_deployed_model_is_heard_and_shown_beside_gravity(
-    ros_master: Master, ready: None, tmp_path: Path
-) -> None:
+def test_a_deployed_model_is_heard_and_shown_beside_gravity(ros_master, ready, tmp_path) -> None:
     model, folder = write_model(tmp_path), tmp_path / "beside"
     options = ("--gravity-torque", "--gravity", "/gravity", "--rate", "200", "--json")
     with (

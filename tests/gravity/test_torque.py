@@ -78,9 +78,7 @@ def test_gravity_torque_is_what_peers_compute(peer, atol, random_robots, rng):
         (90, 135, 0.40, (-2.2626, 0.2669, 0.3915)),
     ],
 )
-def test_raven_holds_what_the_mechanism_page_says(
-    name: str, j1_deg: float, j2_deg: float, j3: float, expected: tuple[float, ...]
-) -> None:
+def test_raven_holds_what_the_mechanism_page_says(name, j1_deg, j2_deg, j3, expected) -> None:
     model = load_robot(name)
     q = np.zeros(model.n)
     q[:3] = np.deg2rad(j1_deg), np.deg2rad(j2_deg), j3

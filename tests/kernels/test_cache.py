@@ -133,9 +133,7 @@ def test_files_of_another_user_are_not_used(folder: Path, monkeypatch: pytest.Mo
     assert again(folder).__file__ is None
 
 
-def test_without_a_place_to_write_kernels_are_compiled_in_memory(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_place_to_write_kernels_are_compiled_in_memory(folder, monkeypatch) -> None:
     def refuse(*_args: object, **_options: object) -> None:
         raise PermissionError("read-only")
 
@@ -150,9 +148,7 @@ def test_a_home_that_is_a_file_does_no_harm(tmp_path: Path) -> None:
     assert again(tmp_path / "home" / "catenary" / "kernels").__file__ is None
 
 
-def test_the_folder_is_where_the_platform_keeps_caches(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_the_folder_is_where_the_platform_keeps_caches(monkeypatch, tmp_path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert cache_folder() == tmp_path / "catenary" / "kernels"
     monkeypatch.setenv(

@@ -45,3 +45,15 @@ def test_importing_compiled_functions_and_asking_for_a_line_does_not_import_numb
         "assert not {'numba', 'scipy', 'sklearn'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_code_on_disk_is_made_anew_when_a_file_that_it_calls_has_changed(tmp_path) -> None:
+    head = "from catenary.kernels.compiled import compiled, inlined\n"
+    caller = (
+        f"{head}from called import slope\n@compiled\ndef line(x):\n    return slope() * x\nprint(line(1.0))\n"
+    )
+    (tmp_path / "caller.py").write_text(caller)
+    for slope in ("2.0", "3.0"):
+        (tmp_path / "called.py").write_text(f"{head}@inlined\ndef slope():\n    return {slope}\n")
+        done = subprocess.run([sys.executable, tmp_path / "caller.py"], capture_output=True, check=True)
+        assert done.stdout.decode().strip() == slope

@@ -66,9 +66,7 @@ def plant(**options: Any) -> IdealPlant:
     return IdealPlant(START.tolist(), joint_names=JOINTS, joint_units=UNITS, **options)
 
 
-def test_each_message_of_the_robot_is_corrected_once_with_pose_and_gravity_torque(
-    model: CalibrationModel,
-) -> None:
+def test_each_message_of_the_robot_is_corrected_once_with_pose_and_gravity_torque(model) -> None:
     deployed = Deployed(model, gravity_torque=True)
     deployed.ticks(50)
     messages = [received.message for received in deployed.heard["measured_js"].take()]
@@ -119,9 +117,7 @@ def test_robot_may_restart_and_is_corrected_again_when_homed(model: CalibrationM
 
 
 @pytest.mark.parametrize("late", [0.004, 0.05])
-def test_newest_is_published_however_late_and_latency_is_from_its_arrival(
-    model: CalibrationModel, late: float
-) -> None:
+def test_newest_is_published_however_late_and_latency_is_from_its_arrival(model, late) -> None:
     deployed = Deployed(model)
     deployed.client.wait()
     deployed.robot.clock.robots.clear()

@@ -51,9 +51,7 @@ def test_every_fault_is_named_in_the_report(ran: Ran) -> None:
 
 
 @pytest.mark.parametrize("fallback", ["hold", "fade", "static"])
-def test_configured_fallback_takes_the_place_of_lost_gravity(
-    ran: Ran, healthy: Floats, fallback: str
-) -> None:
+def test_configured_fallback_takes_the_place_of_lost_gravity(ran, healthy, fallback) -> None:
     row = outcome(ran[0], "drop_out", fallback, healthy)
     assert "fallback" in row.statuses
     assert max(row.moved[:2]) < LIMIT_DEG

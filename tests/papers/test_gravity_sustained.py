@@ -6,53 +6,51 @@ from numpy.testing import assert_allclose
 
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.workflows.gravity.simulated_arm import raven_gains
-from papers.gravity_sustained import (
-    CASES,
-    Change,
-    drive_gain,
-    friction_band,
-    frictionless,
-    main,
-    missing,
-    with_believed_drives,
-    without_friction,
-)
+from papers import gravity_sustained
 
 ARM = load_cable_arm()
-Driven = tuple[list[Change], Path]
+Driven = tuple[list[gravity_sustained.Change], Path]
 
 
 def test_drives_as_believed_give_what_was_asked_for() -> None:
-    assert_allclose(drive_gain(with_believed_drives(ARM)), np.eye(3), atol=1e-14)
+    assert_allclose(
+        gravity_sustained.drive_gain(gravity_sustained.with_believed_drives(ARM)), np.eye(3), atol=1e-14
+    )
 
 
 def test_a_weak_drive_lets_the_joint_go_further_by_as_much() -> None:
-    believed = with_believed_drives(ARM)
+    believed = gravity_sustained.with_believed_drives(ARM)
     weak = believed._replace(cable=believed.cable.replace(ratio_error=np.array([-0.1, 0.0, 0.0])))
     # true ratio 0.9 of the believed: 0.9 of the torque. Gravity's own stiffness, a hundredth, weighs a tenth more
-    assert_allclose(frictionless(weak, "pd")[0] / frictionless(believed, "pd")[0], 1.0 / 0.9, rtol=3e-3)
+    assert_allclose(
+        gravity_sustained.frictionless(weak, "pd")[0] / gravity_sustained.frictionless(believed, "pd")[0],
+        1.0 / 0.9,
+        rtol=3e-3,
+    )
 
 
 def test_a_stiff_arm_of_ideal_drives_goes_by_the_missing_torque_over_kp() -> None:
-    believed = with_believed_drives(ARM)
+    believed = gravity_sustained.with_believed_drives(ARM)
     stiff = believed._replace(
         cable=believed.cable.replace(stiffness=100.0 * believed.cable.stiffness),
         firmware=believed.firmware.replace(kp=100.0 * believed.firmware.kp),
     )
-    expected = missing() / raven_gains(stiff.firmware).kp
+    expected = gravity_sustained.missing() / raven_gains(stiff.firmware).kp
     # gravity's own stiffness is 1e-4 of theirs
-    assert_allclose(frictionless(stiff, "pd"), expected, rtol=2e-3)
+    assert_allclose(gravity_sustained.frictionless(stiff, "pd"), expected, rtol=2e-3)
 
 
 def test_friction_that_is_none_keeps_a_joint_nowhere() -> None:
-    assert friction_band(without_friction(ARM)) == 0.0
-    assert friction_band(ARM) > 0.0
+    assert gravity_sustained.friction_band(gravity_sustained.without_friction(ARM)) == 0.0
+    assert gravity_sustained.friction_band(ARM) > 0.0
 
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory: pytest.TempPathFactory) -> Driven:
     folder = tmp_path_factory.mktemp("sustained")
-    return main(folder, (CASES[0], CASES[2]), ("sg",)), folder
+    return gravity_sustained.main(
+        folder, (gravity_sustained.CASES[0], gravity_sustained.CASES[2]), ("sg",)
+    ), folder
 
 
 @pytest.mark.slow

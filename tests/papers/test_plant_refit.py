@@ -9,30 +9,19 @@ from numpy.testing import assert_allclose
 from catenary.arrays import Floats
 from catenary.reports.project import TABLE_1
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
-from papers import plant_refit
+from papers import plant_refit, plant_targets
 from papers.calibration_paper import SIX_HOURS_LINEAR
 from papers.plant_evaluation import Hour
 from papers.plant_pd_share import PDShare
 from papers.plant_refit import fit_drift, fit_friction, fit_table_1, write_arm
-from papers.plant_targets import (
-    DRIFT,
-    FITTED,
-    FREE,
-    FRICTION,
-    LAST_HOUR,
-    PD_SHARE,
-    TARGETS,
-    joint_1_friction,
-    with_factors,
-)
 
-PARAMETERS = (*FREE, *FRICTION, *DRIFT)
+PARAMETERS = (*plant_targets.FREE, *plant_targets.FRICTION, *plant_targets.DRIFT)
 
 
 def test_targets_are_the_papers_and_never_the_networks() -> None:
-    assert set(TARGETS) == {"raw", "fixed offset", "linear"}
-    assert TARGETS["fixed offset"] == TABLE_1["fixed offset"] == (0.859, 1.095, 0.492)
-    assert LAST_HOUR == SIX_HOURS_LINEAR[1] == (0.527, 0.353, 0.200)
+    assert set(plant_targets.TARGETS) == {"raw", "fixed offset", "linear"}
+    assert plant_targets.TARGETS["fixed offset"] == TABLE_1["fixed offset"] == (0.859, 1.095, 0.492)
+    assert plant_targets.LAST_HOUR == SIX_HOURS_LINEAR[1] == (0.527, 0.353, 0.200)
 
 
 def test_fitted_numbers_are_written_and_everything_else_stays(tmp_path: Path) -> None:
@@ -41,12 +30,12 @@ def test_fitted_numbers_are_written_and_everything_else_stays(tmp_path: Path) ->
         shutil.copy(packaged, path)
     before = load_cable_arm(path)
     factors = np.linspace(0.9, 1.1, len(PARAMETERS))
-    write_arm(with_factors(before, PARAMETERS, factors), path)
+    write_arm(plant_targets.with_factors(before, PARAMETERS, factors), path)
     after = load_cable_arm(path)
     for free, factor in zip(PARAMETERS, factors, strict=True):
         old, new = getattr(before.cable, free.field), getattr(after.cable, free.field)
         assert_allclose(new[free.joint], factor * old[free.joint], rtol=1e-5)  # six digits are written
-    for name in set(before.cable.fields) - FITTED:
+    for name in set(before.cable.fields) - plant_targets.FITTED:
         assert_allclose(getattr(after.cable, name), getattr(before.cable, name), rtol=0)
     origins = [[entry.origin for entry in arm.file.cable.values()] for arm in (after, before)]
     assert origins[0] == origins[1]
@@ -59,7 +48,7 @@ def test_only_numbers_marked_as_fitted_are_free() -> None:
 
 def test_one_factor_moves_all_of_a_group() -> None:
     arm = load_cable_arm()
-    halved = with_factors(arm, FRICTION, np.array([0.5])).cable
+    halved = plant_targets.with_factors(arm, plant_targets.FRICTION, np.array([0.5])).cable
     assert_allclose(halved.rotor_friction, 0.5 * arm.cable.rotor_friction)
     assert_allclose(halved.link_friction, arm.cable.link_friction * [0.5, 1.0, 1.0])
 
@@ -68,7 +57,9 @@ def test_friction_of_joint_1_grows_with_its_torque() -> None:
     arm = load_cable_arm()
     c = arm.cable
     share = c.rotor_load_friction[0] + c.link_load_friction[0]
-    assert_allclose(joint_1_friction(arm, 2.0) - joint_1_friction(arm, 0.0), 2.0 * share)
+    assert_allclose(
+        plant_targets.joint_1_friction(arm, 2.0) - plant_targets.joint_1_friction(arm, 0.0), 2.0 * share
+    )
 
 
 def test_friction_follows_the_share_of_pd(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -76,7 +67,7 @@ def test_friction_follows_the_share_of_pd(monkeypatch: pytest.MonkeyPatch) -> No
 
     def share(arm: CableArm, base_deg: float, *, sensed: bool) -> PDShare:
         # of a robot with too much friction
-        more = 1.3 * PD_SHARE * (arm.cable.rotor_friction[0] / start) ** 0.6
+        more = 1.3 * plant_targets.PD_SHARE * (arm.cable.rotor_friction[0] / start) ** 0.6
         return PDShare(np.full(3, more), np.ones(3), np.ones(3))
 
     monkeypatch.setattr(plant_refit, "pd_share", share)
@@ -85,16 +76,18 @@ def test_friction_follows_the_share_of_pd(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_errors_that_depend_on_parameters_as_powers_are_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
     start = load_cable_arm().cable
-    wanted = np.array(TARGETS["linear"])
+    wanted = np.array(plant_targets.TARGETS["linear"])
 
     def errors(arm: CableArm) -> dict[str, Floats]:
         runout = arm.cable.capstan_runout / start.capstan_runout
-        return {key: np.array(value) for key, value in TARGETS.items()} | {"linear": 0.85 * wanted * runout}
+        return {key: np.array(value) for key, value in plant_targets.TARGETS.items()} | {
+            "linear": 0.85 * wanted * runout
+        }
 
     monkeypatch.setattr(plant_refit, "homed", lambda arm: arm)
     monkeypatch.setattr(plant_refit, "recordings", lambda arm: (arm,))
     monkeypatch.setattr(plant_refit, "errors", errors)
-    factors = dict(zip(FREE, fit_table_1(load_cable_arm(), 4), strict=True))
+    factors = dict(zip(plant_targets.FREE, fit_table_1(load_cable_arm(), 4), strict=True))
     runouts = [factor for free, factor in factors.items() if free.field == "capstan_runout"]
     assert_allclose(runouts, 1.0 / 0.85, rtol=0.03)  # as near as the fit goes
     assert_allclose([f for free, f in factors.items() if free.field != "capstan_runout"], 1.0, rtol=1e-6)
@@ -110,5 +103,5 @@ def test_rates_of_set_follow_the_last_hour_through_the_coupling(monkeypatch: pyt
         return last, last
 
     monkeypatch.setattr(plant_refit, "six_hours", six_hours)
-    arm = with_factors(load_cable_arm(), DRIFT, fit_drift(load_cable_arm()))
-    assert_allclose(six_hours(arm)[1].linear, LAST_HOUR, rtol=0.03)
+    arm = plant_targets.with_factors(load_cable_arm(), plant_targets.DRIFT, fit_drift(load_cable_arm()))
+    assert_allclose(six_hours(arm)[1].linear, plant_targets.LAST_HOUR, rtol=0.03)

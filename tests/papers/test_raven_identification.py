@@ -5,59 +5,62 @@ from numpy.testing import assert_allclose
 from catenary import FixedBase, MotionLog, compact_regressor, gravity_torque, load_robot
 from catenary.arrays import Floats
 from catenary.identification.base_parameters import gravity_base_parameters
-from papers.raven_identification import (
-    BASES,
-    BELIEVED,
-    LOWER,
-    TEST_BASE,
-    UPPER,
-    Poses,
-    believed,
-    fit_compact,
-    hold_poses,
-    torque_error,
-)
+from papers import raven_identification
 
 ARM = load_robot("raven2")
 REGRESSOR = compact_regressor(ARM)
-BELIEF = REGRESSOR.parameters(believed(ARM))
+BELIEF = REGRESSOR.parameters(raven_identification.believed(ARM))
 
 
-def ideal(base: FixedBase, seed: int) -> Poses:
+def ideal(base: FixedBase, seed: int) -> raven_identification.Poses:
     """Poses whose torques are gravity's alone."""
-    q: Floats = np.random.default_rng(seed).uniform(LOWER, UPPER, (20, 3))
+    q: Floats = np.random.default_rng(seed).uniform(
+        raven_identification.LOWER, raven_identification.UPPER, (20, 3)
+    )
     gravity = base.sample(np.zeros(1)).gravity[0]
     tau = gravity_torque(ARM, q, gravity)
     log = MotionLog("ideal", ARM.joint_names, ARM.joint_units, q, np.ones(20, bool), tau=tau)
-    return Poses({"reported": q, "true": q}, tau, gravity, log)
+    return raven_identification.Poses({"reported": q, "true": q}, tau, gravity, log)
 
 
 def test_believed_masses_are_all_wrong_by_the_same_factor() -> None:
-    assert_allclose(BELIEF, BELIEVED * REGRESSOR.parameters(), atol=1e-12)
+    assert_allclose(BELIEF, raven_identification.BELIEVED * REGRESSOR.parameters(), atol=1e-12)
 
 
 def test_poses_show_all_that_torques_can_tell_unless_joint_1_stands_upright() -> None:
     # Z0, joint 1's axis, is the base's -y: level and tilted bases load it, one rolled by 90 deg does not
     upright = FixedBase(np.pi / 2)
-    for base in (*BASES.values(), upright):
+    for base in (*raven_identification.BASES.values(), upright):
         poses = ideal(base, 0)
-        fit = fit_compact(REGRESSOR, BELIEF, [poses], "true", "base")
+        fit = raven_identification.fit_compact(REGRESSOR, BELIEF, [poses], "true", "base")
         assert fit.rank == gravity_base_parameters(ARM, poses.gravity).count
     every = gravity_base_parameters(ARM, None).count
-    assert fit_compact(REGRESSOR, BELIEF, [ideal(BASES["level"], 0)], "true", "level").rank == every
-    assert fit_compact(REGRESSOR, BELIEF, [ideal(upright, 0)], "true", "upright").rank == every - 2
+    assert (
+        raven_identification.fit_compact(
+            REGRESSOR, BELIEF, [ideal(raven_identification.BASES["level"], 0)], "true", "level"
+        ).rank
+        == every
+    )
+    assert (
+        raven_identification.fit_compact(REGRESSOR, BELIEF, [ideal(upright, 0)], "true", "upright").rank
+        == every - 2
+    )
 
 
 def test_what_was_identified_on_a_level_base_holds_on_another() -> None:
-    test = ideal(TEST_BASE, 9)
-    level = fit_compact(REGRESSOR, BELIEF, [ideal(BASES["level"], 0)], "true", "level")
-    wrong, right = (torque_error(REGRESSOR, s, test, ARM, "true") for s in (BELIEF, level.s))
+    test = ideal(raven_identification.TEST_BASE, 9)
+    level = raven_identification.fit_compact(
+        REGRESSOR, BELIEF, [ideal(raven_identification.BASES["level"], 0)], "true", "level"
+    )
+    wrong, right = (
+        raven_identification.torque_error(REGRESSOR, s, test, ARM, "true") for s in (BELIEF, level.s)
+    )
     assert (right < 0.2 * wrong).all()  # the belief still pulls, friction's noise being assumed
 
 
 @pytest.mark.slow
 def test_the_simulated_robot_holds_its_poses_with_gravity_and_friction() -> None:
-    poses = hold_poses(BASES["level"], 2, 1, None, None)
+    poses = raven_identification.hold_poses(raven_identification.BASES["level"], 2, 1, None, None)
     truth = gravity_torque(ARM, poses.q["true"], poses.gravity)
     # stretch and errors of ratio, no registration
     assert_allclose(poses.q["true"], poses.q["reported"], atol=0.1)

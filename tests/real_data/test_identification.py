@@ -109,9 +109,7 @@ def test_tiagos_table_is_the_robots_own_chain(recordings: Path) -> None:
     ("name", "cutoff_hz", "most"),
     [("psm_one_105g_insertion.npz", None, 0.010), ("psm_half_105g_insertion.npz", 8.48, 0.035)],
 )
-def test_a_known_weight_is_weighed(
-    psm: Identification, dvrk: Path, name: str, cutoff_hz: float | None, most: float
-) -> None:
+def test_a_known_weight_is_weighed(psm, dvrk, name, cutoff_hz, most) -> None:
     log = log_of(dvrk, name, "dvrk_psm")
     samples = prepare(log, psm.model, IdentifyOptions(cutoff_hz=cutoff_hz))
     payload = estimate_payload(psm, [samples], at=WEIGHT)
@@ -128,9 +126,7 @@ def test_an_unloaded_arm_of_another_day_carries_no_payload(psm: Identification, 
     assert not estimate_payload(psm, samples).detected
 
 
-def test_a_weight_anywhere_is_found_on_a_link_that_turns_with_the_second_axis(
-    psm: Identification, dvrk: Path
-) -> None:
+def test_a_weight_anywhere_is_found_on_a_link_that_turns_with_the_second_axis(psm, dvrk) -> None:
     samples = [prepare(log_of(dvrk, "psm_one_105g_insertion.npz", "dvrk_psm"), psm.model, IdentifyOptions())]
     payload = estimate_payload(psm, samples)
     assert payload.detected

@@ -29,9 +29,7 @@ def published(recordings: Path) -> dict[str, Floats]:
 
 
 @pytest.mark.parametrize(("name", "direction", "sparsity", "rows", "every"), PUBLISHED)
-def test_rows_equal_the_published_file(
-    published: dict[str, Floats], name: str, direction: str, sparsity: float, rows: int, every: int
-) -> None:
+def test_rows_equal_the_published_file(published, name, direction, sparsity, rows, every) -> None:
     ours = zigzag_rows(direction, sparsity)
     assert len(ours) == rows
     assert_allclose(ours[::every], published[name], rtol=0.0, atol=1e-12)

@@ -49,9 +49,7 @@ def _by_rosbags(*paths: Path) -> Iterator[tuple[str, int, bytes, Any]]:
                 yield connection.topic, stamp, bytes(data), reader.deserialize(data, connection.msgtype)
 
 
-def test_mcap_holds_the_same_messages_in_cdr_and_back_their_bytes_but_for_seq(
-    journal: Path, bags: dict[str, Path], sent: list[Message], tmp_path: Path
-) -> None:
+def test_mcap_holds_the_same_messages_in_cdr(journal, bags, sent, tmp_path) -> None:
     written = write_group_bags(JournalReader(journal), tmp_path / "a", "mcap")
     read = sorted(_by_rosbags(*written), key=lambda message: (message[1], message[0]))
     for (topic, stamp, _, message), (sent_topic, sent_stamp, data) in zip(
@@ -99,9 +97,7 @@ def test_one_bag_per_topic_as_the_group_records(journal: Path, sent: list[Messag
         write_group_bags(JournalReader(journal), tmp_path)
 
 
-def test_a_long_recording_goes_into_several_bags(
-    journal: Path, sent: list[Message], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_long_recording_goes_into_several_bags(journal, sent, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(bag, "MAX_MESSAGES", 500)
     written = write_group_bags(JournalReader(journal), tmp_path)
     names = [path.name for path in written if path.stem.startswith("record_ext_jenc")]
@@ -109,9 +105,7 @@ def test_a_long_recording_goes_into_several_bags(
     assert sorted(m for path in written for m in open_recording(path).messages()) == sorted(sent)
 
 
-def test_what_a_torn_journal_lost_is_logged_when_a_bag_is_made(
-    journal: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_what_a_torn_journal_lost_is_logged_when_a_bag_is_made(journal, tmp_path, caplog) -> None:
     (tmp_path / "torn.journal").write_bytes((journal / "0000.journal").read_bytes()[:-300])
     write_group_bags(JournalReader(tmp_path / "torn.journal"), tmp_path / "bags")
     assert "no whole record" in caplog.text
@@ -139,9 +133,7 @@ def test_a_topic_that_is_not_there_is_answered_with_those_that_are(journal: Path
 
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.3, 0.7, 0.95, 0.9999])
 @pytest.mark.parametrize("kind", ["ros1", "mcap"])
-def test_a_truncated_bag_is_refused_and_what_is_whole_is_named(
-    bags: dict[str, Path], sent: list[Message], tmp_path: Path, kind: bag.BagKind, share: float
-) -> None:
+def test_a_truncated_bag_is_refused_and_what_is_whole_is_named(bags, sent, tmp_path, kind, share) -> None:
     whole = bags[kind].read_bytes()
     cut = tmp_path / f"cut{bags[kind].suffix}"
     cut.write_bytes(whole[: int(share * len(whole))])
@@ -161,9 +153,7 @@ def test_a_truncated_bag_is_refused_and_what_is_whole_is_named(
 
 
 @pytest.mark.parametrize("closed", [True, False])
-def test_a_bag_without_its_index_is_refused(
-    bags: dict[str, Path], sent: list[Message], tmp_path: Path, closed: bool
-) -> None:
+def test_a_bag_without_its_index_is_refused(bags, sent, tmp_path, closed) -> None:
     written, whole = tmp_path / "a.bag", bags["ros1"].read_bytes()
     place = whole.index(b"index_pos=") + len(b"index_pos=")
     begin = int.from_bytes(whole[place : place + 8], "little")

@@ -93,9 +93,7 @@ def test_rosbag_reads_the_numbers_that_we_wrote(ours: dict[str, Path], tmp_path:
 
 
 @pytest.mark.parametrize("compression", ["none", "bz2", "lz4"])
-def test_a_bag_of_rosbags_extracts_to_the_same_messages(
-    ours: dict[str, Path], tmp_path: Path, compression: str
-) -> None:
+def test_a_bag_of_rosbags_extracts_to_the_same_messages(ours, tmp_path, compression) -> None:
     rewritten = {path: tmp_path / path.name for path in ours.values()}
     for path, to in rewritten.items():
         by_debian("-c", REWRITE, str(path), str(to), compression)

@@ -61,9 +61,7 @@ def test_units_and_origin_are_in_the_schema(journal: Path, extracted: Path) -> N
 
 
 @pytest.mark.parametrize("kind", ["bag", "mcap", "mcap file", "group of bags", "group of mcap"])
-def test_every_kind_of_file_gives_the_same_numbers(
-    journal: Path, extracted: Path, tmp_path: Path, kind: str
-) -> None:
+def test_every_kind_of_file_gives_the_same_numbers(journal, extracted, tmp_path, kind) -> None:
     if kind == "group of bags":
         write_group_bags(JournalReader(journal), tmp_path / "bags")
         paths = [tmp_path / "bags"]
@@ -84,9 +82,7 @@ def test_every_kind_of_file_gives_the_same_numbers(
             assert_array_equal(got[name], values, err_msg=name)
 
 
-def test_memory_is_bounded_by_row_groups(
-    journal: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_memory_is_bounded_by_row_groups(journal, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(extract_module, "ROW_GROUP", 100)
     extract([journal], tmp_path / "x")
     file = topic_file(tmp_path / "x", EXT_JPOS)

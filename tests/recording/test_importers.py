@@ -96,9 +96,7 @@ def test_missing_measurement_is_fine_where_ok_is_not_set_also_as_a_zero(tmp_path
 
 
 @pytest.mark.parametrize(("n", "units"), [(3, "rad rad m"), (6, "rad rad m rad rad rad")])
-def test_units_of_three_or_six_joints_are_assumed_and_noted_and_joints_numbered(
-    tmp_path: Path, n: int, units: str
-) -> None:
+def test_units_of_three_or_six_joints_are_assumed_and_noted_and_joints_numbered(tmp_path, n, units) -> None:
     log = read_command_log(written(tmp_path, n=n))
     assert log.joint_units == tuple(units.split())
     assert log.joint_names == ("J1", "J2", "J3", "J4", "J5", "J6")[:n]
@@ -134,9 +132,7 @@ STATED = {"units": np.array(["m", "rad", "rad"])}
         (3, STATED, {"units": ("rad",) * 3}, "states the units m,rad,rad, but rad,rad,rad were given"),
     ],
 )
-def test_units_and_names_that_do_not_fit_are_refused(
-    tmp_path: Path, n: int, stated: Any, given: Any, said: str
-) -> None:
+def test_units_and_names_that_do_not_fit_are_refused(tmp_path, n, stated, given, said) -> None:
     with pytest.raises(InputError, match=said):
         read_command_log(written(tmp_path, n=n, **stated), **given)
 

@@ -200,9 +200,7 @@ def disk_with(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
 
 
 @pytest.mark.parametrize("left", [3000, 3001, 3037, 3100, 5000])
-def test_a_full_disk_stops_the_recording_and_says_what_is_safe(
-    tmp_path: Path, disk_with: Callable[[int], None], left: int
-) -> None:
+def test_a_full_disk_stops_the_recording_and_says_what_is_safe(tmp_path, disk_with, left) -> None:
     journal = JournalWriter(tmp_path / "r", TOPICS, flush_interval=60.0)
     disk_with(left)
     for i in range(60):
@@ -217,9 +215,7 @@ def test_a_full_disk_stops_the_recording_and_says_what_is_safe(
     assert not any("no whole record" in problem for problem in reader.problems)
 
 
-def test_a_disk_that_is_full_at_the_first_byte_or_fills_between_appends_is_told(
-    tmp_path: Path, disk_with: Callable[[int], None]
-) -> None:
+def test_a_disk_that_is_full_at_the_first_byte_or_fills_between_appends_is_told(tmp_path, disk_with) -> None:
     journal = JournalWriter(tmp_path / "r", TOPICS, flush_interval=0.02)
     disk_with(50)
     with pytest.raises(RecordingError, match="No space left"):
@@ -228,9 +224,7 @@ def test_a_disk_that_is_full_at_the_first_byte_or_fills_between_appends_is_told(
         JournalWriter(tmp_path / "s", TOPICS)
 
 
-def test_what_a_failing_disk_did_not_confirm_does_not_count_as_safe(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_a_failing_disk_did_not_confirm_does_not_count_as_safe(tmp_path, monkeypatch) -> None:
     journal = JournalWriter(tmp_path / "r", TOPICS, flush_interval=60.0)
     for i in range(5):
         journal.append("/a", i, b"x")

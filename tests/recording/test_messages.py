@@ -1,20 +1,9 @@
-from typing import Any
-
 import numpy as np
 import pytest
 
 from catenary.errors import FileFormatError
+from catenary.recording import messages
 from catenary.recording.layout import blank_messages, layout_of, read_messages
-from catenary.recording.messages import (
-    MESSAGES,
-    current_name,
-    fields,
-    full_definition,
-    md5_sum,
-    ros2_name,
-    service_md5_sum,
-    typestore,
-)
 
 # raven_2 and crtk_msgs: as the robot publishes them; the rest: rosmsg md5 on ROS Noetic
 PUBLISHED = {
@@ -41,21 +30,21 @@ PUBLISHED = {
 
 @pytest.mark.parametrize(("name", "md5"), PUBLISHED.items())
 def test_md5_sum_is_the_published_one(name: str, md5: str) -> None:
-    assert md5_sum(name) == md5
+    assert messages.md5_sum(name) == md5
 
 
 def test_md5_sum_of_a_service_is_the_published_one_and_unknown_types_are_refused_with_the_choices() -> None:
-    assert service_md5_sum("std_srvs/Trigger") == "937c9679a518e3a18d831e57125ea522"
+    assert messages.service_md5_sum("std_srvs/Trigger") == "937c9679a518e3a18d831e57125ea522"
     with pytest.raises(FileFormatError, match="std_srvs/Trigger"):
-        service_md5_sum("std_srvs/Mood")
+        messages.service_md5_sum("std_srvs/Mood")
     with pytest.raises(FileFormatError, match="raven_state"):
-        md5_sum("raven_2/raven_mood")
+        messages.md5_sum("raven_2/raven_mood")
 
 
-@pytest.mark.parametrize("name", MESSAGES)
+@pytest.mark.parametrize("name", messages.MESSAGES)
 def test_full_definition_holds_every_type_within(name: str) -> None:
-    definition = full_definition(name)
-    for part in (f for f in MESSAGES if any(field.type == f for field in fields(name))):
+    definition = messages.full_definition(name)
+    for part in (f for f in messages.MESSAGES if any(field.type == f for field in messages.fields(name))):
         assert f"MSG: {part}\n" in definition
     assert definition.count("MSG: std_msgs/Header") <= 1
 
@@ -68,13 +57,13 @@ def test_raven_state_has_964_bytes_after_its_header() -> None:
 
 
 def test_old_and_ros2_names_lead_to_the_same_type() -> None:
-    assert current_name("crtk_msgs/msg/operating_state") == "crtk_msgs/OperatingState"
-    assert ros2_name("crtk_msgs/operating_state") == "crtk_msgs/msg/OperatingState"
+    assert messages.current_name("crtk_msgs/msg/operating_state") == "crtk_msgs/OperatingState"
+    assert messages.ros2_name("crtk_msgs/operating_state") == "crtk_msgs/msg/OperatingState"
 
 
 def _joint_state(rng: np.random.Generator, joints: int, frame: str) -> bytes:
     """One JointState, written by rosbags."""
-    types = typestore(1).types
+    types = messages.typestore(1).types
     header = types["std_msgs/msg/Header"](
         seq=int(rng.integers(2**32)),
         stamp=types["builtin_interfaces/msg/Time"](
@@ -89,14 +78,14 @@ def _joint_state(rng: np.random.Generator, joints: int, frame: str) -> bytes:
         velocity=np.zeros(0),
         effort=rng.normal(size=joints),
     )
-    return bytes(typestore(1).serialize_ros1(message, "sensor_msgs/msg/JointState"))
+    return bytes(messages.typestore(1).serialize_ros1(message, "sensor_msgs/msg/JointState"))
 
 
 @pytest.mark.parametrize("encoding", ["ros1", "cdr"])
 def test_joint_states_of_all_shapes_read_as_rosbags_reads_them(encoding: str) -> None:
     rng = np.random.default_rng(3)
     raw = [_joint_state(rng, joints, frame) for joints in (3, 0, 7, 3, 1, 7) for frame in ("", "a", "base")]
-    store, name = typestore(1 if encoding == "ros1" else 2), "sensor_msgs/msg/JointState"
+    store, name = messages.typestore(1 if encoding == "ros1" else 2), "sensor_msgs/msg/JointState"
     if encoding == "cdr":
         raw = [bytes(store.ros1_to_cdr(message, name)) for message in raw]
     read = store.deserialize_ros1 if encoding == "ros1" else store.deserialize_cdr
@@ -113,7 +102,7 @@ def test_joint_states_of_all_shapes_read_as_rosbags_reads_them(encoding: str) ->
 
 
 @pytest.mark.parametrize("encoding", ["ros1", "cdr"])
-@pytest.mark.parametrize("name", MESSAGES)
+@pytest.mark.parametrize("name", messages.MESSAGES)
 def test_numbers_written_by_field_are_what_rosbags_reads(name: str, encoding: str) -> None:
     rng = np.random.default_rng(4)
     message = blank_messages(name, 1, {"header.frame_id": "b"} if "Stamped" in name else {}, {})
@@ -124,9 +113,13 @@ def test_numbers_written_by_field_are_what_rosbags_reads(name: str, encoding: st
             )
     raw = message.tobytes()
     if encoding == "cdr":
-        raw = bytes(typestore(2).ros1_to_cdr(raw, ros2_name(name)))
-    read = typestore(1).deserialize_ros1 if encoding == "ros1" else typestore(2).deserialize_cdr
-    expected = read(raw, ros2_name(name))
+        raw = bytes(messages.typestore(2).ros1_to_cdr(raw, messages.ros2_name(name)))
+    read = (
+        messages.typestore(1).deserialize_ros1
+        if encoding == "ros1"
+        else messages.typestore(2).deserialize_cdr
+    )
+    expected = read(raw, messages.ros2_name(name))
     ((_, records),) = read_messages(name, [raw], encoding)  # type: ignore[arg-type]
     for path in records.dtype.names or ():
         value = expected
@@ -149,8 +142,6 @@ RAVEN_STATE = blank_messages("raven_2/raven_state", 1, {}, {}).tobytes()
         ("std_msgs/String", b"\0\0\0\0\0\0\0\1\0", "cdr", "little-endian"),
     ],
 )
-def test_bytes_that_are_no_such_message_are_refused(
-    name: str, raw: bytes, encoding: Any, message: str
-) -> None:
+def test_bytes_that_are_no_such_message_are_refused(name, raw, encoding, message) -> None:
     with pytest.raises(FileFormatError, match=message):
         layout_of(name, raw, encoding)

@@ -1,6 +1,5 @@
 import csv
 import hashlib
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -141,9 +140,7 @@ def test_a_line_of_names_is_passed_over(table: Path, tmp_path: Path) -> None:
     assert len(read_raven_csv(tmp_path / "b.csv").log) == len(read_raven_csv(table).log)
 
 
-def test_rows_without_an_encoder_near_are_written_as_nan_and_not_trusted(
-    extraction: Path, tmp_path: Path
-) -> None:
+def test_rows_without_an_encoder_near_are_written_as_nan_and_not_trusted(extraction, tmp_path) -> None:
     write_raven_csv(extraction, tmp_path / "a.csv", max_gap=0.0001)
     rows = _rows(tmp_path / "a.csv")
     lonely = [row[0] == "nan" for row in rows]
@@ -167,9 +164,7 @@ NAMES = ",".join(f"c{i}" for i in range(252)) + "\n"
     ],
     ids=["columns", "cut off", "text", "names alone"],
 )
-def test_what_is_no_table_of_numbers_is_refused(
-    table: Path, change: Callable[[str], str], message: str
-) -> None:
+def test_what_is_no_table_of_numbers_is_refused(table, change, message) -> None:
     table.write_text(change(table.read_text()))
     with pytest.raises((FileFormatError, InputError), match=message):
         read_raven_csv(table)

@@ -66,9 +66,7 @@ def test_a_robot_with_nothing_to_record_is_refused(tmp_path: Path) -> None:
         ([0.0, 0.1], 3, "3 rows, but 2 ticks"),
     ],
 )
-def test_telemetry_that_does_not_advance_with_time_is_refused(
-    tmp_path: Path, times: list[float], rows: int, message: str
-) -> None:
+def test_telemetry_that_does_not_advance_with_time_is_refused(tmp_path, times, rows, message) -> None:
     with (
         Recorder(tmp_path / "r", (EXT_JPOS,), ["ext_jpos"], np.random.default_rng(0)) as recorder,
         pytest.raises(InputError, match=message),

@@ -21,9 +21,7 @@ def _ns(seconds: object) -> np.ndarray:
     offset=st.floats(-10, 10),
     shuffle=st.randoms(use_true_random=False),
 )
-def test_linear_signals_are_interpolated_exactly(
-    stamps: list[int], wanted: list[int], slope: float, offset: float, shuffle: object
-) -> None:
+def test_linear_signals_are_interpolated_exactly(stamps, wanted, slope, offset, shuffle) -> None:
     shuffle.shuffle(stamps)  # type: ignore[attr-defined]
     stamp = EPOCH + np.array(stamps)
     series = clean_series("x", stamp, (slope * np.array(stamps) / 1e9 + offset)[:, None], max_gap=100.0)

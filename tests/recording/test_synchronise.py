@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,24 +8,17 @@ from catenary.errors import FileFormatError, InputError
 from catenary.recording.extract import extract
 from catenary.recording.synchronise import Synchronisation, SynchroniseOptions, synchronise
 from catenary.recording.topics import EXT_JPOS, GOLD_MEASURED_JS, RAVENSTATE, RAVENSTATE_100HZ, raven_topics
-from oracles.raven_recording import (
-    AMPLITUDE,
-    RATE,
-    START_NS,
-    encoder,
-    nominal,
-    record,
-    telemetry,
-    write_journal,
-)
+from oracles import raven_recording
 
 STATE_TIME = np.arange(0.0, 20.0, 1.0 / 30.0)
 RIG_TIME = np.arange(0.0, 20.0, 0.01)
-CHORD = np.abs(AMPLITUDE) * np.square(RATE) * 0.015**2 / 8.0 * 1.01  # h² max|f''| / 8, intervals up to 15 ms
+CHORD = (
+    np.abs(raven_recording.AMPLITUDE) * np.square(raven_recording.RATE) * 0.015**2 / 8.0 * 1.01
+)  # h² max|f''| / 8, intervals up to 15 ms
 
 
 def _stamp(time: np.ndarray) -> np.ndarray:
-    return START_NS + np.rint(time * 1e9).astype(np.int64)
+    return raven_recording.START_NS + np.rint(time * 1e9).astype(np.int64)
 
 
 def _synchronised(
@@ -37,12 +29,9 @@ def _synchronised(
     columns: dict[str, np.ndarray] | None = None,
 ) -> Synchronisation:
     """Of a state and an encoder given message by message."""
-    columns = telemetry(state_time, np.random.default_rng(0)) if columns is None else columns
-    streams = [
-        (RAVENSTATE, _stamp(state_time), columns),
-        (EXT_JPOS, _stamp(rig_time), {"ext_jpos": rig}),
-    ]
-    write_journal(tmp_path / "r", streams)
+    columns = raven_recording.telemetry(state_time, np.random.default_rng(0)) if columns is None else columns
+    streams = [(RAVENSTATE, _stamp(state_time), columns), (EXT_JPOS, _stamp(rig_time), {"ext_jpos": rig})]
+    raven_recording.write_journal(tmp_path / "r", streams)
     extract([tmp_path / "r"], tmp_path / "x")
     return synchronise(tmp_path / "x")
 
@@ -50,11 +39,11 @@ def _synchronised(
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Synchronisation:
     """Of a state and an encoder without any fault."""
-    return _synchronised(tmp_path_factory.mktemp("plain"), RIG_TIME, encoder(RIG_TIME))
+    return _synchronised(tmp_path_factory.mktemp("plain"), RIG_TIME, raven_recording.encoder(RIG_TIME))
 
 
 def test_a_recording_becomes_a_log_with_the_encoder_on_the_states_stamps(tmp_path: Path) -> None:
-    record(tmp_path / "r", 20.0)
+    raven_recording.record(tmp_path / "r", 20.0)
     extract([tmp_path / "r"], tmp_path / "x")
     result = synchronise(tmp_path / "x")
     log = result.log
@@ -64,8 +53,8 @@ def test_a_recording_becomes_a_log_with_the_encoder_on_the_states_stamps(tmp_pat
     assert log.q_encoder is not None
     assert log.time[0] == 0.0
     assert log.ok[:-1].all()  # the last state may come after the last encoder sample
-    assert_allclose(log.q_nominal, nominal(log.time), atol=1e-7)  # float32 degrees
-    error = np.abs(log.q_encoder - encoder(log.time))[log.ok]
+    assert_allclose(log.q_nominal, raven_recording.nominal(log.time), atol=1e-7)  # float32 degrees
+    error = np.abs(log.q_encoder - raven_recording.encoder(log.time))[log.ok]
     assert (error <= CHORD + 1e-9).all()
     assert (log.robot, log.simulated) == ("raven2", True)
     assert result.without_encoder == int((~log.ok).sum())
@@ -76,7 +65,7 @@ def test_a_recording_becomes_a_log_with_the_encoder_on_the_states_stamps(tmp_pat
 
 
 def test_torque_is_at_the_joint_and_other_joints_are_signals(plain: Synchronisation) -> None:
-    columns = telemetry(STATE_TIME, np.random.default_rng(0))
+    columns = raven_recording.telemetry(STATE_TIME, np.random.default_rng(0))
     log = plain.log
     assert log.tau is not None
     # at the joint, the gains 0.3, 0.3, 0.15 per motor radian are 454.3, 361.7 Nm/rad and 57055 N/m
@@ -116,10 +105,8 @@ def _not_a_number(rig: np.ndarray) -> np.ndarray:
         (_not_a_number, ""),
     ],
 )
-def test_an_encoder_that_fails_is_reported_and_not_trusted(
-    tmp_path: Path, change: Callable[[np.ndarray], np.ndarray], note: str
-) -> None:
-    rig = change(np.column_stack([RIG_TIME, encoder(RIG_TIME)]))
+def test_an_encoder_that_fails_is_reported_and_not_trusted(tmp_path, change, note) -> None:
+    rig = change(np.column_stack([RIG_TIME, raven_recording.encoder(RIG_TIME)]))
     result = _synchronised(tmp_path, rig[:, 0], rig[:, 1:])
     assert result.log.time is not None
     # a sample before and after takes part in what is between
@@ -133,9 +120,9 @@ def test_an_encoder_that_fails_is_reported_and_not_trusted(
 
 
 def test_a_state_that_is_not_a_number_is_left_out_and_counted(tmp_path: Path) -> None:
-    columns = telemetry(STATE_TIME, np.random.default_rng(0))
+    columns = raven_recording.telemetry(STATE_TIME, np.random.default_rng(0))
     columns["jpos"][7, 1] = np.nan
-    result = _synchronised(tmp_path, RIG_TIME, encoder(RIG_TIME), columns=columns)
+    result = _synchronised(tmp_path, RIG_TIME, raven_recording.encoder(RIG_TIME), columns=columns)
     assert result.dropped == 1
     assert len(result.log) == len(STATE_TIME) - 1
     assert any("1 state messages" in note for note in result.log.notes)
@@ -143,7 +130,7 @@ def test_a_state_that_is_not_a_number_is_left_out_and_counted(tmp_path: Path) ->
 
 def test_an_encoder_whose_messages_end_is_reported(tmp_path: Path) -> None:
     rig_time = RIG_TIME[RIG_TIME < 12.0]
-    result = _synchronised(tmp_path, rig_time, encoder(rig_time))
+    result = _synchronised(tmp_path, rig_time, raven_recording.encoder(rig_time))
     assert result.log.time is not None
     assert_array_equal(result.log.ok, result.log.time <= rig_time[-1])
     ((start, length),) = result.topics[1].gaps
@@ -152,14 +139,14 @@ def test_an_encoder_whose_messages_end_is_reported(tmp_path: Path) -> None:
 
 def test_a_state_that_comes_shuffled_and_twice_is_put_in_order(tmp_path: Path) -> None:
     state_time = np.concatenate([STATE_TIME[:50], STATE_TIME[40:]])
-    result = _synchronised(tmp_path, RIG_TIME, encoder(RIG_TIME), state_time)
+    result = _synchronised(tmp_path, RIG_TIME, raven_recording.encoder(RIG_TIME), state_time)
     assert result.log.time is not None
     assert_allclose(result.log.time, STATE_TIME, atol=1e-8)  # whole ns
     assert (result.topics[0].repeated, result.topics[0].shuffled) == (10, 9)
 
 
 def test_a_missing_topic_is_answered_with_those_that_are_there(tmp_path: Path) -> None:
-    record(tmp_path / "r", 1.0)
+    raven_recording.record(tmp_path / "r", 1.0)
     extract([tmp_path / "r"], tmp_path / "x", topics=["ravenstate", "arm2/measured_js"])
     with pytest.raises(
         FileFormatError, match=r"/ext_jpos .* is not there; topics there: measured_js_gold, ravenst"
@@ -168,10 +155,12 @@ def test_a_missing_topic_is_answered_with_those_that_are_there(tmp_path: Path) -
 
 
 def test_a_state_at_100_hz_is_found_and_two_are_one_too_many(tmp_path: Path) -> None:
-    record(tmp_path / "r", 2.0, topics=raven_topics(state_rate=100.0))
+    raven_recording.record(tmp_path / "r", 2.0, topics=raven_topics(state_rate=100.0))
     extract([tmp_path / "r"], tmp_path / "x")
     assert len(synchronise(tmp_path / "x").log) > 180
-    record(tmp_path / "s", 2.0, topics=(RAVENSTATE, RAVENSTATE_100HZ, EXT_JPOS, GOLD_MEASURED_JS))
+    raven_recording.record(
+        tmp_path / "s", 2.0, topics=(RAVENSTATE, RAVENSTATE_100HZ, EXT_JPOS, GOLD_MEASURED_JS)
+    )
     extract([tmp_path / "s"], tmp_path / "y")
     with pytest.raises(FileFormatError, match="expected one"):
         synchronise(tmp_path / "y")

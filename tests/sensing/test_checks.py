@@ -127,9 +127,7 @@ def test_a_base_may_hang_where_that_is_asked_for():
         (TILTED * 0.0, Fault.GRAVITY_STRIPPED),
     ],
 )
-def test_a_sensor_that_goes_wrong_is_named_however_long_it_lasts_and_believed_when_it_is_right_again(
-    gravity, fault
-):
+def test_a_wrong_sensor_is_named_as_long_as_it_lasts_and_then_believed(gravity, fault):
     check = believing()
     assert set(fed(check, [gravity] * 1000, start=1.0)) == {fault}
     after = fed(check, [TILTED] * 10, start=11.0)

@@ -15,17 +15,7 @@ from catenary.simulation.firmware import OFF, control_motors, read_encoders
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.transmission.coupling import tensions_for, winding_of
 from catenary.transmission.elasticity import beyond_backlash
-from oracles.cable_arms import (
-    HOME,
-    homed_plant,
-    linear_arm,
-    resting_state,
-    smooth_motion,
-    take_steps,
-    with_linear_cables,
-    without_friction,
-    without_runout,
-)
+from oracles import cable_arms
 from oracles.mujoco_cable_arm import MujocoCableArm
 from oracles.tree_poses import potential_energy
 
@@ -39,7 +29,7 @@ CABLE = ARM.cable
 def motor_torques(cable, seconds, step):
     """Pushes and pulls about what holds the arm, which swing it without reaching its stops."""
     t = (np.arange(round(seconds / step)) + 0.5) * step
-    hold = tensions_for(cable.coupling, gravity_torque(MODEL, HOME, GRAVITY))
+    hold = tensions_for(cable.coupling, gravity_torque(MODEL, cable_arms.HOME, GRAVITY))
     torque = np.zeros((len(t), 7))
     torque[:, :3] = hold / (cable.ratio * (1.0 + cable.ratio_error))
     torque[:, 0] += 0.02 * np.cos(6.0 * t)
@@ -50,10 +40,10 @@ def motor_torques(cable, seconds, step):
 
 def energy_balance(cable, step, seconds=0.5):
     """Work of the motors, to and fro, and what of it is found nowhere: [J]."""
-    state = resting_state(cable, HOME)
+    state = cable_arms.resting_state(cable, cable_arms.HOME)
     torque = motor_torques(cable, seconds, step)
     steps = ArmState.rows(len(torque))
-    take_steps(TREE, cable, state, torque, GRAVITY, np.zeros((3, 3)), step, Work(), steps)
+    cable_arms.take_steps(TREE, cable, state, torque, GRAVITY, np.zeros((3, 3)), step, Work(), steps)
     rotor, rotor_velocity = steps.rotor[:, :3], steps.rotor_velocity[:, :3]
     assert (cable.stop_side * (steps.q - cable.stop_position) < 0.0).all()  # no stop was met
 
@@ -62,11 +52,11 @@ def energy_balance(cable, step, seconds=0.5):
     work = np.sum(torque * rotor_velocity) * step
     kinetic = 0.5 * steps.qd[-1] @ mass_matrix(MODEL, steps.q[-1]) @ steps.qd[-1]
     kinetic += 0.5 * np.sum(cable.rotor_inertia * rotor_velocity[-1] ** 2)
-    potential = potential_energy(MODEL, steps.q[-1]) - potential_energy(MODEL, HOME)
+    potential = potential_energy(MODEL, steps.q[-1]) - potential_energy(MODEL, cable_arms.HOME)
 
     before = {
-        "rotor": np.vstack([resting_state(cable, HOME).rotor[:3], rotor[:-1]]),
-        "q": np.vstack([HOME, steps.q[:-1]]),
+        "rotor": np.vstack([cable_arms.resting_state(cable, cable_arms.HOME).rotor[:3], rotor[:-1]]),
+        "q": np.vstack([cable_arms.HOME, steps.q[:-1]]),
         "velocity": np.vstack([np.zeros(3), rotor_velocity[:-1]]),
         "qd": np.vstack([np.zeros(3), steps.qd[:-1]]),
     }
@@ -96,11 +86,11 @@ def energy_balance(cable, step, seconds=0.5):
     return turned_over, work - kinetic - potential - np.sum(elastic) - lost
 
 
-NO_RUNOUT = without_runout(CABLE).replace(set_rate=np.zeros(3), loss_rate=np.zeros(3))
+NO_RUNOUT = cable_arms.without_runout(CABLE).replace(set_rate=np.zeros(3), loss_rate=np.zeros(3))
 BALANCED = {
-    "springs": with_linear_cables(CABLE).replace(damping=np.zeros(3), rotor_damping=np.zeros(3)),
-    "linear cables": with_linear_cables(CABLE),
-    "hysteresis, creep, backlash": without_friction(NO_RUNOUT),
+    "springs": cable_arms.with_linear_cables(CABLE).replace(damping=np.zeros(3), rotor_damping=np.zeros(3)),
+    "linear cables": cable_arms.with_linear_cables(CABLE),
+    "hysteresis, creep, backlash": cable_arms.without_friction(NO_RUNOUT),
     "everything": NO_RUNOUT,
 }
 
@@ -117,7 +107,7 @@ def test_energy_is_kept_to_the_first_order_of_the_step(effects):
     "base", [None, RockingBase(0.2, 0.15, 0.5, lever=(0.1, -0.2, 0.3))], ids=["still", "rocking"]
 )
 def test_linear_cables_move_as_in_mujoco(base):
-    plant = CablePlant(linear_arm(), base=base, substeps=1)
+    plant = CablePlant(cable_arms.linear_arm(), base=base, substeps=1)
     plant.home()
     plant.substeps = 2
     mujoco_arm = MujocoCableArm(TREE, plant.cable, base)
@@ -125,7 +115,7 @@ def test_linear_cables_move_as_in_mujoco(base):
         plant.state.q, plant.state.qd, plant.state.rotor[:3], plant.state.rotor_velocity[:3], plant.time
     )
     control, state = copy.deepcopy((plant.control, plant.state))
-    rows = smooth_motion(plant.control.setpoint, 4.0)
+    rows = cable_arms.smooth_motion(plant.control.setpoint, 4.0)
     log = plant.run(rows)
 
     # the same firmware on the rotors of the other simulation, which has no tool
@@ -153,14 +143,14 @@ def creep_deg_per_s(plant, seconds):
 
 
 def test_arm_that_holds_still_does_not_creep():
-    plant = homed_plant()
+    plant = cable_arms.homed_plant()
     row = np.full((1, 7), np.nan)
     plant.run(np.repeat(row, 300_000, axis=0))  # five slow times: only what never ends is left
     assert creep_deg_per_s(plant, 2.0) < 1e-4
 
 
 def test_arm_on_its_brakes_does_not_creep():
-    plant = homed_plant()
+    plant = cable_arms.homed_plant()
     plant.state_command("disable")
     creep_deg_per_s(plant, 2.0)
     assert creep_deg_per_s(plant, 2.0) < 1e-4
@@ -168,7 +158,7 @@ def test_arm_on_its_brakes_does_not_creep():
 
 def test_sticking_joint_stands_exactly_still():
     # a cable that relaxes takes a joint along that stands just at what friction holds
-    plant = CablePlant(ARM._replace(cable=CABLE.replace(slow_share=np.zeros(3))), start=HOME)
+    plant = CablePlant(ARM._replace(cable=CABLE.replace(slow_share=np.zeros(3))), start=cable_arms.HOME)
     for _ in range(2000):  # on its brakes
         plant.wait()
     assert_allclose(plant.state.qd, 0.0, atol=1e-12)

@@ -223,7 +223,13 @@ REACHED_BY = {"DISABLED": "disable", "ENABLED": "resume", "PAUSED": "pause"}
 
 def faulty_plant():
     """A plant whose software e-stop has tripped."""
-    return settle(homed_plant(), 0.001, torque=[1e4, 0.0, 0.0])
+    plant = homed_plant()
+    gains = plant.firmware
+    plant.firmware = gains.replace(kp=100.0 * gains.kp)
+    plant.servo_jp(plant.lower)
+    settle(plant, 0.001)
+    plant.firmware = gains
+    return plant
 
 
 @pytest.mark.parametrize(("before", "command", "after"), TRANSITIONS)
@@ -305,3 +311,19 @@ def test_inertial_sensors_read_the_bases_motion():
     assert_allclose(seen["accelerometer"], motion[0, 2] - gravity[0], atol=1e-12)
     assert_allclose(seen["gyroscope"], motion[0, 0], atol=1e-12)
     assert_allclose(CablePlant().telemetry()["accelerometer"], [0.0, 0.0, 9.81])  # +g upwards at rest
+
+
+@pytest.mark.parametrize(("joint", "tau"), [(0, 7.0), (1, -1e300), (2, -1e300), (6, -7.0)])
+def test_no_torque_takes_a_joint_beyond_its_soft_limits(joint, tau):
+    plant = homed_plant()
+    torque = np.zeros(7)
+    torque[joint] = tau
+    beyond = np.full(7, -np.inf)
+    for _ in range(60):
+        settle(plant, 0.02, torque)
+        q = plant.measured_js().q
+        beyond = np.maximum(beyond, np.maximum(q - plant.upper, plant.lower - q))
+    # what gravity and the cables' own swing take, and the insertion carries the tools' cables along
+    assert (beyond <= [0.02, 0.02, 0.001, 0.08, 0.08, 0.08, 0.08]).all()
+    assert abs(beyond[joint]) < 0.12  # it has come to its limit
+    assert plant.operating_state().state == "ENABLED"

@@ -166,7 +166,7 @@ def test_velocity_is_the_difference_of_one_tick_and_ignores_the_coupling():
 
 
 def test_commanded_joint_torques_reach_the_motors_through_the_coupling():
-    control, shaft = ControlState(), np.zeros(7)
+    control, shaft = ControlState(joint=GOLD.home_value), np.zeros(7)
     control.mode[:] = TORQUE
     control.torque_command[:3] = [2.0, -1.0, 5.0]
     control_motors(GOLD, control, shaft)

@@ -53,9 +53,7 @@ def test_an_arm_put_away_is_disabled_and_goes_on_bit_for_bit(worn: CablePlant, s
     ],
     ids=str,
 )
-def test_the_state_of_another_arm_is_refused_and_changes_nothing(
-    saved: Path, other: dict[str, object]
-) -> None:
+def test_the_state_of_another_arm_is_refused_and_changes_nothing(saved, other) -> None:
     plant = CablePlant(**other)  # type: ignore[arg-type]
     before = plant.state.q.copy()
     with pytest.raises(FileFormatError, match="of another robot"):

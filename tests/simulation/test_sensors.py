@@ -11,16 +11,9 @@ from catenary.sensing.imu import FOLLOW, RECOVER, SensedGravity
 from catenary.sensing.mailbox import Kind, Mailbox
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import ReadingStatus
+from catenary.simulation import sensors
 from catenary.simulation.base_motion import FixedBase, RockingBase, imu_reading
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.sensors import (
-    FAULT_KINDS,
-    InjectedFault,
-    SensorModel,
-    SimulatedSensor,
-    TelemetryBase,
-    ideal_sensor,
-)
 from oracles.ideal_plant import IdealPlant
 
 TILTED = FixedBase(0.3, -0.2)
@@ -31,7 +24,7 @@ TURNED = Rotation.from_euler("xyz", [1.0, -0.5, 2.0]).as_matrix()
 def samples(base, model, seconds, **options):
     """Everything that a sensor sends, as (stamp, vector, kind)."""
     mailbox = Mailbox(100_000)
-    SimulatedSensor(base, mailbox, model, **options).advance(seconds)
+    sensors.SimulatedSensor(base, mailbox, model, **options).advance(seconds)
     return [mailbox.take() for _ in range(len(mailbox))]
 
 
@@ -40,7 +33,7 @@ def vectors(taken, kind):
 
 
 def test_an_ideal_sensor_at_the_origin_reads_what_the_base_says():
-    taken = samples(ROCKING, ideal_sensor(100.0), 1.0)
+    taken = samples(ROCKING, sensors.ideal_sensor(100.0), 1.0)
     stamps = np.array([s.stamp for s in taken if s.kind is Kind.ANGULAR_RATE])
     assert_allclose(stamps, np.arange(101) / 100.0)
     force, rate = imu_reading(ROCKING.sample(stamps))
@@ -51,7 +44,7 @@ def test_an_ideal_sensor_at_the_origin_reads_what_the_base_says():
 def test_a_sensor_away_from_the_origin_reads_the_acceleration_of_its_own_path():
     position, h = np.array([0.2, -0.1, 0.4]), 1e-4
     mounting = Mounting(rotation=TURNED, position=position)
-    force = vectors(samples(ROCKING, ideal_sensor(100.0, mounting), 0.4), Kind.SPECIFIC_FORCE)[-1]
+    force = vectors(samples(ROCKING, sensors.ideal_sensor(100.0, mounting), 0.4), Kind.SPECIFIC_FORCE)[-1]
 
     def place(t):
         """R_world_base and the sensor's place, from the definition of rocking."""
@@ -66,7 +59,7 @@ def test_a_sensor_away_from_the_origin_reads_the_acceleration_of_its_own_path():
 
 
 def test_noise_has_the_density_that_was_asked_for_and_follows_from_its_seed():
-    model = SensorModel(200.0, resolution=0.0, rate_resolution=0.0)
+    model = sensors.SensorModel(200.0, resolution=0.0, rate_resolution=0.0)
     taken = samples(TILTED, model, 10.0, seed=3)
     again, other = (samples(TILTED, model, 0.5, seed=seed) for seed in (3, 8))
     spread = vectors(taken, Kind.SPECIFIC_FORCE).std(axis=0)
@@ -78,7 +71,7 @@ def test_noise_has_the_density_that_was_asked_for_and_follows_from_its_seed():
 
 def test_samples_arrive_late_by_the_latency():
     mailbox = Mailbox()
-    sensor = SimulatedSensor(TILTED, mailbox, SensorModel(100.0, latency=0.015))
+    sensor = sensors.SimulatedSensor(TILTED, mailbox, sensors.SensorModel(100.0, latency=0.015))
     sensor.advance(0.0149)
     assert len(mailbox) == 0
     sensor.advance(0.015)
@@ -87,7 +80,7 @@ def test_samples_arrive_late_by_the_latency():
 
 def test_readings_are_whole_counts_within_the_range():
     mounting = Mounting(bias=np.array([0.0, 15.0, 0.0]), acceleration_range=19.6)
-    taken = samples(TILTED, SensorModel(200.0, resolution=0.5, mounting=mounting), 0.2)
+    taken = samples(TILTED, sensors.SensorModel(200.0, resolution=0.5, mounting=mounting), 0.2)
     force = vectors(taken, Kind.SPECIFIC_FORCE)
     assert_allclose(force[:, [0, 2]] / 0.5, np.round(force[:, [0, 2]] / 0.5))
     assert np.abs(force).max() <= 19.6 + 0.25
@@ -102,7 +95,9 @@ def test_the_estimator_undoes_what_a_mounting_does():
         rate_bias=np.array([0.01, 0.02, -0.03]),
     )
     mailbox = Mailbox()
-    sensor = SimulatedSensor(ROCKING, mailbox, SensorModel(200.0, 0.0, 0.0, mounting=mounting))
+    sensor = sensors.SimulatedSensor(
+        ROCKING, mailbox, sensors.SensorModel(200.0, 0.0, 0.0, mounting=mounting)
+    )
     source = SensedGravity(mailbox, mounting, feed=sensor.advance)
     times = np.arange(0.0, 1.2, 0.001)
     readings = [source.read(t) for t in times]
@@ -138,15 +133,17 @@ LIMIT = (FOLLOW[0] + RECOVER[0]) * 0.001 + 1e-9  # [m/s2] in a tick
 
 
 @pytest.mark.parametrize("base", [ROCKING, TILTED], ids=["rocking", "still"])
-@pytest.mark.parametrize("kind", FAULT_KINDS)
+@pytest.mark.parametrize("kind", sensors.FAULT_KINDS)
 def test_a_fault_is_named_and_bounded_and_passes(base, kind):
     if base is TILTED and kind == "rates_in_deg":
         return  # a base at rest turns by nothing in any unit
-    mailbox, model = Mailbox(), SensorModel()
+    mailbox, model = Mailbox(), sensors.SensorModel()
     told = Mounting(
         acceleration_range=model.mounting.acceleration_range, rate_range=model.mounting.rate_range
     )
-    sensor = SimulatedSensor(base, mailbox, model, faults=[InjectedFault(kind, 0.5, 0.4)], seed=1)
+    sensor = sensors.SimulatedSensor(
+        base, mailbox, model, faults=[sensors.InjectedFault(kind, 0.5, 0.4)], seed=1
+    )
     source = SensedGravity(mailbox, told, feed=sensor.advance)
     times = np.arange(0.0, 2.1, 0.001)
     readings = [source.read(t) for t in times]
@@ -166,9 +163,9 @@ def test_a_fault_is_named_and_bounded_and_passes(base, kind):
 
 def test_a_plants_own_telemetry_feeds_a_sensor_anywhere_on_the_base():
     plant, mailboxes = CablePlant(base=ROCKING), (Mailbox(), Mailbox())
-    model = ideal_sensor(1000.0, Mounting(position=np.array([0.3, 0.0, 0.2])))
-    by_telemetry = SimulatedSensor(TelemetryBase(plant), mailboxes[0], model)
-    by_base = SimulatedSensor(ROCKING, mailboxes[1], model)
+    model = sensors.ideal_sensor(1000.0, Mounting(position=np.array([0.3, 0.0, 0.2])))
+    by_telemetry = sensors.SimulatedSensor(sensors.TelemetryBase(plant), mailboxes[0], model)
+    by_base = sensors.SimulatedSensor(ROCKING, mailboxes[1], model)
     for _ in range(100):
         by_telemetry.advance(plant.time)
         by_base.advance(plant.time)
@@ -180,7 +177,7 @@ def test_a_plants_own_telemetry_feeds_a_sensor_anywhere_on_the_base():
 
 
 def test_an_accelerometer_alone_sends_no_rates_and_begins_when_it_is_switched_on():
-    taken = samples(TILTED, ideal_sensor(100.0, has_gyroscope=False), 30.02, start=29.995)
+    taken = samples(TILTED, sensors.ideal_sensor(100.0, has_gyroscope=False), 30.02, start=29.995)
     assert {s.kind for s in taken} == {Kind.SPECIFIC_FORCE}
     assert_allclose([s.stamp for s in taken], [30.0, 30.01, 30.02])
 
@@ -188,11 +185,11 @@ def test_an_accelerometer_alone_sends_no_rates_and_begins_when_it_is_switched_on
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: SensorModel(rate_hz=0.0), "rate_hz"),
-        (lambda: SensorModel(noise=-1.0), "noise"),
-        (lambda: SensorModel(latency=math.nan), "latency"),
-        (lambda: InjectedFault("broken", 0.0), '"broken": expected one of drop_out, not_finite'),
-        (lambda: TelemetryBase(IdealPlant([0.0])), "no accelerometer and no gyroscope"),
+        (lambda: sensors.SensorModel(rate_hz=0.0), "rate_hz"),
+        (lambda: sensors.SensorModel(noise=-1.0), "noise"),
+        (lambda: sensors.SensorModel(latency=math.nan), "latency"),
+        (lambda: sensors.InjectedFault("broken", 0.0), '"broken": expected one of drop_out, not_finite'),
+        (lambda: sensors.TelemetryBase(IdealPlant([0.0])), "no accelerometer and no gyroscope"),
     ],
 )
 def test_impossible_sensors_are_refused(make, message):

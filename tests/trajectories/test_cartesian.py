@@ -10,11 +10,7 @@ from catenary.spatial import Pose
 from catenary.trajectories.cartesian import AMPLITUDE, CartesianSinusoids
 
 MIDDLE = [np.deg2rad(45.0), np.deg2rad(90.0), 0.3]
-STARTS = {
-    "raven2": MIDDLE,
-    "raven2_right": MIDDLE,
-    "raven2_full": [*MIDDLE, 0.0, 0.0, 0.0],
-}
+STARTS = {"raven2": MIDDLE, "raven2_right": MIDDLE, "raven2_full": [*MIDDLE, 0.0, 0.0, 0.0]}
 
 
 @pytest.mark.parametrize("name", STARTS)

@@ -36,9 +36,7 @@ def test_motion_goes_from_start_to_goal_within_its_bounds(
         (0.0, 0.0, 0.0, 0.0),
     ],
 )
-def test_way_is_covered_as_quickly_as_the_bounds_allow(
-    way: float, duration: float, speed: float, acceleration: float
-) -> None:
+def test_way_is_covered_as_quickly_as_the_bounds_allow(way, duration, speed, acceleration) -> None:
     motion = go_to([0.3], [0.3 + way], max_velocity=[0.5], max_acceleration=[1.0])
     _, qd, qdd = motion.sample(np.linspace(0.0, motion.duration, 10001))
     assert motion.duration == pytest.approx(duration)

@@ -7,9 +7,7 @@ from catenary.trajectories.sinusoids import FASTEST, SLOWEST, TURNING_BAND, rand
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
 
 
-def test_joints_turn_near_the_ends_of_their_ranges_and_cross_at_random_speeds(
-    rng: np.random.Generator,
-) -> None:
+def test_joints_turn_near_the_ends_of_their_ranges_and_cross_at_random_speeds(rng) -> None:
     motion = random_sinusoids(rng, 7200.0)
     q, qd, _ = motion.sample(np.arange(0.0, 7200.0, 0.05))
     assert (q >= CALIBRATION_LOWER).all()
@@ -69,8 +67,6 @@ def test_any_joints_will_do(rng: np.random.Generator) -> None:
         ({"fastest": [np.inf, 1.0, 1.0]}, r"fastest\[0\] is inf"),
     ],
 )
-def test_bad_arguments_are_refused(
-    rng: np.random.Generator, arguments: dict[str, object], message: str
-) -> None:
+def test_bad_arguments_are_refused(rng, arguments, message) -> None:
     with pytest.raises(InputError, match=message):
         random_sinusoids(rng, **{"duration": 60.0, **arguments})

@@ -19,9 +19,7 @@ def line_of(corners: list[tuple[float, float]], blend: float) -> BrokenLine:
 
 @settings(deadline=None)
 @given(steps, st.floats(0.01, 10.0), st.floats(0.0, 1.0))
-def test_position_is_the_line_averaged_over_the_window(
-    corners: list[tuple[float, float]], blend: float, when: float
-) -> None:
+def test_position_is_the_line_averaged_over_the_window(corners, blend, when) -> None:
     line = line_of(corners, blend)
     path = SmoothedPath([line])
     t = when * path.duration
@@ -34,9 +32,7 @@ def test_position_is_the_line_averaged_over_the_window(
 
 @settings(deadline=None)
 @given(steps, st.floats(0.01, 10.0))
-def test_path_stays_within_the_range_of_its_corners_and_below_their_speeds(
-    corners: list[tuple[float, float]], blend: float
-) -> None:
+def test_path_stays_within_the_range_of_its_corners_and_below_their_speeds(corners, blend) -> None:
     line = line_of(corners, blend)
     q, qd, qdd = SmoothedPath([line]).sample(np.linspace(-1.0, line.times[-1] + blend + 1.0, 2000))
     speed = np.abs(np.diff(line.points) / np.diff(line.times)).max()

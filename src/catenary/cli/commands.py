@@ -8,6 +8,7 @@ import typer
 from typer.core import TyperGroup
 
 from catenary.cli.options import with_groups_apart
+from catenary.cli.signals import signals_interrupt
 
 # module of this package and function; in the order in which `catenary --help` lists them
 _FUNCTIONS = {
@@ -70,7 +71,7 @@ class Commands(Mapping[str, Any]):
 
 
 class InterruptedCommand(Exception):
-    """Ctrl-C ended a command; its cause is the KeyboardInterrupt, at which newer versions of typer exit silently."""
+    """Ctrl-C or a signal ended a command; its cause is the KeyboardInterrupt, at which newer typers exit silently."""
 
 
 class CommandGroup(TyperGroup):
@@ -81,9 +82,10 @@ class CommandGroup(TyperGroup):
         self.commands: Any = Commands()
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command."""
+        """Run the command; SIGTERM and SIGHUP interrupt it as Ctrl-C does."""
         try:
-            return super().invoke(ctx)
+            with signals_interrupt():
+                return super().invoke(ctx)
         except KeyboardInterrupt as interrupt:
             raise InterruptedCommand from interrupt
 

@@ -1,5 +1,6 @@
 """The catenary command: reads arguments, calls one job, prints."""
 
+import contextlib
 import io
 import os
 import sys
@@ -8,6 +9,7 @@ import typer
 
 from catenary import __version__
 from catenary.cli.commands import CommandGroup, InterruptedCommand
+from catenary.cli.signals import exit_code
 
 app = typer.Typer(
     name="catenary",
@@ -53,7 +55,9 @@ def main() -> None:
     except CatenaryError as error:
         _fail(_with_notes(str(error), error), 2)
     except (InterruptedCommand, KeyboardInterrupt) as error:
-        _fail(_with_notes("interrupted", error.__cause__ or error), 130)
+        cause = error.__cause__ or error
+        name = str(cause)
+        _fail(_with_notes(f"ended by {name}" if name else "interrupted", cause), exit_code(name))
     except BrokenPipeError:
         _close_output()  # the reader of our output went away; nothing is left to say
         sys.exit(1)
@@ -70,7 +74,8 @@ def _with_notes(message: str, error: BaseException) -> str:
 
 
 def _fail(message: str, code: int) -> None:
-    print(f"catenary: {message}", file=sys.stderr)
+    with contextlib.suppress(OSError):  # a terminal that was closed
+        print(f"catenary: {message}", file=sys.stderr)
     sys.exit(code)
 
 

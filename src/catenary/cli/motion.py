@@ -9,6 +9,7 @@ from typer import Argument, Option
 
 from catenary.cli.joint_options import some_joint_values
 from catenary.cli.robot_choice import PacedRobot, open_robot
+from catenary.cli.signals import exit_code
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table, progress_bar, words
 from catenary.errors import InputError
 from catenary.units import in_words
@@ -35,8 +36,8 @@ def goto(
 ) -> None:
     """Move a robot to a place.
 
-    It goes gently, all joints arriving together. Ctrl-C stops it there. A robot that is not homed and
-    enabled is refused.
+    It goes gently, all joints arriving together. Ctrl-C stops it there. However it ends, the robot holds and
+    is paused. A robot that is not homed and enabled is refused.
     """
     import numpy as np
 
@@ -68,7 +69,7 @@ def random(
     """Move a robot at random.
 
     Each joint moves by itself: a RAVEN-II in its calibration box, others in the middle of their ranges.
-    Ctrl-C stops it where it is.
+    Ctrl-C stops it where it is. However it ends, the robot holds and is paused.
     """
     import numpy as np
 
@@ -95,7 +96,7 @@ def follow(
 
     It begins at the beginning, and all of it is checked before anything moves: units, limits, speeds, how
     far away it starts. A motion that was stopped (Ctrl-C) is not taken up again where it ended: the next
-    one begins at the beginning.
+    one begins at the beginning. However it ends, the robot holds and is paused.
     """
     import numpy as np
 
@@ -120,12 +121,12 @@ def follow(
 
 
 def _say(summary: "MotionSummary", as_json: bool, what: str) -> None:
-    """Print how a motion went; one that Ctrl-C ended exits with 130."""
+    """Print how a motion went; one that was ended before its end exits as `exit_code` says."""
     if as_json:
         print_json(summary.as_data())
     else:
         state = summary.state
-        done = "stopped by Ctrl-C; the robot holds here" if summary.interrupted else what
+        done = what if summary.ended_by is None else f"stopped by {summary.ended_by}; the robot holds here"
         print(
             f"{summary.robot}: {done} after {summary.duration:.1f} s; {state.state}"
             f"{'' if state.is_homed else ', not homed'}\n"
@@ -140,6 +141,6 @@ def _say(summary: "MotionSummary", as_json: bool, what: str) -> None:
         print_table("Joints", ["joint", "now", "largest error", "rms error"], rows)
         if summary.late_ticks:
             print_notes([f"{summary.late_ticks} ticks were late: each delayed the motion by as much"])
-    if summary.interrupted:
+    if summary.ended_by is not None:
         sys.stdout.flush()
-        raise typer.Exit(130)
+        raise typer.Exit(exit_code(summary.ended_by))

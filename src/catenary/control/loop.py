@@ -1,7 +1,5 @@
 """The control loop: the only clock, and the only place that cleans up behind a controller."""
 
-import contextlib
-import logging
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -13,6 +11,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.control.controller import Controller
+from catenary.control.leaving import GIVE_UP_AFTER, FiniteTicks, hold, leave_safe
 from catenary.control.limits import TorqueLimits
 from catenary.control.realtime import Durations, RealTime
 from catenary.control.report import GravityTally, LoopReport, RunningRms
@@ -24,7 +23,6 @@ from catenary.trajectories.reference import Reference, Trajectory
 Flags = NDArray[np.bool_]
 # [rad], [m] from a robot's setpoint to a first reference: more than rounding, less than what firmware stops at
 LEAP = {"rad": 0.02, "m": 0.002}
-_log = logging.getLogger(__name__)
 
 
 class StateCorrector(Protocol):
@@ -74,6 +72,7 @@ def run_loop(
     observers: Sequence[Observer] = (),
     duration: float | None = None,
     real_time: bool = False,
+    give_up_after: int = GIVE_UP_AFTER,
 ) -> LoopReport:
     """Run a controller on a robot along a trajectory.
 
@@ -83,7 +82,7 @@ def run_loop(
     whatever is compiled on first use holds up nothing but the start.
 
     At the end the robot holds its position, by its firmware where it has servo_jp, otherwise at zero torque and
-    paused. Whatever else ends the loop, an error or Ctrl-C, it holds its last measured position or gets zero torque,
+    paused. Whatever else ends the loop, an error or Ctrl-C, it holds its last finite position or gets zero torque,
     and is paused; the error goes on, with the report so far as its attribute `loop_report`.
 
     Args:
@@ -99,6 +98,8 @@ def run_loop(
         observers: Called with every tick, after its command was sent.
         duration: [s]; the trajectory's when None; infinity runs until Ctrl-C.
         real_time: Keep time also with a simulated plant, which otherwise runs as fast as it can.
+        give_up_after: Ticks in a row with a torque or a measured position that is NaN or infinite, after which the
+            loop ends. In fewer such a torque is zero.
 
     Returns:
         Timing, trust and tracking.
@@ -108,6 +109,8 @@ def run_loop(
         UnsupportedCommandError: It takes no torques, or without controller no positions.
         LimitError: Without controller, and the trajectory begins elsewhere than the robot's setpoint is.
         InputError: Rate, duration, trajectory or limits do not fit the plant.
+        NotFiniteError: Torques or measured positions were not finite for `give_up_after` ticks in a row; the robot
+            holds at its last finite position, and is paused.
         SensorError: The source of gravity asks for a stop; the robot holds, and is paused.
     """
     waits = _require_ready(plant, controller, rate_hz)
@@ -130,8 +133,8 @@ def run_loop(
     compute, inside, outside = Durations(), np.ones(n, dtype=bool), np.zeros(n)
     nominal, calibrated = RunningRms(n), RunningRms(n)  # of the reference less each
     sensed = None if gravity is None else GravityTally()
-    ticks, held = 0, state.q
-    finished = False
+    finite = FiniteTicks(plant.joint_names, state.q, give_up_after)
+    ticks, finished = 0, False
 
     def report() -> LoopReport:
         return LoopReport(
@@ -158,7 +161,7 @@ def run_loop(
         for number in numbers:
             begin = time.perf_counter()
             state = plant.measured_js()
-            q_nominal = held = state.q
+            q_nominal = state.q
             if corrector is not None:
                 q, inside = np.empty(n), np.empty(n, dtype=bool)
                 corrector.correct_state(state, q, inside)
@@ -174,9 +177,12 @@ def run_loop(
             reference = trajectory(number * dt)
             tau = None
             if controller is None:
+                finite.update(q_nominal)
                 plant.servo_jp(reference.q)
             else:
-                tau = limits.apply(controller.torque(state, reference), q_nominal, dt)
+                wanted = controller.torque(state, reference)
+                tau = limits.apply(wanted, q_nominal, dt)
+                finite.update(q_nominal, wanted)
                 plant.servo_jf(tau)
             nominal.add(reference.q, q_nominal)
             calibrated.add(reference.q, state.q)
@@ -195,10 +201,10 @@ def run_loop(
                     clock.start()
         finished = True
         if controller is not None:
-            _hand_over(plant)
+            _hand_over(plant, finite.held)
         return report()
     except BaseException as error:  # Ctrl-C too: whatever ends the loop must not leave the robot under way
-        _leave_safe(plant, held, error)
+        leave_safe(plant, finite.held, error)
         finished = False
         error.loop_report = report()  # type: ignore[attr-defined]
         error.add_note(f"the control loop ended after {ticks} ticks ({ticks * dt:.3f} s)")
@@ -233,36 +239,8 @@ def _require_near(plant: Plant, first: Floats) -> None:
             )
 
 
-def _hand_over(plant: Plant) -> None:
-    """Let the robot hold where it is, without the controller."""
-    _hold(plant, plant.measured_js().q)
-    if "servo_jp" not in plant.supports:
+def _hand_over(plant: Plant, last: Floats) -> None:
+    """Let the robot hold where it is, without the controller; at `last` (n,) [rad|m] where that is not finite."""
+    q = plant.measured_js().q
+    if not hold(plant, np.where(np.isfinite(q), q, last)):
         plant.state_command("pause")
-
-
-def _hold(plant: Plant, q: Floats) -> None:
-    """Command positions q (n,), or zero torque where the robot takes none or q is not finite."""
-    if "servo_jp" in plant.supports and np.isfinite(q).all():
-        plant.servo_jp(q)
-    else:
-        plant.servo_jf(np.zeros(len(q)))
-
-
-def _leave_safe(plant: Plant, last: Floats, error: BaseException) -> None:
-    """Hold the last measured position or go limp, then pause; what fails on the way is told with the error."""
-
-    def hold() -> None:
-        q = last
-        with contextlib.suppress(Exception):  # measuring may be what failed
-            q = plant.measured_js().q
-        _hold(plant, q)
-
-    def pause() -> None:
-        plant.state_command("pause")
-
-    for name, action in (("holding", hold), ("pausing", pause)):
-        try:
-            action()
-        except BaseException as another:  # a second Ctrl-C, too, must not keep the robot from being paused
-            error.add_note(f"{name} the robot failed: {another!r}")
-            _log.error("%s the robot failed: %r", name, another)

@@ -2,26 +2,34 @@
 
 numba takes half a second to import, and as long again to make ready. That is done when a compiled function is first
 called, so programs that call none start without it.
+
+numba keeps machine code on disk until the file of its function changes, whatever became of the functions in other
+files that it calls. Here it is made anew when any file with such functions has changed.
 """
 
+import contextlib
 from collections.abc import Callable
 from functools import cache, update_wrapper
+from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar, cast
 
 Function = TypeVar("Function", bound=Callable[..., object])
 _inlined: list[Callable[..., object]] = []
+_sources: set[str] = set()  # files of compiled and inlined functions
 
 
 def inlined(function: Function) -> Function:
     """Let compiled functions call this one, which stays plain Python and runs on any numbers: floats, symbols."""
     _inlined.append(function)
+    _sources.add(function.__code__.co_filename)
     return function
 
 
 def compiled(function: Function) -> Function:
     """Compile a function on first use and keep it on disk; it neither holds Python's lock nor checks array bounds."""
     # fastmath stays off: results must not depend on the machine that compiled them
+    _sources.add(function.__code__.co_filename)
     return cast(Function, Compiled(function, cache=True, nogil=True))
 
 
@@ -41,6 +49,10 @@ class Compiled:
         """What numba made of it: calls of this cost 0.05 us less."""
         if self._code is None:
             self._code = start_numba().njit(**self._options, error_model="numpy")(self._function)
+            if self._function.__code__.co_filename in _sources:
+                _forget_older_code(
+                    Path(self._code.stats.cache_path), Path(self._function.__code__.co_filename)
+                )
             # functions of its own file look its name up at every call: they call numba's from now on
             names = self._function.__globals__
             if names.get(self._function.__name__) is self:
@@ -54,6 +66,15 @@ class Compiled:
     @property
     def _numba_type_(self) -> Any:
         return self.code._numba_type_
+
+
+def _forget_older_code(folder: Path, source: Path) -> None:
+    """Remove the indices of a file's machine code that are older than any file that it may come from."""
+    with contextlib.suppress(OSError):  # another process removes it too; or no source is there, only bytecode
+        newest = max(Path(file).stat().st_mtime_ns for file in _sources)
+        for index in folder.glob(f"{source.stem}.*.nbi"):
+            if index.stat().st_mtime_ns < newest:
+                index.unlink()
 
 
 @cache

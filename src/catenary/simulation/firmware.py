@@ -20,6 +20,9 @@ OFF, POSITION, TORQUE = 0, 1, 2  # modes of an axis: no output, PD on its setpoi
 SEEKING, FOUND = 1, 2
 STOP_DAC = 20_000.0  # beyond: software e-stop
 DAC_RANGE = (-32_768.0, 32_767.0)  # the board takes 16 bits
+# how a joint under torques comes to its soft limit, ours: the robot takes torques from nobody and has no such law
+BRAKING = (2.5, 2.5, 0.15, 25.0, 25.0, 25.0, 25.0)  # [rad/s2, rad/s2, m/s2, rad/s2...] where the limit is far
+LEAST_DAMPING = 0.02  # [s] damping over stiffness, for axes whose PD has less
 
 
 class ControlState(Record):
@@ -103,10 +106,14 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
 
     tau = Kp (m_d - m) + Kd (0 - m_vel) + Ki integral(m_d - m); DAC = trunc(s tau / (Kt gearbox) DAC/A).
     The integral is never reset and never limited, as on the robot. Joint torques, which the robot takes from
-    nobody but itself and without the coupling, go through the coupling here: a commanded torque is the joint's.
+    nobody but itself and without the coupling, go through the coupling here: a commanded torque is the joint's,
+    within what `_bound_torques` lets pass.
     """
     _motors_of(firmware, control.setpoint, control.motor[2], control.motor_setpoint)
-    cable = tensions_for(firmware.coupling, control.torque_command)
+    wanted = np.zeros(AXES)
+    if control.mode[0] == TORQUE:  # the positioning joints are whenever any is
+        _bound_torques(firmware, control, wanted)
+    cable = tensions_for(firmware.coupling, wanted)
     for j in range(7):
         torque = 0.0
         if control.mode[j] == POSITION:
@@ -118,8 +125,7 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
                 + firmware.ki[j] * control.integral[j]
             )
         elif control.mode[j] == TORQUE:
-            wanted = cable[j] if j < 3 else control.torque_command[j]
-            torque = wanted * firmware.gearbox[j] / firmware.ratio[j]
+            torque = (cable[j] if j < 3 else wanted[j]) * firmware.gearbox[j] / firmware.ratio[j]
             control.setpoint[j] = control.joint[j]  # no jump when the PD takes over
         per_torque = firmware.dac_per_ampere[j] / (firmware.torque_constant[j] * firmware.gearbox[j])
         dac = float(math.trunc(firmware.dac_sign[j] * torque * per_torque))
@@ -138,6 +144,40 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
             dac = 0.0
         control.dac[j] = dac
         shaft_torque[j] = firmware.dac_sign[j] * dac / per_torque / firmware.gearbox[j]
+
+
+@inlined
+def _bound_torques(firmware: Firmware, control: ControlState, torque: Floats) -> None:
+    """Write the joint torques (7,) as commanded, within the motors' limits and such that joints stay within theirs.
+
+    tau <= D (v(upper - q) - qd) and tau >= -D (v(q - lower) + qd), with v(d) = min(sqrt(2 a d), d K / D) the speed at
+    which a joint may come to a limit d away: slowing down by a, the BRAKING, then as the PD would that holds it at the
+    limit. K and D are that PD's at the joint, D at least LEAST_DAMPING K. A limit that is passed pushes back, within
+    what the motors may give: the DAC's limit, or STOP_DAC where there is none.
+    """
+    velocity = np.empty(AXES)
+    _joints_of(firmware, control.motor_velocity, velocity)  # linear, so it takes velocities too
+    for j in range(AXES):
+        per_motor = firmware.ratio[j] / firmware.gearbox[j]
+        slowness = max(firmware.kd[j] / firmware.kp[j], LEAST_DAMPING)  # D / K [s]
+        damping = slowness * firmware.kp[j] * firmware.ratio[j] * per_motor
+        most = damping * (_approach(firmware.upper[j] - control.joint[j], slowness, BRAKING[j]) - velocity[j])
+        least = -damping * (
+            _approach(control.joint[j] - firmware.lower[j], slowness, BRAKING[j]) + velocity[j]
+        )
+        limit = firmware.dac_limit[j] if firmware.dac_limit[j] > 0.0 else STOP_DAC
+        strongest = (
+            limit * firmware.torque_constant[j] * firmware.gearbox[j] / firmware.dac_per_ampere[j] * per_motor
+        )
+        bounded = min(max(control.torque_command[j], least), most)
+        torque[j] = min(max(bounded, -strongest), strongest)
+
+
+@inlined
+def _approach(distance: float, slowness: float, braking: float) -> float:
+    """Return the speed at which a joint may come to a limit; beyond it, at which it comes back."""
+    held = distance / slowness
+    return min(held, math.sqrt(2.0 * braking * distance)) if distance > 0.0 else held
 
 
 @inlined

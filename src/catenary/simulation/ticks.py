@@ -35,7 +35,8 @@ def run_ticks(
     """Run the firmware and the arm for T ticks of 1 ms.
 
     A tick reads nothing new: it acts on what the encoders gave at the end of the last one, advances the
-    physics by 1 ms, and reads the encoders again. The log holds each tick's reading and what was sent on it.
+    physics by 1 ms, and reads the encoders again. The log holds each tick's reading and what was sent on it. Joint
+    torques act within the motors' limits and the joints' soft ones.
 
     Args:
         tree: The positioning joints, payload included.

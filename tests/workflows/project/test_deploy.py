@@ -44,9 +44,7 @@ def deployment(recorded: Path, model: CalibrationModel) -> Deployment:
     return deploy_on_robot(plant_of(recorded), model, motion())
 
 
-def test_error_in_the_loop_is_the_evaluations(
-    deployment: Deployment, recorded: Path, model: CalibrationModel
-) -> None:
+def test_error_in_the_loop_is_the_evaluations(deployment, recorded, model) -> None:
     log = record_simulated(plant_of(recorded), motion(), "same", np.random.default_rng(0))
     joints = evaluate(model, data_of(log, kind="linear", inputs=POSITIONS)).joints
     # other ticks of the same motion, and the firmware's position at the end of a tick in place of its start

@@ -146,9 +146,7 @@ def test_recording_that_is_stopped_leaves_the_robot_paused_and_is_begun_anew(tmp
 
 
 @pytest.mark.slow
-def test_whole_calibration_runs_as_on_a_simulated_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_whole_calibration_runs_as_on_a_simulated_one(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(calibrate, "models_for", lambda *_: QUICK_MODELS)
     monkeypatch.setattr(calibrate, "excitation", lambda _: (short_motion(), "train"))
     monkeypatch.setattr(calibrate, "random_motion", lambda *_: (short_motion(1), "test"))

@@ -44,9 +44,7 @@ def test_another_robot_is_homed_again(project: Project, change: dict[str, Any]) 
     assert ROBOT.home(Project(project.folder, replace(SHORT, **change)))
 
 
-def test_the_robot_of_another_version_is_homed_again(
-    project: Project, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_robot_of_another_version_is_homed_again(project, monkeypatch) -> None:
     left = project.folder / "robot" / f"after_{TRAIN}.npz"
     assert left.is_file()
     monkeypatch.setattr(simulated_robot, "STATE_FORMAT", "another")

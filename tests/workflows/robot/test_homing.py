@@ -80,7 +80,7 @@ def test_a_robot_that_speaks_crtk_is_homed_by_commands() -> None:
     person = Person()
     found = homed(setup, person, **CRTK)
     assert found.joint_names == model_joints(TWO_LINK).names
-    assert found.state == ("ENABLED", True, False)
+    assert found.state == ("PAUSED", True, False)
     assert found.external_encoders is None
     assert len(person.asked) == 1  # the workspace; there is no button
 

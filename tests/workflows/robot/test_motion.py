@@ -8,7 +8,7 @@ from catenary.errors import InputError, LimitError, NotReadyError, UnsupportedCo
 from catenary.plant import JointState
 from catenary.robots.catalog import load_robot
 from catenary.trajectories.point_to_point import go_to
-from catenary.trajectories.reference import Reference, Trajectory
+from catenary.trajectories.reference import Reference
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.trajectories.zigzag import zigzag
 from catenary.workflows.robot.motion import GENTLE_VELOCITY, check_motion, move_to, run_trajectory
@@ -133,9 +133,7 @@ BEYOND_AT_ITS_END = go_to([1.5], [1.6001], max_velocity=[0.1], max_acceleration=
         (swing(), {"max_velocity": [0.15]}, r'"shoulder" at 0\.\d+ s: velocity 0.1\d+ rad/s beyond 0.15 rad/s'),
     ],
 )  # fmt: skip
-def test_excursions_last_instant_and_velocity_are_checked(
-    motion: Trajectory, options: Any, message: str
-) -> None:
+def test_excursions_last_instant_and_velocity_are_checked(motion, options, message) -> None:
     with pytest.raises(LimitError, match=message):
         check_motion(arm(), motion, joints=["shoulder"], **options)
     check_motion(arm(), swing(), joints=["shoulder"], max_velocity=[0.2])

@@ -42,7 +42,7 @@ def test_a_robot_behind_topics_is_moved_like_any_other(dialect: str, side: str) 
         goal = client.setpoint_js().q[:3] + np.array([0.02, -0.02, 0.002])
         summary = go_to_joints(robot, goal)
         assert_allclose(client.setpoint_js().q[:3], goal, atol=1e-6)  # a float's digits, on the wire
-    assert summary.state.state == "ENABLED"
+    assert summary.state.state == "PAUSED"
 
 
 def test_a_simulated_base_may_be_tilted() -> None:

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.cli.signals import EndedBySignal
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.errors import InputError, LimitError, NotReadyError
+from catenary.errors import InputError, LimitError, NotReadyError, TransportError
 from catenary.robots.catalog import load_robot
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.workflows.robot import operator_motion
@@ -19,13 +20,15 @@ def file_of(q: object, time: object, units: tuple[str, ...] = ("rad",)) -> Follo
     return FollowedFile("run.csv", None, units, np.array(time, dtype=float), np.array(q, dtype=float))
 
 
-class InterruptedPlant(IdealPlant):
-    """Somebody presses Ctrl-C in its 100th tick."""
+class StoppedPlant(IdealPlant):
+    """Something stops its motion in its 100th tick, and may stop what comes then, too."""
+
+    stops: tuple[BaseException, ...] = (KeyboardInterrupt(),)
 
     def wait(self) -> None:
         super().wait()
-        if self.ticks == 100:
-            raise KeyboardInterrupt
+        if 0 <= self.ticks - 100 < len(self.stops):
+            raise self.stops[self.ticks - 100]
 
 
 def test_an_ideal_robot_arrives_without_error() -> None:
@@ -43,14 +46,41 @@ def test_the_tip_arrives_where_it_was_sent() -> None:
     assert_allclose(forward_kinematics(robot.model, summary.q).position, goal, atol=1e-9)
 
 
-def test_ctrl_c_holds_the_robot_where_it_is() -> None:
-    robot = ideal_robot(START, kind=InterruptedPlant)
+@pytest.mark.parametrize(
+    ("stop", "name"), [(KeyboardInterrupt(), "Ctrl-C"), (EndedBySignal("SIGHUP"), "SIGHUP")]
+)
+def test_ctrl_c_and_signals_hold_the_robot_where_it_is_and_pause_it(
+    monkeypatch: pytest.MonkeyPatch, stop: BaseException, name: str
+) -> None:
+    monkeypatch.setattr(StoppedPlant, "stops", (stop,))
+    robot = ideal_robot(START, kind=StoppedPlant)
     plant = robot.plant
     summary = go_to_joints(robot, [1.0])
     assert summary.interrupted
-    assert plant.operating_state().state == "ENABLED"
+    assert summary.ended_by == name
+    assert summary.state.state == plant.operating_state().state == "PAUSED"
     assert_allclose(np.diff(plant.setpoints[-10:], axis=0), 0.0)
     assert START[0] < summary.q[0] < 1.0
+
+
+@pytest.mark.parametrize(
+    ("stops", "error"),
+    [
+        ((ValueError("a mistake"),), ValueError),
+        ((TransportError("silent"), TransportError("silent")), TransportError),
+        ((KeyboardInterrupt(), KeyboardInterrupt()), KeyboardInterrupt),
+    ],
+)
+def test_whatever_ends_a_motion_the_robot_is_paused(
+    monkeypatch: pytest.MonkeyPatch, stops: tuple[BaseException, ...], error: type[BaseException]
+) -> None:
+    monkeypatch.setattr(StoppedPlant, "stops", stops)
+    robot = ideal_robot(START, kind=StoppedPlant)
+    with pytest.raises(error) as caught:
+        go_to_joints(robot, [1.0])
+    assert robot.plant.operating_state().state == "PAUSED"
+    told = getattr(caught.value, "__notes__", [])
+    assert ["holding the robot failed" in note for note in told] == [True] * (len(stops) - 1)
 
 
 def test_nobody_moves_a_robot_that_is_not_ready() -> None:
@@ -76,8 +106,13 @@ def test_random_motion_of_any_robot_stays_within_its_limits() -> None:
 
 def test_motions_go_on_to_their_end() -> None:
     robot = ideal_robot(START)
-    assert operator_motion.run_random(robot, 4.0, rng=np.random.default_rng(0)).duration >= 4.0
-    assert_allclose(follow(robot, file_of([[0.5], [0.7]], [0.0, 2.0])).q[0], 0.7)
+    summary = operator_motion.run_random(robot, 4.0, rng=np.random.default_rng(0))
+    assert summary.duration >= 4.0
+    assert (summary.ended_by, summary.state.state) == (None, "PAUSED")
+    robot.plant.state_command("resume")
+    summary = follow(robot, file_of([[0.5], [0.7]], [0.0, 2.0]))
+    assert_allclose(summary.q[0], 0.7)
+    assert summary.state.state == "PAUSED"
 
 
 @pytest.mark.parametrize(
@@ -93,6 +128,7 @@ def test_a_file_that_cannot_be_followed_moves_nothing(q: object, time: object, c
     with pytest.raises(LimitError, match=complaint):
         follow(robot, file_of(q, time))
     assert robot.plant.setpoints == []
+    assert robot.plant.operating_state().state == "ENABLED"  # a refusal changes nothing
 
 
 def test_a_far_start_is_gone_to_when_asked() -> None:

@@ -57,17 +57,20 @@ class CommandSource:
         self._waits = topic.name in beginning.published
         self._subscription = transport.subscribe(topic.name, topic.type)
         self._missed = 0
+        self.process = ""  # that the newest fresh command came from, as in `Arrival.process`
 
     def take(self, now: int) -> list[Message]:
         """Return the fresh commands that came since the last time, oldest first; `now` in ns."""
         if not len(self._subscription):
             return []
-        fresh = [one.message for one in self._subscription.take_arrivals() if self._is_fresh(one, now)]
+        fresh = [one for one in self._subscription.take_arrivals() if self._is_fresh(one, now)]
+        if fresh:
+            self.process = fresh[-1].process
         lost = self._subscription.overflowed + self._subscription.damaged
         if lost > self._missed:
             self._reports.say(f"{self.topic.name}: lost", f"{lost - self._missed} commands", now)
             self._missed = lost
-        return fresh
+        return [one.message for one in fresh]
 
     def watch(self, now: int) -> None:
         """Look at who is connected; called some ten times a second."""

@@ -10,6 +10,7 @@ from catenary.crtk.conversions import Stamps
 from catenary.crtk.message import Message, message_class
 from catenary.crtk.names import BUTTON, BUTTON_TYPE, COMMAND, CrtkTopic
 from catenary.crtk.serving.command_source import Beginning, CommandSource
+from catenary.crtk.serving.commander import Commander
 from catenary.crtk.serving.outlet import Outlet
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.served_arm import ServedArm
@@ -64,6 +65,7 @@ class Server:
         ]
         # state commands first: what was sent after a `resume` is obeyed in the same tick
         self._sources.sort(key=lambda source: source.topic.type != COMMAND)
+        self._commanders = {name: Commander(transport) for name in arms}
         self._arrivals = 0  # messages that were looked at
         self.outlets = {
             (topic.verb, topic.arm): Outlet(transport, topic) for topic in wanted if topic.direction == "out"
@@ -87,7 +89,7 @@ class Server:
             for source in self._sources:
                 for message in source.take(now):
                     self.commands += 1
-                    self._obey(source.topic, message, now)
+                    self._obey(source, message, now)
         for arm in self.arms.values():
             arm.reports_time = now
             arm.advance()
@@ -102,6 +104,8 @@ class Server:
                 outlet.watch()
             for source in self._sources:
                 source.watch(now)
+            for name, arm in self.arms.items():
+                self._pause_abandoned(arm, self._commanders[name], now)
 
     def press_button(self) -> list[str]:
         """Press the silver button; return what it did, arm by arm."""
@@ -152,14 +156,28 @@ class Server:
             success=any(text.endswith(_STARTS) for text in said), message="; ".join(said)
         )
 
-    def _obey(self, topic: CrtkTopic, message: Message, now: int) -> None:
+    def _obey(self, source: CommandSource, message: Message, now: int) -> None:
+        topic = source.topic
         try:
             if topic.type == COMMAND:
                 self._state_command(topic, message.string, now)
             else:
                 self._dialect.obey(topic, message)
+                for name in self.arms if topic.arm is None else (topic.arm,):
+                    self._commanders[name].commands(topic.name, source.process, now)
         except CatenaryError as error:  # whatever a client sends, the robot goes on
             self.reports.say(f"{topic.name}: refused", str(error), now)
+
+    def _pause_abandoned(self, arm: ServedArm, commander: Commander, now: int) -> None:
+        """Pause an arm whose commander has gone in the middle of a motion."""
+        if not arm.is_ready:
+            commander.forget()
+            return
+        gone = commander.left(now, is_moving=arm.state.is_busy)
+        if gone is not None:
+            arm.hold()
+            arm.machine.command("pause")
+            self.reports.say(f"{arm.arm}: paused", f"{gone} moved it and is gone", now)
 
     def _state_command(self, topic: CrtkTopic, text: str, now: int) -> None:
         if topic.arm is None:

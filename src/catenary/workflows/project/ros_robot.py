@@ -1,11 +1,10 @@
 """A RAVEN-II on ROS in a project: homed, driven, recorded and deployed on, with a person beside it where one is needed.
 
 What a person has to do is asked for, and done when the robot's own topics show it: encoders when their readings come,
-the start button when it is homed, the pedal when it is ENABLED. Whatever ends a motion, the robot is paused.
+the start button when it is homed, the pedal when it is ENABLED. Whatever ends a step, the robot holds and is paused.
 """
 
-import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ import numpy as np
 from catenary.calibration.model import CalibrationModel
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
-from catenary.errors import CatenaryError, NotReadyError
+from catenary.errors import NotReadyError
 from catenary.plant import JointState, OperatingState
 from catenary.recording.journal import About
 from catenary.recording.synchronise import CALIBRATED, ROBOT
@@ -25,6 +24,7 @@ from catenary.workflows.project.robot import ProjectRobot, Take, arm_of, set_asi
 from catenary.workflows.robot.guide import PATIENCE, AnswerYes, Check, Guide, clear_workspace, have_done
 from catenary.workflows.robot.homing import HOMING, home_client
 from catenary.workflows.robot.motion import check_motion, move_to, run_trajectory
+from catenary.workflows.robot.rest import at_rest_afterwards, pause
 from catenary.workflows.robot.topic_recorder import TopicRecorder, refuse_missing
 
 COLLECT_EVERY = 20  # ticks between two looks at what has come
@@ -63,7 +63,8 @@ class RosRobot(ProjectRobot):
         def work() -> None:
             path.parent.mkdir(exist_ok=True)
             with self._connected(project) as client:
-                self._make_ready(client)
+                self._make_homed(client)
+                pause(client)  # nobody moves it now; one that homes by its own button is paused already
                 believed, encoders = client.measured_js().q, client.external_encoders()
                 found = {
                     "joint_names": client.joint_names,
@@ -78,8 +79,9 @@ class RosRobot(ProjectRobot):
         """Record over the robot's topics; a recording that was interrupted is begun anew."""
         with self._connected(project) as client:
             check_motion(client, take.trajectory, joints=CALIBRATED)
-            self._make_ready(client)
-            with _paused_afterwards(client):
+            self._make_homed(client)
+            with at_rest_afterwards(client):
+                self._enable(client)
                 move_to(client, take.trajectory(0.0).q, joints=CALIBRATED)
                 set_aside(project, take.name)
                 self._record(client, project, take)
@@ -89,33 +91,33 @@ class RosRobot(ProjectRobot):
     ) -> Mapping[str, Any]:
         """Run a model in a 1 kHz loop around the robot; errors are against the external encoders' latest reading."""
         with self._connected(project) as client:
-            self._make_ready(client)
-            with _paused_afterwards(client):
+            self._make_homed(client)
+            with at_rest_afterwards(client):
+                self._enable(client)
                 found = deploy_on_robot(client, model, trajectory, real_time=not self._simulated)
         return found.as_data()
 
     def _connected(self, project: Project) -> CrtkClient:
         return CrtkClient(self._transport, arm=arm_of(project), simulated=self._simulated)
 
-    def _make_ready(self, client: CrtkClient) -> None:
-        """Bring it to ENABLED and homed, with encoders whose readings come."""
+    def _make_homed(self, client: CrtkClient) -> None:
+        """Home it if it is not, with encoders whose readings come."""
         if not self._is_clear:
             clear_workspace(self._guide)
             self._is_clear = True
+        if isinstance(self._guide, AnswerYes) and client.operating_state().state == "FAULT":
+            raise NotReadyError("the robot is in FAULT; clear the fault by hand: --yes does not clear it")
         encoders = "mount the external encoders and start their program"
         if not client.operating_state().is_homed:
             self._have(encoders, self._no_encoders)  # their readings count from the homing on
             home_client(client, self._guide, patience=self._homing_patience)
         self._have(encoders, lambda: _not_registered(client))
-        if client.operating_state().state != "ENABLED":
-            self._enable(client)
 
     def _enable(self, client: CrtkClient) -> None:
+        if client.operating_state().state == "ENABLED":
+            return
         if isinstance(self._guide, AnswerYes):
-            state = client.operating_state().state
-            if state == "FAULT":
-                raise NotReadyError("the robot is in FAULT; clear the fault by hand: --yes does not clear it")
-            client.state_command("resume" if state == "PAUSED" else "enable")
+            client.state_command("resume" if client.operating_state().state == "PAUSED" else "enable")
         pedal = "press the pedal, so that the robot is ENABLED"
         self._have(pedal, lambda: _not_enabled(client.operating_state()))
 
@@ -151,20 +153,6 @@ class RosRobot(ProjectRobot):
 def required(topics: tuple[Topic, ...]) -> tuple[Topic, ...]:
     """Return the topics without which a recording is no calibration: the robot's state and the external encoders."""
     return tuple(topic for topic in topics if topic.type == "raven_2/raven_state" or topic == EXT_JPOS)
-
-
-@contextlib.contextmanager
-def _paused_afterwards(client: CrtkClient) -> Iterator[None]:
-    """Pause the robot at the end, Ctrl-C and errors included."""
-    try:
-        yield
-    except BaseException as error:
-        try:
-            client.state_command("pause")
-        except CatenaryError as another:
-            error.add_note(f"pausing the robot failed: {another}")
-        raise
-    client.state_command("pause")
 
 
 def _not_enabled(now: OperatingState) -> str | None:

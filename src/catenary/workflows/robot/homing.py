@@ -12,6 +12,7 @@ from catenary.errors import CatenaryError, NotReadyError, TransportError
 from catenary.plant import OperatingState, Plant
 from catenary.workflows.robot.guide import AnswerYes, Guide, clear_workspace, have_done
 from catenary.workflows.robot.operated_robot import OperatedRobot
+from catenary.workflows.robot.rest import pause
 
 HOMING = 180.0  # [s] that a robot may take from the press of its button until it is homed
 
@@ -38,7 +39,7 @@ class Homing:
 
 
 def home_operated(robot: OperatedRobot, guide: Guide) -> Homing:
-    """Home a robot unless it is homed.
+    """Home a robot unless it is homed; one behind a transport is paused then.
 
     Args:
         robot: Simulated here, in any state, or behind a transport.
@@ -56,6 +57,7 @@ def home_operated(robot: OperatedRobot, guide: Guide) -> Homing:
             if not plant.simulated:
                 clear_workspace(guide)
             home_client(plant, guide)
+            pause(plant)
         else:
             _home_here(plant)
     now = plant.measured_js()

@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration.progress import Progress, silent
-from catenary.errors import InputError, LimitError, NotReadyError
+from catenary.control.leaving import FiniteTicks, leave_safe
+from catenary.errors import InputError, LimitError, NotFiniteError, NotReadyError
 from catenary.plant import Bounded, JointState, Plant, require_ready
 from catenary.trajectories.in_turn import Rest
 from catenary.trajectories.point_to_point import go_to
@@ -107,6 +108,7 @@ def move_to(
     Raises:
         LimitError: The goal lies outside the limits; nothing has moved.
         NotReadyError: The plant is not enabled, not homed or busy, or stopped being enabled on the way.
+        NotFiniteError: Measured positions were not finite for 20 ticks in a row; the robot holds, and is paused.
         UnsupportedCommandError: It has no servo_jp.
         InputError: An argument has another shape, or a joint that there is not.
     """
@@ -143,6 +145,7 @@ def run_trajectory(
         LimitError: The trajectory leaves the limits; nothing has moved.
         NotReadyError: The plant is not enabled, not homed or busy, or stopped being enabled on the way; the
             message says when.
+        NotFiniteError: Measured positions were not finite for 20 ticks in a row; the robot holds, and is paused.
         UnsupportedCommandError: It has no servo_jp.
         InputError: A joint that there is not, or another number of joints than the trajectory moves.
     """
@@ -169,6 +172,7 @@ def _stream(
     """Send one setpoint a tick; the last one is the trajectory's end."""
     held = np.array(plant.setpoint_js().q)
     none = np.zeros(len(held))
+    finite = FiniteTicks(plant.joint_names, plant.measured_js().q)
     ticks = int(np.ceil(trajectory.duration / plant.period - 1e-9))
     progress(0.0)
     for first in range(1, ticks + 1, _BLOCK):
@@ -185,10 +189,16 @@ def _stream(
                 )
             plant.servo_jp(rows[k])
             plant.wait()
+            measured = plant.measured_js()
+            try:
+                finite.update(measured.q)
+            except NotFiniteError as error:
+                leave_safe(plant, finite.held, error)
+                raise
             if observe is not None:
                 velocity, acceleration = none.copy(), none.copy()
                 velocity[moved], acceleration[moved] = qd[k], qdd[k]
-                observe(plant.measured_js(), Reference(rows[k], velocity, acceleration))
+                observe(measured, Reference(rows[k], velocity, acceleration))
         progress((last - 1) / ticks)
     if ticks == 0:
         progress(1.0)

@@ -1,4 +1,7 @@
-"""Motions an operator asks for: to a place, at random, along a file; each watched, and held when stopped."""
+"""Motions an operator asks for: to a place, at random, along a file; each watched.
+
+However a motion ends, the robot holds and is paused. One that is refused moves nothing, and changes no state.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,7 +14,7 @@ from catenary.arrays import Floats, as_array
 from catenary.calibration.progress import Progress, silent
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.errors import CatenaryError, InputError, LimitError
+from catenary.errors import InputError, LimitError
 from catenary.plant import JointState, OperatingState, Plant, require_ready
 from catenary.robots.catalog import RAVEN_SIDES
 from catenary.spatial import Pose
@@ -22,13 +25,15 @@ from catenary.units import in_words
 from catenary.workflows.robot.followed_file import FollowedFile
 from catenary.workflows.robot.motion import GENTLE_VELOCITY, check_motion, move_to, run_trajectory
 from catenary.workflows.robot.operated_robot import OperatedRobot
+from catenary.workflows.robot.rest import at_rest_afterwards
 
 # a fifth of what a RAVEN-II's firmware lets pass, 2.5 rad/s and 0.05 m/s: a faster file was likely not meant for it
 LARGEST_VELOCITY = {"rad": 0.5, "m": 0.01}  # [rad/s], [m/s]
 # way to the start of a file that is gone without being asked twice
 NEAR = {"rad": np.deg2rad(60.0), "m": 0.15}  # [rad], [m]
 MIDDLE = 0.3  # share of the range, to either side of its middle, in which other robots than RAVEN-II move at random
-HOLD_TICKS = 20  # during which a robot is told to stay where it is
+ARRIVAL = 0.5  # [s] that a robot's setpoint gets at a motion's end to come to where it was sent last
+ARRIVED = 1e-6  # [rad|m]
 
 
 @dataclass(frozen=True)
@@ -45,7 +50,14 @@ class MotionSummary:
     q: Floats  # (n,) [rad|m] reported at the end
     state: OperatingState  # at the end
     late_ticks: int
-    interrupted: bool  # by Ctrl-C: the robot holds where it is
+    ended_by: (
+        str | None
+    )  # Ctrl-C or the name of a signal, before the motion's end: the robot holds where it is
+
+    @property
+    def interrupted(self) -> bool:
+        """Return whether it was ended before its end."""
+        return self.ended_by is not None
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, SI."""
@@ -56,6 +68,7 @@ class MotionSummary:
             "simulated": self.simulated,
             "duration_s": self.duration,
             "interrupted": self.interrupted,
+            "ended_by": self.ended_by,
             "late_ticks": self.late_ticks,
             "state": self.state._asdict(),
             "joints": [
@@ -199,47 +212,44 @@ def _joints_of(file: FollowedFile, names: Sequence[str], plant: Plant) -> list[i
     return moved
 
 
-def hold(plant: Plant) -> None:
-    """Hold a robot at its setpoint; one that is not enabled stands on its brakes and is left alone."""
-    q = np.array(plant.setpoint_js().q)
-    for _ in range(HOLD_TICKS):
-        if plant.operating_state().state != "ENABLED":
-            return
-        plant.servo_jp(q)
-        plant.wait()
-
-
 def _watched(
     robot: OperatedRobot, move: Callable[..., None], to: ArrayLike | Trajectory, **options: Any
 ) -> MotionSummary:
-    """Move a robot by `move_to` or `run_trajectory`; it holds where that is stopped."""
+    """Move a robot by `move_to` or `run_trajectory`; it holds where that ends, and is paused."""
     plant = robot.plant
     require_ready(plant, "servo_jp")
     n = len(plant.joint_names)
     largest, squares, count = np.zeros(n), np.zeros(n), 0
     begin, late = plant.measured_js().time, robot.late()
+    sent: Floats | None = None
 
     def observe(state: JointState, reference: Reference) -> None:
-        nonlocal count
+        nonlocal count, sent
         error = np.abs(state.q - reference.q)
         np.maximum(largest, error, out=largest)
         squares[:] += error**2
-        count += 1
+        count, sent = count + 1, reference.q
 
-    interrupted = False
+    ended_by = None
     try:
-        move(plant, to, observe=observe, **options)
-    except KeyboardInterrupt:
-        interrupted = True
-        hold(plant)
-    except BaseException as error:
-        try:
-            hold(plant)
-        except CatenaryError as another:
-            error.add_note(f"holding the robot failed: {another}")
-        raise
+        with at_rest_afterwards(plant, began=lambda: count > 0):
+            move(plant, to, observe=observe, **options)
+            if sent is not None:
+                _arrive(plant, sent)
+    except KeyboardInterrupt as stop:  # SIGTERM and SIGHUP, too, whose names are its text
+        if getattr(stop, "__notes__", ()):
+            raise  # the robot does not hold, or is not paused
+        ended_by = str(stop) or "Ctrl-C"
     end = plant.measured_js()
     return MotionSummary(
         robot.name, plant.simulated, end.time - begin, plant.joint_names, plant.joint_units,
-        largest, np.sqrt(squares / max(count, 1)), end.q, plant.operating_state(), robot.late() - late, interrupted,
+        largest, np.sqrt(squares / max(count, 1)), end.q, plant.operating_state(), robot.late() - late, ended_by,
     )  # fmt: skip
+
+
+def _arrive(plant: Plant, q: Floats) -> None:
+    """Wait until a robot behind a transport has taken up the last setpoint (n,) [rad|m]; half a second at most."""
+    for _ in range(round(ARRIVAL / plant.period)):
+        if plant.operating_state().state != "ENABLED" or np.abs(plant.setpoint_js().q - q).max() <= ARRIVED:
+            return
+        plant.wait()

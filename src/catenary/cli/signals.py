@@ -1,0 +1,53 @@
+"""SIGTERM and SIGHUP end a command as Ctrl-C does, so that it cleans up: a robot holds and is paused."""
+
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+_ENDS = (signal.SIGTERM, signal.SIGHUP)
+AGAIN = 5.0  # [s] in which a second signal is taken for the first: services and terminals send several
+
+
+class EndedBySignal(KeyboardInterrupt):
+    """A signal asked for the end; its text is the signal's name."""
+
+
+@contextmanager
+def signals_interrupt() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP interrupt what runs inside; outside the main thread nothing changes.
+
+    A signal that is ignored, as SIGHUP is below `nohup`, stays ignored. While what was interrupted cleans up, further
+    signals of these kinds do not interrupt that: for 5 s.
+
+    Raises:
+        EndedBySignal: One came.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    asked = -AGAIN
+
+    def end(number: int, _: FrameType | None) -> None:
+        nonlocal asked
+        now = time.monotonic()
+        if now - asked >= AGAIN:
+            asked = now
+            raise EndedBySignal(signal.Signals(number).name)
+
+    before = {number: signal.getsignal(number) for number in _ENDS}
+    taken = {number: handler for number, handler in before.items() if handler not in (signal.SIG_IGN, None)}
+    for number in taken:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number, handler in taken.items():
+            signal.signal(number, handler)
+
+
+def exit_code(ended_by: str) -> int:
+    """Return the exit code of a command that a signal of this name ended, 128 and its number; 130 for Ctrl-C."""
+    return 128 + signal.Signals.__members__.get(ended_by, signal.SIGINT)

@@ -1,0 +1,56 @@
+"""Who moves a served arm, and what becomes of the arm when that program is gone: it holds, and is paused."""
+
+from catenary.crtk.clock import SECOND
+from catenary.crtk.transport import Transport
+
+UNDER_WAY = SECOND // 2  # [ns] from a program's last command until it is no longer taken to be moving the arm
+GONE = 3 * SECOND  # [ns] without its connection: one that breaks is made again within a second or two
+
+
+class Commander:
+    """The program that moved an arm last; whoever can do so, where the transport does not tell programs apart.
+
+    One that goes in the middle of a motion, killed or ended, leaves an arm that nobody moves: its setpoint stays, by
+    the watchdog of its commands, and after three seconds the arm is to be paused. A program that let its arm rest
+    before it went, and one that is still connected and says nothing, change nothing; neither does one that another has
+    followed.
+    """
+
+    def __init__(self, transport: Transport) -> None:
+        self._transport = transport
+        self._topic: str | None = None  # that it commanded by
+        self._process: tuple[str, ...] = ()  # its name and address; none where the transport does not tell
+        self._commanded = 0  # [ns]
+        self._gone: int | None = None  # [ns] when it was first seen to be gone
+
+    def commands(self, topic: str, process: str, now: int) -> None:
+        """Note a motion command that was obeyed, at `now` [ns]; `process` as in `Arrival.process`."""
+        self._topic, self._process = topic, tuple(process.split())
+        self._commanded, self._gone = now, None
+
+    def forget(self) -> None:
+        """Know of nobody, as when the arm is not enabled."""
+        self._topic = None
+
+    def left(self, now: int, *, is_moving: bool) -> str | None:
+        """Return who has left the arm in the middle of a motion for too long, once; called some ten times a second.
+
+        Args:
+            now: [ns].
+            is_moving: Whether a move of the arm's own is under way.
+        """
+        if self._topic is None:
+            return None
+        connected = self._transport.connections(self._topic).publishers
+        if {*self._process} & {*connected} if self._process else connected:
+            self._gone = None
+            return None
+        if self._gone is None:
+            if not (is_moving or 0 <= now - self._commanded < UNDER_WAY):
+                self._topic = None
+                return None
+            self._gone = now
+        if now - self._gone < GONE:
+            return None
+        self._topic = None
+        return self._process[0] if self._process else "the program that moved it"
