@@ -155,7 +155,8 @@ def deploy_beside(
     rate = "-" if report.rate_hz is None else f"{report.rate_hz:.1f} Hz"
     print(
         f"{report.published} of {report.messages} messages corrected in {report.seconds:.1f} s, {rate}; "
-        f"{report.late} late, {report.missed} missed, {report.not_homed} while not homed"
+        f"{report.late} late, {report.missed} missed, {report.not_homed} while not homed, "
+        f"{report.unreadable} unreadable"
     )
     print(f"silences: {report.silences}, the longest {report.longest_silence:.2f} s")
     if report.latency is not None:
