@@ -10,6 +10,7 @@ from catenary.calibration.model import CalibrationModel
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.conversions import joint_values, pose_of
 from catenary.crtk.loopback import Loopback
+from catenary.crtk.message import header, message_class
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
@@ -95,6 +96,23 @@ def test_positions_outside_the_valid_range_are_flagged(model: CalibrationModel) 
     deployed.ticks(2)
     assert not deployed.heard["is_valid"].take()[-1].message.data
     assert deployed.topics.report().outside[0] > 0.0
+
+
+def test_a_position_that_is_no_number_is_left_out_and_counted(model: CalibrationModel) -> None:
+    deployed = Deployed(model)
+    deployed.ticks(2)
+    robot = deployed.robot.robot
+    stamp = header(robot.transport.now())
+    spoilt = message_class("sensor_msgs/JointState")(
+        stamp, JOINTS, np.full(7, np.nan), np.zeros(7), np.zeros(7)
+    )
+    for _ in range(3):
+        robot._out["measured_js"].publish(spoilt)
+    deployed.topics.step()
+    deployed.ticks(2)
+    report = deployed.topics.report()
+    assert (report.messages, report.published, report.unreadable) == (7, 4, 3)
+    assert all(np.isfinite(one.message.position).all() for one in deployed.heard["measured_js"].take())
 
 
 def test_robot_may_restart_and_is_corrected_again_when_homed(model: CalibrationModel) -> None:

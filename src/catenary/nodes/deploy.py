@@ -8,7 +8,8 @@ Published below the arm's namespace (/arm1 gold, /arm2 green; never swapped), `c
   offset has been added in place of the model's correction;
 - `gravity_torque` (sensor_msgs/JointState, effort) on request: what holds the positioning joints still.
 
-Nothing is published while the robot is not homed: its joint positions mean nothing then. After a silence the model
+Nothing is published while the robot is not homed: its joint positions mean nothing then. Nor is anything of a message
+that holds NaN or lacks joints: it is counted, and the model begins anew. After a silence the model
 begins anew, as its previous positions belong to another motion. Where this program does not keep up, it publishes less,
 not later: of messages that have waited too long all go into the model, and the newest is published.
 """
@@ -50,11 +51,10 @@ class WireReport:
     silences: int  # times that nothing came for longer than the client's limit
     longest_silence: float  # [s]
     not_homed: int  # messages of a robot that was not homed
+    unreadable: int  # messages that held NaN or infinity, or other joints
     outside: tuple[float, ...]  # share of published messages outside the valid range, per joint of the model
     joint_names: tuple[str, ...]
-    leaps: dict[
-        str, int
-    ]  # by input: positions that play states did not follow, as no joint gets there so fast
+    leaps: dict[str, int]  # by input: positions that play states did not follow
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data: times in microseconds where so named."""
@@ -68,6 +68,7 @@ class WireReport:
             "silences",
             "not_homed",
             "leaps",
+            "unreadable",
         )
         return {name: getattr(self, name) for name in same} | {
             "latency_us": None if self.latency is None else self.latency.in_us(),
@@ -130,6 +131,7 @@ class CalibratedTopics:
         self._begin = self._last = client.transport.now()
         self.is_silent = False  # nothing has come from the robot for longer than the client allows
         self._came = self._published = self._late = self._not_homed = self._silences = 0
+        self._unreadable = 0
         self._longest = 0.0
         self._outside = np.zeros(len(self._places))
         self._stamps: tuple[int, int, int] | None = None  # first, last [ns] and number of an unbroken run
@@ -172,6 +174,7 @@ class CalibratedTopics:
             silences=self._silences,
             longest_silence=self._longest,
             not_homed=self._not_homed,
+            unreadable=self._unreadable,
             outside=tuple((self._outside / max(1, self._published)).tolist()),
             joint_names=self._model.joint_names,
             leaps=self._corrector.leaps,
@@ -199,9 +202,14 @@ class CalibratedTopics:
             self._not_homed += 1
             self._corrector.reset()
             return
+        try:
+            state = self._client.state_of(received.message)
+        except InputError:
+            self._unreadable += 1
+            self._corrector.reset()
+            return
         first, _, count = self._stamps if self._stamps is not None else (stamp, stamp, -1)
         self._stamps = (first, stamp, count + 1)
-        state = self._client.state_of(received.message)
         self._corrector.correct_state(state, self._out, self._inside)
         if not is_newest and now() - received.time > LATE * SECOND:
             self._late += 1
