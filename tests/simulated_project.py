@@ -42,5 +42,5 @@ def calibrate_short(folder: Path, *, with_page: bool = True, **changes: Any) -> 
         patch.setattr(calibrate, "models_for", lambda *_: QUICK_MODELS)
         patch.setattr(calibrate, "DEPLOY_SECONDS", 2.0)
         if not with_page:
-            patch.setattr(calibrate, "write_project_report", lambda *_, **__: None)
+            patch.setattr(calibrate, "write_project_report", lambda page, *_, **__: page.write_text("a page"))
         return calibrate.calibrate_robot(Project(folder, replace(SHORT, **changes)))

@@ -1,11 +1,13 @@
 import json
 import math
+import os
+import stat
 from pathlib import Path
 
 import pytest
 
 from catenary.errors import FileFormatError
-from catenary.files import json_text, sha256_of, write_atomically
+from catenary.files import damage, json_text, sha256_of, write_atomically, written_whole
 
 
 def test_a_file_is_replaced_whole(tmp_path: Path) -> None:
@@ -48,3 +50,77 @@ def test_nan_and_infinity_are_null_in_json() -> None:
 
 def test_json_is_ascii() -> None:
     assert json_text("µ\udcff").isascii()
+
+
+def test_a_planted_link_is_replaced_and_not_followed(tmp_path: Path) -> None:
+    precious = tmp_path / "precious"
+    precious.write_bytes(b"mine")
+    link, dangling = tmp_path / "link", tmp_path / "dangling"
+    link.symlink_to(precious)
+    dangling.symlink_to(tmp_path / "nowhere")
+    (tmp_path / ".link.partial").symlink_to(precious)  # under the name that a partial file had once
+    for path in (link, dangling):
+        write_atomically(path, b"now")
+        assert not path.is_symlink()
+        assert path.read_bytes() == b"now"
+    assert precious.read_bytes() == b"mine"
+    assert not (tmp_path / "nowhere").exists()
+
+
+def test_a_pipe_is_written_to_and_stays_one(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    write_atomically(pipe, b"now")
+    assert os.read(reader, 10) == b"now"
+    os.close(reader)
+    assert pipe.is_fifo()
+    read, write = os.pipe()
+    write_atomically(Path(f"/proc/self/fd/{write}"), b"again")  # what /dev/stdout is a link to
+    assert os.read(read, 10) == b"again"
+    os.close(read)
+    os.close(write)
+
+
+def test_a_file_is_on_the_disk_before_it_has_its_name_and_its_name_before_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, done = tmp_path / "a", []
+    fsync, replace = os.fsync, os.replace
+
+    def synced(descriptor: int) -> None:
+        is_folder = stat.S_ISDIR(os.fstat(descriptor).st_mode)
+        done.append("folder" if is_folder else os.fstat(descriptor).st_size)
+        fsync(descriptor)
+
+    def renamed(old: Path, new: Path) -> None:
+        done.append("rename")
+        replace(old, new)
+
+    monkeypatch.setattr(os, "fsync", synced)
+    monkeypatch.setattr(os, "replace", renamed)
+    write_atomically(path, b"now")
+    assert done == [3, "rename", "folder"]
+
+
+def test_an_interrupted_file_leaves_what_was_there(tmp_path: Path) -> None:
+    path = tmp_path / "a"
+    path.write_bytes(b"before")
+
+    def interrupted() -> None:
+        with written_whole(path) as file:
+            file.write(b"half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert path.read_bytes() == b"before"
+    assert [p.name for p in tmp_path.iterdir()] == ["a"]
+
+
+def test_a_damaged_file_is_named_with_what_makes_it_again(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    path.write_bytes(b"")
+    assert damage(path, "no JSON", "run it again") == f"{path}: damaged: it is empty; run it again"
+    path.write_bytes(b"{")
+    assert damage(path, "no JSON", "run it again") == f"{path}: damaged: no JSON; run it again"

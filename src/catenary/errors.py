@@ -67,6 +67,10 @@ class RecordingError(CatenaryError):
     """A recording had to stop; the message says why, and what is safe in the file."""
 
 
+class InUseError(CatenaryError):
+    """Another process is writing in the project; the message says which, and since when."""
+
+
 class TransportError(CatenaryError, ConnectionError):
     """Messages cannot pass: no master, a name or a topic taken otherwise, a transport that is closed."""
 

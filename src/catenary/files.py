@@ -1,39 +1,100 @@
 """Files that appear whole or not at all, their fingerprints, and JSON that every reader takes."""
 
 import contextlib
+import errno
 import hashlib
 import json
 import math
 import os
+import secrets
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from catenary.errors import FileFormatError
 
+PARTIAL = ".partial"  # how the names of files end that are being written
+
+
+@contextlib.contextmanager
+def written_whole(path: Path) -> Iterator[BinaryIO]:
+    """Write a file that appears whole or not at all, and is on the disk when it appears.
+
+    Written under another name in the same folder, one that nobody can guess and nothing had (O_EXCL, O_NOFOLLOW);
+    then fsync, rename, fsync of the folder. A symbolic link at `path` is replaced by the file, and what it points to
+    stays as it was; links in the folder's own name are followed. A device, a pipe and the links to them in /dev and
+    /proc, such as /dev/stdout, are written to directly.
+
+    Raises:
+        FileFormatError: The file cannot be written; what was there before is still there.
+    """
+    partial = path.parent / f".{secrets.token_hex(8)}{PARTIAL}"
+    try:
+        if _is_stream(path):
+            with path.open("wb") as file:
+                yield file
+            return
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+        with open(os.open(partial, flags, 0o666), "wb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(partial, path)
+        _sync_folder(path.parent)
+    except BaseException as error:
+        with contextlib.suppress(OSError):
+            partial.unlink()
+        if isinstance(error, OSError):
+            raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from error
+        raise
+
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file beside its place and move it there when it is complete; a device or pipe is written to directly.
+    """Write bytes as `written_whole` does.
 
     Raises:
         FileFormatError: The file cannot be written.
     """
-    partial = path.parent / f".{path.name}.partial"
+    with written_whole(path) as file:
+        file.write(content)
+
+
+def _is_stream(path: Path) -> bool:
+    if not path.is_symlink():
+        return path.exists() and not path.is_file()
+    return path.absolute().parts[1] == "proc" or path.absolute().parent in (Path("/dev"), Path("/dev/fd"))
+
+
+def _sync_folder(folder: Path) -> None:
+    """Have the disk keep the names in a folder, where the file system can be asked to."""
     try:
-        if path.exists() and not path.is_file():
-            path.write_bytes(content)
-        else:
-            partial.write_bytes(content)
-            os.replace(partial, path)
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    except PermissionError:  # a folder that may be written and not read
+        return
+    try:
+        os.fsync(descriptor)
     except OSError as error:
-        with contextlib.suppress(OSError):
-            partial.unlink()
-        raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from error
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
+            raise
+    finally:
+        os.close(descriptor)
+
+
+def damage(path: Path, why: object, remedy: str) -> str:
+    """Return what is said of a file that does not hold what was written: which, what is wrong, what makes it again."""
+    is_empty = path.is_file() and path.stat().st_size == 0
+    return f"{path}: damaged: {'it is empty' if is_empty else why}; {remedy}"
 
 
 def sha256_of(path: Path) -> str:
     """Return the SHA-256 of a file's bytes, in hexadecimal; results name their inputs by it."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def fingerprint(content: Any) -> str:
+    """Return the SHA-256 of plain data."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
 
 
 def json_text(content: Any) -> str:

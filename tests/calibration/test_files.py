@@ -72,11 +72,11 @@ MISFITS: list[dict[str, Any]] = [
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        *[(restructured(**{key: None}), f"is a damaged .*: KeyError.*{key}") for key in PARTS],
-        *[(restructured(**misfit), "is a damaged calibration model") for misfit in MISFITS],
-        *[(replaced(key, lambda _, t=text: t), "is a damaged calibration model") for key, text in TEXTS],
-        *[(replaced(key, lambda values: values[:1]), "is a damaged calibration model") for key in SHAPED],
-        (replaced("0.columns", lambda columns: columns + 5), "is a damaged calibration model"),
+        *[(restructured(**{key: None}), f"damaged: .*: KeyError.*{key}") for key in PARTS],
+        *[(restructured(**misfit), "damaged: is no calibration model") for misfit in MISFITS],
+        *[(replaced(key, lambda _, t=text: t), "damaged: is no calibration model") for key, text in TEXTS],
+        *[(replaced(key, lambda values: values[:1]), "damaged: is no calibration model") for key in SHAPED],
+        (replaced("0.columns", lambda columns: columns + 5), "damaged: is no calibration model"),
         (restructured(format="catenary.calibration.9"), "'catenary.calibration.9', expected 'catenary.cal"),
     ],
 )
@@ -104,8 +104,8 @@ def test_a_model_is_one_file_of_plain_arrays_with_a_readable_card_beside_it(path
     ("write", "message"),
     [
         (lambda path: None, "no such file"),
-        (lambda path: path.write_bytes(pickle.dumps({"structure": 1})), "cannot be read"),
-        (lambda path: path.write_bytes(np.random.default_rng(1).bytes(3000)), "cannot be read"),
+        (lambda path: path.write_bytes(pickle.dumps({"structure": 1})), "damaged: cannot be read"),
+        (lambda path: path.write_bytes(np.random.default_rng(1).bytes(3000)), "damaged: cannot be read"),
         (
             lambda path: np.savez(path, weights=np.zeros(3), bias=np.zeros(1)),
             r"is no .* \(it holds weights, bias\)",
@@ -124,12 +124,10 @@ def test_failed_write_leaves_the_old_model_and_nothing_else(path, monkeypatch) -
     save_model(fitted(LOG, kind="offset"), CARD, path)
     before = {p.name: p.read_bytes() for p in path.parent.iterdir()}
 
-    def full(self: Path, data: bytes) -> int:
-        with self.open("wb") as file:
-            file.write(data[:100])
+    def full(_: int) -> None:
         raise OSError(28, os.strerror(28))
 
-    monkeypatch.setattr(Path, "write_bytes", full)
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(FileFormatError, match=r"arm.npz: cannot be written: No space left on device"):
         save_model(MODEL, CARD, path)
     assert {p.name: p.read_bytes() for p in path.parent.iterdir()} == before
@@ -151,7 +149,7 @@ def test_pickled_objects_are_refused_and_not_run(path: Path, tmp_path: Path) -> 
 
     save_model(MODEL, CARD, path)
     np.savez(path, **(dict(np.load(path)) | {"offset": np.array([Trap()], dtype=object)}), allow_pickle=True)
-    with pytest.raises(FileFormatError, match=r"arm.npz: cannot be read"):
+    with pytest.raises(FileFormatError, match=r"arm.npz: damaged: cannot be read"):
         load_model(path)
     assert not (tmp_path / "sprung").exists()
 
@@ -159,7 +157,7 @@ def test_pickled_objects_are_refused_and_not_run(path: Path, tmp_path: Path) -> 
 def test_any_missing_array_is_noticed(path: Path) -> None:
     save_model(MODEL, CARD, path)
     for key in np.load(path).files:
-        with pytest.raises(FileFormatError, match=r"arm.npz: is (no|a damaged) calibration model"):
+        with pytest.raises(FileFormatError, match=r"arm.npz: (damaged: )?is no calibration model"):
             load_model(altered(path, lambda arrays, key=key: arrays.pop(key)))
 
 
@@ -170,7 +168,7 @@ def test_number_that_is_not_finite_is_refused_by_array(path: Path, value: float)
         if values.dtype.kind == "f":
             broken = values.copy()
             broken.flat[-1] = value
-            with pytest.raises(FileFormatError, match=f"arm.npz: is a damaged .*{key} holds NaN or infinity"):
+            with pytest.raises(FileFormatError, match=f"arm.npz: damaged: .*{key} holds NaN or infinity"):
                 load_model(altered(path, lambda arrays, key=key, broken=broken: arrays.update({key: broken})))
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from catenary.cli import beside_robot
 from catenary.cli.beside_robot import TerminalGuide
+from catenary.recording.logs import read_log
 from catenary.recording.source import open_recording
 from command_line import catenary, refusal
 from oracles.crtk_robot import RobotOnLoopback
@@ -54,6 +55,20 @@ def test_record_without_motion_keeps_what_others_do(setup: RobotOnLoopback, tmp_
     assert {topic["name"] for topic in outcome.json["topics"]} >= {"/ravenstate", "/ext_jpos"}
     assert open_recording(tmp_path / "p" / "recordings" / "test").about.simulated
     assert setup.robot.commands == 0
+
+
+def test_what_others_did_extracts_and_its_name_is_not_used_twice(
+    setup: RobotOnLoopback, tmp_path: Path
+) -> None:
+    setup.robot.plant.state_command("home")
+    line = ("record", tmp_path / "p", "--ros", 1, "--no-motion", "--hours", "0.001", "--name", "hand")
+    assert catenary(*line).code == 0
+    assert "recordings/hand: holds a recording already; give this one another --name" in refusal(*line)
+    found = catenary("extract", tmp_path / "p", "--json").json["hand"]
+    assert found["rows"] > 50
+    assert read_log(Path(found["log"])).robot == "raven2"
+    assert catenary(*line[:-1], "foot").code == 0
+    assert catenary("extract", tmp_path / "p", "--json").json.keys() == {"hand", "foot"}
 
 
 @pytest.mark.parametrize(("typed", "done"), [("\n", True), ("yes\n", True), ("q\n", False), ("", False)])

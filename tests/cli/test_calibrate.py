@@ -1,10 +1,12 @@
 import json
+import os
 from pathlib import Path
 
 import pytest
 
 import simulated_arm
 from catenary.workflows.project import calibrate
+from catenary.workflows.project.lock import FolderLock
 from command_line import catenary, refusal
 from simulated_project import QUICK_MODELS
 
@@ -28,7 +30,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def _no_page(monkeypatch: pytest.MonkeyPatch) -> None:
     """No page, whose pictures take seconds to draw."""
-    monkeypatch.setattr(calibrate, "write_project_report", lambda *_, **__: None)
+    monkeypatch.setattr(calibrate, "write_project_report", lambda page, *_, **__: page.write_text("a page"))
 
 
 def test_home_says_where_the_joints_are(project_folder: Path) -> None:
@@ -131,6 +133,59 @@ def test_the_demo_writes_a_page_and_compares_its_models(tmp_path: Path, quick: N
     content = catenary("demo", "--out", tmp_path / "demo", "--seed", 1, "--json").json
     assert set(content["models"]) == set(QUICK_MODELS)
     assert Path(content["page"]).is_file()
+
+
+def test_commands_on_a_finished_project_write_nothing(finished_folder: Path, quick: None) -> None:
+    def state() -> dict[str, tuple[int, int, int, int]]:
+        paths = [finished_folder, *finished_folder.rglob("*")]
+        return {
+            str(p): (s.st_ino, s.st_mtime_ns, s.st_ctime_ns, s.st_size) for p in paths for s in [p.stat()]
+        }
+
+    model, log = finished_folder / "models" / "linear.npz", finished_folder / "test.parquet"
+    before = state()
+    for command in (
+        ("home", finished_folder),
+        ("excite", finished_folder),
+        ("extract", finished_folder),
+        ("calibrate", finished_folder),
+        ("evaluate", model, log),
+        ("check", log),
+        ("deploy", model, finished_folder, "--seconds", "2", "--fast"),
+    ):
+        outcome = catenary(*command)
+        assert outcome.code == 0, outcome
+        assert state() == before, command
+
+
+@pytest.mark.parametrize(
+    "file", ["evaluation.json", "deployment.json", "robot/home.json", "models/linear.card.json"]
+)
+@pytest.mark.usefixtures("_no_page")
+def test_a_torn_file_of_a_finished_project_is_made_again(
+    finished_folder: Path, quick: None, file: str
+) -> None:
+    path = finished_folder / file
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    assert catenary("calibrate", finished_folder).code == 0
+    content, before = path.read_bytes(), json.loads(whole)
+    if file == "evaluation.json":  # of a folder elsewhere
+        assert json.loads(content)["models"] == before["models"]
+    elif file == "deployment.json":  # times of the loop differ
+        assert json.loads(content).keys() == before.keys()
+    else:
+        assert content == whole
+    assert catenary("calibrate", finished_folder, "--json").json["steps_run"] == []
+
+
+def test_a_second_command_is_told_who_is_at_work(project_folder: Path) -> None:
+    lock = FolderLock(project_folder)
+    lock.take()
+    for command in (("record", project_folder, "--name", "more"), ("home", project_folder, "--seed", "2")):
+        assert f"(process {os.getpid()} on " in refusal(*command)
+    assert catenary("excite", project_folder).code == 0  # nothing to do, and nothing to write
+    lock.release()
 
 
 def test_recording_and_extracting_before_exciting_are_refused(tmp_path: Path) -> None:

@@ -170,10 +170,10 @@ def test_truncated_parquet_is_refused_wherever_it_ends(path: Path) -> None:
     whole = path.read_bytes()
     for end in range(0, len(whole), 211):
         path.write_bytes(whole[:end])
-        with pytest.raises(FileFormatError, match=r"run.parquet: cannot be read as Parquet"):
+        with pytest.raises(FileFormatError, match=r"run.parquet: damaged: .*`catenary extract PROJECT`"):
             read_log(path)
     path.write_bytes(np.random.default_rng(3).bytes(1000))
-    with pytest.raises(FileFormatError, match=r"run.parquet: cannot be read as Parquet"):
+    with pytest.raises(FileFormatError, match=r"run.parquet: damaged: .*`catenary extract PROJECT`"):
         read_log(path)
 
 

@@ -13,7 +13,7 @@ from catenary.calibration.model import CalibrationModel, Card, JointGroup
 from catenary.calibration.predictors import Constant, Linear, Network, Predictor, Quadratic
 from catenary.calibration.valid_range import ValidRange
 from catenary.errors import FileFormatError, InputError
-from catenary.files import write_atomically
+from catenary.files import damage, write_atomically
 from catenary.recording.importers import read_arrays
 
 FORMAT = "catenary.calibration.1"
@@ -71,7 +71,13 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
     Raises:
         FileFormatError: No such file, not a model, of another version, or damaged.
     """
-    arrays = read_arrays(path)
+    remedy = "`catenary fit` makes a model again, `catenary calibrate` those of its project"
+    try:
+        arrays = read_arrays(path)
+    except FileFormatError as error:
+        if not path.is_file():
+            raise
+        raise FileFormatError(damage(path, str(error).removeprefix(f"{path}: "), remedy)) from error
     if "structure" not in arrays or "card" not in arrays:
         raise FileFormatError(
             f"{path}: is no calibration model (it holds {', '.join(arrays) or 'nothing'}); "
@@ -112,7 +118,7 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
     except FileFormatError:
         raise
     except (KeyError, TypeError, ValueError, IndexError, InputError) as error:
-        raise FileFormatError(f"{path}: is a damaged calibration model: {error!r}") from error
+        raise FileFormatError(damage(path, f"is no calibration model: {error!r}", remedy)) from error
 
 
 def _group(arrays: Arrays, i: int, entry: dict[str, Any]) -> JointGroup:

@@ -1,6 +1,7 @@
 """Commands on a robot that is reached over ROS: which one, who stands beside it, a model at work there."""
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -87,17 +88,24 @@ def record_others(
     from catenary.recording.topics import raven_topics
     from catenary.workflows.project.robot import arm_of
     from catenary.workflows.project.ros_robot import required
-    from catenary.workflows.robot.topic_recorder import record_topics
+    from catenary.workflows.robot.topic_recorder import TopicCount, record_topics
 
     arm = arm_of(project)
     topics = raven_topics(arm, state_rate=project.settings.state_rate_hz)
-    folder = project.folder / "recordings" / name
+    folder, counts = project.folder / "recordings" / name, list[TopicCount]()
+    if any(folder.glob("*")):
+        raise InputError(f"{folder}: holds a recording already; give this one another --name")
     about = About(robot=ROBOT[arm], simulated=simulated, configuration={"motion": "not ours"})
-    with ros_transport(int(project.settings.connection.removeprefix("ros"))) as transport:
-        counts = record_topics(
-            transport, folder, topics, seconds, about=about, progress=progress,
-            required=[topic.name for topic in required(topics)],
-        )  # fmt: skip
+
+    def work() -> None:
+        with ros_transport(int(project.settings.connection.removeprefix("ros"))) as transport:
+            counts[:] = record_topics(
+                transport, folder, topics, seconds, about=about, progress=progress,
+                required=[topic.name for topic in required(topics)],
+            )  # fmt: skip
+
+    motion = {"motion": "not ours", "seconds": seconds, "begun_ns": time.time_ns()}
+    project.run(f"record {name}", motion, [folder], work)
     print_notes([note for count in counts if (note := count.note()) is not None])
     return [vars(count) for count in counts]
 

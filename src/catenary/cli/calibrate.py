@@ -1,6 +1,5 @@
 """catenary excite, record, extract, deploy, calibrate, demo: one project folder, step by step or in one go."""
 
-import json
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -30,7 +29,7 @@ def excite(project: Folder, arm: ExcitationOptions, access: RobotAccess, as_json
 
     opened = open_project(project, arm, ros=access.ros)
     motion, what = excitation(opened)
-    with robot_of(opened, access) as robot:
+    with opened, robot_of(opened, access) as robot:
         with _progress("homing", opened):
             robot.home(opened)
         with _progress("excite", opened) as progress:
@@ -88,6 +87,7 @@ def extract(
     from catenary.recording.bag import write_group_bags
     from catenary.recording.raven_csv import write_raven_csv
     from catenary.recording.source import open_recording
+    from catenary.workflows.project.folder import read_state
     from catenary.workflows.project.recordings import extract_recording, motion_log_path
     from catenary.workflows.project.robot import arm_of
 
@@ -102,7 +102,10 @@ def extract(
     for name in names:
         with _progress(f"extract {name}"):
             extract_recording(opened, name)
-            report = json.loads((opened.folder / f"{name}.synchronised.json").read_text(encoding="utf-8"))
+            report = read_state(
+                opened.folder / f"{name}.synchronised.json",
+                "delete it, and `catenary extract PROJECT` makes it again",
+            )
             found[name] = {"log": str(motion_log_path(opened, name)), **report}
             if bag is not None:
                 source, folder = (

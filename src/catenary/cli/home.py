@@ -1,6 +1,5 @@
 """catenary home: a robot finds its joints; a project's, one simulated for the moment, or one on ROS."""
 
-import json
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -81,7 +80,10 @@ def _home_project(folder: Path, arm: ArmOptions, access: RobotAccess, as_json: b
         announce("homing ...")
         was_run = robot.home(opened)
     if as_json:
-        content = json.loads((opened.folder / "robot" / "home.json").read_text(encoding="utf-8"))
+        from catenary.workflows.project.folder import read_state
+
+        remedy = "delete it, and `catenary home PROJECT` makes it again"
+        content = read_state(opened.folder / "robot" / "home.json", remedy)
         print_json({"project": str(opened.folder), "run": was_run, **content})
     else:
         print(f"{opened.folder}: homed" + ("" if was_run else " before; nothing to do"))

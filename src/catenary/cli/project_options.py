@@ -72,9 +72,9 @@ def open_project(
 
 def require_project(folder: Path) -> None:
     """Refuse a folder in which nothing was begun, so that a mistyped name makes no new project."""
-    from catenary.workflows.project.folder import SETTINGS
+    from catenary.workflows.project.folder import is_project
 
-    if not (folder / SETTINGS).is_file():
+    if not is_project(folder):
         raise InputError(f"{folder}: is no project; begin one with catenary home, excite or calibrate")
 
 

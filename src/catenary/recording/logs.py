@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.errors import FileFormatError, InputError
-from catenary.files import sha256_of
+from catenary.files import damage, sha256_of, written_whole
 from catenary.plant import MotionLog
 from catenary.recording.importers import numbers_of, read_arrays, read_command_log
 from catenary.robots.model import RobotModel
@@ -90,10 +90,8 @@ def write_parquet(log: MotionLog, path: str | Path) -> None:
     ]
     schema = pa.schema(fields, metadata={"catenary": json.dumps(about)})
     table = pa.table([values for values, _ in columns.values()], schema=schema)
-    try:
-        pq.write_table(table, path, compression="zstd", write_page_checksum=True)
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from error
+    with written_whole(Path(path)) as file:
+        pq.write_table(table, file, compression="zstd", write_page_checksum=True)
 
 
 def read_parquet(
@@ -111,7 +109,8 @@ def read_parquet(
     try:
         table = pq.read_table(path, page_checksum_verification=True)
     except (pa.ArrowException, OSError) as error:
-        raise FileFormatError(f"{path}: cannot be read as Parquet: {error}") from error
+        remedy = "a project's log is made again by `catenary extract PROJECT`"
+        raise FileFormatError(damage(path, f"cannot be read as Parquet: {error}", remedy)) from error
     metadata = table.schema.metadata or {}
     try:
         about = json.loads(metadata[b"catenary"])

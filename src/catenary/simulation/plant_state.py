@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from catenary.errors import FileFormatError
+from catenary.files import written_whole
 from catenary.simulation.cable_plant import CablePlant
 
 FORMAT = "catenary.cable_plant.1"
@@ -15,7 +16,11 @@ FLAGS = ("braked", "stopped", "guarded")  # of the firmware, one array in the fi
 
 
 def save_plant(plant: CablePlant, path: Path) -> None:
-    """Write where an arm stands and what its firmware knows; not its parameters, which follow from its seed."""
+    """Write where an arm stands and what its firmware knows; not its parameters, which follow from its seed.
+
+    Raises:
+        FileFormatError: The file cannot be written.
+    """
     arrays: dict[str, Any] = {f"arm.{name}": plant.state[name] for name in plant.state.fields}
     arrays |= {f"control.{name}": plant.control[name] for name in plant.control.fields if name not in FLAGS}
     arrays["control.flags"] = np.array([plant.control[name] for name in FLAGS], dtype=np.int64)
@@ -24,7 +29,8 @@ def save_plant(plant: CablePlant, path: Path) -> None:
         "tick": plant.ticks,
         "is_homed": plant.operating_state().is_homed,
     }
-    np.savez(path, about=np.array(json.dumps(about)), **arrays)
+    with written_whole(path) as file:
+        np.savez(file, about=np.array(json.dumps(about)), **arrays)
 
 
 def restore_plant(plant: CablePlant, path: Path) -> None:

@@ -29,7 +29,7 @@ def calibrated(
         linear = FitOptions(kind="linear")
         patch.setattr(calibrate, "models_for", lambda *_: dict.fromkeys(QUICK_MODELS, linear))
         if not with_page:
-            patch.setattr(calibrate, "write_project_report", lambda *_, **__: None)
+            patch.setattr(calibrate, "write_project_report", lambda page, *_, **__: page.write_text("a page"))
         return calibrate_recordings(Project(folder, ProjectSettings()), train, test, FitRun())
 
 

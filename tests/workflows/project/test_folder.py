@@ -1,3 +1,5 @@
+import json
+import os
 from dataclasses import replace
 from math import inf, nan
 from pathlib import Path
@@ -5,8 +7,15 @@ from typing import Any
 
 import pytest
 
-from catenary.errors import ConfigError, FileFormatError, InputError
-from catenary.workflows.project.folder import STEPS, Project, ProjectSettings, project_settings
+from catenary.errors import ConfigError, FileFormatError, InputError, InUseError
+from catenary.workflows.project.folder import (
+    STEPS,
+    Project,
+    ProjectSettings,
+    project_settings,
+    read_state,
+    write,
+)
 
 
 class Work:
@@ -96,7 +105,9 @@ UNEVEN = b'{"base_tilt_deg": 3, "sparsities": []}'
 @pytest.mark.parametrize("content", [b"{", b"[]", b"{}", UNEVEN, b'{"color": "red"}', b"\xff"])
 def test_damaged_settings_are_refused(project: Project, content: bytes) -> None:
     (project.folder / "settings.json").write_bytes(content)
-    with pytest.raises(ConfigError, match=r"settings\.json: not the settings of a project"):
+    with pytest.raises(
+        ConfigError, match=r"settings\.json: damaged: .*; delete it, and give the settings again"
+    ):
         project_settings(project.folder)
 
 
@@ -120,3 +131,157 @@ def test_what_is_there_already_is_no_project(tmp_path: Path) -> None:
 def test_settings_that_nothing_can_have_are_refused(setting: str, value: Any) -> None:
     with pytest.raises(InputError, match="expected"):
         replace(ProjectSettings(), **{setting: value})
+
+
+def state_of(folder: Path) -> dict[str, tuple[int, int, int]]:
+    """Return inode, time and size of everything in a folder, and of the folder."""
+    paths = [folder, *folder.rglob("*")]
+    return {str(p): (s.st_ino, s.st_mtime_ns, s.st_size) for p in paths for s in [p.stat()]}
+
+
+def test_nothing_is_written_where_nothing_changed(project: Project, work: Work) -> None:
+    before = state_of(project.folder)
+    opened = reopened(project)
+    assert not opened.run("step", MADE_FROM, [work.path], work)
+    write(project.folder / STEPS, json.loads((project.folder / STEPS).read_text()))
+    assert state_of(project.folder) == before
+
+
+@pytest.mark.parametrize("content", [b"", b"don", b"dona"], ids=["emptied", "torn", "changed"])
+def test_a_step_whose_file_does_not_hold_what_it_wrote_is_done_again(
+    project: Project, work: Work, content: bytes
+) -> None:
+    work.path.write_bytes(content)
+    os.utime(work.path, ns=(0, 0))  # the disk's clock is coarser than a test is long
+    assert reopened(project).run("step", MADE_FROM, [work.path], work)
+
+
+def test_a_step_whose_files_were_copied_elsewhere_is_done(project: Project, work: Work) -> None:
+    os.utime(work.path, ns=(0, 0))
+    assert not reopened(project).run("step", MADE_FROM, [work.path], work)
+
+
+def test_a_folder_holds_what_it_held_when_its_files_are_the_same(project: Project, tmp_path: Path) -> None:
+    folder, times = tmp_path / "folder", []
+
+    def record() -> None:
+        times.append(1)
+        (folder / "deep").mkdir(parents=True, exist_ok=True)
+        for name in ("a", "deep/b"):
+            (folder / name).write_text(name)
+
+    def run() -> bool:
+        return reopened(project).run("folder", 1, [folder], record)
+
+    assert run()
+    assert not run()
+    (folder / "deep" / "b").unlink()
+    assert run()
+    (folder / "c").write_text("not of this step")
+    assert run()
+
+
+def test_steps_of_an_older_version_without_hashes_are_done_when_their_files_are_there(
+    project: Project, work: Work
+) -> None:
+    steps = json.loads((project.folder / STEPS).read_text())
+    del steps["step"]["outputs"]
+    (project.folder / STEPS).write_text(json.dumps(steps))
+    work.path.write_text("whatever")
+    assert not reopened(project).run("step", MADE_FROM, [work.path], work)
+
+
+@pytest.mark.parametrize("outputs", [3, {}, {"file": 3}, {"file": {}}, {"file": {"size": 4, "sha256": None}}])
+def test_a_step_whose_hashes_are_nonsense_is_done_again(project: Project, work: Work, outputs: Any) -> None:
+    steps = json.loads((project.folder / STEPS).read_text())
+    steps["step"]["outputs"] = outputs
+    (project.folder / STEPS).write_text(json.dumps(steps))
+    assert reopened(project).run("step", MADE_FROM, [work.path], work)
+
+
+@pytest.mark.parametrize("leave", [False, True], ids=["file", "empty folder"])
+def test_a_step_with_nothing_there_at_its_end_is_not_done(project: Project, leave: bool) -> None:
+    place = project.folder / "recording"
+
+    def deleted_underneath() -> None:
+        if leave:
+            place.mkdir()
+
+    with pytest.raises(FileFormatError, match=r"recording: not there, although step has just written it"):
+        project.run("step", 1, [place], deleted_underneath)
+    assert "step" not in json.loads(
+        (project.folder / STEPS).read_text() if (project.folder / STEPS).is_file() else "{}"
+    )
+
+
+def test_a_second_writer_is_refused_and_does_not_run(project: Project, work: Work) -> None:
+    second = reopened(project)
+
+    def meanwhile() -> None:
+        with pytest.raises(InUseError, match=r"has been writing in it since"):
+            second.run("other", 1, [work.path], fail)
+        with pytest.raises(InUseError):
+            Project(project.folder, replace(project.settings, seed=5))
+        assert not reopened(project).run("step", MADE_FROM, [work.path], fail)  # reading needs no lock
+        (project.folder / "long").write_text("")
+
+    assert project.run("long", 1, [project.folder / "long"], meanwhile)
+    assert second.run("other", 1, [work.path], work)
+
+
+def test_the_lock_is_kept_between_the_steps_of_one_command(project: Project, work: Work) -> None:
+    with project:
+        assert not project.run("step", MADE_FROM, [work.path], work)
+        assert reopened(project).run("first", 1, [work.path], work)  # nothing was written yet
+        project.run("second", 1, [work.path], work)
+        with pytest.raises(InUseError):
+            reopened(project).run("third", 1, [work.path], work)
+    assert reopened(project).run("third", 1, [work.path], work)
+
+
+def test_a_step_that_another_process_did_meanwhile_is_not_done_again_nor_forgotten(
+    project: Project, work: Work
+) -> None:
+    second = reopened(project)
+    assert project.run("new", 1, [work.path], work)
+    assert not second.run("new", 1, [work.path], fail)
+    assert second.run("newer", 1, [work.path], work)
+    assert not reopened(project).run("new", 1, [work.path], fail)
+
+
+def test_settings_that_another_command_changed_meanwhile_stop_this_one(project: Project, work: Work) -> None:
+    Project(project.folder, replace(project.settings, seed=5))
+    with pytest.raises(InUseError, match="changed its settings meanwhile"):
+        project.run("other", 1, [work.path], fail)
+
+
+def test_what_a_killed_process_left_half_written_goes_away(project: Project, work: Work) -> None:
+    (project.folder / ".0123456789abcdef.partial").write_text("half")
+    project.run("other", 1, [work.path], work)
+    assert not list(project.folder.glob(".*.partial"))
+
+
+def test_a_project_killed_before_it_had_settings_can_be_begun(tmp_path: Path) -> None:
+    for name in (".lock", ".0123456789abcdef.partial"):
+        (tmp_path / name).write_text("")
+    assert Project(tmp_path, ProjectSettings()).folder == tmp_path
+
+
+def test_a_project_without_settings_can_be_given_them_again(project: Project, work: Work) -> None:
+    (project.folder / "settings.json").unlink()
+    assert not reopened(project).run("step", MADE_FROM, [work.path], work)
+
+
+@pytest.mark.parametrize("file", ["settings.json", STEPS, "robot/home.json", "deployment.json"])
+@pytest.mark.parametrize("content", [b"", b'{"a": ', b"[" * 100_000])
+def test_a_torn_state_file_names_itself_and_what_makes_it_again(
+    tmp_path: Path, file: str, content: bytes
+) -> None:
+    path = tmp_path / file
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(content)
+    with pytest.raises(ConfigError) as refused:
+        read_state(path, "`catenary home PROJECT` makes it again")
+    assert str(refused.value).startswith(f"{path}: damaged: ")
+    assert str(refused.value).endswith("; `catenary home PROJECT` makes it again")
+    assert ("it is empty" in str(refused.value)) == (content == b"")

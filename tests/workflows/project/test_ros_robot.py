@@ -17,6 +17,7 @@ from catenary.workflows.project import calibrate
 from catenary.workflows.project.calibrate import BEST, TRAIN, calibrate_robot
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
+from catenary.workflows.project.robot import set_aside
 from catenary.workflows.project.ros_robot import RosRobot
 from catenary.workflows.robot.guide import AnswerYes
 from oracles.crtk_robot import RobotOnLoopback
@@ -105,6 +106,20 @@ def test_recording_becomes_a_motion_log_of_the_robot(tmp_path: Path) -> None:
     assert len(errors) > 100
     assert_allclose(np.median(errors, axis=0), OFFSET, atol=1e-3)
     assert not robot.record(opened, TRAIN, short_motion(), "short", after="home")  # once
+
+
+def test_a_name_used_twice_loses_no_recording_of_a_robot(tmp_path: Path) -> None:
+    setup, opened = on_loopback(), project(tmp_path)
+    robot, recording = homed(opened, setup), opened.folder / "recordings" / "again"
+    for number in range(3):
+        recording.mkdir(parents=True)
+        (recording / "hours").write_text(str(number))
+        if number < 2:
+            set_aside(opened, "again")
+    assert robot.record(opened, "again", short_motion(), "short", after="home")
+    kept = [opened.folder / "replaced" / name / "hours" for name in ("again", "again.2", "again.3")]
+    assert [path.read_text() for path in kept] == ["0", "1", "2"]
+    assert not (recording / "hours").exists()
 
 
 def test_motion_beyond_the_limits_is_refused_before_anything_moves(tmp_path: Path) -> None:

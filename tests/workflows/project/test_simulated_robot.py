@@ -1,5 +1,6 @@
 from dataclasses import replace
 from pathlib import Path
+from shutil import copytree, rmtree
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.workflows.project import simulated_robot
 from catenary.workflows.project.calibrate import TEST, TRAIN, excitation, random_motion
-from catenary.workflows.project.folder import Project
+from catenary.workflows.project.folder import Project, read_state
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
 from catenary.workflows.project.simulated_robot import SimulatedRobot
 from simulated_project import SHORT
@@ -127,3 +128,40 @@ def test_what_is_extracted_is_what_it_did(tmp_path: Path, side: str, monkeypatch
     count = 1.0 / np.abs(CablePlant(side=side, seed=1).rig.counts)
     error = np.abs(log.q_encoder - truth["ext_jpos"][at])
     assert (error <= moved + count).all()
+
+
+def test_a_recording_that_no_step_made_is_extracted_once(project: Project) -> None:
+    recordings = project.folder / "recordings"
+    copytree(recordings / TEST, recordings / "mine")
+    assert extract_recording(project, "mine")
+    assert read_log(motion_log_path(project, "mine")).robot == "raven2"
+    assert not extract_recording(Project(project.folder, SHORT), "mine")
+
+
+def test_a_recording_is_extracted_as_it_is_and_said_to_have_changed(project: Project) -> None:
+    recording = project.folder / "recordings" / TEST
+    for file in recording.iterdir():
+        with file.open("ab") as journal:
+            journal.write(b"\x00")
+    assert not extract_recording(project, TEST)  # its log is still that of the whole recording
+    motion_log_path(project, TEST).unlink()
+    assert extract_recording(project, TEST)
+    report = read_state(project.folder / f"{TEST}.synchronised.json", "")
+    assert f"{recording}: is no longer what was recorded; what is there was extracted" in report["problems"]
+
+
+def test_a_recording_that_goes_while_it_is_made_is_not_noted(
+    project: Project, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save = simulated_robot.save_plant
+
+    def deleted_meanwhile(plant: CablePlant, path: Path) -> None:
+        rmtree(project.folder / "recordings" / "gone")
+        save(plant, path)
+
+    monkeypatch.setattr(simulated_robot, "save_plant", deleted_meanwhile)
+    motion = random_sinusoids(np.random.default_rng(4), 10.0)
+    with pytest.raises(FileFormatError, match=r"recordings/gone: not there, although record gone has just"):
+        ROBOT.record(project, "gone", motion, "a while", after=TRAIN)
+    with pytest.raises(ConfigError, match="record gone was not done yet"):
+        extract_recording(Project(project.folder, SHORT), "gone")

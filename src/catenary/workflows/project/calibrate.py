@@ -1,6 +1,5 @@
 """Calibrate a robot in one go, resumable at every step: home, excite, record, extract, fit, evaluate, deploy, page."""
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from catenary import __version__
 from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.files import card_path, load_model, save_model
 from catenary.calibration.fit import FitOptions
@@ -20,7 +20,7 @@ from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import zigzag
 from catenary.workflows.fit import FitRun, evaluate_calibration, fit_calibration
-from catenary.workflows.project.folder import Project, write
+from catenary.workflows.project.folder import Project, read_state, write
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
 from catenary.workflows.project.robot import ProjectRobot
 from catenary.workflows.project.simulated_robot import SimulatedRobot
@@ -117,7 +117,13 @@ def calibrate_robot(
         CatenaryError: A step failed; what was done before stays, and is not done again.
     """
     project.ran.clear()
-    robot = SimulatedRobot() if robot is None else robot
+    with project:
+        return _calibrated(project, SimulatedRobot() if robot is None else robot, progress)
+
+
+def _calibrated(
+    project: Project, robot: ProjectRobot, progress: Callable[[str], Progress]
+) -> CalibrationResult:
     progress("home")
     robot.home(project)
     robot.record(project, TRAIN, *excitation(project), after="home", progress=progress("excite"))
@@ -166,9 +172,10 @@ def calibrate_recordings(
         raise InputError(f"calibrate: {', '.join(both)}: a recording cannot be both trained and tested on")
     project.ran.clear()
     models = models_for(None, 0)
-    fit_models(project, train, models, run_options, progress)
-    progress("report")
-    return conclude(project, models, train, test, None)
+    with project:
+        fit_models(project, train, models, run_options, progress)
+        progress("report")
+        return conclude(project, models, train, test, None)
 
 
 def model_path(project: Project, name: str) -> Path:
@@ -213,9 +220,11 @@ def conclude(
     test: Sequence[Path],
     deployed: Path | None,
 ) -> CalibrationResult:
-    """Evaluate every model and write evaluation.json and report.html."""
+    """Evaluate every model and write evaluation.json and report.html, unless they hold just this already."""
     results = {name: evaluate_calibration(model_path(project, name), list(test)) for name in models}
-    deployment = None if deployed is None else json.loads(deployed.read_text(encoding="utf-8"))
+    deployment = None
+    if deployed is not None:
+        deployment = read_state(deployed, "delete it, and `catenary calibrate PROJECT` makes it again")
     page = project.folder / "report.html"
     concluded = CalibrationResult(
         page=page,
@@ -224,10 +233,17 @@ def conclude(
         deployment=deployment,
         repeated=tuple(VERBS.get(step, step) for step in project.ran),
     )
-    write(project.folder / "evaluation.json", concluded.summary())
-    best = results[BEST]
-    write_project_report(
-        page, project.settings.connection, best.model, best.card, best.evaluation, concluded.table(),
-        train, test, deployment, notes=best.notes,
-    )  # fmt: skip
+    evaluation, best = project.folder / "evaluation.json", results[BEST]
+
+    def work() -> None:
+        write(evaluation, concluded.summary())
+        write_project_report(
+            page, project.settings.connection, best.model, best.card, best.evaluation, concluded.table(),
+            train, test, deployment, notes=best.notes,
+        )  # fmt: skip
+
+    recordings = [[path.name for path in paths] + _hashes(paths) for paths in (train, test)]
+    fitted = [sha256_of(model_path(project, name)) for name in models]
+    made_from = [recordings, fitted, deployment, project.settings.connection, __version__]
+    project.run("report", made_from, [evaluation, page], work)
     return concluded

@@ -1,22 +1,25 @@
 """One folder for one calibration: its settings, what was recorded, fitted and found, step by step.
 
-Every step writes its files and then a line into steps.json: what it was made from, and a hash of that. A step whose
-settings and inputs are the same as before, and whose files are still there, is not run again.
+Every step writes its files and then a line into steps.json: what it was made from, a hash of that, and hashes of its
+files. A step whose settings and inputs are the same as before, and whose files hold what they held, is not run again.
+One process at a time writes; what only reads needs no lock, and nothing is written that did not change.
 """
 
-import hashlib
+import contextlib
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from catenary import __version__
-from catenary.errors import ConfigError, FileFormatError, InputError
-from catenary.files import json_text, write_atomically
+from catenary.errors import ConfigError, FileFormatError, InputError, InUseError
+from catenary.files import PARTIAL, damage, fingerprint, json_text, write_atomically
 from catenary.trajectories.sinusoids import TURN_TIME
 from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY
+from catenary.workflows.project.lock import LOCK, FolderLock
+from catenary.workflows.project.outputs import describe, hold, missing
 
 SETTINGS, STEPS = "settings.json", "steps.json"
 CONNECTIONS = ("simulation", "ros1", "ros2")
@@ -66,48 +69,62 @@ class ProjectSettings:
 
 
 class Project:
-    """A folder and what has been done in it."""
+    """A folder and what has been done in it.
+
+    What it writes it writes under the folder's lock: for one step, or as a context manager from the first step that
+    has to be done until the end.
+    """
 
     def __init__(self, folder: Path, settings: ProjectSettings) -> None:
         """Open a project, or begin one.
 
         Args:
             folder: Of the project.
-            settings: Written into it.
+            settings: Written into it where they differ from its own.
 
         Raises:
             FileFormatError: The folder cannot be made, or holds other things than a project.
+            InUseError: The settings differ, and another process is writing in the folder.
             ConfigError: Its steps.json is damaged.
         """
         self.folder, self.settings = folder, settings
         self.ran: list[str] = []  # steps that were run since it was opened; all others had been done
+        self._lock, self._depth = FolderLock(folder), 0
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise FileFormatError(f"{folder}: cannot be made a project: {error.strerror}") from error
-        if any(folder.iterdir()) and not (folder / SETTINGS).is_file():
+        names = {path.name for path in folder.iterdir() if path.suffix != PARTIAL} - {LOCK}
+        if names and not is_project(folder):
             raise FileFormatError(f"{folder}: is neither empty nor a project; give a new or an empty folder")
-        self._steps: dict[str, dict[str, Any]] = {}
-        path = folder / STEPS
-        if path.is_file():
-            try:
-                self._steps = json.loads(path.read_text(encoding="utf-8"))
-                for entry in self._steps.values():
-                    entry["made_from"], entry["files"]
-            except (AttributeError, KeyError, TypeError, ValueError) as error:
-                raise ConfigError(f"{path}: damaged: {error}; delete it to run every step again") from error
-        write(folder / SETTINGS, asdict(settings))
+        self._steps = self._read_steps()
+        if not self._has_settings():
+            with self:
+                self._lock.take()
+                write(folder / SETTINGS, asdict(settings))
 
     def done(self, step: str, made_from: Any, files: Sequence[Path]) -> bool:
-        """Return whether a step was done with the same settings and inputs, and its files are there."""
-        entry = self._steps.get(step)
-        return (
-            entry is not None
-            and entry["made_from"] == fingerprint(made_from)
-            and all(path.exists() for path in files)
-        )
+        """Return whether a step was done with the same settings and inputs, and its files hold what it wrote.
 
-    def run(self, step: str, made_from: Any, files: Sequence[Path], work: Callable[[], Any]) -> bool:
+        Sizes and times are compared, and bytes only where a time differs (`outputs.hold`). Of steps that an older
+        version did, which kept no hashes, the files have to be there.
+        """
+        entry = self._steps.get(step)
+        if entry is None or entry["made_from"] != fingerprint(made_from):
+            return False
+        if "outputs" not in entry:
+            return all(path.exists() for path in files)
+        return hold(self.folder, files, entry["outputs"])
+
+    def run(
+        self,
+        step: str,
+        made_from: Any,
+        files: Sequence[Path],
+        work: Callable[[], Any],
+        *,
+        trusted: bool = True,
+    ) -> bool:
         """Do a step unless it was done; return whether it was done now.
 
         Args:
@@ -115,18 +132,36 @@ class Project:
             made_from: Everything that it depends on, as plain data.
             files: What it writes, files or folders.
             work: Does it.
+            trusted: False where what was done cannot be used, whatever is noted of it.
+
+        Raises:
+            InUseError: Another process is writing in the project.
+            FileFormatError: A file that it should have written is not there when its work ends; it is not noted.
         """
-        if self.done(step, made_from, files):
+        if trusted and self.done(step, made_from, files):
             return False
-        if self._steps.pop(step, None) is not None:  # what stops in the middle must not look done
+        with self.writing():
+            if trusted and self.done(
+                step, made_from, files
+            ):  # by another process, before this one had the lock
+                return False
+            if self._steps.pop(step, None) is not None:  # what stops in the middle must not look done
+                write(self.folder / STEPS, self._steps)
+            work()
+            self._lock.check()
+            lacking = ", ".join(map(str, missing(files)))
+            if lacking:
+                raise FileFormatError(
+                    f"{lacking}: not there, although {step} has just written it; was it deleted meanwhile? "
+                    "The step is not noted as done: run the same command again"
+                )
+            self._steps[step] = {
+                "made_from": fingerprint(made_from),
+                "files": [str(path.relative_to(self.folder)) for path in files],
+                "version": __version__,
+                "outputs": describe(self.folder, files),
+            }
             write(self.folder / STEPS, self._steps)
-        work()
-        self._steps[step] = {
-            "made_from": fingerprint(made_from),
-            "files": [str(path.relative_to(self.folder)) for path in files],
-            "version": __version__,
-        }
-        write(self.folder / STEPS, self._steps)
         self.ran.append(step)
         return True
 
@@ -140,6 +175,63 @@ class Project:
             raise ConfigError(f"{self.folder}: {step} was not done yet")
         return str(self._steps[step]["made_from"])
 
+    def outputs_of(self, step: str) -> dict[str, Any] | None:
+        """Return a step's outputs by `describe`; None where it was not done, empty where an older version did it."""
+        return self._steps[step].get("outputs", {}) if step in self._steps else None
+
+    def __enter__(self) -> Self:
+        """Keep the folder's lock, once a step has taken it, until the end."""
+        self._depth += 1
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Give the lock back."""
+        self._depth -= 1
+        if self._depth == 0:
+            self._lock.release()
+
+    @contextlib.contextmanager
+    def writing(self) -> Iterator[None]:
+        """Hold the folder's lock.
+
+        Raises:
+            InUseError: Another process holds it, or has changed the project's settings since it was opened.
+            FileFormatError: The folder cannot be written in.
+        """
+        with self:
+            if not self._lock.is_held:
+                self._lock.take()
+                if not self._has_settings():
+                    raise InUseError(
+                        f"{self.folder}: another command changed its settings meanwhile; run this one again"
+                    )
+                self._steps = self._read_steps()
+                for left in self.folder.glob(f".*{PARTIAL}"):  # by a process that was killed
+                    left.unlink(missing_ok=True)
+            yield
+
+    def _has_settings(self) -> bool:
+        path = self.folder / SETTINGS
+        return path.is_file() and path.read_bytes() == _as_bytes(asdict(self.settings))
+
+    def _read_steps(self) -> dict[str, dict[str, Any]]:
+        path = self.folder / STEPS
+        if not path.is_file():
+            return {}
+        remedy = "delete it, and `catenary calibrate PROJECT` does every step again"
+        steps = read_state(path, remedy)
+        try:
+            for entry in steps.values():
+                entry["made_from"], entry["files"]
+        except (AttributeError, KeyError, TypeError) as error:
+            raise ConfigError(damage(path, f"{error!r}", remedy)) from error
+        return dict(steps)
+
+
+def is_project(folder: Path) -> bool:
+    """Return whether a folder holds a project, its settings or at least what was done."""
+    return any((folder / name).is_file() for name in (SETTINGS, STEPS))
+
 
 def project_settings(folder: Path) -> ProjectSettings | None:
     """Return the settings that a project was last opened with, or None where there is no project.
@@ -150,23 +242,41 @@ def project_settings(folder: Path) -> ProjectSettings | None:
     path = folder / SETTINGS
     if not path.is_file():
         return None
+    remedy = "delete it, and give the settings again: `catenary calibrate PROJECT` with its options"
+    content = read_state(path, remedy)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
         lists = {name: tuple(content[name]) for name in ("base_tilt_deg", "sparsities")}
         return ProjectSettings(**{**content, **lists})
     except (ValueError, KeyError, TypeError, InputError) as error:
-        raise ConfigError(f"{path}: not the settings of a project: {error}") from error
+        raise ConfigError(damage(path, f"not the settings of a project: {error}", remedy)) from error
 
 
-def fingerprint(content: Any) -> str:
-    """Return the hash of plain data."""
-    return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
+def read_state(path: Path, remedy: str) -> Any:
+    """Read one of a project's JSON files.
+
+    Args:
+        path: The file.
+        remedy: What makes it again, for the message.
+
+    Raises:
+        ConfigError: It is missing, empty or no JSON; the message names it and ends with the remedy.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise ConfigError(damage(path, error, remedy)) from error
 
 
 def write(path: Path, content: Any) -> None:
-    """Write plain data as JSON.
+    """Write plain data as JSON, unless the file holds just that.
 
     Raises:
         FileFormatError: The file cannot be written.
     """
-    write_atomically(path, json_text(content).encode())
+    data = _as_bytes(content)
+    if path.is_symlink() or not path.is_file() or path.read_bytes() != data:
+        write_atomically(path, data)
+
+
+def _as_bytes(content: Any) -> bytes:
+    return json_text(content).encode()

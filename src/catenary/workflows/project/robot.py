@@ -1,8 +1,10 @@
 """The steps of a project that need a robot, simulated or real."""
 
+import logging
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,8 @@ from catenary.calibration.progress import Progress, silent
 from catenary.recording.topics import Arm
 from catenary.trajectories.reference import Trajectory
 from catenary.workflows.project.folder import Project
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,19 @@ class ProjectRobot(ABC):
 def arm_of(project: Project) -> Arm:
     """Return the arm that a project is about."""
     return "gold" if project.settings.side == "left" else "green"
+
+
+def set_aside(project: Project, name: str) -> None:
+    """Move what was recorded under a name before to replaced/NAME, or NAME.2 and so on: it cannot be made again."""
+    folder = project.folder / "recordings" / name
+    if not folder.exists():
+        return
+    kept = project.folder / "replaced"
+    kept.mkdir(exist_ok=True)
+    numbered = (kept / (name if number == 1 else f"{name}.{number}") for number in count(1))
+    place = next(path for path in numbered if not path.exists())
+    folder.rename(place)
+    _log.warning("%s: what was recorded before under this name lies in %s", folder, place)
 
 
 def empty(folder: Path) -> None:

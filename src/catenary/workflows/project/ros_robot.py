@@ -20,7 +20,7 @@ from catenary.recording.topics import EXT_JPOS, Topic, raven_topics
 from catenary.trajectories.reference import Reference, Trajectory
 from catenary.workflows.project.deploy import deploy_on_robot
 from catenary.workflows.project.folder import Project, write
-from catenary.workflows.project.robot import ProjectRobot, Take, arm_of, empty
+from catenary.workflows.project.robot import ProjectRobot, Take, arm_of, set_aside
 from catenary.workflows.robot.guide import PATIENCE, AnswerYes, Check, Guide, clear_workspace, have_done
 from catenary.workflows.robot.homing import HOMING, home_client
 from catenary.workflows.robot.motion import check_motion, move_to, run_trajectory
@@ -83,7 +83,7 @@ class RosRobot(ProjectRobot):
             with at_rest_afterwards(client):
                 self._enable(client)
                 move_to(client, take.trajectory(0.0).q, joints=CALIBRATED)
-                empty(take.folder)
+                set_aside(project, take.name)
                 self._record(client, project, take)
 
     def deploy(

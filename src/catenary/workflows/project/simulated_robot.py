@@ -37,11 +37,12 @@ class SimulatedRobot(ProjectRobot):
         """Home it; again when another version's robot has other numbers, or cannot read the state that was left."""
         folder = project.folder / "robot"
         homed = folder / "homed.npz"
+        readable = True
         if homed.is_file():
             try:
                 restore_plant(make_plant(project.settings), homed)
             except FileFormatError:
-                homed.unlink()  # the step is not done without it
+                readable = False
 
         def work() -> None:
             folder.mkdir(exist_ok=True)
@@ -60,7 +61,8 @@ class SimulatedRobot(ProjectRobot):
             }
             write(folder / "home.json", content)
 
-        return project.run("home", _robot_settings(project.settings), [homed, folder / "home.json"], work)
+        files = [homed, folder / "home.json"]
+        return project.run("home", _robot_settings(project.settings), files, work, trusted=readable)
 
     def files(self, project: Project, take: Take) -> list[Path]:
         """Return the recording's folder, and the robot as it was left."""

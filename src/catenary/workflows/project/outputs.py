@@ -1,0 +1,85 @@
+"""What a step wrote: the size, time and SHA-256 of every file, and whether they still hold it."""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from catenary.errors import FileFormatError
+from catenary.files import fingerprint, sha256_of
+
+
+def describe(folder: Path, outputs: Sequence[Path]) -> dict[str, dict[str, Any]]:
+    """Return `size`, `mtime_ns` and `sha256` of every file of a step, by its path below the project's folder.
+
+    Their bytes are then on the disk (fsync), so that what is noted as done survives a power cut.
+
+    Args:
+        folder: Of the project.
+        outputs: Files, or folders with all that is in them.
+
+    Raises:
+        FileFormatError: One cannot be read.
+    """
+    described = {}
+    for output in outputs:
+        for path in _files(output):
+            try:
+                with path.open("rb") as file:
+                    os.fsync(file.fileno())
+                content = _size_and_time(path) | {"sha256": sha256_of(path)}
+            except OSError as error:
+                raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from error
+            described[path.relative_to(folder).as_posix()] = content
+    return described
+
+
+def missing(outputs: Sequence[Path]) -> list[Path]:
+    """Return the outputs that are not there, folders without a file among them."""
+    return [output for output in outputs if next(_files(output), None) is None]
+
+
+def hold(folder: Path, outputs: Sequence[Path], described: Any) -> bool:
+    """Return whether files still hold what `describe` saw: the same files, and the same bytes in each.
+
+    Cheap: a file of the same size and time is believed, and only one whose time differs is hashed. So what changes
+    bytes and leaves size and time is not found here, but by the checksums of journals, Parquet and models.
+    """
+    if not isinstance(described, Mapping):
+        return False
+    there = {path.relative_to(folder).as_posix(): path for output in outputs for path in _files(output)}
+    return there.keys() == described.keys() and all(
+        _holds(path, described[name]) for name, path in there.items()
+    )
+
+
+def contents(described: Mapping[str, Mapping[str, Any]], output: str) -> str:
+    """Return the hash of what the files below an output hold, by their names; times do not count."""
+    below = {name: one["sha256"] for name, one in described.items() if name.startswith(f"{output}/")}
+    return fingerprint(below)
+
+
+def _holds(path: Path, described: Any) -> bool:
+    if not isinstance(described, Mapping):
+        return False
+    try:
+        now = _size_and_time(path)
+        if now["size"] != described.get("size"):
+            return False
+        return now["mtime_ns"] == described.get("mtime_ns") or sha256_of(path) == described.get("sha256")
+    except OSError:
+        return False
+
+
+def _size_and_time(path: Path) -> dict[str, int]:
+    status = path.stat()
+    return {"size": status.st_size, "mtime_ns": status.st_mtime_ns}
+
+
+def _files(output: Path) -> Iterator[Path]:
+    if not output.is_dir():
+        if output.is_file():
+            yield output
+        return
+    for folder, _, names in os.walk(output):
+        yield from (path for name in sorted(names) if (path := Path(folder, name)).is_file())

@@ -1,0 +1,123 @@
+"""Two processes at one project; the other one is a real process where it has to end."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from catenary.errors import FileFormatError, InUseError
+from catenary.workflows.project.lock import LOCK, FolderLock
+
+HOLDS = """
+import sys, time
+from pathlib import Path
+sys.argv = ["catenary", "calibrate", "my project"]
+from catenary.workflows.project.lock import FolderLock
+FolderLock(Path(sys.orig_argv[-1])).take()
+print("held", flush=True)
+time.sleep(60)
+"""
+
+
+def taken(folder: Path) -> FolderLock:
+    lock = FolderLock(folder)
+    lock.take()
+    return lock
+
+
+def test_the_second_one_is_told_who_holds_it_and_gets_it_when_the_first_is_killed(tmp_path: Path) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLDS, tmp_path], stdout=subprocess.PIPE, text=True
+    ) as other:
+        try:
+            assert other.stdout is not None
+            assert other.stdout.readline() == "held\n"
+            words = rf"catenary calibrate 'my project' \(process {other.pid} on .+\) has been writing in it since 20"
+            with pytest.raises(InUseError, match=words):
+                taken(tmp_path)
+        finally:
+            other.send_signal(signal.SIGKILL)
+    assert (
+        json.loads((tmp_path / LOCK).read_text())["pid"] == other.pid
+    )  # it had no time to take its name off
+    mine = taken(tmp_path)
+    assert json.loads((tmp_path / LOCK).read_text())["pid"] == os.getpid()
+    mine.release()
+
+
+def test_it_is_free_once_released_and_its_file_then_names_nobody(tmp_path: Path) -> None:
+    taken(tmp_path).release()
+    assert (tmp_path / LOCK).read_bytes() == b""
+    taken(tmp_path).release()
+
+
+def test_a_process_of_another_host_is_not_passed_over(tmp_path: Path) -> None:
+    text = {
+        "host": "lab\x1b[2J",
+        "boot": "another",
+        "pid": 1,
+        "command": "catenary excite p",
+        "since": "noon",
+    }
+    (tmp_path / LOCK).write_text(json.dumps(text))
+    with pytest.raises(
+        InUseError, match=r"process 1 on lab\?\[2J\).*or delete .*\.lock if that process is gone"
+    ):
+        taken(tmp_path)
+    (tmp_path / LOCK).unlink()
+    taken(tmp_path).release()
+
+
+@pytest.mark.parametrize("text", ["", "{", "3", "[]", "\x00" * 100])
+def test_a_lock_that_says_nothing_is_taken_over(tmp_path: Path, text: str) -> None:
+    (tmp_path / LOCK).write_text(text)
+    taken(tmp_path).release()
+
+
+@pytest.mark.parametrize("text", ['{"pid": "x"}', '{"host": null, "boot": []}'])
+def test_a_lock_that_says_it_wrongly_is_named(tmp_path: Path, text: str) -> None:
+    (tmp_path / LOCK).write_text(text)
+    with pytest.raises(InUseError, match=r"or delete .*\.lock if that process is gone"):
+        taken(tmp_path)
+
+
+def test_a_file_system_without_locks_believes_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unknown(*_: object) -> None:
+        raise OSError(38, "Function not implemented")
+
+    monkeypatch.setattr("fcntl.flock", unknown)
+    with subprocess.Popen(["sleep", "60"]) as other:
+        (tmp_path / LOCK).write_text(json.dumps({"host": os.uname().nodename, "pid": other.pid}))
+        try:
+            with pytest.raises(InUseError, match=f"process {other.pid}"):
+                taken(tmp_path)
+        finally:
+            other.kill()
+    taken(tmp_path).release()
+
+
+def test_a_lock_whose_file_was_replaced_is_noticed_before_anything_is_noted(tmp_path: Path) -> None:
+    first = taken(tmp_path)
+    first.check()
+    (tmp_path / LOCK).unlink()
+    second = taken(tmp_path)
+    with pytest.raises(InUseError, match="was deleted or replaced"):
+        first.check()
+    second.check()
+    first.release()
+    second.release()
+
+
+def test_a_planted_link_is_not_followed(tmp_path: Path) -> None:
+    precious = tmp_path / "precious"
+    precious.write_text("mine")
+    (tmp_path / LOCK).symlink_to(precious)
+    with pytest.raises(FileFormatError, match="cannot be written"):
+        taken(tmp_path)
+    assert precious.read_text() == "mine"
