@@ -30,7 +30,9 @@ from catenary.recording.messages import (
 
 _Write = Callable[[Any], bytes]  # a value
 _Change = Callable[[Any], Any]  # of what rosbags gives, into our values
-_WRONG = (SerdeError, struct.error, TypeError, ValueError, OverflowError, AttributeError)
+NO_MESSAGE = (  # what rosbags raises of bytes, and `struct` of values, that do not fit
+    SerdeError, struct.error, TypeError, ValueError, OverflowError, AttributeError, LookupError, AssertionError,
+)  # fmt: skip
 _COUNT = struct.Struct("<I")  # of an array or a string, and a header's `seq`
 _EIGHT_BYTES = str.maketrans("lL", "qQ")  # NumPy's letters, in the standard sizes of `struct`
 
@@ -61,17 +63,34 @@ def codec(name: str) -> Codec:
             message_fields(name, message)  # says what it is instead
         try:
             data = write(message)
-        except _WRONG as error:
+        except NO_MESSAGE as error:
             raise InputError(f"{name}: {_misfit(name, message) or error}") from error
         return _COUNT.pack(seq % 2**32) + data[_COUNT.size :] if numbered else data
 
     def decode(data: bytes) -> Message:
         try:
             return finish(store.deserialize_ros1(data, rosbags_name))
-        except _WRONG as error:
+        except NO_MESSAGE as error:
             raise FileFormatError(f"{name}: {len(data)} bytes are no such message ({error})") from error
 
     return Codec(encode, decode)
+
+
+@cache
+def most_bytes(name: str, entries: int, text: int) -> int:
+    """Return the bytes of a type's largest message whose arrays have at most `entries` and its texts `text` bytes."""
+    return sum(_most_bytes(field, entries, text) for field in fields(current_name(name)))
+
+
+def _most_bytes(field: Field, entries: int, text: int) -> int:
+    if field.length is not None:
+        single = _most_bytes(field._replace(length=None), entries, text)
+        return field.length * single if field.length else _COUNT.size + entries * single
+    if field.type in NUMBERS:
+        return np.dtype(NUMBERS[field.type]).itemsize
+    if field.type in TIMES:
+        return 8
+    return _COUNT.size + text if field.type == "string" else most_bytes(field.type, entries, text)
 
 
 def _misfit(name: str, message: Message) -> str | None:
@@ -79,7 +98,7 @@ def _misfit(name: str, message: Message) -> str | None:
     for field, value in message_fields(name, message):
         try:
             _writer(field)(value)
-        except _WRONG as error:
+        except NO_MESSAGE as error:
             if field.length is None and field.type in MESSAGES and type(value) is message_class(field.type):
                 return f"{field.name}: {_misfit(field.type, value)}"
             brackets = "" if field.length is None else f"[{field.length or ''}]"

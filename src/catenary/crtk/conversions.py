@@ -3,7 +3,7 @@
 The RAVEN-II's own `raven_state` is in `raven_conversions`.
 """
 
-from math import sqrt
+from math import hypot, sqrt
 from typing import cast, get_args
 
 import numpy as np
@@ -60,6 +60,8 @@ def joint_values(message: Message, names: tuple[str, ...], field: str = "positio
     """
     values = as_array(f"JointState.{field}", getattr(message, field), (None,))
     given = tuple(message.name)
+    if len(given) > 2 * len(names):  # no need to compare so many one by one
+        raise InputError(f"JointState.name: {len(given)} names, expected {', '.join(names)}")
     if not given:
         if len(values) < len(names):
             raise InputError(
@@ -145,13 +147,22 @@ def pose_of(message: Message) -> Pose:
         place, turn = message.transform
     else:
         raise InputError(f"expected a PoseStamped or a TransformStamped, got {type(message).__name__}")
+    return Pose(rotation_of(turn), as_array("position", tuple(place), (3,)))
+
+
+def rotation_of(turn: Message) -> Floats:
+    """Return the rotation matrix (3, 3) of a geometry_msgs/Quaternion, which is normalised.
+
+    Raises:
+        InputError: NaN, or a length that is not 1 within 1 %.
+    """
     quaternion = as_array("quaternion", (turn.w, turn.x, turn.y, turn.z), (4,))
-    length = float(np.linalg.norm(quaternion))
+    length = hypot(*quaternion.tolist())
     if abs(length - 1.0) > 0.01:
         raise InputError(
             f"quaternion (w, x, y, z) {quaternion.tolist()}: expected length 1, got {length:.3g}"
         )
-    return Pose(rotation_from_quaternion(quaternion), as_array("position", tuple(place), (3,)))
+    return rotation_from_quaternion(quaternion)
 
 
 def operating_state_message(state: OperatingState, stamp: int) -> Message:

@@ -98,7 +98,8 @@ class Subscription:
 
     With a callback they are handed over in the transport's `poll`; without, `take` gives them. At most `depth` wait;
     then the oldest gives way, and `overflowed` counts it. `damaged` counts those whose bytes were no message of the
-    type; they are left out. `repeated` counts what a latching publisher gave again after its connection had been
+    type; they are left out. `oversized` counts those of more than `largest` bytes, which are dropped as they come in,
+    before anybody looks into them. `repeated` counts what a latching publisher gave again after its connection had been
     broken: a message that had come already is not given twice.
     """
 
@@ -110,6 +111,7 @@ class Subscription:
         decode: Callable[[Any], Message],
         callback: Callback | None = None,
         depth: int = 1000,
+        largest: int | None = None,
     ) -> None:
         """Prepare to receive; transports call this, not users.
 
@@ -120,8 +122,9 @@ class Subscription:
             raise InputError(f"subscription of {topic}: depth: expected 1 or more, got {depth}")
         self.topic = topic
         self.type_name = type_name
-        self.depth = depth
+        self.depth, self.largest = depth, largest
         self.overflowed = 0
+        self.oversized = 0
         self.damaged = 0
         self.repeated = 0
         # last message of each latching publisher, by process
@@ -140,8 +143,18 @@ class Subscription:
         """Have `leave` called, once, when the subscription is closed; transports call this."""
         self._leave = leave
 
+    def has_room_for(self, size: int) -> bool:
+        """Return whether it takes messages of so many bytes; one that it does not take is counted."""
+        if self.largest is None or size <= self.largest:
+            return True
+        with self._inbox.lock:
+            self.oversized += 1
+        return False
+
     def push(self, data: Any, time: int, origin: Origin | None = None) -> None:
         """Take in a message as ROS 1's bytes, at `time` [ns]; transports call this, from any thread."""
+        if self.largest is not None and not self.has_room_for(len(data)):
+            return
         with self._inbox.lock:
             if self._closed:
                 return

@@ -21,6 +21,7 @@ JOINT_STATE = "sensor_msgs/JointState"
 TRANSFORM = "geometry_msgs/TransformStamped"
 POSE = "geometry_msgs/PoseStamped"
 COMMAND = "crtk_msgs/StringStamped"
+WARNING = "warning"  # verb: what an arm has to say of commands that it did not obey; ours, in both dialects
 BUTTON = "/silver_button"  # service: the RAVEN-II's start button, which no public topic presses
 BUTTON_TYPE = "std_srvs/Trigger"
 NAMESPACES: dict[Arm, str] = {"gold": "/arm1", "green": "/arm2"}  # of a RAVEN-II
@@ -50,6 +51,7 @@ _RAVEN_ARM: _Verbs = {
     "operating_state": ("crtk_msgs/operating_state", "out"),
     "setpoint_js": (JOINT_STATE, "out"),
     "setpoint_cp": (TRANSFORM, "out"),
+    WARNING: ("std_msgs/String", "out"),
     "state_command": (COMMAND, "in"),
     **dict.fromkeys(("servo_jr", "servo_jp", "servo_jv"), (JOINT_STATE, "in")),
     **dict.fromkeys(("servo_cp", "servo_cr", "servo_cv"), (TRANSFORM, "in")),
@@ -65,6 +67,7 @@ _CRTK: _Verbs = {
     **dict.fromkeys(("measured_cp", "setpoint_cp"), (POSE, "out")),
     "measured_cv": ("geometry_msgs/TwistStamped", "out"),
     "measured_cf": ("geometry_msgs/WrenchStamped", "out"),
+    WARNING: ("std_msgs/String", "out"),
     "state_command": (COMMAND, "in"),
     **dict.fromkeys(
         ("servo_jp", "servo_jr", "servo_jv", "servo_jf", "move_jp", "move_jr"), (JOINT_STATE, "in")

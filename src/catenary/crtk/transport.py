@@ -114,9 +114,22 @@ class Transport(ABC):
         return made
 
     def subscribe(
-        self, topic: str, type_name: str, callback: Callback | None = None, *, depth: int = DEPTH
+        self,
+        topic: str,
+        type_name: str,
+        callback: Callback | None = None,
+        *,
+        depth: int = DEPTH,
+        largest: int | None = None,
     ) -> Subscription:
         """Begin to receive: by `callback` in `poll`, or without one by the subscription's `take`.
+
+        Args:
+            topic: Its name; one without a leading slash gets it.
+            type_name: Message type, such as sensor_msgs/JointState.
+            callback: Gets the messages.
+            depth: Messages that wait at most.
+            largest: Bytes of a message, as ROS 1 has them, beyond which it is dropped and counted; any when None.
 
         Raises:
             InputError: The name is invalid, the type unknown, or `depth` below 1.
@@ -125,7 +138,7 @@ class Transport(ABC):
         self.require_open()
         topic = absolute(topic)
         subscription = Subscription(
-            topic, current_name(type_name), self.inbox, codec(type_name).decode, callback, depth
+            topic, current_name(type_name), self.inbox, codec(type_name).decode, callback, depth, largest
         )
         self._subscribe(subscription, type_name)
         return subscription

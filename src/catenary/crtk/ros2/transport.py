@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from catenary.crtk.codec import codec
+from catenary.crtk.codec import NO_MESSAGE, codec
 from catenary.crtk.inbox import Request, Subscription
 from catenary.crtk.message import Message, message_class, message_fields
 from catenary.crtk.transport import DEPTH, Connections, Handler, Publisher, Transport, absolute, other_type
@@ -113,10 +113,22 @@ class Ros2Transport(Transport):
         durabilities = {one.qos_profile.durability for one in self.node.get_publishers_info_by_topic(topic)}
         latch = durabilities == {importlib.import_module("rclpy.qos").DurabilityPolicy.TRANSIENT_LOCAL}
         to_ros1 = partial(typestore(2).cdr_to_ros1, typename=ros2_name(type_name))
+
+        def receive(data: bytes) -> None:
+            # at most twice as many bytes as ROS 1's, which are what is bounded: padding, and an end of each text
+            if not subscription.has_room_for(len(data) // 2):
+                return
+            try:
+                message = bytes(to_ros1(data))
+            except NO_MESSAGE:
+                subscription.damaged += 1
+                return
+            subscription.push(message, self.now())
+
         handle = self.node.create_subscription(
             ros2_class(type_name),
             topic,
-            lambda data: subscription.push(bytes(to_ros1(data)), self.now()),
+            receive,
             # roomy: what ROS 2 itself drops, nobody counts
             self._qos(max(depth, DEPTH), latch=latch),
             raw=True,

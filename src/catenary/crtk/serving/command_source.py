@@ -16,6 +16,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from catenary.crtk.clock import SECOND
+from catenary.crtk.codec import most_bytes
 from catenary.crtk.inbox import Arrival
 from catenary.crtk.message import Message, stamp_of
 from catenary.crtk.names import COMMAND, CrtkTopic
@@ -25,6 +26,9 @@ from catenary.crtk.transport import Transport
 OLDEST = SECOND // 2  # [ns] age of a stamp beyond which a command is not obeyed
 SETTLE = SECOND  # [ns] after a connection to a client that was there before the server
 LONGEST_WAIT = 10 * SECOND  # [ns] for such a connection, where the client turns out to be dead
+# of the largest command that is looked at, ours
+ENTRIES = 32  # numbers or names of an array
+TEXT = 128  # bytes of a text
 ALWAYS_OBEYED = ("disable", "pause")
 
 
@@ -55,8 +59,9 @@ class CommandSource:
         self._old = beginning.publishing.get(topic.name, frozenset())
         self._since: dict[str, int] = {}  # [ns] when programs were first seen to be connected
         self._waits = topic.name in beginning.published
-        self._subscription = transport.subscribe(topic.name, topic.type)
-        self._missed = 0
+        largest = most_bytes(topic.type, ENTRIES, TEXT)
+        self._subscription = transport.subscribe(topic.name, topic.type, largest=largest)
+        self._missed = self._oversized = 0
         self.process = ""  # that the newest fresh command came from, as in `Arrival.process`
 
     def take(self, now: int) -> list[Message]:
@@ -66,14 +71,24 @@ class CommandSource:
         fresh = [one for one in self._subscription.take_arrivals() if self._is_fresh(one, now)]
         if fresh:
             self.process = fresh[-1].process
-        lost = self._subscription.overflowed + self._subscription.damaged
+        self._report_lost(now)
+        return [one.message for one in fresh]
+
+    def _report_lost(self, now: int) -> None:
+        heard = self._subscription
+        lost = heard.overflowed + heard.damaged
         if lost > self._missed:
             self._reports.say(f"{self.topic.name}: lost", f"{lost - self._missed} commands", now)
             self._missed = lost
-        return [one.message for one in fresh]
+        if heard.oversized > self._oversized:
+            text = f"{heard.oversized - self._oversized} commands of more than {heard.largest} bytes dropped"
+            to = () if self.topic.arm is None else (self.topic.arm,)
+            self._reports.say(f"{self.topic.name}: too large", text, now, to=to)
+            self._oversized = heard.oversized
 
     def watch(self, now: int) -> None:
-        """Look at who is connected; called some ten times a second."""
+        """Look at who is connected and what was lost; called some ten times a second."""
+        self._report_lost(now)
         if not (self._waits or self._old):
             return
         connected = self._transport.connections(self.topic.name).publishers

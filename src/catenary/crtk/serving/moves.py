@@ -19,6 +19,7 @@ SPEED = {"rad": 0.8, "m": 0.016}  # [rad/s], [m/s]
 ACCELERATION = {"rad": 1.6, "m": 0.032}  # [rad/s2], [m/s2]
 _SPACING = 0.002  # [m] of poses along a line
 _TURN = 0.02  # [rad] likewise
+_MOST_PIECES = 256  # half a metre; farther ones are longer, so that a message sizes no array
 _FLAT = 1e-3  # [rad|m] least slope of a way, so that one without any ends too
 
 
@@ -41,21 +42,41 @@ def joint_move(arm: ServedArm, q: Floats) -> Trajectory:
 def straight_move(arm: ServedArm, goal: Pose) -> Iterator[Trajectory | None]:
     """Move the tool along a straight line to a pose, turning it evenly.
 
-    Whether the mechanism can follow is known at once. The rest is worked out piece by piece, one piece each time that
-    the iterator is asked, which gives None until it gives the trajectory: a tick has no time for all of it.
+    Whether the mechanism reaches the goal is known at once, and where the way is short, up to 64 mm, whether it can
+    follow. The rest is worked out piece by piece, one piece each time that the iterator is asked, which gives None
+    until it gives the trajectory: a tick has no time for all of it.
 
     Raises:
-        UnreachablePoseError: The mechanism refuses a pose on the way; nothing moves.
+        UnreachablePoseError: The goal is beyond the arm's reach, or the mechanism refuses a pose on the way, which the
+            iterator may raise too; nothing moves.
     """
+    tool = arm.tool
+    tool.require_reach(goal)
     q = arm.setpoint.q
     start = arm.tool.pose(q)
     way, turn = goal.position - start.position, rotation_vector(start.rotation.T @ goal.rotation)
     pieces = max(np.linalg.norm(way) / _SPACING, np.linalg.norm(turn) / _TURN)
-    count = max(4, int(np.ceil(pieces)))
+    count = min(max(4, int(np.ceil(pieces))), _MOST_PIECES)
     shares = np.arange(1, count + 1)[:, np.newaxis] / count
     rotations = start.rotation @ Rotation.from_rotvec(shares * turn).as_matrix()
-    rows = arm.tool.path(rotations, start.position + shares * way, q)
-    return _along(np.vstack([q, rows]), *_bounds(arm))
+    positions = start.position + shares * way
+
+    def found() -> Iterator[Floats]:
+        near = q
+        for k in range(0, count, tool.poses_a_tick):
+            piece = slice(k, k + tool.poses_a_tick)
+            rows = tool.path(rotations[piece], positions[piece], near)
+            near = rows[-1]
+            yield rows
+
+    rows = found()
+    if count <= tool.poses_a_tick:
+        rows = iter([*rows])
+    elif (
+        tool.model.closed_form is not None
+    ):  # others are searched along the way, and might not get there in one go
+        tool.joints(goal, q)
+    return _along(q, rows, *_bounds(arm))
 
 
 def _bounds(arm: ServedArm) -> tuple[Floats, Floats]:
@@ -63,8 +84,14 @@ def _bounds(arm: ServedArm) -> tuple[Floats, Floats]:
     return np.array([SPEED[unit] for unit in units]), np.array([ACCELERATION[unit] for unit in units])
 
 
-def _along(rows: Floats, velocity: Floats, acceleration: Floats) -> Iterator[Trajectory | None]:
-    yield None
+def _along(
+    start: Floats, pieces: Iterator[Floats], velocity: Floats, acceleration: Floats
+) -> Iterator[Trajectory | None]:
+    found = [start[np.newaxis]]
+    for piece in pieces:
+        found.append(piece)
+        yield None
+    rows = np.vstack(found)
     shares = np.linspace(0.0, 1.0, len(rows))
     path = CubicSpline(shares, rows)
     yield None

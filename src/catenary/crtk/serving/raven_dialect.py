@@ -7,7 +7,7 @@ import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.crtk.clock import SECOND
-from catenary.crtk.conversions import joint_values, pose_of
+from catenary.crtk.conversions import joint_values, pose_of, rotation_of
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.names import RAVEN, CrtkTopic
 from catenary.crtk.serving import arm_messages, cartesian_commands
@@ -16,7 +16,7 @@ from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.speaker import MakeMessage, Obey, Outlets, Speaker, single_number
 from catenary.errors import InputError
 from catenary.recording.topics import Arm
-from catenary.spatial import Pose, rotation_from_quaternion, rotation_vector
+from catenary.spatial import Pose, rotation_vector
 
 _JointState = message_class("sensor_msgs/JointState")
 SLOW = round(SECOND / 33.0)  # [ns] between two messages on /joint_states: at most 33 Hz
@@ -91,12 +91,7 @@ class RavenDialect(Speaker):
             step = np.asarray(message.del_pos[3 * i : 3 * i + 3], dtype=float)
             turn = message.tf_incr[i]
             step = 1e-6 * (step + as_array("raven_automove.tf_incr", tuple(turn.translation), (3,)))
-            quaternion = np.array([turn.rotation.w, turn.rotation.x, turn.rotation.y, turn.rotation.z])
-            if not np.isfinite(quaternion).all():
-                raise InputError("raven_automove.tf_incr: expected a finite rotation")
-            vector = (
-                rotation_vector(rotation_from_quaternion(quaternion)) if quaternion.any() else np.zeros(3)
-            )
+            vector = rotation_vector(rotation_of(turn.rotation)) if any(turn.rotation) else np.zeros(3)
             if not (step.any() or vector.any()) or not arm.is_ready:
                 continue
             cartesian_commands.servo_pose_increment(

@@ -1,11 +1,14 @@
 """What a server has to say about commands that it did not obey: counted always, said now and then."""
 
 import logging
+from collections import deque
 from dataclasses import dataclass
 
 from catenary.crtk.clock import SECOND
+from catenary.recording.topics import Arm
 
 _logger = logging.getLogger(__name__)
+LONGEST = 500  # characters of a text: a message may have quoted much of what was sent
 QUIET = 5 * SECOND  # [ns] between two sayings of the same kind
 
 
@@ -24,19 +27,26 @@ class Reports:
     def __init__(self) -> None:
         self.kinds: dict[str, Report] = {}
         self._fresh: list[str] = []
+        self._told: deque[tuple[Arm, str]] = deque(maxlen=20)
 
-    def say(self, kind: str, text: str, now: int) -> None:
+    def say(self, kind: str, text: str, now: int, *, to: tuple[Arm, ...] = (), each: bool = False) -> None:
         """Count a trouble, and log it unless one of its kind was logged within 5 s.
 
         Args:
             kind: What it is, such as "/arm1/servo_jr: refused".
             text: What happened this time.
             now: [ns].
+            to: Arms whose clients are told, when it is logged.
+            each: Tell them each time.
         """
+        text = text[:LONGEST]
         report = self.kinds.setdefault(kind, Report(text))
         report.count += 1
         report.text = text
-        if report.said is None or not 0 <= now - report.said < QUIET:
+        is_fresh = report.said is None or not 0 <= now - report.said < QUIET
+        if is_fresh or each:
+            self._told.extend((arm, f"{kind}: {text}") for arm in to)
+        if is_fresh:
             report.said = now
             times = f" ({report.count} times so far)" if report.count > 1 else ""
             line = f"{kind}: {text}{times}"
@@ -47,6 +57,14 @@ class Reports:
     def count(self, kind: str) -> int:
         """How often a kind of trouble occurred."""
         return self.kinds[kind].count if kind in self.kinds else 0
+
+    def take_told(self) -> list[tuple[Arm, str]]:
+        """Return what the clients of arms are to be told since the last time, the latest 20."""
+        if not self._told:
+            return []
+        told = list(self._told)
+        self._told.clear()
+        return told
 
     def take(self) -> list[str]:
         """Return what was logged since the last time, the latest 20."""

@@ -54,6 +54,8 @@ class ServedArm:
         self.reports = reports
         self.names = plant.joint_names
         self.machine = StateMachine(plant, dialect)
+        self.lower, self.upper = plant.lower, plant.upper
+        self.obeys = ""  # topic of the command that it obeyed last
         self.most = plant.period * np.array([FASTEST[unit] for unit in plant.joint_units])
         self.increments = Increments(self.most, plant.period)
         self.goal = Goal(self.most, plant.period)
@@ -63,6 +65,7 @@ class ServedArm:
         self.changes = 0  # times that its state was read
         self._velocity: Floats | None = None
         self._torque: Floats | None = None
+        self._pushed: Floats | None = None  # torques (n,) that were asked for in this tick
         self._until = 0  # tick at which velocity or torque lapse
         self._move: tuple[Trajectory, int] | None = None
         self._plan: Iterator[Trajectory | None] | None = None
@@ -140,7 +143,7 @@ class ServedArm:
         if self._torque is not None:
             self._torque = None
             if self.is_ready and self._takes_positions:
-                self.plant.servo_jp(self.measured.q)
+                self._send(self.measured.q)
 
     # what it reports; each pose is computed once a tick, if anybody asks: `refresh` clears it
 
@@ -198,6 +201,9 @@ class ServedArm:
         self.machine.update()
         self.tick += 1
         self.refresh()
+        if self._pushed is not None:
+            self._report_limits(self._pushed)
+            self._pushed = None
 
     def refresh(self) -> None:
         """Read the plant; one that cannot change, such as a parked arm, but once."""
@@ -220,9 +226,7 @@ class ServedArm:
         if increments is not None:
             self._send(self.setpoint.q + increments)
         elif self._plan is not None:
-            trajectory = next(self._plan)
-            if trajectory is not None:
-                self._plan, self._move = None, (trajectory, self.tick + 1)
+            self._plan_on(self._plan)
         elif self._move is not None:
             trajectory, begin = self._move
             time = (self.tick + 1 - begin) * self.plant.period
@@ -238,6 +242,17 @@ class ServedArm:
         elif self._torque is not None:
             self._push()
 
+    def _plan_on(self, plan: Iterator[Trajectory | None]) -> None:
+        try:
+            trajectory = next(plan)
+        except CatenaryError as error:  # the mechanism cannot follow all the way
+            self.hold()
+            kind = f"{self.obeys}: refused"
+            self.reports.say(kind, str(error), self.reports_time, to=(self.arm,), each=True)
+            return
+        if trajectory is not None:
+            self._plan, self._move = None, (trajectory, self.tick + 1)
+
     def _push(self) -> None:
         assert self._torque is not None
         if self.tick >= self._until:
@@ -247,10 +262,24 @@ class ServedArm:
         tau = self._torque
         if self.compensates_gravity:
             tau = tau + self.gravity_torque(self.measured.q, self.measured.gravity)
-        self.plant.servo_jf(tau)
+        self._pushed = tau
+        q = self.measured.q
+        # a robot that bounds nothing by itself is not pushed farther
+        outward = ((q > self.upper) & (tau > 0.0)) | ((q < self.lower) & (tau < 0.0))
+        self.plant.servo_jf(np.where(outward, 0.0, tau))
+
+    def _report_limits(self, asked: Floats) -> None:
+        """Say of torques that did not act as they were asked for where the joint was."""
+        acts = self.measured.tau
+        for j in np.flatnonzero(np.abs(acts - asked) > 1e-3 * (1.0 + np.abs(asked))):
+            text = (
+                f'joint "{self.names[j]}": torque {asked[j]:.4g} asked for, {acts[j]:.4g} acts, at '
+                f"{self.measured.q[j]:.4g} {self.plant.joint_units[j]} of [{self.lower[j]:.4g}, {self.upper[j]:.4g}]"
+            )
+            self.reports.say(f"{self.arm}: limited", text, self.reports_time, to=(self.arm,))
 
     def _send(self, q: Floats) -> None:
         if self._takes_positions:
-            self.plant.servo_jp(q)
+            self.plant.servo_jp(np.minimum(np.maximum(q, self.lower), self.upper))
         else:
             self.reports.say(f"{self.arm}: cannot", "the robot takes no positions", self.reports_time)

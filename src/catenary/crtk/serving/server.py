@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from catenary.crtk.clock import SECOND
 from catenary.crtk.conversions import Stamps
 from catenary.crtk.message import Message, message_class
-from catenary.crtk.names import BUTTON, BUTTON_TYPE, COMMAND, CrtkTopic
+from catenary.crtk.names import BUTTON, BUTTON_TYPE, COMMAND, WARNING, CrtkTopic
 from catenary.crtk.serving.command_source import Beginning, CommandSource
 from catenary.crtk.serving.commander import Commander
 from catenary.crtk.serving.outlet import Outlet
@@ -21,6 +21,7 @@ from catenary.errors import CatenaryError
 from catenary.recording.topics import Arm
 
 _STARTS = ": starts"
+_String = message_class("std_msgs/String")
 WATCH = SECOND // 10  # [ns] between two looks at who is connected
 
 
@@ -93,6 +94,8 @@ class Server:
         for arm in self.arms.values():
             arm.reports_time = now
             arm.advance()
+        for name, line in self.reports.take_told():
+            self.outlets[WARNING, name].publish(_String(line))
         if self.ticks % self._every == 0:
             self._dialect.publish(self._stamps.next(now))
         if self._encoders is not None:
@@ -166,7 +169,14 @@ class Server:
                 for name in self.arms if topic.arm is None else (topic.arm,):
                     self._commanders[name].commands(topic.name, source.process, now)
         except CatenaryError as error:  # whatever a client sends, the robot goes on
-            self.reports.say(f"{topic.name}: refused", str(error), now)
+            self._refuse(topic, str(error), now)
+        except (ArithmeticError, ValueError, LookupError) as error:  # numbers that nobody foresaw
+            self._refuse(topic, repr(error), now)
+
+    def _refuse(self, topic: CrtkTopic, why: str, now: int) -> None:
+        """Say why a command is not obeyed, of each move and of streamed commands now and then."""
+        to = tuple(self.arms) if topic.arm is None else (topic.arm,)
+        self.reports.say(f"{topic.name}: refused", why, now, to=to, each="move" in topic.verb)
 
     def _pause_abandoned(self, arm: ServedArm, commander: Commander, now: int) -> None:
         """Pause an arm whose commander has gone in the middle of a motion."""

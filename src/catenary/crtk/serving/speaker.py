@@ -66,6 +66,7 @@ class Speaker:
             raise InputError("the arm is parked")
         if not arm.is_ready:
             raise InputError(why_not_obeyed(arm.state))
+        arm.obeys = topic.name
         self._obeyed[topic.verb](arm, message)
 
 

@@ -1,14 +1,18 @@
 """Where a served arm's tool is, and which joints bring it elsewhere."""
 
+from math import hypot
+
 import numpy as np
 
 from catenary.arrays import Floats
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
 from catenary.dynamics.kinematics import frame_poses, jacobian
 from catenary.dynamics.raven_inverse_kinematics import raven_path
-from catenary.errors import InputError
+from catenary.errors import InputError, UnreachablePoseError
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
+
+SEARCH = 15  # steps of a search from the pose before, or 75 mm beside: a tick has no time for more
 
 
 class ToolPose:
@@ -35,6 +39,9 @@ class ToolPose:
         if self.has_jaws:
             self._to_model[-1] = 0.0
             self._to_model[-1, -2:] = -0.5, 0.5
+        self.reach = _reach(model)  # [m] from the base, which the tool never passes
+        # poses that `path` finds well within a tick
+        self.poses_a_tick = 32 if model.closed_form == "raven2" else 1
         frame_0 = model.frames.get("frame0")
         self._frame_0 = Pose(np.eye(3), np.zeros(3)) if frame_0 is None else frame_0.pose
         self._base_in_frame_0 = self._frame_0.inverse()
@@ -52,10 +59,26 @@ class ToolPose:
         """Return joints (n,) that bring the tool to a pose, the nearest to some, with their opening of the jaws.
 
         Raises:
-            UnreachablePoseError: The remote centre, a joint limit or the mechanism refuses the pose.
+            UnreachablePoseError: Its reach, the remote centre, a joint limit or the mechanism refuses the pose.
         """
+        self.require_reach(pose)
         start = np.clip(self._to_model @ near, self.model.lower, self.model.upper)
-        return self._with_jaws(inverse_kinematics(self.model, pose, start), near)
+        return self._with_jaws(self._searched(pose, start), near)
+
+    def require_reach(self, pose: Pose) -> None:
+        """Refuse a pose farther away than the arm is long, before anything is worked out.
+
+        Raises:
+            UnreachablePoseError: It is; the message has both lengths.
+        """
+        distance = hypot(*pose.position.tolist())
+        if distance > self.reach:
+            raise UnreachablePoseError(
+                f"{distance:.4g} m from the base, expected at most {self.reach:.4g} m, the arm's reach"
+            )
+
+    def _searched(self, pose: Pose, start: Floats) -> Floats:
+        return inverse_kinematics(self.model, pose, start, max_iterations=SEARCH)
 
     def path(self, rotations: Floats, positions: Floats, near: Floats) -> Floats:
         """Return joints (N, n) along a path of poses, (N, 3, 3) and (N, 3) [m], each as `joints` from the one before.
@@ -72,7 +95,7 @@ class ToolPose:
         else:
             found = np.empty((len(positions), model.n))
             for k, (rotation, position) in enumerate(zip(rotations, positions, strict=True)):
-                start = found[k] = inverse_kinematics(model, Pose(rotation, position), start)
+                start = found[k] = self._searched(Pose(rotation, position), start)
         return self._with_jaws(found, near)
 
     def prepare(self) -> None:
@@ -99,3 +122,13 @@ class ToolPose:
         """Return directions (3,) or rotations' columns of frame 0 in base axes."""
         turned: Floats = self._frame_0.rotation @ vectors
         return turned
+
+
+def _reach(model: RobotModel) -> float:
+    """Return a bound of the tip's distance from the base [m]: all links in one line, all slides drawn out."""
+    farthest = np.maximum(np.abs(model.lower), np.abs(model.upper))
+    moved = np.abs(model.coupling) @ np.where(np.isinf(farthest), 0.0, farthest) + np.abs(model.offset)
+    endless = (np.abs(model.coupling) @ np.isinf(farthest)) > 0.0
+    slides = np.where(model.tree.prismatic, np.where(endless, np.inf, moved), 0.0)
+    links = np.linalg.norm(model.tree.origin, axis=1).sum() + np.linalg.norm(model.frame().pose.position)
+    return float(links + slides.sum())
