@@ -78,6 +78,16 @@ def test_a_signal_that_is_ignored_stays_ignored() -> None:
     assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
 
 
+def test_a_terminal_that_is_gone_hides_no_signal() -> None:
+    def interrupted() -> None:
+        with pytest.raises(EndedBySignal):
+            os.kill(os.getpid(), signal.SIGHUP)
+        raise OSError("Input/output error")
+
+    with pytest.raises(EndedBySignal, match="SIGHUP"), signals_interrupt():
+        interrupted()
+
+
 def test_other_threads_change_no_handlers() -> None:
     found: list[object] = []
 

@@ -28,14 +28,14 @@ def signals_interrupt() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    asked = -AGAIN
+    asked, name = -AGAIN, ""
 
     def end(number: int, _: FrameType | None) -> None:
-        nonlocal asked
+        nonlocal asked, name
         now = time.monotonic()
         if now - asked >= AGAIN:
-            asked = now
-            raise EndedBySignal(signal.Signals(number).name)
+            asked, name = now, signal.Signals(number).name
+            raise EndedBySignal(name)
 
     before = {number: signal.getsignal(number) for number in _ENDS}
     taken = {number: handler for number, handler in before.items() if handler not in (signal.SIG_IGN, None)}
@@ -43,6 +43,10 @@ def signals_interrupt() -> Iterator[None]:
         signal.signal(number, end)
     try:
         yield
+    except OSError as error:
+        if name:  # SIGHUP says that the terminal is gone: what is printed afterwards fails
+            raise EndedBySignal(name) from error
+        raise
     finally:
         for number, handler in taken.items():
             signal.signal(number, handler)
