@@ -84,7 +84,7 @@ NO_TEXT = b'<robot name="\xff\xfe"/>'
         ("a.urdf", "<robot name='x'><link name='base'/></robot>", "no moving joint"),
         ("a.xml", "<html/>", "expected <robot> (URDF) or <mujoco> (MJCF)"),
         ("a.npz", "", "cannot be read"),
-        ("a.parquet", "", "cannot be read"),
+        ("a.parquet", "", "it is empty"),
         ("a.txt", "hello", 'ending ".txt"'),
         *((name, NO_TEXT, "cannot be read") for name in ("a.toml", "a.urdf", "a.xml")),
         *((f"a{ending}", None, "is a folder, expected a file") for ending in ("", ".npz", ".toml", ".urdf", ".parquet")),
