@@ -47,6 +47,7 @@ def commands() -> list[str]:
     return sorted({line for line in lines if " " in line and not re.search(r"[A-Z]{2}|\.\.\.", line)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", commands())
 def test_commands_on_the_pages_run(line: str) -> None:
     assert catenary(*shlex.split(line)).code == 0

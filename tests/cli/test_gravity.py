@@ -87,12 +87,16 @@ def test_hold_tells_the_drift_of_every_joint() -> None:
     assert "shoulder" in catenary("hold", "raven2", "--seconds", "0.2", "--controller", "sg").out
 
 
-def test_any_other_robot_is_held_and_moved_as_rigid_bodies(tmp_path: Path) -> None:
+def test_any_other_robot_is_held_as_rigid_bodies(tmp_path: Path) -> None:
     page = tmp_path / "hold.html"
     line = ("hold", "two_link", "--q-deg", "30,40", "--seconds", "0.2", "--base-tilt-deg", "0", "90")
     assert str(page) in catenary(*line, "--report", page).out
     assert "Distance of every joint from where it began" in page.read_text()
     assert "0, 90" in page.read_text()  # the base's tilt
     assert max(joint["drift"] for joint in catenary(*line, "--json").json["joints"]) < 1e-3
+
+
+@pytest.mark.slow
+def test_nineteen_joints_are_moved() -> None:
     moved = catenary("track", "dual_arm_19", "--motion", "random", "--seconds", "2", "--json").json
     assert len(moved["joints"]) == 19
