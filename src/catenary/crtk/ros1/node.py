@@ -14,7 +14,6 @@ from collections.abc import Callable
 from typing import Any
 
 import rospy
-from rospy.impl import tcpros_base
 
 from catenary.crtk.ros1 import peers
 from catenary.crtk.ros1.master import Master, Refused
@@ -47,7 +46,7 @@ class Node:
             )
         os.environ["ROS_MASTER_URI"] = uri  # rospy knows no other way, and asks again for services
         configure, rospy.core.configure_logging = rospy.core.configure_logging, lambda *_, **__: None
-        _read_greetings_apart()
+        peers.read_greetings_apart()
         try:
             # no arguments of the program, whose names could otherwise be remapped
             rospy.init_node(name, argv=[], disable_signals=True, disable_rosout=True, disable_rostime=True)
@@ -159,16 +158,6 @@ class Node:
             self.master.tell_publishers(self.uri, topic, found)
         for name, service in list(self._services.items()):
             register("registerService", name, service.uri, self.uri)
-
-
-def _read_greetings_apart() -> None:
-    """Have what a new peer says first read in a thread of its own.
-
-    rospy reads it in the thread that accepts peers, so one that says nothing would keep all others out for a minute.
-    """
-    server = tcpros_base.init_tcpros_server()  # the only one, which `rospy.init_node` takes
-    read = server._tcp_server_callback
-    server._tcp_server_callback = lambda *peer: threading.Thread(target=read, args=peer, daemon=True).start()
 
 
 def node(name: str, uri: str) -> Node:

@@ -1,9 +1,10 @@
 """Who is connected to a topic of rospy's, and what waits for peers that do not keep up.
 
 The one place that reaches behind rospy's public methods, into a topic's list of connections (`Topic.impl.connections`)
-and their sockets, for two things that they do not offer:
+and their sockets, and to its server of connections, for three things that they do not offer:
 
 - The names of peers.
+- A new peer that says nothing keeps no other out.
 - A publisher that waits for nobody and serves a robot at 1 kHz. With `queue_size=None` rospy's `publish` waits for the
   slowest peer. With `queue_size=N` it does not, but wakes a thread per topic and peer: 14 topics at 1 kHz to one peer
   then take 1.1 cores and come at 500 to 780 Hz (without other load, two cores).
@@ -18,9 +19,20 @@ from collections import deque
 from typing import Any
 
 import rospy
+from rospy.impl import tcpros_base
 
 _LOOK = 1.0  # [s] between two looks whether a peer that reads nothing has gone
 _LENGTH = struct.Struct("<I")  # in front of each message
+
+
+def read_greetings_apart() -> None:
+    """Have what a new peer says first read in a thread of its own.
+
+    rospy reads it in the thread that accepts peers, so one that says nothing would keep all others out for a minute.
+    """
+    server = tcpros_base.init_tcpros_server()  # the only one, which `rospy.init_node` takes
+    read = server._tcp_server_callback
+    server._tcp_server_callback = lambda *peer: threading.Thread(target=read, args=peer, daemon=True).start()
 
 
 class _Peer:
