@@ -9,7 +9,17 @@ from typing import Any, NamedTuple
 from zlib import crc32
 
 from catenary.errors import FileFormatError
-from catenary.recording.journal import FOOTER, HEAD, HEADER, MAGIC, MARKER, MAX_RECORD, About, JournalTopic
+from catenary.recording.journal import (
+    FOOTER,
+    HEAD,
+    HEADER,
+    MAGIC,
+    MARKER,
+    MAX_RECORD,
+    NOTE,
+    About,
+    JournalTopic,
+)
 from catenary.recording.layout import Encoding
 from catenary.recording.messages import check_ros1_type
 from catenary.recording.topics import require_topics
@@ -28,6 +38,7 @@ class JournalReport:
 
     messages: dict[str, int] = field(default_factory=dict)  # by topic
     problems: list[str] = field(default_factory=list)  # in words, with places
+    notes: list[str] = field(default_factory=list)  # of the recorder; they tell of no loss
     lost: int = 0  # messages that are known to be missing
     closed: bool = False  # the recording was finished, not cut off
 
@@ -59,8 +70,8 @@ class JournalReader:
 
     @property
     def problems(self) -> list[str]:
-        """What was found missing or damaged so far, in words."""
-        return self.report.problems
+        """What was found missing or damaged so far, in words, and the recorder's own notes."""
+        return [*self.report.problems, *self.report.notes]
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, arrival stamp [ns] and bytes of every whole message, in the order of arrival.
@@ -82,6 +93,8 @@ class JournalReader:
                 expected = self._count_missing(file, record.number, expected)
                 if record.topic == FOOTER:
                     report.closed = bool(json.loads(record.data)["last"])
+                elif record.topic == NOTE:
+                    report.notes.append(f"{file}: {json.loads(record.data)['note']}")
                 elif record.topic < len(names):
                     report.messages[names[record.topic]] += 1
                     if wanted[record.topic]:
