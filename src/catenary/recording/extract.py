@@ -18,6 +18,7 @@ from catenary.recording.bag_chunks import Block
 from catenary.recording.bag_stream import BagStream
 from catenary.recording.journal import About
 from catenary.recording.layout import Encoding
+from catenary.recording.losses import Rescue
 from catenary.recording.messages import current_name, md5_sum
 from catenary.recording.source import Source, open_recordings
 from catenary.recording.topics import TOPICS, Topic, decode, require_topics, topic_named
@@ -35,6 +36,7 @@ class Extraction:
     messages: Mapping[str, int]  # by topic
     about: About | None  # None where the recording does not say
     problems: tuple[str, ...]  # what was damaged, missing or left out
+    rescued: Rescue | None = None  # of a recording that was interrupted or damaged
 
 
 def extract(
@@ -50,14 +52,13 @@ def extract(
         paths: Journal, bags, MCAP files, or folders of them.
         folder: Where the files go; made if it is not there.
         topics: Names of those to extract; None for all that catenary knows.
-        salvage: Read bags that were cut off, as far as they go.
+        salvage: Read bags, too, that were cut off or are damaged: what is whole in them.
 
     Raises:
         FileFormatError: A file cannot be read, its types are not ours, or it lacks a topic that was asked for.
         InputError: The folder holds an extraction already, or the files are of different recordings.
     """
-    sources: Sequence[Source]
-    sources = [BagStream(path) for path in paths] if salvage else open_recordings(paths)
+    sources = open_recordings(paths, salvage=salvage)
     if folder.is_dir() and any(folder.glob("*.parquet")):
         raise InputError(f"{folder}: holds an extraction already; give another folder, or empty this one")
     about = _one_about(sources)
@@ -88,7 +89,7 @@ def extract(
         raise
     problems += [f"topic {name}: no messages" for name in wanted if name not in writers]
     counts = {name: writer.messages for name, writer in writers.items()}
-    return Extraction(folder, files, counts, about, tuple(problems))
+    return Extraction(folder, files, counts, about, tuple(problems), _rescue(sources, files))
 
 
 class TopicFile:
@@ -250,6 +251,16 @@ def _choose(sources: Sequence[Source], topics: Sequence[str] | None) -> tuple[di
             f"it has {', '.join(there) or 'none'}"
         )
     return wanted, problems
+
+
+def _rescue(sources: Sequence[Source], files: Mapping[str, Path]) -> Rescue | None:
+    """Return what is missing of sources that have been read, where they were not whole."""
+    if not any(source.damage for source in sources):
+        return None
+    arrivals = {name: TopicFile(path).read(["arrival"])["arrival"] for name, path in files.items()}
+    there = {topic.name: np.zeros(0, dtype=np.int64) for source in sources for topic in source.topics}
+    holes = [hole for source in sources for hole in source.holes]
+    return Rescue.of(there | arrivals, holes, ends_early=any(source.ends_early for source in sources))
 
 
 def _one_about(sources: Sequence[Source]) -> About | None:

@@ -13,6 +13,7 @@ from catenary.recording.bag_stream import BagStream, about_of
 from catenary.recording.journal import About, JournalTopic
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.layout import Encoding
+from catenary.recording.losses import Hole
 from catenary.recording.messages import check_ros2_type, current_name
 from catenary.recording.topics import ABOUT_TOPIC, require_topics
 
@@ -31,6 +32,12 @@ class Source(Protocol):
     def encoding(self) -> Encoding: ...  # noqa: D102
     @property
     def problems(self) -> list[str]: ...  # noqa: D102  complete once all messages were read
+    @property
+    def damage(self) -> list[str]: ...  # noqa: D102  those of them that are no mere remarks
+    @property
+    def holes(self) -> list[Hole]: ...  # noqa: D102  where messages are missing that were there
+    @property
+    def ends_early(self) -> bool: ...  # noqa: D102  it was cut off
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, arrival stamp [ns] and bytes of the messages of these topics, or of all."""
@@ -51,6 +58,11 @@ class McapReader:
         """
         self.path = path
         self.problems: list[str] = []
+        self.damage, self.holes, self.ends_early = (
+            self.problems,
+            list[Hole](),
+            False,
+        )  # one that opens is whole
         self.about: About | None = None
         types: dict[str, str] = {}
         with self._open() as reader:
@@ -89,8 +101,12 @@ class McapReader:
             raise FileFormatError(f"{self.path}: cannot be read: {error}; {_saved(self.path)}") from error
 
 
-def open_recording(path: Path) -> Source:
+def open_recording(path: Path, *, salvage: bool = False) -> Source:
     """Open a journal (folder or file), a ROS 1 bag, an MCAP file or a ROS 2 bag (folder).
+
+    Args:
+        path: Of the recording.
+        salvage: Open a bag, too, that was cut off or is damaged, to read what is whole.
 
     Raises:
         FileFormatError: No such file, another kind, truncated, or message types that are not ours.
@@ -101,19 +117,27 @@ def open_recording(path: Path) -> Source:
         return JournalReader(path)
     if path.suffix == ".bag" and path.is_file():
         bag = BagStream(path)
-        if bag.problems:
+        if bag.problems and not salvage:
             problem = bag.problems[0].removeprefix(f"{path}: ")
             raise FileFormatError(f"{path}: cannot be read: {problem}; {bag.whole_text()}")
         return bag
     if path.suffix == ".mcap" or (path.is_dir() and (path / "metadata.yaml").is_file()):
-        return McapReader(path)
+        try:
+            return McapReader(path)
+        except FileFormatError:
+            file = min(path.glob("*.mcap"), default=None) if path.is_dir() else path
+            if not salvage or file is None:
+                raise
+            return BagStream(file)
     raise FileFormatError(
         f"{path}: expected a folder of .journal files, a .bag, an .mcap or a folder with metadata.yaml"
     )
 
 
-def open_recordings(paths: Sequence[Path]) -> tuple[Source, ...]:
+def open_recordings(paths: Sequence[Path], *, salvage: bool = False) -> tuple[Source, ...]:
     """Open several files of one recording, such as one bag per topic; a folder of bags stands for all of them.
+
+    `salvage` as in `open_recording`.
 
     Raises:
         FileFormatError: None there, or one that cannot be opened.
@@ -124,7 +148,7 @@ def open_recordings(paths: Sequence[Path]) -> tuple[Source, ...]:
         found += bags if bags and not (path / "metadata.yaml").is_file() else [path]
     if not found:
         raise FileFormatError("recording: expected at least one file, got none")
-    return tuple(open_recording(path) for path in found)
+    return tuple(open_recording(path, salvage=salvage) for path in found)
 
 
 def _saved(path: Path) -> str:

@@ -8,7 +8,7 @@ One process at a time writes; what only reads needs no lock, and nothing is writ
 import contextlib
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -121,7 +121,7 @@ class Project:
         step: str,
         made_from: Any,
         files: Sequence[Path],
-        work: Callable[[], Any],
+        work: Callable[[], Mapping[str, Any] | None],
         *,
         trusted: bool = True,
     ) -> bool:
@@ -131,7 +131,7 @@ class Project:
             step: Its name.
             made_from: Everything that it depends on, as plain data.
             files: What it writes, files or folders.
-            work: Does it.
+            work: Does it; what it returns is noted beside the step.
             trusted: False where what was done cannot be used, whatever is noted of it.
 
         Raises:
@@ -147,7 +147,7 @@ class Project:
                 return False
             if self._steps.pop(step, None) is not None:  # what stops in the middle must not look done
                 write(self.folder / STEPS, self._steps)
-            work()
+            noted = work()
             self._lock.check()
             lacking = ", ".join(map(str, missing(files)))
             if lacking:
@@ -160,6 +160,7 @@ class Project:
                 "files": [str(path.relative_to(self.folder)) for path in files],
                 "version": __version__,
                 "outputs": describe(self.folder, files),
+                **(noted or {}),
             }
             write(self.folder / STEPS, self._steps)
         self.ran.append(step)
