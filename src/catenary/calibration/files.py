@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catenary.archives import read_arrays
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.model import CalibrationModel, Card, JointGroup
 from catenary.calibration.predictors import Constant, Linear, Network, Predictor, Quadratic
 from catenary.calibration.valid_range import ValidRange
 from catenary.errors import FileFormatError, InputError
 from catenary.files import damage, write_atomically
-from catenary.recording.importers import read_arrays
 
 FORMAT = "catenary.calibration.1"
 SIMPLE: dict[str, type[Predictor]] = {each.kind: each for each in (Constant, Linear, Quadratic)}

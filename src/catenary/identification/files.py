@@ -9,6 +9,7 @@ from typing import Any, get_args
 import numpy as np
 
 from catenary import __version__
+from catenary.archives import read_arrays
 from catenary.arrays import Floats
 from catenary.errors import FileFormatError, InputError
 from catenary.files import write_atomically
@@ -17,7 +18,6 @@ from catenary.identification.columns import Parameters
 from catenary.identification.identification import Identification
 from catenary.identification.options import IdentifyOptions
 from catenary.identification.residuals import LogResidual, Verdict
-from catenary.recording.importers import read_arrays
 from catenary.robots.model_record import robot_from_record, robot_record
 
 FORMAT = "catenary.identification.1"

@@ -8,13 +8,13 @@ from zipfile import is_zipfile
 
 import numpy as np
 
+from catenary.archives import read_arrays
 from catenary.arrays import Floats
 from catenary.calibration.files import load_model
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import FileFormatError
 from catenary.identification.files import load_identification
 from catenary.plant import MotionLog
-from catenary.recording.importers import read_arrays
 from catenary.recording.logs import read_log
 from catenary.reports.calibration import shortened
 from catenary.robots.catalog import load_robot, robot_names
