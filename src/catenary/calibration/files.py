@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from catenary.archives import read_arrays
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.model import CalibrationModel, Card, JointGroup, Target
 from catenary.calibration.predictors import Constant, Linear, Network, Predictor, Quadratic
@@ -17,7 +18,6 @@ from catenary.config import Recorded, parse_settings
 from catenary.documents import cut, json_table, shortened
 from catenary.errors import CatenaryError, FileFormatError
 from catenary.files import damage, write_atomically
-from catenary.recording.importers import read_arrays
 from catenary.robots.plausible import FARTHEST, check_different, check_names, check_within
 
 FORMAT = "catenary.calibration.1"

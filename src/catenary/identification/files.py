@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field, JsonValue
 
 from catenary import __version__
+from catenary.archives import read_arrays
 from catenary.arrays import Floats
 from catenary.config import Recorded, parse_settings
 from catenary.documents import cut, json_table, shortened
@@ -20,7 +21,6 @@ from catenary.identification.columns import Parameters
 from catenary.identification.identification import Identification
 from catenary.identification.options import IdentifyOptions, Terms
 from catenary.identification.residuals import LogResidual, Verdict
-from catenary.recording.importers import read_arrays
 from catenary.robots.actuation import Weighting
 from catenary.robots.model_record import robot_from_record, robot_record
 

@@ -18,6 +18,7 @@ from catenary.recording.journal import (
     MARKER,
     MAX_HEADER,
     MAX_RECORD,
+    NOTE,
     About,
     JournalTopic,
 )
@@ -29,6 +30,7 @@ from catenary.recording.topics import require_topics
 # a file takes one; what takes more was made to
 SEARCHED = 8
 MOST_PROBLEMS = 1000  # that are told one by one
+LONGEST_REMARK = 500  # characters
 
 
 class _Record(NamedTuple):
@@ -44,6 +46,7 @@ class JournalReport:
 
     messages: dict[str, int] = field(default_factory=dict)  # by topic
     problems: list[str] = field(default_factory=list)  # in words, with places
+    remarks: list[str] = field(default_factory=list)  # of the recorder; they tell of no loss
     lost: int = 0  # messages that are known to be missing
     closed: bool = False  # the recording was finished, not cut off
 
@@ -53,6 +56,16 @@ class JournalReport:
             self.problems.append(problem)
         elif len(self.problems) == MOST_PROBLEMS:
             self.problems.append(f"more than {MOST_PROBLEMS} places are damaged; further ones are not told")
+
+    def remark(self, file: Path, data: bytes) -> None:
+        """Keep what the recorder noted, unless it is none or there are too many."""
+        try:
+            text = json_table(data, f"{file}: note").get("note")
+        except FileFormatError as error:
+            self.note(str(error))
+            return
+        if isinstance(text, str) and len(self.remarks) < MOST_PROBLEMS:
+            self.remarks.append(f"{file}: {text[:LONGEST_REMARK]}")
 
 
 class JournalReader:
@@ -79,8 +92,8 @@ class JournalReader:
 
     @property
     def problems(self) -> list[str]:
-        """What was found missing or damaged so far, in words."""
-        return self.report.problems
+        """What was found missing or damaged so far, in words, and the recorder's own notes."""
+        return [*self.report.problems, *self.report.remarks]
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, arrival stamp [ns] and bytes of every whole message, in the order of arrival.
@@ -102,6 +115,8 @@ class JournalReader:
                 expected = self._count_missing(file, record.number, expected)
                 if record.topic == FOOTER:
                     report.closed = self._is_last(file, record)
+                elif record.topic == NOTE:
+                    report.remark(file, record.data)
                 elif record.topic < len(names):
                     report.messages[names[record.topic]] += 1
                     if wanted[record.topic]:
@@ -153,7 +168,7 @@ def _header(file: Path, data: bytes) -> tuple[tuple[JournalTopic, ...], About]:
     if header.get("format") != FORMAT:
         raise FileFormatError(f"{where}: format {shortened(header.get('format'))}, expected {FORMAT}")
     listed = header.get("topics")
-    if not isinstance(listed, list) or not 0 < len(listed) < FOOTER:
+    if not isinstance(listed, list) or not 0 < len(listed) < NOTE:
         raise FileFormatError(f"{where}: topics: expected a list of them, got {shortened(listed)}")
     for topic in listed:
         for key in ("name", "type", "md5", "definition"):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catenary.archives import read_arrays
 from catenary.arrays import Floats
 from catenary.calibration.card import model_card
 from catenary.calibration.card_schema import check_card
@@ -20,7 +21,6 @@ from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.recording.importers import read_arrays
 from catenary.recording.logs import read_log
 from catenary.units import DISPLAY
 
