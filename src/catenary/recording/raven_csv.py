@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.errors import FileFormatError, InputError
+from catenary.recording.clock_steps import without_steps
 from catenary.recording.importers import is_number
 from catenary.recording.series import Series, clean_series
 from catenary.recording.synchronise import (
@@ -62,17 +63,20 @@ def write_raven_csv(folder: Path, path: Path, *, arm: Arm = "gold", max_gap: flo
     Raises:
         FileFormatError: raven_state, ext_jpos or measured_js is not in the extraction.
     """
-    parts = [read_first_column(folder, topic, max_gap) for topic in (EXT_JPOS, measured_topic(arm))]
+    file = open_state(folder)
+    told = file.read(["stamp", "arrival"])
+    stamps, steps = without_steps(told["stamp"], told["arrival"])
+    topics = (EXT_JPOS, measured_topic(arm))
+    parts = [read_first_column(folder, topic, max_gap, clock_steps=steps) for topic in topics]
     rows = 0
     names = [name for column in STATE_COLUMNS for name in column.names]
     part = path.with_name(f"{path.name}.part")
     options = pa.csv.WriteOptions(include_header=False, quoting_style="none")
-    file = open_state(folder)
     with part.open("wb") as out:
-        first = int(file.read(["stamp"], 0)["stamp"][0]) if file.rows else 0
+        first = int(stamps[0]) if file.rows else 0
         for group in range(file.row_groups):
-            content = file.read(["stamp", *names], group)
-            stamp_ns = content["stamp"]
+            content = file.read(names, group)
+            stamp_ns = stamps[rows : rows + len(content[names[0]])]
             blocks: list[NDArray[Any]] = [*_nearest(parts[0], stamp_ns, max_gap, first)]
             blocks += [*_nearest(parts[1], stamp_ns, max_gap), stamp_ns / SECOND]
             blocks += [_published(column, content[name]) for column in STATE_COLUMNS for name in column.names]
