@@ -38,7 +38,14 @@ ROS1_MAGIC = b"#ROSBAG V2.0\n"
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 # record types of a ROS 1 bag [wiki.ros.org/Bags/Format/2.0]
 _MESSAGE, _BAG_HEADER, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 5, 6, 7
-_SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _DATA_END = 3, 4, 5, 6, 15  # of MCAP [mcap.dev/spec]
+_FOOTER, _SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _DATA_END = (
+    2,
+    3,
+    4,
+    5,
+    6,
+    15,
+)  # of MCAP [mcap.dev/spec]
 _LAST_KIND = 15  # of MCAP's records
 _MOST_PROBLEMS, _MOST_PIECES = 1000, 100  # that are told one by one; that a chunk is read in
 _CHUNK_HEAD = 60  # [B] before a chunk's records, at most; a shorter one holds none
@@ -193,6 +200,7 @@ class BagStream:
                     continue
                 yield whole
         if missing != 0:
+            self.ends_early = True
             self.problems.append(f"{self.path}: lacks its index, or part of it: it was cut off or not closed")
 
     def _bag_chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records]]:
@@ -270,7 +278,7 @@ class BagStream:
 
     def _mcap(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
         schemas: dict[int, tuple[str, str]] = {}
-        is_over = False  # what follows the data says again which topics there are
+        is_over = is_closed = False  # what follows the data says again which topics there are
         while len(head := file.read(9)) == 9:
             start, length = file.tell() - 9, _U64.unpack_from(head, 1)[0]
             data = file.read(min(length, size))
@@ -283,6 +291,7 @@ class BagStream:
             if following is not None:
                 data, is_whole = data[: max(0, following - start - 9)], False
             is_over |= kind == _DATA_END
+            is_closed |= kind == _FOOTER and is_whole
             if kind == _MCAP_CHUNK and len(data) > _CHUNK_HEAD:
                 with self._damage_told(start):
                     for inner, content in self._mcap_contents(data, is_whole=is_whole):
@@ -296,8 +305,9 @@ class BagStream:
                 file.seek(following)
             elif not is_whole and not is_over:
                 self._cut_off(9 + len(data))
-        if not is_over:
-            self.ends_early = True
+        self.ends_early |= not is_over
+        if not is_closed:
+            self.problems.append(f"{self.path}: lacks its index, or part of it: it was cut off or not closed")
 
     def _mcap_contents(self, data: bytes, *, is_whole: bool) -> Iterator[tuple[int, bytes]]:
         """Yield the whole records of a chunk; then raise what is damaged in it."""

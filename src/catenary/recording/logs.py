@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catenary.archives import read_arrays
 from catenary.arrays import Floats
 from catenary.errors import FileFormatError, InputError
 from catenary.files import damage, sha256_of, written_whole
 from catenary.plant import MotionLog
-from catenary.recording.importers import numbers_of, read_arrays, read_command_log
+from catenary.recording.importers import numbers_of, read_command_log
 from catenary.robots.model import RobotModel
 from catenary.units import TORQUE_UNIT
 

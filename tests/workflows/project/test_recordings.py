@@ -101,7 +101,7 @@ def test_a_finished_recording_that_cannot_be_read_is_an_error_after_the_others(p
 
 
 def test_a_bag_that_was_cut_off_is_rescued_like_a_journal(project: Project, tmp_path: Path) -> None:
-    bag = write_bag(record(tmp_path / "journal", 3.0), tmp_path / "a.bag")
+    bag = write_bag(record(tmp_path / "journal", 2.0), tmp_path / "a.bag")
     folder = project.folder / "recordings" / "bag"
     folder.mkdir()
     (folder / "a.bag").write_bytes(bag.read_bytes()[: bag.stat().st_size // 2])
