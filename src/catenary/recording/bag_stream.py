@@ -1,18 +1,18 @@
 """Bags read from their first byte to their last, without the index at their end, which a bag that was cut off lacks."""
 
-import bz2
 from collections.abc import Callable, Collection, Iterator
 from io import BytesIO
 from pathlib import Path
 from struct import Struct, error
-from typing import BinaryIO, TypeVar
+from typing import BinaryIO, Literal, TypeVar, cast
 
 import numpy as np
-from lz4.frame import decompress as lz4_decompress  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
-from catenary.documents import json_table
+from catenary.archives import unpacked
+from catenary.documents import cut, json_table
 from catenary.errors import FileFormatError
+from catenary.recording.bag_checks import MOST_TOPICS, unpacked_at_most
 from catenary.recording.bag_chunks import (
     CONNECTION,
     DATA,
@@ -37,7 +37,9 @@ _MESSAGE, _BAG_HEADER, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 5, 6, 7
 _SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _DATA_END = 3, 4, 5, 6, 15  # of MCAP [mcap.dev/spec]
 _CHUNK_HEAD = 60  # [B] before a chunk's records, at most; a shorter one holds none
 _U16, _U32, _U64 = Struct("<H"), Struct("<I"), Struct("<Q")
-_UNPACK = {b"none": bytes, b"bz2": bz2.decompress, b"lz4": lz4_decompress}
+MAX_HEADER = 2**20  # [B] of a record's header, or of a connection's
+# what a damaged file makes of the reading
+_DAMAGED = (error, LookupError, ValueError, OSError, EOFError, RuntimeError, ArithmeticError, MemoryError)
 
 Read = TypeVar("Read")
 
@@ -57,8 +59,11 @@ class BagStream:
         """
         self.path = path
         self.problems: list[str] = []
-        with path.open("rb") as file:
-            begin = file.read(len(ROS1_MAGIC))
+        try:
+            with path.open("rb") as file:
+                begin = file.read(len(ROS1_MAGIC))
+        except OSError as problem:
+            raise FileFormatError(f"{path}: cannot be read: {problem.strerror}") from problem
         self.has_blocks = begin == ROS1_MAGIC  # `blocks` can read it: a ROS 1 bag
         if not self.has_blocks and not begin.startswith(MCAP_MAGIC):
             raise FileFormatError(
@@ -112,16 +117,18 @@ class BagStream:
             file.seek(len(ROS1_MAGIC) if self.has_blocks else len(MCAP_MAGIC))
             try:
                 yield from read(file, size)
-            except (error, KeyError, ValueError, OSError, EOFError, RuntimeError) as problem:
+            except _DAMAGED as problem:
                 if isinstance(problem, FileFormatError):
                     raise
-                self.problems.append(f"{self.path}: damaged before byte {file.tell()}: {problem}")
+                why = cut(str(problem) or repr(problem))
+                self.problems.append(f"{self.path}: damaged before byte {file.tell()}: {why}")
 
     def _cut_off(self, left: int) -> None:
         self.problems.append(f"{self.path}: is cut off within its last {left} bytes")
 
     def _unpacked(self, file: BinaryIO, size: int) -> Iterator[bytes]:
         """Yield the chunks of a ROS 1 bag."""
+        left = unpacked_at_most(size)
         missing = None  # records that the bag's header promises behind the chunks
         while file.tell() < size:
             start = file.tell()
@@ -133,16 +140,16 @@ class BagStream:
                     yield file.read()
                 self._cut_off(size - start)
                 return
-            kind = values[b"op"][0]
-            if kind == _BAG_HEADER and _U64.unpack(values[b"index_pos"])[0]:
-                missing = _U32.unpack(values[b"conn_count"])[0] + _U32.unpack(values[b"chunk_count"])[0]
+            kind = _value(values, b"op", 1)[0]
+            if kind == _BAG_HEADER and _U64.unpack(_value(values, b"index_pos", 8))[0]:
+                counts = (_value(values, key, 4) for key in (b"conn_count", b"chunk_count"))
+                missing = sum(_U32.unpack(count)[0] for count in counts)
             elif kind in (_CHUNK_INFO, _CONNECTION) and missing is not None:
                 missing -= 1
             elif kind == _CHUNK:
-                unpack = _UNPACK.get(values[b"compression"])
-                if unpack is None:
-                    raise ValueError(f"unknown compression {values[b'compression'].decode(errors='replace')}")
-                yield unpack(data)
+                chunk = _chunk(values, data, left)
+                left -= len(chunk)
+                yield chunk
         if missing != 0:
             self.problems.append(f"{self.path}: lacks its index, or part of it: it was cut off or not closed")
 
@@ -181,11 +188,19 @@ class BagStream:
         """Check and keep the type of a connection's topic; return the topic."""
         values = _header(chunk[row[HEADER] : row[DATA] - 4])
         about = _header(chunk[row[DATA] : row[END]])
-        name, kind = values[b"topic"].decode(), about[b"type"].decode()
-        text = about[b"message_definition"].decode(errors="replace")
-        check_ros1_type(self.path, name, kind, about[b"md5sum"].decode(), text)
-        self._types[name] = current_name(kind)
+        name, kind = _value(values, b"topic").decode(), _value(about, b"type").decode()
+        text = _value(about, b"message_definition").decode(errors="replace")
+        check_ros1_type(self.path, name, kind, _value(about, b"md5sum").decode(), text)
+        self._keep(name, kind)
         return name
+
+    def _keep(self, name: str, kind: str) -> None:
+        """Keep the type of a topic."""
+        if name not in self._types and len(self._types) >= MOST_TOPICS:
+            raise FileFormatError(f"{self.path}: more than {MOST_TOPICS} topics")
+        known = self._types.setdefault(name, current_name(kind))
+        if known != current_name(kind):
+            raise FileFormatError(f"{self.path}: topic {name}: is of type {known} and of {cut(kind)}")
 
     def _mcap_counts(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
         for name, _, data in self._mcap(file, size):
@@ -222,7 +237,8 @@ class BagStream:
             name, _ = _text(data, 4)
             schema, text = schemas[_U16.unpack_from(data, 2)[0]]
             check_ros2_type(self.path, name, schema, text)
-            names[number], self._types[name] = name, current_name(schema)
+            self._keep(name, schema)
+            names[number] = name
         elif kind == _MCAP_MESSAGE:
             yield names[number], _U64.unpack_from(data, 6)[0], data[22:]
 
@@ -254,17 +270,50 @@ def _sized(file: BinaryIO, size: int) -> bytes | None:
     return file.read(length) if file.tell() + length <= size else None  # else what is there can still be read
 
 
+def _chunk(values: dict[bytes, bytes], data: bytes, left: int) -> bytes:
+    """Return a chunk of a ROS 1 bag, unpacked to the size that its header states."""
+    kind = _value(values, b"compression")
+    if kind == b"none":
+        return data
+    stated = _U32.unpack(_value(values, b"size", 4))[0]
+    if kind not in (b"bz2", b"lz4"):
+        raise ValueError(f"unknown compression {kind.decode(errors='replace')}")
+    if stated > left:
+        raise ValueError(f"a chunk would unpack to {stated} bytes; {left} are left of what is read")
+    chunk = unpacked(data, cast("Literal['bz2', 'lz4']", kind.decode()), stated)
+    if len(chunk) != stated:
+        raise ValueError(f"a chunk unpacks to {len(chunk)} bytes, and states {stated}")
+    return chunk
+
+
 def _header(data: bytes) -> dict[bytes, bytes]:
+    if len(data) > MAX_HEADER:
+        raise ValueError(f"a header of {len(data)} bytes, expected {MAX_HEADER} at most")
     values, position = {}, 0
     while position < len(data):
         length = _U32.unpack_from(data, position)[0]
-        key, _, value = data[position + 4 : position + 4 + length].partition(b"=")
+        end = position + 4 + length
+        if end > len(data):
+            raise ValueError(f"a field of {length} bytes, its header ends after {len(data) - position - 4}")
+        key, _, value = data[position + 4 : end].partition(b"=")
         values[key] = value
-        position += 4 + length
+        position = end
     return values
+
+
+def _value(values: dict[bytes, bytes], key: bytes, length: int | None = None) -> bytes:
+    """Return a field of a header."""
+    found = values.get(key)
+    if found is None:
+        raise ValueError(f"a header without {key.decode()}")
+    if length not in (None, len(found)):
+        raise ValueError(f"{key.decode()} has {len(found)} bytes, expected {length}")
+    return found
 
 
 def _text(data: bytes, position: int) -> tuple[str, int]:
     length = _U32.unpack_from(data, position)[0]
     end = position + 4 + length
+    if end > len(data):
+        raise ValueError(f"a text of {length} bytes, its record ends after {len(data) - position - 4}")
     return data[position + 4 : end].decode(), end
