@@ -87,9 +87,9 @@ def extract(
     from catenary.recording.bag import write_group_bags
     from catenary.recording.raven_csv import write_raven_csv
     from catenary.recording.source import open_recording
-    from catenary.workflows.project.folder import read_state
     from catenary.workflows.project.recordings import extract_recording, motion_log_path
     from catenary.workflows.project.robot import arm_of
+    from catenary.workflows.project.state import ExtractionFile, read_state
 
     if bag not in (None, "ros1", "mcap"):
         raise InputError(f'--bag "{bag}": expected ros1 or mcap')
@@ -104,6 +104,7 @@ def extract(
             extract_recording(opened, name)
             report = read_state(
                 opened.folder / f"{name}.synchronised.json",
+                ExtractionFile,
                 "delete it, and `catenary extract PROJECT` makes it again",
             )
             found[name] = {"log": str(motion_log_path(opened, name)), **report}
@@ -124,7 +125,12 @@ def extract(
     for name, report in found.items():
         header = ["topic", "messages", "rate [Hz]", "longest gap [ms]"]
         rows = [
-            [t["topic"], str(t["messages"]), f"{t['rate']:.1f}", f"{1e3 * t['longest_gap']:.0f}"]
+            [
+                t["topic"],
+                str(t["messages"]),
+                "-" if t["rate"] is None else f"{t['rate']:.1f}",
+                "-" if t["longest_gap"] is None else f"{1e3 * t['longest_gap']:.0f}",
+            ]
             for t in report["topics"]
         ]
         print_table(f"{name}: {report['rows']} rows", header, rows)
