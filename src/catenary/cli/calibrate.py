@@ -136,11 +136,11 @@ def extract(
         print_table(f"{name}: {report['rows']} rows", header, rows)
         print_notes(report["problems"] + report["stopped_encoders"])
         print(f"log: {report['log']}\n")
-    for name, error in failed.items():
+    for name, failure in failed.items():
         if found and opened.outputs_of(f"record {name}") is None:
-            print_notes([f"{name}: was interrupted, and is left out: {error}"])
+            print_notes([f"{name}: was interrupted, and is left out: {failure}"])
         else:
-            raise error
+            raise failure
 
 
 def deploy(

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from struct import Struct, error
 from typing import BinaryIO
 
-# what reading damaged bytes raises
-DAMAGE = (error, KeyError, IndexError, ValueError, EOFError, RuntimeError, OSError)
+from catenary.recording.bag_records import header_fields
+
 _U32, _U64 = Struct("<I"), Struct("<Q")
 _BLOCK = 2**20  # [B] looked through at once
 _REACH = 128  # [B] of a chunk's head; more than any has
@@ -14,17 +14,6 @@ _ROS1_CHUNK = re.compile(rb"op=\x05")
 # op 6, length, times, size, checksum, then the name of the compression [mcap.dev/spec]
 _MCAP_CHUNK = re.compile(rb"\x06(?=.{36}(?:\0{4}|\x03\0{3}lz4|\x04\0{3}zstd))", re.DOTALL)
 _MESSAGE_HEAD = 38  # [B] of a message's header: conn, op, time [wiki.ros.org/Bags/Format/2.0]
-
-
-def header_fields(data: bytes) -> dict[bytes, bytes]:
-    """Return the fields of a record's header in a ROS 1 bag."""
-    values, position = {}, 0
-    while position < len(data):
-        length = _U32.unpack_from(data, position)[0]
-        key, _, value = data[position + 4 : position + 4 + length].partition(b"=")
-        values[key] = value
-        position += 4 + length
-    return values
 
 
 def next_chunk(file: BinaryIO, position: int, size: int) -> int | None:
@@ -94,5 +83,5 @@ def _mcap_chunk(block: bytes, sign: int) -> int | None:
 def _fields(data: bytes) -> dict[bytes, bytes]:
     try:
         return header_fields(data)
-    except error:
+    except (error, ValueError):
         return {}

@@ -1,6 +1,5 @@
 """Bags read from their first byte to their last, without the index at their end, which a bag that was cut off lacks."""
 
-import bz2
 import contextlib
 from collections.abc import Callable, Collection, Iterator
 from io import BytesIO
@@ -10,11 +9,11 @@ from typing import BinaryIO, NamedTuple, TypeVar
 from zlib import crc32
 
 import numpy as np
-from lz4.frame import decompress as lz4_decompress  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
-from catenary.documents import json_table
+from catenary.documents import cut, json_table
 from catenary.errors import FileFormatError
+from catenary.recording.bag_checks import MOST_TOPICS, unpacked_at_most
 from catenary.recording.bag_chunks import (
     CONNECTION,
     DATA,
@@ -27,7 +26,17 @@ from catenary.recording.bag_chunks import (
     chunk_records,
     gather,
 )
-from catenary.recording.bag_search import DAMAGE, header_fields, next_chunk, next_mcap_chunk, next_message
+from catenary.recording.bag_records import (
+    DAMAGE,
+    bag_record,
+    chunk_of,
+    field_of,
+    header_fields,
+    mcap_records,
+    sized,
+    text_at,
+)
+from catenary.recording.bag_search import next_chunk, next_mcap_chunk, next_message
 from catenary.recording.journal import About, JournalTopic
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Hole
@@ -50,7 +59,6 @@ _LAST_KIND = 15  # of MCAP's records
 _MOST_PROBLEMS, _MOST_PIECES = 1000, 100  # that are told one by one; that a chunk is read in
 _CHUNK_HEAD = 60  # [B] before a chunk's records, at most; a shorter one holds none
 _U16, _U32, _U64 = Struct("<H"), Struct("<I"), Struct("<Q")
-_UNPACK = {b"none": bytes, b"bz2": bz2.decompress, b"lz4": lz4_decompress}
 
 Read = TypeVar("Read")
 
@@ -83,8 +91,11 @@ class BagStream:
         self.connections: dict[str, BagConnection] = {}  # by topic, once the file was read
         self._names: dict[int, str] = {}  # of topics
         self._last: int | None = None  # [ns] arrival of the message before
-        with path.open("rb") as file:
-            begin = file.read(len(ROS1_MAGIC))
+        try:
+            with path.open("rb") as file:
+                begin = file.read(len(ROS1_MAGIC))
+        except OSError as problem:
+            raise FileFormatError(f"{path}: cannot be read: {problem.strerror}") from problem
         self.has_blocks = begin == ROS1_MAGIC  # `blocks` can read it: a ROS 1 bag
         if not self.has_blocks and not begin.startswith(MCAP_MAGIC):
             raise FileFormatError(
@@ -142,7 +153,7 @@ class BagStream:
             except DAMAGE as problem:
                 if isinstance(problem, FileFormatError):
                     raise
-                self._damaged(f"before byte {file.tell()}: {problem}")
+                self._damaged(f"before byte {file.tell()}: {cut(str(problem) or repr(problem))}")
                 self.ends_early = True
 
     def _cut_off(self, left: int) -> None:
@@ -158,10 +169,11 @@ class BagStream:
 
     def _unpacked(self, file: BinaryIO, size: int) -> Iterator[bytes]:
         """Yield the chunks of a ROS 1 bag."""
+        left = unpacked_at_most(size)
         missing = None  # records that the bag's header promises behind the chunks
         while file.tell() < size:
             start = file.tell()
-            values, data = _record(file, size)
+            values, data = bag_record(file, size)
             if data is None or not values.get(b"op"):
                 # a damaged length may reach beyond the chunks behind it
                 following = next_chunk(file, start + 1, size)
@@ -169,7 +181,7 @@ class BagStream:
                 self.ends_early |= following is None and data is None
                 if values.get(b"compression") == b"none":
                     file.seek(start)
-                    _sized(file, size)
+                    sized(file, size)
                     yield file.read(end - file.tell())[4:]
                 if following is None and data is None:
                     self._cut_off(size - start)
@@ -181,24 +193,24 @@ class BagStream:
                 file.seek(following)
                 continue
             kind = values[b"op"][0]
-            if kind == _BAG_HEADER and _U64.unpack(values[b"index_pos"])[0]:
-                missing = _U32.unpack(values[b"conn_count"])[0] + _U32.unpack(values[b"chunk_count"])[0]
-            elif kind in (_CHUNK_INFO, _CONNECTION) and missing is not None:
+            if kind in (_CHUNK_INFO, _CONNECTION) and missing is not None:
                 missing -= 1
-            if kind == _CONNECTION:
-                with contextlib.suppress(*DAMAGE):  # it says again what stands before its messages
-                    self._connection(_U32.unpack(values[b"conn"])[0], values[b"topic"], header_fields(data))
-            elif kind == _CHUNK:
-                unpack = _UNPACK.get(values.get(b"compression", b""))
-                if unpack is None:
-                    given = values.get(b"compression", b"").decode(errors="replace")
-                    raise ValueError(f"unknown compression {given!r}")
-                try:
-                    whole = unpack(data)
-                except DAMAGE as problem:
-                    self._damaged(f"from byte {start} to {file.tell()}: {problem}")
-                    continue
-                yield whole
+            try:
+                if kind == _BAG_HEADER and _U64.unpack(field_of(values, b"index_pos", 8))[0]:
+                    counts = (field_of(values, key, 4) for key in (b"conn_count", b"chunk_count"))
+                    missing = sum(_U32.unpack(count)[0] for count in counts)
+                elif kind == _CONNECTION:  # it says again what stands before its messages
+                    number, topic = _U32.unpack(field_of(values, b"conn", 4))[0], field_of(values, b"topic")
+                    self._connection(number, topic, header_fields(data))
+                chunk = chunk_of(values, data, left) if kind == _CHUNK else None
+            except FileFormatError:
+                raise
+            except DAMAGE as problem:
+                self._damaged(f"from byte {start} to {file.tell()}: {cut(str(problem) or repr(problem))}")
+                continue
+            if chunk is not None:
+                left -= len(chunk)
+                yield chunk
         if missing != 0:
             self.ends_early = True
             self.problems.append(f"{self.path}: lacks its index, or part of it: it was cut off or not closed")
@@ -258,7 +270,9 @@ class BagStream:
         """Keep a connection's topic."""
         try:
             values = header_fields(chunk[row[HEADER] : row[DATA] - 4])
-            self._connection(row[CONNECTION], values[b"topic"], header_fields(chunk[row[DATA] : row[END]]))
+            self._connection(
+                row[CONNECTION], field_of(values, b"topic"), header_fields(chunk[row[DATA] : row[END]])
+            )
         except FileFormatError:
             raise
         except DAMAGE as problem:
@@ -266,11 +280,26 @@ class BagStream:
 
     def _connection(self, number: int, topic: bytes, about: dict[bytes, bytes]) -> None:
         """Check and keep the type of a connection's topic."""
-        name, kind, md5 = topic.decode(), about[b"type"].decode(), about[b"md5sum"].decode()
-        text = about[b"message_definition"].decode(errors="replace")
+        name, kind = topic.decode(), field_of(about, b"type").decode()
+        md5, text = (
+            field_of(about, b"md5sum").decode(),
+            field_of(about, b"message_definition").decode(errors="replace"),
+        )
         check_ros1_type(self.path, name, kind, md5, text)
-        self._names[number], self._types[name] = name, current_name(kind)
-        self.connections[name] = BagConnection(name, kind, md5, text)
+        self._keep(number, BagConnection(name, kind, md5, text))
+
+    def _keep(self, number: int, connection: BagConnection) -> None:
+        """Keep a topic and its type."""
+        name, kind = connection.topic, current_name(connection.type)
+        if name not in self._types and len(self._types) >= MOST_TOPICS:
+            raise FileFormatError(f"{self.path}: more than {MOST_TOPICS} topics")
+        known = self._types.setdefault(name, kind)
+        if known != kind:
+            raise FileFormatError(
+                f"{self.path}: topic {name}: is of type {known} and of {cut(connection.type)}"
+            )
+        self._names[number] = name
+        self.connections.setdefault(name, connection)
 
     def _mcap_counts(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
         for name, _, data in self._mcap(file, size):
@@ -311,12 +340,12 @@ class BagStream:
 
     def _mcap_contents(self, data: bytes, *, is_whole: bool) -> Iterator[tuple[int, bytes]]:
         """Yield the whole records of a chunk; then raise what is damaged in it."""
-        compression, position = _text(data, 28)
+        compression, position = text_at(data, 28)
         if compression and is_whole:
             raise ValueError(f"chunks compressed by {compression} are not read here")
         inside = b"" if compression else data[position + 8 :]
         whole = False
-        for kind, content, whole in _mcap_records(BytesIO(inside), len(inside)):
+        for kind, content, whole in mcap_records(BytesIO(inside), len(inside)):
             if whole:
                 yield kind, content
         checksum = _U32.unpack_from(data, 24)[0]
@@ -337,15 +366,14 @@ class BagStream:
     ) -> Iterator[tuple[str, int, bytes]]:
         number = _U16.unpack_from(data)[0] if kind in (_SCHEMA, _CHANNEL, _MCAP_MESSAGE) else 0
         if kind == _SCHEMA:
-            name, position = _text(data, 2)
-            _, position = _text(data, position)
-            schemas[number] = name, _text(data, position)[0]
+            name, position = text_at(data, 2)
+            _, position = text_at(data, position)
+            schemas[number] = name, text_at(data, position)[0]
         elif kind == _CHANNEL:
-            name, _ = _text(data, 4)
+            name, _ = text_at(data, 4)
             schema, text = schemas[_U16.unpack_from(data, 2)[0]]
             check_ros2_type(self.path, name, schema, text)
-            self._names[number], self._types[name] = name, current_name(schema)
-            self.connections[name] = BagConnection(name, schema, "", text)
+            self._keep(number, BagConnection(name, schema, "", text))
         elif kind == _MCAP_MESSAGE:
             name, arrival = self._names[number], _U64.unpack_from(data, 6)[0]
             self._heard(arrival, arrival)
@@ -361,35 +389,3 @@ def about_of(path: Path, data: bytes, encoding: Encoding) -> About:
     where = f"{path}: {ABOUT_TOPIC}"
     text = data[4:] if encoding == "ros1" else data[8:].rstrip(b"\0")
     return About.from_mapping(json_table(text, where, finite=False), where)
-
-
-def _mcap_records(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes, bool]]:
-    """Yield kind and data of every record, and whether it is whole: the last one may not be."""
-    while len(head := file.read(9)) == 9:
-        length = _U64.unpack_from(head, 1)[0]
-        data = file.read(min(length, size))
-        yield head[0], data, len(data) == length
-
-
-def _sized(file: BinaryIO, size: int) -> bytes | None:
-    """Bytes behind their length, or None where the file ends first."""
-    if file.tell() + 4 > size:
-        return None
-    length = _U32.unpack(file.read(4))[0]
-    return file.read(length) if file.tell() + length <= size else None  # else what is there can still be read
-
-
-def _record(file: BinaryIO, size: int) -> tuple[dict[bytes, bytes], bytes | None]:
-    """Return header and data of a record: no header where it is damaged, no data where the file ends first."""
-    head = _sized(file, size)
-    data = None if head is None else _sized(file, size)
-    try:
-        return ({} if head is None else header_fields(head)), data
-    except DAMAGE:
-        return {}, data
-
-
-def _text(data: bytes, position: int) -> tuple[str, int]:
-    length = _U32.unpack_from(data, position)[0]
-    end = position + 4 + length
-    return data[position + 4 : end].decode(), end

@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from catenary.documents import json_table
+from catenary.documents import json_table, shortened
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
 from catenary.recording.bag_chunks import Block
@@ -20,6 +20,7 @@ from catenary.recording.journal import About
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Rescue
 from catenary.recording.messages import current_name, md5_sum
+from catenary.recording.parquet_files import open_parquet, read_table
 from catenary.recording.source import Source, open_recordings
 from catenary.recording.topics import TOPICS, Topic, decode, require_topics, topic_named
 
@@ -102,24 +103,41 @@ class TopicFile:
             FileFormatError: No such file, damaged, or not an extracted topic.
         """
         self.path = path
+        where = f"{path}: schema"
         try:
-            self._file = pq.ParquetFile(path)
-            self._metadata: dict[str, Any] = json_table(
-                self._file.schema_arrow.metadata[b"catenary"], f"{path}: schema", finite=False
-            )
-            self.topic: Topic = next(t for t in TOPICS if t.name == self._metadata["topic"])
-        except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, StopIteration) as error:
-            raise FileFormatError(f"{path}: cannot be read as an extracted topic: {error!r}") from error
+            self._file = open_parquet(path)
+            text = (self._file.schema_arrow.metadata or {}).get(b"catenary", b"")
+            self._metadata = json_table(text, where, finite=False)
+        except FileFormatError as error:
+            why = str(error).removeprefix(f"{path}: ")
+            raise FileFormatError(f"{path}: cannot be read as an extracted topic: {why}") from error
         if self._metadata.get("format") != FORMAT:
-            raise FileFormatError(f"{path}: format {self._metadata.get('format')!r}, expected {FORMAT!r}")
+            raise FileFormatError(
+                f"{where}: format {shortened(self._metadata.get('format'))}, expected {FORMAT!r}"
+            )
+        named = [topic for topic in TOPICS if topic.name == self._metadata.get("topic")]
+        if not named:
+            raise FileFormatError(f"{where}: topic {shortened(self._metadata.get('topic'))}: not one of ours")
+        self.topic: Topic = named[0]
         self.about = About.from_mapping(self._metadata, f"{path}: schema")
         self.rows: int = self._file.metadata.num_rows
         self.row_groups: int = self._file.num_row_groups
 
     def read(self, columns: Sequence[str], group: int | None = None) -> dict[str, NDArray[Any]]:
-        """Read columns by name, such as `stamp` or `jpos:gold_shoulder`; of one row group, or of all."""
+        """Read columns by name, such as `stamp` or `jpos:gold_shoulder`; of one row group, or of all.
+
+        Raises:
+            FileFormatError: One is not there, or the file is damaged.
+        """
         groups = range(self.row_groups) if group is None else [group]
-        table = self._file.read_row_groups(groups, columns=list(columns))
+        table = read_table(self.path, self._file, columns, groups)
+        wrong = [
+            name
+            for name in ("stamp", "arrival")
+            if name in columns and table.schema.field(name).type != "int64"
+        ]
+        if wrong:
+            raise FileFormatError(f"{self.path}: column {wrong[0]}: expected whole numbers [ns]")
         return {name: table.column(name).to_numpy() for name in columns}
 
 
