@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from catenary.crtk.codec import most_bytes
+from catenary.crtk.bounds import Bounds, most_bytes, names_within
 from catenary.crtk.conversions import pose_message, pose_of
 from catenary.crtk.message import Message, message_class
 from catenary.crtk.names import Dialect, topics
@@ -124,13 +124,13 @@ def test_messages_too_large_for_a_command_are_dropped_undecoded_and_counted(mess
     robot.say("servo_jp", message)
     robot.tick(150)
     report = robot.server.reports.kinds["/arm1/servo_jp: too large"]
-    assert report.text == f"1 commands of more than {source._subscription.largest} bytes dropped"
+    assert report.text == f"1 commands of more than {source._subscription.largest} bytes or 32 names dropped"
 
 
 def test_largest_message_of_a_type_is_that_of_its_definition():
     # header: seq, time, text; then texts and three times numbers, each behind their count
-    assert most_bytes("sensor_msgs/JointState", 4, 10) == 4 + 8 + 14 + 4 + 4 * 14 + 3 * (4 + 4 * 8)
-    assert most_bytes("geometry_msgs/PoseStamped", 4, 10) == 4 + 8 + 14 + 7 * 8
+    assert most_bytes("sensor_msgs/JointState", Bounds(4, 10)) == 4 + 8 + 14 + 4 + 4 * 14 + 3 * (4 + 4 * 8)
+    assert most_bytes("geometry_msgs/PoseStamped", Bounds(4, 10)) == 4 + 8 + 14 + 7 * 8
 
 
 @st.composite

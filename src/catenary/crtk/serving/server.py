@@ -9,7 +9,7 @@ from catenary.crtk.clock import SECOND
 from catenary.crtk.conversions import Stamps
 from catenary.crtk.message import Message, message_class
 from catenary.crtk.names import BUTTON, BUTTON_TYPE, COMMAND, WARNING, CrtkTopic
-from catenary.crtk.serving.command_source import Beginning, CommandSource
+from catenary.crtk.serving.command_source import OF_A_TOPIC, Beginning, CommandSource
 from catenary.crtk.serving.commander import Commander
 from catenary.crtk.serving.outlet import Outlet
 from catenary.crtk.serving.reports import Reports
@@ -23,6 +23,7 @@ from catenary.recording.topics import Arm
 _STARTS = ": starts"
 _String = message_class("std_msgs/String")
 WATCH = SECOND // 10  # [ns] between two looks at who is connected
+MOST = 8  # tenths of a millisecond that the commands of a tick take at most; what is left waits for the next one
 
 
 class Server:
@@ -66,8 +67,10 @@ class Server:
         ]
         # state commands first: what was sent after a `resume` is obeyed in the same tick
         self._sources.sort(key=lambda source: source.topic.type != COMMAND)
+        self._others = sum(source.topic.type == COMMAND for source in self._sources)  # where the others begin
         self._commanders = {name: Commander(transport) for name in arms}
-        self._arrivals = 0  # messages that were looked at
+        self._arrivals = 0  # messages that were looked at, or wait
+        self._is_behind = False  # some wait
         self.outlets = {
             (topic.verb, topic.arm): Outlet(transport, topic) for topic in wanted if topic.direction == "out"
         }
@@ -85,12 +88,9 @@ class Server:
         now = self.transport.now()
         self.transport.poll()
         arrivals = self.transport.inbox.arrivals
-        if arrivals != self._arrivals:  # else nothing new waits
+        if arrivals != self._arrivals or self._is_behind:  # else nothing waits
             self._arrivals = arrivals
-            for source in self._sources:
-                for message in source.take(now):
-                    self.commands += 1
-                    self._obey(source, message, now)
+            self._take_in(now)
         for arm in self.arms.values():
             arm.reports_time = now
             arm.advance()
@@ -109,6 +109,24 @@ class Server:
                 source.watch(now)
             for name, arm in self.arms.items():
                 self._pause_abandoned(arm, self._commanders[name], now)
+
+    def _take_in(self, now: int) -> None:
+        """Obey what has come, as much as a tick has time for; what comes faster waits, then the oldest gives way."""
+        left, waiting = MOST, 0
+        for k, source in enumerate(self._sources):
+            free = left - MOST // 2 if k < self._others else left  # state commands leave half to the others
+            count = min(len(source), OF_A_TOPIC, free // source.cost)
+            waiting += len(source) - count
+            if not count:
+                continue
+            left -= count * source.cost
+            for message in source.take(now, count):
+                self.commands += 1
+                self._obey(source, message, now)
+        self._is_behind = waiting > 0
+        if waiting:  # another topic is first in the next tick
+            states, others = self._sources[: self._others], self._sources[self._others :]
+            self._sources = [*states[1:], *states[:1], *others[1:], *others[:1]]
 
     def press_button(self) -> list[str]:
         """Press the silver button; return what it did, arm by arm."""
