@@ -13,7 +13,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 
-.PHONY: demo test test-slow lint bench bench-ros1 bench-serving bench-bags dvrk-table clean help
+.PHONY: demo test test-slow lint campaign campaign-short bench bench-ros1 bench-serving bench-bags dvrk-table clean help
 .PHONY: dual-arm gravity-figures gravity-static plant-check raven-identification refit table1 tutorial
 
 help:
@@ -21,6 +21,8 @@ help:
 	@echo "make test        set up, run the tests (4 minutes on two idle processors)"
 	@echo "make test-slow   the tests that take long: hours simulated, endurance, other programs"
 	@echo "make lint        format, lint, types, import order"
+	@echo "make campaign    what is left of the campaign of faults, half an hour at most; again goes on (PART=files COUNT=100), into build/campaign/"
+	@echo "make campaign-short  each part of it, two minutes, always the same seeds"
 	@echo "make bench       speed of kernels, deployed models, the control loop, recording, extraction and the simulator, beside other libraries"
 	@echo "make bench-ros1  messages between two processes over ROS 1, where it is installed"
 	@echo "make bench-serving  a served robot and a client that hears every topic, by sockets and by rospy: rate, loss, latency, processor time, memory; a model deployed beside it (25 minutes)"
@@ -54,6 +56,15 @@ lint: $(VENV)/.development
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+PART ?= all
+CAMPAIGN_OUT ?= build/campaign
+campaign: $(VENV)/.development
+	$(BIN)/python -m tests.campaign $(PART) $(if $(COUNT),--count $(COUNT)) --seconds 1800 --out $(CAMPAIGN_OUT)
+
+campaign-short: $(VENV)/.development
+	rm -rf build/campaign-short
+	$(BIN)/python -m tests.campaign all --seconds 120 --out build/campaign-short
 
 bench: $(VENV)/.benchmarks
 	$(BIN)/python -m tests.benchmarks.inference --json build/benchmarks/inference.json

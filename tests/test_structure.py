@@ -43,8 +43,9 @@ def test_what_a_page_names_exists(page: Path) -> None:
     assert set(re.findall(r"(?:`|^)make ([a-z0-9-]+)", text, re.MULTILINE)) <= set(targets)
     programs = re.findall(r"python -m ((?:papers|tests)\.[\w.]+\w)", text)
     folders = re.findall(r"`((?:src|tests|papers|docs|examples)/[\w./]*)`", text)
-    paths = [*folders, *(f"{name.replace('.', '/')}.py" for name in programs)]
-    assert [path for path in paths if not (ROOT / path).exists()] == []
+    modules = [ROOT / name.replace(".", "/") for name in programs]
+    assert [m for m in modules if not (m.with_suffix(".py").exists() or (m / "__main__.py").exists())] == []
+    assert [path for path in folders if not (ROOT / path).exists()] == []
     for link, anchor in re.findall(r"\]\(([^)#:]+)(?:#([^)]*))?\)", text):
         assert (page.parent / link).exists(), link
         headings = re.findall(r"^#+ (.*)$", (page.parent / link).read_text(), re.MULTILINE) if anchor else []

@@ -1,4 +1,5 @@
 import errno
+import json
 import os
 import random
 import resource
@@ -14,7 +15,18 @@ from pathlib import Path
 import pytest
 
 from catenary.errors import FileFormatError, InputError, RecordingError
-from catenary.recording.journal import HEAD, MAGIC, MARKER, About, JournalTopic, JournalWriter
+from catenary.recording.journal import (
+    FOOTER,
+    HEAD,
+    HEADER,
+    MAGIC,
+    MARKER,
+    MAX_HEADER,
+    About,
+    JournalTopic,
+    JournalWriter,
+    record_bytes,
+)
 from catenary.recording.journal_reader import JournalReader, JournalReport
 from patience import until
 
@@ -114,6 +126,112 @@ def test_a_damaged_byte_costs_one_record_that_is_counted(five, tmp_path: Path) -
         assert [stamp for _, stamp, _ in reader.messages()] == [0, 1, 3, 4], place
         assert reader.report.lost == 1
         assert any("damaged" in problem for problem in reader.problems)
+
+
+def test_a_damaged_first_header_costs_no_message_because_it_comes_again(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("catenary.recording.journal.HEADER_INTERVAL", 0.0)
+    with JournalWriter(tmp_path / "r", TOPICS, ABOUT, flush_interval=60.0) as journal:
+        for i in range(6):
+            journal.append("/a", i, b"x" * 40)
+            journal.flush()
+    path = tmp_path / "r" / "0000.journal"
+    content = bytearray(path.read_bytes())
+    content[len(MAGIC) + HEAD.size + 5] ^= 1
+    path.write_bytes(content)
+    reader = JournalReader(tmp_path / "r")
+    assert [stamp for _, stamp, _ in reader.messages()] == list(range(6))
+    assert (reader.topics, reader.about, reader.report.closed) == (TOPICS, ABOUT, True)
+    assert any("damaged" in problem for problem in reader.problems)
+
+
+def test_headers_come_again_each_second_while_messages_come(tmp_path, monkeypatch) -> None:
+    now = 0.0
+    monkeypatch.setattr("catenary.recording.journal.time.monotonic", lambda: now)
+    with JournalWriter(tmp_path / "r", TOPICS, flush_interval=60.0) as journal:
+        for i in range(30):
+            now = 0.25 * i  # exact in binary
+            if i < 20:
+                journal.append("/a", i, b"x")
+            journal.flush()
+    content = (tmp_path / "r" / "0000.journal").read_bytes()
+    assert content.count(b'"catenary.journal.1"') == 1 + 4  # at 1, 2, 3, 4 s, and none when nothing comes
+
+
+def _with_header(path: Path, header: object) -> Path:
+    text = header if isinstance(header, bytes) else json.dumps(header).encode()
+    path.write_bytes(MAGIC + record_bytes(HEADER, 0, 0, text))
+    return path
+
+
+GOOD = {"name": "/a", "type": "std_msgs/String", "md5": "*", "definition": ""}
+
+
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        (b"{", "cannot be read as JSON"),
+        (b"[1, 2]", "expected a table"),
+        (b'{"a":' * 5000, "nested|JSON"),
+        (b"\xff\xfe\xff", "UTF"),
+        (b" " * (MAX_HEADER + 1), "bytes, expected"),
+        ({"format": "x"}, "format 'x'"),
+        ({}, "topics: expected a list"),
+        ({"topics": {}}, "topics: expected a list"),
+        ({"topics": [3]}, "topic 3"),
+        ({"topics": [GOOD | {"name": 3}]}, "as its name"),
+        ({"topics": [GOOD, GOOD]}, "twice"),
+        ({"topics": [GOOD], "robot": 3}, "robot: expected a name"),
+        ({"topics": [GOOD], "seed": 1e300}, "seed: expected a whole number"),
+        ({"topics": [GOOD], "configuration": [1]}, "configuration: expected a table"),
+        ({"topics": [GOOD | {"md5": "0" * 32, "definition": "string[99999999999] x"}]}, "md5 sum 0000"),
+        ({"topics": [GOOD | {"md5": "0" * 32, "definition": "string[" + "9" * 5000 + "] x"}]}, "definition"),
+        ({"topics": [GOOD | {"md5": "0" * 32, "definition": "string data\n" * 50_000}]}, "definition"),
+    ],
+    ids=lambda value: str(value)[:40],
+)
+def test_a_header_is_believed_only_after_it_is_checked(tmp_path: Path, header, said: str) -> None:
+    if isinstance(header, dict) and "format" not in header:
+        header = {"format": "catenary.journal.1"} | header
+    with pytest.raises(FileFormatError, match=said) as caught:
+        JournalReader(_with_header(tmp_path / "x.journal", header))
+    assert "x.journal" in str(caught.value)
+    assert len(str(caught.value)) < 2000
+
+
+def test_blank_lines_and_comments_of_a_definition_cost_nothing(tmp_path: Path) -> None:
+    text = "\n" * 40_000 + "# data\n" * 5_000 + "string data\n"
+    header = {"format": "catenary.journal.1", "topics": [GOOD | {"md5": "0" * 32, "definition": text}]}
+    with pytest.raises(FileFormatError, match="md5 sum 0000"):  # 40,000 of them took two seconds
+        JournalReader(_with_header(tmp_path / "x.journal", header))
+
+
+def test_a_footer_of_nonsense_is_a_problem(tmp_path: Path) -> None:
+    for footer in (b"{", b"[]", b'{"last": 3}', b"{}"):
+        path = _with_header(tmp_path / "x.journal", {"format": "catenary.journal.1", "topics": [GOOD]})
+        path.write_bytes(path.read_bytes() + record_bytes(FOOTER, 1, 0, footer))
+        reader = JournalReader(path)
+        assert list(reader.messages()) == []
+        assert not reader.report.closed
+        assert any("footer" in problem for problem in reader.problems)
+
+
+def test_a_file_made_of_beginnings_of_records_takes_no_time(tmp_path: Path) -> None:
+    path = _with_header(tmp_path / "x.journal", {"format": "catenary.journal.1", "topics": [GOOD]})
+    count = 60_000
+    false = b"".join(HEAD.pack(MARKER, 1, 32 * (count - 1 - i), 0, 0, i, 0) for i in range(count))
+    path.write_bytes(path.read_bytes() + false)
+    reader = JournalReader(path)
+    assert list(reader.messages()) == []  # 60,000 checksums of 1 MB would take a minute
+    assert any("in vain" in problem for problem in reader.problems)
+
+
+def test_records_that_come_again_are_told(tmp_path: Path) -> None:
+    _write(tmp_path / "r", 5)
+    path = tmp_path / "r" / "0000.journal"
+    whole = path.read_bytes()
+    starts = [i for i in range(len(whole)) if whole.startswith(MARKER, i)]
+    path.write_bytes(whole[: starts[3]] + whole[starts[2] :])
+    assert any("out of order, or again" in problem for problem in _report(path).problems)
 
 
 @pytest.mark.parametrize("content", [b"", MAGIC, b"something else", MAGIC + MARKER])

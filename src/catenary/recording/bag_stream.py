@@ -1,7 +1,6 @@
 """Bags read from their first byte to their last, without the index at their end, which a bag that was cut off lacks."""
 
 import bz2
-import json
 from collections.abc import Callable, Collection, Iterator
 from io import BytesIO
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from lz4.frame import decompress as lz4_decompress  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
+from catenary.documents import json_table
 from catenary.errors import FileFormatError
 from catenary.recording.bag_chunks import (
     CONNECTION,
@@ -71,7 +71,7 @@ class BagStream:
         found = self._guarded(self._bag_counts) if self.has_blocks else self._guarded(self._mcap_counts)
         for name, number, first in found:
             if name == ABOUT_TOPIC:
-                self.about = about_of(first, self.encoding)
+                self.about = about_of(path, first, self.encoding)
             else:
                 self.counts[name] = self.counts.get(name, 0) + number
         self.topics = tuple(JournalTopic(n, t) for n, t in self._types.items() if n != ABOUT_TOPIC)
@@ -227,10 +227,15 @@ class BagStream:
             yield names[number], _U64.unpack_from(data, 6)[0], data[22:]
 
 
-def about_of(data: bytes, encoding: Encoding) -> About:
-    """Read the message on `/catenary/recording`."""
+def about_of(path: Path, data: bytes, encoding: Encoding) -> About:
+    """Read the message on `/catenary/recording`.
+
+    Raises:
+        FileFormatError: It does not hold what is written there.
+    """
+    where = f"{path}: {ABOUT_TOPIC}"
     text = data[4:] if encoding == "ros1" else data[8:].rstrip(b"\0")
-    return About.from_mapping(json.loads(text))
+    return About.from_mapping(json_table(text, where, finite=False), where)
 
 
 def _mcap_records(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes, bool]]:

@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from catenary.documents import json_table
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
 from catenary.recording.bag_chunks import Block
@@ -102,13 +103,15 @@ class TopicFile:
         self.path = path
         try:
             self._file = pq.ParquetFile(path)
-            self._metadata: dict[str, Any] = json.loads(self._file.schema_arrow.metadata[b"catenary"])
+            self._metadata: dict[str, Any] = json_table(
+                self._file.schema_arrow.metadata[b"catenary"], f"{path}: schema", finite=False
+            )
             self.topic: Topic = next(t for t in TOPICS if t.name == self._metadata["topic"])
         except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, StopIteration) as error:
             raise FileFormatError(f"{path}: cannot be read as an extracted topic: {error!r}") from error
         if self._metadata.get("format") != FORMAT:
             raise FileFormatError(f"{path}: format {self._metadata.get('format')!r}, expected {FORMAT!r}")
-        self.about = About.from_mapping(self._metadata)
+        self.about = About.from_mapping(self._metadata, f"{path}: schema")
         self.rows: int = self._file.metadata.num_rows
         self.row_groups: int = self._file.num_row_groups
 

@@ -2,14 +2,16 @@
 
 A recording is a folder of `0000.journal`, `0001.journal`, ...: each at most about `max_bytes` long and readable by
 itself. A file is magic, then records of 32 bytes of head (`HEAD`) and data: first the header (JSON), then messages,
-last a footer (JSON), which only a file that was closed has. Every record has a checksum and a number that counts
-through all files, so that whatever is missing is noticed and counted.
+last a footer (JSON), which only a file that was closed has. The header comes again each second, so that a damaged one
+costs no message. Every record has a checksum and a number that counts through all files, so that whatever is missing is
+noticed and counted.
 """
 
 import json
 import logging
 import os
 import threading
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,15 +20,19 @@ from types import TracebackType
 from typing import Any, Literal, NamedTuple, Self
 from zlib import crc32
 
-from catenary.errors import InputError, RecordingError
+from catenary.documents import shortened
+from catenary.errors import FileFormatError, InputError, RecordingError
 from catenary.recording.messages import fields, full_definition, md5_sum
 
+FORMAT = "catenary.journal.1"
 MAGIC = b"catenary journal 1\n"
 # marker, checksum of all that follows, bytes of data, topic, 0, number, stamp [ns]
 HEAD = Struct("<4sIIHHQq")
 MARKER = b"\xc7REC"
 HEADER, FOOTER = 0xFFFF, 0xFFFE  # in place of a topic's index
 FLUSH_INTERVAL = 0.5  # [s] a crash loses at most this and what the disk takes to write it
+HEADER_INTERVAL = 1.0  # [s] between headers of a file, while messages come
+MAX_HEADER = 2**20  # [B] of JSON; a recording of all topics has some 10 kB
 MAX_BYTES = 64 * 2**20  # of a file; reading one maps it into memory
 MAX_PENDING = 8 * 2**20  # [B] that wait for the disk; beyond it whoever appends waits too
 MAX_RECORD = 64 * 2**20  # [B]; a longer one is taken for damage
@@ -56,14 +62,23 @@ class About:
         return json.dumps(vars(self) | {"configuration": dict(self.configuration)})
 
     @classmethod
-    def from_mapping(cls, values: Mapping[str, Any]) -> Self:
-        """Read what `as_json` wrote; keys that are not known are left out."""
-        return cls(
-            robot=values.get("robot"),
-            simulated=bool(values.get("simulated", False)),
-            seed=values.get("seed"),
-            configuration=values.get("configuration") or {},
-        )
+    def from_mapping(cls, values: Mapping[str, Any], where: str) -> Self:
+        """Read what `as_json` wrote; keys that are not known are left out.
+
+        Raises:
+            FileFormatError: A value is of another type; the message begins with `where`.
+        """
+        robot, seed = values.get("robot"), values.get("seed")
+        simulated, configuration = values.get("simulated", False), values.get("configuration") or {}
+        for key, value, is_right, expected in (
+            ("robot", robot, robot is None or isinstance(robot, str), "a name or null"),
+            ("simulated", simulated, isinstance(simulated, bool), "true or false"),
+            ("seed", seed, seed is None or type(seed) is int, "a whole number or null"),
+            ("configuration", configuration, isinstance(configuration, dict), "a table"),
+        ):
+            if not is_right:
+                raise FileFormatError(f"{where}: {key}: expected {expected}, got {shortened(value)}")
+        return cls(robot, simulated, seed, configuration)
 
 
 def record_bytes(topic: int, number: int, stamp: int, data: bytes) -> bytes:
@@ -118,7 +133,23 @@ class JournalWriter:
         self._disk_lock = threading.RLock()  # guards the file; taken before the other one
         self._fd = -1
         self._stop = threading.Event()
-        self._pending += self._header()
+        self._header = json.dumps(
+            {
+                "format": FORMAT,
+                "topics": [
+                    t._asdict() | {"md5": md5_sum(t.type), "definition": full_definition(t.type)}
+                    for t in topics
+                ],
+                **json.loads(self._about.as_json()),
+            }
+        ).encode()
+        if len(self._header) > MAX_HEADER:
+            raise InputError(
+                f"{folder}: topics and configuration take {len(self._header)} bytes of header, expected {MAX_HEADER} "
+                "at most"
+            )
+        self._header_at = 0.0  # [s] when the last header was set aside, by the monotonic clock
+        self._pending += self._begin()
         if max_bytes < 2 * len(self._pending):
             raise InputError(
                 f"{folder}: files of {max_bytes} bytes, but each begins with {len(self._pending)}; allow more"
@@ -200,22 +231,18 @@ class JournalWriter:
                 raise  # otherwise it would hide the error that is under way
             log.exception("%s: could not be closed", self.folder)
 
-    def _header(self) -> bytes:
+    def _begin(self) -> bytes:
         """Return how a file begins."""
-        header = {
-            "format": "catenary.journal.1",
-            "topics": [
-                t._asdict() | {"md5": md5_sum(t.type), "definition": full_definition(t.type)}
-                for t in self._topics
-            ],
-            **json.loads(self._about.as_json()),
-        }
-        return MAGIC + self._record(HEADER, header)
+        return MAGIC + self._header_record()
 
-    def _record(self, kind: int, content: Mapping[str, Any]) -> bytes:
+    def _header_record(self) -> bytes:
+        self._header_at = time.monotonic()
+        return self._record(HEADER, self._header)
+
+    def _record(self, kind: int, content: bytes) -> bytes:
         """Return the next record: a file's header or footer, which count as messages do."""
         self._number += 1
-        return record_bytes(kind, self._number - 1, self._last_stamp, json.dumps(content).encode())
+        return record_bytes(kind, self._number - 1, self._last_stamp, content)
 
     def _open_file(self) -> None:
         """Make the present part's file; keeps an error for the next append. Needs the disk."""
@@ -247,8 +274,10 @@ class JournalWriter:
         with self._append_lock:
             full = end == "if full" and self._safe_bytes + len(self._pending) >= self._max_bytes
             if end == "last" or full:
-                self._pending += self._record(FOOTER, {"last": not full})
-            block, self._pending = self._pending, bytearray(self._header() if full else b"")
+                self._pending += self._record(FOOTER, json.dumps({"last": not full}).encode())
+            elif self._pending and time.monotonic() - self._header_at >= HEADER_INTERVAL:
+                self._pending += self._header_record()
+            block, self._pending = self._pending, bytearray(self._begin() if full else b"")
             messages = self._messages
         if self._error is not None or not block:
             return

@@ -5,7 +5,7 @@ ROS's common messages. The md5 sums that follow from them are the published ones
 """
 
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, lru_cache
 from hashlib import md5
 from pathlib import Path
 from types import MappingProxyType
@@ -16,6 +16,7 @@ from rosbags.interfaces.typing import FieldDesc, Typesdict
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from catenary.documents import cut, shortened
 from catenary.errors import FileFormatError
 
 # first name in each line is the type, the second the field; order and names make the md5 sum
@@ -44,6 +45,7 @@ _STANDARD = (  # of ROS Noetic, as rosbags has them
     *(f"sensor_msgs/{name}" for name in ("JointState", "Joy", "Imu")),
     *(f"geometry_msgs/{name}" for name in _GEOMETRY.split()),
 )
+MAX_DEFINITION = 5000  # characters of fields; that of raven_state with all it contains has 1,000
 MESSAGES = (*_STANDARD, *_OWN)  # types that catenary knows
 # request, response
 SERVICES: Mapping[str, tuple[str, str]] = MappingProxyType(
@@ -205,12 +207,14 @@ def _field(name: str, description: FieldDesc) -> Field:
 
 def _difference(path: Path, topic: str, name: str, text: str, *, ros: int) -> str:
     """Return in words the fields of a full definition that differ from ours; empty when there are none."""
+    where = f"{path}: topic {cut(topic)}: definition of {cut(name)}"
+    lines = "\n".join(line for line in text.split("\n") if line.strip() and not line.lstrip().startswith("#"))
+    if len(lines) > MAX_DEFINITION:
+        raise FileFormatError(f"{where}: {len(lines)} characters, expected {MAX_DEFINITION} at most")
     try:
-        found = get_types_from_msg(text, current_name(name))
-    except TypesysError as error:
-        raise FileFormatError(
-            f"{path}: topic {topic}: definition of {name}: expected ROS's .msg language, got {text!r}"
-        ) from error
+        found = _parsed(lines, current_name(name))
+    except (TypesysError, ValueError, LookupError, TypeError, RecursionError, AssertionError) as error:
+        raise FileFormatError(f"{where}: expected ROS's .msg language, got {shortened(text)}") from error
     differences = []
     for part in map(current_name, found):
         if part not in MESSAGES:
@@ -224,6 +228,11 @@ def _difference(path: Path, topic: str, name: str, text: str, *, ros: int) -> st
         elif got != expected:
             differences.append(f"{part} has its fields in another order")
     return "; ".join(differences)
+
+
+@lru_cache(maxsize=64)
+def _parsed(text: str, name: str) -> Typesdict:
+    return get_types_from_msg(text, name)
 
 
 def _text(field: Field) -> str:

@@ -61,7 +61,7 @@ class McapReader:
                     types.setdefault(name, current_name(kind))
             own = [connection for connection in reader.connections if connection.topic == ABOUT_TOPIC]
             for _, _, data in reader.messages(own) if own else ():
-                self.about = about_of(data, self.encoding)
+                self.about = about_of(path, data, self.encoding)
         self.topics = tuple(JournalTopic(topic, kind) for topic, kind in types.items())
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:

@@ -1,0 +1,308 @@
+"""JSON, TOML and XML from files that nobody vouches for: bounded before anything is made of them.
+
+Every complaint is a FileFormatError that names the file, the place in it and the reason. What a document has to hold
+is its schema's business (`config`).
+"""
+
+import json
+import math
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, TreeBuilder
+from xml.parsers import expat
+
+from catenary.errors import FileFormatError
+
+MOST_JSON = 8 * 2**20  # [B]; the longest that is written, the steps of a large project, has some 100 kB
+MOST_TOML = 2**19  # [B]; the longest robot of the catalogue has 12 kB, and tomllib is slow
+MOST_XML = 16 * 2**20  # [B]; published humanoids have less than 1 MB
+DEEPEST = 64  # tables within lists within tables; what is written here goes 8 deep
+DEEPEST_XML = 300  # elements within elements: a chain of as many bodies
+MOST_ELEMENTS = 100_000  # of an XML file
+MOST_ATTRIBUTES = 1_000  # of one element
+MOST_PARTS = 16  # of a dotted key in TOML
+MOST_DIGITS = 100  # of a number; 17 tell a float64 from its neighbours
+LARGEST = 2**128  # of integers: seeds of NumPy have up to 128 bits
+SHOWN = 200  # characters of a value or a message that an error repeats
+
+_PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+_LONG_KEY = re.compile(rf"(?<![\w-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{MOST_PARTS}}}")
+_CHUNK = 65_536  # bytes of XML, after each of which a refusal ends the reading
+
+
+def read_bounded(path: Path, most: int) -> bytes:
+    """Return a file's bytes.
+
+    Raises:
+        FileFormatError: It is missing, cannot be read, or is longer than `most` bytes.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(most + 1)
+    except FileNotFoundError as error:
+        raise FileFormatError(f"{path}: no such file") from error
+    except (OSError, ValueError) as error:  # ValueError: a name with a zero byte
+        raise FileFormatError(f"{path}: cannot be read: {error}") from error
+    _refuse_length(data, str(path), most)
+    return data
+
+
+def json_value(data: str | bytes, where: str, *, finite: bool = True) -> Any:
+    """Return what JSON text holds, as plain data: at most `MOST_JSON` bytes, `DEEPEST` levels.
+
+    Args:
+        data: The text; bytes are UTF-8, with or without a byte order mark.
+        where: What opens every message: the file, and what of it.
+        finite: Refuse NaN and infinity, which JSON does not know and Python writes.
+
+    Raises:
+        FileFormatError: No JSON, too long or too deep, a key twice in a table, a number of more than `MOST_DIGITS`
+            digits, beyond a float64, or of an integer beyond `LARGEST`, or half a character (a lone surrogate).
+    """
+    text = _text_of(data, where, "JSON", MOST_JSON)
+
+    def table(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        content = dict(pairs)
+        if len(content) < len(pairs):
+            seen: set[str] = set()
+            twice = next(key for key, _ in pairs if key in seen or seen.add(key))  # type: ignore[func-returns-value]
+            raise FileFormatError(f"{where}: key {shortened(twice)} is twice in one table, expected once")
+        return content
+
+    def constant(name: str) -> float:
+        if finite:
+            raise FileFormatError(f"{where}: {_place(text, name)}holds {name}, expected a finite number")
+        return float(name)
+
+    try:
+        content = json.loads(
+            text,
+            object_pairs_hook=table,
+            parse_constant=constant,
+            parse_int=lambda digits: _whole(digits, text, where),
+            parse_float=lambda digits: _real(digits, text, where),
+        )
+        _refuse_depth(content, where)
+        if "\\u" in text:
+            json.dumps(content, ensure_ascii=False).encode()
+    except FileFormatError:
+        raise
+    except UnicodeEncodeError as error:
+        raise FileFormatError(
+            f"{where}: holds half a character: a lone surrogate (\\ud800 to \\udfff)"
+        ) from error
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        raise FileFormatError(f"{where}: cannot be read as JSON: {place}: {error.msg}") from error
+    except RecursionError as error:
+        raise FileFormatError(f"{where}: {_too_deep(DEEPEST)}") from error
+    return content
+
+
+def json_table(data: str | bytes, where: str, *, finite: bool = True) -> dict[str, Any]:
+    """Return `json_value` of text that holds a table, {"key": value, ...}.
+
+    Raises:
+        FileFormatError: As for `json_value`, or it holds something else.
+    """
+    content = json_value(data, where, finite=finite)
+    if not isinstance(content, dict):
+        raise FileFormatError(f"{where}: holds {shortened(content)}, expected a table (a JSON object)")
+    return content
+
+
+def toml_table(data: str | bytes, where: str) -> dict[str, Any]:
+    """Return what TOML text holds, as plain data: at most `MOST_TOML` bytes, `DEEPEST` levels.
+
+    Args:
+        data: The text; bytes are UTF-8, with or without a byte order mark.
+        where: What opens every message: the file.
+
+    Raises:
+        FileFormatError: No TOML, too long or too deep, a number of more than `MOST_DIGITS` digits, beyond a float64, or
+            of an integer beyond `LARGEST`.
+    """
+    text = _text_of(data, where, "TOML", MOST_TOML)
+    long_key = _LONG_KEY.search(text)  # tomllib's time grows with the cube of their number
+    if long_key:
+        line = text.count("\n", 0, long_key.start()) + 1
+        raise FileFormatError(f"{where}: line {line}: a key of more than {MOST_PARTS} parts")
+
+    try:
+        content = tomllib.loads(text, parse_float=lambda digits: _real(digits, text, where))
+    except FileFormatError:
+        raise
+    except RecursionError as error:
+        raise FileFormatError(f"{where}: {_too_deep(DEEPEST)}") from error
+    except ValueError as error:
+        raise FileFormatError(f"{where}: cannot be read as TOML: {error}") from error
+    _refuse_depth(content, where)
+    return content
+
+
+def xml_tree(data: str | bytes, where: str) -> Element:
+    """Return the root element of XML text: at most `MOST_XML` bytes, `MOST_ELEMENTS` elements, `DEEPEST_XML` levels.
+
+    Args:
+        data: The text; bytes are in the encoding that they name, or UTF-8.
+        where: What opens every message: the file.
+
+    Raises:
+        FileFormatError: No XML, too long or too deep, an element of more than `MOST_ATTRIBUTES` attributes, or with
+            entities of its own, which can stand for other files and for gigabytes.
+    """
+    _refuse_length(data, where, MOST_XML)
+    reader = _XmlReader(where)
+    for begin in range(0, len(data), _CHUNK):
+        reader.feed(data[begin : begin + _CHUNK])
+    return reader.tree()
+
+
+def xml_root_tag(data: str | bytes, where: str) -> str:
+    """Return the name of XML text's root element; what follows it is not read.
+
+    Raises:
+        FileFormatError: As for `xml_tree`.
+    """
+    _refuse_length(data, where, MOST_XML)
+    reader = _XmlReader(where)
+    for begin in range(0, len(data), _CHUNK):
+        try:
+            reader.feed(data[begin : begin + _CHUNK])
+        except FileFormatError:
+            if reader.root_tag is None:
+                raise
+        if reader.root_tag is not None:
+            return reader.root_tag
+    return str(reader.tree().tag)
+
+
+def shortened(value: Any) -> str:
+    """Return a value as an error repeats it, at most `SHOWN` characters."""
+    if isinstance(value, int) and abs(value) >= LARGEST:
+        return "a huge integer"  # Python refuses to print what has more than 4300 digits
+    return cut(repr(value))
+
+
+def cut(text: str) -> str:
+    """Return a text of at most `SHOWN` characters, its beginning."""
+    return text if len(text) <= SHOWN else f"{text[:SHOWN]}... ({len(text)} characters)"
+
+
+class _XmlReader:
+    """Elements as expat finds them, counted, in a tree."""
+
+    def __init__(self, where: str) -> None:
+        self._where, self._depth, self._count = where, 0, 0
+        self._builder = TreeBuilder()
+        self.root_tag: str | None = None
+        self._parser = expat.ParserCreate(namespace_separator="}")
+        self._parser.buffer_text = True
+        self._parser.StartElementHandler = self._start
+        self._parser.EndElementHandler = self._end
+        self._parser.CharacterDataHandler = self._builder.data
+        self._parser.EntityDeclHandler = self._entity
+        self._parser.SkippedEntityHandler = self._entity
+
+    def feed(self, data: str | bytes, *, is_final: bool = False) -> None:
+        try:
+            self._parser.Parse(data, is_final)
+        except FileFormatError:
+            raise
+        except (expat.ExpatError, LookupError, ValueError) as error:  # LookupError: no such encoding
+            raise FileFormatError(f"{self._where}: cannot be read as XML: {error}") from error
+
+    def tree(self) -> Element:
+        self.feed(b"", is_final=True)
+        return self._builder.close()
+
+    def _refuse(self, what: str) -> None:
+        raise FileFormatError(f"{self._where}: line {self._parser.CurrentLineNumber}: {what}")
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        self._depth += 1
+        self._count += 1
+        if self._depth > DEEPEST_XML:
+            self._refuse(_too_deep(DEEPEST_XML))
+        if self._count > MOST_ELEMENTS:
+            self._refuse(f"more than {MOST_ELEMENTS} elements, the most that are read of such a file")
+        if len(attributes) > MOST_ATTRIBUTES:
+            self._refuse(f"<{cut(tag)}> has {len(attributes)} attributes, expected at most {MOST_ATTRIBUTES}")
+        name = _with_namespace(tag)
+        if self.root_tag is None:
+            self.root_tag = name
+        self._builder.start(name, {_with_namespace(key): value for key, value in attributes.items()})
+
+    def _end(self, tag: str) -> None:
+        self._depth -= 1
+        self._builder.end(_with_namespace(tag))
+
+    def _entity(self, name: str, *_: object) -> None:
+        self._refuse(f"entity {shortened(name)}: expected none but XML's own; write what it stands for")
+
+
+def _with_namespace(name: str) -> str:
+    return f"{{{name}" if "}" in name else name  # as ElementTree writes it
+
+
+def _text_of(data: str | bytes, where: str, kind: str, most: int) -> str:
+    _refuse_length(data, where, most)
+    if isinstance(data, str):
+        return data.removeprefix("\ufeff")
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        raise FileFormatError(f"{where}: cannot be read as {kind}: is UTF-16, expected UTF-8")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        place = f"byte {error.start}"
+        raise FileFormatError(f"{where}: cannot be read as {kind}: {place}: is no UTF-8 text") from error
+
+
+def _refuse_length(data: str | bytes, where: str, most: int) -> None:
+    if len(data) > most:
+        raise FileFormatError(f"{where}: is longer than {most} bytes, the most that is read of such a file")
+
+
+def _refuse_depth(content: Any, where: str) -> None:
+    """Refuse what is nested too deep, level by level, and integers that tomllib took however long they are."""
+    level = [content]
+    for _ in range(DEEPEST + 1):
+        inner = [one for one in level if isinstance(one, dict | list)]
+        if not inner:
+            return
+        level = [value for one in inner for value in (one.values() if isinstance(one, dict) else one)]
+        if any(type(value) is int and abs(value) >= LARGEST for value in level):
+            raise FileFormatError(f"{where}: holds a huge integer, expected less than 2^128")
+    raise FileFormatError(f"{where}: {_too_deep(DEEPEST)}")
+
+
+def _too_deep(most: int) -> str:
+    return f"is nested more than {most} levels deep"
+
+
+def _whole(digits: str, text: str, where: str) -> int:
+    if len(digits) <= MOST_DIGITS:
+        value = int(digits)
+        if abs(value) < LARGEST:
+            return value
+    raise FileFormatError(
+        f"{where}: {_place(text, digits)}number {cut(digits)}: expected an integer below 2^128"
+    )
+
+
+def _real(digits: str, text: str, where: str) -> float:
+    if len(digits) <= MOST_DIGITS:
+        value = float(digits)
+        if not math.isinf(value) or digits.endswith("inf"):  # TOML may say inf; a schema may take it
+            return value
+    raise FileFormatError(
+        f"{where}: {_place(text, digits)}number {cut(digits)}: expected at most {MOST_DIGITS} digits and 1.8e308"
+    )
+
+
+def _place(text: str, literal: str) -> str:
+    """Return where a number stands first, for a message."""
+    at = text.find(literal)
+    return f"line {text.count(chr(10), 0, at) + 1}: " if at >= 0 else ""

@@ -1,0 +1,1 @@
+"""What the campaign tries: each module here offers a tuple PARTS of `tests.campaign.part.Part`."""

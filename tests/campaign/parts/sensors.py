@@ -1,0 +1,5 @@
+"""Sensors of gravity that break."""
+
+from tests.campaign.part import Part
+
+PARTS: tuple[Part, ...] = ()
