@@ -9,6 +9,7 @@ import numpy as np
 
 from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fields
 
+ANY = 2**26  # bytes of any message: beyond, a length is taken for nonsense
 _COUNT = struct.Struct("<I")  # of an array or a string
 _TIME = 8  # bytes
 _Pass = Callable[[bytes, int], int]  # over a field that begins at a byte, to where the next one begins

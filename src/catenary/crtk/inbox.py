@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from catenary.crtk.bounds import Bounds, most_bytes, names_within
+from catenary.crtk.bounds import ANY, Bounds, most_bytes, names_within
 from catenary.crtk.message import Message, has_header
 from catenary.errors import FileFormatError, InputError
 
@@ -99,9 +99,9 @@ class Subscription:
 
     With a callback they are handed over in the transport's `poll`; without, `take` gives them. At most `depth` wait;
     then the oldest gives way, and `overflowed` counts it. `damaged` counts those whose bytes were no message of the
-    type; they are left out. `oversized` counts those of more than `largest` bytes, or with more names than `bounds` let
-    pass, which are dropped as they come in, before anybody decodes them. `repeated` counts what a latching publisher gave again after its connection had been
-    broken: a message that had come already is not given twice.
+    type; they are left out. `oversized` counts those of more than `largest` bytes, or of more names than `bounds` let
+    pass, which are dropped as they come in, before anybody decodes them. `repeated` counts what a latching publisher
+    gave again after its connection had been broken: a message that had come already is not given twice.
     """
 
     def __init__(
@@ -148,7 +148,7 @@ class Subscription:
 
     def has_room_for(self, size: int) -> bool:
         """Return whether it takes messages of so many bytes; one that it does not take is counted."""
-        if self.largest is None or size <= self.largest:
+        if size <= (ANY if self.largest is None else self.largest):
             return True
         self._count_oversized()
         return False
@@ -159,7 +159,7 @@ class Subscription:
 
     def push(self, data: Any, time: int, origin: Origin | None = None) -> None:
         """Take in a message as ROS 1's bytes, at `time` [ns]; transports call this, from any thread."""
-        if not self.has_room_for(len(data)):
+        if self.largest is not None and not self.has_room_for(len(data)):
             return
         if self._has_few_names is not None and not self._has_few_names(data):
             self._count_oversized()
@@ -214,6 +214,13 @@ class Subscription:
             else:
                 waiting = deque(self._waiting.popleft() for _ in range(most))
         return [found for arrival in waiting if (found := self._decoded(arrival)) is not None]
+
+    def forget(self) -> int:
+        """Drop what waits, and return how many messages that were."""
+        with self._inbox.lock:
+            count = len(self._waiting)
+            self._waiting.clear()
+        return count
 
     def __len__(self) -> int:
         """Return how many wait."""

@@ -68,11 +68,16 @@ class CommandSource:
         self._subscription = transport.subscribe(topic.name, topic.type, bounds=LARGEST)
         self._missed = self._oversized = 0
         self.cost = COSTS.get(topic.type, 1)
+        self.moves = topic.type != COMMAND and topic.verb != "use_gravity_compensation"
         self.process = ""  # that the newest fresh command came from, as in `Arrival.process`
 
     def __len__(self) -> int:
         """Return how many wait."""
         return len(self._subscription)
+
+    def forget(self) -> int:
+        """Drop what waits, and return how many commands that were."""
+        return self._subscription.forget()
 
     def take(self, now: int, most: int = OF_A_TOPIC) -> list[Message]:
         """Return those commands that are fresh of the `most` that have waited longest, oldest first; `now` in ns."""
@@ -90,7 +95,8 @@ class CommandSource:
             self._reports.say(f"{self.topic.name}: lost", f"{lost - self._missed} commands", now)
             self._missed = lost
         if heard.oversized > self._oversized:
-            text = f"{heard.oversized - self._oversized} commands of more than {heard.largest} bytes or {LARGEST.entries} names dropped"
+            most = f"{heard.largest} bytes or {LARGEST.entries} names"
+            text = f"{heard.oversized - self._oversized} commands of more than {most} dropped"
             to = () if self.topic.arm is None else (self.topic.arm,)
             self._reports.say(f"{self.topic.name}: too large", text, now, to=to)
             self._oversized = heard.oversized
