@@ -83,9 +83,12 @@ def damaged(path, change):
         (lambda a, s: a.update(columns=a["columns"] + 1000), "columns outside 0 to"),
         (lambda a, s: s["robot"].pop("tree"), "the robot in it is damaged"),
         (lambda a, s: s["robot"]["tree"].update(parent=[5, 5, 5]), "parents do not come first"),
-        (lambda a, s: s["options"].update(terms="half"), 'terms "half"'),
-        (lambda a, s: s["tests"][0].update(verdict="fine"), "residual of"),
-        (lambda a, s: a.update(card=np.array("[]")), "the card is no table"),
+        (
+            lambda a, s: s["options"].update(terms="half"),
+            "options: terms: Input should be 'full' or 'static', got 'half'",
+        ),
+        (lambda a, s: s["tests"][0].update(verdict="fine"), "tests[0]: verdict: Input should be"),
+        (lambda a, s: a.update(card=np.array("[]")), "card: holds [], expected a table"),
     ],
 )
 def test_a_damaged_file_is_refused(saved, change, said):

@@ -1,5 +1,3 @@
-import io
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +7,7 @@ from numpy.testing import assert_array_equal
 
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
-from catenary.recording.importers import read_arrays, read_command_log
+from catenary.recording.importers import read_command_log
 
 ROWS = 5
 
@@ -141,81 +139,18 @@ def test_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match=r"none.npz: no such file"):
         read_command_log(tmp_path / "none.npz")
     with pytest.raises(FileFormatError, match="no such file"):
-        read_arrays(tmp_path)  # a folder
+        read_command_log(tmp_path)  # a folder
 
 
-def member(name: str, content: bytes | str) -> bytes:
-    """An archive of one file."""
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w") as archive:
-        archive.writestr(name, content)
-    return buffer.getvalue()
+@pytest.mark.parametrize("names", [np.full(2000, "a"), np.array([b"\xff"] * 6)], ids=["many", "no UTF-8"])
+def test_names_that_are_no_names_are_refused(tmp_path: Path, names: np.ndarray) -> None:
+    with pytest.raises(InputError, match=r"log.npz: joint_names: expected"):
+        read_command_log(written(tmp_path, joint_names=names))
 
 
-def huge() -> bytes:
-    """An array that claims more than memory."""
-    buffer = io.BytesIO()
-    header = {"descr": "<f8", "fortran_order": False, "shape": (10**15,)}
-    np.lib.format.write_array_header_1_0(buffer, header)
-    return buffer.getvalue()
-
-
-def saved(values: Any) -> bytes:
-    buffer = io.BytesIO()
-    np.save(buffer, values)
-    return buffer.getvalue()
-
-
-@pytest.mark.parametrize(
-    ("raw", "said"),
-    [
-        (saved(np.zeros((ROWS, 6))), "cannot be read as an .npz archive"),
-        (
-            member("q_des.npy", saved(np.array([{"a": 1}], dtype=object))),
-            "cannot be read as an .npz archive of plain arrays",
-        ),
-        (member("q_des", "not an array"), '"q_des" is not an array'),
-        (member("q_des.npy", huge()), "cannot be read"),
-        (np.random.default_rng(2).bytes(4000), "cannot be read"),
-        *[
-            (member("q_des.npy", saved(np.zeros(3)).replace(b" ", bracket, 1)), "cannot be read")
-            for bracket in (b"(", b"{", b"[")
-        ],
-    ],
-    ids=["one array", "Python objects", "zip of other files", "huge", "random", "(", "{", "["],
-)
-def test_what_is_no_archive_of_arrays_is_refused(tmp_path: Path, raw: bytes, said: str) -> None:
-    (tmp_path / "log.npz").write_bytes(raw)
-    with pytest.raises(FileFormatError, match=f"log.npz: .*{said}"):
-        read_arrays(tmp_path / "log.npz")
-
-
-@pytest.mark.parametrize("step", [97, pytest.param(37, marks=pytest.mark.slow)])
-def test_truncated_archive_is_refused_wherever_it_ends(tmp_path: Path, step: int) -> None:
-    path = written(tmp_path)
-    whole = path.read_bytes()
-    for end in range(0, len(whole), step):
-        path.write_bytes(whole[:end])
-        with pytest.raises(FileFormatError, match=r"log.npz: cannot be read"):
-            read_arrays(path)
-
-
-@pytest.mark.parametrize("flips", [300, pytest.param(1000, marks=pytest.mark.slow)])
-def test_damaged_archive_gives_its_arrays_or_one_kind_of_error(tmp_path: Path, flips: int) -> None:
-    rng = np.random.default_rng(1)
-    path = written(tmp_path)
-    whole, refused = path.read_bytes(), 0
-    for _ in range(flips):
-        damaged = bytearray(whole)
-        damaged[rng.integers(len(whole))] ^= 1 << int(rng.integers(8))
-        path.write_bytes(damaged)
-        try:
-            arrays = read_arrays(path)
-        except FileFormatError:
-            refused += 1
-        else:  # a flipped date in the directory does no harm
-            assert all(np.isfinite(values).all() for values in arrays.values())
-    assert refused > flips / 2  # most bytes are data under a checksum
+def test_a_number_beyond_a_float64_is_refused_as_infinite(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="row 0; expected finite"):
+        read_command_log(written(tmp_path, t=np.full(ROWS, "1e4000").astype(np.longdouble)))
 
 
 def test_clock_that_goes_back_is_noted_with_its_row_and_often_with_a_count(tmp_path: Path) -> None:

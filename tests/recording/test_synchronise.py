@@ -6,8 +6,18 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.extract import extract
+from catenary.recording.journal import JournalTopic, JournalWriter
+from catenary.recording.raven_csv import read_raven_csv, write_raven_csv
 from catenary.recording.synchronise import Synchronisation, SynchroniseOptions, synchronise
-from catenary.recording.topics import EXT_JPOS, GOLD_MEASURED_JS, RAVENSTATE, RAVENSTATE_100HZ, raven_topics
+from catenary.recording.topics import (
+    EXT_JPOS,
+    GOLD_MEASURED_JS,
+    RAVENSTATE,
+    RAVENSTATE_100HZ,
+    SECOND,
+    encode,
+    raven_topics,
+)
 from oracles import raven_recording
 
 STATE_TIME = np.arange(0.0, 20.0, 1.0 / 30.0)
@@ -143,6 +153,33 @@ def test_a_state_that_comes_shuffled_and_twice_is_put_in_order(tmp_path: Path) -
     assert result.log.time is not None
     assert_allclose(result.log.time, STATE_TIME, atol=1e-8)  # whole ns
     assert (result.topics[0].repeated, result.topics[0].shuffled) == (10, 9)
+
+
+@pytest.mark.parametrize("by", [3600, -3600, -5])
+def test_a_robots_clock_that_is_set_costs_no_row_and_no_order(tmp_path: Path, by: int) -> None:
+    """The clock of state and encoder, by seconds, in the middle; arrivals are by a clock that nobody sets."""
+    columns = raven_recording.telemetry(STATE_TIME, np.random.default_rng(0))
+    rig = {"ext_jpos": raven_recording.encoder(RIG_TIME)}
+    streams = [(topic, STATE_TIME, columns) for topic in (RAVENSTATE, GOLD_MEASURED_JS)]
+    streams.append((EXT_JPOS, RIG_TIME, rig))
+    with JournalWriter(tmp_path / "r", [JournalTopic(t.name, t.type) for t, *_ in streams]) as journal:
+        for topic, time, content in streams:
+            true = _stamp(time)
+            for message, arrival in zip(
+                encode(topic, true + by * SECOND * (time >= 10.0), content), true, strict=True
+            ):
+                journal.append(topic.name, int(arrival) + 1_000_000, message.tobytes())
+    extract([tmp_path / "r"], tmp_path / "x")
+    result = synchronise(tmp_path / "x")
+    assert result.log.time is not None
+    assert_allclose(result.log.time, STATE_TIME, atol=1e-6)
+    assert_allclose(result.log.q_nominal, raven_recording.nominal(STATE_TIME), atol=1e-7)
+    assert result.log.ok[:-1].all()
+    assert any(f"clock was set by {by:+d}.000 s, 10.0 s after" in note for note in result.log.notes)
+    write_raven_csv(tmp_path / "x", tmp_path / "x.csv")
+    again = read_raven_csv(tmp_path / "x.csv").log
+    assert_allclose(again.q_nominal, result.log.q_nominal, atol=1e-7)
+    assert again.ok[:-1].all()
 
 
 def test_a_missing_topic_is_answered_with_those_that_are_there(tmp_path: Path) -> None:

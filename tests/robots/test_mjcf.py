@@ -185,7 +185,7 @@ def test_an_inactive_equality_is_left_out_and_noted(load):
         (worldbody(f'<body name="b"><freejoint name="f"/>{BALL_GEOM}</body>'), 'joint "f" of body "b" is a free joint; expected hinge or slide'),
         (worldbody(f'<body name="b"><joint type="ball" name="f"/>{BALL_GEOM}</body>'), 'joint "f" of body "b" is a ball joint'),
         (worldbody(f'<body name="b">{BALL_GEOM}</body>'), "no moving joint, expected at least one"),
-        ("<mujoco>", "MuJoCo cannot read it: XML parse error"),
+        ("<mujoco>", "cannot be read as XML: no element found: line 1"),
         ("<mujoco><foo/></mujoco>", "MuJoCo cannot read it: XML Error: Schema violation: unrecognized element"),
         (worldbody('<body><joint axis="0 0 0"/><geom size="1"/></body>'), "MuJoCo cannot read it: Error: axis too small"),
         (worldbody('<body><joint/><geom type="mesh" mesh="none"/></body>'), "MuJoCo cannot read it"),
@@ -193,8 +193,9 @@ def test_an_inactive_equality_is_left_out_and_noted(load):
     ],
 )  # fmt: skip
 def test_what_no_tree_has_and_what_mujoco_cannot_read_is_refused_by_name(load, text, said):
-    unreadable = "MuJoCo cannot read it"
-    with pytest.raises(FileFormatError if unreadable in said else UnsupportedModelError) as caught:
+    with pytest.raises(
+        FileFormatError if "cannot be read" in said or "MuJoCo" in said else UnsupportedModelError
+    ) as caught:
         load(text)
     assert said in str(caught.value)
     assert "robot.xml: " in str(caught.value)

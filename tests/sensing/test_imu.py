@@ -195,6 +195,15 @@ def test_a_gyroscope_that_turns_while_gravity_hardly_moves_is_not_believed(gravi
     assert_array_equal(readings[-1].base_rates, np.zeros((2, 3)))
 
 
+def test_a_gyroscope_that_spoke_in_degrees_is_believed_within_a_second_of_its_return():
+    base, (gravity, rate) = Base(angular=True), rocking(0.04, 0.5, middle=0.2)
+    base.run(2.0, gravity, rate, hz=100.0)
+    wrong = base.run(1.5, gravity, lambda t: np.degrees(rate(t)), hz=100.0)
+    assert any(Fault.RATE_TOO_FAST in r.faults for r in wrong)
+    readings = base.run(2.0, gravity, rate, hz=100.0)
+    assert {r.faults for r in readings[1000:]} == {Fault.NONE}
+
+
 # degrees within a second, as a hand tips a base: at a steady rate, and beginning and ending gently
 TIPS = {
     "steady": lambda t: np.clip(t, 0.0, 1.0),

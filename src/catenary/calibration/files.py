@@ -3,23 +3,54 @@
 import io
 import json
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
+from catenary.archives import read_arrays
 from catenary.calibration.features import FeatureSet
-from catenary.calibration.model import CalibrationModel, Card, JointGroup
+from catenary.calibration.model import CalibrationModel, Card, JointGroup, Target
 from catenary.calibration.predictors import Constant, Linear, Network, Predictor, Quadratic
 from catenary.calibration.valid_range import ValidRange
-from catenary.errors import FileFormatError, InputError
+from catenary.config import Recorded, parse_settings
+from catenary.documents import cut, json_table, shortened
+from catenary.errors import CatenaryError, FileFormatError
 from catenary.files import damage, write_atomically
-from catenary.recording.importers import read_arrays
+from catenary.robots.plausible import FARTHEST, check_different, check_names, check_within
 
 FORMAT = "catenary.calibration.1"
 SIMPLE: dict[str, type[Predictor]] = {each.kind: each for each in (Constant, Linear, Quadratic)}
 NETWORK_ARRAYS = ("mean", "scale", "out_mean", "out_scale")
 Arrays = dict[str, NDArray[Any]]
+Many = Field(max_length=10_000)  # of anything that a model has several of
+Widths = Annotated[tuple[tuple[str, Annotated[float, Field(gt=0.0)]], ...], Many]
+
+
+class GroupStructure(Recorded):
+    """Joints that share a predictor."""
+
+    joints: Annotated[tuple[Annotated[int, Field(ge=0, lt=10_000)], ...], Many]
+    predictor: str
+
+
+class ModelStructure(Recorded):
+    """All of a model but its arrays; what an older file does not have has a default."""
+
+    kind: str
+    preset: str | None
+    joint_names: Annotated[tuple[str, ...], Many]
+    joint_units: Annotated[tuple[Literal["rad", "m"], ...], Many]
+    signals: Annotated[tuple[str, ...], Many]
+    signal_units: Annotated[tuple[str, ...], Many]
+    history: Annotated[int, Field(ge=0, le=1_000)]
+    play: Widths
+    steps: Widths = ()  # none: play states follow every position
+    period: Annotated[float, Field(gt=0.0)] | None = None
+    target: Target
+    rate_hz: Annotated[float, Field(gt=0.0)] | None = None
+    groups: Annotated[tuple[GroupStructure, ...], Many]
 
 
 def card_path(path: Path) -> Path:
@@ -89,50 +120,50 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
         for key, values in arrays.items():
             if values.dtype.kind == "f" and not np.isfinite(values).all():
                 raise ValueError(f"{key} holds NaN or infinity")
-        structure = json.loads(str(arrays["structure"]))
-        if structure["format"] != FORMAT:
-            raise FileFormatError(f"{path}: model format {structure['format']!r}, expected {FORMAT!r}")
+        found = json_table(str(arrays["structure"]), "structure")
+        if found.get("format") != FORMAT:
+            raise FileFormatError(
+                f"{path}: model format {shortened(found.get('format'))}, expected {FORMAT!r}"
+            )
+        structure = parse_settings(found, ModelStructure, "structure")
+        check_names("joint", structure.joint_names)
+        check_different("joint", structure.joint_names)
+        check_within("offset", arrays["offset"], FARTHEST, "rad or m")
         features = FeatureSet(
-            tuple(structure["signals"]),
-            tuple(structure["signal_units"]),
-            int(structure["history"]),
-            tuple((str(name), float(width)) for name, width in structure["play"]),
-            # an older file has none, and its play states follow every position
-            tuple((str(name), float(step)) for name, step in structure.get("steps", ())),
-            structure.get("period"),
+            structure.signals,
+            structure.signal_units,
+            structure.history,
+            structure.play,
+            structure.steps,
+            structure.period,
         )
-        rate = structure.get("rate_hz")  # not known, or the file is older than the field
-        if rate is not None and not 0.0 < rate < float("inf"):
-            raise ValueError(f"rate of {rate} Hz")
-        groups = tuple(_group(arrays, i, entry) for i, entry in enumerate(structure["groups"]))
         model = CalibrationModel(
-            kind=structure["kind"],
-            preset=structure["preset"],
-            joint_names=tuple(structure["joint_names"]),
-            joint_units=tuple(structure["joint_units"]),
+            kind=structure.kind,
+            preset=structure.preset,
+            joint_names=structure.joint_names,
+            joint_units=structure.joint_units,
             features=features,
-            target=structure["target"],
+            target=structure.target,
             offset=arrays["offset"],
-            groups=groups,
-            rate_hz=rate,
+            groups=tuple(_group(arrays, i, entry) for i, entry in enumerate(structure.groups)),
+            rate_hz=structure.rate_hz,
         )
-        card = json.loads(str(arrays["card"]))
-        if not isinstance(card, dict):
-            raise ValueError("the card is no table")
+        card = json_table(str(arrays["card"]), "card", finite=False)
         return model, card
-    except FileFormatError:
-        raise
-    except (KeyError, TypeError, ValueError, IndexError, InputError) as error:
-        raise FileFormatError(damage(path, f"is no calibration model: {error!r}", remedy)) from error
+    except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
+        if str(error).startswith(f"{path}: "):
+            raise
+        why = str(error) if isinstance(error, CatenaryError) else repr(error)
+        raise FileFormatError(damage(path, f"is no calibration model: {cut(why)}", remedy)) from error
 
 
-def _group(arrays: Arrays, i: int, entry: dict[str, Any]) -> JointGroup:
+def _group(arrays: Arrays, i: int, entry: GroupStructure) -> JointGroup:
     prefix = f"{i}.predictor."
     return JointGroup(
-        joints=tuple(int(j) for j in entry["joints"]),
+        joints=entry.joints,
         columns=arrays[f"{i}.columns"],
         predictor=_from_arrays(
-            entry["predictor"], {k.removeprefix(prefix): v for k, v in arrays.items() if k.startswith(prefix)}
+            entry.predictor, {k.removeprefix(prefix): v for k, v in arrays.items() if k.startswith(prefix)}
         ),
         valid_range=ValidRange(
             **{key: arrays[f"{i}.range.{key}"] for key in ValidRange.__dataclass_fields__}

@@ -138,9 +138,9 @@ def deploy_beside(
         CrtkClient(transport, arm="gold" if arm == "gold" else "green", imu=imu) as client,
     ):
         topics = CalibratedTopics(client, loaded, rate_hz=rate_hz, gravity_torque=gravity_torque)
-        end, was_silent = transport.now() + seconds * 1e9, False
+        end, was_silent = transport.steady() + seconds * 1e9, False
         try:
-            while (left := (end - transport.now()) * 1e-9) > 0.0:
+            while (left := (end - transport.steady()) * 1e-9) > 0.0:
                 topics.run(min(0.5, left))
                 if topics.is_silent != was_silent:
                     was_silent = topics.is_silent

@@ -80,10 +80,10 @@ def _home_project(folder: Path, arm: ArmOptions, access: RobotAccess, as_json: b
         announce("homing ...")
         was_run = robot.home(opened)
     if as_json:
-        from catenary.workflows.project.folder import read_state
+        from catenary.workflows.project.state import HomeFile, read_state
 
         remedy = "delete it, and `catenary home PROJECT` makes it again"
-        content = read_state(opened.folder / "robot" / "home.json", remedy)
+        content = read_state(opened.folder / "robot" / "home.json", HomeFile, remedy)
         print_json({"project": str(opened.folder), "run": was_run, **content})
     else:
         print(f"{opened.folder}: homed" + ("" if was_run else " before; nothing to do"))

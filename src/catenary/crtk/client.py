@@ -257,14 +257,16 @@ class CrtkClient:
                 f'state command "{command}": expected one of {", ".join(STATE_COMMANDS)}'
             )
         self._goal = None
-        begin = self.transport.now()
+        begin = self.transport.steady()
         patience = timeout or (HOMING_TIMEOUT if command == "home" else COMMAND_TIMEOUT)
         settle = SETTLE if command == "home" else 0.0
-        self._publishers["state_command"].publish(command_message(command, self._stamps.next(begin)))
+        self._publishers["state_command"].publish(
+            command_message(command, self._stamps.next(self.transport.now()))
+        )
         latest = self._latest["operating_state"]
         while True:
             self.transport.sleep(self.period)
-            elapsed = (self.transport.now() - begin) / SECOND
+            elapsed = (self.transport.steady() - begin) / SECOND
             now = operating_state_of(latest.message())
             # a robot may publish its state only when it changes: then what held before holds
             is_news = latest.arrived is not None and latest.arrived > begin
@@ -346,12 +348,12 @@ class CrtkClient:
         return latest.message()
 
     def _connect(self, timeout: float) -> None:
-        begin = self.transport.now()
+        begin = self.transport.steady()
         while True:
             missing = self._missing()
             if not missing:
                 return
-            if (self.transport.now() - begin) / SECOND >= timeout:
+            if (self.transport.steady() - begin) / SECOND >= timeout:
                 raise TransportError(
                     f"the robot ({self.dialect}, {self.arm} arm) is not there after {timeout:g} s: "
                     + "; ".join(missing)

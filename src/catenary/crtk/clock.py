@@ -11,9 +11,20 @@ SECOND = 1_000_000_000  # [ns]
 class Clock:
     """The machine's own time, which is what transports keep to unless they are given another."""
 
+    def __init__(self) -> None:
+        """Read both of the machine's clocks, once."""
+        self._ahead = time.time_ns() - time.monotonic_ns()
+
     def now(self) -> int:
         """Return the time of day [ns since 1970], which may be set back and forth."""
         return time.time_ns()
+
+    def steady(self) -> int:
+        """Return the time of day [ns since 1970] as if nobody had set the clock since this was made: it only grows.
+
+        Arrivals, ages and durations are told by it.
+        """
+        return self._ahead + self.elapsed()
 
     def elapsed(self) -> int:
         """Return the time [ns] since an arbitrary moment, which only grows."""
@@ -30,7 +41,7 @@ class ManualClock(Clock):
 
     def __init__(self, start: int = SECOND) -> None:
         """Begin at `start` [ns]; not at 0, which ROS takes for a missing stamp."""
-        self._now = self._start = start
+        self._now = self._start = self._ahead = start
         self._lock = threading.Lock()
 
     def now(self) -> int:

@@ -55,6 +55,7 @@ class GravityTopic:
         self.frame_id = ""  # of the last message
         self.tally = TopicTally()
         self._kind = Kind.FREE_FALL if points_down else Kind.SPECIFIC_FORCE
+        self._transport = transport
         self._subscription = transport.subscribe(topic, type_name)
 
     def feed(self, time: float) -> None:  # samples bring their own
@@ -70,7 +71,7 @@ class GravityTopic:
         self.frame_id = header.frame_id
         if header.stamp == 0:
             tally.unstamped += 1
-        stamp = seconds(header.stamp or arrived)
+        stamp = seconds(header.stamp or arrived + self._transport.now() - self._transport.steady())
         if isinstance(message, message_class(IMU)):
             # rates first: when gravity is looked at, how the base turned meanwhile is known
             if message.angular_velocity_covariance[0] == -1.0:

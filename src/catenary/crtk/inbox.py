@@ -15,7 +15,7 @@ class Received(NamedTuple):
     """A message as it came."""
 
     message: Message
-    time: int  # [ns] by the transport's clock, when it came in
+    time: int  # [ns] by the transport's `steady`, when it came in
 
 
 class Origin(NamedTuple):
@@ -30,7 +30,7 @@ class Arrival(NamedTuple):
     """A message as it came, and whether it may be an old one that a latching publisher gives to whoever connects."""
 
     message: Message
-    time: int  # [ns] by the transport's clock
+    time: int  # [ns] by the transport's `steady`
     process: str  # of the publisher, as in `Origin`; empty where the transport does not tell
     is_first: bool  # the first over a connection to a latching publisher
     is_renewed: bool  # and that publisher has been heard over an earlier connection

@@ -30,7 +30,7 @@ class Latest:
         self._transport = transport
         self._subscription = transport.subscribe(topic, type_name, depth=1)
         self._message: Message = None
-        self.arrived: int | None = None  # [ns] by the transport's clock; None before the first message
+        self.arrived: int | None = None  # [ns] by the transport's `steady`; None before the first message
 
     def message(self) -> Message:
         """Return the newest message, or None before the first."""
@@ -46,7 +46,7 @@ class Latest:
         self.message()
         if self.arrived is None:
             return np.inf
-        return max(0, self._transport.now() - self.arrived) / SECOND
+        return max(0, self._transport.steady() - self.arrived) / SECOND
 
     def close(self) -> None:
         """Receive no more."""
@@ -96,7 +96,7 @@ class MeasuredGravity:
             self._take(message)
         if self._measured is None:
             return self._gravity.copy(), np.inf
-        return self._gravity.copy(), max(0, self._transport.now() - self._measured) / SECOND
+        return self._gravity.copy(), max(0, self._transport.steady() - self._measured) / SECOND
 
     def close(self) -> None:
         """Receive no more."""

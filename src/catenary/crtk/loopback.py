@@ -101,7 +101,7 @@ class LoopbackPublisher(Publisher):
             if self._latch:
                 self.latched = data
             if self.is_connected:
-                now = network.clock.now()
+                now = network.clock.steady()
                 for _, subscription in self._shared.subscriptions:
                     subscription.push(data, now, self.origin)
 
@@ -147,7 +147,7 @@ class Loopback(Transport):
             subscription.on_close(leave)
             for publisher in shared.publishers.values():
                 if publisher.latched is not None and publisher.is_connected:
-                    subscription.push(publisher.latched, self.now(), publisher.origin)
+                    subscription.push(publisher.latched, self.steady(), publisher.origin)
 
     def _serve(self, name: str, type_name: str, handler: Handler) -> None:
         with self.network.lock:

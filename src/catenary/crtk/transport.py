@@ -198,8 +198,12 @@ class Transport(ABC):
         """Return whether it is open, and whatever brings peers together (ROS 1's master) answers."""
 
     def now(self) -> int:
-        """Return the time [ns], as it goes into stamps."""
+        """Return the time [ns], as it goes into stamps; it may be set back and forth."""
         return self.clock.now()
+
+    def steady(self) -> int:
+        """Return the time [ns] that messages come in by: the time of day as when this was made, and it only grows."""
+        return self.clock.steady()
 
     def sleep(self, seconds: float) -> None:
         """Let time pass."""

@@ -2,26 +2,75 @@
 
 import io
 import json
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any, get_args
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field, JsonValue
 
 from catenary import __version__
+from catenary.archives import read_arrays
 from catenary.arrays import Floats
+from catenary.config import Recorded, parse_settings
+from catenary.documents import cut, json_table, shortened
 from catenary.errors import FileFormatError, InputError
 from catenary.files import write_atomically
 from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.columns import Parameters
 from catenary.identification.identification import Identification
-from catenary.identification.options import IdentifyOptions
+from catenary.identification.options import IdentifyOptions, Terms
 from catenary.identification.residuals import LogResidual, Verdict
-from catenary.recording.importers import read_arrays
+from catenary.robots.actuation import Weighting
 from catenary.robots.model_record import robot_from_record, robot_record
 
 FORMAT = "catenary.identification.1"
 Card = dict[str, Any]
+Residuals = tuple[float | None, ...]
+
+
+class OptionsRecord(Recorded):
+    """Options of an identification, as `IdentifyOptions`."""
+
+    terms: Terms
+    gravity: tuple[float, float, float]
+    cutoff_hz: float | None
+    order: Annotated[int, Field(ge=1, le=10)] | None
+    cut_samples: int | None
+    period_samples: int | None
+    weighting: Weighting | None
+    consistent: bool
+    blocks: float | None
+    seed: Annotated[int, Field(ge=0)]
+
+
+class ResidualRecord(Recorded):
+    """The residual of a recording, as `LogResidual`; null on an axis without torque."""
+
+    log: str
+    rows: int
+    relative_rms: Residuals
+    relative_rms_period: Residuals | None
+    rms: Residuals
+    verdict: Verdict | None
+
+
+class IdentificationStructure(Recorded):
+    """All of an identification but its arrays."""
+
+    robot: JsonValue  # `robot_from_record` knows its schema
+    options: OptionsRecord
+    rank: int
+    condition: float
+    training: tuple[ResidualRecord, ...]
+    tests: tuple[ResidualRecord, ...]
+
+
+class IdentificationCard(Recorded):
+    """What readers of a card take from it; more may stand there."""
+
+    notes: tuple[str, ...]
+    version: dict[str, JsonValue]
 
 
 def card_path(path: Path) -> Path:
@@ -133,15 +182,12 @@ def load_identification(path: Path) -> tuple[Identification, Card]:
             "they are written by catenary identify"
         )
     try:
-        structure = json.loads(str(arrays["structure"]))
-        if structure["format"] != FORMAT:
-            raise FileFormatError(f"{path}: format {structure['format']!r}, expected {FORMAT!r}")
-        options = dict(structure["options"])
-        options["gravity"] = tuple(options["gravity"])
-        if set(options) != {entry.name for entry in fields(IdentifyOptions)}:
-            raise ValueError(f"options {', '.join(options)}")
-        chosen = IdentifyOptions(**options)
-        parameters = Parameters(robot_from_record(structure["robot"]), chosen.terms)
+        found = json_table(str(arrays["structure"]), "structure")
+        if found.get("format") != FORMAT:
+            raise FileFormatError(f"format {shortened(found.get('format'))}, expected {FORMAT!r}")
+        structure = parse_settings(found, IdentificationStructure, "structure")
+        chosen = IdentifyOptions(**structure.options.model_dump())
+        parameters = Parameters(robot_from_record(structure.robot), chosen.terms)
         b, k, n = len(arrays["beta"]), len(parameters.names), parameters.model.n
         shapes = {"combination": (b, k), "columns": (b,), "beta": (b,), "covariance": (b, b), "weights": (n,)}
         if "phi" in arrays:
@@ -158,30 +204,27 @@ def load_identification(path: Path) -> tuple[Identification, Card]:
             covariance=arrays["covariance"],
             options=chosen,
             weights=arrays["weights"],
-            rank=int(structure["rank"]),
-            condition=float(structure["condition"]),
-            training=tuple(_residual(entry) for entry in structure["training"]),
-            tests=tuple(_residual(entry) for entry in structure["tests"]),
+            rank=structure.rank,
+            condition=structure.condition,
+            training=tuple(_residual(entry) for entry in structure.training),
+            tests=tuple(_residual(entry) for entry in structure.tests),
             phi=arrays.get("phi"),
         )
-        card = json.loads(str(arrays["card"]))
-        if not isinstance(card, dict):
-            raise ValueError("the card is no table")
+        card = json_table(str(arrays["card"]), "card", finite=False)
+        parse_settings(card, IdentificationCard, "card")
         return result, card
     except FileFormatError as error:
         raise FileFormatError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
-    except (KeyError, TypeError, ValueError, IndexError, InputError) as error:
-        raise FileFormatError(f"{path}: holds damaged parameters: {error!r}") from error
+    except (KeyError, TypeError, ValueError, IndexError, OverflowError, InputError) as error:
+        raise FileFormatError(f"{path}: holds damaged parameters: {cut(repr(error))}") from error
 
 
-def _residual(entry: dict[str, Any]) -> LogResidual:
-    def numbers(values: list[float | None] | None) -> Floats | None:
-        return None if values is None else np.array([np.nan if v is None else v for v in values], dtype=float)
+def _residual(entry: ResidualRecord) -> LogResidual:
+    def numbers(values: Residuals) -> Floats:
+        return np.array([np.nan if v is None else v for v in values], dtype=float)
 
-    size, share = numbers(entry["rms"]), numbers(entry["relative_rms"])
-    verdict: Verdict | None = entry["verdict"]
-    if size is None or share is None or verdict not in (None, *get_args(Verdict)):
-        raise ValueError(f"residual of {entry['log']!r}")
+    period = entry.relative_rms_period
     return LogResidual(
-        str(entry["log"]), int(entry["rows"]), size, share, numbers(entry["relative_rms_period"]), verdict
-    )
+        entry.log, entry.rows, numbers(entry.rms), numbers(entry.relative_rms),
+        None if period is None else numbers(period), entry.verdict,
+    )  # fmt: skip

@@ -128,7 +128,7 @@ class CalibratedTopics:
         self._corrector.reset()
         self._latency = Durations()
         self._messages = client.transport.subscribe(client.measured_topic, JOINT_STATE, depth=DEPTH)
-        self._begin = self._last = client.transport.now()
+        self._begin = self._last = client.transport.steady()
         self.is_silent = False  # nothing has come from the robot for longer than the client allows
         self._came = self._published = self._late = self._not_homed = self._silences = 0
         self._unreadable = 0
@@ -148,13 +148,13 @@ class CalibratedTopics:
             self._last = received.time
             self._came += 1
             self._correct(received, is_newest=received is came[-1])
-        self._note_silence(self._client.transport.now())
+        self._note_silence(self._client.transport.steady())
         return self._published - before
 
     def run(self, seconds: float) -> WireReport:
         """Go on for some time [s], or until Ctrl-C when that is infinite; robots may come and go."""
-        end = self._client.transport.now() + seconds * SECOND
-        while self._client.transport.now() < end:
+        end = self._client.transport.steady() + seconds * SECOND
+        while self._client.transport.steady() < end:
             self.step(WAIT)
         return self.report()
 
@@ -164,7 +164,7 @@ class CalibratedTopics:
         if self._stamps is not None and self._stamps[1] > self._stamps[0]:
             rate = self._stamps[2] * SECOND / (self._stamps[1] - self._stamps[0])
         return WireReport(
-            seconds=(self._client.transport.now() - self._begin) / SECOND,
+            seconds=(self._client.transport.steady() - self._begin) / SECOND,
             messages=self._came,
             published=self._published,
             rate_hz=rate,
@@ -197,7 +197,7 @@ class CalibratedTopics:
         return True
 
     def _correct(self, received: Received, *, is_newest: bool) -> None:
-        stamp, now = received.message.header.stamp, self._client.transport.now
+        stamp, now = received.message.header.stamp, self._client.transport.steady
         if not self._is_homed():
             self._not_homed += 1
             self._corrector.reset()

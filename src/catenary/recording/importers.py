@@ -1,9 +1,5 @@
 """Logs in layouts that others publish, read into a MotionLog."""
 
-import lzma
-import tokenize
-import zipfile
-import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,17 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catenary.archives import read_arrays
+from catenary.documents import shortened
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
 from catenary.plant import MotionLog
 
 # joints of the RAVEN-II and of the da Vinci PSM: two turning ones, the insertion, the tool's
 CABLE_ARM_UNITS = ("rad", "rad", "m", "rad", "rad", "rad")
-# what zipfile and np.load raise on a file that is no archive, damaged, encrypted, or holds Python objects
-UNREADABLE = (
-    *(OSError, ValueError, EOFError, KeyError, RuntimeError, MemoryError, SyntaxError, tokenize.TokenError),
-    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError),
-)
+MOST_TEXTS = 1000  # names or units in a file
 MOST_TIME_NOTES = 5  # a note each; a shuffled log would have thousands
 
 
@@ -106,30 +100,6 @@ def read_command_log(
     )
 
 
-def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """Read every array of a `.npz` without executing anything.
-
-    Raises:
-        FileFormatError: No such file, not an archive, damaged, or it holds Python objects.
-    """
-    if not path.is_file():
-        raise FileFormatError(f"{path}: no such file")
-    try:
-        with zipfile.ZipFile(path) as archive:
-            if archive.testzip() is not None:
-                raise zipfile.BadZipFile(f"{archive.testzip()} is damaged")
-        with np.load(path, allow_pickle=False) as arrays:
-            content = {key: arrays[key] for key in arrays.files}
-    except UNREADABLE as error:
-        raise FileFormatError(
-            f"{path}: cannot be read as an .npz archive of plain arrays: {error}"
-        ) from error
-    for key, values in content.items():
-        if not isinstance(values, np.ndarray):  # np.load hands out other members of a zip as bytes
-            raise FileFormatError(f'{path}: is no .npz archive of plain arrays: "{key}" is not an array')
-    return content
-
-
 def numbers_of(
     path: Path,
     content: dict[str, NDArray[Any]],
@@ -156,13 +126,15 @@ def numbers_of(
     if values.ndim != dimensions:
         expected = ("()", "(N,)", "(N, n)")[dimensions]
         raise InputError(f"{path}: {key}: expected shape {expected}, got {values.shape}")
+    with np.errstate(over="ignore"):  # a long double may not fit
+        values = values.astype(np.float64)
     bad = np.argwhere(~np.isfinite(values))
     if len(bad) and dimensions and not gaps:
         raise InputError(
             f"{path}: {key} is {values[tuple(bad[0])]} at row {bad[0][0]}; expected finite numbers "
             f"({len(bad)} are not)"
         )
-    return values.astype(np.float64)
+    return values
 
 
 def is_number(text: str) -> bool:
@@ -176,11 +148,14 @@ def is_number(text: str) -> bool:
 
 def _texts(path: Path, content: dict[str, NDArray[Any]], key: str) -> tuple[str, ...]:
     values = np.atleast_1d(content.get(key, np.array([], dtype=str)))
-    if values.dtype.kind == "S":
-        values = np.char.decode(values, "utf-8")
-    if values.dtype.kind != "U" or values.ndim != 1:
-        raise InputError(f"{path}: {key}: expected (n,) texts, got {values.dtype} of shape {values.shape}")
-    return tuple(str(v) for v in values)
+    if values.dtype.kind not in "SU" or values.ndim != 1 or len(values) > MOST_TEXTS:
+        raise InputError(
+            f"{path}: {key}: expected (n,) texts, got {values.dtype} of shape {shortened(values.shape)}"
+        )
+    try:
+        return tuple(v.decode() if isinstance(v, bytes) else str(v) for v in values.tolist())
+    except (UnicodeDecodeError, SystemError) as error:  # SystemError: NumPy's, of what is no character
+        raise InputError(f"{path}: {key}: expected texts in UTF-8: {error}") from error
 
 
 def _assumed_units(path: Path, n: int) -> tuple[str, ...]:

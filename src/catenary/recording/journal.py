@@ -2,9 +2,9 @@
 
 A recording is a folder of `0000.journal`, `0001.journal`, ...: each at most about `max_bytes` long and readable by
 itself. A file is magic, then records of 32 bytes of head (`HEAD`) and data: first the header (JSON), then messages,
-last a footer (JSON), which only a file that was closed has. The header comes again each second, so that a damaged one
-costs no message. Every record has a checksum and a number that counts through all files, so that whatever is missing is
-noticed and counted.
+last a footer (JSON), which only a file that was closed has; a note (JSON) is for people. The header comes again each
+second, so that a damaged one costs no message. Every record has a checksum and a number that counts through all files,
+so that whatever is missing is noticed and counted.
 """
 
 import json
@@ -29,7 +29,7 @@ MAGIC = b"catenary journal 1\n"
 # marker, checksum of all that follows, bytes of data, topic, 0, number, stamp [ns]
 HEAD = Struct("<4sIIHHQq")
 MARKER = b"\xc7REC"
-HEADER, FOOTER = 0xFFFF, 0xFFFE  # in place of a topic's index
+HEADER, FOOTER, NOTE = 0xFFFF, 0xFFFE, 0xFFFD  # in place of a topic's index
 FLUSH_INTERVAL = 0.5  # [s] a crash loses at most this and what the disk takes to write it
 HEADER_INTERVAL = 1.0  # [s] between headers of a file, while messages come
 MAX_HEADER = 2**20  # [B] of JSON; a recording of all topics has some 10 kB
@@ -109,7 +109,7 @@ class JournalWriter:
             InputError: The folder has a recording already, topics do not differ, or files are to be too short.
             RecordingError: Its files cannot be made.
         """
-        if not 0 < len(topics) < FOOTER or len({t.name for t in topics}) != len(topics):
+        if not 0 < len(topics) < NOTE or len({t.name for t in topics}) != len(topics):
             raise InputError(f"{folder}: expected topics that differ, got {[t.name for t in topics]}")
         for topic in topics:
             fields(topic.type)  # an unknown type is refused before anything is written
@@ -187,6 +187,11 @@ class JournalWriter:
             waiting = len(self._pending)
         if waiting > min(MAX_PENDING, self._max_bytes // 4):
             self.flush()
+
+    def note(self, text: str) -> None:
+        """Add a remark for whoever reads the recording; older versions pass over it."""
+        with self._append_lock:
+            self._pending += self._record(NOTE, json.dumps({"note": text}).encode())
 
     def flush(self) -> None:
         """Write everything to the disk.
@@ -312,7 +317,7 @@ class JournalWriter:
             if position + HEAD.size + length > len(written):
                 break
             position += HEAD.size + length
-            self._safe_messages += topic < FOOTER
+            self._safe_messages += topic < NOTE
         try:
             os.ftruncate(self._fd, self._safe_bytes + min(position, len(written)))
             os.fsync(self._fd)

@@ -18,10 +18,12 @@ from catenary.recording.journal import (
     MARKER,
     MAX_HEADER,
     MAX_RECORD,
+    NOTE,
     About,
     JournalTopic,
 )
 from catenary.recording.layout import Encoding
+from catenary.recording.losses import Hole
 from catenary.recording.messages import check_ros1_type
 from catenary.recording.topics import require_topics
 
@@ -29,6 +31,7 @@ from catenary.recording.topics import require_topics
 # a file takes one; what takes more was made to
 SEARCHED = 8
 MOST_PROBLEMS = 1000  # that are told one by one
+LONGEST_REMARK = 500  # characters
 
 
 class _Record(NamedTuple):
@@ -44,7 +47,9 @@ class JournalReport:
 
     messages: dict[str, int] = field(default_factory=dict)  # by topic
     problems: list[str] = field(default_factory=list)  # in words, with places
+    remarks: list[str] = field(default_factory=list)  # of the recorder; they tell of no loss
     lost: int = 0  # messages that are known to be missing
+    holes: list[Hole] = field(default_factory=list)  # where they are
     closed: bool = False  # the recording was finished, not cut off
 
     def note(self, problem: str) -> None:
@@ -53,6 +58,16 @@ class JournalReport:
             self.problems.append(problem)
         elif len(self.problems) == MOST_PROBLEMS:
             self.problems.append(f"more than {MOST_PROBLEMS} places are damaged; further ones are not told")
+
+    def remark(self, file: Path, data: bytes) -> None:
+        """Keep what the recorder noted, unless it is none or there are too many."""
+        try:
+            text = json_table(data, f"{file}: note").get("note")
+        except FileFormatError as error:
+            self.note(str(error))
+            return
+        if isinstance(text, str) and len(self.remarks) < MOST_PROBLEMS:
+            self.remarks.append(f"{file}: {text[:LONGEST_REMARK]}")
 
 
 class JournalReader:
@@ -79,8 +94,23 @@ class JournalReader:
 
     @property
     def problems(self) -> list[str]:
+        """What was found missing or damaged so far, in words, and the recorder's own notes."""
+        return [*self.report.problems, *self.report.remarks]
+
+    @property
+    def damage(self) -> list[str]:
         """What was found missing or damaged so far, in words."""
         return self.report.problems
+
+    @property
+    def holes(self) -> list[Hole]:
+        """Where records are missing that were there."""
+        return self.report.holes
+
+    @property
+    def ends_early(self) -> bool:
+        """Whether the recording was cut off, once all messages were read."""
+        return not self.report.closed
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, arrival stamp [ns] and bytes of every whole message, in the order of arrival.
@@ -96,12 +126,17 @@ class JournalReader:
         report = self.report = JournalReport(messages=dict.fromkeys(names, 0))
         wanted = [topics is None or name in topics for name in names]
         expected: int | None = None  # number of the next record
+        last: int | None = None  # [ns] arrival of the message before
         for file in self._files:
             report.closed = False
             for record in _records(file, report):
-                expected = self._count_missing(file, record.number, expected)
+                if expected is not None and record.number > expected:
+                    report.holes.append((last, record.stamp))
+                expected, last = self._count_missing(file, record.number, expected), record.stamp
                 if record.topic == FOOTER:
                     report.closed = self._is_last(file, record)
+                elif record.topic == NOTE:
+                    report.remark(file, record.data)
                 elif record.topic < len(names):
                     report.messages[names[record.topic]] += 1
                     if wanted[record.topic]:
@@ -153,7 +188,7 @@ def _header(file: Path, data: bytes) -> tuple[tuple[JournalTopic, ...], About]:
     if header.get("format") != FORMAT:
         raise FileFormatError(f"{where}: format {shortened(header.get('format'))}, expected {FORMAT}")
     listed = header.get("topics")
-    if not isinstance(listed, list) or not 0 < len(listed) < FOOTER:
+    if not isinstance(listed, list) or not 0 < len(listed) < NOTE:
         raise FileFormatError(f"{where}: topics: expected a list of them, got {shortened(listed)}")
     for topic in listed:
         for key in ("name", "type", "md5", "definition"):

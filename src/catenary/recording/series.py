@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.errors import InputError
+from catenary.recording.clock_steps import ClockStep, without_steps
 from catenary.recording.topics import SECOND
 
 WIDE = 3.0  # intervals that a gap is long, at least; a slow topic has no gaps merely for being slow
@@ -30,6 +31,8 @@ class TopicReport:
     # [s] median of arrival minus stamp: transport, and what the clocks differ by; nan if unknown
     clock_offset: float
     stamped_by_arrival: bool  # messages carried no stamps
+    clock_steps: tuple[ClockStep, ...] = ()  # of the clock of the stamps; taken out of them
+    start: int = 0  # [ns] arrival of the first message
 
     @property
     def longest_gap(self) -> float:
@@ -49,6 +52,9 @@ class TopicReport:
             notes.append(f"{self.topic}: stamps lie {self.clock_offset:.3f} s before arrival; not corrected")
         if self.stamped_by_arrival:
             notes.append(f"{self.topic}: messages carry no stamps; their arrival was taken")
+        notes += [
+            f"{self.topic}: {step.note(self.start)}; stamps go on as before it" for step in self.clock_steps
+        ]
         return notes
 
 
@@ -88,8 +94,11 @@ def clean_series(
     max_gap: float,
     arrival: NDArray[np.int64] | None = None,
     span: tuple[int, int] | None = None,
+    clock_steps: Sequence[ClockStep] = (),
 ) -> Series:
     """Put samples in the order of their stamps, drop repeated stamps (the first to arrive stays), and report.
+
+    Steps of the clock that stamped them are taken out first, by `without_steps`.
 
     Args:
         topic: Name, for the report.
@@ -98,6 +107,7 @@ def clean_series(
         max_gap: Intervals beyond it, and beyond three median intervals, are gaps [s].
         arrival: (M,) [ns]; takes the stamps' place where none is set (all are 0).
         span: First and last stamp of the state [ns]; what is missing at its ends counts as a gap.
+        clock_steps: What other topics' clocks did.
 
     Raises:
         InputError: There are no samples.
@@ -105,10 +115,11 @@ def clean_series(
     if len(stamp) == 0:
         raise InputError(f"topic {topic}: has no messages")
     unstamped = arrival is not None and not stamp.any() and bool(arrival.any())
-    offset = float("nan")
+    offset, steps = float("nan"), tuple[ClockStep, ...]()
     if arrival is not None and unstamped:
         stamp = arrival
     elif arrival is not None:
+        stamp, steps = without_steps(stamp, arrival, clock_steps)
         offset = float(np.median(arrival - stamp)) / SECOND
     shuffled = int((stamp < np.maximum.accumulate(stamp)).sum())
     ordered, repeated = stamp, 0
@@ -134,6 +145,8 @@ def clean_series(
         shuffled=shuffled,
         clock_offset=offset,
         stamped_by_arrival=unstamped,
+        clock_steps=steps,
+        start=0 if arrival is None else int(arrival[0]),
     )
     return Series(ordered, np.asarray(values, dtype=np.float64), report)
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.errors import FileFormatError, InputError
 from catenary.plant import MotionLog
+from catenary.recording.clock_steps import ClockStep
 from catenary.recording.extract import TopicFile, topic_file
 from catenary.recording.series import (
     Series,
@@ -97,10 +98,11 @@ def synchronise(folder: Path, options: SynchroniseOptions | None = None) -> Sync
     about = file.about
     state = read_series(file, state_names, options.max_gap)
     span = (int(state.stamp[0]), int(state.stamp[-1]))
-    encoder = read_first_column(folder, EXT_JPOS, options.max_gap, span)
+    clock = state.report.clock_steps
+    encoder = read_first_column(folder, EXT_JPOS, options.max_gap, span, clock)
     reports = [state.report, encoder.report]
     if (folder / f"{measured_topic(arm).stem}.parquet").is_file():
-        reports.append(read_first_column(folder, measured_topic(arm), options.max_gap, span).report)
+        reports.append(read_first_column(folder, measured_topic(arm), options.max_gap, span, clock).report)
     return build_log(
         name=folder.name,
         robot=about.robot if about.robot is not None else ROBOT[arm],
@@ -199,14 +201,22 @@ def open_state(folder: Path) -> TopicFile:
 
 
 def read_first_column(
-    folder: Path, topic: Topic, max_gap: float, span: tuple[int, int] | None = None
+    folder: Path,
+    topic: Topic,
+    max_gap: float,
+    span: tuple[int, int] | None = None,
+    clock_steps: Sequence[ClockStep] = (),
 ) -> Series:
     """Read the positions of an extracted topic, which come first; see `read_series`."""
-    return read_series(topic_file(folder, topic), topic.columns[0].names, max_gap, span)
+    return read_series(topic_file(folder, topic), topic.columns[0].names, max_gap, span, clock_steps)
 
 
 def read_series(
-    file: TopicFile, columns: Sequence[str], max_gap: float, span: tuple[int, int] | None = None
+    file: TopicFile,
+    columns: Sequence[str],
+    max_gap: float,
+    span: tuple[int, int] | None = None,
+    clock_steps: Sequence[ClockStep] = (),
 ) -> Series:
     """Read columns of an extracted topic, in order of time, a row group at a time."""
     stamp, arrival = np.empty((2, file.rows), dtype=np.int64)
@@ -219,4 +229,12 @@ def read_series(
         for i, name in enumerate(columns):
             values[rows, i] = content[name]
         first = rows.stop
-    return clean_series(file.topic.name, stamp, values, max_gap=max_gap, arrival=arrival, span=span)
+    return clean_series(
+        file.topic.name,
+        stamp,
+        values,
+        max_gap=max_gap,
+        arrival=arrival,
+        span=span,
+        clock_steps=clock_steps,
+    )

@@ -99,11 +99,12 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str) -> list[B
         "period jitter [us]": deployment["jitter_us"],
     }
     keys = ("median", "p99", "p999", "max")
-    rows = [[name, *(f"{time[key]:.1f}" for key in keys)] for name, time in times.items() if time]
+    rows = [[name, *(_number(time[key], 1) for key in keys)] for name, time in times.items() if time]
     joints = []
     for joint in deployment["joints"]:
-        errors = [f"{joint[key]:.3f}" for key in ("raw_rmse", "rmse")]
-        outside = f"{100.0 * joint['outside_valid_range']:.1f} %"
+        errors = [_number(joint[key], 3) for key in ("raw_rmse", "rmse")]
+        share = joint["outside_valid_range"]
+        outside = "-" if share is None else f"{100.0 * share:.1f} %"
         joints.append([joint["name"], joint["unit"], *errors, outside])
     priority = "with" if deployment["real_time_priority"] else "without"
     return [
@@ -116,6 +117,10 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str) -> list[B
         Text(f"Error against {reference} while the loop ran, as reported and as corrected in the tick:"),
         Table(["joint", "unit", "reported", "corrected", "outside"], joints),
     ]
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
 
 
 def _coverage(train: Sequence[MotionLog], test: Sequence[MotionLog]) -> Picture:

@@ -13,6 +13,7 @@ import numpy as np
 
 from catenary.arrays import Floats, frozen
 from catenary.errors import InputError
+from catenary.robots.plausible import FARTHEST, MOST_FACTOR, check_names, check_within
 
 Weighting = Literal["none", "range", "spread", "residual"]
 
@@ -128,6 +129,7 @@ def check_actuation(where: str, actuation: Actuation, n: int) -> None:
     """
     for kind in ("friction", "motor_inertia", "springs", "known_torques"):
         terms = getattr(actuation, kind)
+        check_names(f"{where}: {kind.replace('_', ' ')}", [term.name for term in terms])
         names = [term.name for term in terms]
         for term in terms:
             what = f'{where}: {kind.replace("_", " ")} "{term.name}"'
@@ -135,10 +137,16 @@ def check_actuation(where: str, actuation: Actuation, n: int) -> None:
                 raise InputError(f"{what}: is there twice")
             if term.combination.shape != (n,) or not np.isfinite(term.combination).all():
                 raise InputError(f"{what}: expected {n} finite factors, got {term.combination}")
+            check_within(f"{what}: factor", term.combination, MOST_FACTOR, "")
+            along = getattr(term, "along", None)
+            if along is not None and (along.shape != (n,) or not np.isfinite(along).all()):
+                raise InputError(f"{what}: expected {n} finite factors along which it acts, got {along}")
             if not term.combination.any():
                 raise InputError(f"{what}: acts on no coordinate")
             lever = getattr(term, "lever", None)
             if lever is not None and not (0.0 < lever.arm < lever.anchor):
                 raise InputError(f"{what}: expected an arm above 0 and shorter than the anchor's distance")
+            if lever is not None:
+                check_within(f"{what}: lever", [lever.anchor, lever.rest, lever.angle], FARTHEST, "m or rad")
     if actuation.effort_scale is not None and actuation.effort_scale.shape != (n,):
         raise InputError(f"{where}: effort scale: expected {n} factors, got {len(actuation.effort_scale)}")

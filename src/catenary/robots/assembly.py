@@ -11,6 +11,16 @@ from catenary.arrays import Floats, as_array
 from catenary.errors import InputError, UnsupportedModelError
 from catenary.robots.actuation import Actuation, check_actuation
 from catenary.robots.model import BASE, Frame, RobotModel, Tree
+from catenary.robots.plausible import (
+    FARTHEST,
+    MOST_FACTOR,
+    MOST_INERTIA,
+    MOST_LINKS,
+    MOST_MASS,
+    check_different,
+    check_names,
+    check_within,
+)
 from catenary.spatial import Pose, as_rotation, identity_pose
 
 JointKind = Literal["revolute", "prismatic", "fixed"]
@@ -113,10 +123,16 @@ def assemble(
 
     Raises:
         InputError: Two links of one name, unknown parent, frame or coordinate, a coordinate that moves
-            nothing, bad limits, mass, inertia or axis, or a massless link with a mass.
-        UnsupportedModelError: A loop of parents, or no moving joint.
+            nothing, bad limits, mass, inertia or axis, a massless link with a mass, or what no robot can be
+            (`plausible`): a mass above 1e6 kg, a length above 1 km, a name with control characters.
+        UnsupportedModelError: A loop of parents, no moving joint, or more than 1,000 links.
     """
+    check_names("robot", [name])
     where = f'robot "{name}"'
+    if len(links) > MOST_LINKS:
+        raise UnsupportedModelError(f"{where}: {len(links)} links, expected at most {MOST_LINKS}")
+    check_names(f"{where}: link", [link.name for link in links])
+    check_names(f"{where}: frame", frames or {})
     ordered = _parents_first(where, links)
     _check_coordinates(where, coordinates)
     for link in ordered:
@@ -225,7 +241,7 @@ def _all_frames(
         if name in frames:
             raise InputError(f'{where}: frame "{name}" has the name of another frame or link')
         as_rotation(f'{where}: frame "{name}": rotation', pose.rotation)
-        as_array(f'{where}: frame "{name}": position', pose.position, (3,))
+        _check_length(f'{where}: frame "{name}": position', pose.position)
         frames[name] = Frame(carrier[link].link, carrier[link].pose @ pose)
     return frames
 
@@ -264,9 +280,8 @@ def _parents_first(where: str, links: Sequence[Link]) -> list[Link]:
 
 
 def _check_coordinates(where: str, coordinates: Sequence[Coordinate]) -> None:
-    names = [c.name for c in coordinates]
-    if len(set(names)) != len(names):
-        raise InputError(f"{where}: coordinate names must differ, got {', '.join(names)}")
+    check_names(f"{where}: coordinate", [c.name for c in coordinates])
+    check_different(f"{where}: coordinate", [c.name for c in coordinates])
     for c in coordinates:
         what = f'{where}: coordinate "{c.name}"'
         if c.unit not in ("rad", "m"):
@@ -298,8 +313,8 @@ def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
         raise InputError(f'{what}: joint "{link.joint}", expected {" or ".join(get_args(JointKind))}')
     for part, pose in (("joint", link.pose), ("link frame", link.frame)):
         as_rotation(f"{what}: {part}: rotation", pose.rotation)
-        as_array(f"{what}: {part}: origin", pose.position, (3,))
-    as_array(f"{what}: offset", link.offset, ())
+        _check_length(f"{what}: {part}: origin", pose.position)
+    check_within(f"{what}: offset", as_array(f"{what}: offset", link.offset, ()), FARTHEST, "rad or m")
     if link.joint == "fixed" and link.variable:
         raise InputError(
             f"{what}: is fixed and moves with {', '.join(link.variable)}; expected one of the two"
@@ -314,6 +329,7 @@ def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
             )
         if not np.isfinite(factor):
             raise InputError(f'{what}: factor of "{coordinate}" is {factor}, expected a finite number')
+        check_within(f'{what}: factor of "{coordinate}"', factor, MOST_FACTOR, "")
     if link.inertia is not None:
         _check_inertia(what, link.inertia)
         for axis, may, value in zip("xyz", link.axes_of_com, link.inertia.com, strict=True):
@@ -327,14 +343,20 @@ def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
 def _check_inertia(what: str, body: LinkInertia) -> None:
     if not np.isfinite(body.mass) or body.mass < 0.0:
         raise InputError(f"{what}: mass {body.mass} kg, expected a finite number, zero or more")
-    as_array(f"{what}: centre of mass", body.com, (3,))
+    check_within(f"{what}: mass", body.mass, MOST_MASS, "kg")
+    _check_length(f"{what}: centre of mass", body.com)
     tensor = as_array(f"{what}: inertia", body.inertia, (3, 3))
+    check_within(f"{what}: inertia", tensor, MOST_INERTIA, "kg m2")
     rounding = 1e-6 * float(np.abs(tensor).max())  # files print six digits or more
     if np.abs(tensor - tensor.T).max() > rounding:
         raise InputError(f"{what}: inertia must be symmetric, got {tensor.tolist()}")
     smallest = float(np.linalg.eigvalsh(tensor)[0])
     if smallest < -rounding:
         raise InputError(f"{what}: inertia has a negative principal moment ({smallest:.3g} kg m2)")
+
+
+def _check_length(what: str, vector: Floats) -> None:
+    check_within(what, as_array(what, vector, (3,)), FARTHEST, "m")
 
 
 def _deepest(ordered: Sequence[Link]) -> str:

@@ -5,8 +5,8 @@ from difflib import get_close_matches
 from importlib.resources import as_file, files
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from xml.etree import ElementTree
 
+from catenary.documents import MOST_XML, cut, read_bounded, xml_root_tag
 from catenary.errors import FileFormatError
 from catenary.robots.model import RobotModel
 
@@ -35,11 +35,11 @@ def load_robot(source: str | Path, *, massless: Sequence[str] = ()) -> RobotMode
         with as_file(_data() / f"{name}.toml") as table:
             return load_file(table, massless=massless)
     path = Path(source)
-    if not path.is_file():
-        close = get_close_matches(name, robot_names(), n=1, cutoff=0.6)
+    if not _is_file(path):
+        close = get_close_matches(cut(name), robot_names(), n=1, cutoff=0.6)
         hint = f' (did you mean "{close[0]}"?)' if close else ""
         raise FileFormatError(
-            f'robot "{name}": neither a file nor in the catalogue{hint}; '
+            f'robot "{cut(name)}": neither a file nor in the catalogue{hint}; '
             f"the catalogue has {', '.join(robot_names())}"
         )
     return load_file(path, massless=massless)
@@ -62,7 +62,7 @@ def load_file(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
 
         raise FileFormatError(f"{path}: {XACRO_HINT}")
     if kind in (".urdf", ".xml", ".mjcf"):
-        root = _root_element(path)
+        root = xml_root_tag(read_bounded(path, MOST_XML), str(path))
         if root == "robot":
             from catenary.robots.urdf import load_urdf
 
@@ -71,19 +71,17 @@ def load_file(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
             from catenary.robots.mjcf import load_mjcf
 
             return load_mjcf(path, massless=massless)
-        raise FileFormatError(f"{path}: root element <{root}>: expected <robot> (URDF) or <mujoco> (MJCF)")
+        raise FileFormatError(
+            f"{path}: root element <{cut(root)}>: expected <robot> (URDF) or <mujoco> (MJCF)"
+        )
     raise FileFormatError(f'{path}: ending "{path.suffix}": expected .toml, .urdf, .xml or .mjcf')
 
 
-def _root_element(path: Path) -> str:
+def _is_file(path: Path) -> bool:
     try:
-        for _, element in ElementTree.iterparse(path, events=("start",)):
-            return str(element.tag)
-    except FileNotFoundError as error:
-        raise FileFormatError(f"{path}: no such file") from error
-    except (OSError, ElementTree.ParseError) as error:
-        raise FileFormatError(f"{path}: cannot be read as XML: {error}") from error
-    raise FileFormatError(f"{path}: holds no XML element")
+        return path.is_file()
+    except (OSError, ValueError):  # a name that no file can have: too long, or with a zero byte
+        return False
 
 
 def _data() -> Traversable:

@@ -6,6 +6,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
 
+from catenary.documents import MOST_XML, read_bounded
 from catenary.errors import FileFormatError, InputError, UnsupportedModelError
 from catenary.robots.model import BASE
 
@@ -14,14 +15,9 @@ def read_description(path: Path) -> bytes:
     """Return a file's content.
 
     Raises:
-        FileFormatError: The file is missing or cannot be read.
+        FileFormatError: The file is missing, cannot be read, or is too long.
     """
-    try:
-        return path.read_bytes()
-    except FileNotFoundError as error:
-        raise FileFormatError(f"{path}: no such file") from error
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error}") from error
+    return read_bounded(path, MOST_XML)
 
 
 def file_source(path: Path, content: bytes) -> str:

@@ -10,6 +10,7 @@ from catenary.errors import InputError
 from catenary.robots.actuation import Actuation
 from catenary.robots.assembly import ANYWHERE, Coordinate, JointKind, Link, LinkInertia, assemble
 from catenary.robots.model import BASE, RobotModel
+from catenary.robots.plausible import FARTHEST, check_within
 from catenary.spatial import Pose, identity_pose, rotation_about_x, rotation_about_z
 
 Convention = Literal["modified", "standard"]
@@ -142,6 +143,7 @@ def _check_row(robot: DHRobot, row: DHRow) -> None:
         value = getattr(row, column)
         if not np.isfinite(value):
             raise InputError(f"{what}: {column} is {value}, expected a finite number")
+        check_within(f"{what}: {column}", value, FARTHEST, "m" if column in ("a", "d") else "rad")
     limited = np.isfinite(row.lower) or np.isfinite(row.upper)
     if limited and (robot.coordinates is not None or not _has_own_coordinate(row)):
         raise InputError(f"{what}: has limits but no coordinate of its own; give limits to the coordinate")

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
-from xml.etree import ElementTree
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from catenary.robots.description import (
     renaming_notes,
     resolve_mimics,
 )
+from catenary.robots.mjcf_bounds import included_files, refuse_too_much
 from catenary.robots.model import BASE, RobotModel
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion
 
@@ -30,7 +30,7 @@ _LEAST_INERTIA = 1e-14  # [kg m2], above mjMINVAL = 1e-15
 
 
 def load_mjcf(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
-    """Load a robot from an MJCF file; included files and meshes are found beside it.
+    """Load a robot from an MJCF file; included files and meshes are found beside it, images are not opened.
 
     MuJoCo moves a body by its joints in turn, each about its own anchor p:
     T_parent_body = T0 Trans(p1) J1(q1 - ref1) Trans(-p1) Trans(p2) J2(q2 - ref2) Trans(-p2) ...
@@ -43,15 +43,18 @@ def load_mjcf(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
         massless: Moving bodies without inertia that are meant to have none.
 
     Raises:
-        FileFormatError: MuJoCo cannot read or compile the file; its own message follows.
+        FileFormatError: MuJoCo cannot read or compile the file; its own message follows. Or the file asks for more
+            than a robot has (`mjcf_bounds`).
         InputError: `massless` names a body that does not exist, or that has a mass.
         MissingPackageError: MuJoCo is not installed.
         UnsupportedModelError: Ball or free joint, a loop, a flexible body, or no moving joint.
     """
     content = read_description(path)
+    included = included_files(path, content)
+    refuse_too_much(path, content, included)
     compiled = _compile(path)
     sources = [file_source(path, content)]
-    sources += [file_source(Path(name), text) for name, text in _included(path, content).items()]
+    sources += [file_source(Path(name), text) for name, text in included.items()]
     with naming_the_file(str(path)):
         _refuse_what_no_tree_has(compiled)
         model = _assemble(compiled, path, sources)
@@ -91,7 +94,7 @@ def _compile(path: Path) -> _Compiled:
         spec = _read(mujoco, path)
         model = spec.compile()
         mass, inertia = model.body_mass, model.body_inertia
-    except ValueError as error:
+    except _mujocos_errors(mujoco) as error:
         if "must be larger than mjMINVAL" not in str(error):
             raise FileFormatError(f"{path}: MuJoCo cannot read it: {str(error).strip()}") from error
         spec, model = _compile_without_mass(mujoco, path)
@@ -109,11 +112,20 @@ def _compile(path: Path) -> _Compiled:
 def _read(mujoco: Any, path: Path) -> Any:
     """Parse the file; MuJoCo opens the ending .xml only, so another is handed over as text."""
     if path.suffix == ".xml":
-        return mujoco.MjSpec.from_file(str(path))
-    content = read_description(path)
-    spec = mujoco.MjSpec.from_string(content.decode(), include=_included(path, content))
-    spec.modelfiledir = str(path.absolute().parent)  # where meshes are looked for
+        spec = mujoco.MjSpec.from_file(str(path))
+    else:
+        content = read_description(path)
+        spec = mujoco.MjSpec.from_string(content.decode(), include=included_files(path, content))
+        spec.modelfiledir = str(path.absolute().parent)  # where meshes are looked for
+    for material in spec.materials:
+        material.textures = [""] * len(material.textures)
+    for image in [*spec.textures, *spec.skins]:
+        spec.delete(image)
     return spec
+
+
+def _mujocos_errors(mujoco: Any) -> tuple[type[Exception], ...]:
+    return (ValueError, RuntimeError, TypeError, MemoryError, mujoco.FatalError)
 
 
 def _compile_without_mass(mujoco: Any, path: Path) -> tuple[Any, Any]:
@@ -122,7 +134,7 @@ def _compile_without_mass(mujoco: Any, path: Path) -> tuple[Any, Any]:
         spec.compiler.boundmass = max(spec.compiler.boundmass, _LEAST_MASS)
         spec.compiler.boundinertia = max(spec.compiler.boundinertia, _LEAST_INERTIA)
         return spec, spec.compile()
-    except ValueError as error:
+    except _mujocos_errors(mujoco) as error:
         raise FileFormatError(f"{path}: MuJoCo cannot read it: {str(error).strip()}") from error
 
 
@@ -298,19 +310,3 @@ def _notes(c: _Compiled, joints: Mapping[int, str]) -> list[str]:
 def _model_name(c: _Compiled, path: Path) -> str:
     name = bytes(c.model.names).split(b"\0", 1)[0].decode()  # the first of the compiled names is the model's
     return path.stem if name in ("", "MuJoCo Model") else name
-
-
-def _included(path: Path, content: bytes) -> dict[str, bytes]:
-    """Return the files that <include> brings in, by the name it gives them, relative to the main file."""
-    found: dict[str, bytes] = {}
-    waiting = [content]
-    while waiting:
-        try:
-            root = ElementTree.fromstring(waiting.pop())
-        except ElementTree.ParseError:
-            continue  # MuJoCo's reader is the more tolerant one: "--" in comments
-        for name in (element.get("file", "") for element in root.iter("include")):
-            if name not in found and (path.parent / name).is_file():
-                found[name] = (path.parent / name).read_bytes()
-                waiting.append(found[name])
-    return found

@@ -1,12 +1,14 @@
 """A RobotModel as plain data and back, so that a file made from a robot needs no other file to be used."""
 
-from dataclasses import asdict, fields
-from typing import Any, get_args
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
-from catenary.arrays import Floats
-from catenary.errors import FileFormatError
+from catenary.config import Recorded, parse_settings
+from catenary.errors import FileFormatError, InputError
 from catenary.robots.actuation import (
     Actuation,
     Friction,
@@ -18,23 +20,119 @@ from catenary.robots.actuation import (
     Weighting,
     check_actuation,
 )
+from catenary.robots.actuation_table import FilterTable
 from catenary.robots.model import Frame, RobotModel, Tree
-from catenary.spatial import Pose
+from catenary.robots.plausible import (
+    FARTHEST,
+    MOST_FACTOR,
+    MOST_INERTIA,
+    MOST_LINKS,
+    MOST_MASS,
+    check_different,
+    check_names,
+    check_within,
+)
+from catenary.spatial import Pose, as_rotation
 
 NAMES = ("joint_names", "joint_units", "link_names", "missing_inertia", "massless", "sources", "notes")
 LIMITS = {"lower": -np.inf, "upper": np.inf, "velocity_limit": np.inf, "effort_limit": np.inf}  # where null
-TREE_SHAPES: dict[str, tuple[int, ...]] = {
-    "parent": (),
-    "prismatic": (),
-    "rotation": (3, 3),
-    "origin": (3,),
-    "axis": (3,),
-    "mass": (),
-    "com": (3,),
-    "inertia": (3, 3),
-}
-TREE_TYPES = {"parent": np.int64, "prismatic": np.bool_}  # float64 otherwise
-TERMS = {"friction": Friction, "motor_inertia": MotorInertia, "springs": Spring, "known_torques": KnownTorque}
+BOUNDS = {  # by array of the tree: most that a robot can have
+    "rotation": (2.0, ""), "origin": (FARTHEST, "m"), "axis": (2.0, ""), "mass": (MOST_MASS, "kg"),
+    "com": (FARTHEST, "m"), "inertia": (MOST_INERTIA, "kg m2"),
+}  # fmt: skip
+Vector = tuple[float, float, float]
+Matrix = tuple[Vector, Vector, Vector]
+Many = Field(max_length=MOST_LINKS)
+Row = Annotated[tuple[float, ...], Many]
+Texts = Annotated[tuple[str, ...], Many]
+Limits = Annotated[tuple[float | None, ...], Many]
+
+
+class TreeRecord(Recorded):
+    """A robot's tree, a row a link."""
+
+    parent: Annotated[tuple[int, ...], Many]
+    prismatic: Annotated[tuple[bool, ...], Many]
+    rotation: Annotated[tuple[Matrix, ...], Many]
+    origin: Annotated[tuple[Vector, ...], Many]
+    axis: Annotated[tuple[Vector, ...], Many]
+    mass: Row
+    com: Annotated[tuple[Vector, ...], Many]
+    inertia: Annotated[tuple[Matrix, ...], Many]
+
+
+class TermRecord(Recorded):
+    """An effect on a combination of coordinates."""
+
+    name: str
+    combination: Row
+
+
+class FrictionRecord(TermRecord):
+    """Friction, as `Friction`."""
+
+    coulomb: bool
+    viscous: bool
+    offset: bool
+
+
+class LeverRecord(Recorded):
+    """A lever, as `LeverSpring`."""
+
+    arm: float
+    anchor: float
+    rest: float
+    angle: float
+
+
+class SpringRecord(TermRecord):
+    """A spring, as `Spring`."""
+
+    lever: LeverRecord | None = None
+
+
+class KnownTorqueRecord(TermRecord):
+    """A known torque, as `KnownTorque`."""
+
+    along: Row
+    polynomial: Row
+
+
+class ActuationRecord(Recorded):
+    """What loads the joints beside the links, as `Actuation`."""
+
+    friction: Annotated[tuple[FrictionRecord, ...], Many] = ()
+    motor_inertia: Annotated[tuple[TermRecord, ...], Many] = ()
+    springs: Annotated[tuple[SpringRecord, ...], Many] = ()
+    known_torques: Annotated[tuple[KnownTorqueRecord, ...], Many] = ()
+    filter: FilterTable
+    weighting: Weighting
+    coulomb_velocity: Annotated[float, Field(ge=0.0)]
+    effort_scale: Row | None = None
+
+
+class RobotRecord(Recorded):
+    """A robot as plain data."""
+
+    name: str
+    tip: str
+    closed_form: str | None
+    joint_names: Texts
+    joint_units: Annotated[tuple[Literal["rad", "m"], ...], Many]
+    link_names: Texts
+    missing_inertia: Texts
+    massless: Texts
+    sources: tuple[str, ...]
+    notes: tuple[str, ...]
+    coupling: Annotated[tuple[Row, ...], Many]
+    offset: Row
+    lower: Limits
+    upper: Limits
+    velocity_limit: Limits
+    effort_limit: Limits
+    tree: TreeRecord
+    frames: dict[str, tuple[int, Matrix, Vector]]
+    actuation: ActuationRecord | None
 
 
 def robot_record(model: RobotModel) -> dict[str, Any]:
@@ -55,48 +153,83 @@ def robot_record(model: RobotModel) -> dict[str, Any]:
     }
 
 
-def robot_from_record(record: dict[str, Any]) -> RobotModel:
+def robot_from_record(record: Any) -> RobotModel:
     """Return the robot of a record.
 
     Raises:
-        FileFormatError: Something is missing, or arrays do not fit together.
+        FileFormatError: Something is missing or of another kind, arrays do not fit together, or the numbers are none
+            that a robot can have.
     """
+    content = parse_settings(record, RobotRecord, "the robot in it is damaged")
     try:
-        links, n = len(record["link_names"]), len(record["joint_names"])
-        tree: dict[str, Any] = {
-            key: _array(record["tree"][key], (links, *shape), key).astype(TREE_TYPES.get(key, np.float64))
-            for key, shape in TREE_SHAPES.items()
-        }
-        if not all(-1 <= parent < i for i, parent in enumerate(tree["parent"])):
-            raise ValueError("the tree's parents do not come first")
-        limits: dict[str, Any] = {
-            key: _array([none if v is None else v for v in record[key]], (n,), key, infinite=True)
-            for key, none in LIMITS.items()
-        }
-        frames = {
-            name: Frame(_link(link, links), Pose(_array(R, (3, 3), name), _array(p, (3,), name)))
-            for name, (link, R, p) in record["frames"].items()
-        }
-        if record["tip"] not in frames:
-            raise ValueError(f"tip {record['tip']!r} is no frame")
-        actuation = None if record["actuation"] is None else _actuation(record["actuation"])
-        if actuation is not None:
-            check_actuation(record["name"], actuation, n)
-        texts: dict[str, Any] = {key: tuple(str(text) for text in record[key]) for key in NAMES}
-        return RobotModel(
-            name=str(record["name"]),
-            tip=record["tip"],
-            closed_form=record["closed_form"],
-            **texts,
-            tree=Tree(**tree),
-            coupling=_array(record["coupling"], (links, n), "coupling"),
-            offset=_array(record["offset"], (links,), "offset"),
-            **limits,
-            frames=frames,
-            actuation=actuation,
+        return _robot(content)
+    except InputError as error:
+        raise FileFormatError(f"the robot in it is damaged: {error}") from error
+
+
+def _robot(content: RobotRecord) -> RobotModel:
+    links, n = len(content.link_names), len(content.joint_names)
+    check_names("robot", [content.name])
+    for kind in ("joint", "link"):
+        names = getattr(content, f"{kind}_names")
+        check_names(kind, names)
+        check_different(kind, names)
+    if not links or not n:
+        raise InputError(f"{links} links and {n} joints, expected at least one of each")
+    if not all(-1 <= parent < i for i, parent in enumerate(content.tree.parent)):
+        raise InputError("the tree's parents do not come first")
+    tree = Tree(**{key: _array(key, getattr(content.tree, key), links) for key in Tree._fields})
+    for key, (most, unit) in BOUNDS.items():
+        check_within(key, getattr(tree, key), most, unit)
+    if (tree.mass < 0.0).any():
+        raise InputError(f"mass {tree.mass.min()} kg, expected zero or more")
+    for i in range(links):
+        as_rotation(f"rotation of link {i}", tree.rotation[i])
+    if not np.allclose(np.linalg.norm(tree.axis, axis=1), 1.0, atol=1e-6):
+        raise InputError("axes of joints: expected unit vectors")
+    coupling = _array("coupling", content.coupling, links)
+    if coupling.shape != (links, n):
+        raise InputError(f"coupling has shape {coupling.shape}, expected {(links, n)}")
+    check_within("coupling", coupling, MOST_FACTOR, "")
+    offset = _array("offset", content.offset, links)
+    check_within("offset", offset, FARTHEST, "rad or m")
+    limits = {
+        key: _array(key, [none if v is None else v for v in getattr(content, key)], n)
+        for key, none in LIMITS.items()
+    }
+    if len(content.joint_units) != n:
+        raise InputError(f"joint units: expected {n}, got {len(content.joint_units)}")
+    if (limits["lower"] > limits["upper"]).any():
+        raise InputError("a joint's lower limit is above its upper one")
+    if min(limits["velocity_limit"].min(), limits["effort_limit"].min()) < 0.0:
+        raise InputError("a limit of velocity or effort is negative, expected zero or more")
+    return RobotModel(
+        name=content.name,
+        tip=content.tip,
+        closed_form=content.closed_form,
+        **{key: getattr(content, key) for key in NAMES},
+        tree=tree,
+        coupling=coupling,
+        offset=offset,
+        **limits,
+        frames=_frames(content, links),
+        actuation=None if content.actuation is None else _actuation(content.actuation, n),
+    )
+
+
+def _frames(content: RobotRecord, links: int) -> Mapping[str, Frame]:
+    frames = {}
+    for name, (link, rotation, position) in content.frames.items():
+        check_names("frame", [name])
+        if not -1 <= link < links:
+            raise InputError(f'frame "{name}" stands on link {link} of {links}')
+        check_within(f'frame "{name}": position', position, FARTHEST, "m")
+        frames[name] = Frame(
+            link, Pose(as_rotation(f'frame "{name}"', np.array(rotation)), np.array(position))
         )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise FileFormatError(f"the robot in it is damaged: {error!r}") from error
+    if content.tip not in frames:
+        raise InputError(f"tip {content.tip!r} is no frame")
+    return frames
 
 
 def _plain(items: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -104,36 +237,38 @@ def _plain(items: list[tuple[str, Any]]) -> dict[str, Any]:
     return {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in items}
 
 
-def _array(values: Any, shape: tuple[int, ...], key: str, *, infinite: bool = False) -> Floats:
-    array = np.array(values, dtype=np.float64)
-    if array.shape != shape or not (infinite or np.isfinite(array).all()):
-        raise ValueError(f"{key} has shape {array.shape}, expected {shape} of finite numbers")
-    return array
+def _array(key: str, values: Any, count: int) -> Any:
+    if len(values) != count:
+        raise InputError(f"{key} has {len(values)} rows, expected {count}")
+    lengths = {len(row) for row in values} if key == "coupling" else {0}
+    if len(lengths) > 1:
+        raise InputError(f"{key}: rows of different lengths")
+    return np.array(values, dtype={"parent": np.int64, "prismatic": np.bool_}.get(key, np.float64))
 
 
-def _link(value: Any, count: int) -> int:
-    if not -1 <= int(value) < count:
-        raise ValueError(f"a frame stands on link {value} of {count}")
-    return int(value)
+def _actuation(content: ActuationRecord, n: int) -> Actuation:
+    def terms(kind: str, made: type) -> Any:
+        return tuple(made(**_term(entry)) for entry in getattr(content, kind))
+
+    actuation = Actuation(
+        friction=terms("friction", Friction),
+        motor_inertia=terms("motor_inertia", MotorInertia),
+        springs=terms("springs", Spring),
+        known_torques=terms("known_torques", KnownTorque),
+        filter=SignalFilter(**content.filter.model_dump()),
+        weighting=content.weighting,
+        coulomb_velocity=content.coulomb_velocity,
+        effort_scale=None if content.effort_scale is None else np.array(content.effort_scale),
+    )
+    check_actuation("actuation", actuation, n)
+    return actuation
 
 
-def _actuation(content: dict[str, Any]) -> Actuation:
-    unknown = set(content) - {entry.name for entry in fields(Actuation)}
-    if unknown or content["weighting"] not in get_args(Weighting):
-        raise ValueError(f"actuation with {', '.join(unknown) or content['weighting']}")
-    terms: dict[str, Any] = {
-        kind: tuple(term(**_values(entry)) for entry in content[kind]) for kind, term in TERMS.items()
-    }
-    rest = _values({key: value for key, value in content.items() if key not in TERMS})
-    return Actuation(**terms, **(rest | {"coulomb_velocity": float(content["coulomb_velocity"])}))
-
-
-def _values(content: dict[str, Any]) -> dict[str, Any]:
-    """Return a term's fields: lists as arrays, a lever and a filter as what they are."""
+def _term(entry: TermRecord) -> dict[str, Any]:
+    """Return a term's fields: numbers as arrays, a lever as what it is."""
     values: dict[str, Any] = {
-        key: _array(v, (len(v),), key) if isinstance(v, list) else v for key, v in content.items()
+        key: np.array(value) if isinstance(value, tuple) else value for key, value in dict(entry).items()
     }
-    for key, kind in (("lever", LeverSpring), ("filter", SignalFilter)):
-        if isinstance(values.get(key), dict):
-            values[key] = kind(**values[key])
+    if isinstance(values.get("lever"), LeverRecord):
+        values["lever"] = LeverSpring(**values["lever"].model_dump())
     return values

@@ -3,12 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.documents import cut, xml_tree
 from catenary.errors import FileFormatError, UnsupportedModelError
 from catenary.robots.assembly import Coordinate, JointKind, Link, LinkInertia, assemble
 from catenary.robots.description import (
@@ -22,6 +22,7 @@ from catenary.robots.description import (
     resolve_mimics,
 )
 from catenary.robots.model import BASE, RobotModel
+from catenary.robots.plausible import MOST_LINKS
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion, rotation_from_rpy
 
 XACRO_HINT = "is a xacro file: expand it first (xacro robot.urdf.xacro > robot.urdf) and load the result"
@@ -58,6 +59,8 @@ def parse_urdf(
     """Return the robot that a URDF text describes, as `load_urdf` does; `where` opens error messages."""
     robot = _root(text, where)
     links = dict(_named(where, robot, "link"))
+    if len(links) > MOST_LINKS:
+        raise FileFormatError(f"{where}: {len(links)} links, expected at most {MOST_LINKS}")
     joints = [_joint(where, name, element, links) for name, element in _named(where, robot, "joint")]
     if not links:
         raise FileFormatError(f"{where}: no <link>, expected at least one")
@@ -95,14 +98,14 @@ class _Joint:
 
 def _root(text: str | bytes, where: str) -> Element:
     try:
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raw = text.encode() if isinstance(text, str) else text
+        root = xml_tree(text, where)
+    except FileFormatError as error:
+        raw = text.encode(errors="replace") if isinstance(text, str) else text
         if b"xacro:" in raw and "unbound prefix" in str(error):
             raise FileFormatError(f"{where}: {XACRO_HINT}") from error
-        raise FileFormatError(f"{where}: cannot be read as XML: {error}") from error
+        raise
     if root.tag != "robot":
-        raise FileFormatError(f"{where}: root element <{root.tag}>, expected <robot>")
+        raise FileFormatError(f"{where}: root element <{cut(root.tag)}>, expected <robot>")
     for element in root.iter():
         if "xacro}" in element.tag or any("${" in v or "$(" in v for v in element.attrib.values()):
             raise FileFormatError(f"{where}: {XACRO_HINT}")
@@ -287,9 +290,9 @@ def _vector(what: str, element: Element, key: str, count: int) -> Floats:
     try:
         values = np.array([float(word) for word in text.split()])
     except ValueError as error:
-        raise FileFormatError(f'{what}: {key}="{text}", expected {expected}') from error
+        raise FileFormatError(f'{what}: {key}="{cut(text)}", expected {expected}') from error
     if len(values) != count or not np.isfinite(values).all():
-        raise FileFormatError(f'{what}: {key}="{text}", expected {expected}, finite')
+        raise FileFormatError(f'{what}: {key}="{cut(text)}", expected {expected}, finite')
     return values
 
 

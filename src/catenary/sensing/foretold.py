@@ -17,6 +17,7 @@ class ForetoldSwing:
     """
 
     LARGE = 0.3  # [m/s2] standard deviation; by turning steadily about the horizontal 0.2 rad/s make it
+    LARGEST = 3.0 * LARGE  # as far as it is followed, so that absurd rates are forgotten within half a second
     LEAN = 0.5  # share of the rate about the horizontal below which it is a turntable, on which gravity leans outwards
 
     def __init__(self) -> None:
@@ -34,7 +35,8 @@ class ForetoldSwing:
         if norm(change) < self.LEAN * norm(rate) * norm(gravity):
             change = np.zeros(3)
         share = 1.0 - math.exp(-dt / GravityCheck.MEMORY)
-        self._swing = (1.0 - share) * (self._swing + dt * change)
+        swing = (1.0 - share) * (self._swing + dt * change)
+        self._swing = swing * min(1.0, self.LARGEST / max(norm(swing), self.LARGEST))
         self._variance += share * (float(self._swing @ self._swing) - self._variance)
 
     @property

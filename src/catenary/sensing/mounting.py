@@ -7,12 +7,16 @@ import numpy as np
 
 from catenary.arrays import Floats, as_array, frozen
 from catenary.config import Settings, load_toml
-from catenary.errors import ConfigError, FileFormatError, InputError
+from catenary.errors import ConfigError, InputError
+from catenary.files import write_atomically
+from catenary.robots.plausible import FARTHEST, check_within
 from catenary.sensing.mailbox import Kind
 from catenary.spatial import as_rotation
 
 Vector = tuple[float, float, float]
 _ZERO = (0.0, 0.0, 0.0)
+# what no sensor can have and numbers of damaged files do
+MOST = {"position": (FARTHEST, "m"), "bias": (1e3, "m/s2"), "scale": (1e3, ""), "rate_bias": (1e3, "rad/s")}
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,8 @@ class Mounting:
             object.__setattr__(self, name, frozen(as_array(f"mounting {name}", getattr(self, name), (3,))))
         if not (self.scale > 0.0).all():
             raise InputError(f"mounting scale: expected positive factors, got {self.scale.tolist()}")
+        for name, (most, unit) in MOST.items():
+            check_within(f"mounting {name}", getattr(self, name), most, unit)
         for name in ("acceleration_range", "rate_range"):
             if not getattr(self, name) > 0.0:
                 raise InputError(f"mounting {name}: expected more than 0, got {getattr(self, name)}")
@@ -123,7 +129,7 @@ def load_mounting(path: Path | str) -> Mounting:
 
 
 def save_mounting(path: Path | str, mounting: Mounting, tumble: TumbleSection | None = None) -> None:
-    """Write a mounting file.
+    """Write a mounting file, which appears whole or not at all.
 
     Raises:
         FileFormatError: It cannot be written.
@@ -146,10 +152,7 @@ def save_mounting(path: Path | str, mounting: Mounting, tumble: TumbleSection | 
             if value is not None:
                 lines.append(f"{name} = {float(value)!r}")
         lines.append(f"remarks = [{', '.join(_text(remark) for remark in tumble.remarks)}]")
-    try:
-        Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from error
+    write_atomically(Path(path), ("\n".join(lines) + "\n").encode())
 
 
 def _text(value: str) -> str:

@@ -12,6 +12,7 @@ from catenary.errors import ConfigError
 from catenary.simulation.records import POSITIONING, PerAxis, PerJoint, PerTool, Record
 
 Origin = Literal["source", "datasheet-memory", "assumed", "fitted"]
+MOST = 1e12  # of any of its numbers
 Parameters = TypeVar("Parameters", bound=Record)
 
 
@@ -149,6 +150,10 @@ def _parameters(path: Path, table: str, entries: dict[str, Entry], kind: type[Pa
         if len(entry.value) != field.size:
             raise ConfigError(
                 f"{path}: [{table}] {name}: expected {field.size} numbers, got {len(entry.value)}"
+            )
+        if max(map(abs, entry.value), default=0.0) > MOST:
+            raise ConfigError(
+                f"{path}: [{table}] {name}: {entry.value}, expected numbers of at most {MOST:g}"
             )
         field.flat[:] = entry.value
     return parameters

@@ -1,12 +1,14 @@
 """The state of a simulated arm, saved and restored: what a real one keeps by standing there."""
 
 import json
-import zipfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from catenary.archives import read_arrays
+from catenary.documents import cut, json_table, shortened
 from catenary.errors import FileFormatError
 from catenary.files import written_whole
 from catenary.simulation.cable_plant import CablePlant
@@ -39,28 +41,49 @@ def restore_plant(plant: CablePlant, path: Path) -> None:
     Raises:
         FileFormatError: No such file, damaged, or of another robot.
     """
+    if not path.is_file():
+        raise FileFormatError(f"{path}: no such file; no state of the robot was saved there")
+    wanted = _robot(plant)
     try:
-        with np.load(path, allow_pickle=False) as file:
-            about = json.loads(str(file["about"]))
-            wanted = _robot(plant)
-            found = {key: about[key] for key in wanted}
-            if found != wanted:
-                raise FileFormatError(f"{path}: is of another robot: {found}, expected {wanted}")
-            for name in plant.state.fields:
-                plant.state[name] = file[f"arm.{name}"]
-            flags = dict(zip(FLAGS, file["control.flags"], strict=True))
-            for name in plant.control.fields:
-                plant.control[name] = flags[name] if name in flags else file[f"control.{name}"]
-            plant.resume_at(int(about["tick"]), file["rig_zero"], is_homed=bool(about["is_homed"]))
-    except FileFormatError:
-        raise
-    except FileNotFoundError as error:
-        raise FileFormatError(f"{path}: no such file; no state of the robot was saved there") from error
-    except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
-        raise FileFormatError(
-            f"{path}: is no state of a simulated robot that this version reads ({error!r}); if another version "
-            "saved it, home again: `catenary home PROJECT`"
-        ) from error
+        arrays = read_arrays(path)
+        about = json_table(str(arrays["about"]), f"{path}: about")
+        found = {key: about[key] for key in wanted}
+    except (FileFormatError, KeyError) as error:
+        raise _unreadable(path, error) from error
+    if found != wanted:
+        raise FileFormatError(f"{path}: is of another robot: {cut(str(found))}, expected {wanted}")
+    try:
+        state = {name: _like(arrays[f"arm.{name}"], plant.state[name], name) for name in plant.state.fields}
+        control = dict(zip(FLAGS, arrays["control.flags"], strict=True))
+        for name in plant.control.fields:
+            if name not in FLAGS:
+                control[name] = _like(arrays[f"control.{name}"], plant.control[name], name)
+        rig_zero = _like(arrays["rig_zero"], plant.encoders.zero, "rig_zero")
+        tick, is_homed = about.get("tick"), about.get("is_homed")
+        if type(tick) is not int or not 0 <= tick < 2**53 or not isinstance(is_homed, bool):
+            raise ValueError(f"tick {shortened(tick)}, is_homed {shortened(is_homed)}")
+    except (KeyError, TypeError, ValueError) as error:
+        raise _unreadable(path, error) from error
+    for name, values in state.items():
+        plant.state[name] = values
+    for name, values in control.items():
+        plant.control[name] = values
+    plant.resume_at(tick, rig_zero, is_homed=is_homed)
+
+
+def _unreadable(path: Path, error: Exception) -> FileFormatError:
+    why = str(error).removeprefix(f"{path}: ") if isinstance(error, FileFormatError) else cut(repr(error))
+    return FileFormatError(
+        f"{path}: is no state of a simulated robot that this version reads ({why}); if another version "
+        "saved it, home again: `catenary home PROJECT`"
+    )
+
+
+def _like(values: NDArray[Any], now: Any, name: str) -> NDArray[Any]:
+    """Return values that can stand in place of those of now: of their shape, and finite."""
+    if values.dtype.kind not in "biuf" or values.shape != np.shape(now) or not np.isfinite(values).all():
+        raise ValueError(f"{name}: {values.dtype} of shape {values.shape}, expected finite {np.shape(now)}")
+    return values
 
 
 def _robot(plant: CablePlant) -> dict[str, object]:

@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from catenary.archives import read_array
 from catenary.arrays import Floats, as_array, as_positive
+from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
 from catenary.trajectories.smoothed_path import SmoothedPath
 
@@ -79,9 +81,10 @@ def read_waypoints(path: Path, joints: int) -> Floats:
         if path.suffix == ".csv":
             rows = np.loadtxt(path, delimiter=",", ndmin=2)
         else:
-            rows = np.load(path, allow_pickle=False)
+            rows = read_array(path)
         return as_array(str(path), rows, (None, joints))
     except FileNotFoundError as error:
         raise FileFormatError(f"{path}: no such file") from error
-    except (OSError, ValueError) as error:
-        raise FileFormatError(f"{path}: expected rows of {joints} numbers: {error}") from error
+    except (OSError, ValueError, MemoryError) as error:
+        why = cut(str(error).removeprefix(f"{path}: "))
+        raise FileFormatError(f"{path}: expected rows of {joints} numbers: {why}") from error

@@ -8,13 +8,14 @@ from zipfile import is_zipfile
 
 import numpy as np
 
+from catenary.archives import read_arrays
 from catenary.arrays import Floats
+from catenary.calibration.card_schema import check_card
 from catenary.calibration.files import load_model
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import FileFormatError
 from catenary.identification.files import load_identification
 from catenary.plant import MotionLog
-from catenary.recording.importers import read_arrays
 from catenary.recording.logs import read_log
 from catenary.reports.calibration import shortened
 from catenary.robots.catalog import load_robot, robot_names
@@ -192,6 +193,7 @@ def _check_identification(path: Path) -> Finding:
 
 def _check_model(path: Path) -> Finding:
     model, card = load_model(path)
+    check_card(card, str(path))
     finding = Finding("calibration model")
     finding.facts = [
         ("kind", model.kind + (f", preset {model.preset}" if model.preset else "")),

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catenary.archives import read_arrays
 from catenary.arrays import Floats
 from catenary.calibration.card import model_card
+from catenary.calibration.card_schema import check_card
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import Evaluation, Spread, cross_validate, evaluate
 from catenary.calibration.files import load_model
@@ -19,7 +21,6 @@ from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.recording.importers import read_arrays
 from catenary.recording.logs import read_log
 from catenary.units import DISPLAY
 
@@ -148,6 +149,7 @@ def evaluate_calibration(
     for log in logs:
         model.require_joints(log)
     data = calibration_data(logs, model.features, max_error=_limits(max_error, logs[0]))
+    check_card(card, str(model_path))
     trained_on = {source["sha256"] for source in card["data"]}
     seen = tuple(source.name for source in data.sources if source.sha256 in trained_on)
     notes = _notes(logs, data)

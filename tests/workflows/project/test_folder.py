@@ -13,9 +13,9 @@ from catenary.workflows.project.folder import (
     Project,
     ProjectSettings,
     project_settings,
-    read_state,
     write,
 )
+from catenary.workflows.project.state import DeploymentFile, ExtractionFile, HomeFile, read_state
 
 
 class Work:
@@ -92,17 +92,44 @@ def test_settings_are_kept(tmp_path: Path) -> None:
     assert project_settings(tmp_path) == settings
 
 
-@pytest.mark.parametrize("content", [b"{", b"3", b"[1]", b'{"home": 3}', b'{"home": {}}', b"\xff\xfe"])
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"{",
+        b"3",
+        b"[1]",
+        b'{"home": 3}',
+        b'{"home": {}}',
+        b"\xff\xfe",
+        b'{"home": {"made_from": 3, "files": []}}',
+    ],
+)
 def test_damaged_steps_are_refused(project: Project, content: bytes) -> None:
     (project.folder / STEPS).write_bytes(content)
     with pytest.raises(ConfigError, match=r"steps\.json: damaged.*delete it"):
         reopened(project)
 
 
+SOUND = b'{"robot": "raven2", "base_tilt_deg": [0.0, 0.0], "sparsities": [0.5], "test_minutes": 20}'
 UNEVEN = b'{"base_tilt_deg": 3, "sparsities": []}'
 
 
-@pytest.mark.parametrize("content", [b"{", b"[]", b"{}", UNEVEN, b'{"color": "red"}', b"\xff"])
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"{",
+        b"[]",
+        b"{}",
+        UNEVEN,
+        b'{"color": "red"}',
+        b"\xff",
+        SOUND.replace(b"raven2", b'raven2", "robot": "x'),
+        SOUND.replace(b'"raven2"', b"3"),
+        SOUND.replace(b"0.0", b"1e999"),
+        SOUND.replace(b"0.0", b"NaN"),
+        SOUND.replace(b"20", b"9" * 5000),
+    ],
+)
 def test_damaged_settings_are_refused(project: Project, content: bytes) -> None:
     (project.folder / "settings.json").write_bytes(content)
     with pytest.raises(
@@ -281,7 +308,30 @@ def test_a_torn_state_file_names_itself_and_what_makes_it_again(
     path.parent.mkdir(exist_ok=True)
     path.write_bytes(content)
     with pytest.raises(ConfigError) as refused:
-        read_state(path, "`catenary home PROJECT` makes it again")
+        read_state(path, HomeFile, "`catenary home PROJECT` makes it again")
     assert str(refused.value).startswith(f"{path}: damaged: ")
     assert str(refused.value).endswith("; `catenary home PROJECT` makes it again")
     assert ("it is empty" in str(refused.value)) == (content == b"")
+
+
+HOME = '{"simulated": true, "joint_names": ["J1"], "believed": [0.1], "external_encoders": [null]}'
+
+
+@pytest.mark.parametrize(
+    ("schema", "content"),
+    [
+        (HomeFile, HOME.replace("0.1", "null")),
+        (HomeFile, HOME.replace("0.1", "NaN")),
+        (HomeFile, HOME.replace('"J1"', "1")),
+        (HomeFile, "[]"),
+        (DeploymentFile, '{"ticks": -1}'),
+        (ExtractionFile, '{"topics": [3], "rows": 1, "problems": [], "stopped_encoders": []}'),
+    ],
+)
+def test_a_state_file_that_holds_something_else_is_refused(tmp_path: Path, schema, content: str) -> None:
+    path = tmp_path / "state.json"
+    path.write_text(HOME)
+    assert read_state(path, HomeFile, "")["believed"] == [0.1]
+    path.write_text(content)
+    with pytest.raises(ConfigError, match=r"state\.json: damaged: .*; delete it"):
+        read_state(path, schema, "delete it")

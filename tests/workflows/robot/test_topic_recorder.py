@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.crtk.client import CrtkClient
+from catenary.crtk.clock import SECOND
 from catenary.crtk.conversions import joint_state_message
 from catenary.crtk.loopback import Loopback
 from catenary.errors import RecordingError, TransportError
@@ -14,7 +16,8 @@ from catenary.recording.bag import write_group_bags
 from catenary.recording.extract import extract, topic_file
 from catenary.recording.journal import About
 from catenary.recording.source import open_recording
-from catenary.recording.topics import EXT_JPOS, RAVENSTATE_100HZ, raven_topics
+from catenary.recording.synchronise import synchronise
+from catenary.recording.topics import EXT_JPOS, RAVENSTATE_100HZ, raven_topics, topic_named
 from catenary.workflows.robot import topic_recorder
 from catenary.workflows.robot.topic_recorder import TopicRecorder, record_topics
 from oracles.cable_arms import homed_plant
@@ -98,6 +101,42 @@ def test_messages_not_collected_in_time_are_counted(tmp_path: Path, monkeypatch:
         robot.clock.sleep(0.12)
         recorder.collect()
     assert any("came faster" in problem for problem in recorder.problems())
+
+
+@pytest.mark.parametrize("by", [3600.0, -3600.0])
+def test_setting_the_machines_clock_costs_no_message_and_is_noted(tmp_path: Path, by: float) -> None:
+    robot = RobotOnLoopback(homed_plant())
+    robot.robot.plant.state_command("enable")
+    with TopicRecorder(robot.transport, tmp_path / "r", raven_topics()) as recorder:
+        for tick in range(20):
+            robot.clock.ahead = round(by * SECOND) * (tick >= 10)
+            robot.robot.plant.servo_jp(robot.robot.plant.setpoint_js().q + 2e-4)
+            robot.clock.sleep(0.02)
+            recorder.collect()
+    assert any(f"set by {by:+.3f} s, 0.2 s after" in problem for problem in recorder.problems())
+    extraction = extract([tmp_path / "r"], tmp_path / "x")
+    assert any(f"set by {by:+.3f} s" in problem for problem in extraction.problems)
+    for name in extraction.messages:
+        arrival = topic_file(tmp_path / "x", topic_named(name)).read(["arrival"])["arrival"]
+        assert (np.diff(arrival) > 0).all(), name
+        assert np.diff(arrival).max() < 0.05 * SECOND, name
+    assert extraction.messages["/ravenstate"] >= 12
+    log = synchronise(tmp_path / "x").log
+    assert len(log) == extraction.messages["/ravenstate"]
+    assert log.time is not None
+    assert_allclose(log.time[-1], 0.4, atol=0.05)
+    assert log.ok[2:-2].all()
+    assert (np.diff(log.q_nominal[:, 0]) > -1e-6).all()  # as it moved
+
+
+def test_a_robot_is_heard_while_the_clock_is_set() -> None:
+    robot = RobotOnLoopback(homed_plant())
+    with CrtkClient(robot.transport) as client:
+        for by in (3600, -7200, 0):
+            robot.clock.ahead = by * SECOND
+            client.wait()
+            assert client.age < 0.01
+            client.measured_js()
 
 
 def test_full_disk_keeps_what_was_recorded_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,8 +7,7 @@ it is back, which rospy alone does not do.
 
 import importlib
 import threading
-from collections.abc import Mapping
-from time import time_ns
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from catenary.crtk.codec import codec
@@ -60,13 +59,13 @@ class Ros1Publisher(Publisher):
 class _Topic:
     """What this process receives of one topic: one connection per publisher, for all subscriptions."""
 
-    def __init__(self, node: Any, name: str, type_name: str) -> None:
+    def __init__(self, node: Any, name: str, type_name: str, steady: Callable[[], int]) -> None:
         self.type_name = current_name(type_name)
         self._subscriptions: list[Subscription] = []
         self._latched: dict[str, tuple[bytes, int, Origin]] = {}  # by publisher
         self._origins: dict[str, Origin] = {}  # the last one of each publisher
         self._lock = threading.Lock()
-        self._node = node
+        self._node, self._steady = node, steady
         self.subscriber: Any = None
         with self._lock:  # a message may come before it is known
             self.subscriber = node.subscribe(name, type_name, self._receive, self._takes)
@@ -95,7 +94,7 @@ class _Topic:
             return max((one.has_room_for(size) for one in self._subscriptions), default=True)
 
     def _receive(self, message: Any) -> None:
-        time = time_ns()
+        time = self._steady()
         with self._lock:
             origin = self._origin(
                 message._connection_header
@@ -152,7 +151,7 @@ class Ros1Transport(Transport):
         found = self._topics.get(topic)
         if found is None:
             self._refuse_other_type(topic, type_name)
-            found = self._topics[topic] = _Topic(self.node, topic, type_name)
+            found = self._topics[topic] = _Topic(self.node, topic, type_name, self.steady)
         elif found.type_name != subscription.type_name:
             raise other_type(topic, type_name, found.type_name)
         found.add(subscription)

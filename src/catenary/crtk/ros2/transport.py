@@ -123,7 +123,7 @@ class Ros2Transport(Transport):
             except NO_MESSAGE:
                 subscription.damaged += 1
                 return
-            subscription.push(message, self.now())
+            subscription.push(message, self.steady())
 
         handle = self.node.create_subscription(
             ros2_class(type_name),

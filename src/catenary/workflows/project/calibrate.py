@@ -20,10 +20,11 @@ from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import zigzag
 from catenary.workflows.fit import FitRun, evaluate_calibration, fit_calibration
-from catenary.workflows.project.folder import Project, read_state, write
+from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
 from catenary.workflows.project.robot import ProjectRobot
 from catenary.workflows.project.simulated_robot import SimulatedRobot
+from catenary.workflows.project.state import DeploymentFile, read_state
 
 TRAIN, TEST = "train", "test"
 VERBS = {f"record {TRAIN}": "excite", f"record {TEST}": "record"}  # by which commands make these recordings
@@ -224,7 +225,9 @@ def conclude(
     results = {name: evaluate_calibration(model_path(project, name), list(test)) for name in models}
     deployment = None
     if deployed is not None:
-        deployment = read_state(deployed, "delete it, and `catenary calibrate PROJECT` makes it again")
+        deployment = read_state(
+            deployed, DeploymentFile, "delete it, and `catenary calibrate PROJECT` makes it again"
+        )
     page = project.folder / "report.html"
     concluded = CalibrationResult(
         page=page,

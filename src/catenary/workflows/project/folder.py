@@ -6,20 +6,21 @@ One process at a time writes; what only reads needs no lock, and nothing is writ
 """
 
 import contextlib
-import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
 
 from catenary import __version__
+from catenary.config import parse_settings
 from catenary.errors import ConfigError, FileFormatError, InputError, InUseError
 from catenary.files import PARTIAL, damage, fingerprint, json_text, write_atomically
 from catenary.trajectories.sinusoids import TURN_TIME
 from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY
 from catenary.workflows.project.lock import LOCK, FolderLock
 from catenary.workflows.project.outputs import describe, hold, missing
+from catenary.workflows.project.state import SettingsFile, StepsFile, WrittenFiles, read_state
 
 SETTINGS, STEPS = "settings.json", "steps.json"
 CONNECTIONS = ("simulation", "ros1", "ros2")
@@ -121,7 +122,7 @@ class Project:
         step: str,
         made_from: Any,
         files: Sequence[Path],
-        work: Callable[[], Any],
+        work: Callable[[], Mapping[str, Any] | None],
         *,
         trusted: bool = True,
     ) -> bool:
@@ -131,7 +132,7 @@ class Project:
             step: Its name.
             made_from: Everything that it depends on, as plain data.
             files: What it writes, files or folders.
-            work: Does it.
+            work: Does it; what it returns is noted beside the step.
             trusted: False where what was done cannot be used, whatever is noted of it.
 
         Raises:
@@ -147,7 +148,7 @@ class Project:
                 return False
             if self._steps.pop(step, None) is not None:  # what stops in the middle must not look done
                 write(self.folder / STEPS, self._steps)
-            work()
+            noted = work()
             self._lock.check()
             lacking = ", ".join(map(str, missing(files)))
             if lacking:
@@ -160,6 +161,7 @@ class Project:
                 "files": [str(path.relative_to(self.folder)) for path in files],
                 "version": __version__,
                 "outputs": describe(self.folder, files),
+                **(noted or {}),
             }
             write(self.folder / STEPS, self._steps)
         self.ran.append(step)
@@ -176,8 +178,18 @@ class Project:
         return str(self._steps[step]["made_from"])
 
     def outputs_of(self, step: str) -> dict[str, Any] | None:
-        """Return a step's outputs by `describe`; None where it was not done, empty where an older version did it."""
-        return self._steps[step].get("outputs", {}) if step in self._steps else None
+        """Return a step's outputs by `describe`; None where it was not done, empty where they are not known.
+
+        They are not where an older version did it, or what is noted is nonsense.
+        """
+        if step not in self._steps:
+            return None
+        outputs: dict[str, Any] = self._steps[step].get("outputs", {})
+        try:
+            parse_settings({"outputs": outputs}, WrittenFiles, step)
+        except ConfigError:
+            return {}
+        return outputs
 
     def __enter__(self) -> Self:
         """Keep the folder's lock, once a step has taken it, until the end."""
@@ -219,13 +231,7 @@ class Project:
         if not path.is_file():
             return {}
         remedy = "delete it, and `catenary calibrate PROJECT` does every step again"
-        steps = read_state(path, remedy)
-        try:
-            for entry in steps.values():
-                entry["made_from"], entry["files"]
-        except (AttributeError, KeyError, TypeError) as error:
-            raise ConfigError(damage(path, f"{error!r}", remedy)) from error
-        return dict(steps)
+        return dict(read_state(path, StepsFile, remedy, below="steps"))
 
 
 def is_project(folder: Path) -> bool:
@@ -243,28 +249,11 @@ def project_settings(folder: Path) -> ProjectSettings | None:
     if not path.is_file():
         return None
     remedy = "delete it, and give the settings again: `catenary calibrate PROJECT` with its options"
-    content = read_state(path, remedy)
+    content = read_state(path, SettingsFile, remedy)
     try:
-        lists = {name: tuple(content[name]) for name in ("base_tilt_deg", "sparsities")}
-        return ProjectSettings(**{**content, **lists})
-    except (ValueError, KeyError, TypeError, InputError) as error:
+        return ProjectSettings(**SettingsFile(**content).model_dump())
+    except InputError as error:
         raise ConfigError(damage(path, f"not the settings of a project: {error}", remedy)) from error
-
-
-def read_state(path: Path, remedy: str) -> Any:
-    """Read one of a project's JSON files.
-
-    Args:
-        path: The file.
-        remedy: What makes it again, for the message.
-
-    Raises:
-        ConfigError: It is missing, empty or no JSON; the message names it and ends with the remedy.
-    """
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise ConfigError(damage(path, error, remedy)) from error
 
 
 def write(path: Path, content: Any) -> None:

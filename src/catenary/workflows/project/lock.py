@@ -16,6 +16,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from catenary.documents import json_table
 from catenary.errors import FileFormatError, InUseError
 
 LOCK = ".lock"
@@ -117,10 +118,9 @@ def _machine() -> dict[str, str]:
 def _holder(descriptor: int) -> dict[str, Any]:
     """Return what the file says; empty where nobody wrote anything that can be read."""
     try:
-        content = json.loads(os.pread(descriptor, 10_000, 0))
-    except ValueError:
+        return json_table(os.pread(descriptor, 10_000, 0), LOCK)
+    except FileFormatError:
         return {}
-    return content if isinstance(content, dict) else {}
 
 
 def _is_here(holder: dict[str, Any]) -> bool:

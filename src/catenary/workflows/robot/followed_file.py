@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from catenary.archives import read_arrays
 from catenary.arrays import Floats, frozen
 from catenary.errors import FileFormatError, InputError
 from catenary.plant import MotionLog
-from catenary.recording.importers import is_number, read_arrays
+from catenary.recording.importers import is_number
 from catenary.recording.logs import read_parquet
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.trajectories.zigzag import BLEND, ROWS_PER_SECOND

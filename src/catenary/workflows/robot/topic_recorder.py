@@ -22,6 +22,7 @@ from catenary.recording.topics import RAVENSTATE, RAVENSTATE_100HZ, Topic
 
 DEPTH = 5000  # messages that wait between two `collect`: 5 s of a robot's topic
 TICK = 0.02  # [s] between two `collect` of a recording without a motion of ours
+CLOCK_SET = 0.1  # [s] by which the machine's clock has to be set to be noted
 
 
 @dataclass
@@ -82,6 +83,12 @@ class TopicRecorder:
             folder, [JournalTopic(t.name, t.type) for t in topics], about, max_bytes=max_bytes
         )
         self._kept: list[_Kept] = []
+        self._transport, self._begin, self._ahead = (
+            transport,
+            transport.steady(),
+            self._clock_ahead(transport),
+        )
+        self.clock_steps: list[str] = []  # in words
         try:
             for topic in topics:
                 source = RAVENSTATE.name if topic.name == RAVENSTATE_100HZ.name else topic.name
@@ -97,6 +104,7 @@ class TopicRecorder:
         Raises:
             RecordingError: The disk is full or failed; the message says what is safe.
         """
+        self._note_clock()
         chosen: list[tuple[int, _Kept, Received]] = []
         for kept in self._kept:
             period = round(SECOND / kept.topic.rate)
@@ -125,8 +133,8 @@ class TopicRecorder:
         return tuple(kept.count for kept in self._kept)
 
     def problems(self) -> list[str]:
-        """Return the topics of which nothing came, or not all was collected."""
-        return [note for count in self.counts if (note := count.note()) is not None]
+        """Return the topics of which nothing came, or not all was collected, and when the clock was set."""
+        return [note for count in self.counts if (note := count.note()) is not None] + self.clock_steps
 
     def close(self) -> None:
         """Finish the recording; a second time does nothing.
@@ -136,6 +144,24 @@ class TopicRecorder:
         """
         self._end_subscriptions()
         self.journal.close()
+
+    @staticmethod
+    def _clock_ahead(transport: Transport) -> int:
+        """Return how far the time of day is ahead of the time that messages come in by [ns]."""
+        return transport.now() - transport.steady()
+
+    def _note_clock(self) -> None:
+        """Note in the recording that the machine's clock was set; messages come in by a clock that was not."""
+        ahead = self._clock_ahead(self._transport)
+        step = (ahead - self._ahead) / SECOND
+        if abs(step) < CLOCK_SET:
+            return
+        at, self._ahead = (self._transport.steady() - self._begin) / SECOND, ahead
+        self.clock_steps.append(
+            f"the machine's clock was set by {step:+.3f} s, {at:.1f} s after the begin; arrivals go on by the clock "
+            "as it was, and nothing is lost"
+        )
+        self.journal.note(self.clock_steps[-1])
 
     def _end_subscriptions(self) -> None:
         for kept in self._kept:
@@ -185,10 +211,10 @@ def record_topics(
     """
     if not seconds > 0.0:
         raise InputError(f"recording: expected more than 0 s, got {seconds}")
-    begin = transport.now()
+    begin = transport.steady()
     with TopicRecorder(transport, folder, topics, about=about) as recorder:
         try:
-            while (elapsed := (transport.now() - begin) / SECOND) < seconds:
+            while (elapsed := (transport.steady() - begin) / SECOND) < seconds:
                 transport.sleep(min(TICK, seconds - elapsed))
                 recorder.collect()
                 progress(elapsed / seconds)

@@ -1,0 +1,143 @@
+"""NumPy's files and packed bytes, checked for how far they unpack before they do; nothing in them is executed."""
+
+import tokenize
+import zipfile
+import zlib
+from pathlib import Path
+from struct import error as StructError
+from typing import IO, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.documents import cut, shortened
+from catenary.errors import FileFormatError
+
+# [B] that any file may unpack to, as numbers of 8 bytes; a longer one to RATIO times its length
+MOST = 128 * 2**20
+RATIO = 20
+MOST_ARRAYS = 1000  # of an archive; a model of many joints has some 50
+MOST_HEADER = 10_000  # characters of an array's header, as in NumPy
+_PLAIN = "biufcSU"  # kinds of numbers and texts
+# what zipfile and NumPy raise on a file that is no archive, damaged, encrypted, or holds something else
+_UNREADABLE = (
+    *(OSError, ValueError, EOFError, LookupError, TypeError, ArithmeticError, RuntimeError, MemoryError),
+    *(SyntaxError, AttributeError, StructError, tokenize.TokenError, zipfile.BadZipFile, zlib.error),
+)
+
+
+def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """Read every array of a `.npz`, of numbers and texts.
+
+    Raises:
+        FileFormatError: No such file, not an archive, damaged, it holds something else than plain arrays (Python
+            objects, structures), or unpacks to more than `MOST` bytes and `RATIO` times its length.
+    """
+    if not path.is_file():
+        raise FileFormatError(f"{path}: no such file")
+    try:
+        most = max(MOST, RATIO * path.stat().st_size)
+        with zipfile.ZipFile(path) as archive:
+            members = archive.infolist()
+            _check_members(members, most)
+            arrays: dict[str, NDArray[Any]] = {}
+            for member in members:
+                key = member.filename.removesuffix(".npy")
+                if key == member.filename:
+                    raise ValueError(f'"{cut(key)}" is not an array')
+                arrays[key], most = _member(archive, member, most)
+    except _UNREADABLE as error:
+        raise FileFormatError(
+            f"{path}: cannot be read as an .npz archive of plain arrays: {cut(str(error) or repr(error))}"
+        ) from error
+    return arrays
+
+
+def read_array(path: Path) -> NDArray[Any]:
+    """Read a `.npy` file of numbers or texts.
+
+    Raises:
+        FileFormatError: As for `read_arrays`.
+    """
+    if not path.is_file():
+        raise FileFormatError(f"{path}: no such file")
+    try:
+        size = path.stat().st_size
+        with path.open("rb") as file:
+            _check_header(file, size, max(MOST, RATIO * size))
+            file.seek(0)
+            return np.lib.format.read_array(file, allow_pickle=False)
+    except _UNREADABLE as error:
+        raise FileFormatError(
+            f"{path}: cannot be read as an .npy file of a plain array: {cut(str(error) or repr(error))}"
+        ) from error
+
+
+def unpacked(data: bytes, kind: Literal["bz2", "lz4", "zstd"], most: int) -> bytes:
+    """Unpack bytes that another program packed.
+
+    Raises:
+        ValueError: They are no whole stream of this kind, or unpack to more than `most` bytes.
+    """
+    import pyarrow as pa
+
+    try:
+        with pa.CompressedInputStream(pa.BufferReader(data), kind) as stream:
+            content: bytes = stream.read(most + 1)
+    except (pa.ArrowException, OSError, MemoryError) as error:
+        raise ValueError(f"{len(data)} bytes cannot be unpacked as {kind}: {error}") from error
+    if len(content) > most:
+        raise ValueError(f"{len(data)} bytes of {kind} unpack to more than {most} bytes")
+    return content
+
+
+def _check_members(members: list[zipfile.ZipInfo], most: int) -> None:
+    if len(members) > MOST_ARRAYS:
+        raise ValueError(f"{len(members)} files in it, expected {MOST_ARRAYS} at most")
+    names = {member.filename for member in members}
+    if len(names) < len(members):
+        raise ValueError("two files in it have the same name")
+    total = sum(member.file_size for member in members)
+    if total > most:
+        raise ValueError(f"would unpack to {total} bytes, expected {most} at most")
+    for member in members:
+        if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise ValueError(f"{shortened(member.filename)} is packed in a way that NumPy does not write")
+
+
+def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, most: int) -> tuple[NDArray[Any], int]:
+    """Return an array and how many bytes are left to unpack; its checksum is checked at its end."""
+    with archive.open(member) as file:
+        taken = _check_header(file, member.file_size, most)
+    with archive.open(member) as file:
+        array = np.lib.format.read_array(file, allow_pickle=False)
+        if file.read(1):
+            raise ValueError(f"{shortened(member.filename)} goes on behind its array")
+    return array, most - taken
+
+
+def _check_header(file: IO[bytes], size: int, most: int) -> int:
+    """Check what an array's header says against the bytes that there are; return what it takes in memory."""
+    version = np.lib.format.read_magic(file)
+    if version == (1, 0):
+        shape, _, dtype = np.lib.format.read_array_header_1_0(file, max_header_size=MOST_HEADER)
+    elif version == (2, 0):
+        shape, _, dtype = np.lib.format.read_array_header_2_0(file, max_header_size=MOST_HEADER)
+    else:
+        raise ValueError(f"version {version} of NumPy's format, expected (1, 0) or (2, 0)")
+    if dtype.kind not in _PLAIN or dtype.subdtype is not None:
+        raise ValueError(f"an array of {cut(str(dtype))}, expected plain numbers or texts")
+    count = 1
+    for length in shape:
+        if type(length) is not int or length < 0:
+            raise ValueError(f"an array of shape {shortened(shape)}")
+        count *= length
+    taken = count * max(dtype.itemsize, 8)
+    if taken > most:
+        raise ValueError(f"an array of shape {shortened(shape)} has more than {most} bytes")
+    if count * dtype.itemsize != size - file.tell():
+        raise ValueError(
+            f"an array of shape {shortened(shape)} of {dtype} takes {count * dtype.itemsize} bytes, "
+            f"the file has {size - file.tell()} for it"
+        )
+    return taken

@@ -1,0 +1,56 @@
+"""What a robot can be at most: bounds that no arm reaches and that numbers of damaged files leave."""
+
+import re
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.documents import cut, shortened
+from catenary.errors import InputError
+
+MOST_LINKS = 1_000
+MOST_MASS = 1e6  # [kg] of a link; a loaded harbour crane has as much
+FARTHEST = 1e3  # [m] of any length, and [rad] of any constant angle
+MOST_INERTIA = MOST_MASS * FARTHEST**2  # [kg m2]
+MOST_FACTOR = 1e6  # of a coordinate in a joint's: gear ratios in both directions
+LONGEST_NAME = 500
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
+
+
+def check_names(what: str, names: Iterable[str]) -> None:
+    """Refuse names that are empty, too long, or hold control characters.
+
+    Args:
+        what: What they are names of, such as `robot "a": link`.
+        names: The names.
+
+    Raises:
+        InputError: One cannot be a name; the message holds it.
+    """
+    for name in names:
+        if not 0 < len(name) <= LONGEST_NAME or _CONTROL.search(name):
+            raise InputError(
+                f"{what} {shortened(name)}: expected a name of 1 to {LONGEST_NAME} characters, none a control character"
+            )
+
+
+def check_different(what: str, names: Sequence[str]) -> None:
+    """Refuse a name that is there twice.
+
+    Raises:
+        InputError: Two are the same; the message holds all, as far as they fit.
+    """
+    if len(set(names)) != len(names):
+        raise InputError(f"{what} names must differ, got {cut(', '.join(names))}")
+
+
+def check_within(what: str, values: ArrayLike, most: float, unit: str) -> None:
+    """Refuse numbers that are beyond a bound, or NaN.
+
+    Raises:
+        InputError: One is; the message says how large it is and what was expected.
+    """
+    found = np.abs(np.asarray(values, dtype=np.float64))
+    if not (found <= most).all():
+        raise InputError(f"{what}: {found.max():g} {unit}, expected at most {most:g} {unit}")
