@@ -40,12 +40,15 @@ def end_over_ros(
     code, out, errors = (_end_teleop if command == "teleop" else _end_program)(
         master, served, folder, command, number
     )
-    until(lambda: served.operating_state().state == "PAUSED", every=0.02)
+    assert "Traceback" not in errors, errors
+    try:
+        until(lambda: served.operating_state().state == "PAUSED", every=0.02)
+    except AssertionError as error:
+        raise AssertionError(f"{served.operating_state()} after exit {code}: {out}{errors}") from error
     held = served.setpoint_js().q
     served.transport.sleep(0.1)
     np.testing.assert_array_equal(served.setpoint_js().q, held)
     assert np.abs(held - begin).max() > 1e-3
-    assert "Traceback" not in errors
     if number == signal.SIGKILL:  # the server paused it
         assert code == -number
         return
@@ -62,9 +65,10 @@ def end_over_ros(
 def _end_program(
     master: Master, served: CrtkClient, folder: Path, command: str, number: signal.Signals
 ) -> tuple[int, str, str]:
-    begin = served.setpoint_js().q
-    with Program(master, PATIENT_COMMAND, *arguments(command, folder, begin[0])) as program:
-        until(lambda: np.abs(served.setpoint_js().q - begin).max() > 1.1e-3, every=0.005)
+    with Program(master, PATIENT_COMMAND, *arguments(command, folder, served.setpoint_js().q[0])) as program:
+        until(lambda: takes_signals(program.process.pid), every=0.01)
+        begin = served.setpoint_js().q  # it sinks a little when a paused robot is resumed
+        until(lambda: np.abs(served.setpoint_js().q - begin).max() > 5e-3, every=0.005)
         program.process.send_signal(number)
         out, errors = program.finish()
     return program.process.returncode, out, errors
@@ -82,6 +86,13 @@ def _end_teleop(
         if number == signal.SIGKILL:
             return typist.process.wait(), "", ""
         return 0, json.dumps(typist.end()), ""
+
+
+def takes_signals(pid: int) -> bool:
+    """Return whether a process takes SIGTERM: from then on it is the command itself that ends."""
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    (mask,) = (line.split()[1] for line in lines if line.startswith("SigCgt"))
+    return bool(int(mask, 16) >> (signal.SIGTERM - 1) & 1)
 
 
 def left_in_session(session: int) -> list[int]:

@@ -131,7 +131,7 @@ def of_a_later_version(table: pa.Table) -> pa.Table:
     return table.replace_schema_metadata({"catenary": json.dumps(about)})
 
 
-TWINS = json.dumps({"format": FORMAT, "joint_names": "aa", "joint_units": ["rad", "rad"]}).encode()
+TWINS = json.dumps({"format": FORMAT, "joint_names": ["a", "a"], "joint_units": ["rad", "rad"]}).encode()
 
 
 @pytest.mark.parametrize(

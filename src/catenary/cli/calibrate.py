@@ -13,7 +13,7 @@ from catenary.cli.gravity_source import GravityOptions
 from catenary.cli.options import AsJson, Units
 from catenary.cli.project_options import ExcitationOptions, Folder, Hours, Seed, open_project, require_project
 from catenary.cli.terminal import announce, print_json, print_notes, print_table, progress_bar, words
-from catenary.errors import InputError
+from catenary.errors import CatenaryError, InputError, InUseError
 
 if TYPE_CHECKING:
     from catenary.workflows.project.calibrate import CalibrationResult
@@ -82,12 +82,11 @@ def extract(
 ) -> None:
     """Extract and synchronise the project's recordings.
 
-    Writes a motion log NAME.parquet for each, and a report beside it.
+    Writes a motion log NAME.parquet for each, and a report beside it. Of a recording that was interrupted it takes
+    what is whole, and says what is lost.
     """
-    from catenary.recording.bag import write_group_bags
     from catenary.recording.raven_csv import write_raven_csv
-    from catenary.recording.source import open_recording
-    from catenary.workflows.project.recordings import extract_recording, motion_log_path
+    from catenary.workflows.project.recordings import extract_recording, motion_log_path, write_bags
     from catenary.workflows.project.robot import arm_of
     from catenary.workflows.project.state import ExtractionFile, read_state
 
@@ -98,10 +97,16 @@ def extract(
     names = sorted(p.name for p in (opened.folder / "recordings").glob("*") if p.is_dir())
     if not names:
         raise InputError(f"{project}: holds no recordings; run catenary excite first")
-    found: dict[str, Any] = {}
+    found, failed = dict[str, Any](), dict[str, CatenaryError]()
     for name in names:
         with _progress(f"extract {name}"):
-            extract_recording(opened, name)
+            try:
+                extract_recording(opened, name)
+            except CatenaryError as error:
+                if isinstance(error, InUseError):
+                    raise
+                failed[name] = error
+                continue
             report = read_state(
                 opened.folder / f"{name}.synchronised.json",
                 ExtractionFile,
@@ -109,11 +114,7 @@ def extract(
             )
             found[name] = {"log": str(motion_log_path(opened, name)), **report}
             if bag is not None:
-                source, folder = (
-                    open_recording(opened.folder / "recordings" / name),
-                    opened.folder / "bags" / name,
-                )
-                written = write_group_bags(source, folder, "ros1" if bag == "ros1" else "mcap")
+                written = write_bags(opened, name, "ros1" if bag == "ros1" else "mcap")
                 found[name]["bags"] = [str(path) for path in written]
             if csv:
                 table = opened.folder / f"{name}.csv"
@@ -121,8 +122,7 @@ def extract(
                 found[name]["csv"] = str(table)
     if as_json:
         print_json(found)
-        return
-    for name, report in found.items():
+    for name, report in () if as_json else found.items():
         header = ["topic", "messages", "rate [Hz]", "longest gap [ms]"]
         rows = [
             [
@@ -136,6 +136,11 @@ def extract(
         print_table(f"{name}: {report['rows']} rows", header, rows)
         print_notes(report["problems"] + report["stopped_encoders"])
         print(f"log: {report['log']}\n")
+    for name, failure in failed.items():
+        if found and opened.outputs_of(f"record {name}") is None:
+            print_notes([f"{name}: was interrupted, and is left out: {failure}"])
+        else:
+            raise failure
 
 
 def deploy(

@@ -1,12 +1,13 @@
-"""catenary check."""
+"""catenary check and recover: what a file is, and what is whole of a damaged recording."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
-from typer import Argument
+from typer import Argument, Option
 
 from catenary.cli.options import AsJson, Units
-from catenary.cli.terminal import print_fact, print_json, words
+from catenary.cli.terminal import print_fact, print_json, print_notes, print_table, words
 
 
 def check(
@@ -36,3 +37,39 @@ def check(
         print(f"  {len(finding.faults)} fault(s) found" if finding.faults else "  nothing wrong found")
     if finding.faults:
         raise typer.Exit(1)
+
+
+def recover(
+    recording: Annotated[
+        Path,
+        Argument(metavar="RECORDING", help="Journal (folder or .journal file), .bag, .mcap or its folder."),
+    ],
+    out: Annotated[
+        Path | None,
+        Option("--out", metavar="PATH", help="What to write. [default: NAME.recovered beside it]"),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write what is whole of a damaged recording, and say what is lost.
+
+    For recordings that were cut off, not closed, or damaged in the middle, outside a project (inside,
+    `catenary extract` does it). Of a journal it writes a journal (folder), of a ROS 1 bag a .bag, of MCAP a ROS 2 bag
+    (folder); all of them go into `catenary` and other programs like any other. RECORDING is not changed, and nothing
+    is overwritten. A whole one is told so, and nothing is written.
+    """
+    from catenary.workflows.recover import recover as recover_recording
+
+    found = recover_recording(recording, out)
+    if as_json:
+        print_json(found.as_data())
+        return
+    header = ["topic", "kept", "lost, about", "without messages [s]"]
+    rows = [[one.topic, str(one.kept), str(one.lost), f"{one.seconds:.2f}"] for one in found.rescue.topics]
+    print_table(f"{recording}: {found.rescue.seconds:.1f} s", header, rows)
+    print_notes(found.problems)
+    if found.written is None:
+        print("whole: nothing to recover, nothing written")
+        return
+    if found.rescue.ends_early:
+        print("cut off: what came last, up to 0.5 s and what the disk took, and all behind it is lost")
+    print(f"written: {found.written}")

@@ -39,6 +39,7 @@ _FUNCTIONS = {
     "encoders": ("nodes", "encoders"),
     "gravity-node": ("nodes", "gravity_node"),
     "export": ("export", "export"),
+    "recover": ("check", "recover"),
     "serve": ("serve", "serve"),
     "button": ("serve", "button"),
     "robots": ("robots", "robots"),

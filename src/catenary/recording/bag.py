@@ -15,7 +15,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
-from catenary.errors import InputError
+from catenary.errors import FileFormatError, InputError
 from catenary.recording.layout import Encoding, blank_messages
 from catenary.recording.messages import MESSAGES, current_name, ros2_name, typestore
 from catenary.recording.source import Source
@@ -124,7 +124,14 @@ class _Bag:
         if self._given != self._encoding:
             store = typestore(2)  # its converters know that ROS 2's header lacks seq
             convert = store.cdr_to_ros1 if self._encoding == "ros1" else store.ros1_to_cdr
-            converted = convert(data, ros2_name(self.types[topic]))
+            try:
+                converted = convert(data, ros2_name(self.types[topic]))
+            except (
+                Exception
+            ) as error:  # what rosbags raises over bytes that are no such message is of any kind
+                raise FileFormatError(
+                    f"{self._path}: topic {topic}: {len(data)} bytes are no {self.types[topic]}: {error!r}"
+                ) from error
         self._writer.write(self._connections[topic], stamp, converted)
         self._messages += 1
 

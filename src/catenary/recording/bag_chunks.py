@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from catenary.kernels.compiled import compiled
 
 KIND, CONNECTION, TIME, HEADER, DATA, END = range(6)  # columns of a chunk's records
-_SHORTEST = 8  # [B] of a record: two lengths
 Records = NDArray[np.int64]
 
 
@@ -56,7 +55,7 @@ def chunk_records(chunk: bytes) -> Records:
     header is damaged.
     """
     data = np.frombuffer(chunk, dtype=np.uint8)
-    records = np.empty((len(data) // _SHORTEST, 6), dtype=np.int64)
+    records = np.empty((_count(data), 6), dtype=np.int64)
     return records[: _walk(data, records)]
 
 
@@ -76,6 +75,21 @@ def _u32(data: NDArray[np.uint8], position: int) -> Any:
         | np.int64(data[position + 2]) << 16
         | np.int64(data[position + 3]) << 24
     )
+
+
+@compiled
+def _count(data: NDArray[np.uint8]) -> int:
+    """Count what `_walk` finds."""
+    size, position, count = len(data), 0, 0
+    while position + 4 <= size:
+        middle = position + 4 + _u32(data, position)
+        if middle + 4 > size:
+            break
+        position = middle + 4 + _u32(data, middle)
+        if position > size:
+            break
+        count += 1
+    return count
 
 
 @compiled

@@ -1,18 +1,19 @@
 """Bags read from their first byte to their last, without the index at their end, which a bag that was cut off lacks."""
 
-import bz2
+import contextlib
 from collections.abc import Callable, Collection, Iterator
 from io import BytesIO
 from pathlib import Path
-from struct import Struct, error
-from typing import BinaryIO, TypeVar
+from struct import Struct
+from typing import BinaryIO, NamedTuple, TypeVar
+from zlib import crc32
 
 import numpy as np
-from lz4.frame import decompress as lz4_decompress  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
-from catenary.documents import json_table
+from catenary.documents import cut, json_table
 from catenary.errors import FileFormatError
+from catenary.recording.bag_checks import MOST_TOPICS, unpacked_at_most
 from catenary.recording.bag_chunks import (
     CONNECTION,
     DATA,
@@ -25,8 +26,20 @@ from catenary.recording.bag_chunks import (
     chunk_records,
     gather,
 )
+from catenary.recording.bag_records import (
+    DAMAGE,
+    bag_record,
+    chunk_of,
+    field_of,
+    header_fields,
+    mcap_records,
+    sized,
+    text_at,
+)
+from catenary.recording.bag_search import next_chunk, next_mcap_chunk, next_message
 from catenary.recording.journal import About, JournalTopic
 from catenary.recording.layout import Encoding
+from catenary.recording.losses import Hole
 from catenary.recording.messages import check_ros1_type, check_ros2_type, current_name
 from catenary.recording.topics import ABOUT_TOPIC, require_topics
 
@@ -34,19 +47,36 @@ ROS1_MAGIC = b"#ROSBAG V2.0\n"
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 # record types of a ROS 1 bag [wiki.ros.org/Bags/Format/2.0]
 _MESSAGE, _BAG_HEADER, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 5, 6, 7
-_SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _DATA_END = 3, 4, 5, 6, 15  # of MCAP [mcap.dev/spec]
+_FOOTER, _SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _DATA_END = (
+    2,
+    3,
+    4,
+    5,
+    6,
+    15,
+)  # of MCAP [mcap.dev/spec]
+_LAST_KIND = 15  # of MCAP's records
+_MOST_PROBLEMS, _MOST_PIECES = 1000, 100  # that are told one by one; that a chunk is read in
 _CHUNK_HEAD = 60  # [B] before a chunk's records, at most; a shorter one holds none
 _U16, _U32, _U64 = Struct("<H"), Struct("<I"), Struct("<Q")
-_UNPACK = {b"none": bytes, b"bz2": bz2.decompress, b"lz4": lz4_decompress}
 
 Read = TypeVar("Read")
+
+
+class BagConnection(NamedTuple):
+    """A topic of a bag as the bag defines it."""
+
+    topic: str
+    type: str  # as it is spelt there
+    md5: str  # empty in MCAP
+    definition: str
 
 
 class BagStream:
     """Reads a ROS 1 bag, or an MCAP file that was cut off, from its beginning, in the order it was recorded in.
 
-    It reads up to the last whole message, or the last whole chunk where chunks are compressed. `problems` says
-    where that was; a bag without its index has one, too.
+    It reads what is whole: up to the last message, or the last chunk where chunks are compressed, and on behind what
+    is damaged. `problems` says where that was; a bag without its index has one, too.
     """
 
     def __init__(self, path: Path) -> None:
@@ -57,8 +87,15 @@ class BagStream:
         """
         self.path = path
         self.problems: list[str] = []
-        with path.open("rb") as file:
-            begin = file.read(len(ROS1_MAGIC))
+        self.damage, self.holes, self.ends_early = self.problems, list[Hole](), False
+        self.connections: dict[str, BagConnection] = {}  # by topic, once the file was read
+        self._names: dict[int, str] = {}  # of topics
+        self._last: int | None = None  # [ns] arrival of the message before
+        try:
+            with path.open("rb") as file:
+                begin = file.read(len(ROS1_MAGIC))
+        except OSError as problem:
+            raise FileFormatError(f"{path}: cannot be read: {problem.strerror}") from problem
         self.has_blocks = begin == ROS1_MAGIC  # `blocks` can read it: a ROS 1 bag
         if not self.has_blocks and not begin.startswith(MCAP_MAGIC):
             raise FileFormatError(
@@ -90,7 +127,6 @@ class BagStream:
             FileFormatError: A topic is not in the bag.
         """
         require_topics(self.path, topics, self._types)
-        self.problems.clear()
         for message in self._guarded(self._bag_messages if self.has_blocks else self._mcap):
             if message[0] != ABOUT_TOPIC and (topics is None or message[0] in topics):
                 yield message
@@ -100,75 +136,128 @@ class BagStream:
 
         Within a topic messages keep their order.
         """
-        self.problems.clear()
         for chunk, name, records in self._guarded(self._bag_topics):
             if name in topics:
                 yield name, records[:, TIME], gather(chunk, records)
 
     def _guarded(self, read: Callable[[BinaryIO, int], Iterator[Read]]) -> Iterator[Read]:
-        """Read up to what is damaged, which becomes a problem."""
+        """Read up to what is damaged beyond help, which becomes a problem."""
+        self.problems.clear()
+        self.holes.clear()
+        self.ends_early, self._last = False, None
         with self.path.open("rb") as file:
             size = file.seek(0, 2)
             file.seek(len(ROS1_MAGIC) if self.has_blocks else len(MCAP_MAGIC))
             try:
                 yield from read(file, size)
-            except (error, KeyError, ValueError, OSError, EOFError, RuntimeError) as problem:
+            except DAMAGE as problem:
                 if isinstance(problem, FileFormatError):
                     raise
-                self.problems.append(f"{self.path}: damaged before byte {file.tell()}: {problem}")
+                self._damaged(f"before byte {file.tell()}: {cut(str(problem) or repr(problem))}")
+                self.ends_early = True
 
     def _cut_off(self, left: int) -> None:
+        self.ends_early = True
         self.problems.append(f"{self.path}: is cut off within its last {left} bytes")
+
+    def _damaged(self, where: object) -> None:
+        """Keep what is damaged, and that messages are missing there."""
+        if len(self.problems) < _MOST_PROBLEMS:
+            self.problems.append(f"{self.path}: damaged {where}")
+        if not self.holes or self.holes[-1][0] != self._last:
+            self.holes.append((self._last, None))
 
     def _unpacked(self, file: BinaryIO, size: int) -> Iterator[bytes]:
         """Yield the chunks of a ROS 1 bag."""
+        left = unpacked_at_most(size)
         missing = None  # records that the bag's header promises behind the chunks
         while file.tell() < size:
             start = file.tell()
-            head = _sized(file, size)
-            data = None if head is None else _sized(file, size)
-            values = {} if head is None else _header(head)
-            if data is None:
+            values, data = bag_record(file, size)
+            if data is None or not values.get(b"op"):
+                # a damaged length may reach beyond the chunks behind it
+                following = next_chunk(file, start + 1, size)
+                end = size if following is None else following
+                self.ends_early |= following is None and data is None
                 if values.get(b"compression") == b"none":
-                    yield file.read()
-                self._cut_off(size - start)
-                return
+                    file.seek(start)
+                    sized(file, size)
+                    yield file.read(end - file.tell())[4:]
+                if following is None and data is None:
+                    self._cut_off(size - start)
+                    return
+                if following is None:
+                    self._damaged(f"from byte {start} on")
+                    return
+                self._damaged(f"from byte {start} to {following}")
+                file.seek(following)
+                continue
             kind = values[b"op"][0]
-            if kind == _BAG_HEADER and _U64.unpack(values[b"index_pos"])[0]:
-                missing = _U32.unpack(values[b"conn_count"])[0] + _U32.unpack(values[b"chunk_count"])[0]
-            elif kind in (_CHUNK_INFO, _CONNECTION) and missing is not None:
+            if kind in (_CHUNK_INFO, _CONNECTION) and missing is not None:
                 missing -= 1
-            elif kind == _CHUNK:
-                unpack = _UNPACK.get(values[b"compression"])
-                if unpack is None:
-                    raise ValueError(f"unknown compression {values[b'compression'].decode(errors='replace')}")
-                yield unpack(data)
+            try:
+                if kind == _BAG_HEADER and _U64.unpack(field_of(values, b"index_pos", 8))[0]:
+                    counts = (field_of(values, key, 4) for key in (b"conn_count", b"chunk_count"))
+                    missing = sum(_U32.unpack(count)[0] for count in counts)
+                elif kind == _CONNECTION:  # it says again what stands before its messages
+                    number, topic = _U32.unpack(field_of(values, b"conn", 4))[0], field_of(values, b"topic")
+                    self._connection(number, topic, header_fields(data))
+                chunk = chunk_of(values, data, left) if kind == _CHUNK else None
+            except FileFormatError:
+                raise
+            except DAMAGE as problem:
+                self._damaged(f"from byte {start} to {file.tell()}: {cut(str(problem) or repr(problem))}")
+                continue
+            if chunk is not None:
+                left -= len(chunk)
+                yield chunk
         if missing != 0:
+            self.ends_early = True
             self.problems.append(f"{self.path}: lacks its index, or part of it: it was cut off or not closed")
 
-    def _bag_chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records, dict[int, str]]]:
-        """Yield every chunk, the records of its messages, and the topics of connections by number."""
-        names: dict[int, str] = {}
+    def _bag_chunks(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, Records]]:
+        """Yield every chunk with the records of its messages; again, with those behind it, where it is damaged."""
         for chunk in self._unpacked(file, size):
-            records = chunk_records(chunk)
-            damaged = np.flatnonzero(records[:, KIND] < 0)
-            whole = records[: damaged[0]] if len(damaged) else records  # what comes before it can be read
-            for row in whole[whole[:, KIND] == _CONNECTION].tolist():
-                names[row[CONNECTION]] = self._bag_connection(chunk, row)
-            yield chunk, whole[whole[:, KIND] == _MESSAGE], names
-            if len(damaged):
-                raise ValueError("the header of a record is damaged")
+            position: int | None = 0
+            for _ in range(_MOST_PIECES):
+                records = chunk_records(chunk[position:] if position else chunk)
+                records[:, HEADER:] += position or 0
+                damaged = np.flatnonzero(records[:, KIND] < 0)
+                whole = records[: damaged[0]] if len(damaged) else records  # what comes before it can be read
+                end = int(whole[-1, END]) if len(whole) else position or 0
+                for row in whole[whole[:, KIND] == _CONNECTION].tolist():
+                    self._bag_connection(chunk, row, file)
+                messages = whole[whole[:, KIND] == _MESSAGE]
+                known = np.isin(messages[:, CONNECTION], list(self._names))
+                if not known.all():
+                    self._damaged(f"before byte {file.tell()}: {(~known).sum()} messages of no known topic")
+                    messages = messages[known]
+                if len(messages):
+                    self._heard(int(messages[0, TIME]), int(messages[-1, TIME]))
+                yield chunk, messages
+                position = next_message(chunk, end + 1) if end < len(chunk) else None
+                if position is None:
+                    if end < len(chunk) and not self.ends_early:
+                        self._damaged(f"before byte {file.tell()}: {len(chunk) - end} bytes of a chunk")
+                    break
+                self._damaged(f"before byte {file.tell()}: {position - end} bytes of a chunk")
+
+    def _heard(self, first: int, last: int) -> None:
+        """Note when messages arrived [ns]."""
+        if self.holes and self.holes[-1][1] is None:
+            self.holes[-1] = self.holes[-1][0], first
+        self._last = last
 
     def _bag_messages(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
-        for chunk, records, names in self._bag_chunks(file, size):
+        for chunk, records in self._bag_chunks(file, size):
             for row in records.tolist():
-                yield names[row[CONNECTION]], row[TIME], chunk[row[DATA] : row[END]]
+                yield self._names[row[CONNECTION]], row[TIME], chunk[row[DATA] : row[END]]
 
     def _bag_topics(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, str, Records]]:
         """Yield every chunk with each topic that it has messages of, and their records."""
-        for chunk, records, names in self._bag_chunks(file, size):
+        for chunk, records in self._bag_chunks(file, size):
             numbers = records[:, CONNECTION]
-            topics = {number: names[number] for number in dict.fromkeys(numbers.tolist())}
+            topics = {number: self._names[number] for number in dict.fromkeys(numbers.tolist())}
             for name in dict.fromkeys(topics.values()):
                 own = [number for number, topic in topics.items() if topic == name]
                 yield chunk, name, records if len(own) == len(topics) else records[np.isin(numbers, own)]
@@ -177,15 +266,40 @@ class BagStream:
         for chunk, name, records in self._bag_topics(file, size):
             yield name, len(records), chunk[records[0, DATA] : records[0, END]]
 
-    def _bag_connection(self, chunk: bytes, row: list[int]) -> str:
-        """Check and keep the type of a connection's topic; return the topic."""
-        values = _header(chunk[row[HEADER] : row[DATA] - 4])
-        about = _header(chunk[row[DATA] : row[END]])
-        name, kind = values[b"topic"].decode(), about[b"type"].decode()
-        text = about[b"message_definition"].decode(errors="replace")
-        check_ros1_type(self.path, name, kind, about[b"md5sum"].decode(), text)
-        self._types[name] = current_name(kind)
-        return name
+    def _bag_connection(self, chunk: bytes, row: list[int], file: BinaryIO) -> None:
+        """Keep a connection's topic."""
+        try:
+            values = header_fields(chunk[row[HEADER] : row[DATA] - 4])
+            self._connection(
+                row[CONNECTION], field_of(values, b"topic"), header_fields(chunk[row[DATA] : row[END]])
+            )
+        except FileFormatError:
+            raise
+        except DAMAGE as problem:
+            self._damaged(f"before byte {file.tell()}: a topic's record: {problem!r}")
+
+    def _connection(self, number: int, topic: bytes, about: dict[bytes, bytes]) -> None:
+        """Check and keep the type of a connection's topic."""
+        name, kind = topic.decode(), field_of(about, b"type").decode()
+        md5, text = (
+            field_of(about, b"md5sum").decode(),
+            field_of(about, b"message_definition").decode(errors="replace"),
+        )
+        check_ros1_type(self.path, name, kind, md5, text)
+        self._keep(number, BagConnection(name, kind, md5, text))
+
+    def _keep(self, number: int, connection: BagConnection) -> None:
+        """Keep a topic and its type."""
+        name, kind = connection.topic, current_name(connection.type)
+        if name not in self._types and len(self._types) >= MOST_TOPICS:
+            raise FileFormatError(f"{self.path}: more than {MOST_TOPICS} topics")
+        known = self._types.setdefault(name, kind)
+        if known != kind:
+            raise FileFormatError(
+                f"{self.path}: topic {name}: is of type {known} and of {cut(connection.type)}"
+            )
+        self._names[number] = name
+        self.connections.setdefault(name, connection)
 
     def _mcap_counts(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
         for name, _, data in self._mcap(file, size):
@@ -193,38 +307,77 @@ class BagStream:
 
     def _mcap(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
         schemas: dict[int, tuple[str, str]] = {}
-        names: dict[int, str] = {}
-        for kind, data, is_whole in _mcap_records(file, size):
-            records = [(kind, data)] if is_whole else []
-            if kind == _DATA_END:
-                return  # whole but for the index
+        is_over = is_closed = False  # what follows the data says again which topics there are
+        while len(head := file.read(9)) == 9:
+            start, length = file.tell() - 9, _U64.unpack_from(head, 1)[0]
+            data = file.read(min(length, size))
+            is_whole, kind = len(data) == length, head[0]
+            following = (
+                None
+                if is_over or (is_whole and 0 < kind <= _LAST_KIND)
+                else next_mcap_chunk(file, start + 1, size)
+            )
+            if following is not None:
+                data, is_whole = data[: max(0, following - start - 9)], False
+            is_over |= kind == _DATA_END
+            is_closed |= kind == _FOOTER and is_whole
             if kind == _MCAP_CHUNK and len(data) > _CHUNK_HEAD:
-                compression, position = _text(data, 28)
-                if compression and is_whole:
-                    raise ValueError(f"chunks compressed by {compression} are not read here")
-                inside = b"" if compression else data[position + 8 :]
-                found = _mcap_records(BytesIO(inside), len(inside))
-                records = [(kind, data) for kind, data, is_whole in found if is_whole]
-            for kind, data in records:
-                yield from self._mcap_record(kind, data, schemas, names)
-            if not is_whole:
+                with self._damage_told(start):
+                    for inner, content in self._mcap_contents(data, is_whole=is_whole):
+                        with self._damage_told(start):
+                            yield from self._mcap_record(inner, content, schemas)
+            elif is_whole and (not is_over or kind in (_SCHEMA, _CHANNEL)):
+                with self._damage_told(start):
+                    yield from self._mcap_record(kind, data, schemas)
+            if following is not None:
+                self._damaged(f"from byte {start} to {following}")
+                file.seek(following)
+            elif not is_whole and not is_over:
                 self._cut_off(9 + len(data))
+        self.ends_early |= not is_over
+        if not is_closed:
+            self.problems.append(f"{self.path}: lacks its index, or part of it: it was cut off or not closed")
+
+    def _mcap_contents(self, data: bytes, *, is_whole: bool) -> Iterator[tuple[int, bytes]]:
+        """Yield the whole records of a chunk; then raise what is damaged in it."""
+        compression, position = text_at(data, 28)
+        if compression and is_whole:
+            raise ValueError(f"chunks compressed by {compression} are not read here")
+        inside = b"" if compression else data[position + 8 :]
+        whole = False
+        for kind, content, whole in mcap_records(BytesIO(inside), len(inside)):
+            if whole:
+                yield kind, content
+        checksum = _U32.unpack_from(data, 24)[0]
+        if is_whole and (not whole or (checksum and crc32(inside) != checksum)):
+            raise ValueError("its records do not fill it, or its checksum is another")
+
+    @contextlib.contextmanager
+    def _damage_told(self, start: int) -> Iterator[None]:
+        try:
+            yield
+        except FileFormatError:
+            raise
+        except DAMAGE as problem:
+            self._damaged(f"in the record that begins at byte {start}: {problem!r}")
 
     def _mcap_record(
-        self, kind: int, data: bytes, schemas: dict[int, tuple[str, str]], names: dict[int, str]
+        self, kind: int, data: bytes, schemas: dict[int, tuple[str, str]]
     ) -> Iterator[tuple[str, int, bytes]]:
         number = _U16.unpack_from(data)[0] if kind in (_SCHEMA, _CHANNEL, _MCAP_MESSAGE) else 0
         if kind == _SCHEMA:
-            name, position = _text(data, 2)
-            _, position = _text(data, position)
-            schemas[number] = name, _text(data, position)[0]
+            name, position = text_at(data, 2)
+            _, position = text_at(data, position)
+            schemas[number] = name, text_at(data, position)[0]
         elif kind == _CHANNEL:
-            name, _ = _text(data, 4)
+            name, _ = text_at(data, 4)
             schema, text = schemas[_U16.unpack_from(data, 2)[0]]
             check_ros2_type(self.path, name, schema, text)
-            names[number], self._types[name] = name, current_name(schema)
+            self._keep(number, BagConnection(name, schema, "", text))
         elif kind == _MCAP_MESSAGE:
-            yield names[number], _U64.unpack_from(data, 6)[0], data[22:]
+            name, arrival = self._names[number], _U64.unpack_from(data, 6)[0]
+            self._heard(arrival, arrival)
+            yield name, arrival, data[22:]
 
 
 def about_of(path: Path, data: bytes, encoding: Encoding) -> About:
@@ -236,35 +389,3 @@ def about_of(path: Path, data: bytes, encoding: Encoding) -> About:
     where = f"{path}: {ABOUT_TOPIC}"
     text = data[4:] if encoding == "ros1" else data[8:].rstrip(b"\0")
     return About.from_mapping(json_table(text, where, finite=False), where)
-
-
-def _mcap_records(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes, bool]]:
-    """Yield kind and data of every record, and whether it is whole: the last one may not be."""
-    while len(head := file.read(9)) == 9:
-        length = _U64.unpack_from(head, 1)[0]
-        data = file.read(min(length, size))
-        yield head[0], data, len(data) == length
-
-
-def _sized(file: BinaryIO, size: int) -> bytes | None:
-    """Bytes behind their length, or None where the file ends first."""
-    if file.tell() + 4 > size:
-        return None
-    length = _U32.unpack(file.read(4))[0]
-    return file.read(length) if file.tell() + length <= size else None  # else what is there can still be read
-
-
-def _header(data: bytes) -> dict[bytes, bytes]:
-    values, position = {}, 0
-    while position < len(data):
-        length = _U32.unpack_from(data, position)[0]
-        key, _, value = data[position + 4 : position + 4 + length].partition(b"=")
-        values[key] = value
-        position += 4 + length
-    return values
-
-
-def _text(data: bytes, position: int) -> tuple[str, int]:
-    length = _U32.unpack_from(data, position)[0]
-    end = position + 4 + length
-    return data[position + 4 : end].decode(), end

@@ -11,14 +11,16 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from catenary.documents import json_table
+from catenary.documents import json_table, shortened
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
 from catenary.recording.bag_chunks import Block
 from catenary.recording.bag_stream import BagStream
 from catenary.recording.journal import About
 from catenary.recording.layout import Encoding
+from catenary.recording.losses import Rescue
 from catenary.recording.messages import current_name, md5_sum
+from catenary.recording.parquet_files import open_parquet, read_table
 from catenary.recording.source import Source, open_recordings
 from catenary.recording.topics import TOPICS, Topic, decode, require_topics, topic_named
 
@@ -35,6 +37,7 @@ class Extraction:
     messages: Mapping[str, int]  # by topic
     about: About | None  # None where the recording does not say
     problems: tuple[str, ...]  # what was damaged, missing or left out
+    rescued: Rescue | None = None  # of a recording that was interrupted or damaged
 
 
 def extract(
@@ -50,14 +53,13 @@ def extract(
         paths: Journal, bags, MCAP files, or folders of them.
         folder: Where the files go; made if it is not there.
         topics: Names of those to extract; None for all that catenary knows.
-        salvage: Read bags that were cut off, as far as they go.
+        salvage: Read bags, too, that were cut off or are damaged: what is whole in them.
 
     Raises:
         FileFormatError: A file cannot be read, its types are not ours, or it lacks a topic that was asked for.
         InputError: The folder holds an extraction already, or the files are of different recordings.
     """
-    sources: Sequence[Source]
-    sources = [BagStream(path) for path in paths] if salvage else open_recordings(paths)
+    sources = open_recordings(paths, salvage=salvage)
     if folder.is_dir() and any(folder.glob("*.parquet")):
         raise InputError(f"{folder}: holds an extraction already; give another folder, or empty this one")
     about = _one_about(sources)
@@ -88,7 +90,7 @@ def extract(
         raise
     problems += [f"topic {name}: no messages" for name in wanted if name not in writers]
     counts = {name: writer.messages for name, writer in writers.items()}
-    return Extraction(folder, files, counts, about, tuple(problems))
+    return Extraction(folder, files, counts, about, tuple(problems), _rescue(sources, files))
 
 
 class TopicFile:
@@ -101,24 +103,41 @@ class TopicFile:
             FileFormatError: No such file, damaged, or not an extracted topic.
         """
         self.path = path
+        where = f"{path}: schema"
         try:
-            self._file = pq.ParquetFile(path)
-            self._metadata: dict[str, Any] = json_table(
-                self._file.schema_arrow.metadata[b"catenary"], f"{path}: schema", finite=False
-            )
-            self.topic: Topic = next(t for t in TOPICS if t.name == self._metadata["topic"])
-        except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, StopIteration) as error:
-            raise FileFormatError(f"{path}: cannot be read as an extracted topic: {error!r}") from error
+            self._file = open_parquet(path)
+            text = (self._file.schema_arrow.metadata or {}).get(b"catenary", b"")
+            self._metadata = json_table(text, where, finite=False)
+        except FileFormatError as error:
+            why = str(error).removeprefix(f"{path}: ")
+            raise FileFormatError(f"{path}: cannot be read as an extracted topic: {why}") from error
         if self._metadata.get("format") != FORMAT:
-            raise FileFormatError(f"{path}: format {self._metadata.get('format')!r}, expected {FORMAT!r}")
+            raise FileFormatError(
+                f"{where}: format {shortened(self._metadata.get('format'))}, expected {FORMAT!r}"
+            )
+        named = [topic for topic in TOPICS if topic.name == self._metadata.get("topic")]
+        if not named:
+            raise FileFormatError(f"{where}: topic {shortened(self._metadata.get('topic'))}: not one of ours")
+        self.topic: Topic = named[0]
         self.about = About.from_mapping(self._metadata, f"{path}: schema")
         self.rows: int = self._file.metadata.num_rows
         self.row_groups: int = self._file.num_row_groups
 
     def read(self, columns: Sequence[str], group: int | None = None) -> dict[str, NDArray[Any]]:
-        """Read columns by name, such as `stamp` or `jpos:gold_shoulder`; of one row group, or of all."""
+        """Read columns by name, such as `stamp` or `jpos:gold_shoulder`; of one row group, or of all.
+
+        Raises:
+            FileFormatError: One is not there, or the file is damaged.
+        """
         groups = range(self.row_groups) if group is None else [group]
-        table = self._file.read_row_groups(groups, columns=list(columns))
+        table = read_table(self.path, self._file, columns, groups)
+        wrong = [
+            name
+            for name in ("stamp", "arrival")
+            if name in columns and table.schema.field(name).type != "int64"
+        ]
+        if wrong:
+            raise FileFormatError(f"{self.path}: column {wrong[0]}: expected whole numbers [ns]")
         return {name: table.column(name).to_numpy() for name in columns}
 
 
@@ -250,6 +269,16 @@ def _choose(sources: Sequence[Source], topics: Sequence[str] | None) -> tuple[di
             f"it has {', '.join(there) or 'none'}"
         )
     return wanted, problems
+
+
+def _rescue(sources: Sequence[Source], files: Mapping[str, Path]) -> Rescue | None:
+    """Return what is missing of sources that have been read, where they were not whole."""
+    if not any(source.damage for source in sources):
+        return None
+    arrivals = {name: TopicFile(path).read(["arrival"])["arrival"] for name, path in files.items()}
+    there = {topic.name: np.zeros(0, dtype=np.int64) for source in sources for topic in source.topics}
+    holes = [hole for source in sources for hole in source.holes]
+    return Rescue.of(there | arrivals, holes, ends_early=any(source.ends_early for source in sources))
 
 
 def _one_about(sources: Sequence[Source]) -> About | None:

@@ -154,7 +154,7 @@ def _texts(path: Path, content: dict[str, NDArray[Any]], key: str) -> tuple[str,
         )
     try:
         return tuple(v.decode() if isinstance(v, bytes) else str(v) for v in values.tolist())
-    except UnicodeDecodeError as error:
+    except (UnicodeDecodeError, SystemError) as error:  # SystemError: NumPy's, of what is no character
         raise InputError(f"{path}: {key}: expected texts in UTF-8: {error}") from error
 
 

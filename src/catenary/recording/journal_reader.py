@@ -23,6 +23,7 @@ from catenary.recording.journal import (
     JournalTopic,
 )
 from catenary.recording.layout import Encoding
+from catenary.recording.losses import Hole
 from catenary.recording.messages import check_ros1_type
 from catenary.recording.topics import require_topics
 
@@ -48,6 +49,7 @@ class JournalReport:
     problems: list[str] = field(default_factory=list)  # in words, with places
     remarks: list[str] = field(default_factory=list)  # of the recorder; they tell of no loss
     lost: int = 0  # messages that are known to be missing
+    holes: list[Hole] = field(default_factory=list)  # where they are
     closed: bool = False  # the recording was finished, not cut off
 
     def note(self, problem: str) -> None:
@@ -95,6 +97,21 @@ class JournalReader:
         """What was found missing or damaged so far, in words, and the recorder's own notes."""
         return [*self.report.problems, *self.report.remarks]
 
+    @property
+    def damage(self) -> list[str]:
+        """What was found missing or damaged so far, in words."""
+        return self.report.problems
+
+    @property
+    def holes(self) -> list[Hole]:
+        """Where records are missing that were there."""
+        return self.report.holes
+
+    @property
+    def ends_early(self) -> bool:
+        """Whether the recording was cut off, once all messages were read."""
+        return not self.report.closed
+
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, arrival stamp [ns] and bytes of every whole message, in the order of arrival.
 
@@ -109,10 +126,13 @@ class JournalReader:
         report = self.report = JournalReport(messages=dict.fromkeys(names, 0))
         wanted = [topics is None or name in topics for name in names]
         expected: int | None = None  # number of the next record
+        last: int | None = None  # [ns] arrival of the message before
         for file in self._files:
             report.closed = False
             for record in _records(file, report):
-                expected = self._count_missing(file, record.number, expected)
+                if expected is not None and record.number > expected:
+                    report.holes.append((last, record.stamp))
+                expected, last = self._count_missing(file, record.number, expected), record.stamp
                 if record.topic == FOOTER:
                     report.closed = self._is_last(file, record)
                 elif record.topic == NOTE:

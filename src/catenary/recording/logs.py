@@ -1,7 +1,7 @@
 """Motion logs as files: Parquet with units in the schema, what the importers read, and logs for identification."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from catenary.archives import read_arrays
 from catenary.arrays import Floats
+from catenary.documents import cut, json_table, shortened
 from catenary.errors import FileFormatError, InputError
 from catenary.files import damage, sha256_of, written_whole
 from catenary.plant import MotionLog
@@ -104,35 +105,27 @@ def read_parquet(
         FileFormatError: Damaged, not a motion log, or a column is missing or of another type.
         InputError: The units or names given contradict the file's, or the numbers are not a log.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
+    from catenary.recording.parquet_files import open_parquet, read_table
 
     try:
-        table = pq.read_table(path, page_checksum_verification=True)
-    except (pa.ArrowException, OSError) as error:
+        file = open_parquet(path)
+        about = _about(path, file.schema_arrow.metadata or {})
+        table = read_table(path, file)
+    except FileFormatError as error:
+        if "cannot be read as Parquet" not in str(error):
+            raise
         remedy = "a project's log is made again by `catenary extract PROJECT`"
-        raise FileFormatError(damage(path, f"cannot be read as Parquet: {error}", remedy)) from error
-    metadata = table.schema.metadata or {}
-    try:
-        about = json.loads(metadata[b"catenary"])
-        names = tuple(str(name) for name in about["joint_names"])
-        joint_units = tuple(str(unit) for unit in about["joint_units"])
-        if about["format"] != FORMAT:
-            raise FileFormatError(f"{path}: log format {about['format']!r}, expected {FORMAT!r}")
-    except (KeyError, TypeError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise FileFormatError(
-            f"{path}: is Parquet but no catenary motion log: its schema lacks the joint names and units"
-        ) from error
+        raise FileFormatError(damage(path, str(error).removeprefix(f"{path}: "), remedy)) from error
+    names, joint_units = tuple(about["joint_names"]), tuple(about["joint_units"])
     _require_same(path, names, joint_units, units, joint_names)
     if len(set(names)) != len(names):
         raise InputError(f"{path}: joint names must differ, got {', '.join(names)}")
     columns: dict[str, NDArray[Any]] = {}
     for field, values in zip(table.schema, table.columns, strict=True):
         is_ok = field.name == "ok"
-        is_number = pa.types.is_floating(field.type) or pa.types.is_integer(field.type)
-        if not (pa.types.is_boolean(field.type) if is_ok else is_number):
+        if is_ok != (field.type == "bool"):
             expected = "true or false" if is_ok else "numbers"
-            raise FileFormatError(f"{path}: column {field.name} holds {field.type}, expected {expected}")
+            raise FileFormatError(f"{path}: column {cut(field.name)} holds {field.type}, expected {expected}")
         columns[field.name] = values.to_numpy(zero_copy_only=False).astype(bool if is_ok else np.float64)
     joints: dict[str, Any] = {}
     for prefix in PER_JOINT:
@@ -155,14 +148,40 @@ def read_parquet(
         **joints,
         signals=columns,
         signal_units={
-            name: (table.schema.field(name).metadata or {}).get(b"unit", b"").decode() for name in columns
+            name: (table.schema.field(name).metadata or {}).get(b"unit", b"").decode(errors="replace")
+            for name in columns
         },
         robot=about.get("robot"),
-        simulated=bool(about.get("simulated", False)),
+        simulated=about.get("simulated", False),
         sha256=sha256_of(path),
-        units_assumed=bool(about.get("units_assumed", False)),
-        notes=tuple(str(note) for note in about.get("notes", ())),
+        units_assumed=about.get("units_assumed", False),
+        notes=tuple(about.get("notes", ())),
     )
+
+
+def _about(path: Path, metadata: Mapping[bytes, bytes]) -> dict[str, Any]:
+    """Return what a log's schema says of it, checked."""
+    none = f"{path}: is Parquet but no catenary motion log: its schema lacks the joint names and units"
+    if b"catenary" not in metadata:
+        raise FileFormatError(none)
+    try:
+        about = json_table(metadata[b"catenary"], "schema")
+    except FileFormatError as error:
+        raise FileFormatError(f"{none}; {error}") from error
+    for key, is_needed in (("joint_names", True), ("joint_units", True), ("notes", False)):
+        texts = about.get(key, None if is_needed else [])
+        if not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
+            raise FileFormatError(f"{none}; {key}: expected a list of texts, got {shortened(texts)}")
+    if about.get("format") != FORMAT:
+        raise FileFormatError(f"{path}: log format {shortened(about.get('format'))}, expected {FORMAT!r}")
+    for key in ("simulated", "units_assumed"):
+        if not isinstance(about.get(key, False), bool):
+            raise FileFormatError(
+                f"{path}: schema: {key}: expected true or false, got {shortened(about[key])}"
+            )
+    if not isinstance(about.get("robot"), str | None):
+        raise FileFormatError(f"{path}: schema: robot: expected a name, got {shortened(about['robot'])}")
+    return about
 
 
 def read_torque_log(path: Path, model: RobotModel) -> MotionLog:

@@ -38,6 +38,7 @@ from catenary.recording.topics import (
     measured_topic,
 )
 
+MOST_SECONDS = 9e9  # that 64 bits of nanoseconds hold
 STATE_FIELDS = (
     "jpos", "runlevel", "sublevel", "last_seq", "type", "pos", "ori", "ori_d", "pos_d", "encVals", "dac_val", "tau",
     "mpos", "mvel", "jvel", "mpos_d", "jpos_d", "grasp_d", "encoffsets", "jac_vel", "jac_f",
@@ -103,8 +104,10 @@ def read_raven_csv(path: Path) -> Synchronisation:
         raise InputError(f"{path}: has no rows")
     origin = table[0, STATE_STAMP]  # columns 4 and 12 count from the same instant, whichever that is
     state_s = table[:, STATE_STAMP] - origin
-    if not np.isfinite(state_s).all():
-        raise FileFormatError(f"{path}: column {STATE_STAMP}, the state's stamp, is not finite in every row")
+    if not (np.abs(state_s) < MOST_SECONDS).all():
+        raise FileFormatError(
+            f"{path}: column {STATE_STAMP}, the state's stamp, is not finite, or spans more than {MOST_SECONDS:g} s"
+        )
     state = _from_table(table)
     clean = clean_series("raven_state", _ns(state_s), state, max_gap=options.max_gap)
     span = (int(clean.stamp[0]), int(clean.stamp[-1]))
@@ -159,7 +162,8 @@ def _from_table(table: Floats) -> Floats:
     single = np.array(
         [not c.whole and c.path not in ("pos", "pos_d") for c in STATE_COLUMNS for _ in c.labels]
     )
-    state[:, single] = state[:, single].astype(np.float32)
+    with np.errstate(over="ignore"):  # beyond a float32 is infinite, and the row is left out
+        state[:, single] = state[:, single].astype(np.float32)
     state *= np.array(scales)
     force = table[:, end + 1 :] if table.shape[1] == WIDTH_WITH_FORCE else np.zeros((len(table), 3))
     return np.hstack([state, force])
@@ -170,7 +174,7 @@ def _part(
 ) -> Series | None:
     """Samples with their own stamps, rows where there was none left out; the same sample in two rows is one."""
     part = table[:, column : column + 1 + width]
-    part = part[np.isfinite(part).all(axis=1)]
+    part = part[np.isfinite(part).all(axis=1) & (np.abs(part[:, 0] - origin) < MOST_SECONDS)]
     if len(part) == 0:
         return None
     fresh = np.ones(len(part), dtype=bool)
@@ -199,6 +203,6 @@ def _read_numbers(path: Path) -> Floats:
             column_types={name: pa.float64() for name in names}, null_values=["", "nan", "NaN", "-nan"]
         )
         table = pa.csv.read_csv(path, read, convert_options=convert)
-    except pa.ArrowInvalid as error:
+    except (pa.ArrowException, OSError, MemoryError) as error:
         raise FileFormatError(f"{path}: cannot be read as RAVEN-II's CSV: {error}") from error
     return np.column_stack([column.to_numpy() for column in table.columns]).astype(np.float64)

@@ -3,21 +3,23 @@
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from struct import error as StructError
 from typing import Protocol
 
-from rosbags.rosbag2 import Reader, ReaderError
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import Reader
+from rosbags.rosbag2.reader import DirectoryReader
 
+from catenary.archives import unpacked
+from catenary.documents import cut, shortened
 from catenary.errors import FileFormatError
+from catenary.recording.bag_checks import MOST_TOPICS, check_bag, unpacked_at_most
 from catenary.recording.bag_stream import BagStream, about_of
 from catenary.recording.journal import About, JournalTopic
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.layout import Encoding
+from catenary.recording.losses import Hole
 from catenary.recording.messages import check_ros2_type, current_name
 from catenary.recording.topics import ABOUT_TOPIC, require_topics
-
-# what rosbags raises over a file that ends too early or holds something else
-_UNREADABLE = (ReaderError, OSError, StructError, ValueError, TypeError, KeyError, IndexError, EOFError)
 
 
 class Source(Protocol):
@@ -31,6 +33,12 @@ class Source(Protocol):
     def encoding(self) -> Encoding: ...  # noqa: D102
     @property
     def problems(self) -> list[str]: ...  # noqa: D102  complete once all messages were read
+    @property
+    def damage(self) -> list[str]: ...  # noqa: D102  those of them that are no mere remarks
+    @property
+    def holes(self) -> list[Hole]: ...  # noqa: D102  where messages are missing that were there
+    @property
+    def ends_early(self) -> bool: ...  # noqa: D102  it was cut off
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
         """Yield topic, arrival stamp [ns] and bytes of the messages of these topics, or of all."""
@@ -51,16 +59,24 @@ class McapReader:
         """
         self.path = path
         self.problems: list[str] = []
+        self.damage, self.holes, self.ends_early = (
+            self.problems,
+            list[Hole](),
+            False,
+        )  # one that opens is whole
         self.about: About | None = None
+        self._is_checked = False
         types: dict[str, str] = {}
         with self._open() as reader:
+            if len(reader.connections) > MOST_TOPICS:
+                raise FileFormatError(f"{path}: more than {MOST_TOPICS} topics")
             for connection in reader.connections:
                 name, kind = connection.topic, connection.msgtype
                 check_ros2_type(path, name, kind, connection.msgdef.data)
                 if name != ABOUT_TOPIC:
                     types.setdefault(name, current_name(kind))
             own = [connection for connection in reader.connections if connection.topic == ABOUT_TOPIC]
-            for _, _, data in reader.messages(own) if own else ():
+            for _, _, data in self._messages(reader, own):
                 self.about = about_of(path, data, self.encoding)
         self.topics = tuple(JournalTopic(topic, kind) for topic, kind in types.items())
 
@@ -75,22 +91,59 @@ class McapReader:
         with self._open() as reader:
             wanted = there if topics is None else topics
             connections = [connection for connection in reader.connections if connection.topic in wanted]
-            for connection, stamp, data in reader.messages(connections) if connections else ():
+            for connection, stamp, data in self._messages(reader, connections):
                 yield connection.topic, stamp, data
+
+    def _messages(
+        self, reader: Reader, connections: Sequence[Connection]
+    ) -> Iterator[tuple[Connection, int, bytes]]:
+        """Yield messages of some connections; those that were packed one by one are unpacked here, within bounds."""
+        storage = reader.storage
+        is_packed = storage.metadata.compression_mode == "message"
+        if is_packed and isinstance(storage, DirectoryReader):
+            storage.metadata = storage.metadata._replace(compression_mode=None)
+        size = sum(file.stat().st_size for file in self.path.iterdir()) if is_packed else 0
+        left = unpacked_at_most(size)
+        for connection, stamp, data in reader.messages(connections) if connections else ():
+            if is_packed:
+                data = unpacked(data, "zstd", left)
+                left -= len(data)
+            yield connection, stamp, data
 
     @contextmanager
     def _open(self) -> Iterator[Reader]:
+        """Open the bag once it was checked; what rosbags raises over a damaged one is of any kind."""
         try:
+            if not self._is_checked:
+                check_bag(self.path)
+                self._is_checked = True
             with Reader(self.path) as reader:
+                self._check_listed(reader)
                 yield reader
-        except _UNREADABLE as error:
-            if isinstance(error, FileFormatError):
+        except Exception as error:
+            why = cut(str(error).removeprefix(f"{self.path}: ") or repr(error))
+            if isinstance(error, FileFormatError) and self._is_checked:
                 raise
-            raise FileFormatError(f"{self.path}: cannot be read: {error}; {_saved(self.path)}") from error
+            raise FileFormatError(f"{self.path}: cannot be read: {why}; {_saved(self.path)}") from error
+
+    def _check_listed(self, reader: Reader) -> None:
+        """Refuse a folder whose metadata lack a topic: rosbags would leave out its messages without a word."""
+        listed = {(connection.topic, connection.msgtype) for connection in reader.connections}
+        for storage in reader.storage.storages if isinstance(reader.storage, DirectoryReader) else ():
+            for found in storage.connections:
+                if found.msgcount and (found.topic, found.msgtype) not in listed:
+                    raise FileFormatError(
+                        f"{self.path}: metadata.yaml does not list topic {shortened(found.topic)} of type "
+                        f"{shortened(found.msgtype)}, which has {found.msgcount} messages"
+                    )
 
 
-def open_recording(path: Path) -> Source:
+def open_recording(path: Path, *, salvage: bool = False) -> Source:
     """Open a journal (folder or file), a ROS 1 bag, an MCAP file or a ROS 2 bag (folder).
+
+    Args:
+        path: Of the recording.
+        salvage: Open a bag, too, that was cut off or is damaged, to read what is whole.
 
     Raises:
         FileFormatError: No such file, another kind, truncated, or message types that are not ours.
@@ -101,19 +154,27 @@ def open_recording(path: Path) -> Source:
         return JournalReader(path)
     if path.suffix == ".bag" and path.is_file():
         bag = BagStream(path)
-        if bag.problems:
+        if bag.problems and not salvage:
             problem = bag.problems[0].removeprefix(f"{path}: ")
             raise FileFormatError(f"{path}: cannot be read: {problem}; {bag.whole_text()}")
         return bag
     if path.suffix == ".mcap" or (path.is_dir() and (path / "metadata.yaml").is_file()):
-        return McapReader(path)
+        try:
+            return McapReader(path)
+        except FileFormatError:
+            file = min(path.glob("*.mcap"), default=None) if path.is_dir() else path
+            if not salvage or file is None:
+                raise
+            return BagStream(file)
     raise FileFormatError(
         f"{path}: expected a folder of .journal files, a .bag, an .mcap or a folder with metadata.yaml"
     )
 
 
-def open_recordings(paths: Sequence[Path]) -> tuple[Source, ...]:
+def open_recordings(paths: Sequence[Path], *, salvage: bool = False) -> tuple[Source, ...]:
     """Open several files of one recording, such as one bag per topic; a folder of bags stands for all of them.
+
+    `salvage` as in `open_recording`.
 
     Raises:
         FileFormatError: None there, or one that cannot be opened.
@@ -124,7 +185,7 @@ def open_recordings(paths: Sequence[Path]) -> tuple[Source, ...]:
         found += bags if bags and not (path / "metadata.yaml").is_file() else [path]
     if not found:
         raise FileFormatError("recording: expected at least one file, got none")
-    return tuple(open_recording(path) for path in found)
+    return tuple(open_recording(path, salvage=salvage) for path in found)
 
 
 def _saved(path: Path) -> str:

@@ -262,7 +262,8 @@ def decode(topic: Topic, messages: Sequence[bytes] | Block, encoding: Encoding =
             if column.whole:
                 out[column.name][where] = values
             else:
-                out[column.name][where] = np.multiply(values, column.to_si, dtype=np.float64)
+                with np.errstate(invalid="ignore"):  # of NaN that signals; it stays NaN
+                    out[column.name][where] = np.multiply(values, column.to_si, dtype=np.float64)
     return TopicSamples(stamp, out)
 
 

@@ -43,6 +43,9 @@ def _arguments(command: str, folder: Path) -> list[str]:
 
 def simulated(seed: int, folder: Path) -> None:
     """End a command that moves a simulated robot, or a project's, some time after it has begun."""
+    from ended_commands import left_in_session, takes_signals
+    from patience import until
+
     rng = random.Random(seed)
     command, number = SIMULATED[seed % len(SIMULATED)], NUMBERS[seed // len(SIMULATED) % len(NUMBERS)]
     if command == "teleop":
@@ -57,7 +60,7 @@ def simulated(seed: int, folder: Path) -> None:
         start_new_session=True,
     ) as process:
         try:
-            _wait_for_handlers(process)
+            until(lambda: takes_signals(process.pid), every=0.01)
             time.sleep(rng.uniform(0.0, LONGEST))
             ended_first = process.poll() is not None
             process.send_signal(number)
@@ -70,35 +73,18 @@ def simulated(seed: int, folder: Path) -> None:
     where = f"{command}, {number.name}: "
     if ended_first:
         raise Fell(f"{where}ended by itself with {process.returncode}: {errors[-1000:]}")
-    # a shell's 130 is also that of a program which SIGINT itself has ended: Python has it so where Ctrl-C came while
-    # it ran a text, as imports do
-    expected = {signal.SIGKILL: (-number,), signal.SIGINT: (128 + number, -number)}.get(
-        number, (128 + number,)
-    )
-    if process.returncode not in expected:
-        raise Fell(f"{where}exit code {process.returncode}, expected {expected[0]}: {errors[-2000:]}")
+    # in a shell 128 and the number are also those of a program that the signal itself has ended: a second one while
+    # Python exits, or Ctrl-C while it ran a text, as imports do
+    if process.returncode not in (-number, *((128 + number,) if number != signal.SIGKILL else ())):
+        raise Fell(f"{where}exit code {process.returncode}: {errors[-2000:]}")
     if "Traceback" in errors:
         raise Fell(f"{where}{errors[-3000:]}")
     if number != signal.SIGKILL:
         _check_words(where, number, out, errors)
-    from ended_commands import left_in_session
-
     if left := left_in_session(process.pid):
         raise Fell(f"{where}processes left: {left}")
     if command in ("excite", "calibrate"):
         _check_project(where, folder / "project")
-
-
-def _wait_for_handlers(process: "subprocess.Popen[str]") -> None:
-    """Wait until a command takes SIGTERM: from then on it is itself that ends."""
-    from patience import until
-
-    def takes() -> bool:
-        lines = Path(f"/proc/{process.pid}/status").read_text().splitlines()
-        (mask,) = (line.split()[1] for line in lines if line.startswith("SigCgt"))
-        return bool(int(mask, 16) >> (signal.SIGTERM - 1) & 1)
-
-    until(takes, every=0.01)
 
 
 def _check_words(where: str, number: signal.Signals, out: str, errors: str) -> None:

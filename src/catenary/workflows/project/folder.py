@@ -7,7 +7,7 @@ One process at a time writes; what only reads needs no lock, and nothing is writ
 
 import contextlib
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -122,7 +122,7 @@ class Project:
         step: str,
         made_from: Any,
         files: Sequence[Path],
-        work: Callable[[], Any],
+        work: Callable[[], Mapping[str, Any] | None],
         *,
         trusted: bool = True,
     ) -> bool:
@@ -132,7 +132,7 @@ class Project:
             step: Its name.
             made_from: Everything that it depends on, as plain data.
             files: What it writes, files or folders.
-            work: Does it.
+            work: Does it; what it returns is noted beside the step.
             trusted: False where what was done cannot be used, whatever is noted of it.
 
         Raises:
@@ -148,7 +148,7 @@ class Project:
                 return False
             if self._steps.pop(step, None) is not None:  # what stops in the middle must not look done
                 write(self.folder / STEPS, self._steps)
-            work()
+            noted = work()
             self._lock.check()
             lacking = ", ".join(map(str, missing(files)))
             if lacking:
@@ -161,6 +161,7 @@ class Project:
                 "files": [str(path.relative_to(self.folder)) for path in files],
                 "version": __version__,
                 "outputs": describe(self.folder, files),
+                **(noted or {}),
             }
             write(self.folder / STEPS, self._steps)
         self.ran.append(step)

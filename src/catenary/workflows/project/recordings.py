@@ -1,21 +1,29 @@
 """Extract and synchronise a project's recordings into motion logs, whatever robot they are of."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from catenary.errors import ConfigError
+from catenary.errors import ConfigError, InputError
 from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.outputs import contents, describe, hold, missing
 from catenary.workflows.project.robot import arm_of, empty
+
+if TYPE_CHECKING:
+    from catenary.recording.bag import BagKind
 
 
 def extract_recording(project: Project, name: str) -> bool:
     """Extract recordings/NAME and synchronise it into a motion log, NAME.parquet; return whether that had to be done.
 
-    A recording that no step made, but somebody put there or an older version recorded without moving the robot, is
-    extracted as well.
+    A recording that no step made is extracted as well: somebody put it there, an older version recorded it without
+    moving the robot, or what recorded it was killed. Of one that is not whole what is whole is taken; the report, the
+    log's notes and the step say so (`rescued`).
 
     Raises:
         ConfigError: There is no such recording.
+        FileFormatError: Nothing in it can be read, or a topic without which there is no log is not there.
+        InputError: Such a topic has no message.
         InUseError: Another process is writing in the project.
     """
     from catenary.recording.extract import extract
@@ -34,22 +42,68 @@ def extract_recording(project: Project, name: str) -> bool:
         changed = [f"{recording}: is no longer what was recorded; what is there was extracted"]
         made_from = [contents(describe(project.folder, [recording]), f"recordings/{name}")]
 
-    def work() -> None:
+    def work() -> dict[str, Any]:
         empty(folder)
-        extraction = extract([recording], folder)
+        extraction = extract([recording], folder, salvage=True)
         arm = SynchroniseOptions(arm=arm_of(project))
         result = synchronise(folder, arm)
-        write_parquet(result.log, path)
+        rescued = None if extraction.rescued is None else extraction.rescued.as_data()
+        notes = [] if extraction.rescued is None else [f"rescued: {extraction.rescued.text()}"]
+        write_parquet(replace(result.log, notes=(*result.log.notes, *notes)), path)
         found = {
             "topics": [vars(topic) | {"longest_gap": topic.longest_gap} for topic in result.topics],
             "stopped_encoders": [stop.note() for stop in result.stopped],
             "rows": len(result.log),
             "rows_without_encoder": result.without_encoder,
-            "problems": [*changed, *extraction.problems],
+            "problems": [*notes, *changed, *extraction.problems],
+            "rescued": rescued,
         }
         write(report, found)
+        return {} if rescued is None else {"rescued": rescued}
 
     return project.run(step, made_from, files, work)
+
+
+def write_bags(project: Project, name: str, kind: "BagKind") -> list[Path]:
+    """Write recordings/NAME as RAVEN's group's bags into bags/NAME, unless that was done; return them.
+
+    What a killed command has left half written is no bag, and goes away.
+
+    Raises:
+        InputError: Bags are there that no step of this project wrote.
+        InUseError: Another process is writing in the project.
+    """
+    from catenary.recording.bag import write_group_bags
+    from catenary.recording.source import open_recording
+
+    step, recording, folder = (
+        f"bags {kind} {name}",
+        project.folder / "recordings" / name,
+        project.folder / "bags",
+    )
+    files = [project.folder / written for written in project.outputs_of(step) or {}]
+    made_from = contents(describe(project.folder, [recording]), f"recordings/{name}")
+
+    def work() -> None:
+        half, whole = folder / f"{name}.{kind}.part", folder / name
+        for old in files:
+            old.unlink(missing_ok=True)
+        empty(half)
+        bags = write_group_bags(open_recording(recording, salvage=True), half, kind)
+        whole.mkdir(exist_ok=True)
+        there = [path for bag in bags if (path := whole / bag.name).is_file() or any(path.glob("*"))]
+        if there:
+            raise InputError(
+                f"{there[0]}: exists already, and is never overwritten; delete it, and run this again"
+            )
+        for bag in bags:
+            bag.rename(whole / bag.name)
+        half.rmdir()
+        files[:] = [whole / bag.name for bag in bags]
+
+    project.run(step, made_from, files, work)
+    written = {Path(*Path(path).parts[:3]) for path in project.outputs_of(step) or {}}
+    return sorted(project.folder / path for path in written)
 
 
 def _noted(project: Project, name: str) -> list[str] | None:

@@ -1,0 +1,176 @@
+"""Write a whole recording from a damaged one: a journal from a journal, a bag from a bag; the damaged one stays."""
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosbags.rosbag1 import Writer as BagWriter
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as McapWriter
+
+from catenary.errors import FileFormatError, InputError, RecordingError
+from catenary.files import PARTIAL
+from catenary.recording.bag import ROS2_VERSION
+from catenary.recording.bag_stream import BagStream
+from catenary.recording.journal import JournalWriter
+from catenary.recording.journal_reader import JournalReader
+from catenary.recording.layout import blank_messages
+from catenary.recording.losses import Rescue
+from catenary.recording.topics import ABOUT_TOPIC, ABOUT_TYPE
+
+UNKNOWN_HASH = "RIHS01_" + 64 * "0"  # of a type that only the bag defines
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """What was recovered."""
+
+    source: Path
+    written: Path | None  # None where nothing was damaged
+    rescue: Rescue
+    problems: tuple[str, ...]
+
+    def as_data(self) -> dict[str, Any]:
+        """Return plain data."""
+        written = None if self.written is None else str(self.written)
+        return {
+            "from": str(self.source),
+            "written": written,
+            **self.rescue.as_data(),
+            "problems": list(self.problems),
+        }
+
+
+def recover(path: Path, out: Path | None = None) -> Recovery:
+    """Write what is whole of a damaged recording as a recording of the same kind, in the same order.
+
+    Args:
+        path: Journal (its folder, or one of its files), ROS 1 bag (.bag), MCAP file or folder of one. Not changed.
+        out: What to write: a folder for journals and MCAP, a .bag for a ROS 1 bag; None for NAME.recovered beside it.
+
+    Raises:
+        InputError: `out` exists, lies in the recording itself, or has another ending.
+        FileFormatError: No such recording, or no whole message is in it.
+        RecordingError: It cannot be written.
+    """
+    source = _opened(path)
+    place = _place(path, out, is_bag=isinstance(source, BagStream) and source.has_blocks)
+    arrivals: dict[str, list[int]] = {topic.name: [] for topic in source.topics}
+    for topic, arrival, _ in source.messages():
+        arrivals.setdefault(topic, []).append(arrival)
+    each = {topic: np.array(there, dtype=np.int64) for topic, there in arrivals.items()}
+    rescue = Rescue.of(each, source.holes, ends_early=source.ends_early)
+    problems = tuple(source.problems)
+    if not source.damage:
+        return Recovery(path, None, rescue, problems)
+    if not any(arrivals.values()):
+        raise FileFormatError(f"{path}: no whole message is in it, nothing can be recovered: {problems[0]}")
+    folder: Path | None = None
+    try:
+        folder = Path(tempfile.mkdtemp(prefix=f".{place.name}.", suffix=PARTIAL, dir=place.parent))
+        part = folder / place.name
+        if isinstance(source, JournalReader):
+            _write_journal(source, part, rescue)
+        elif source.has_blocks:
+            _write_bag(source, part)
+        else:
+            _write_mcap(source, part)
+        _sync(part.rglob("*") if part.is_dir() else [part])
+        if place.exists():
+            raise InputError(f"{place}: exists already, and is never overwritten")
+        part.rename(place)
+    except OSError as error:
+        raise RecordingError(
+            f"{place}: cannot be written: {error.strerror or error}; {path} is as it was"
+        ) from error
+    finally:
+        if folder is not None:
+            shutil.rmtree(folder, ignore_errors=True)
+    return Recovery(path, place, rescue, problems)
+
+
+def _opened(path: Path) -> JournalReader | BagStream:
+    if not path.exists():
+        raise FileFormatError(f"{path}: no such recording")
+    if path.suffix == ".journal" or (path.is_dir() and any(path.glob("*.journal"))):
+        return JournalReader(path)
+    files = [*path.glob("*.mcap"), *path.glob("*.bag")] if path.is_dir() else [path]
+    if len(files) != 1:
+        raise FileFormatError(
+            f"{path}: expected a journal (folder or file), a .bag, an .mcap or a folder with one of these, "
+            f"got a folder with {len(files)} of them"
+        )
+    return BagStream(files[0])
+
+
+def _place(path: Path, out: Path | None, *, is_bag: bool) -> Path:
+    stem = (
+        path.resolve().with_suffix("").name
+        if path.suffix in (".bag", ".mcap", ".journal")
+        else path.resolve().name
+    )
+    place = path.resolve().parent / f"{stem}.recovered{'.bag' if is_bag else ''}" if out is None else out
+    if is_bag and place.suffix != ".bag":
+        raise InputError(f"{place}: a ROS 1 bag is written; expected a name that ends in .bag")
+    if not is_bag and place.suffix in (".bag", ".mcap", ".journal"):
+        raise InputError(f"{place}: a folder is written; expected a name without {place.suffix}")
+    if os.path.lexists(place):
+        raise InputError(f"{place}: exists already, and is never overwritten; give another place with --out")
+    if path.is_dir() and place.resolve().is_relative_to(path.resolve()):
+        raise InputError(f"{place}: lies in the recording itself, which is not changed; give another place")
+    if not place.parent.is_dir():
+        raise InputError(f"{place}: folder {place.parent} does not exist")
+    return place
+
+
+def _write_journal(source: JournalReader, part: Path, rescue: Rescue) -> None:
+    about = source.about
+    if about is not None:
+        recovered = {"from": source.path.resolve().name, **rescue.as_data()}
+        about = replace(about, configuration={**about.configuration, "recovered": recovered})
+    with JournalWriter(part, source.topics, about) as journal:
+        for remark in source.report.remarks:
+            journal.note(remark)
+        for message in source.messages():
+            journal.append(*message)
+
+
+def _write_bag(source: BagStream, part: Path) -> None:
+    with BagWriter(part) as bag:
+        to = {
+            one.topic: bag.add_connection(
+                one.topic, one.type.replace("/", "/msg/"), msgdef=one.definition, md5sum=one.md5
+            )
+            for one in source.connections.values()
+        }
+        for place, (topic, arrival, data) in enumerate(source.messages()):
+            if place == 0 and source.about is not None and ABOUT_TOPIC in to:
+                text = {"data": source.about.as_json()}
+                bag.write(to[ABOUT_TOPIC], arrival, blank_messages(ABOUT_TYPE, 1, text, {}).tobytes())
+            bag.write(to[topic], arrival, data)
+
+
+def _write_mcap(source: BagStream, part: Path) -> None:
+    with McapWriter(part, version=ROS2_VERSION, storage_plugin=StoragePlugin.MCAP) as bag:
+        to = {
+            one.topic: bag.add_connection(one.topic, one.type, msgdef=one.definition, rihs01=UNKNOWN_HASH)
+            for one in source.connections.values()
+        }
+        for place, (topic, arrival, data) in enumerate(source.messages()):
+            if place == 0 and source.about is not None and ABOUT_TOPIC in to:
+                text = source.about.as_json().encode() + b"\0"
+                bag.write(to[ABOUT_TOPIC], arrival, b"\0\1\0\0" + len(text).to_bytes(4, "little") + text)
+            bag.write(to[topic], arrival, data)
+
+
+def _sync(paths: Iterable[Path]) -> None:
+    """Have the disk keep what was written before it gets its name."""
+    for path in paths:
+        if path.is_file():
+            with path.open("rb") as file:
+                os.fsync(file.fileno())

@@ -1,0 +1,477 @@
+"""Recordings, logs and models whose bytes were damaged: read to their end, or refused by a CatenaryError."""
+
+import contextlib
+import io
+import random
+import shutil
+import tempfile
+import time
+import zipfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from zlib import crc32
+
+from tests.campaign.mutants import Place, mutant
+from tests.campaign.part import Fell, Part
+
+MUTANTS = 1600  # of each format
+LONGEST = 5.0  # that reading a file may take [s] of processor time
+Sample = tuple[bytes, tuple[Place, ...]]  # a whole file, and where lengths stand in it
+
+
+@cache
+def _journal_folder() -> Path:
+    """A short recording, its header at every flush."""
+    from catenary.recording import journal
+    from oracles.raven_recording import record
+
+    journal.HEADER_INTERVAL = 0.0
+    return record(Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "journal", 0.6)
+
+
+def _same_length(rng: random.Random, data: bytes) -> bytes:
+    changed = mutant(rng, data) if data else data
+    return (changed + data)[: len(data)]
+
+
+def _whole(source: object) -> None:
+    for _ in source.messages():  # type: ignore[attr-defined]
+        pass
+
+
+def _read_recording(rng: random.Random, path: Path, folder: Path, *, salvage: bool) -> None:
+    """Read all messages; of every third file also extract them."""
+    from catenary.errors import CatenaryError
+    from catenary.recording.bag_stream import BagStream
+    from catenary.recording.extract import extract
+    from catenary.recording.source import open_recording
+
+    try:
+        _whole(open_recording(path))
+    except CatenaryError:
+        if not salvage:
+            raise
+        _whole(BagStream(path))
+    if rng.random() < 0.3:
+        extract([path], folder / "extracted", salvage=salvage)
+
+
+# journal
+
+
+@cache
+def _journal() -> Sample:
+    from catenary.recording.journal import MARKER
+
+    (path,) = _journal_folder().glob("*.journal")
+    content = path.read_bytes()
+    starts = [i for i in range(len(content)) if content.startswith(MARKER, i)]
+    return content, tuple((i + at, size) for i in starts for at, size in ((8, 4), (12, 2), (16, 8), (24, 8)))
+
+
+def _repaired_journal(content: bytes) -> bytes:
+    """Set right the checksums of records, by the lengths that they state."""
+    from catenary.recording.journal import HEAD, MARKER
+
+    data, position = bytearray(content), 0
+    while (position := data.find(MARKER, position)) >= 0:
+        end = position + HEAD.size + int.from_bytes(data[position + 8 : position + 12], "little")
+        if end <= len(data):
+            data[position + 4 : position + 8] = crc32(bytes(data[position + 8 : end])).to_bytes(4, "little")
+        position += 4
+    return bytes(data)
+
+
+def journal_case(seed: int, folder: Path) -> None:
+    rng = random.Random(seed)
+    content = mutant(rng, *_journal())
+    if rng.random() < 0.7:
+        content = _repaired_journal(content)
+    path = folder / "0000.journal"
+    path.write_bytes(content)
+    _read_recording(rng, path, folder, salvage=False)
+
+
+# ROS 1 bags and MCAP
+
+
+def _length_places(content: bytes, starts: list[int], at: tuple[Place, ...]) -> tuple[Place, ...]:
+    return tuple((i + k, size) for i in starts for k, size in at if i + k + size <= len(content))
+
+
+@cache
+def _bag(compression: str) -> Sample:
+    from rosbags.rosbag1 import Writer
+
+    from catenary.recording.journal_reader import JournalReader
+    from catenary.recording.messages import ros2_name, typestore
+
+    path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "a.bag"
+    source = JournalReader(_journal_folder())
+    writer = Writer(path)
+    if compression:
+        writer.set_compression(getattr(Writer.CompressionFormat, compression))
+    with writer as bag:
+        connections = {
+            topic: bag.add_connection(topic, ros2_name(kind), typestore=typestore(1))
+            for topic, kind in source.topics
+        }
+        for topic, stamp, data in source.messages():
+            bag.write(connections[topic], stamp, data)
+    content = path.read_bytes()
+    return content, _bag_places(content)
+
+
+def _bag_places(content: bytes) -> tuple[Place, ...]:
+    """Lengths of records, of their headers and fields, and what fields count."""
+    places: list[Place] = []
+
+    def records(position: int, end: int) -> None:
+        while position + 4 <= end:
+            places.append((position, 4))
+            length = int.from_bytes(content[position : position + 4], "little")
+            field, stop = position + 4, position + 4 + length
+            is_chunk = False
+            while field + 4 <= stop:
+                places.append((field, 4))
+                size = int.from_bytes(content[field : field + 4], "little")
+                text = content[field + 4 : field + 4 + size]
+                key, _, value = text.partition(b"=")
+                if len(value) in (1, 4, 8):
+                    places.append((field + 4 + len(key) + 1, len(value)))
+                is_chunk = is_chunk or text in (b"compression=none",)
+                field += 4 + size
+            places.append((stop, 4))
+            size = int.from_bytes(content[stop : stop + 4], "little")
+            if is_chunk:
+                records(stop + 4, stop + 4 + size)
+            position = stop + 4 + size
+
+    records(13, len(content))
+    return tuple(places)
+
+
+def bag_case(seed: int, folder: Path) -> None:
+    rng = random.Random(seed)
+    path = folder / "a.bag"
+    path.write_bytes(mutant(rng, *_bag(rng.choice(("", "", "BZ2", "LZ4")))))
+    _read_recording(rng, path, folder, salvage=rng.random() < 0.5)
+
+
+@cache
+def _ros2_bag(kind: str, packed: bool) -> Path:
+    """A ROS 2 bag: a folder."""
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+    from catenary.recording.journal_reader import JournalReader
+    from catenary.recording.messages import ros2_name, typestore
+
+    path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "a"
+    source = JournalReader(_journal_folder())
+    writer = Writer(path, version=8, storage_plugin=StoragePlugin[kind])
+    if packed:
+        mode = CompressionMode.STORAGE if kind == "MCAP" else CompressionMode.MESSAGE
+        writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer as bag:
+        connections = {
+            topic: bag.add_connection(topic, ros2_name(name), typestore=typestore(2))
+            for topic, name in source.topics
+        }
+        for topic, stamp, data in source.messages():
+            bag.write(connections[topic], stamp, typestore(2).ros1_to_cdr(data, connections[topic].msgtype))
+    return path
+
+
+@cache
+def _mcap(packed: bool) -> Sample:
+    (path,) = _ros2_bag("MCAP", packed).glob("*.mcap")
+    content = path.read_bytes()
+    places: list[Place] = []
+
+    def records(position: int, end: int) -> None:
+        while position + 9 <= end:
+            kind, length = content[position], int.from_bytes(content[position + 1 : position + 9], "little")
+            places.append((position + 1, 8))
+            places.extend((position + 9 + k, 4) for k in range(0, min(length, 80) - 4, 2))
+            if kind == 6:
+                name = int.from_bytes(content[position + 37 : position + 41], "little")
+                if not name:
+                    records(position + 49, position + 9 + length)
+            position += 9 + length
+
+    records(8, len(content) - 8)
+    return content, tuple(places)
+
+
+def mcap_case(seed: int, folder: Path) -> None:
+    rng = random.Random(seed)
+    path = folder / "a.mcap"
+    path.write_bytes(mutant(rng, *_mcap(rng.random() < 0.5)))
+    _read_recording(rng, path, folder, salvage=rng.random() < 0.5)
+
+
+def ros2_bag_case(seed: int, folder: Path) -> None:
+    """SQLite or the metadata of a ROS 2 bag."""
+    rng = random.Random(seed)
+    kind, packed = rng.choice((("SQLITE3", False), ("SQLITE3", True), ("MCAP", False)))
+    bag = folder / "a"
+    bag.mkdir()
+    sample = _ros2_bag(kind, packed)
+    for file in sample.iterdir():
+        (bag / file.name).write_bytes(file.read_bytes())
+    damaged = bag / ("metadata.yaml" if kind == "MCAP" or rng.random() < 0.2 else "a.db3")
+    damaged.write_bytes(
+        mutant(rng, damaged.read_bytes(), ((16, 2), (28, 4), (32, 4), (36, 4), (44, 4), (52, 4)))
+    )
+    _read_recording(rng, bag, folder, salvage=False)
+
+
+# logs
+
+
+@cache
+def _extraction() -> Path:
+    from catenary.recording.extract import extract
+
+    folder = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "extracted"
+    extract([_journal_folder()], folder)
+    return folder
+
+
+@cache
+def _parquet(checked: bool) -> bytes:
+    """A motion log; without checksums of its pages, damage reaches behind them."""
+    import pyarrow.parquet as pq
+
+    from catenary.recording.logs import write_parquet
+    from catenary.recording.raven_csv import read_raven_csv
+
+    path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "log.parquet"
+    write_parquet(read_raven_csv(_csv_file()).log, path)
+    if not checked:
+        pq.write_table(pq.read_table(path), path, compression="none", use_dictionary=False)
+    return path.read_bytes()
+
+
+def _damaged_parquet(rng: random.Random, whole: bytes) -> bytes:
+    """Damage anything, or only the pages, so that the directory behind them is read; or only the directory."""
+    begin = len(whole) - 8 - int.from_bytes(whole[-8:-4], "little")
+    part = rng.random()
+    if part < 0.3:
+        return mutant(rng, whole)
+    if part < 0.7:
+        return whole[:4] + _same_length(rng, whole[4:begin]) + whole[begin:]
+    directory = bytearray(whole[begin:-8])
+    for _ in range(rng.choice((1, 1, 2, 4))):
+        directory[rng.randrange(len(directory))] ^= 1 << rng.randrange(8)
+    return whole[:begin] + directory + whole[-8:]
+
+
+def parquet_case(seed: int, folder: Path) -> None:
+    from catenary.recording.logs import read_log
+
+    rng = random.Random(seed)
+    path = folder / "log.parquet"
+    path.write_bytes(_damaged_parquet(rng, _parquet(rng.random() < 0.3)))
+    read_log(path)
+
+
+def topic_case(seed: int, folder: Path) -> None:
+    """An extracted topic."""
+    from catenary.recording.extract import topic_file
+    from catenary.recording.topics import EXT_JPOS
+
+    rng = random.Random(seed)
+    whole = (_extraction() / f"{EXT_JPOS.stem}.parquet").read_bytes()
+    (folder / f"{EXT_JPOS.stem}.parquet").write_bytes(_damaged_parquet(rng, whole))
+    names = [name for column in EXT_JPOS.columns for name in column.names]
+    topic_file(folder, EXT_JPOS).read(["stamp", "arrival", *names])
+
+
+@cache
+def _csv_file() -> Path:
+    from catenary.recording.raven_csv import write_raven_csv
+
+    path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "raven.csv"
+    write_raven_csv(_extraction(), path)
+    return path
+
+
+def csv_case(seed: int, folder: Path) -> None:
+    from catenary.recording.logs import read_log
+
+    rng = random.Random(seed)
+    content = _csv_file().read_bytes()
+    if rng.random() < 0.5:  # a cell becomes something else
+        cells = content.split(b",")
+        for _ in range(rng.choice((1, 1, 3))):
+            cells[rng.randrange(len(cells))] = rng.choice(
+                (
+                    b"",
+                    b"nan",
+                    b"inf",
+                    b"-1e308",
+                    b"1e400",
+                    b"9" * 5000,
+                    b'"',
+                    b"\n",
+                    b"x",
+                    b"0x10",
+                    b"-0",
+                    b"1e-320",
+                )
+            )
+        content = b",".join(cells)
+    else:
+        content = mutant(rng, content)
+    path = folder / "raven.csv"
+    path.write_bytes(content)
+    read_log(path)
+
+
+# archives
+
+
+def _repacked(rng: random.Random, whole: bytes) -> bytes:
+    """Return an archive with one member damaged, or gone, and all checksums right."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(whole)) as archive, zipfile.ZipFile(out, "w") as damaged:
+        names = archive.namelist()
+        hit = rng.choice(names)
+        for name in names:
+            data = archive.read(name)
+            if name == hit:
+                if rng.random() < 0.1:
+                    continue
+                begin = 10 + int.from_bytes(data[8:10], "little")
+                part = rng.random()
+                if part < 0.3:
+                    data = mutant(rng, data[:begin]) + data[begin:]
+                elif part < 0.6:
+                    data = data[:begin] + _same_length(rng, data[begin:])
+                else:
+                    data = mutant(rng, data)
+            damaged.writestr(name, data)
+    return out.getvalue()
+
+
+def _archive_case(
+    name: str, whole: Callable[[], bytes], read: Callable[[Path], object]
+) -> Callable[[int, Path], None]:
+    def case(seed: int, folder: Path) -> None:
+        rng = random.Random(seed)
+        content = whole()
+        path = folder / name
+        places = tuple(
+            (i + at, size)
+            for i in range(len(content) - 46)
+            if content.startswith(b"PK\x01\x02", i)
+            for at, size in ((10, 2), (16, 4), (20, 4), (24, 4), (28, 2), (30, 2), (32, 2), (42, 4))
+        )
+        path.write_bytes(_repacked(rng, content) if rng.random() < 0.6 else mutant(rng, content, places))
+        read(path)
+
+    return case
+
+
+@cache
+def _model() -> bytes:
+    import numpy as np
+
+    import catenary
+
+    rng = np.random.default_rng(1)
+    q = np.cumsum(rng.normal(scale=0.01, size=(400, 3)), axis=0)
+    fitted = catenary.fit(q, q + 0.01 * np.sin(q), units=("rad", "rad", "m"), model="linear")
+    path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "model.npz"
+    fitted.save(path)
+    return path.read_bytes()
+
+
+def _load_model(path: Path) -> None:
+    from catenary.calibration.files import load_model
+
+    load_model(path)
+
+
+@cache
+def _command_log() -> bytes:
+    import numpy as np
+
+    buffer = io.BytesIO()
+    q = np.cumsum(np.random.default_rng(1).normal(size=(200, 3)), axis=0)
+    np.savez(
+        buffer, q_des=q, q_act=q + 1, ok=np.ones(200, dtype=bool), t=np.arange(200.0), units=np.array(["rad"] * 3),
+        joint_names=np.array(["a", "b", "c"]),
+    )  # fmt: skip
+    return buffer.getvalue()
+
+
+def _read_command_log(path: Path) -> None:
+    from catenary.recording.logs import read_log
+
+    read_log(path)
+
+
+@cache
+def _plant_state() -> bytes:
+    from catenary.simulation.plant_state import save_plant
+
+    path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "state.npz"
+    save_plant(_plant(), path)
+    return path.read_bytes()
+
+
+@cache
+def _plant():  # type: ignore[no-untyped-def]
+    from catenary.simulation.cable_plant import CablePlant
+
+    return CablePlant(seed=1)
+
+
+def _restore_plant(path: Path) -> None:
+    from catenary.simulation.plant_state import restore_plant
+
+    restore_plant(_plant(), path)
+
+
+def _timed(case: Callable[[int, Path], None]) -> Callable[[int, Path], None]:
+    """Count the processor time of a case without that of making the samples and compiling, the first time."""
+    is_warm = False
+
+    def timed(seed: int, folder: Path) -> None:
+        nonlocal is_warm
+        if not is_warm:
+            is_warm = True
+            for warming in range(8):  # of each kind of sample, most likely
+                (folder / "warming").mkdir()
+                with contextlib.suppress(Exception):
+                    case(-1 - warming, folder / "warming")
+                shutil.rmtree(folder / "warming")
+        begin = time.process_time()
+        try:
+            case(seed, folder)
+        finally:
+            taken = time.process_time() - begin
+            if taken > LONGEST:
+                raise Fell(f"took {taken:.1f} s of processor time, more than {LONGEST:g} s")
+
+    return timed
+
+
+PARTS = tuple(
+    Part(f"files.{name}", MUTANTS, _timed(case), may_refuse=True, processor_time=120.0)
+    for name, case in (
+        ("journal", journal_case),
+        ("ros1_bag", bag_case),
+        ("mcap", mcap_case),
+        ("ros2_bag", ros2_bag_case),
+        ("parquet_log", parquet_case),
+        ("parquet_topic", topic_case),
+        ("csv", csv_case),
+        ("model_npz", _archive_case("model.npz", _model, _load_model)),
+        ("log_npz", _archive_case("log.npz", _command_log, _read_command_log)),
+        ("robot_state_npz", _archive_case("state.npz", _plant_state, _restore_plant)),
+    )
+)

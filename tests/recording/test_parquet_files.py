@@ -1,0 +1,115 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from catenary.errors import FileFormatError
+from catenary.recording import parquet_files
+from catenary.recording.logs import FORMAT, read_log
+from catenary.recording.parquet_files import open_parquet, read_table
+
+ABOUT = {"format": FORMAT, "joint_names": ["a"], "joint_units": ["rad"]}
+
+
+def _written(path: Path, columns: dict[str, object], about: object = ABOUT, **options: object) -> Path:
+    table = pa.table(columns).replace_schema_metadata({"catenary": json.dumps(about)})
+    pq.write_table(table, path, **options)
+    return path
+
+
+def test_columns_of_every_packing_are_read_as_pyarrow_does(tmp_path: Path) -> None:
+    values = np.repeat(np.random.default_rng(1).normal(size=300), 20)
+    for compression in ("none", "snappy", "zstd", "lz4", "gzip"):
+        for version, dictionary in (("1.0", True), ("2.0", False)):
+            path = tmp_path / "log.parquet"
+            _written(
+                path,
+                {"x": values, "n": np.arange(6000)},
+                compression=compression,
+                data_page_version=version,
+                use_dictionary=dictionary,
+                data_page_size=2000,
+                row_group_size=2500,
+            )
+            assert read_table(path, open_parquet(path)).equals(pq.read_table(path))
+
+
+def test_rows_that_unpack_to_gigabytes_are_refused_before_they_do(tmp_path: Path) -> None:
+    columns = {
+        f"q_nominal:{i}": pa.DictionaryArray.from_arrays(np.zeros(2_000_000, np.int8), [0.5])
+        for i in range(9)
+    }
+    path = _written(tmp_path / "log.parquet", columns)
+    assert path.stat().st_size < 100_000  # by runs: a few bytes for millions
+    with pytest.raises(FileFormatError, match="2000000 rows of 9 columns in"):
+        read_log(path)
+
+
+def test_pages_that_unpack_too_far_are_refused_before_they_do(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(parquet_files, "MOST", 100_000)
+    path = _written(tmp_path / "log.parquet", {"x": ["a" * 100_000, "b" * 100_000]}, compression="zstd")
+    assert path.stat().st_size < 5000
+    with pytest.raises(FileFormatError, match="its pages would unpack to more than 100000 bytes"):
+        open_parquet(path)
+
+
+def test_a_column_that_its_schema_describes_otherwise_does_not_end_the_program(tmp_path: Path) -> None:
+    path = _written(tmp_path / "log.parquet", {"x": np.zeros(10)})
+    content = path.read_bytes()
+    named = b"\x18\x01x"  # the name of the column; before it, 1: it may have gaps
+    assert content.count(b"\x25\x02" + named) == 1
+    path.write_bytes(content.replace(b"\x25\x02" + named, b"\x25\x00" + named))
+    with pytest.raises(FileFormatError, match="cannot be read as Parquet"):  # pyarrow's metadata aborted
+        read_table(path, open_parquet(path))
+
+
+def test_a_directory_of_nonsense_is_refused(tmp_path: Path) -> None:
+    path = _written(tmp_path / "log.parquet", {"x": np.zeros(10)})
+    whole = path.read_bytes()
+    length = int.from_bytes(whole[-8:-4], "little")
+    nested = b"\x1c" * 100  # structs within structs
+    lists = b"\x19" + b"\x19" * 100  # lists within lists
+    for directory in (
+        nested,
+        lists,
+        b"\x19\xfc\xff\xff\xff\xff\x0f",
+        b"\x18\xff\xff\xff\xff\x0f",
+        b"\x15" + b"\xff" * 20,
+        b"",
+    ):
+        end = len(directory).to_bytes(4, "little") + b"PAR1"
+        path.write_bytes(whole[: -8 - length] + directory + end)
+        with pytest.raises(FileFormatError, match="cannot be read as Parquet"):
+            open_parquet(path)
+    for end in (b"", b"PAR1", (2**32 - 1).to_bytes(4, "little") + b"PAR1"):
+        path.write_bytes(end)
+        with pytest.raises(FileFormatError, match="cannot be read as Parquet"):
+            open_parquet(path)
+
+
+@pytest.mark.parametrize(
+    ("about", "said"),
+    [
+        (ABOUT | {"joint_names": "a"}, "joint_names: expected a list"),
+        (ABOUT | {"joint_units": [1]}, "joint_units: expected a list"),
+        (ABOUT | {"notes": 3}, "notes: expected a list"),
+        (ABOUT | {"simulated": "no"}, "simulated: expected true or false"),
+        (ABOUT | {"robot": [1]}, "robot: expected a name"),
+        ([[[[]]]], "expected a table"),
+    ],
+)
+def test_what_a_schema_says_is_checked(tmp_path: Path, about: object, said: str) -> None:
+    columns = {"ok": np.ones(3, dtype=bool), "q_nominal:a": np.zeros(3)}
+    with pytest.raises(FileFormatError, match=f"log.parquet: .*{said}"):
+        read_log(_written(tmp_path / "log.parquet", columns, about))
+
+
+def test_whole_numbers_with_gaps_and_columns_that_are_not_there_are_refused(tmp_path: Path) -> None:
+    path = _written(tmp_path / "x.parquet", {"stamp": pa.array([1, None, 3])})
+    with pytest.raises(FileFormatError, match="column stamp lacks 1"):
+        read_table(path, open_parquet(path))
+    with pytest.raises(FileFormatError, match="column 'arrival' is there 0 times"):
+        read_table(path, open_parquet(path), ["arrival"])
