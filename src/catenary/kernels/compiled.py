@@ -10,6 +10,7 @@ files that it calls. Here it is made anew when any file with such functions has 
 import contextlib
 from collections.abc import Callable
 from functools import cache, update_wrapper
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar, cast
@@ -63,9 +64,17 @@ class Compiled:
         """Run it."""
         return self.code(*arguments)
 
+    def __reduce__(self) -> tuple[Callable[[str, str], Any], tuple[str, str]]:
+        return _of_module, (self._function.__module__, self._function.__name__)
+
     @property
     def _numba_type_(self) -> Any:
         return self.code._numba_type_
+
+
+def _of_module(module: str, name: str) -> Any:
+    """Return a compiled function by its name, where it is unpickled."""
+    return getattr(import_module(module), name)
 
 
 def _forget_older_code(folder: Path, source: Path) -> None:
