@@ -7,6 +7,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from catenary.errors import FileFormatError
+from catenary.recording import parquet_files
 from catenary.recording.logs import FORMAT, read_log
 from catenary.recording.parquet_files import open_parquet, read_table
 
@@ -47,18 +48,46 @@ def test_rows_that_unpack_to_gigabytes_are_refused_before_they_do(tmp_path: Path
         read_log(path)
 
 
-def test_a_page_that_unpacks_to_gigabytes_is_refused_before_it_does(tmp_path: Path) -> None:
-    path = _written(tmp_path / "log.parquet", {"x": np.zeros(1000)}, compression="zstd", use_dictionary=False)
-    content = bytearray(path.read_bytes())
-    place = (
-        pq.ParquetFile(path).metadata.row_group(0).column(0).data_page_offset + 3
-    )  # behind the page's kind
-    length = next(i for i in range(5) if content[place + i] < 0x80) + 1
-    assert content[place - 1] == 0x15  # a whole number, of the field that follows
-    content[place : place + length] = b"\xfe\xff\xff\xff\x0f"  # 2^31 - 1 as Thrift writes it
-    path.write_bytes(content)
-    with pytest.raises(FileFormatError, match=r"its pages would unpack|a page of"):
+def test_pages_that_unpack_too_far_are_refused_before_they_do(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(parquet_files, "MOST", 100_000)
+    path = _written(tmp_path / "log.parquet", {"x": ["a" * 100_000, "b" * 100_000]}, compression="zstd")
+    assert path.stat().st_size < 5000
+    with pytest.raises(FileFormatError, match="its pages would unpack to more than 100000 bytes"):
         open_parquet(path)
+
+
+def test_a_column_that_its_schema_describes_otherwise_does_not_end_the_program(tmp_path: Path) -> None:
+    path = _written(tmp_path / "log.parquet", {"x": np.zeros(10)})
+    content = path.read_bytes()
+    named = b"\x18\x01x"  # the name of the column; before it, 1: it may have gaps
+    assert content.count(b"\x25\x02" + named) == 1
+    path.write_bytes(content.replace(b"\x25\x02" + named, b"\x25\x00" + named))
+    with pytest.raises(FileFormatError, match="cannot be read as Parquet"):  # pyarrow's metadata aborted
+        read_table(path, open_parquet(path))
+
+
+def test_a_directory_of_nonsense_is_refused(tmp_path: Path) -> None:
+    path = _written(tmp_path / "log.parquet", {"x": np.zeros(10)})
+    whole = path.read_bytes()
+    length = int.from_bytes(whole[-8:-4], "little")
+    nested = b"\x1c" * 100  # structs within structs
+    lists = b"\x19" + b"\x19" * 100  # lists within lists
+    for directory in (
+        nested,
+        lists,
+        b"\x19\xfc\xff\xff\xff\xff\x0f",
+        b"\x18\xff\xff\xff\xff\x0f",
+        b"\x15" + b"\xff" * 20,
+        b"",
+    ):
+        end = len(directory).to_bytes(4, "little") + b"PAR1"
+        path.write_bytes(whole[: -8 - length] + directory + end)
+        with pytest.raises(FileFormatError, match="cannot be read as Parquet"):
+            open_parquet(path)
+    for end in (b"", b"PAR1", (2**32 - 1).to_bytes(4, "little") + b"PAR1"):
+        path.write_bytes(end)
+        with pytest.raises(FileFormatError, match="cannot be read as Parquet"):
+            open_parquet(path)
 
 
 @pytest.mark.parametrize(

@@ -85,3 +85,34 @@ def test_a_state_that_lacks_what_this_version_writes_says_to_home_again(saved: P
     np.savez(older, **arrays | {"about": np.array(json.dumps(about))})
     with pytest.raises(FileFormatError, match=r"'base'.*another version.*catenary home PROJECT"):
         restore_plant(CablePlant(seed=2), older)
+
+
+def test_an_arm_that_was_never_homed_comes_back_without_registered_encoders(tmp_path: Path) -> None:
+    save_plant(CablePlant(seed=2), tmp_path / "arm.npz")
+    again = CablePlant(seed=2)
+    restore_plant(again, tmp_path / "arm.npz")
+    assert np.isnan(again.telemetry()["ext_jpos"]).all()
+    assert not again.operating_state().is_homed
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("arm.q", np.full(3, np.nan)),
+        ("arm.q", np.full(3, 1e300)),
+        ("arm.q", np.zeros(4)),
+        ("control.counts", np.array(["a"] * 7)),
+        ("rig_zero", np.full(3, np.inf)),
+        ("control.flags", np.zeros(2)),
+        ("about", np.array("[1]")),
+        ("about", np.array("[" * 5000)),
+    ],
+)
+def test_a_state_of_nonsense_is_refused_and_changes_nothing(saved: Path, tmp_path: Path, key, value) -> None:
+    with np.load(saved) as file:
+        np.savez(tmp_path / "arm.npz", **dict(file) | {key: value})
+    plant = CablePlant(seed=2)
+    before = plant.state.q.copy()
+    with pytest.raises(FileFormatError, match=r"arm.npz: is no state.*catenary home PROJECT"):
+        restore_plant(plant, tmp_path / "arm.npz")
+    assert (plant.state.q == before).all()

@@ -12,9 +12,15 @@ from catenary.documents import cut, shortened
 from catenary.errors import FileFormatError
 
 MOST_COLUMNS = 5000  # a log of all that a RAVEN-II publishes has 400
+DEEPEST = 16  # structs and lists within each other in its directory
 _HEADER = 2**16  # [B] of a page's header, which may hold its least and largest value
-# fields of a page's header [parquet.thrift, PageHeader]
+# numbers of fields [parquet.thrift]: of FileMetaData, RowGroup, ColumnChunk, ColumnMetaData, PageHeader
+_ALL_ROWS, _ROW_GROUPS = 3, 4
+_COLUMNS, _ROWS = 1, 3
+_ABOUT = 3
+_CHUNK_LENGTH, _PAGES_AT, _DICTIONARY_AT = 7, 9, 11
 _UNPACKED_SIZE, _PACKED_SIZE = 2, 3
+_TRUE, _FALSE = 1, 2  # kinds of values in Thrift's compact protocol
 
 
 def open_parquet(path: Path) -> pq.ParquetFile:
@@ -25,8 +31,8 @@ def open_parquet(path: Path) -> pq.ParquetFile:
             `archives.MOST` bytes and `archives.RATIO` times the file.
     """
     try:
+        _check(path)
         file = pq.ParquetFile(path, page_checksum_verification=True)
-        _check(path, file.metadata)
     except (pa.ArrowException, OSError, MemoryError, ValueError, OverflowError) as error:
         if isinstance(error, FileFormatError):
             raise
@@ -66,53 +72,78 @@ def read_table(
     return table
 
 
-def _check(path: Path, metadata: Any) -> None:
-    size = path.stat().st_size
-    most = max(MOST, RATIO * size)
-    if not 0 <= metadata.num_columns <= MOST_COLUMNS:
-        raise ValueError(f"{metadata.num_columns} columns, expected {MOST_COLUMNS} at most")
-    groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
-    rows = sum(group.num_rows for group in groups)
-    if any(group.num_rows < 0 for group in groups) or rows != metadata.num_rows:
-        raise ValueError(f"{metadata.num_rows} rows, and {rows} in its row groups")
-    if 8 * rows * metadata.num_columns > most:
-        raise ValueError(f"{rows} rows of {metadata.num_columns} columns in {size} bytes")
-    if len(groups) * metadata.num_columns > size // 8:
-        raise ValueError(f"{len(groups)} row groups of {metadata.num_columns} columns in {size} bytes")
+def _check(path: Path) -> None:
+    """Check the directory at a file's end and the head of each page; pyarrow itself can end the program over these."""
     with path.open("rb") as file:
-        for group in groups:
-            for i in range(metadata.num_columns):
-                for unpacked in _pages(file, group.column(i), size):
-                    most -= unpacked
-                    if most < 0:
-                        raise ValueError(
-                            f"its pages would unpack to more than {max(MOST, RATIO * size)} bytes"
-                        )
+        size = file.seek(0, 2)
+        file.seek(max(0, size - 8))
+        end = file.read(8)
+        length = int.from_bytes(end[:4], "little")
+        if end[4:] != b"PAR1" or length + 12 > size:
+            raise ValueError("no Parquet ends like that")
+        file.seek(size - 8 - length)
+        directory = _Thrift(file.read(length)).struct()
+        most = max(MOST, RATIO * size)
+        for unpacked in _pages(file, directory, size, most):
+            most -= unpacked
+            if most < 0:
+                raise ValueError(f"its pages would unpack to more than {max(MOST, RATIO * size)} bytes")
 
 
-def _pages(file: BinaryIO, column: Any, size: int) -> Iterator[int]:
-    """Yield how many bytes each page of a column unpacks to."""
-    position = column.data_page_offset
-    if column.has_dictionary_page and column.dictionary_page_offset:
-        position = min(position, column.dictionary_page_offset)
-    end = position + column.total_compressed_size
+def _pages(file: BinaryIO, directory: dict[int, Any], size: int, most: int) -> Iterator[int]:
+    """Yield how many bytes each page unpacks to, once rows and columns were checked."""
+    groups = [_struct(group) for group in _list(directory.get(_ROW_GROUPS))]
+    chunks = [[_struct(chunk) for chunk in _list(group.get(_COLUMNS))] for group in groups]
+    rows = [_length(group.get(_ROWS)) for group in groups]
+    if sum(rows) != directory.get(_ALL_ROWS):
+        raise ValueError(f"{directory.get(_ALL_ROWS)} rows, and {sum(rows)} in its row groups")
+    width = max(map(len, chunks), default=0)
+    if width > MOST_COLUMNS:
+        raise ValueError(f"{width} columns, expected {MOST_COLUMNS} at most")
+    if 8 * sum(rows) * width > most:
+        raise ValueError(f"{sum(rows)} rows of {width} columns in {size} bytes")
+    for chunk in (chunk for group in chunks for chunk in group):
+        about = _struct(chunk.get(_ABOUT))
+        begin = _length(about.get(_PAGES_AT))
+        if about.get(_DICTIONARY_AT):
+            begin = min(begin, _length(about[_DICTIONARY_AT]))
+        yield from _column_pages(file, begin, begin + _length(about.get(_CHUNK_LENGTH)), size)
+
+
+def _column_pages(file: BinaryIO, position: int, end: int, size: int) -> Iterator[int]:
     if not 4 <= position <= end <= size:
         raise ValueError(f"a column from byte {position} to {end}, the file has {size}")
     while position < end:
         file.seek(position)
         header = _Thrift(file.read(min(_HEADER, end - position)))
         fields = header.struct()
-        unpacked, packed = fields.get(_UNPACKED_SIZE, -1), fields.get(_PACKED_SIZE, -1)
+        unpacked, packed = _length(fields.get(_UNPACKED_SIZE)), _length(fields.get(_PACKED_SIZE))
         position += header.position + packed
-        if unpacked < 0 or packed < 0 or position > end:
-            raise ValueError(
-                f"a page of {packed} bytes, unpacked {unpacked}, that ends at byte {position} of {end}"
-            )
+        if position > end:
+            raise ValueError(f"a page that ends at byte {position}, its column at {end}")
         yield unpacked
 
 
+def _struct(value: object) -> dict[int, Any]:
+    if not isinstance(value, dict):
+        raise ValueError("its directory lacks a part")
+    return value
+
+
+def _list(value: object) -> list[Any]:
+    if not isinstance(value, list):
+        raise ValueError("its directory lacks a list")
+    return value
+
+
+def _length(value: object) -> int:
+    if not isinstance(value, int) or value < 0:
+        raise ValueError(f"a length of {shortened(value)}")
+    return value
+
+
 class _Thrift:
-    """Reads Thrift's compact protocol as far as lengths need it: whole numbers are kept, the rest is skipped.
+    """Reads Thrift's compact protocol as far as lengths need it: whole numbers, structs and lists; the rest is skipped.
 
     [thrift.apache.org, thrift-compact-protocol.md]
     """
@@ -120,23 +151,22 @@ class _Thrift:
     def __init__(self, data: bytes) -> None:
         self._data, self.position = data, 0
 
-    def struct(self, depth: int = 0) -> dict[int, int]:
-        """Return the whole numbers of a struct by the numbers of their fields."""
-        if depth > 8:
-            raise ValueError("a page's header is nested too deep")
-        numbers: dict[int, int] = {}
+    def struct(self, depth: int = 0) -> dict[int, Any]:
+        """Return the values of a struct by the numbers of their fields."""
+        if depth > DEEPEST:
+            raise ValueError(f"its directory is nested more than {DEEPEST} levels deep")
+        values: dict[int, Any] = {}
         number = 0
         while head := self._byte():
-            kind = head & 0x0F
             number = number + (head >> 4) if head >> 4 else self._whole()
-            value = self._value(kind, depth)
-            if value is not None:
-                numbers[number] = value
-        return numbers
+            kind = head & 0x0F
+            if kind not in (_TRUE, _FALSE):
+                values[number] = self._value(kind, depth)
+        return values
 
     def _byte(self) -> int:
         if self.position >= len(self._data):
-            raise ValueError("a page's header is cut off")
+            raise ValueError("its directory, or a page's header, is cut off")
         self.position += 1
         return self._data[self.position - 1]
 
@@ -147,26 +177,35 @@ class _Thrift:
             value |= (byte & 0x7F) << shift
             if byte < 0x80:
                 return value
-        raise ValueError("a number in a page's header is too long")
+        raise ValueError("a number in its directory is too long")
 
     def _whole(self) -> int:
         value = self._unsigned()
         return (value >> 1) ^ -(value & 1)
 
-    def _value(self, kind: int, depth: int) -> int | None:
-        if kind in (1, 2):  # true, false
-            return None
-        if kind == 3:
-            self._byte()
+    def _skip(self, length: int) -> None:
+        if length > len(self._data) - self.position:
+            raise ValueError(f"{length} bytes in its directory go beyond it")
+        self.position += length
+
+    def _value(self, kind: int, depth: int) -> Any:
+        if kind in (_TRUE, _FALSE, 3):  # a byte each, in lists
+            self._skip(1)
         elif kind in (4, 5, 6):
             return self._whole()
         elif kind == 7:
-            self.position += 8
+            self._skip(8)
         elif kind == 8:
-            length = self._unsigned()
-            self.position += length
+            self._skip(self._unsigned())
+        elif kind in (9, 10):
+            if depth > DEEPEST:
+                raise ValueError(f"its directory is nested more than {DEEPEST} levels deep")
+            head = self._byte()
+            count = head >> 4 if head >> 4 < 15 else self._unsigned()
+            self._skip(0 if count <= len(self._data) - self.position else count)  # a byte each, at least
+            return [self._value(head & 0x0F, depth + 1) for _ in range(count)]
         elif kind == 12:
-            self.struct(depth + 1)
+            return self.struct(depth + 1)
         else:
-            raise ValueError(f"a page's header holds a value of kind {kind}")
+            raise ValueError(f"its directory holds a value of kind {kind}")
         return None

@@ -14,6 +14,7 @@ from catenary.files import written_whole
 from catenary.simulation.cable_plant import CablePlant
 
 FORMAT = "catenary.cable_plant.1"
+LARGEST = 1e9  # of counts, radians, metres, newtons and newton metres in an arm
 FLAGS = ("braked", "stopped", "guarded")  # of the firmware, one array in the file
 
 
@@ -80,9 +81,18 @@ def _unreadable(path: Path, error: Exception) -> FileFormatError:
 
 
 def _like(values: NDArray[Any], now: Any, name: str) -> NDArray[Any]:
-    """Return values that can stand in place of those of now: of their shape, and finite."""
-    if values.dtype.kind not in "biuf" or values.shape != np.shape(now) or not np.isfinite(values).all():
-        raise ValueError(f"{name}: {values.dtype} of shape {values.shape}, expected finite {np.shape(now)}")
+    """Return values that can stand in place of those of now: of their shape, NaN only where these are, and no larger
+    than anything in an arm.
+    """
+    if values.dtype.kind not in "biuf" or values.shape != np.shape(now):
+        raise ValueError(
+            f"{name}: {values.dtype} of shape {values.shape}, expected numbers of {np.shape(now)}"
+        )
+    is_right = np.abs(values) < LARGEST
+    if np.asarray(now).dtype.kind == "f":
+        is_right |= np.isnan(values) & np.isnan(now)
+    if not is_right.all():
+        raise ValueError(f"{name}: {cut(str(values))}, expected numbers below {LARGEST:g}")
     return values
 
 

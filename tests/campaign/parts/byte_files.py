@@ -30,6 +30,11 @@ def _journal_folder() -> Path:
     return record(Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "journal", 0.6)
 
 
+def _same_length(rng: random.Random, data: bytes) -> bytes:
+    changed = mutant(rng, data) if data else data
+    return (changed + data)[: len(data)]
+
+
 def _whole(source: object) -> None:
     for _ in source.messages():  # type: ignore[attr-defined]
         pass
@@ -245,8 +250,22 @@ def _parquet(checked: bool) -> bytes:
     path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "log.parquet"
     write_parquet(read_raven_csv(_csv_file()).log, path)
     if not checked:
-        pq.write_table(pq.read_table(path), path, compression="snappy")
+        pq.write_table(pq.read_table(path), path, compression="none", use_dictionary=False)
     return path.read_bytes()
+
+
+def _damaged_parquet(rng: random.Random, whole: bytes) -> bytes:
+    """Damage anything, or only the pages, so that the directory behind them is read; or only the directory."""
+    begin = len(whole) - 8 - int.from_bytes(whole[-8:-4], "little")
+    part = rng.random()
+    if part < 0.3:
+        return mutant(rng, whole)
+    if part < 0.7:
+        return whole[:4] + _same_length(rng, whole[4:begin]) + whole[begin:]
+    directory = bytearray(whole[begin:-8])
+    for _ in range(rng.choice((1, 1, 2, 4))):
+        directory[rng.randrange(len(directory))] ^= 1 << rng.randrange(8)
+    return whole[:begin] + directory + whole[-8:]
 
 
 def parquet_case(seed: int, folder: Path) -> None:
@@ -254,7 +273,7 @@ def parquet_case(seed: int, folder: Path) -> None:
 
     rng = random.Random(seed)
     path = folder / "log.parquet"
-    path.write_bytes(mutant(rng, _parquet(rng.random() < 0.3)))
+    path.write_bytes(_damaged_parquet(rng, _parquet(rng.random() < 0.3)))
     read_log(path)
 
 
@@ -265,7 +284,7 @@ def topic_case(seed: int, folder: Path) -> None:
 
     rng = random.Random(seed)
     whole = (_extraction() / f"{EXT_JPOS.stem}.parquet").read_bytes()
-    (folder / f"{EXT_JPOS.stem}.parquet").write_bytes(mutant(rng, whole))
+    (folder / f"{EXT_JPOS.stem}.parquet").write_bytes(_damaged_parquet(rng, whole))
     names = [name for column in EXT_JPOS.columns for name in column.names]
     topic_file(folder, EXT_JPOS).read(["stamp", "arrival", *names])
 
@@ -335,11 +354,6 @@ def _repacked(rng: random.Random, whole: bytes) -> bytes:
                     data = mutant(rng, data)
             damaged.writestr(name, data)
     return out.getvalue()
-
-
-def _same_length(rng: random.Random, data: bytes) -> bytes:
-    changed = mutant(rng, data) if data else data
-    return (changed + data)[: len(data)]
 
 
 def _archive_case(
