@@ -3,6 +3,8 @@
 import ast
 import pkgutil
 import re
+import sys
+import tomllib
 from collections import Counter
 from pathlib import Path
 
@@ -73,3 +75,35 @@ def test_architecture_page_names_the_files_of_every_room_and_no_others(room: str
     modules = {path.stem for path in (PACKAGE / room).rglob("*.py")} - {"__init__"}
     assert sorted(modules - set(re.findall(r"[a-z_0-9]+", row))) == []
     assert sorted(set(re.findall(r"`([a-z_0-9]+)`", row)) - files - set(catenary.__all__)) == []
+
+
+# packages that are imported by another name than they are installed by, or that come with ROS
+IMPORTED = {"sklearn": "scikit_learn", "serial": "pyserial"}
+OF_ROS = {"rospy", "rosgraph", "genpy", "rclpy"}
+
+
+def _declared(requirements: list[str]) -> set[str]:
+    return {re.split(r"[^\w-]", one)[0].replace("-", "_") for one in requirements}
+
+
+def _imported(tree: ast.AST) -> set[str]:
+    names = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names |= {one.name.partition(".")[0] for one in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names.add((node.module or "").partition(".")[0])
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+            first = node.args[0]
+            names.add(str(first.value).partition(".")[0] if isinstance(first, ast.Constant) else "")
+    return {IMPORTED.get(name, name) for name in names} - {*sys.stdlib_module_names, "catenary", ""}
+
+
+def test_every_package_that_is_imported_is_declared() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    always = _declared(project["dependencies"])
+    extras = {name: _declared(each) for name, each in project["optional-dependencies"].items()}
+    of_users = set().union(*(each for name, each in extras.items() if name not in ("test", "bench", "dev")))
+    imported = set().union(*(_imported(ast.parse(path.read_text())) for path in FILES))
+    assert imported - always - of_users - OF_ROS == set()
+    assert always - imported == set()

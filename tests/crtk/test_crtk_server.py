@@ -148,7 +148,7 @@ def test_moves_keep_their_bounds_and_differentiate(robot):
         rotation_from_rpy((0.2, 0.1, 0.0)) @ start.rotation, start.position + np.array([0.02, 0.0, -0.02])
     )
     for move in (
-        joint_move(arm, arm.setpoint.q + shoulder(0.3)),
+        joint_move(arm, arm.setpoint.q + shoulder(0.3))(),
         next(filter(None, straight_move(arm, goal))),
     ):
         h = 1e-5

@@ -1,19 +1,25 @@
 """A line of operations as machine code: single calls, bound ones, rows, threads; what is refused."""
 
+import pickle
 import sys
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.dynamics import raven_closed_form
+from catenary.dynamics.kinematics import forward_kinematics
 from catenary.dynamics.lines import gravity_line, mass_matrix_line
+from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.errors import InputError
 from catenary.kernels.kernel import Kernel
 from catenary.kernels.tracing import evaluate
 from catenary.robots.catalog import load_robot
 
-LINE = gravity_line(load_robot("raven2"))
+MODEL = load_robot("raven2")
+LINE = gravity_line(MODEL)
 Q, GRAVITY = np.array([0.5, 1.6, 0.4]), np.array([0.3, -0.2, -9.81])
 
 
@@ -123,3 +129,34 @@ def test_other_arrays_are_refused_by_name(kernel: Kernel) -> None:
 def test_bind_refuses_other_arrays_by_name(kernel: Kernel, arrays, message: str) -> None:
     with pytest.raises(InputError, match=message):
         kernel.bind(*arrays)
+
+
+def held(kernel: Kernel) -> list[float]:
+    """What another process makes of a kernel."""
+    torque: list[float] = kernel(Q, GRAVITY).tolist()
+    return torque
+
+
+def test_a_kernel_goes_to_a_process_that_is_spawned(kernel: Kernel) -> None:
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        assert pool.submit(held, kernel).result() == kernel(Q, GRAVITY).tolist()
+
+
+def test_a_compiled_function_is_pickled_by_its_name() -> None:
+    place = forward_kinematics(MODEL, Q)
+    for _ in range(2):  # before it is compiled, and after
+        again = pickle.loads(pickle.dumps(raven_closed_form.nearest_within_limits))
+        assert again.__name__ == "nearest_within_limits"
+        raven_path(MODEL, place.rotation[None], place.position[None])
+
+
+def test_what_is_bound_is_not_pickled(kernel: Kernel) -> None:
+    with pytest.raises(TypeError, match="cannot pickle"):
+        pickle.dumps(kernel.bind(Q.copy(), GRAVITY.copy(), np.zeros(3)))
+
+
+def test_rows_refuse_a_list_to_write_into(kernel: Kernel) -> None:
+    with pytest.raises(
+        InputError, match=r"out: expected a contiguous float64 array of shape \(1, 3\), got list"
+    ):
+        kernel.rows(Q[None], GRAVITY[None], out=[[0.0, 0.0, 0.0]])  # type: ignore[arg-type]

@@ -76,23 +76,6 @@ def codec(name: str) -> Codec:
     return Codec(encode, decode)
 
 
-@cache
-def most_bytes(name: str, entries: int, text: int) -> int:
-    """Return the bytes of a type's largest message whose arrays have at most `entries` and its texts `text` bytes."""
-    return sum(_most_bytes(field, entries, text) for field in fields(current_name(name)))
-
-
-def _most_bytes(field: Field, entries: int, text: int) -> int:
-    if field.length is not None:
-        single = _most_bytes(field._replace(length=None), entries, text)
-        return field.length * single if field.length else _COUNT.size + entries * single
-    if field.type in NUMBERS:
-        return np.dtype(NUMBERS[field.type]).itemsize
-    if field.type in TIMES:
-        return 8
-    return _COUNT.size + text if field.type == "string" else most_bytes(field.type, entries, text)
-
-
 def _misfit(name: str, message: Message) -> str | None:
     """Say which field of a message cannot be written, and why."""
     for field, value in message_fields(name, message):

@@ -3,7 +3,7 @@
 The RAVEN-II's own `raven_state` is in `raven_conversions`.
 """
 
-from math import hypot, sqrt
+from math import hypot
 from typing import cast, get_args
 
 import numpy as np
@@ -14,7 +14,7 @@ from catenary.crtk.clock import SECOND
 from catenary.crtk.message import Message, header, message_class
 from catenary.errors import InputError
 from catenary.plant import JointState, OperatingState, StateName
-from catenary.spatial import Pose, rotation_from_quaternion
+from catenary.spatial import Pose, quaternion_of_rows, rotation_from_quaternion
 
 _Point, _Quaternion, _Vector3, _Pose, _Transform, _PoseStamped, _TransformStamped = (
     message_class(f"geometry_msgs/{name}")
@@ -110,28 +110,11 @@ def joint_state(
 
 def pose_message(pose: Pose, stamp: int, frame_id: str, *, child: str | None = None) -> Message:
     """Return a geometry_msgs/PoseStamped, or a TransformStamped, as older CRTK has it, when `child` is a frame."""
-    quaternion = _Quaternion(*_quaternion(pose.rotation.tolist()))
+    quaternion = _Quaternion(*quaternion_of_rows(pose.rotation.tolist()))
     place = pose.position.tolist()
     if child is None:
         return _PoseStamped(header(stamp, frame_id), _Pose(_Point(*place), quaternion))
     return _TransformStamped(header(stamp, frame_id), child, _Transform(_Vector3(*place), quaternion))
-
-
-def _quaternion(rotation: list[list[float]]) -> list[float]:
-    """Return the quaternion (x, y, z, w) of a rotation matrix, as messages have it [Shepperd 1978].
-
-    Poses are published every millisecond; scipy's takes 0.1 ms.
-    """
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
-    products = (  # of any two of x, y, z, w; four times each
-        (1.0 + xx - yy - zz, xy + yx, xz + zx, zy - yz),
-        (xy + yx, 1.0 - xx + yy - zz, yz + zy, xz - zx),
-        (xz + zx, yz + zy, 1.0 - xx - yy + zz, yx - xy),
-        (zy - yz, xz - zx, yx - xy, 1.0 + xx + yy + zz),
-    )
-    largest = max(range(4), key=lambda i: products[i][i])
-    scale = 0.5 / sqrt(products[largest][largest])
-    return [scale * product for product in products[largest]]
 
 
 def pose_of(message: Message) -> Pose:

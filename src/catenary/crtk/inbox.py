@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from catenary.crtk.bounds import ANY, Bounds, most_bytes, names_within
 from catenary.crtk.message import Message, has_header
 from catenary.errors import FileFormatError, InputError
 
@@ -98,9 +99,9 @@ class Subscription:
 
     With a callback they are handed over in the transport's `poll`; without, `take` gives them. At most `depth` wait;
     then the oldest gives way, and `overflowed` counts it. `damaged` counts those whose bytes were no message of the
-    type; they are left out. `oversized` counts those of more than `largest` bytes, which are dropped as they come in,
-    before anybody looks into them. `repeated` counts what a latching publisher gave again after its connection had been
-    broken: a message that had come already is not given twice.
+    type; they are left out. `oversized` counts those of more than `largest` bytes, or of more names than `bounds` let
+    pass, which are dropped as they come in, before anybody decodes them. `repeated` counts what a latching publisher
+    gave again after its connection had been broken: a message that had come already is not given twice.
     """
 
     def __init__(
@@ -111,7 +112,7 @@ class Subscription:
         decode: Callable[[Any], Message],
         callback: Callback | None = None,
         depth: int = 1000,
-        largest: int | None = None,
+        bounds: Bounds | None = None,
     ) -> None:
         """Prepare to receive; transports call this, not users.
 
@@ -122,7 +123,9 @@ class Subscription:
             raise InputError(f"subscription of {topic}: depth: expected 1 or more, got {depth}")
         self.topic = topic
         self.type_name = type_name
-        self.depth, self.largest = depth, largest
+        self.depth = depth
+        self.largest = None if bounds is None else most_bytes(type_name, bounds)  # bytes
+        self._has_few_names = None if bounds is None else names_within(type_name, bounds)
         self.overflowed = 0
         self.oversized = 0
         self.damaged = 0
@@ -145,15 +148,21 @@ class Subscription:
 
     def has_room_for(self, size: int) -> bool:
         """Return whether it takes messages of so many bytes; one that it does not take is counted."""
-        if self.largest is None or size <= self.largest:
+        if size <= (ANY if self.largest is None else self.largest):
             return True
+        self._count_oversized()
+        return False
+
+    def _count_oversized(self) -> None:
         with self._inbox.lock:
             self.oversized += 1
-        return False
 
     def push(self, data: Any, time: int, origin: Origin | None = None) -> None:
         """Take in a message as ROS 1's bytes, at `time` [ns]; transports call this, from any thread."""
         if self.largest is not None and not self.has_room_for(len(data)):
+            return
+        if self._has_few_names is not None and not self._has_few_names(data):
+            self._count_oversized()
             return
         with self._inbox.lock:
             if self._closed:
@@ -187,8 +196,8 @@ class Subscription:
         """
         return [Received(one.message, one.time) for one in self.take_arrivals(timeout)]
 
-    def take_arrivals(self, timeout: float = 0.0) -> list[Arrival]:
-        """As `take`, with what is known about where each message came from.
+    def take_arrivals(self, timeout: float = 0.0, most: int | None = None) -> list[Arrival]:
+        """As `take`, with what is known about where each message came from; `most` at a time, where given.
 
         Raises:
             InputError: The subscription has a callback, which gets them.
@@ -200,8 +209,18 @@ class Subscription:
         with self._inbox.lock:
             if timeout > 0.0:
                 self._inbox.wait_for(self._came, timeout, lambda: self._waiting or self._closed)
-            waiting, self._waiting = self._waiting, deque()
+            if most is None or most >= len(self._waiting):
+                waiting, self._waiting = self._waiting, deque()
+            else:
+                waiting = deque(self._waiting.popleft() for _ in range(most))
         return [found for arrival in waiting if (found := self._decoded(arrival)) is not None]
+
+    def forget(self) -> int:
+        """Drop what waits, and return how many messages that were."""
+        with self._inbox.lock:
+            count = len(self._waiting)
+            self._waiting.clear()
+        return count
 
     def __len__(self) -> int:
         """Return how many wait."""

@@ -15,6 +15,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, Self
 
+from catenary.crtk.bounds import Bounds
 from catenary.crtk.clock import Clock, Rate
 from catenary.crtk.codec import codec
 from catenary.crtk.inbox import Callback, Inbox, Request, Subscription
@@ -120,7 +121,7 @@ class Transport(ABC):
         callback: Callback | None = None,
         *,
         depth: int = DEPTH,
-        largest: int | None = None,
+        bounds: Bounds | None = None,
     ) -> Subscription:
         """Begin to receive: by `callback` in `poll`, or without one by the subscription's `take`.
 
@@ -129,7 +130,7 @@ class Transport(ABC):
             type_name: Message type, such as sensor_msgs/JointState.
             callback: Gets the messages.
             depth: Messages that wait at most.
-            largest: Bytes of a message, as ROS 1 has them, beyond which it is dropped and counted; any when None.
+            bounds: Beyond which a message is dropped and counted, undecoded; any when None.
 
         Raises:
             InputError: The name is invalid, the type unknown, or `depth` below 1.
@@ -138,7 +139,7 @@ class Transport(ABC):
         self.require_open()
         topic = absolute(topic)
         subscription = Subscription(
-            topic, current_name(type_name), self.inbox, codec(type_name).decode, callback, depth, largest
+            topic, current_name(type_name), self.inbox, codec(type_name).decode, callback, depth, bounds
         )
         self._subscribe(subscription, type_name)
         return subscription

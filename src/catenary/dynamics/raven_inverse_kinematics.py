@@ -1,5 +1,7 @@
 """Inverse kinematics of the RAVEN-II: every solution, the nearest one, and a whole path of poses."""
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -91,6 +93,7 @@ def raven_path(
     return out
 
 
+@lru_cache(maxsize=16)  # models never change, and are asked for in each tick
 def _arm(model: RobotModel) -> RavenArm:
     is_known = model.closed_form == "raven2" and model.n in (3, 6)
     if not is_known or not np.array_equal(model.coupling, np.eye(model.n)) or model.offset.any():

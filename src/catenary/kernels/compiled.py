@@ -10,6 +10,7 @@ files that it calls. Here it is made anew when any file with such functions has 
 import contextlib
 from collections.abc import Callable
 from functools import cache, update_wrapper
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar, cast
@@ -49,10 +50,9 @@ class Compiled:
         """What numba made of it: calls of this cost 0.05 us less."""
         if self._code is None:
             self._code = start_numba().njit(**self._options, error_model="numpy")(self._function)
-            if self._function.__code__.co_filename in _sources:
-                _forget_older_code(
-                    Path(self._code.stats.cache_path), Path(self._function.__code__.co_filename)
-                )
+            stats = getattr(self._code, "stats", None)  # with NUMBA_DISABLE_JIT=1 it is the function itself
+            if stats is not None and self._function.__code__.co_filename in _sources:
+                _forget_older_code(Path(stats.cache_path), Path(self._function.__code__.co_filename))
             # functions of its own file look its name up at every call: they call numba's from now on
             names = self._function.__globals__
             if names.get(self._function.__name__) is self:
@@ -63,9 +63,17 @@ class Compiled:
         """Run it."""
         return self.code(*arguments)
 
+    def __reduce__(self) -> tuple[Callable[[str, str], Any], tuple[str, str]]:
+        return _of_module, (self._function.__module__, self._function.__name__)
+
     @property
     def _numba_type_(self) -> Any:
         return self.code._numba_type_
+
+
+def _of_module(module: str, name: str) -> Any:
+    """Return a compiled function by its name, where it is unpickled."""
+    return getattr(import_module(module), name)
 
 
 def _forget_older_code(folder: Path, source: Path) -> None:

@@ -23,10 +23,12 @@ class Kernel:
 
     `kernel(q, gravity)` returns a new array. `kernel.bind(q, gravity, out)` returns a function without arguments that
     runs on these very arrays, for loops: it takes a tenth of the time. `kernel.rows(q, gravity)` takes many
-    configurations. None looks at values: a NaN reaches every number that depends on it. Any number of threads may call.
+    configurations. Single calls and rows take what `as_array` takes. None looks at values, so that a control loop
+    counts its NaN: one reaches every number that depends on it. Any number of threads may call.
 
     Its machine code is made when it is first called or bound, in about half a second, and found in the user's cache
-    afterwards (cache.py).
+    afterwards (cache.py). It is pickled without, so it goes to processes that are spawned; what `bind` returns holds
+    addresses of this process and is not pickled.
     """
 
     def __init__(self, name: str, line: Line, shape: tuple[int, ...]) -> None:
@@ -39,6 +41,13 @@ class Kernel:
         """
         self.name, self.line, self.shape = name, line, shape
         self.inputs = widths_of(line)  # names and sizes of one configuration's arrays
+
+    def __reduce__(self) -> tuple[type["Kernel"], tuple[str, Line, tuple[int, ...]]]:
+        return Kernel, (
+            self.name,
+            self.line,
+            self.shape,
+        )  # machine code is made, or found, where it is unpickled
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Kernel":
         return self  # nothing of it ever changes
@@ -132,10 +141,11 @@ class Kernel:
         shape = (count, *self.shape)
         if out is None:
             out = np.empty(shape)
-        elif out.shape != shape or out.dtype != FLOAT64 or not out.flags.carray:
-            raise InputError(
-                f"out: expected a contiguous float64 array of shape {shape}, got {out.dtype} {out.shape}"
-            )
+        elif (
+            not isinstance(out, NDARRAY) or out.shape != shape or out.dtype != FLOAT64 or not out.flags.carray
+        ):
+            got = f"{out.dtype} {out.shape}" if isinstance(out, NDARRAY) else type(out).__name__
+            raise InputError(f"out: expected a contiguous float64 array of shape {shape}, got {got}")
         flat, rows = out.reshape(count, len(self.line.results)), self._functions.rows
         if threads == 1 or count < 2 * threads:
             rows(*arrays, flat)

@@ -46,6 +46,7 @@ class Node:
             )
         os.environ["ROS_MASTER_URI"] = uri  # rospy knows no other way, and asks again for services
         configure, rospy.core.configure_logging = rospy.core.configure_logging, lambda *_, **__: None
+        peers.bound_what_is_read()
         peers.read_greetings_apart()
         try:
             # no arguments of the program, whose names could otherwise be remapped
@@ -77,8 +78,11 @@ class Node:
         self._publishers[topic] = made
         return made, to
 
-    def subscribe(self, topic: str, type_name: str, callback: Callable[[Any], None]) -> Any:
-        """Begin to receive by a `rospy.Subscriber`, which `end` ends; `callback` runs in rospy's threads."""
+    def subscribe(
+        self, topic: str, type_name: str, callback: Callable[[Any], None], takes: Callable[[int], bool]
+    ) -> Any:
+        """Begin to receive by a `rospy.Subscriber`, which `end` ends; `callback` and `takes` run in rospy's threads."""
+        peers.take_up_to(topic, takes)
         made = rospy.Subscriber(topic, raw_class(type_name), callback, tcp_nodelay=True)
         self._subscribers[topic] = made
         return made
@@ -90,6 +94,8 @@ class Node:
             self._publishers if isinstance(publisher_or_subscriber, rospy.Publisher) else self._subscribers
         )
         listed.pop(topic, None)
+        if listed is self._subscribers:
+            peers.take_up_to(topic, None)
         publisher_or_subscriber.unregister()
 
     def serve(self, name: str, type_name: str, answer: Callable[[bytes], bytes]) -> None:

@@ -1,10 +1,11 @@
 """Who is connected to a topic of rospy's, and what waits for peers that do not keep up.
 
 The one place that reaches behind rospy's public methods, into a topic's list of connections (`Topic.impl.connections`)
-and their sockets, and to its server of connections, for three things that they do not offer:
+and their sockets, to its server of connections and to what reads them, for four things that they do not offer:
 
 - The names of peers.
 - A new peer that says nothing keeps no other out.
+- What a peer says takes no more memory than was asked for, whatever length it announces: rospy would keep 2 GB.
 - A publisher that waits for nobody and serves a robot at 1 kHz. With `queue_size=None` rospy's `publish` waits for the
   slowest peer. With `queue_size=N` it does not, but wakes a thread per topic and peer: 14 topics at 1 kHz to one peer
   then take 1.1 cores and come at 500 to 780 Hz (without other load, two cores).
@@ -16,13 +17,24 @@ import select
 import struct
 import threading
 from collections import deque
+from collections.abc import Callable
+from io import BytesIO
 from typing import Any
 
+import rosgraph.network
+import rosgraph.xmlrpc
 import rospy
+from rospy.exceptions import TransportTerminated
 from rospy.impl import tcpros_base
+
+from catenary.crtk.bounds import ANY
 
 _LOOK = 1.0  # [s] between two looks whether a peer that reads nothing has gone
 _LENGTH = struct.Struct("<I")  # in front of each message
+_GREETING = 2**16  # bytes of what a new peer says first, at most
+_REQUEST = 2**16  # bytes of a call to the node, at most: some hundred publishers of a topic
+_PATIENCE = 30.0  # [s] for the rest of a call, and between two
+_takes: dict[str, Callable[[int], bool]] = {}  # whether a topic takes a message of so many bytes, by its name
 
 
 def read_greetings_apart() -> None:
@@ -33,6 +45,87 @@ def read_greetings_apart() -> None:
     server = tcpros_base.init_tcpros_server()  # the only one, which `rospy.init_node` takes
     read = server._tcp_server_callback
     server._tcp_server_callback = lambda *peer: threading.Thread(target=read, args=peer, daemon=True).start()
+
+
+def bound_what_is_read() -> None:
+    """Have no peer, and no caller of the node, take more memory than is allowed; called before the node is started.
+
+    A message that its topic does not take (`take_up_to`) is passed over. Beyond 64 MiB the connection is closed, since
+    it can hardly be a message; the node connects again. So it is with a greeting and a call beyond 64 KiB.
+    """
+    tcpros_base.read_ros_handshake_header = _read_greeting
+    read = tcpros_base.TCPROSTransportProtocol.read_messages
+
+    def read_messages(protocol: Any, buffer: BytesIO, messages: list[Any], sock: Any) -> None:
+        _pass_over(protocol.resolved_name, buffer, sock)
+        if buffer.tell() >= _LENGTH.size:
+            read(protocol, buffer, messages, sock)
+
+    tcpros_base.TCPROSTransportProtocol.read_messages = read_messages
+    calls = rosgraph.xmlrpc.SilenceableXMLRPCRequestHandler
+    answer = calls.do_POST
+
+    def do_post(call: Any) -> None:
+        length = call.headers.get("content-length", "")
+        if length.isascii() and length.isdigit() and len(length) < 10 and int(length) <= _REQUEST:
+            answer(call)
+        else:
+            call.close_connection = True
+            call.send_error(413)
+
+    calls.do_POST, calls.timeout = do_post, _PATIENCE
+
+
+def take_up_to(topic: str, takes: Callable[[int], bool] | None) -> None:
+    """Have messages of a topic, by its resolved name, passed over unless `takes` says so of their bytes."""
+    if takes is None:
+        _takes.pop(topic, None)
+    else:
+        _takes[topic] = takes
+
+
+def _pass_over(topic: str, buffer: BytesIO, sock: Any) -> None:
+    """Drop the message that a buffer begins with if it is too large, with what of it has not come yet."""
+    end = buffer.tell()
+    buffer.seek(0)
+    (size,) = _LENGTH.unpack(buffer.read(_LENGTH.size))
+    buffer.seek(end)
+    takes = _takes.get(topic)
+    if takes(size) if takes is not None else size <= ANY:
+        return
+    rest = buffer.getvalue()[_LENGTH.size + size : end]
+    buffer.seek(0)
+    buffer.truncate()
+    if size > ANY:
+        raise TransportTerminated(f"{topic}: a message of {size} bytes was announced")
+    left = _LENGTH.size + size - end
+    while left > 0:
+        came = len(sock.recv(min(left, 65536)))
+        if not came:
+            raise TransportTerminated(f"{topic}: ended within a message")
+        left -= came
+    buffer.write(rest)
+
+
+def _read_greeting(sock: Any, buffer: BytesIO, size: int) -> dict[str, str]:
+    """Return what a new peer says first; as rospy does it, within bounds."""
+    while True:
+        came = sock.recv(size)
+        if not came:
+            raise rosgraph.network.ROSHandshakeException("the connection ended before its header had come")
+        buffer.write(came)
+        data = buffer.getvalue()
+        if len(data) <= _LENGTH.size:
+            continue
+        (length,) = _LENGTH.unpack_from(data)
+        if length > _GREETING:
+            raise rosgraph.network.ROSHandshakeException(f"a header of {length} bytes was announced")
+        if len(data) >= _LENGTH.size + length:
+            buffer.seek(0)
+            buffer.truncate()
+            buffer.write(data[_LENGTH.size + length :])
+            header: dict[str, str] = rosgraph.network.decode_ros_handshake_header(data)
+            return header
 
 
 class _Peer:

@@ -68,7 +68,7 @@ class _Topic:
         self._node, self._steady = node, steady
         self.subscriber: Any = None
         with self._lock:  # a message may come before it is known
-            self.subscriber = node.subscribe(name, type_name, self._receive)
+            self.subscriber = node.subscribe(name, type_name, self._receive, self._takes)
 
     def add(self, subscription: Subscription) -> None:
         """Give a subscription what comes from now on, and what publishers have latched."""
@@ -87,6 +87,11 @@ class _Topic:
         """Return the names of the nodes that it is connected to."""
         found: tuple[str, ...] = self._node.publishers(self.subscriber)
         return found
+
+    def _takes(self, size: int) -> bool:
+        """Return whether a message of so many bytes is for anybody; who has no room for it counts it."""
+        with self._lock:
+            return max((one.has_room_for(size) for one in self._subscriptions), default=True)
 
     def _receive(self, message: Any) -> None:
         time = self._steady()

@@ -15,8 +15,8 @@ at any time.
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from catenary.crtk.bounds import Bounds
 from catenary.crtk.clock import SECOND
-from catenary.crtk.codec import most_bytes
 from catenary.crtk.inbox import Arrival
 from catenary.crtk.message import Message, stamp_of
 from catenary.crtk.names import COMMAND, CrtkTopic
@@ -26,10 +26,16 @@ from catenary.crtk.transport import Transport
 OLDEST = SECOND // 2  # [ns] age of a stamp beyond which a command is not obeyed
 SETTLE = SECOND  # [ns] after a connection to a client that was there before the server
 LONGEST_WAIT = 10 * SECOND  # [ns] for such a connection, where the client turns out to be dead
-# of the largest command that is looked at, ours
-ENTRIES = 32  # numbers or names of an array
-TEXT = 128  # bytes of a text
+LARGEST = Bounds(entries=32, text=128)  # of a command that is looked at, ours
 ALWAYS_OBEYED = ("disable", "pause")
+# tenths of a millisecond that a command takes at most: inverse kinematics, of two arms
+COSTS = {
+    "geometry_msgs/PoseStamped": 3,
+    "geometry_msgs/TransformStamped": 3,
+    "geometry_msgs/TwistStamped": 3,
+    "raven_2/raven_automove": 4,
+}
+OF_A_TOPIC = 4  # messages that are looked at in a tick: two clients at 1 kHz, and as many again of a backlog
 
 
 class Beginning(NamedTuple):
@@ -59,16 +65,24 @@ class CommandSource:
         self._old = beginning.publishing.get(topic.name, frozenset())
         self._since: dict[str, int] = {}  # [ns] when programs were first seen to be connected
         self._waits = topic.name in beginning.published
-        largest = most_bytes(topic.type, ENTRIES, TEXT)
-        self._subscription = transport.subscribe(topic.name, topic.type, largest=largest)
+        self._subscription = transport.subscribe(topic.name, topic.type, bounds=LARGEST)
         self._missed = self._oversized = 0
+        self.cost = COSTS.get(topic.type, 1)
+        self.moves = topic.type != COMMAND and topic.verb != "use_gravity_compensation"
         self.process = ""  # that the newest fresh command came from, as in `Arrival.process`
 
-    def take(self, now: int) -> list[Message]:
-        """Return the fresh commands that came since the last time, oldest first; `now` in ns."""
-        if not len(self._subscription):
-            return []
-        fresh = [one for one in self._subscription.take_arrivals() if self._is_fresh(one, now)]
+    def __len__(self) -> int:
+        """Return how many wait."""
+        return len(self._subscription)
+
+    def forget(self) -> int:
+        """Drop what waits, and return how many commands that were."""
+        return self._subscription.forget()
+
+    def take(self, now: int, most: int = OF_A_TOPIC) -> list[Message]:
+        """Return those commands that are fresh of the `most` that have waited longest, oldest first; `now` in ns."""
+        came = self._subscription.take_arrivals(most=most)
+        fresh = [one for one in came if self._is_fresh(one, now)]
         if fresh:
             self.process = fresh[-1].process
         self._report_lost(now)
@@ -81,7 +95,8 @@ class CommandSource:
             self._reports.say(f"{self.topic.name}: lost", f"{lost - self._missed} commands", now)
             self._missed = lost
         if heard.oversized > self._oversized:
-            text = f"{heard.oversized - self._oversized} commands of more than {heard.largest} bytes dropped"
+            most = f"{heard.largest} bytes or {LARGEST.entries} names"
+            text = f"{heard.oversized - self._oversized} commands of more than {most} dropped"
             to = () if self.topic.arm is None else (self.topic.arm,)
             self._reports.say(f"{self.topic.name}: too large", text, now, to=to)
             self._oversized = heard.oversized

@@ -1,6 +1,7 @@
 """Moves that a server makes by itself: smooth, from rest to rest, in joints or along a straight line of the tool."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,8 +24,8 @@ _MOST_PIECES = 256  # half a metre; farther ones are longer, so that a message s
 _FLAT = 1e-3  # [rad|m] least slope of a way, so that one without any ends too
 
 
-def joint_move(arm: ServedArm, q: Floats) -> Trajectory:
-    """Move all joints from the setpoint to q (n,), arriving together.
+def joint_move(arm: ServedArm, q: Floats) -> Callable[[], Trajectory]:
+    """Move all joints from the setpoint to q (n,), arriving together; what is returned makes the trajectory.
 
     Raises:
         LimitError: A joint would leave its limits; nothing moves.
@@ -36,47 +37,44 @@ def joint_move(arm: ServedArm, q: Floats) -> Trajectory:
         if not lower - 1e-9 <= value <= upper + 1e-9:
             raise LimitError(f'joint "{name}": {value:.6g} {unit} outside [{lower:.6g}, {upper:.6g}]')
     velocity, acceleration = _bounds(arm)
-    return go_to(arm.setpoint.q, q, max_velocity=velocity, max_acceleration=acceleration)
+    return partial(go_to, arm.setpoint.q, q, max_velocity=velocity, max_acceleration=acceleration)
 
 
 def straight_move(arm: ServedArm, goal: Pose) -> Iterator[Trajectory | None]:
     """Move the tool along a straight line to a pose, turning it evenly.
 
-    Whether the mechanism reaches the goal is known at once, and where the way is short, up to 64 mm, whether it can
-    follow. The rest is worked out piece by piece, one piece each time that the iterator is asked, which gives None
-    until it gives the trajectory: a tick has no time for all of it.
+    Whether the goal is within the arm's reach is known at once. The rest is worked out piece by piece, one piece each
+    time that the iterator is asked, which gives None until it gives the trajectory: a tick has no time for all of it,
+    nor for the beginnings of several moves.
 
     Raises:
-        UnreachablePoseError: The goal is beyond the arm's reach, or the mechanism refuses a pose on the way, which the
-            iterator may raise too; nothing moves.
+        UnreachablePoseError: The goal is beyond the arm's reach; the iterator raises it where the mechanism refuses
+            the goal, or a pose on the way. Nothing moves.
     """
+    arm.tool.require_reach(goal)
+    return _planned(arm, arm.setpoint.q, goal)
+
+
+def _planned(arm: ServedArm, q: Floats, goal: Pose) -> Iterator[Trajectory | None]:
     tool = arm.tool
-    tool.require_reach(goal)
-    q = arm.setpoint.q
-    start = arm.tool.pose(q)
+    if tool.model.closed_form is not None:
+        # others are searched along the way, and might not get there in one go
+        tool.joints(goal, q)
+        yield None
+    start = tool.pose(q)
     way, turn = goal.position - start.position, rotation_vector(start.rotation.T @ goal.rotation)
     pieces = max(np.linalg.norm(way) / _SPACING, np.linalg.norm(turn) / _TURN)
     count = min(max(4, int(np.ceil(pieces))), _MOST_PIECES)
     shares = np.arange(1, count + 1)[:, np.newaxis] / count
     rotations = start.rotation @ Rotation.from_rotvec(shares * turn).as_matrix()
     positions = start.position + shares * way
-
-    def found() -> Iterator[Floats]:
-        near = q
-        for k in range(0, count, tool.poses_a_tick):
-            piece = slice(k, k + tool.poses_a_tick)
-            rows = tool.path(rotations[piece], positions[piece], near)
-            near = rows[-1]
-            yield rows
-
-    rows = found()
-    if count <= tool.poses_a_tick:
-        rows = iter([*rows])
-    elif (
-        tool.model.closed_form is not None
-    ):  # others are searched along the way, and might not get there in one go
-        tool.joints(goal, q)
-    return _along(q, rows, *_bounds(arm))
+    yield None
+    found = [q[np.newaxis]]
+    for k in range(0, count, tool.poses_a_tick):
+        piece = slice(k, k + tool.poses_a_tick)
+        found.append(tool.path(rotations[piece], positions[piece], found[-1][-1]))
+        yield None
+    yield from _along(np.vstack(found), *_bounds(arm))
 
 
 def _bounds(arm: ServedArm) -> tuple[Floats, Floats]:
@@ -84,14 +82,7 @@ def _bounds(arm: ServedArm) -> tuple[Floats, Floats]:
     return np.array([SPEED[unit] for unit in units]), np.array([ACCELERATION[unit] for unit in units])
 
 
-def _along(
-    start: Floats, pieces: Iterator[Floats], velocity: Floats, acceleration: Floats
-) -> Iterator[Trajectory | None]:
-    found = [start[np.newaxis]]
-    for piece in pieces:
-        found.append(piece)
-        yield None
-    rows = np.vstack(found)
+def _along(rows: Floats, velocity: Floats, acceleration: Floats) -> Iterator[Trajectory | None]:
     shares = np.linspace(0.0, 1.0, len(rows))
     path = CubicSpline(shares, rows)
     yield None

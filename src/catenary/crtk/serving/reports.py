@@ -29,7 +29,9 @@ class Reports:
         self._fresh: list[str] = []
         self._told: deque[tuple[Arm, str]] = deque(maxlen=20)
 
-    def say(self, kind: str, text: str, now: int, *, to: tuple[Arm, ...] = (), each: bool = False) -> None:
+    def say(
+        self, kind: str, text: str, now: int, *, to: tuple[Arm, ...] = (), each: bool = False, times: int = 1
+    ) -> None:
         """Count a trouble, and log it unless one of its kind was logged within 5 s.
 
         Args:
@@ -38,18 +40,19 @@ class Reports:
             now: [ns].
             to: Arms whose clients are told, when it is logged.
             each: Tell them each time.
+            times: It happened.
         """
         text = text[:LONGEST]
         report = self.kinds.setdefault(kind, Report(text))
-        report.count += 1
+        report.count += times
         report.text = text
         is_fresh = report.said is None or not 0 <= now - report.said < QUIET
         if is_fresh or each:
             self._told.extend((arm, f"{kind}: {text}") for arm in to)
         if is_fresh:
             report.said = now
-            times = f" ({report.count} times so far)" if report.count > 1 else ""
-            line = f"{kind}: {text}{times}"
+            often = f" ({report.count} times so far)" if report.count > 1 else ""
+            line = f"{kind}: {text}{often}"
             self._fresh.append(line)
             del self._fresh[:-20]  # nobody may be asking for them
             _logger.warning("%s", line)

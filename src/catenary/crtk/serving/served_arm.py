@@ -67,6 +67,7 @@ class ServedArm:
         self._torque: Floats | None = None
         self._pushed: Floats | None = None  # torques (n,) that were asked for in this tick
         self._until = 0  # tick at which velocity or torque lapse
+        self._wanted: Callable[[], Trajectory] | None = None
         self._move: tuple[Trajectory, int] | None = None
         self._plan: Iterator[Trajectory | None] | None = None
         self._was_ready = self._is_known = False
@@ -125,10 +126,10 @@ class ServedArm:
         self.push_with(np.zeros(len(self.names)))
         self._until = 2**62
 
-    def move(self, trajectory: Trajectory) -> None:
-        """Follow a trajectory from the setpoint, busy until it ends."""
+    def move(self, make: Callable[[], Trajectory]) -> None:
+        """Follow a trajectory from the setpoint, busy until it ends; the last one of a tick is made, at its end."""
         self.hold()
-        self._move = (trajectory, self.tick)
+        self._wanted = make
 
     def move_when_planned(self, plan: Iterator[Trajectory | None]) -> None:
         """Follow a trajectory from the setpoint, busy at once; `plan` is asked once a tick until it gives it."""
@@ -139,7 +140,7 @@ class ServedArm:
         """Forget all commands and stay."""
         self.increments.clear()
         self.goal.clear()
-        self._velocity = self._move = self._plan = None
+        self._velocity = self._wanted = self._move = self._plan = None
         if self._torque is not None:
             self._torque = None
             if self.is_ready and self._takes_positions:
@@ -222,6 +223,8 @@ class ServedArm:
         )
 
     def _act(self) -> None:
+        if self._wanted is not None:
+            self._move, self._wanted = (self._wanted(), self.tick), None
         increments = self.increments.next(self.tick)
         if increments is not None:
             self._send(self.setpoint.q + increments)

@@ -9,20 +9,25 @@ from catenary.crtk.clock import SECOND
 from catenary.crtk.conversions import Stamps
 from catenary.crtk.message import Message, message_class
 from catenary.crtk.names import BUTTON, BUTTON_TYPE, COMMAND, WARNING, CrtkTopic
-from catenary.crtk.serving.command_source import Beginning, CommandSource
+from catenary.crtk.serving.command_source import OF_A_TOPIC, Beginning, CommandSource
 from catenary.crtk.serving.commander import Commander
 from catenary.crtk.serving.outlet import Outlet
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.served_encoders import ServedEncoders
 from catenary.crtk.serving.speaker import Speaker
+from catenary.crtk.serving.state_machine import why_not_obeyed
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError
 from catenary.recording.topics import Arm
 
 _STARTS = ": starts"
+STOPS = ("hold", "free")  # commands after which nothing is obeyed that waited
 _String = message_class("std_msgs/String")
 WATCH = SECOND // 10  # [ns] between two looks at who is connected
+MOST = (
+    8  # tenths of a millisecond that the commands of a tick take at most; what is left waits for the next one
+)
 
 
 class Server:
@@ -66,8 +71,10 @@ class Server:
         ]
         # state commands first: what was sent after a `resume` is obeyed in the same tick
         self._sources.sort(key=lambda source: source.topic.type != COMMAND)
+        self._others = sum(source.topic.type == COMMAND for source in self._sources)  # where the others begin
         self._commanders = {name: Commander(transport) for name in arms}
-        self._arrivals = 0  # messages that were looked at
+        self._arrivals = 0  # messages that were looked at, or wait
+        self._is_behind = False  # some wait
         self.outlets = {
             (topic.verb, topic.arm): Outlet(transport, topic) for topic in wanted if topic.direction == "out"
         }
@@ -85,12 +92,9 @@ class Server:
         now = self.transport.now()
         self.transport.poll()
         arrivals = self.transport.inbox.arrivals
-        if arrivals != self._arrivals:  # else nothing new waits
+        if arrivals != self._arrivals or self._is_behind:  # else nothing waits
             self._arrivals = arrivals
-            for source in self._sources:
-                for message in source.take(now):
-                    self.commands += 1
-                    self._obey(source, message, now)
+            self._take_in(now)
         for arm in self.arms.values():
             arm.reports_time = now
             arm.advance()
@@ -109,6 +113,24 @@ class Server:
                 source.watch(now)
             for name, arm in self.arms.items():
                 self._pause_abandoned(arm, self._commanders[name], now)
+
+    def _take_in(self, now: int) -> None:
+        """Obey what has come, as much as a tick has time for; what comes faster waits, then the oldest gives way."""
+        left, waiting = MOST, 0
+        for k, source in enumerate(self._sources):
+            free = left - MOST // 2 if k < self._others else left  # state commands leave half to the others
+            count = min(len(source), OF_A_TOPIC, free // source.cost)
+            left -= count * source.cost
+            for message in source.take(now, count) if count else ():
+                self.commands += 1
+                self._obey(source, message, now)
+            if len(source) and source.moves and not any(arm.is_ready for arm in self._arms_of(source.topic)):
+                self._forget(source, now)
+            waiting += len(source)
+        self._is_behind = waiting > 0
+        if waiting:  # another topic is first in the next tick
+            states, others = self._sources[: self._others], self._sources[self._others :]
+            self._sources = [*states[1:], *states[:1], *others[1:], *others[:1]]
 
     def press_button(self) -> list[str]:
         """Press the silver button; return what it did, arm by arm."""
@@ -166,6 +188,8 @@ class Server:
                 self._state_command(topic, message.string, now)
             else:
                 self._dialect.obey(topic, message)
+                if topic.verb in STOPS and topic.arm is not None:
+                    self._forget_others(self.arms[topic.arm], now)
                 for name in self.arms if topic.arm is None else (topic.arm,):
                     self._commanders[name].commands(topic.name, source.process, now)
         except CatenaryError as error:  # whatever a client sends, the robot goes on
@@ -173,10 +197,30 @@ class Server:
         except (ArithmeticError, ValueError, LookupError) as error:  # numbers that nobody foresaw
             self._refuse(topic, repr(error), now)
 
-    def _refuse(self, topic: CrtkTopic, why: str, now: int) -> None:
+    def _arms_of(self, topic: CrtkTopic) -> tuple[ServedArm, ...]:
+        """Return the arms that a topic's commands move."""
+        return tuple(self.arms.values()) if topic.arm is None else (self.arms[topic.arm],)
+
+    def _forget_others(self, arm: ServedArm, now: int) -> None:
+        """Drop the motion commands of an arm that wait: what stops it is not followed by what came before."""
+        if not self._is_behind:
+            return  # all that waits came in this tick, and no order is kept between topics within one
+        for source in self._sources:
+            if source.moves and len(source) and source.topic.arm == arm.arm:
+                self._forget(source, now)
+
+    def _forget(self, source: CommandSource, now: int) -> None:
+        """Drop what waits of a topic."""
+        arm = self._arms_of(source.topic)[0]
+        why = "not obeyed: what came after it stopped the arm" if arm.is_ready else why_not_obeyed(arm.state)
+        dropped = source.forget()
+        self.commands += dropped
+        self._refuse(source.topic, why, now, times=dropped)
+
+    def _refuse(self, topic: CrtkTopic, why: str, now: int, times: int = 1) -> None:
         """Say why a command is not obeyed, of each move and of streamed commands now and then."""
         to = tuple(self.arms) if topic.arm is None else (topic.arm,)
-        self.reports.say(f"{topic.name}: refused", why, now, to=to, each="move" in topic.verb)
+        self.reports.say(f"{topic.name}: refused", why, now, to=to, each="move" in topic.verb, times=times)
 
     def _pause_abandoned(self, arm: ServedArm, commander: Commander, now: int) -> None:
         """Pause an arm whose commander has gone in the middle of a motion."""
@@ -204,3 +248,4 @@ class Server:
                 self.reports.say(f"{topic.name}: ignored", ignored, now)
             if not arm.is_ready:
                 arm.hold()
+                self._forget_others(arm, now)

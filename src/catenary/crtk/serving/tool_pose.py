@@ -41,7 +41,7 @@ class ToolPose:
             self._to_model[-1, -2:] = -0.5, 0.5
         self.reach = _reach(model)  # [m] from the base, which the tool never passes
         # poses that `path` finds well within a tick
-        self.poses_a_tick = 32 if model.closed_form == "raven2" else 1
+        self.poses_a_tick = 16 if model.closed_form == "raven2" else 1
         frame_0 = model.frames.get("frame0")
         self._frame_0 = Pose(np.eye(3), np.zeros(3)) if frame_0 is None else frame_0.pose
         self._base_in_frame_0 = self._frame_0.inverse()
