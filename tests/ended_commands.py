@@ -66,9 +66,9 @@ def _end_program(
     master: Master, served: CrtkClient, folder: Path, command: str, number: signal.Signals
 ) -> tuple[int, str, str]:
     with Program(master, PATIENT_COMMAND, *arguments(command, folder, served.setpoint_js().q[0])) as program:
-        until(lambda: takes_signals(program.process.pid), every=0.01)
+        until(lambda: takes_signals(program.process.pid), every=0.05)
         begin = served.setpoint_js().q  # it sinks a little when a paused robot is resumed
-        until(lambda: np.abs(served.setpoint_js().q - begin).max() > 5e-3, every=0.005)
+        until(lambda: np.abs(served.setpoint_js().q - begin).max() > 5e-3, every=0.02)
         program.process.send_signal(number)
         out, errors = program.finish()
     return program.process.returncode, out, errors

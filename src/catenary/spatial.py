@@ -139,6 +139,8 @@ def as_rotation(name: str, values: ArrayLike) -> Floats:
         InputError: Not orthonormal to 1e-6, or a reflection.
     """
     matrix = as_array(name, values, (3, 3))
+    if np.abs(matrix).max() > 2.0:
+        raise InputError(f"{name}: expected a rotation matrix, got numbers up to {np.abs(matrix).max():.3g}")
     deviation = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
     determinant = float(np.linalg.det(matrix))
     if deviation > 1e-6 or determinant < 0.0:

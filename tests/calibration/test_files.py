@@ -57,6 +57,11 @@ PARTS = ("format", "signals", "groups", "target", "history", "joint_names")
 MISFITS: list[dict[str, Any]] = [
     {"target": "torque"},
     {"joint_names": ["J1", "J2"]},
+    {"joint_names": ["J1", "J1", "J2"]},
+    {"joint_names": ["J1", "J2\u001b", "J3"]},
+    {"joint_units": ["rad"]},
+    {"history": 10**30},
+    {"target": ["error"]},
     {"groups": []},
     {"groups": [{"joints": [0, 1, 1], "predictor": "linear"}]},
     {"groups": [{"joints": [0, 1, 2], "predictor": "cubic"}]},
@@ -66,6 +71,8 @@ MISFITS: list[dict[str, Any]] = [
     {"history": 0},
     {"play": [["q:J1"]]},
     {"rate_hz": -1.0},
+    {"period": "1"},
+    {"play": [["q:J1", 1e999]]},
 ]
 
 

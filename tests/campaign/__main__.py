@@ -23,6 +23,10 @@ def main() -> int:
     if options.replay is not None:
         return replay(options.replay)
     results = Results(options.out)
+    if options.add is not None:
+        results.merge(options.add)
+        print(write_campaign_page(results))
+        return 0
     if options.markdown:
         print(markdown(results.read()))
         return 0
@@ -98,6 +102,9 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--workers", type=int, default=1, help="child processes at a time")
     parser.add_argument(
         "--replay", type=Path, metavar="FAILURE", help="a folder below failures/, tried again"
+    )
+    parser.add_argument(
+        "--add", type=Path, metavar="JSON", help="another campaign.json, added to these results"
     )
     parser.add_argument("--markdown", action="store_true", help="print the table of the results, try nothing")
     return parser.parse_args()

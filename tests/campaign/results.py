@@ -54,13 +54,24 @@ class Results:
                 key=lambda failure: int(failure["seed"]),
             )
             entry["seeds"] = ranges_of(seeds_of(entry["seeds"]) | tried.keys())
-            entry["target"] = part.target
-            entry["tried"] = len(seeds_of(entry["seeds"]))
-            entry["failed"] = len(entry["failures"])
-            entry["held"] = entry["tried"] - entry["failed"]
-            entry["seconds"] = round(entry["seconds"] + seconds, 1)
+            content["parts"][part.name] = _counted(entry, part.target, round(entry["seconds"] + seconds, 1))
             content["parts"] = dict(sorted(content["parts"].items()))
             content |= _about()
+
+    def merge(self, other: Path) -> None:
+        """Add the results of another campaign.json, of another machine or of a part run by itself."""
+        with self._changing() as content:
+            for name, theirs in json.loads(other.read_text(encoding="utf-8"))["parts"].items():
+                mine = content["parts"].get(name, {"seeds": [], "failures": [], "seconds": 0.0})
+                done = seeds_of(mine["seeds"])
+                new = [failure for failure in theirs["failures"] if failure["seed"] not in done]
+                entry = {
+                    "seeds": ranges_of(done | seeds_of(theirs["seeds"])),
+                    "failures": mine["failures"] + new,
+                }
+                seconds = round(mine["seconds"] + theirs["seconds"], 1)
+                content["parts"][name] = _counted(entry, theirs["target"], seconds)
+            content["parts"] = dict(sorted(content["parts"].items()))
 
     def following(self, part: Part, first: int, count: int | None) -> Iterator[range]:
         """Yield ranges of seeds to try: as many as asked for, else as many as the part's target still wants; from
@@ -83,6 +94,12 @@ class Results:
             content = self.read()
             yield content
             write_atomically(self.path, json_text(content).encode())
+
+
+def _counted(entry: dict[str, Any], target: int, seconds: float) -> dict[str, Any]:
+    tried, failed = len(seeds_of(entry["seeds"])), len(entry["failures"])
+    counts = {"target": target, "tried": tried, "held": tried - failed, "failed": failed}
+    return {**entry, **counts, "seconds": seconds}
 
 
 def seeds_of(ranges: Ranges) -> set[int]:

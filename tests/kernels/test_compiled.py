@@ -1,6 +1,9 @@
 import subprocess
 import sys
 
+import numba
+import pytest
+
 from catenary.kernels.compiled import Compiled, compiled, inlined
 
 
@@ -57,3 +60,15 @@ def test_code_on_disk_is_made_anew_when_a_file_that_it_calls_has_changed(tmp_pat
         (tmp_path / "called.py").write_text(f"{head}@inlined\ndef slope():\n    return {slope}\n")
         done = subprocess.run([sys.executable, tmp_path / "caller.py"], capture_output=True, check=True)
         assert done.stdout.decode().strip() == slope
+
+
+def test_where_numba_is_told_to_compile_nothing_functions_run_as_python(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(numba.config, "DISABLE_JIT", True)
+
+    @compiled
+    def twice(x: float) -> float:
+        return 2.0 * x
+
+    assert twice(1.5) == 3.0

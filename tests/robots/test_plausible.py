@@ -1,6 +1,7 @@
 """Numbers and names that no robot can have are refused, whatever kind of file holds them."""
 
 import re
+import warnings
 
 import pytest
 
@@ -105,6 +106,19 @@ def test_an_mjcf_file_that_includes_itself_is_refused(tmp_path):
     path.write_text('<mujoco><include file="robot.xml"/></mujoco>')
     with pytest.raises(FileFormatError, match="MuJoCo cannot read it"):
         load_mjcf(path)
+
+
+@pytest.mark.parametrize("number", ["1e308", "1e200", "nan"])
+def test_numbers_of_an_mjcf_file_that_overflow_are_refused_without_a_warning(tmp_path, number):
+    path = tmp_path / "robot.xml"
+    path.write_text(
+        f'<mujoco><worldbody><body pos="{number} 0 0"><inertial pos="0 {number} 0" mass="1" diaginertia="1 1 1"/>'
+        f'<joint pos="0 0 {number}"/></body></worldbody></mujoco>'
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(CatenaryError):
+            load_mjcf(path)
 
 
 def test_images_of_an_mjcf_file_are_not_opened(tmp_path):

@@ -87,6 +87,10 @@ class CalibrationModel:
 
     def __post_init__(self) -> None:
         n, width = len(self.joint_names), len(self.features.names)
+        if len(self.joint_units) != n:
+            raise InputError(
+                f"model: expected a unit for each of its {n} joints, got {len(self.joint_units)}"
+            )
         if self.target not in get_args(Target):
             raise InputError(f"model: target {self.target!r}: expected {' or '.join(get_args(Target))}")
         if sorted(j for group in self.groups for j in group.joints) != list(range(n)):

@@ -4,12 +4,16 @@ import contextlib
 import io
 import os
 import sys
+from typing import TextIO, cast
 
 import typer
 
 from catenary import __version__
 from catenary.cli.commands import CommandGroup, InterruptedCommand
 from catenary.cli.signals import exit_code
+from catenary.visible import VisibleStream
+
+MOST_SAID = 10_000  # characters of an error: names in it may be as long as a file
 
 app = typer.Typer(
     name="catenary",
@@ -39,14 +43,24 @@ def _options(
 
 def main() -> None:
     """Run the command; bad input ends with exit code 2 and a message, a found fault with 1."""
-    from catenary.errors import CatenaryError
-
     sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115  # a service may have closed it
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             # a terminal without a character still shows the rest
             stream.reconfigure(errors="backslashreplace")
+    out, err = sys.stdout, sys.stderr
+    # also what is logged goes through them
+    sys.stdout, sys.stderr = cast(TextIO, VisibleStream(out)), cast(TextIO, VisibleStream(err))
+    try:
+        _run()
+    finally:
+        sys.stdout, sys.stderr = out, err
+
+
+def _run() -> None:
+    from catenary.errors import CatenaryError
+
     try:
         try:
             app(prog_name="catenary")
@@ -75,13 +89,13 @@ def _with_notes(message: str, error: BaseException) -> str:
 
 def _fail(message: str, code: int) -> None:
     with contextlib.suppress(OSError):  # a terminal that was closed
-        print(f"catenary: {message}", file=sys.stderr)
+        print(f"catenary: {message[:MOST_SAID]}", file=sys.stderr)
     sys.exit(code)
 
 
 def _close_output() -> None:
     """Point standard output nowhere, so that Python's own last flush does not fail once more."""
-    if isinstance(sys.stdout, io.TextIOWrapper):
+    with contextlib.suppress(io.UnsupportedOperation):  # a text in memory, in a test
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

@@ -11,6 +11,7 @@ from textwrap import fill
 from typing import Any, TextIO
 
 from catenary.errors import InputError
+from catenary.visible import visible
 
 
 def numbers(option: str, text: str, count: int | None = None) -> tuple[float, ...]:
@@ -150,9 +151,9 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-    console = Console(stderr=True)
+    console = Console(file=getattr(sys.stderr, "stream", sys.stderr))
     with Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         TextColumn("{task.percentage:>3.0f} %"),
         TimeElapsedColumn(),
@@ -160,5 +161,5 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
         console=console,
         transient=True,
     ) as bar:
-        task = bar.add_task(label, total=1.0)
+        task = bar.add_task(visible(label), total=1.0)
         yield lambda done: bar.update(task, completed=done)

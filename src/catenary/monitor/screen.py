@@ -5,6 +5,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.monitor.snapshot import Snapshot
 from catenary.sensing.vector import tilt_of
+from catenary.visible import visible
 
 BAR = 12  # characters of a joint's range
 _COLUMNS = {  # by heading: field of the snapshot, characters
@@ -106,7 +107,7 @@ def _left_right(left: str, right: str, columns: int) -> str:
 
 
 def _fit(text: str, columns: int) -> str:
-    return text[:columns].rstrip()
+    return visible(text.replace("\n", " "))[:columns].rstrip()
 
 
 def _warned(text: str, colour: bool) -> str:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -145,7 +145,7 @@ def read_messages(
         left = left[~np.isin(left, same_length[same])]
 
 
-@cache
+@lru_cache(maxsize=256)  # its texts are names of joints, which come from files
 def _blank(name: str, texts: tuple[tuple[str, str], ...], counts: tuple[tuple[str, int], ...]) -> bytes:
     sizes = {**{path: len(text.encode()) for path, text in texts}, **dict(counts)}
     walk = _Walk("ros1", lambda path, _: sizes.get(path, 0))

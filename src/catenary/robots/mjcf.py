@@ -1,5 +1,6 @@
 """Robots from MJCF files, read by MuJoCo itself and taken from its compiled arrays."""
 
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -55,7 +56,7 @@ def load_mjcf(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
     compiled = _compile(path)
     sources = [file_source(path, content)]
     sources += [file_source(Path(name), text) for name, text in included.items()]
-    with naming_the_file(str(path)):
+    with naming_the_file(str(path)), np.errstate(all="ignore"):  # what is not finite is refused by name
         _refuse_what_no_tree_has(compiled)
         model = _assemble(compiled, path, sources)
     return model.with_massless(massless)
@@ -92,7 +93,7 @@ def _compile(path: Path) -> _Compiled:
         ) from error
     try:
         spec = _read(mujoco, path)
-        model = spec.compile()
+        model = _compiled_by(spec)
         mass, inertia = model.body_mass, model.body_inertia
     except _mujocos_errors(mujoco) as error:
         if "must be larger than mjMINVAL" not in str(error):
@@ -124,6 +125,13 @@ def _read(mujoco: Any, path: Path) -> Any:
     return spec
 
 
+def _compiled_by(spec: Any) -> Any:
+    """Compile without MuJoCo's warnings: they are of its own simulation, and the tree is checked here."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return spec.compile()
+
+
 def _mujocos_errors(mujoco: Any) -> tuple[type[Exception], ...]:
     return (ValueError, RuntimeError, TypeError, MemoryError, mujoco.FatalError)
 
@@ -133,7 +141,7 @@ def _compile_without_mass(mujoco: Any, path: Path) -> tuple[Any, Any]:
         spec = _read(mujoco, path)
         spec.compiler.boundmass = max(spec.compiler.boundmass, _LEAST_MASS)
         spec.compiler.boundinertia = max(spec.compiler.boundinertia, _LEAST_INERTIA)
-        return spec, spec.compile()
+        return spec, _compiled_by(spec)
     except _mujocos_errors(mujoco) as error:
         raise FileFormatError(f"{path}: MuJoCo cannot read it: {str(error).strip()}") from error
 

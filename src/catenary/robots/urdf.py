@@ -67,7 +67,8 @@ def parse_urdf(
     root = _only_root(where, links, joints)
     names = names_beside_base(name for name in links if name != root) | {root: BASE}
     free, following = _leaders(where, joints)
-    tree_links = [_tree_link(where, joint, links[joint.child], names, following) for joint in joints]
+    with np.errstate(all="ignore"):  # what is not finite is refused by name
+        tree_links = [_tree_link(where, joint, links[joint.child], names, following) for joint in joints]
     with naming_the_file(where):
         model = assemble(
             robot.get("name") or "unnamed",

@@ -16,6 +16,7 @@ from catenary.spatial import as_rotation
 Vector = tuple[float, float, float]
 _ZERO = (0.0, 0.0, 0.0)
 # what no sensor can have and numbers of damaged files do
+LEAST_SCALE = 1e-3
 MOST = {"position": (FARTHEST, "m"), "bias": (1e3, "m/s2"), "scale": (1e3, ""), "rate_bias": (1e3, "rad/s")}
 
 
@@ -39,8 +40,10 @@ class Mounting:
         object.__setattr__(self, "rotation", frozen(as_rotation("mounting rotation", self.rotation)))
         for name in ("position", "bias", "scale", "rate_bias"):
             object.__setattr__(self, name, frozen(as_array(f"mounting {name}", getattr(self, name), (3,))))
-        if not (self.scale > 0.0).all():
-            raise InputError(f"mounting scale: expected positive factors, got {self.scale.tolist()}")
+        if not (self.scale >= LEAST_SCALE).all():
+            raise InputError(
+                f"mounting scale: expected factors of {LEAST_SCALE} or more, got {self.scale.tolist()}"
+            )
         for name, (most, unit) in MOST.items():
             check_within(f"mounting {name}", getattr(self, name), most, unit)
         for name in ("acceleration_range", "rate_range"):

@@ -9,6 +9,7 @@ from catenary.arrays import Floats
 from catenary.plant import Bounded, JointState, OperatingState
 from catenary.teleop.dead_man import RAMP, TIMEOUT
 from catenary.teleop.motion import BACKWARD, FORWARD
+from catenary.visible import visible
 
 BAR = 24  # characters of a joint's range
 _HELP = (
@@ -65,7 +66,7 @@ def teleop_lines(view: View, columns: int = 80, lines: int = 24) -> list[str]:
     footer = [*(_MORE if view.with_help else ()), *_HELP]
     room = max(0, lines - len(footer))
     shown = shown[:room] + [""] * (room - len(shown)) + footer[:lines]
-    return [line[:columns] for line in shown[:lines]]
+    return [visible(line.replace("\n", " "))[:columns] for line in shown[:lines]]
 
 
 def _number(value: float, unit: str) -> str:

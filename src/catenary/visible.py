@@ -1,0 +1,36 @@
+"""Text from files and messages as a terminal may be given it: nothing in it moves the cursor or turns writing round."""
+
+import re
+from typing import Any
+
+# C0 but for tab and line feed, DEL, C1, marks and overrides of direction, line and paragraph separators
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+
+
+def visible(text: str) -> str:
+    """Return text with control characters written out, as JSON does it."""
+    return _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+class VisibleStream:
+    """A text stream through which no control character passes; all else is the stream's own.
+
+    Programs that draw on a terminal, such as progress bars, write to `stream`.
+    """
+
+    def __init__(self, stream: Any) -> None:
+        """Take the stream that is written to."""
+        self.stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
+
+    def write(self, text: str) -> int:
+        """Write text; return its length."""
+        self.stream.write(visible(text))
+        return len(text)
+
+    def writelines(self, lines: Any) -> None:
+        """Write texts."""
+        for line in lines:
+            self.write(line)
