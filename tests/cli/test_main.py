@@ -8,7 +8,7 @@ from command_line import catenary
 
 COMMANDS = [
     "calibrate", "home", "excite", "record", "extract", "fit", "evaluate", "deploy", "goto", "random", "follow", "teleop",
-    "monitor", "gravity", "track", "hold", "export", "serve", "button", "identify", "excitation", "payload", "check",
+    "monitor", "gravity", "track", "hold", "export", "recover", "serve", "button", "identify", "excitation", "payload", "check",
     "fk", "ik", "regressor", "sense", "encoders", "gravity-node", "robots", "demo",
 ]  # fmt: skip
 HEAVY = ("numpy", "numba", "scipy", "sklearn", "matplotlib", "pydantic", "mujoco", "pyarrow", "rich.table")

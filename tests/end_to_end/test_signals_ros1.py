@@ -16,6 +16,7 @@ from ros import NODE, PATIENT_COMMAND, Master, Program
 
 pytestmark = pytest.mark.slow
 
+
 @pytest.fixture(scope="module")
 def served(ros_master: Master, patient_node: None) -> Iterator[CrtkClient]:
     """A homed robot, and a program that looks at it."""

@@ -117,7 +117,7 @@ def test_a_bag_that_could_not_be_finished_keeps_another_name(journal: Path, tmp_
             yield from list(super().messages())[:10]
             raise OSError("gone")
 
-    with pytest.raises(OSError, match="gone"):
+    with pytest.raises(FileFormatError, match="gone"):
         write_group_bags(Failing(journal), tmp_path)
     assert {path.suffix for path in tmp_path.iterdir()} == {".part"}
 

@@ -1,3 +1,4 @@
+import errno
 import json
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from catenary.recording.bag import write_group_bags
 from catenary.recording.extract import TopicFile, extract, topic_file
 from catenary.recording.journal import About, JournalTopic, JournalWriter
 from catenary.recording.journal_reader import JournalReader
+from catenary.recording.raven_csv import write_raven_csv
 from catenary.recording.topics import EXT_JPOS, GREEN_MEASURED_JS, raven_topics
 from oracles.raven_recording import ABOUT, START_NS, encoder, nominal, record, write_bag
 
@@ -137,3 +139,28 @@ def test_what_does_not_belong_together_or_is_no_topic_is_refused(tmp_path: Path,
         topic_file(tmp_path, EXT_JPOS)
     with pytest.raises(InputError, match="holds an extraction already"):
         extract([journal], tmp_path)
+
+
+def test_a_full_disk_is_an_error_that_names_the_place_and_leaves_nothing(
+    journal, tmp_path, monkeypatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as broken:
+        broken.setattr("pyarrow.parquet.ParquetWriter.write_table", full)
+        with pytest.raises(FileFormatError, match=r"x: cannot be written: No space left on device"):
+            extract([journal], tmp_path / "x")
+    assert list((tmp_path / "x").iterdir()) == []
+    with monkeypatch.context() as broken:
+        broken.setattr("rosbags.rosbag1.Writer.write", full)
+        with pytest.raises(FileFormatError, match=r"bags: bags cannot be written: No space left on device"):
+            write_group_bags(JournalReader(journal), tmp_path / "bags")
+    extract([journal], tmp_path / "x")
+    write_raven_csv(tmp_path / "x", tmp_path / "x.csv")
+    whole = (tmp_path / "x.csv").read_bytes()
+    with monkeypatch.context() as broken:
+        broken.setattr("pyarrow.csv.write_csv", full)
+        with pytest.raises(FileFormatError, match=r"x\.csv: cannot be written: No space left on device"):
+            write_raven_csv(tmp_path / "x", tmp_path / "x.csv")
+    assert (tmp_path / "x.csv").read_bytes() == whole

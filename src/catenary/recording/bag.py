@@ -6,6 +6,7 @@ travel as one message on `/catenary/recording`, in a bag of its own: the program
 in a bag for one of that topic.
 """
 
+import contextlib
 import logging
 from pathlib import Path
 from typing import Literal
@@ -76,9 +77,12 @@ def write_group_bags(source: Source, folder: Path, kind: BagKind = "ros1") -> tu
         for problem in source.problems:
             log.warning("%s", problem)
         return tuple(path for bag in bags.values() for path in bag.close())
-    except BaseException:
+    except BaseException as error:
         for bag in bags.values():
-            bag.abort()
+            with contextlib.suppress(OSError):  # the disk may be full
+                bag.abort()
+        if isinstance(error, OSError):
+            raise FileFormatError(f"{folder}: bags cannot be written: {error.strerror or error}") from error
         raise
 
 

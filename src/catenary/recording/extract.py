@@ -1,5 +1,6 @@
 """Recordings into Parquet: a file per topic, a column per number, in SI, in bounded memory."""
 
+import contextlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -56,7 +57,7 @@ def extract(
         salvage: Read bags, too, that were cut off or are damaged: what is whole in them.
 
     Raises:
-        FileFormatError: A file cannot be read, its types are not ours, or it lacks a topic that was asked for.
+        FileFormatError: A file cannot be read or written, its types are not ours, or it lacks a topic asked for.
         InputError: The folder holds an extraction already, or the files are of different recordings.
     """
     sources = open_recordings(paths, salvage=salvage)
@@ -71,9 +72,9 @@ def extract(
             {"name": file.name, "sha256": sha256_of(file)} for path in paths for file in _files(path)
         ],
     }
-    folder.mkdir(parents=True, exist_ok=True)
     writers: dict[str, _TopicWriter] = {}
     try:
+        folder.mkdir(parents=True, exist_ok=True)
         for source in sources:
             here = {t.name: wanted[t.name] for t in source.topics if t.name in wanted}
             for name, arrivals, block in _blocks(source, tuple(here)):
@@ -84,9 +85,11 @@ def extract(
                 writer.write()  # the next file may be in another encoding
             problems += source.problems
         files = {name: writer.close() for name, writer in writers.items()}
-    except BaseException:
+    except BaseException as error:
         for writer in writers.values():
             writer.abort()
+        if isinstance(error, OSError):
+            raise FileFormatError(f"{folder}: cannot be written: {error.strerror or error}") from error
         raise
     problems += [f"topic {name}: no messages" for name in wanted if name not in writers]
     counts = {name: writer.messages for name, writer in writers.items()}
@@ -225,9 +228,11 @@ class _TopicWriter:
         return self.path
 
     def abort(self) -> None:
-        if self._writer is not None:
-            self._writer.close()
-        self._part.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # the disk may be full; what is left bears another name
+            if self._writer is not None:
+                self._writer.close()
+        with contextlib.suppress(OSError):
+            self._part.unlink(missing_ok=True)
 
 
 def _blocks(source: Source, topics: Sequence[str]) -> Iterator[tuple[str, NDArray[np.int64], Block]]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.errors import FileFormatError, InputError
+from catenary.files import written_whole
 from catenary.recording.clock_steps import without_steps
 from catenary.recording.importers import is_number
 from catenary.recording.series import Series, clean_series
@@ -62,7 +63,7 @@ def write_raven_csv(folder: Path, path: Path, *, arm: Arm = "gold", max_gap: flo
         Number of rows.
 
     Raises:
-        FileFormatError: raven_state, ext_jpos or measured_js is not in the extraction.
+        FileFormatError: raven_state, ext_jpos or measured_js is not there, or the file cannot be written.
     """
     file = open_state(folder)
     told = file.read(["stamp", "arrival"])
@@ -71,9 +72,8 @@ def write_raven_csv(folder: Path, path: Path, *, arm: Arm = "gold", max_gap: flo
     parts = [read_first_column(folder, topic, max_gap, clock_steps=steps) for topic in topics]
     rows = 0
     names = [name for column in STATE_COLUMNS for name in column.names]
-    part = path.with_name(f"{path.name}.part")
     options = pa.csv.WriteOptions(include_header=False, quoting_style="none")
-    with part.open("wb") as out:
+    with written_whole(path) as out:
         first = int(stamps[0]) if file.rows else 0
         for group in range(file.row_groups):
             content = file.read(names, group)
@@ -84,7 +84,6 @@ def write_raven_csv(folder: Path, path: Path, *, arm: Arm = "gold", max_gap: flo
             table = pa.table(blocks, names=[str(i) for i in range(len(blocks))])
             pa.csv.write_csv(table, out, options)
             rows += len(stamp_ns)
-    part.replace(path)
     return rows
 
 
