@@ -47,6 +47,10 @@ def _record(kind: int, data: bytes) -> bytes:
     return struct.pack("<BQ", kind, len(data)) + data
 
 
+def _text(text: str) -> bytes:
+    return struct.pack("<I", len(text)) + text.encode()
+
+
 def _mcap(*records: bytes) -> bytes:
     magic = b"\x89MCAP0\r\n"
     head = _record(1, struct.pack("<I", 4) + b"ros2" + struct.pack("<I", 0))
@@ -59,7 +63,23 @@ def _chunk(stated: int, name: bytes, data: bytes, taken: int | None = None) -> b
 
 
 BOMB = pa.compress(bytes(MOST_UNPACKED + 1), "zstd", asbytes=True)
+DEFINED = b"".join(
+    _record(
+        3,
+        struct.pack("<H", i)
+        + _text("std_msgs/msg/String")
+        + _text("ros2msg")
+        + _text(f"string data\nint8 A={i}"),
+    )
+    + _record(4, struct.pack("<HH", i, i) + _text(f"/a{i}") + _text("cdr") + struct.pack("<I", 0))
+    for i in range(1, 60)
+)
 CLAIMS = {
+    "very many definitions": (DEFINED, "definitions of types that are ours"),
+    "very many records in a chunk": (
+        _chunk(9 * 500_001, b"zstd", pa.compress(struct.pack("<BQ", 9, 0) * 500_001, "zstd", asbytes=True)),
+        "more than 500000 messages",
+    ),
     "a record beyond the file": (struct.pack("<BQ", 5, 2**62), "has 4611686018427387904 bytes"),
     "a length beyond 63 bits": (struct.pack("<BQ", 5, 2**64 - 1), "has 18446744073709551615 bytes"),
     "a chunk that unpacks too far": (_chunk(len(BOMB) * 10**6, b"zstd", BOMB), "would unpack to"),
@@ -161,7 +181,7 @@ def test_a_chunk_is_unpacked_as_far_as_it_states(tmp_path: Path, packing: str, s
 
 
 @pytest.mark.parametrize(
-    "field", [b"op=", b"size=", b"compression=", b"index_pos=", b"conn_count=", b"type=", b"topic="]
+    "field", [b"size=", b"compression=", b"index_pos=", b"conn_count=", b"type=", b"topic="]
 )
 def test_a_header_that_lacks_a_field_is_refused_by_its_name(tmp_path: Path, field: bytes) -> None:
     content = bytes(_bag(tmp_path, "LZ4" if field == b"size=" else None))
@@ -178,3 +198,13 @@ def test_a_topic_of_two_types_is_refused(tmp_path: Path) -> None:
             bag.write(to, 1, b"\0\0\0\0")
     with pytest.raises(CatenaryError, match="topic /a: is of type std_msgs/String and of std_msgs/Bool"):
         open_recording(path)
+
+
+def test_a_bag_of_very_many_chunks_is_refused(tmp_path: Path) -> None:
+    def field(text: bytes) -> bytes:
+        return struct.pack("<I", len(text)) + text
+
+    head = field(b"op=\5") + field(b"compression=none") + field(b"size=" + bytes(4))
+    path = tmp_path / "a.bag"
+    path.write_bytes(b"#ROSBAG V2.0\n" + (field(head) + field(b"")) * 10_001)
+    _refused(path, "more than 10000 chunks")

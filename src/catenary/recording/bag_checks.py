@@ -12,6 +12,8 @@ from catenary.errors import FileFormatError
 
 MOST_UNPACKED = 64 * 2**20  # [B] of all chunks of any bag; of a long one RATIO times its length
 MOST_TOPICS = 1000
+MOST_RECORDS = 500_000  # of MCAP; of a long file one for each ten bytes
+MOST_DEFINITIONS = 48  # that differ, of the two dozen types that are ours: each takes a while to read
 MOST_YAML = 2**18  # [B] of metadata.yaml; that of 500 topics has 200 kB
 DEEPEST_YAML = 32  # lists and tables within each other
 MOST_CHANNELS = 2**20  # [B] of all channels' own metadata, which is YAML again
@@ -26,6 +28,11 @@ _REPEATED = re.compile(rb"(?m)(?:^\s*|[:\-,\[{]\s+|[\[{,])[&*]\w+\s*(?:$|[,\]}])
 def unpacked_at_most(size: int) -> int:
     """Return how many bytes all chunks of a bag of so many bytes may unpack to."""
     return max(MOST_UNPACKED, RATIO * size)
+
+
+def chunks_at_most(size: int) -> int:
+    """Return how many chunks a ROS 1 bag of so many bytes may have: one for each 500, where `rosbag` writes 768 kB."""
+    return max(10_000, size // 500)
 
 
 def check_bag(path: Path) -> None:
@@ -88,6 +95,15 @@ class _Channels:
 
     def __init__(self, path: Path) -> None:
         self._path, self._count, self._bytes = path, 0, 0
+        self._records, self._most_records = 0, max(MOST_RECORDS, path.stat().st_size // 10)
+
+    def count(self) -> None:
+        """Count a record of a chunk."""
+        self._records += 1
+        if self._records > self._most_records:
+            raise FileFormatError(
+                f"{self._path}: more than {self._most_records} messages in a file of its size"
+            )
 
     def check(self, kind: int, data: bytes) -> None:
         self._count += 1
@@ -127,6 +143,7 @@ def _check_chunk(file: BinaryIO, length: int, where: str, left: int, channels: _
     position = 0
     while position + _HEAD.size <= len(data):
         kind, size = _HEAD.unpack_from(data, position)
+        channels.count()
         if position + _HEAD.size + size > len(data):
             raise FileFormatError(f"{where}: a record in it has {size} bytes, and goes beyond the chunk")
         if kind in (_SCHEMA, _CHANNEL):

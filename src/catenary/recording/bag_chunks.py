@@ -3,7 +3,7 @@
 [wiki.ros.org/Bags/Format/2.0]
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from catenary.kernels.compiled import compiled
 
 KIND, CONNECTION, TIME, HEADER, DATA, END = range(6)  # columns of a chunk's records
+_AT_ONCE = 8192
 Records = NDArray[np.int64]
 
 
@@ -57,6 +58,12 @@ def chunk_records(chunk: bytes) -> Records:
     data = np.frombuffer(chunk, dtype=np.uint8)
     records = np.empty((_count(data), 6), dtype=np.int64)
     return records[: _walk(data, records)]
+
+
+def rows_of(records: Records) -> Iterator[list[int]]:
+    """Yield records as Python's numbers, some thousands in memory at a time."""
+    for begin in range(0, len(records), _AT_ONCE):
+        yield from records[begin : begin + _AT_ONCE].tolist()
 
 
 def gather(chunk: bytes, records: Records) -> Block:

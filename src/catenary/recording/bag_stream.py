@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from catenary.documents import cut, json_table
 from catenary.errors import FileFormatError
-from catenary.recording.bag_checks import MOST_TOPICS, unpacked_at_most
+from catenary.recording.bag_checks import MOST_TOPICS, chunks_at_most, unpacked_at_most
 from catenary.recording.bag_chunks import (
     CONNECTION,
     DATA,
@@ -25,6 +25,7 @@ from catenary.recording.bag_chunks import (
     Records,
     chunk_records,
     gather,
+    rows_of,
 )
 from catenary.recording.bag_records import (
     DAMAGE,
@@ -169,7 +170,7 @@ class BagStream:
 
     def _unpacked(self, file: BinaryIO, size: int) -> Iterator[bytes]:
         """Yield the chunks of a ROS 1 bag."""
-        left = unpacked_at_most(size)
+        left, chunks = unpacked_at_most(size), 0
         missing = None  # records that the bag's header promises behind the chunks
         while file.tell() < size:
             start = file.tell()
@@ -193,6 +194,9 @@ class BagStream:
                 file.seek(following)
                 continue
             kind = values[b"op"][0]
+            chunks += kind == _CHUNK
+            if chunks > chunks_at_most(size):
+                raise FileFormatError(f"{self.path}: more than {chunks - 1} chunks in {size} bytes")
             if kind in (_CHUNK_INFO, _CONNECTION) and missing is not None:
                 missing -= 1
             try:
@@ -250,7 +254,7 @@ class BagStream:
 
     def _bag_messages(self, file: BinaryIO, size: int) -> Iterator[tuple[str, int, bytes]]:
         for chunk, records in self._bag_chunks(file, size):
-            for row in records.tolist():
+            for row in rows_of(records):
                 yield self._names[row[CONNECTION]], row[TIME], chunk[row[DATA] : row[END]]
 
     def _bag_topics(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, str, Records]]:

@@ -12,13 +12,13 @@ from rosbags.rosbag2.reader import DirectoryReader
 from catenary.archives import unpacked
 from catenary.documents import cut, shortened
 from catenary.errors import FileFormatError
-from catenary.recording.bag_checks import MOST_TOPICS, check_bag, unpacked_at_most
+from catenary.recording.bag_checks import MOST_DEFINITIONS, MOST_TOPICS, check_bag, unpacked_at_most
 from catenary.recording.bag_stream import BagStream, about_of
 from catenary.recording.journal import About, JournalTopic
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.layout import Encoding
 from catenary.recording.losses import Hole
-from catenary.recording.messages import check_ros2_type, current_name
+from catenary.recording.messages import MESSAGES, check_ros2_type, current_name
 from catenary.recording.topics import ABOUT_TOPIC, require_topics
 
 
@@ -70,6 +70,13 @@ class McapReader:
         with self._open() as reader:
             if len(reader.connections) > MOST_TOPICS:
                 raise FileFormatError(f"{path}: more than {MOST_TOPICS} topics")
+            definitions = {
+                (connection.msgtype, connection.msgdef.data)
+                for connection in reader.connections
+                if current_name(connection.msgtype) in MESSAGES
+            }
+            if len(definitions) > MOST_DEFINITIONS:
+                raise FileFormatError(f"{path}: {len(definitions)} definitions of types that are ours")
             for connection in reader.connections:
                 name, kind = connection.topic, connection.msgtype
                 check_ros2_type(path, name, kind, connection.msgdef.data)

@@ -5,10 +5,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from catenary.documents import MOST_ELEMENTS, MOST_XML, cut, read_bounded, shortened, xml_tree
+from catenary.documents import MOST_XML, cut, read_bounded, shortened, xml_tree
 from catenary.errors import FileFormatError, UnsupportedModelError
 from catenary.robots.plausible import MOST_LINKS
 
+MOST_ELEMENTS = 10_000  # MuJoCo's time grows with the square of their number
 MOST_FILES = 100  # that a file includes
 MOST_ITEMS = 2**24  # pixels and heights of all images together
 MOST_RESERVED = 10_000  # of one thing that <size> reserves

@@ -254,7 +254,7 @@ COMMANDS = (
     ("ik", "raven2", "--position-mm", "19,-7,-67", "--rpy-deg", "0,0,0"), ("gravity", "raven2", "--q", "0,0,0", "--gravity", "0,0,-9.81"),
     ("gravity", "raven2", "--tilt", "10,5", "--payload-kg", "0.1"), ("robots", "raven2"), ("check", "nothing.npz"), ("export", "urdf", "raven2"),
     ("serve", "--ros", "none", "--duration", "0"), ("fit", "none.parquet", "--out", "m.npz"), ("identify", "a.npz", "--robot", "raven2"),
-    ("calibrate", "project", "--seed", "1", "--base-tilt-deg", "1,2", "--test-minutes", "1"), ("record", "--name", "x"),
+    ("extract", "project"), ("record", "--name", "x"),
     ("goto", "--q-deg", "1,2,3", "--joints", "a"), ("regressor", "raven2"), ("deploy", "m.npz", "project", "--seconds", "1"),
 )  # fmt: skip
 WORDS = (
@@ -282,6 +282,8 @@ def options_case(seed: int, folder: Path) -> None:
         else:
             words.pop(at)
         words = words or ["robots"]
+    if "serve" in words:
+        words += ["--duration", "0"]  # else it serves until it is ended, as it should
     (folder / "words.json").write_text(json.dumps(words))
     before = Path.cwd()
     os.chdir(folder)

@@ -6,10 +6,12 @@ from typing import Annotated, Any
 from pydantic import Field, JsonValue
 
 from catenary.config import Recorded, Settings, parse_settings
-from catenary.documents import MOST_JSON, json_value, read_bounded
+from catenary.documents import json_value, read_bounded
 from catenary.errors import ConfigError, FileFormatError
 from catenary.files import damage
 
+MOST_STATE = 2**20  # [B]; steps.json of a hundred recordings has some 50 kB
+Few = Field(max_length=1_000)  # joints
 Count = Annotated[int, Field(ge=0)]
 
 
@@ -61,9 +63,9 @@ class HomeFile(Recorded):
 
     simulated: bool
     seconds: float | None = None
-    joint_names: tuple[str, ...]
-    believed: tuple[float, ...]
-    external_encoders: tuple[float | None, ...] | None = None
+    joint_names: Annotated[tuple[str, ...], Few]
+    believed: Annotated[tuple[float, ...], Few]
+    external_encoders: Annotated[tuple[float | None, ...], Few] | None = None
 
 
 class DeployedTimes(Recorded):
@@ -130,7 +132,7 @@ def read_state(path: Path, schema: type[Settings], remedy: str, *, below: str | 
             remedy.
     """
     try:
-        content = json_value(read_bounded(path, MOST_JSON), str(path))
+        content = json_value(read_bounded(path, MOST_STATE), str(path))
         parse_settings(content if below is None else {below: content}, schema, str(path))
     except FileFormatError as error:
         why = str(error).removeprefix(f"{path}: ").replace(f"\n{path}: ", "; ")
