@@ -52,10 +52,10 @@ def recover(
 ) -> None:
     """Write what is whole of a damaged recording.
 
-    Says what is lost. For recordings that were cut off, not closed, or damaged in the middle, outside a project (inside,
-    `catenary extract` does it). Of a journal it writes a journal (folder), of a ROS 1 bag a .bag, of MCAP a ROS 2 bag
-    (folder); all of them go into `catenary` and other programs like any other. RECORDING is not changed, and nothing
-    is overwritten. A whole one is told so, and nothing is written.
+    Says what is lost. For recordings that were cut off, not closed, or damaged in the middle, outside a project
+    (inside, `catenary extract` does it). Of a journal it writes a journal (folder), of a ROS 1 bag a .bag, of MCAP a
+    ROS 2 bag (folder); all of them go into `catenary` and other programs like any other. RECORDING is not changed,
+    and nothing is overwritten. A whole one is told so, and nothing is written.
     """
     from catenary.workflows.recover import recover as recover_recording
 
