@@ -1,5 +1,7 @@
+import gc
 import os
-from collections.abc import Iterator
+import resource
+from collections.abc import Generator, Iterator
 from fcntl import LOCK_EX, flock
 from hashlib import sha256
 from pathlib import Path
@@ -18,6 +20,8 @@ if TYPE_CHECKING:  # nothing of catenary may be imported before pytest_configure
     from ros import Master
 
 ROOT = Path(__file__).parents[1]
+MEMORY = 8 * 2**30  # [B] of a process: a test that takes ever more fails, and does not end those beside it
+LONGEST_OUTPUT = 200_000  # characters of a test that are kept of each stream
 
 
 def pytest_configure() -> None:
@@ -39,6 +43,7 @@ def pytest_configure() -> None:
     hypothesis.settings.load_profile("patient")
     # robots' own kernels: none of the user's are read or left behind
     os.environ["XDG_CACHE_HOME"] = str(ROOT / ".cache")
+    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, resource.getrlimit(resource.RLIMIT_DATA)[1]))
     if "PYTEST_XDIST_WORKER" in os.environ:
         _compile_one_at_a_time(Path(numba.config.CACHE_DIR))
 
@@ -63,6 +68,26 @@ def _compile_one_at_a_time(folder: Path) -> None:
             return call(function, *arguments)
 
     Compiled.__call__ = first_call_alone  # type: ignore[method-assign]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    call: pytest.CallInfo[None],
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Shorten what a test printed without end, and fail one that left the garbage collector off."""
+    report = yield
+    report.sections = [(title, _shortened(text)) for title, text in report.sections]
+    if report.failed and len(report.longreprtext) > LONGEST_OUTPUT:
+        report.longrepr = _shortened(report.longreprtext)
+    if call.when == "teardown" and not gc.isenabled():
+        gc.enable()
+        report.outcome, report.longrepr = "failed", f"{report.nodeid} left the garbage collector off"
+    return report
+
+
+def _shortened(text: str) -> str:
+    half, more = LONGEST_OUTPUT // 2, len(text) - LONGEST_OUTPUT
+    return text if more <= 0 else f"{text[:half]}\n[{more} characters more]\n{text[-half:]}"
 
 
 @pytest.fixture

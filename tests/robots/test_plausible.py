@@ -85,6 +85,7 @@ BODY = '<body><joint/><geom size="1"/></body>'
             "height fields of 900000000",
         ),
         ('<asset><texture name="h" builtin="flat" width="20000" height="20000"/></asset>', "textures and"),
+        ("<geom/>" * 10_001, "or 10000 elements"),
         ('<size nuser_body="500000000"/>', "<size nuser_body='500000000'>: expected at most 10000"),
         ('<size nkey="500000000"/>', "expected at most 10000"),
         ('<include file="../secret.xml"/>', "is outside"),

@@ -324,6 +324,8 @@ HOME = '{"simulated": true, "joint_names": ["J1"], "believed": [0.1], "external_
         (HomeFile, HOME.replace("0.1", "NaN")),
         (HomeFile, HOME.replace('"J1"', "1")),
         (HomeFile, "[]"),
+        (HomeFile, HOME.replace('"J1"', "1," * 2_000 + "1")),
+        (HomeFile, "[" + "0," * 2**20 + "0]"),
         (DeploymentFile, '{"ticks": -1}'),
         (ExtractionFile, '{"topics": [3], "rows": 1, "problems": [], "stopped_encoders": []}'),
     ],

@@ -143,7 +143,7 @@ def test_recording_that_is_stopped_leaves_the_robot_paused_and_is_begun_anew(tmp
         if done > 0.2:
             setup.robot.plant.state_command("pause")
 
-    for stop, error, words in ((interrupt, KeyboardInterrupt, ""), (pedal, NotReadyError, "PAUSED")):
+    for stop, error, words in ((interrupt, KeyboardInterrupt, "^$"), (pedal, NotReadyError, "PAUSED")):
         with pytest.raises(error, match=words):
             robot.record(opened, TRAIN, short_motion(), "short", after="home", progress=stop)
         assert setup.robot.plant.operating_state().state == "PAUSED"

@@ -36,6 +36,7 @@ class Speaker:
         """
         self.arms, self.topics = arms, topics
         self._published, self._obeyed = published, obeyed
+        self._outlets: list[tuple[Outlet, MakeMessage, ServedArm]] = []  # none before `begin`
 
     def begin(self, outlets: Outlets) -> None:
         """Prepare to publish by outlets; called once, before `publish`."""
