@@ -26,6 +26,8 @@ A_ROBOT_THAT_CANNOT_BE = {
 }
 A_ZIGZAG_THAT_CANNOT_BE = {
     "--direction=J4": "direction: expected J1, J2",
+    "--form=paper": "direction J2-J3 has one form, generator",
+    "--form=newest --direction=J1-J2-J3": "expected one of generator, files, paper",
     "--sparsity=1/0": "--sparsity: expected",
     "--sparsity=1/2,many": "--sparsity: expected",
 } | {f"--sparsity={value}": "sparsity: expected" for value in ("0", ",", "nan", "1e-9")}

@@ -37,7 +37,10 @@ class ExcitationOptions(ArmOptions):
     """Options of an arm, and of the zig-zag that it is calibrated with."""
 
     direction: Annotated[
-        str | None, Option(help="Joints that the zig-zag moves: J1, J2, J3, J1-J2, J2-J3, J1-J3, J1-J2-J3.")
+        str | None, Option(help="Joints that the zig-zag sweeps: J1, J2, J3, J1-J2, J2-J3, J1-J3, J1-J2-J3.")
+    ] = None
+    form: Annotated[
+        str | None, Option(help="Which published J1-J2-J3: generator, files or paper. [default: generator]")
     ] = None
     sparsity: Annotated[
         str | None, Option(metavar="S,S,...", help="Sparsities of the zig-zags. [default: 1/2,1/3,1/4]")
@@ -61,7 +64,7 @@ def open_project(
     if arm is not None:
         typed = {"seed": arm.seed, "payload_kg": arm.payload, "side": arm.side}
         if isinstance(arm, ExcitationOptions):
-            typed |= {"direction": arm.direction, "state_rate_hz": arm.state_rate}
+            typed |= {"direction": arm.direction, "form": arm.form, "state_rate_hz": arm.state_rate}
             if arm.sparsity is not None:
                 changes["sparsities"] = tuple(_fraction(word) for word in words(arm.sparsity))
         changes |= {key: value for key, value in typed.items() if value is not None}

@@ -9,7 +9,7 @@ from catenary.errors import CatenaryError, InputError
 from catenary.workflows.fit import FitRun
 from catenary.workflows.project import calibrate, simulated_robot
 from catenary.workflows.project.calibrate import BEST, CalibrationResult, calibrate_recordings
-from catenary.workflows.project.folder import Project, ProjectSettings
+from catenary.workflows.project.folder import Project, ProjectSettings, fingerprint, project_settings
 from simulated_project import QUICK_MODELS, SHORT, calibrate_short
 
 FITS = tuple(f"fit {name}" for name in QUICK_MODELS)
@@ -31,6 +31,21 @@ def calibrated(
         if not with_page:
             patch.setattr(calibrate, "write_project_report", lambda *_, **__: None)
         return calibrate_recordings(Project(folder, ProjectSettings()), train, test, FitRun())
+
+
+@pytest.mark.parametrize(
+    ("direction", "again"), [("J1", False), ("J1-J2", False), ("J2-J3", True), ("J3", True)]
+)
+def test_projects_from_before_the_form_are_recorded_anew_where_the_path_is_another(
+    direction, again, tmp_path
+) -> None:
+    project = Project(tmp_path, ProjectSettings(direction=direction, sparsities=(0.5,)))
+    was = {"zigzag": direction, "sparsities": (0.5,)}
+    assert (fingerprint(calibrate.excitation(project)[1]) != fingerprint(was)) == again
+    settings = json.loads((tmp_path / "settings.json").read_text())
+    del settings["form"]
+    (tmp_path / "settings.json").write_text(json.dumps(settings))
+    assert project_settings(tmp_path) == project.settings
 
 
 @pytest.mark.slow

@@ -91,7 +91,13 @@ def excitation(project: Project) -> tuple[Trajectory, Any]:
     """Return the project's zig-zag motion, and its description as plain data."""
     settings = project.settings
     motion = {"zigzag": settings.direction, "sparsities": settings.sparsities}
-    return zigzag(settings.direction, settings.sparsities), motion  # type: ignore[arg-type]  # zigzag refuses others
+    if settings.direction not in (
+        "J1",
+        "J1-J2",
+    ):  # projects without a form were driven along other paths: again
+        motion["form"] = settings.form
+    path = zigzag(settings.direction, settings.sparsities, form=settings.form)  # type: ignore[arg-type]  # others refused
+    return path, motion
 
 
 def random_motion(project: Project, seconds: float, number: int = 0) -> tuple[Trajectory, Any]:

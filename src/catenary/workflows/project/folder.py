@@ -16,7 +16,7 @@ from catenary import __version__
 from catenary.errors import ConfigError, FileFormatError, InputError
 from catenary.files import json_text, write_atomically
 from catenary.trajectories.sinusoids import TURN_TIME
-from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY
+from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY, check_direction
 
 SETTINGS, STEPS = "settings.json", "steps.json"
 CONNECTIONS = ("simulation", "ros1", "ros2")
@@ -38,6 +38,7 @@ class ProjectSettings:
     test_minutes: float = 20.0
     state_rate_hz: float = 30.0
     connection: str = "simulation"  # or ros1, ros2: where the robot is
+    form: str = "generator"  # of the zig-zag J1-J2-J3
 
     def __post_init__(self) -> None:
         """Refuse settings that no robot or motion can have, before anything is written or moves."""
@@ -63,6 +64,7 @@ class ProjectSettings:
         ]
         if wrong:
             raise InputError("; ".join(wrong))
+        check_direction(self.direction, self.form)
 
 
 class Project:
