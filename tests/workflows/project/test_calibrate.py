@@ -6,6 +6,7 @@ import pytest
 import simulated_arm
 from catenary.calibration.fit import FitOptions
 from catenary.errors import CatenaryError, InputError
+from catenary.reports.project import with_inputs
 from catenary.workflows.fit import FitRun
 from catenary.workflows.project import calibrate, simulated_robot
 from catenary.workflows.project.calibrate import BEST, CalibrationResult, calibrate_recordings
@@ -129,3 +130,18 @@ def test_unfit_tests_are_refused_before_anything_is_fitted(days: tuple[Path, Pat
         with pytest.raises(InputError, match=words):
             calibrated(project, train, test)
     assert not (project / "models").exists()
+
+
+def test_page_says_how_many_inputs_models_take_beside_the_papers(finished: CalibrationResult) -> None:
+    page = finished.page.read_text()
+    assert "<th>inputs</th>" in page
+    assert "paper, 16 inputs: J1" in page
+
+
+def test_inputs_of_models_are_told_joint_by_joint_where_they_differ() -> None:
+    header, rows = with_inputs(
+        (["model", "J1"], [["raw", "2.1"], ["linear", "0.2"], ["best", "0.1"]]),
+        {"linear": [6, 6], "best": [6, 10]},
+    )
+    assert header == ["model", "inputs", "J1"]
+    assert rows == [["raw", "-", "2.1"], ["linear", "6", "0.2"], ["best", "6/10", "0.1"]]

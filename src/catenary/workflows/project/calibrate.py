@@ -205,6 +205,15 @@ def fit_models(
         project.run(f"fit {name}", made_from, [path, card_path(path)], work)
 
 
+def _inputs_of(results: Mapping[str, Any]) -> dict[str, list[int]]:
+    """Return how many features the models take for each joint, by their names in the table."""
+    counts = {}
+    for name, result in results.items():
+        of_joint = {joint: len(group.columns) for group in result.model.groups for joint in group.joints}
+        counts[name.replace("_", ", preset ")] = [of_joint[joint] for joint in sorted(of_joint)]
+    return counts
+
+
 def _hashes(paths: Sequence[Path]) -> list[str]:
     for path in paths:
         if not path.is_file():
@@ -234,6 +243,6 @@ def conclude(
     best = results[BEST]
     write_project_report(
         page, project.settings.connection, best.model, best.card, best.evaluation, concluded.table(),
-        train, test, deployment, notes=best.notes,
+        train, test, deployment, notes=best.notes, inputs=_inputs_of(results),
     )  # fmt: skip
     return concluded
