@@ -41,6 +41,7 @@ REFUSALS = {
         for hours in ("nan", "inf", "0", "-1", "1000", "1e-4")
     },
     **{f"record {{begun}} --name={name}": "--name" for name in ("train", "''", "../away", "'a b'")},
+    "extract {begun} --columns mpos,jpso": "columns: no jpso in raven_state; it has all, runlevel",
     **{f"{command} none": "is no project" for command in ("record", "extract", "deploy {model}")},
     "deploy none.npz {begun}": "none.npz",
     "deploy model.npz p --ros 1": "give no project",

@@ -51,7 +51,12 @@ class ExcitationOptions(ArmOptions):
 
 
 def open_project(
-    folder: Path, arm: ArmOptions | None = None, *, hours: float | None = None, ros: int | None = None
+    folder: Path,
+    arm: ArmOptions | None = None,
+    *,
+    hours: float | None = None,
+    ros: int | None = None,
+    columns: str | None = None,
 ) -> "Project":
     """Open a project with the settings it has, changed by what was typed."""
     from catenary.workflows.project.folder import Project, ProjectSettings, project_settings
@@ -59,6 +64,8 @@ def open_project(
     if ros not in (None, 1, 2):
         raise InputError(f"--ros {ros}: expected 1 or 2")
     changes: dict[str, Any] = {} if ros is None else {"connection": f"ros{ros}"}
+    if columns is not None:
+        changes["columns"] = tuple(words(columns))
     if hours is not None:
         changes["test_minutes"] = 60.0 * hours
     if arm is not None:

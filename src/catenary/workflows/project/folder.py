@@ -15,6 +15,7 @@ from typing import Any
 from catenary import __version__
 from catenary.errors import ConfigError, FileFormatError, InputError
 from catenary.files import json_text, write_atomically
+from catenary.recording.synchronise import state_columns
 from catenary.trajectories.sinusoids import TURN_TIME
 from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY, check_direction
 
@@ -39,6 +40,7 @@ class ProjectSettings:
     state_rate_hz: float = 30.0
     connection: str = "simulation"  # or ros1, ros2: where the robot is
     form: str = "generator"  # of the zig-zag J1-J2-J3
+    columns: tuple[str, ...] = ()  # further ones of raven_state that motion logs carry, or ("all",)
 
     def __post_init__(self) -> None:
         """Refuse settings that no robot or motion can have, before anything is written or moves."""
@@ -65,6 +67,7 @@ class ProjectSettings:
         if wrong:
             raise InputError("; ".join(wrong))
         check_direction(self.direction, self.form)
+        state_columns(self.columns)
 
 
 class Project:
@@ -155,6 +158,7 @@ def project_settings(folder: Path) -> ProjectSettings | None:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         lists = {name: tuple(content[name]) for name in ("base_tilt_deg", "sparsities")}
+        lists["columns"] = tuple(content.get("columns", ()))
         return ProjectSettings(**{**content, **lists})
     except (ValueError, KeyError, TypeError, InputError) as error:
         raise ConfigError(f"{path}: not the settings of a project: {error}") from error

@@ -18,7 +18,7 @@ def extract_recording(project: Project, name: str) -> bool:
     def work() -> None:
         empty(folder)
         extraction = extract([project.folder / "recordings" / name], folder)
-        arm = SynchroniseOptions(arm=arm_of(project))
+        arm = SynchroniseOptions(arm=arm_of(project), columns=project.settings.columns)
         result = synchronise(folder, arm)
         write_parquet(result.log, path)
         found = {
@@ -30,7 +30,8 @@ def extract_recording(project: Project, name: str) -> bool:
         }
         write(report, found)
 
-    return project.run(f"extract {name}", [project.fingerprint_of(f"record {name}")], [path, report], work)
+    made_from = [project.fingerprint_of(f"record {name}"), *project.settings.columns]
+    return project.run(f"extract {name}", made_from, [path, report], work)
 
 
 def motion_log_path(project: Project, name: str) -> Path:
