@@ -56,7 +56,7 @@ WHY_HOURS = [
 ]
 WHY_DIRECTIONS = [
     "Every zig-zag covers the same box evenly, so the mean that a fixed offset takes away is the same, whatever the "
-    "robot: with one test motion the directions differ by 0.3 % at most. Run-out and its phases, coupling and the tool's "
+    "robot: with one test motion the directions differ by 0.3 % at most. Run-out and its phases, coupling, the tool's "
     "friction, tried out to their bounds, change how large the error is, not that.",
     "The paper's raw errors differ between directions too, which no model of one robot at rest can do: on joint 1 they "
     "rise in the order of the table, from 1.930 to 2.219, as on a robot that wears while one direction is recorded "
