@@ -110,8 +110,8 @@ def six_hours(arm: CableArm, payload: float = 0.0, *, trained_loaded: bool = Tru
 
     The paper (II-G) does not say what the arm carried in training. Each configuration was a recording session of
     its own, training first, then six hours, and its loaded error at hour 0 is as small as the unloaded one
-    (0.144 against 0.169 deg, 0.266 against 0.247 deg, 0.138 against 0.132 mm): so trained under load, here too;
-    `trained_loaded` false trains without.
+    (0.144 against 0.169 deg, 0.266 against 0.247 deg, 0.138 against 0.132 mm): so we take it that it was trained under
+    load. It is no proof: here a model trained without (`trained_loaded` false) does as well at hour 0.
     """
     plant = homed(arm, payload if trained_loaded else 0.0)
     model = linear_model(recordings(plant)[0])
