@@ -34,7 +34,7 @@ help:
 	@echo "make gravity-static PD, PD+SG and PD+DG at static poses on tilted bases, six simulated robots (15 minutes), into results/"
 	@echo "make gravity-figures every experiment of docs/gravity-paper.md on simulated robots (an hour), into results/"
 	@echo "make tutorial    picture and table of docs/tutorial-two-link.md"
-	@echo "make dual-arm    19 joints learn their gravity, the figures of the gravity-regressor paper (3 minutes), into results/"
+	@echo "make dual-arm    19 joints learn their gravity, the figures of the gravity-regressor paper (5 minutes), into results/"
 	@echo "make raven-identification  gravity parameters of a simulated RAVEN-II, and what they are worth (4 minutes), into results/"
 	@echo "make clean       remove .venv and everything made here"
 

@@ -7,7 +7,9 @@ the pose of approach one, unknown to all controllers; and recursive least square
 
 Choices where the paper is silent: the poses (below); gains that let PD alone sag by some tenths of a degree ("quite
 huge", the paper says of its own), with rotors in the drives, without which a wrist of 1 g m2 bears no such gains at
-1 kHz; estimators run all the time and hold still by themselves while the arm moves.
+1 kHz. The paper's protocol, "as printed": estimation from 7 to 12 s, damping -Kd qd. It does not say whether Z was the
+full or the compact one, and of s_0 that it "is assumed to be zero": both forms and both starts are run. Ours
+estimates all the time, holding still by itself while the arm moves, and damps the velocity's error.
 
 Run it with `make dual-arm`; it writes dual_arm.json and dual_arm.html and prints the tables.
 """
@@ -34,15 +36,27 @@ from catenary import (
 from catenary.arrays import Floats
 from catenary.control.controller import Controller
 from catenary.control.loop import Tick
+from catenary.gravity.estimator import Form
 from catenary.gravity.payload import Payload
 from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
+from catenary.gravity.regressor import gravity_parameters
+from catenary.plant import JointState
 from catenary.simulation.joint_hardware import JointHardware
 from catenary.trajectories.smoothed_path import SmoothedPath
 from papers.arguments import folder_argument
 
-ControllerName = Literal["pd", "law", "rls"]
+# printed: as the paper prints it, damping -Kd qd, and estimation from 7 to 12 s on the compact or the full Z
+ControllerName = Literal["pd", "law", "rls", "printed-pd", "printed-compact", "printed-full"]
 Start = Literal["zero", "wrong"]
-LABELS = {"pd": "PD alone", "law": "PD + the paper's law", "rls": "PD + least squares"}
+LABELS = {
+    "pd": "PD alone",
+    "law": "PD + the paper's law",
+    "rls": "PD + least squares",
+    "printed-pd": "as printed: PD alone",
+    "printed-compact": "as printed: law on the compact Z",
+    "printed-full": "as printed: law on the full Z",
+}
+ALONE = ("pd", "printed-pd")
 LIMBS = {"trunk": slice(0, 3), "left arm": slice(3, 11), "right arm": slice(11, 19)}
 
 
@@ -99,6 +113,8 @@ OMEGA = 4.0  # [1/s] of the paper's law
 NOISE = 3e-4 * KP
 QUASI_STATIC = 0.01  # [rad/s] up to which the least squares count as rest
 CARRIERS = ("left_hand", "right_hand")
+ESTIMATED = (7.0, 12.0)  # [s] in the paper
+NO_GATE = 1e3  # [rad/s] speed up to which the law runs as printed
 
 
 @dataclass(frozen=True)
@@ -113,14 +129,15 @@ class Case:
     def label(self) -> str:
         """The case in words."""
         words = [LABELS[self.controller]]
-        if self.controller != "pd":
+        if self.controller not in ALONE:
             words.append(f"from {'zero' if self.start == 'zero' else 'wrong parameters'}")
         return ", ".join([*words, "2 kg from 21 s"] if self.payload else words)
 
     @property
     def reference(self) -> "Case":
-        """The case of PD alone under the same load."""
-        return Case("pd", payload=self.payload)
+        """The case of PD alone with the same damping under the same load."""
+        alone: ControllerName = "printed-pd" if self.controller.startswith("printed") else "pd"
+        return Case(alone, payload=self.payload)
 
 
 CASES = (
@@ -129,6 +146,11 @@ CASES = (
     Case("law", "wrong"),
     Case("rls"),
     Case("rls", "wrong"),
+    Case("printed-pd"),
+    Case("printed-compact"),
+    Case("printed-full"),
+    Case("printed-compact", "wrong"),
+    Case("printed-full", "wrong"),
     Case("pd", payload=True),
     Case("law", payload=True),
     Case("rls", payload=True),
@@ -153,21 +175,42 @@ def damping_gains(model: RobotModel) -> Floats:
     return gains
 
 
-def wrong_parameters(model: RobotModel, seed: int = 1) -> Floats:
-    """Return compact parameters of masses 0.5 to 2 times, and centres of mass 0.5 to 1.5 times, the true ones."""
+def wrong_parameters(model: RobotModel, seed: int = 1, *, form: Form = "compact") -> Floats:
+    """Return parameters of masses 0.5 to 2 times, and centres of mass 0.5 to 1.5 times, the true ones."""
     rng = np.random.default_rng(seed)
     links = len(model.tree.mass)
     mass = model.tree.mass * 2.0 ** rng.uniform(-1.0, 1.0, links)
     com = model.tree.com * rng.uniform(0.5, 1.5, (links, 1))
-    return compact_regressor(model).parameters(replace(model, tree=model.tree._replace(mass=mass, com=com)))
+    wrong = replace(model, tree=model.tree._replace(mass=mass, com=com))
+    return (
+        compact_regressor(model).parameters(wrong) if form == "compact" else gravity_parameters(wrong).values
+    )
+
+
+class Scheduled:
+    """An estimator that learns from one time to another, and otherwise gives the torque of what it knows."""
+
+    def __init__(self, estimator: GravityEstimator, begin: float, end: float) -> None:
+        """Take the estimator and the times [s]."""
+        self._estimator, self._begin, self._end = estimator, begin, end
+
+    def follow(self, state: JointState, q_desired: Floats) -> Floats:
+        """Return the estimated gravity torque (19,) [Nm]."""
+        if self._begin <= state.time < self._end:
+            return self._estimator.follow(state, q_desired)
+        return self._estimator.torque(state.q, state.gravity)
 
 
 def controller_of(case: Case, model: RobotModel) -> Controller:
     """Return the controller of a case; estimators know the geometry and `start`."""
     kd = damping_gains(model)
-    if case.controller == "pd":
-        return JointPD(KP, kd)
-    s0 = wrong_parameters(model) if case.start == "wrong" else None
+    if case.controller in ALONE:
+        return JointPD(KP, kd, damping="relative" if case.controller == "pd" else "absolute")
+    form: Form = "full" if case.controller == "printed-full" else "compact"
+    s0 = wrong_parameters(model, form=form) if case.start == "wrong" else None
+    if case.controller.startswith("printed"):
+        law = GravityEstimator(model, KP, kd, omega=OMEGA, s0=s0, max_speed=NO_GATE, form=form)
+        return EstimatedGravityPD(KP, kd, Scheduled(law, *ESTIMATED), damping="absolute")
     if case.controller == "law":
         return EstimatedGravityPD(KP, kd, GravityEstimator(model, KP, kd, omega=OMEGA, s0=s0))
     learner = RecursiveGravityEstimator(model, noise=NOISE, s0=s0, max_speed=QUASI_STATIC, carriers=CARRIERS)
@@ -207,7 +250,7 @@ class Summary:
     @property
     def reached(self) -> bool | None:
         """True if every limb's error fell to a tenth of PD alone's in the window that counts; None for PD itself."""
-        if self.case.controller == "pd":
+        if self.case.controller in ALONE:
             return None
         window = AFTER_PICK_UP if self.case.payload else AFTER_ESTIMATION
         return max(self.ratio[window].values()) <= TENTH

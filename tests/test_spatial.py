@@ -65,8 +65,9 @@ def test_rpy_is_roll_then_pitch_then_yaw_about_fixed_axes(rpy):
 
 
 @given(st.floats(-7.0, 7.0))
-def test_rotations_about_x_and_z_are_the_exponentials_of_their_axes(angle):
+def test_rotations_about_axes_are_the_exponentials_of_their_axes(angle):
     assert_allclose(spatial.rotation_about_x(angle), expm(cross_matrix([1, 0, 0]) * angle), atol=1e-11)
+    assert_allclose(spatial.rotation_about_y(angle), expm(cross_matrix([0, 1, 0]) * angle), atol=1e-11)
     assert_allclose(spatial.rotation_about_z(angle), expm(cross_matrix([0, 0, 1]) * angle), atol=1e-11)
 
 

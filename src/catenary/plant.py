@@ -11,6 +11,7 @@ from catenary.arrays import Floats, frozen
 from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
 
 JOINT_UNITS = ("rad", "m")
+UNUSED = "unused"  # channel of a RAVEN-II's arm, its fourth of eight, that drives nothing
 StateName = Literal["DISABLED", "ENABLED", "PAUSED", "FAULT"]
 StateCommand = Literal["enable", "disable", "pause", "resume", "home", "unhome"]
 STATE_COMMANDS: tuple[str, ...] = get_args(StateCommand)

@@ -48,6 +48,12 @@ def rotation_about_x(angle: float) -> Floats:
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
+def rotation_about_y(angle: float) -> Floats:
+    """Return the rotation by `angle` [rad] about y, (3, 3)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
 def rotation_about_z(angle: float) -> Floats:
     """Return the rotation by `angle` [rad] about z, (3, 3)."""
     c, s = np.cos(angle), np.sin(angle)

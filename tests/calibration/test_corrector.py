@@ -9,9 +9,11 @@ from numpy.testing import assert_array_equal
 
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
+from catenary.calibration.dataset import calibration_data
+from catenary.calibration.fit import FitOptions, choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
-from catenary.plant import JointState
+from catenary.plant import JointState, MotionLog
 from oracles.calibration_models import random_model
 
 RNG = np.random.default_rng(0)
@@ -112,6 +114,27 @@ def test_calibrated_positions_may_overwrite_the_reported_ones() -> None:
     q = SIGNALS[0, :3].copy()
     corrector.correct(q, SIGNALS[0], q, np.empty(3, dtype=bool))
     assert_array_equal(q, expected[0])
+
+
+def test_the_unused_channel_of_an_arm_reads_what_it_read_in_training() -> None:
+    rng = np.random.default_rng(5)
+    q, error = rng.normal(size=(200, 1)), rng.normal(size=(200, 1))
+    log = MotionLog(
+        "run", ("j0",), ("rad",), q, np.ones(200, dtype=bool), q + error, tau=rng.normal(size=(200, 1)),
+        signals={"q:unused": np.full(200, 3.5), "tau:unused": np.zeros(200)},
+    )  # fmt: skip
+    options = FitOptions(kind="linear", inputs=("q", "tau"))
+    chosen = choose_inputs([log], options)
+    fitted = fit(calibration_data([log], chosen.features), chosen, options)
+    assert fitted.features.signals == ("q:j0", "q:unused", "tau:j0", "tau:unused")
+    expected, flags = fitted.calibrate(log), fitted.inside(fitted.features.matrix(log))
+    corrector, out, inside = Corrector(fitted), np.empty(1), np.empty(1, dtype=bool)
+    corrector.prepare(["j0"], ["rad"], 1000.0)
+    for k in range(20):
+        corrector.correct_state(state(q[k], log.tau[k]), out, inside)
+        assert_array_equal(out, expected[k])
+        assert_array_equal(inside, flags[k])
+        assert inside.all()
 
 
 FEATURES = model().features

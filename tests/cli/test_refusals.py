@@ -26,6 +26,8 @@ A_ROBOT_THAT_CANNOT_BE = {
 }
 A_ZIGZAG_THAT_CANNOT_BE = {
     "--direction=J4": "direction: expected J1, J2",
+    "--form=paper": "direction J2-J3 has one form, generator",
+    "--form=newest --direction=J1-J2-J3": "expected one of generator, files, paper",
     "--sparsity=1/0": "--sparsity: expected",
     "--sparsity=1/2,many": "--sparsity: expected",
 } | {f"--sparsity={value}": "sparsity: expected" for value in ("0", ",", "nan", "1e-9")}
@@ -39,6 +41,7 @@ REFUSALS = {
         for hours in ("nan", "inf", "0", "-1", "1000", "1e-4")
     },
     **{f"record {{begun}} --name={name}": "--name" for name in ("train", "''", "../away", "'a b'")},
+    "extract {begun} --columns mpos,jpso": "columns: no jpso in raven_state; it has all, runlevel",
     **{f"{command} none": "is no project" for command in ("record", "extract", "deploy {model}")},
     "deploy none.npz {begun}": "none.npz",
     "deploy model.npz p --ros 1": "give no project",

@@ -15,7 +15,14 @@ from catenary.trajectories.point_to_point import go_to
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.waypoints import follow_waypoints, play_rows
-from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER, DIRECTIONS, zigzag, zigzag_rows
+from catenary.trajectories.zigzag import (
+    CALIBRATION_LOWER,
+    CALIBRATION_UPPER,
+    DIRECTIONS,
+    FORMS,
+    zigzag,
+    zigzag_rows,
+)
 
 Floats = NDArray[np.float64]
 
@@ -34,12 +41,15 @@ def random_rows() -> Floats:
 OVER = 0.06 * (CALIBRATION_UPPER - CALIBRATION_LOWER)
 TRAJECTORIES: dict[str, tuple[Callable[[], Trajectory], Floats, Floats]] = {
     **{
-        f"zigzag {direction}": (
-            lambda direction=direction: zigzag(direction, [1 / 2, 1 / 3] if direction == "J2-J3" else [1 / 2]),
+        f"zigzag {direction} {form}": (
+            lambda direction=direction, form=form: zigzag(
+                direction, [1 / 2, 1 / 3] if direction == "J2-J3" else [1 / 2], form=form
+            ),
             CALIBRATION_LOWER - OVER,
             CALIBRATION_UPPER + OVER,
         )
         for direction in DIRECTIONS
+        for form in (FORMS if direction == "J1-J2-J3" else FORMS[:1])
     },
     "random sinusoids": (
         lambda: random_sinusoids(np.random.default_rng(1), 120.0),

@@ -12,6 +12,7 @@ from catenary.errors import InputError
 from catenary.gravity.compact import compact_regressor
 from catenary.gravity.estimator import GravityEstimator
 from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
+from catenary.gravity.regressor import gravity_parameters, gravity_regressor
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import JointState
 from catenary.robots.catalog import load_robot
@@ -184,3 +185,31 @@ def test_a_robot_without_mass_is_refused() -> None:
     )
     with pytest.raises(InputError, match="no parameter has an effect"):
         GravityEstimator(weightless, [1.0, 1.0], [1.0, 1.0])
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_full_form_follows_the_law_with_parameters_of_every_joint_by_itself(
+    name: str, rng: np.random.Generator
+) -> None:
+    model = load_robot(name)
+    q, q_desired, gravity = ARMS[name], ARMS[name] + 0.1 * rng.normal(size=3), rng.normal(size=3)
+    s0 = rng.normal(size=len(gravity_parameters(model).values))
+    estimator = GravityEstimator(model, KP, KD, s0=s0, damping=1e-12, form="full")
+    assert estimator.labels == gravity_parameters(model).labels
+    torque = estimator.update(q, np.zeros(3), q_desired, gravity, 0.01)
+    Z = gravity_regressor(model, q, gravity)
+    rate = 2.0 * np.linalg.pinv(Z) @ (KP * (q_desired - q))
+    assert_allclose(estimator.s_hat, s0 + 0.01 * rate, rtol=1e-6, atol=1e-9)
+    assert_allclose(torque, Z @ estimator.s_hat, atol=1e-12)
+
+
+def test_in_the_full_form_a_joint_learns_by_itself_and_in_the_compact_one_it_does_not() -> None:
+    off = np.array([0.0, 0.0, 0.1])
+    changes = []
+    for form in ("full", "compact"):
+        estimator = GravityEstimator(PLANAR, KP, KD, form=form)
+        estimator.update(POSE, np.zeros(3), POSE + off, UPRIGHT, 0.01)
+        elsewhere = estimator.torque(np.add(POSE, [0.0, 0.8, 0.0]), UPRIGHT)
+        changes.append(np.abs(elsewhere[:2]).max() / np.abs(elsewhere[2]))
+    assert changes[0] < 1e-12
+    assert changes[1] > 0.01

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary import gravity_torque, load_robot
+from catenary import JointState, Reference, gravity_torque, load_robot
 from papers import dual_arm
 from papers.dual_arm_page import verdict, write_results
 
@@ -36,14 +36,35 @@ def test_motion_keeps_the_papers_times() -> None:
 
 
 @pytest.mark.slow
-def test_pd_alone_sags_by_gravity_over_stiffness_and_learning_takes_it_away() -> None:
+def test_pd_alone_sags_by_gravity_over_stiffness_and_learning_takes_it_away(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     pytest.importorskip("mujoco")
+    monkeypatch.setattr(dual_arm, "ESTIMATED", (0.6, SECONDS))
     sag = dual_arm.run(dual_arm.Case("pd"), SHORT, duration=SECONDS)[-1]
     held = gravity_torque(load_robot("dual_arm_19"), SHORT[0].goal - sag, UPRIGHT)
     assert_allclose(sag, held / dual_arm.KP, atol=1e-6)  # 1 s after the motion
-    for controller in ("law", "rls"):
+    for controller in ("law", "rls", "printed-compact", "printed-full"):
         left = dual_arm.run(dual_arm.Case(controller), SHORT, duration=SECONDS)[-200:]
         assert (np.array(rms(left)) < 0.1 * np.array(rms(sag))).all(), controller
+
+
+def test_as_printed_it_learns_from_7_to_12_s_only_and_does_not_know_the_desired_velocity() -> None:
+    model = load_robot("dual_arm_19")
+    controller = dual_arm.controller_of(dual_arm.Case("printed-compact", "wrong"), model)
+    rest, still = Reference(dual_arm.ONE, np.zeros(19), np.zeros(19)), np.zeros(19)
+    moving = Reference(dual_arm.ONE, np.ones(19), np.zeros(19))
+    known = []
+    for time in (6.8, 6.9, 7.0, 7.1, 11.9, 12.0, 12.1):
+        state = JointState(time, dual_arm.ONE - 0.01, still, still, still, UPRIGHT, 0.0)
+        tau = controller.torque(state, rest)
+        known.append(tau - 0.01 * dual_arm.KP)
+        assert_allclose(controller.torque(state, moving), tau)
+    assert_allclose(known[1], known[0])
+    assert np.abs(known[3] - known[1]).max() > 0.1
+    assert_allclose(known[6], known[5])
+    start = gravity_torque(model, dual_arm.ONE - 0.01, UPRIGHT)
+    assert np.abs(known[0] - start).max() > 0.1  # of the wrong parameters
 
 
 def errors(scale: float) -> np.ndarray:

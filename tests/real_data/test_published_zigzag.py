@@ -9,13 +9,13 @@ from catenary.trajectories.zigzag import unit_zigzag, zigzag_rows
 
 Floats = NDArray[np.float64]
 
-# name, direction, sparsity, rows of the whole file, every how many rows we have
+# name, direction, form, sparsity, rows of the whole file, every how many rows we have
 PUBLISHED = [
-    ("dir_x_0.25", "J1", 0.25, 31052, 10),
-    ("dir_x_0.3333", "J1", 0.3333, 21060, 1),
-    ("dir_xy_0.25", "J1-J2", 0.25, 31052, 10),
-    ("dir_xy_0.3333", "J1-J2", 0.3333, 21060, 1),
-    ("dir_xyz_0.25", "J1-J2-J3", 0.25, 31052, 10),
+    ("dir_x_0.25", "J1", "generator", 0.25, 31052, 10),
+    ("dir_x_0.3333", "J1", "generator", 0.3333, 21060, 1),
+    ("dir_xy_0.25", "J1-J2", "generator", 0.25, 31052, 10),
+    ("dir_xy_0.3333", "J1-J2", "generator", 0.3333, 21060, 1),
+    ("dir_xyz_0.25", "J1-J2-J3", "files", 0.25, 31052, 10),
 ]
 
 
@@ -28,9 +28,9 @@ def published(recordings: Path) -> dict[str, Floats]:
         return dict(archive)
 
 
-@pytest.mark.parametrize(("name", "direction", "sparsity", "rows", "every"), PUBLISHED)
-def test_rows_equal_the_published_file(published, name, direction, sparsity, rows, every) -> None:
-    ours = zigzag_rows(direction, sparsity)
+@pytest.mark.parametrize(("name", "direction", "form", "sparsity", "rows", "every"), PUBLISHED)
+def test_rows_equal_the_published_file(published, name, direction, form, sparsity, rows, every) -> None:
+    ours = zigzag_rows(direction, sparsity, form=form)
     assert len(ours) == rows
     assert_allclose(ours[::every], published[name], rtol=0.0, atol=1e-12)
 

@@ -11,7 +11,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.recording.extract import extract
 from catenary.recording.logs import read_log
 from catenary.recording.raven_csv import read_raven_csv, write_raven_csv
-from catenary.recording.synchronise import synchronise
+from catenary.recording.synchronise import SynchroniseOptions, synchronise
 from oracles.raven_recording import START_NS, record, write_bag
 
 # the published layout: first and last column of each field of raven_state
@@ -100,6 +100,14 @@ def test_the_csv_reads_back_as_the_log_of_the_recording(extraction: Path, table:
     assert both[1:-1].all()
     # samples of 100 Hz at 30 Hz: chords of up to 45 ms, 0.4 rad at 0.31 rad/s
     assert_allclose(log.q_encoder[both], expected.q_encoder[both], atol=0.045**2 / 8 * 0.4 * 0.31**2)  # type: ignore[index]
+
+
+def test_every_column_of_the_csv_is_read_on_request(extraction: Path, table: Path) -> None:
+    expected = synchronise(extraction, SynchroniseOptions(columns=("all",))).log
+    log = read_raven_csv(table, columns=("all",)).log
+    assert set(expected.signals) - set(log.signals) == {"dt"}  # not in the layout
+    for name in ("encVals:elbow", "green_mpos:shoulder", "pos:x", "mvel:jaw1"):
+        assert_array_equal(log.signals[name], expected.signals[name])
 
 
 def test_the_csv_opens_as_a_recording_that_knows_its_file(table: Path) -> None:

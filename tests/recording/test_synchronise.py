@@ -10,6 +10,7 @@ from catenary.recording.journal import JournalTopic, JournalWriter
 from catenary.recording.raven_csv import read_raven_csv, write_raven_csv
 from catenary.recording.synchronise import Synchronisation, SynchroniseOptions, synchronise
 from catenary.recording.topics import (
+    AXES,
     EXT_JPOS,
     GOLD_MEASURED_JS,
     RAVENSTATE,
@@ -91,6 +92,26 @@ def test_torque_is_at_the_joint_and_other_joints_are_signals(plain: Synchronisat
         assert f"tau:{name}" in log.signals
     assert log.qd is not None
     assert_allclose(log.qd, columns["jvel"][:, :3], rtol=1e-6)
+
+
+def test_further_columns_are_signals_the_other_arms_under_its_name(tmp_path: Path) -> None:
+    raven_recording.record(tmp_path / "r", 4.0)
+    extraction = extract([tmp_path / "r"], tmp_path / "x").folder
+    plain = synchronise(extraction, SynchroniseOptions()).log
+    log = synchronise(extraction, SynchroniseOptions(columns=("all",))).log
+    assert set(plain.signals) == {
+        f"{g}:{j}" for g in ("q", "tau") for j in ("roll", "wrist", "jaw1", "jaw2", "unused")
+    }
+    assert {"mpos:shoulder", "jvel:roll", "pos:x", "ori:33", "type", "runlevel", "dt"} <= set(log.signals)
+    assert {"green_tau:elbow", "green_jpos:unused", "green_pos:z", "green_type"} <= set(log.signals)
+    # every number of the message, but for the jpos and tau of the arm's own eight channels
+    assert len(log.signals) == len(plain.signals) + sum(c.width for c in RAVENSTATE.columns) - 16
+    assert log.signal_units["encVals:elbow"] == "count"
+    assert_array_equal(log.q_nominal, plain.q_nominal)
+    some = synchronise(extraction, SynchroniseOptions(columns=("runlevel", "jpos"))).log
+    assert set(some.signals) - set(plain.signals) == {"runlevel", *(f"green_jpos:{axis}" for axis in AXES)}
+    with pytest.raises(InputError, match="columns: no jpso in raven_state; it has all, runlevel"):
+        synchronise(extraction, SynchroniseOptions(columns=("jpso",)))
 
 
 def _gap(rig: np.ndarray) -> np.ndarray:

@@ -1,15 +1,66 @@
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from catenary.errors import InputError
 from catenary.trajectories import zigzag
 
 LOW, HIGH = [-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]
+STRETCHED = [("J1-J2-J3", "generator"), ("J1-J2-J3", "files")]
+PATHS = [*((direction, "generator") for direction in zigzag.DIRECTIONS), STRETCHED[1], ("J1-J2-J3", "paper")]
+
+# run_snake_generator.py @ c83e669 of the authors, line by line: turns in the order of the matrix product [deg], division
+# after them, factors of the joints' ranges, and the stretch of an axis ("compensation"). files: as commented out there
+# and as published; paper: equation 3, in equation 5's range
+EDGE, DIAGONAL, A, B = 1 / np.sqrt(3), np.sqrt(2 / 3), 1 / np.sqrt(2), 1 / np.sqrt(3)
+AUTHORS: dict[
+    str, tuple[list[tuple[str, float]], list[float], list[float], dict[int, tuple[float, float]]]
+] = {
+    "J1": ([], [1, 1, 1], [EDGE, EDGE, EDGE], {}),
+    "J2": ([("z", 90)], [1, 1, 1], [EDGE, EDGE, EDGE], {}),
+    "J3": ([("y", 90)], [1, 1, 1], [EDGE, EDGE, EDGE], {}),
+    "J1-J2": ([("z", 45)], [A, A, 1], [DIAGONAL, DIAGONAL, EDGE], {}),
+    "J2-J3": ([("x", 45), ("z", 90)], [1, A, A], [EDGE, DIAGONAL, DIAGONAL], {}),
+    "J1-J3": ([("y", 45)], [A, 1, A], [DIAGONAL, EDGE, DIAGONAL], {}),
+    "J1-J2-J3": (
+        [("y", 45), ("x", 45), ("z", 45)],
+        [B, B, B],
+        [1, 1, 1],
+        {0: (0.0668181961291, 0.933590052161), 2: (0.0669872981078, 0.934575650721)},
+    ),
+    "files": ([("x", 45), ("z", 45)], [B, B, B], [1, 1, 1], {0: (0.09093521295520893, 0.9082482904638634)}),
+    "paper": ([("y", 45), ("x", 45)], [B, B, B], [1, 1, 1], {}),
+}
+
+
+def homogeneous(axis: str, degrees: float, translation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The authors' Trans."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_euler(axis, degrees, degrees=True).as_matrix()
+    matrix[:3, 3] = translation
+    return matrix
+
+
+def authors_path(s: float) -> NDArray[np.float64]:
+    """Rows of the authors' loop: accumulated way of the move and of all moves in y and z, ways to go, what moves."""
+    rows, point = [np.zeros(3)], np.zeros(3)
+    way, far, toward, axis = 0.0, [0.0, 0.0, 0.0], [1.0, 1.0, 1.0], 0
+    while far[2] <= 1.05:
+        point = point + 0.001 * toward[axis] * np.eye(3)[axis]
+        rows.append(point)
+        way += 0.001
+        far[axis] += 0.001
+        if axis == 0 and way >= 1.0:
+            axis, way, toward[0] = 1, 0.0, -toward[0]
+            if far[1] >= 1.0:
+                axis, far[1], toward[1] = 2, 0.0, -toward[1]
+        elif axis > 0 and way >= s:
+            axis, way = 0, 0.0
+    return np.array(rows)
 
 
 def test_default_box_is_the_published_one() -> None:
@@ -36,24 +87,77 @@ def test_unit_path_moves_one_axis_at_a_time_and_covers_the_cube(sparsity: float)
     assert (path.max(axis=0) <= [1.002, 1.002 + sparsity, 1.052]).all()
 
 
-@pytest.mark.parametrize("direction", zigzag.DIRECTIONS)
-def test_sweeps_move_exactly_the_joints_in_the_name(direction: str) -> None:
-    rows = zigzag.zigzag_rows(direction, 0.5, lower=LOW, upper=HIGH)
+@pytest.mark.parametrize("sparsity", [1 / 2, 0.3333, 0.1666])
+def test_unit_path_is_that_of_the_authors_loop(sparsity: float) -> None:
+    assert_allclose(zigzag.unit_zigzag(sparsity), authors_path(sparsity), rtol=0.0, atol=1e-12)
+
+
+def test_direction_of_joint_2_is_equation_1() -> None:
+    path = zigzag.unit_zigzag(0.5)
+    t_1 = np.vstack([(path - 0.5).T, np.ones(len(path))])  # in (-1/2, 1/2)
+    quarter = np.array([[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])  # R(J3, 90 deg)
+    moved = np.array([[1, 0, 0, 0.5], [0, 1, 0, 0.5], [0, 0, 1, 0.5], [0, 0, 0, 1]])
+    t_2 = (moved @ quarter @ t_1)[:3].T
+    centre, extent = (
+        np.array([40.0, 82.5, 375.0]),
+        np.array([40.0, 55.0, 90.0]),
+    )  # equations 4, 5 [deg, deg, mm]
+    lower, upper = centre - extent / (2.0 * np.sqrt(3.0)), centre + extent / (2.0 * np.sqrt(3.0))
+    units = np.array([180.0 / np.pi, 180.0 / np.pi, 1000.0])
+    rows = zigzag.zigzag_rows("J2", 0.5) * units
+    assert_allclose(rows, lower + (upper - lower) * t_2, atol=1e-10)
+
+
+@pytest.mark.parametrize(("direction", "form"), PATHS)
+def test_rows_are_those_of_the_authors_transforms(direction: str, form: str) -> None:
+    turns, rescale, factors, stretch = AUTHORS[direction if form == "generator" else form]
+    u = np.column_stack([zigzag.unit_zigzag(0.5), np.ones(13052)])
+    matrix = homogeneous("x", 0.0, 0.5 / np.array(rescale))
+    for axis, degrees in turns:
+        matrix = matrix @ homogeneous(axis, degrees, np.zeros(3))
+    u = (u @ (matrix @ homogeneous("z", 0.0, np.full(3, -0.5))).T)[:, :3] * rescale
+    for axis, (first, last) in stretch.items():
+        u[:, axis] = (u[:, axis] - first) / (last - first)
+    middle, reach = np.array([40.0, 82.5, 0.375]), np.array([40.0, 55.0, 0.09]) * factors
+    expected = (middle - reach / 2.0 + u * reach) * [np.pi / 180.0, np.pi / 180.0, 1.0]
+    rows = zigzag.zigzag_rows(direction, 0.5, form=form)
+    assert_allclose(rows, expected, rtol=0.0, atol=1e-12)
+
+
+# Three layers of three sweeps: of a joint that is swept in every sweep, eight, and one more where it goes on in the
+# next layer as in the sweep before it; of one that only the moves between sweeps take back and forth, two; of one that
+# only climbs from layer to layer, none. A cyclic turn of J1-J2 would give (0, 8, 8) for J2-J3.
+@pytest.mark.parametrize(
+    ("direction", "form", "expected"),
+    [
+        ("J1", "generator", [8, 2, 0]), ("J2", "generator", [2, 8, 0]), ("J3", "generator", [0, 2, 8]),
+        ("J1-J2", "generator", [8, 8, 0]), ("J2-J3", "generator", [2, 9, 8]), ("J1-J3", "generator", [8, 2, 9]),
+        ("J1-J2-J3", "generator", [8, 9, 9]), ("J1-J2-J3", "files", [8, 9, 8]), ("J1-J2-J3", "paper", [8, 3, 9]),
+    ],
+)  # fmt: skip
+def test_joints_reverse_as_often_as_the_published_path_does(direction, form, expected) -> None:
+    steps = np.diff(zigzag.zigzag_rows(direction, 0.5, form=form, lower=LOW, upper=HIGH), axis=0)
+    for joint, reversals in enumerate(expected):
+        way = np.sign(steps[np.abs(steps[:, joint]) > 1e-9, joint])
+        assert np.count_nonzero(np.diff(way)) == reversals
+
+
+@pytest.mark.parametrize(("direction", "form"), PATHS)
+def test_sweeps_move_exactly_the_joints_in_the_name(direction: str, form: str) -> None:
+    rows = zigzag.zigzag_rows(direction, 0.5, form=form, lower=LOW, upper=HIGH)
     moving = np.abs(rows[900] - rows[0]) > 1e-9
-    named = [f"J{j}" in direction for j in (1, 2, 3)]
-    assert_array_equal(moving, named)
+    named = "J1-J3" if form == "paper" else direction  # equation 3 turns the sweeps about joint 2 last
+    assert_array_equal(moving, [f"J{j}" in named for j in (1, 2, 3)])
 
 
-@pytest.mark.parametrize("directions", [("J1", "J2", "J3"), ("J1-J2", "J2-J3", "J1-J3")])
-def test_unpublished_directions_permute_the_joints_cyclically(directions: tuple[str, ...]) -> None:
-    rows = [zigzag.zigzag_rows(direction, 0.5, lower=LOW, upper=HIGH) for direction in directions]
-    for one, following in pairwise(rows):
-        assert_allclose(np.roll(one, 1, axis=1), following, atol=1e-15)
+def test_moves_between_sweeps_of_joints_2_and_3_take_joint_1_back() -> None:
+    rows = zigzag.zigzag_rows("J2-J3", 0.5, lower=LOW, upper=HIGH)
+    assert_allclose(rows[1500] - rows[1000], [-1.0 / np.sqrt(3.0), 0.0, 0.0], atol=1e-9)
 
 
-@pytest.mark.parametrize("direction", zigzag.DIRECTIONS[:-1])
-def test_single_and_double_directions_cover_equal_volumes(direction: str) -> None:
-    rows = zigzag.zigzag_rows(direction, 0.5, lower=LOW, upper=HIGH)
+@pytest.mark.parametrize(("direction", "form"), [path for path in PATHS if path not in STRETCHED])
+def test_paths_that_are_not_stretched_cover_equal_volumes(direction: str, form: str) -> None:
+    rows = zigzag.zigzag_rows(direction, 0.5, form=form, lower=LOW, upper=HIGH)
     turns = [np.flatnonzero(np.abs(np.diff(rows, 2, axis=0)).max(axis=1) > 1e-6)[k] + 1 for k in (0, 1)]
     sweep, sideways = rows[turns[0]] - rows[0], rows[turns[1]] - rows[turns[0]]
     onward = rows[-1] - rows[-2]
@@ -61,10 +165,10 @@ def test_single_and_double_directions_cover_equal_volumes(direction: str) -> Non
     assert_allclose(volume, 8.0 / 3.0**1.5, rtol=1e-9)  # equations 4 and 5: a cube of 1/sqrt 3 of each range
 
 
-@pytest.mark.parametrize("direction", zigzag.DIRECTIONS)
-def test_motion_passes_the_rows_as_near_as_it_says(direction: str) -> None:
-    rows = zigzag.zigzag_rows(direction, 1 / 3)
-    motion = zigzag.zigzag(direction, [1 / 3])
+@pytest.mark.parametrize(("direction", "form"), PATHS)
+def test_motion_passes_the_rows_as_near_as_it_says(direction: str, form: str) -> None:
+    rows = zigzag.zigzag_rows(direction, 1 / 3, form=form)
+    motion = zigzag.zigzag(direction, [1 / 3], form=form)
     q, _, _ = motion.sample(np.arange(len(rows)) / zigzag.ROWS_PER_SECOND + 0.25)
     left = np.abs(q - rows).max(axis=0)
     assert_allclose(left, motion.corner_distance, rtol=1e-9)
@@ -103,6 +207,11 @@ def test_speed_is_in_rows_per_second_and_shorter_blends_stay_nearer() -> None:
     [
         ({"direction": "J4"}, "direction: expected one of J1, J2"),
         ({"direction": "J3-J1"}, "direction"),
+        (
+            {"direction": "J1-J2-J3", "form": "newest"},
+            "form of J1-J2-J3: expected one of generator, files, paper",
+        ),
+        ({"direction": "J2-J3", "form": "paper"}, "direction J2-J3 has one form, generator; got 'paper'"),
         ({"sparsities": []}, "at least one"),
         *(({"sparsities": [0.5, wrong]}, "sparsity") for wrong in (0.0, -0.5, 0.001, 1.5, np.nan, "half")),
         ({"rows_per_second": 0.0}, "rows_per_second"),

@@ -11,7 +11,7 @@ from catenary.calibration.dataset import RATE_TOLERANCE
 from catenary.calibration.kernels import Flags, blocks, bound, run
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
-from catenary.plant import JointState
+from catenary.plant import UNUSED, JointState
 
 SOURCES = ("q", "qd", "tau")  # of a joint state, one after the other
 
@@ -56,6 +56,7 @@ class Corrector:
         # of no robot yet: no joint state has -1 joints
         self._robot_shapes = ((-1,),) * 5
         self._places, self._sources = np.arange(n), np.zeros(signals, dtype=np.int64)
+        self._still = np.zeros(0)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "_tick"}
@@ -143,6 +144,8 @@ class Corrector:
     def prepare(self, joint_names: Sequence[str], joint_units: Sequence[str], rate_hz: float) -> None:
         """Match the model to a robot's joints, by name; the robot may have further ones.
 
+        A RAVEN-II's unused channel, in no joint state, is taken to read what it read in training.
+
         Raises:
             InputError: The robot lacks a joint of the model, or has it in another unit; an input is no position,
                 velocity or torque of its joints; or the model has history and the loop runs at another rate.
@@ -161,8 +164,13 @@ class Corrector:
                 f"positions would lie at other times. Make it with rate_hz={rate_hz:g}"
             )
         size, sources = len(joint_names), []
+        still: list[float] = []  # what an unused channel read in training: it is in no joint state
         for signal in model.features.signals:
             group, _, joint = signal.partition(":")
+            if joint == UNUSED and joint not in joint_names:
+                sources.append(len(SOURCES) * size + len(still))
+                still.append(trained_mean(model, signal))
+                continue
             if group not in SOURCES or joint not in joint_names:
                 raise InputError(
                     f'corrector: input "{signal}" is in no joint state; expected q, qd or tau of {robot}'
@@ -170,7 +178,7 @@ class Corrector:
             sources.append(SOURCES.index(group) * size + joint_names.index(joint))
         self._robot_shapes = ((size,),) * 5
         self._places = np.array([joint_names.index(name) for name in model.joint_names], dtype=np.int64)
-        self._sources = np.array(sources, dtype=np.int64)
+        self._sources, self._still = np.array(sources, dtype=np.int64), np.array(still)
         self.reset()
 
     def correct_state(self, state: JointState, out: Floats, inside: Flags) -> None:
@@ -190,12 +198,22 @@ class Corrector:
                 "corrector: q, qd, tau, out and inside are not of the robot that it was prepared for: "
                 + ", ".join(map(str, shapes))
             )
-        self._signals[:] = np.concatenate((state.q, state.qd, state.tau))[self._sources]
+        self._signals[:] = np.concatenate((state.q, state.qd, state.tau, self._still))[self._sources]
         self._q[:] = state.q[self._places]
         self._tick()
         out[:] = state.q
         inside[:] = True
         out[self._places], inside[self._places] = self._out, self._inside
+
+
+def trained_mean(model: CalibrationModel, signal: str) -> float:
+    """Return the mean of a signal over the training rows."""
+    place = model.features.signals.index(signal)  # signals come first among the features
+    for group in model.groups:
+        where = np.flatnonzero(group.watched == place)
+        if len(where):
+            return float(group.valid_range.mean[where[0]])
+    return 0.0
 
 
 def decimation_at(model: CalibrationModel, rate_hz: float, decimation: int | None = None) -> int:

@@ -78,6 +78,13 @@ def extract(
     project: Folder,
     bag: Annotated[str | None, Option(help="Also write bags: ros1 or mcap.")] = None,
     csv: Annotated[bool, Option("--csv", help="Also write the published 252-column CSV.")] = False,
+    columns: Annotated[
+        str | None,
+        Option(
+            metavar="NAME,...",
+            help="Further columns of raven_state for the logs to carry, or all. [default: none]",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Extract and synchronise the project's recordings.
@@ -93,7 +100,7 @@ def extract(
     if bag not in (None, "ros1", "mcap"):
         raise InputError(f'--bag "{bag}": expected ros1 or mcap')
     require_project(project)
-    opened = open_project(project)
+    opened = open_project(project, columns=columns)
     names = sorted(p.name for p in (opened.folder / "recordings").glob("*") if p.is_dir())
     if not names:
         raise InputError(f"{project}: holds no recordings; run catenary excite first")

@@ -37,7 +37,10 @@ class ExcitationOptions(ArmOptions):
     """Options of an arm, and of the zig-zag that it is calibrated with."""
 
     direction: Annotated[
-        str | None, Option(help="Joints that the zig-zag moves: J1, J2, J3, J1-J2, J2-J3, J1-J3, J1-J2-J3.")
+        str | None, Option(help="Joints that the zig-zag sweeps: J1, J2, J3, J1-J2, J2-J3, J1-J3, J1-J2-J3.")
+    ] = None
+    form: Annotated[
+        str | None, Option(help="Which published J1-J2-J3: generator, files or paper. [default: generator]")
     ] = None
     sparsity: Annotated[
         str | None, Option(metavar="S,S,...", help="Sparsities of the zig-zags. [default: 1/2,1/3,1/4]")
@@ -48,7 +51,12 @@ class ExcitationOptions(ArmOptions):
 
 
 def open_project(
-    folder: Path, arm: ArmOptions | None = None, *, hours: float | None = None, ros: int | None = None
+    folder: Path,
+    arm: ArmOptions | None = None,
+    *,
+    hours: float | None = None,
+    ros: int | None = None,
+    columns: str | None = None,
 ) -> "Project":
     """Open a project with the settings it has, changed by what was typed."""
     from catenary.workflows.project.folder import Project, ProjectSettings, project_settings
@@ -56,12 +64,14 @@ def open_project(
     if ros not in (None, 1, 2):
         raise InputError(f"--ros {ros}: expected 1 or 2")
     changes: dict[str, Any] = {} if ros is None else {"connection": f"ros{ros}"}
+    if columns is not None:
+        changes["columns"] = tuple(words(columns))
     if hours is not None:
         changes["test_minutes"] = 60.0 * hours
     if arm is not None:
         typed = {"seed": arm.seed, "payload_kg": arm.payload, "side": arm.side}
         if isinstance(arm, ExcitationOptions):
-            typed |= {"direction": arm.direction, "state_rate_hz": arm.state_rate}
+            typed |= {"direction": arm.direction, "form": arm.form, "state_rate_hz": arm.state_rate}
             if arm.sparsity is not None:
                 changes["sparsities"] = tuple(_fraction(word) for word in words(arm.sparsity))
         changes |= {key: value for key, value in typed.items() if value is not None}

@@ -123,17 +123,19 @@ class GravityLearner(Protocol):
 class EstimatedGravityPD:
     """PD and the estimated gravity torque, tau = kp (q_ref - q) + kd (qd_ref - qd) + Z(q, gravity) s_hat.
 
-    [gravity-regressor paper, section III, whose reference rests while it estimates: qd_ref = 0] As s_hat comes to
-    hold the arm, the sag of a PD alone goes to zero.
+    [gravity-regressor paper, section III, which prints -Kd qd: that is `damping="absolute"`; relative is ours, the same
+    while the reference rests] As s_hat comes to hold the arm, the sag of a PD alone goes to zero.
     """
 
-    def __init__(self, kp: ArrayLike, kd: ArrayLike, estimator: GravityLearner) -> None:
+    def __init__(
+        self, kp: ArrayLike, kd: ArrayLike, estimator: GravityLearner, *, damping: Damping = "relative"
+    ) -> None:
         """Take the gains, (n,) stiffness [Nm/rad|N/m] and damping [Nms/rad|Ns/m], and the estimator.
 
         Raises:
-            InputError: Gains of different lengths, negative or not finite.
+            InputError: Gains of different lengths, negative or not finite, or no such damping.
         """
-        self.pd = JointPD(kp, kd)
+        self.pd = JointPD(kp, kd, damping=damping)
         self.estimator = estimator
         self.feedback, self.feedforward = self.pd.feedback, np.zeros(len(self.pd.kp))
 

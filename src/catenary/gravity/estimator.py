@@ -3,9 +3,14 @@
 s_hat(t) = s_0 + integral of Z^+(q) Omega (Kp (q_d - q) - Kd qd) dt [gravity-regressor paper, section II]: with
 tau = Kp (q_d - q) - Kd qd + Z s_hat, what the spring still has to hold is what s_hat lacks, and at rest s_hat moves
 until the spring is slack.
+
+The paper prints Omega before Z^+, where it would have to be (p, p), and says that it is (n, n). Here it stands behind
+Z^+, where that fits: Omega is then the rate at which each joint's torque error falls, Z ds_hat/dt = Omega effort. For
+a single number, as in all our experiments, both places are one.
 """
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +18,7 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array, as_positive
 from catenary.errors import InputError
 from catenary.gravity.compact import compact_regressor
-from catenary.gravity.regressor import require_parameters
+from catenary.gravity.regressor import FullRegressor, require_parameters
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
 
@@ -31,26 +36,38 @@ class Observed(Protocol):
     def tau(self) -> Floats | None: ...  # noqa: D102  (n,) [Nm|N] that was sent
 
 
+Form = Literal[
+    "compact", "full"
+]  # of the regressor: merged, or as the paper derives it, 3 n (n + 1) parameters
+
+
 class EstimatedGravity:
     """Parameters of a robot's gravity that are being estimated, and the torque that they give."""
 
-    def __init__(self, model: RobotModel, s0: ArrayLike | None) -> None:
+    def __init__(self, model: RobotModel, s0: ArrayLike | None, form: Form = "compact") -> None:
         """Take a robot, of which only the geometry is used, and parameters (p,) to start from, zero when None.
 
         Raises:
-            InputError: Another number of parameters, not finite, or a robot on which gravity has no effect.
+            InputError: Another number of parameters, not finite, no such form, or a robot on which gravity has no
+                effect.
         """
-        self.regressor = compact_regressor(model)
-        if not self.regressor.expressions:
+        if form not in get_args(Form):
+            raise InputError(f'form "{form}": expected one of {", ".join(get_args(Form))}')
+        self.regressor = compact = compact_regressor(model)
+        if not compact.expressions:
             raise InputError(
                 f'robot "{model.name}": no parameter has an effect: gravity loads none of its joints'
             )
+        self.model = model
+        self.labels = compact.labels if form == "compact" else FullRegressor(model).labels
         self._s = self._start(s0)
-        self._kernel = self.regressor.kernel()
+        self._kernel: Callable[[Floats, Floats], Floats] = (
+            compact.kernel() if form == "compact" else FullRegressor(model).kernel()
+        )
 
     @property
     def s_hat(self) -> Floats:
-        """Estimated parameters (p,) [kg m, kg]; `regressor.labels` names them."""
+        """Estimated parameters (p,) [kg m, kg]; `labels` names them."""
         return self._s.copy()
 
     def torque(self, q: Floats, gravity: Floats) -> Floats:
@@ -59,17 +76,23 @@ class EstimatedGravity:
         return torque
 
     def _start(self, s0: ArrayLike | None) -> Floats:
-        labels = self.regressor.labels
-        return np.zeros(len(labels)) if s0 is None else np.array(require_parameters("s0", s0, labels))
+        size = len(self.labels)
+        return np.zeros(size) if s0 is None else np.array(require_parameters("s0", s0, self.labels))
 
     def _require_sizes(self, *arrays: Floats) -> None:
-        n = self.regressor.model.n
+        n = self.model.n
         if any(len(array) != n for array in arrays):
             raise InputError(f"gravity estimator: is for {n} joints, the robot has {len(arrays[0])}")
 
 
 class GravityEstimator(EstimatedGravity):
-    """The paper's law on the compact regressor.
+    """The paper's law, on the compact regressor or on the paper's full one.
+
+    The law, quasi-static arms and s from zero are the paper's. Ours are: Omega's place in the law, above; the damping
+    of Z^+; `max_speed` and what else holds the law still; the use as an observer; any base's gravity, prismatic and
+    coupled joints; the compact form as what is estimated, which the paper derives and does not say that it ran. The
+    forms are two laws: on the full Z each joint has parameters of its own and learns by itself, on the compact one
+    joints share them, and what one learns changes what the others hold.
 
     In a controller, `update` each tick gives the torque to add to the PD's. As an observer of `run_loop` it takes
     what the torque sent has beyond Z s_hat in place of the PD's torque: with the paper's controller that is the same
@@ -91,6 +114,7 @@ class GravityEstimator(EstimatedGravity):
         s0: ArrayLike | None = None,
         max_speed: ArrayLike = 0.1,
         damping: float = 1e-4,
+        form: Form = "compact",
     ) -> None:
         """Take a robot, of which only the geometry is used, and the gains.
 
@@ -99,15 +123,16 @@ class GravityEstimator(EstimatedGravity):
             kp: (n,) stiffness of the controller [Nm/rad|N/m].
             kd: (n,) its damping [Nms/rad|Ns/m].
             omega: Omega of the law [1/s]: one rate, one per joint (n,), or a symmetric positive definite (n, n).
-            s0: (p,) parameters to start from, those of the compact regressor; zero when None.
+            s0: (p,) parameters to start from, of `compact_regressor` or `gravity_parameters`; zero when None.
             max_speed: Of joints that count as resting [rad/s|m/s], one for all or (n,).
             damping: Positive; see above.
+            form: Of the regressor; the full one is not compiled: a millisecond a tick for 19 joints.
 
         Raises:
-            InputError: Another shape, not finite, a negative gain, an Omega that is not positive definite, or a robot
-                on which gravity has no effect.
+            InputError: Another shape, not finite, a negative gain, an Omega that is not positive definite, no such
+                form, or a robot on which gravity has no effect.
         """
-        super().__init__(model, s0)
+        super().__init__(model, s0, form)
         n = model.n
         self.kp, self.kd = as_array("kp", kp, (n,)), as_array("kd", kd, (n,))
         for name, gains in (("kp", self.kp), ("kd", self.kd)):

@@ -4,7 +4,7 @@ The paper keeps, for every joint, what it carries as seen along every frame's ax
 geometry alone, s on masses and centres of mass. Neither Z needs a model with inertia.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -56,19 +56,36 @@ def gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Fl
         InputError: An argument has another shape or is not finite.
     """
     rows, single = as_batch("q", q, model.n)
+    out = _full(model, rows, gravity_rows(gravity, len(rows)))
+    return out[0] if single else out
+
+
+class FullRegressor(NamedTuple):
+    """The paper's regressor before anything is merged, for estimators; `compact_regressor` is the one they take."""
+
+    model: RobotModel
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the parameters (p,), as `gravity_parameters` has them."""
+        return _full_labels(self.model)
+
+    def kernel(self) -> Callable[[Floats, Floats], Floats]:
+        """Return `kernel(q, gravity)`, Z (n, p) at one configuration; not compiled, NaN in gives NaN out."""
+        return lambda q, gravity: _full(self.model, q[None], gravity[None])[0]
+
+
+def _full(model: RobotModel, rows: Floats, gravities: Floats) -> Floats:
     tree, N, n = model.tree, len(rows), len(model.tree.parent)
-    arm = _placed(model, rows, gravity_rows(gravity, N))
+    arm = _placed(model, rows, gravities)
     frames = np.concatenate([np.broadcast_to(np.eye(3), (N, 1, 3, 3)), arm.rotation], axis=1)
     blocks = np.einsum("Nka,Njab->Nkjb", arm.pull, frames).reshape(N, n, 3 * (n + 1))
+    moments: Floats = np.einsum("kr,Nkc->Nrkc", model.coupling, blocks).reshape(N, model.n, 3 * n * (n + 1))
+    if not tree.prismatic.any():
+        return moments
     masses = [RegressorColumn(int(link), CARRIED_MASS) for link in np.flatnonzero(tree.prismatic)]
-    out: Floats = np.concatenate(
-        [
-            np.einsum("kr,Nkc->Nrkc", model.coupling, blocks).reshape(N, model.n, 3 * n * (n + 1)),
-            _columns(model, masses, rows, arm),
-        ],
-        axis=2,
-    )
-    return out[0] if single else out
+    out: Floats = np.concatenate([moments, _columns(model, masses, rows, arm)], axis=2)
+    return out
 
 
 def regressor_columns(
@@ -104,18 +121,25 @@ def gravity_parameters(model: RobotModel) -> GravityParameters:
     n = len(tree.parent)
     moment, mass = carried(tree)
     values: list[float] = []
-    labels: list[str] = []
-    names = (BASE, *model.link_names)
     for k in range(n):
         beyond = carried_links(tree, k)
         for j in range(-1, n):
             values += list(moment[j]) if j in beyond else [0.0] * 3
-            labels += [f"carried by {names[k + 1]}, along {axis} of {names[j + 1]}" for axis in "xyz"]
-    for link in np.flatnonzero(tree.prismatic):
-        values.append(float(mass[link]))
-        labels.append(f"mass carried by {model.link_names[link]}")
+    values += mass[tree.prismatic].tolist()
     units = ("kg m",) * (3 * n * (n + 1)) + ("kg",) * int(tree.prismatic.sum())
-    return GravityParameters(np.array(values), tuple(labels), units)
+    return GravityParameters(np.array(values), _full_labels(model), units)
+
+
+def _full_labels(model: RobotModel) -> tuple[str, ...]:
+    frames = (BASE, *model.link_names)
+    moments = [
+        f"carried by {link}, along {axis} of {frame}"
+        for link in model.link_names
+        for frame in frames
+        for axis in "xyz"
+    ]
+    slides = np.flatnonzero(model.tree.prismatic)
+    return (*moments, *(f"mass carried by {model.link_names[link]}" for link in slides))
 
 
 def standard_gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:

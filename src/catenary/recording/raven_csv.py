@@ -6,7 +6,7 @@ insertion too; ext_jpos and measured_js are rad and m. Column 0 is ext_jpos's st
 columns 4 and 12 are measured_js's and raven_state's stamps as they are [s]. `dt` is not in the layout.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +25,12 @@ from catenary.recording.synchronise import (
     Synchronisation,
     SynchroniseOptions,
     build_log,
+    needed_columns,
     open_state,
     read_first_column,
+    state_columns,
 )
 from catenary.recording.topics import (
-    AXES,
     EXT_JPOS,
     JOINTS,
     RAVENSTATE,
@@ -87,17 +88,18 @@ def write_raven_csv(folder: Path, path: Path, *, arm: Arm = "gold", max_gap: flo
     return rows
 
 
-def read_raven_csv(path: Path) -> Synchronisation:
+def read_raven_csv(path: Path, *, columns: Sequence[str] = ()) -> Synchronisation:
     """Read the published CSV, with or without force, into a log as `synchronise` makes it.
 
     It is the log of the gold arm; the file, which may begin with a line of names, does not say of which robot.
-    Forces become the signals force_x, force_y, force_z [N] (of the state's row, as they stand).
+    `columns` are further ones for the log to carry, ("all",) every one that the file has; see `synchronise`. Forces
+    become the signals force_x, force_y, force_z [N] (of the state's row, as they stand).
 
     Raises:
         FileFormatError: No such file, not numbers, or another number of columns.
         InputError: No row with finite numbers.
     """
-    options = SynchroniseOptions()
+    options = SynchroniseOptions(columns=columns)
     table = _read_numbers(path)
     if len(table) == 0:
         raise InputError(f"{path}: has no rows")
@@ -115,12 +117,12 @@ def read_raven_csv(path: Path) -> Synchronisation:
     if encoder is None:
         raise InputError(f"{path}: columns 0 to 3, ext_jpos, are finite in no row")
     names = [name for column in STATE_COLUMNS for name in column.names]
-    wanted = [f"{kind}:{options.arm}_{axis}" for kind in ("jpos", "tau", "jvel") for axis in AXES]
+    wanted = {*needed_columns(options.arm), *state_columns(columns)}
     return build_log(
         name=path.stem,
         robot=None,
         simulated=False,
-        state={name: clean.values[:, names.index(name)] for name in wanted},
+        state={name: clean.values[:, names.index(name)] for name in names if name in wanted},
         state_stamp=clean.stamp,
         encoder=encoder,
         options=options,

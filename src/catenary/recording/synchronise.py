@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.errors import FileFormatError, InputError
-from catenary.plant import MotionLog
+from catenary.plant import UNUSED, MotionLog
 from catenary.recording.clock_steps import ClockStep
 from catenary.recording.extract import TopicFile, topic_file
 from catenary.recording.series import (
@@ -56,6 +56,8 @@ class SynchroniseOptions:
     stopped_after: float = 0.5  # [s] that an encoder stays put while its motor moves
     # [rad, rad, m] by which the motor must move: more than slack and stretch give
     moved: Sequence[float] = (0.02, 0.02, 0.001)
+    # further columns of raven_state for the log to carry, such as ("mpos", "encVals"), or ("all",)
+    columns: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -75,9 +77,10 @@ def synchronise(folder: Path, options: SynchroniseOptions | None = None) -> Sync
     A row is a raven_state message. `q_nominal` and `qd` are its jpos and jvel, `tau` its commanded torque at the
     joint, `q_encoder` ext_jpos between its two neighbours in time. `ok` is cleared where these lie further apart
     than `max_gap`, before the first and after the last, and while an encoder stands still although its motor moves.
-    Signals are q:<joint> and tau:<joint> of roll, wrist and jaws; measured_js, which repeats jpos, is only reported
-    on. Messages with a stamp that was there before are dropped, messages out of order are sorted; both
-    are counted.
+    Signals are q:<joint> and tau:<joint> of roll, wrist, jaws and the unused channel, and the further columns that
+    `options` asks for: an arm's own as mpos:<axis>, pos:x, ori:11, type, the other arm's as green_mpos:<axis>, those
+    of neither as runlevel. measured_js, which repeats jpos, is only reported on. Messages with a stamp that was there
+    before are dropped, messages out of order are sorted; both are counted.
 
     Args:
         folder: What `extract` wrote.
@@ -93,7 +96,7 @@ def synchronise(folder: Path, options: SynchroniseOptions | None = None) -> Sync
             f"synchronise: expected a positive gap and time, and {len(CALIBRATED)} distances; got {options}"
         )
     arm = options.arm
-    state_names = [f"{kind}:{arm}_{axis}" for kind in ("jpos", "tau", "jvel") for axis in AXES]
+    state_names = list(dict.fromkeys([*needed_columns(arm), *state_columns(options.columns)]))
     file = open_state(folder)
     about = file.about
     state = read_series(file, state_names, options.max_gap)
@@ -133,7 +136,8 @@ def build_log(
         name: Of the log.
         robot: Of the log.
         simulated: Of the log.
-        state: `jpos:`, `tau:` and `jvel:` of the arm's axes, each (N,), SI, tau at the gearbox's output.
+        state: `jpos:`, `tau:` and `jvel:` of the arm's axes, each (N,), SI, tau at the gearbox's output; further
+            columns by their names in extracted files.
         state_stamp: (N,) [ns] ascending.
         encoder: Positions of the joints to calibrate.
         options: Arm and limits.
@@ -144,11 +148,13 @@ def build_log(
         InputError: No row is left.
     """
     arm = options.arm
-    whole = np.logical_and.reduce([np.isfinite(v) for v in state.values()])
+    needed = needed_columns(arm)
+    whole = np.logical_and.reduce([np.isfinite(state[key]) for key in needed])
     stamp = state_stamp[whole]
     if len(stamp) == 0:
         raise InputError(f'recording "{name}": no state message with finite numbers is left')
-    state = {key: values[whole].astype(np.float64) for key, values in state.items()}
+    further, further_units = further_signals(state, options.columns, arm, whole)
+    state = {key: state[key][whole].astype(np.float64) for key in needed}
     q_nominal = np.column_stack([state[f"jpos:{arm}_{joint}"] for joint in CALIBRATED])
     q_encoder, ok = interpolate(encoder, stamp, options.max_gap)
     ok &= np.isfinite(q_encoder).all(axis=1)
@@ -159,7 +165,12 @@ def build_log(
         ok &= ~((stamp > stop.start_ns) & (stamp < stop.end_ns))
     signals = {f"q:{joint}": state[f"jpos:{arm}_{joint}"] for joint in OTHERS}
     signals |= {f"tau:{joint}": state[f"tau:{arm}_{joint}"] * JOINT_TORQUE[joint] for joint in OTHERS}
-    units = {f"q:{joint}": "rad" for joint in OTHERS} | {f"tau:{joint}": "Nm" for joint in OTHERS}
+    # as published, of no unit that means anything
+    signals |= {f"q:{UNUSED}": state[f"jpos:{arm}_{UNUSED}"], f"tau:{UNUSED}": state[f"tau:{arm}_{UNUSED}"]}
+    signals |= further
+    units = (
+        further_units | {f"q:{joint}": "rad" for joint in OTHERS} | {f"tau:{joint}": "Nm" for joint in OTHERS}
+    )
     shoulder, elbow, insertion = (state[f"tau:{arm}_{joint}"] * JOINT_TORQUE[joint] for joint in CALIBRATED)
     if force is not None:
         signals |= {f"force_{axis}": column[whole] for axis, column in zip("xyz", force.T, strict=True)}
@@ -184,6 +195,52 @@ def build_log(
         notes=tuple(notes),
     )
     return Synchronisation(log, reports, stopped, int((~ok).sum()), int((~whole).sum()))
+
+
+def needed_columns(arm: Arm) -> list[str]:
+    """Return the columns of raven_state that a log is made of."""
+    return [f"{kind}:{arm}_{axis}" for kind in ("jpos", "tau", "jvel") for axis in AXES]
+
+
+def state_columns(columns: Sequence[str]) -> list[str]:
+    """Return the names of the numbers in columns of raven_state, of both arms; ("all",) means every one.
+
+    Raises:
+        InputError: There is no such column.
+    """
+    known = {column.name: column.names for column in RAVENSTATE.columns}
+    unknown = [name for name in columns if name not in known and name != "all"]
+    if unknown:
+        raise InputError(f"columns: no {', '.join(unknown)} in raven_state; it has all, {', '.join(known)}")
+    wanted = known if "all" in columns else dict.fromkeys(columns)
+    return [name for column in wanted for name in known[column]]
+
+
+def further_signals(
+    state: Mapping[str, NDArray[Any]], columns: Sequence[str], arm: Arm, whole: NDArray[np.bool_]
+) -> tuple[dict[str, Floats], dict[str, str]]:
+    """Return the columns asked for as signals, by name and unit; what is in every log is not repeated.
+
+    Args:
+        state: Numbers of raven_state by their names in extracted files, each (N,), SI; others are left out.
+        columns: Asked for, see `SynchroniseOptions`.
+        arm: Whose log it is.
+        whole: (N,) rows of the log.
+    """
+    unit = {
+        name: u for column in RAVENSTATE.columns for name, u in zip(column.names, column.units, strict=True)
+    }
+    signals, units = {}, {}
+    for name in state_columns(columns):
+        kind, _, label = name.partition(":")
+        if name not in state or (kind in ("jpos", "tau") and label.startswith(arm)):
+            continue
+        # another arm's name stands first: its tau is none of the group tau
+        whose, _, rest = label.partition("_")
+        first = "" if whose in ("", arm) else f"{whose}_"
+        own = f"{first}{kind}:{rest}" if rest else f"{first}{kind}"
+        signals[own], units[own] = state[name][whole].astype(np.float64), unit[name]
+    return signals, units
 
 
 def open_state(folder: Path) -> TopicFile:

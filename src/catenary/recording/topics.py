@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import FileFormatError, InputError
+from catenary.plant import UNUSED
 from catenary.recording.bag_chunks import Block
 from catenary.recording.layout import COUNT, Encoding, blank_messages, read_messages
 
 Arm = Literal["gold", "green"]
 # of 8 channels of an arm
-AXES = ("shoulder", "elbow", "insertion", "unused", "roll", "wrist", "jaw1", "jaw2")
+AXES = ("shoulder", "elbow", "insertion", UNUSED, "roll", "wrist", "jaw1", "jaw2")
 JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")  # of measured_js
 MEASURED_JS: Mapping[Arm, str] = {"gold": "/arm2/measured_js", "green": "/arm1/measured_js"}
 SECOND = 1_000_000_000  # [ns]
@@ -77,7 +78,7 @@ class TopicSamples:
 
 
 def _per_joint(unit: str, metres: str) -> tuple[str, ...]:
-    one = tuple("" if axis == "unused" else metres if axis == "insertion" else unit for axis in AXES)
+    one = tuple("" if axis == UNUSED else metres if axis == "insertion" else unit for axis in AXES)
     return (*one, *one)
 
 

@@ -16,6 +16,7 @@ from catenary.units import DISPLAY
 
 TRAIN_COLOR, TEST_COLOR = "#4b6b94", "#d9a441"
 MOST_POINTS = 6_000
+PAPER_INPUTS = 16  # of all its models: positions and torques of an arm's eight channels, one of them unused
 # Peng et al., "Efficient data-driven joint-level calibration of cable-driven surgical robots", table I: a real
 # RAVEN-II, trained on zig-zag motions in direction J2-J3 (1013 s), tested on 20 minutes of random motion
 # RMSE on J1 [deg], J2 [deg], J3 [mm]
@@ -40,6 +41,7 @@ def write_project_report(
     deployment: Mapping[str, Any] | None,
     *,
     notes: Sequence[str] = (),
+    inputs: Mapping[str, Sequence[int]] | None = None,
 ) -> None:
     """Write the page of a project.
 
@@ -54,6 +56,7 @@ def write_project_report(
         test: Recordings that were tested on.
         deployment: What the 1 kHz loop reported, if it ran.
         notes: What a reader must know about the data.
+        inputs: How many inputs each model of the table takes, joint by joint.
     """
     units, names = model.joint_units, model.joint_names
     logs = [[read_log(p, units=units, joint_names=names) if p.suffix == ".npz" else read_log(p) for p in paths]
@@ -64,10 +67,21 @@ def write_project_report(
         simulated = any(s.simulated for s in evaluation.data.sources)
         comparison = _beside_the_paper(comparison, _where(connection, simulated))
         further = [Heading("Deployed in the 1 kHz loop"), *_deployment_blocks(deployment, connection)]
+    if inputs is not None:
+        comparison = with_inputs(comparison, inputs)
     write_calibration_report(
         path, model, card, evaluation, tested_on=", ".join(p.name for p in test), notes=notes,
         comparison=comparison, opening=opening, further=further,
     )  # fmt: skip
+
+
+def with_inputs(
+    comparison: tuple[Sequence[str], Sequence[Sequence[str]]], inputs: Mapping[str, Sequence[int]]
+) -> tuple[list[str], list[list[str]]]:
+    """Add a column of how many inputs each model takes, joint by joint where they differ."""
+    header, rows = comparison
+    told = {name: "/".join(map(str, dict.fromkeys(counts))) for name, counts in inputs.items()}
+    return [header[0], "inputs", *header[1:]], [[row[0], told.get(row[0], "-"), *row[1:]] for row in rows]
 
 
 def _where(connection: str, simulated: bool) -> str:
@@ -85,7 +99,7 @@ def _beside_the_paper(
     header, rows = comparison
     paper = {name: [f"{value:.3f}" for value in errors] for name, errors in TABLE_1.items()}
     compared = [[*row, *paper.get(row[0], ["-"] * 3)] for row in rows]
-    return [f"{header[0]} ({where})", *header[1:], "paper: J1", "J2", "J3"], compared
+    return [f"{header[0]} ({where})", *header[1:], f"paper, {PAPER_INPUTS} inputs: J1", "J2", "J3"], compared
 
 
 def _deployment_blocks(deployment: Mapping[str, Any], connection: str) -> list[Block]:

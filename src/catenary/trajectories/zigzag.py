@@ -1,17 +1,19 @@
 """Zig-zag calibration trajectories: even coverage of three joints' ranges in one direction.
 
-Joint-calibration paper, section II-B, equations 1 to 5; the generator is the one whose output was published
-(uw-biorobotics/raven2_CRTK_Python_controller @ c83e669, generated_trajs/*.csv), which `zigzag_rows` equals row
-for row. In the unit cube the path sweeps x from side to side, moves on by the sparsity in y after each sweep,
-and, when y is through, by the sparsity in z; y then goes back the other way. A rotation turns x into the
-direction wanted, a scale per joint brings the cube into the joints' ranges.
+Joint-calibration paper, section II-B, equations 1 to 5, and the authors' generator (uw-biorobotics/
+raven2_CRTK_Python_controller @ c83e669, traj_generator/run_snake_generator.py). In the unit cube the path sweeps x
+from side to side, moves on by the sparsity in y after each sweep, and, when y is through, by the sparsity in z; y then
+goes back the other way. A rotation about the cube's middle turns x into the direction wanted, a scale brings the
+cube into the joints' ranges: along J2-J3 the sweeps follow the diagonal of joints 2 and 3, the moves between them
+take joint 1 backwards, and back again in the next layer.
 
 Where the sources are silent or disagree:
-- Only the directions J1, J1-J2 and J1-J2-J3 were published. The others permute the joints cyclically, so that
-  the sweep of J2-J3 runs along the diagonal of joints 2 and 3.
-- The equal volume of equations 4 and 5 holds for single and double directions. The published J1-J2-J3 files
-  stretch their first axis over the joint's whole range, by 1.22, and so do we; and they differ from the
-  rotations of equation 3 (Ry45 Rx45): theirs is Rx45 Rz45.
+- J1, J1-J2 and J1-J2-J3 were published as files too, which `zigzag_rows` equals row for row; the others are the
+  generator's by its text, J2 also by equation 1.
+- J1-J2-J3 was published in three forms, see `Form`.
+- Single and double directions cover the equal volume of equations 4 and 5, for which the generator's scales and
+  the divisions by sqrt 2 after its rotations come to 1/sqrt 3 of each joint's range. The generator and the
+  files stretch J1-J2-J3 beyond that, by 1.15 and 1.22.
 - The path ends on the way to one more layer, 5 % beyond the cube: it is kept, as published.
 """
 
@@ -23,11 +25,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array, as_positive, frozen
 from catenary.errors import InputError
-from catenary.spatial import rotation_about_x, rotation_about_z
+from catenary.spatial import rotation_about_x, rotation_about_y, rotation_about_z
 from catenary.trajectories.smoothed_path import SmoothedPath
 
 Direction = Literal["J1", "J2", "J3", "J1-J2", "J2-J3", "J1-J3", "J1-J2-J3"]
 DIRECTIONS: tuple[Direction, ...] = get_args(Direction)
+# of J1-J2-J3: generator, the newest, swept along all three joints, joint 3 least; files, the published CSVs, along all
+# three; paper, its equation 3, along joints 1 and 3, while joint 2 moves between sweeps only
+Form = Literal["generator", "files", "paper"]
+FORMS: tuple[Form, ...] = get_args(Form)
 
 # the RAVEN-II's calibration box: limits of joints 1 to 3 in the published trajectories [rad, rad, m]
 CALIBRATION_LOWER = frozen(np.array([np.deg2rad(20.0), np.deg2rad(55.0), 0.33]))
@@ -39,8 +45,24 @@ LEAST_SPARSITY = 0.01  # eleven million rows
 
 _STEP = 0.001  # of the unit cube, from row to row
 _END = 1.05  # of z: beyond it the path stops, wherever it is
-# how far the published J1-J2-J3 path reaches along its first axis before it is stretched
-_REACH = (0.09093521295520893, 0.9082482904638634)
+_X, _Y, _Z = (turn(np.pi / 4.0) for turn in (rotation_about_x, rotation_about_y, rotation_about_z))
+_TURNS: dict[str, Floats] = {  # of the unit path about its middle
+    "J1": np.eye(3),
+    "J2": np.rint(rotation_about_z(np.pi / 2.0)),  # equation 1
+    "J3": np.rint(rotation_about_y(np.pi / 2.0)),
+    "J1-J2": _Z,  # equation 2
+    "J2-J3": _X @ np.rint(rotation_about_z(np.pi / 2.0)),
+    "J1-J3": _Y,
+    "generator": _Y @ _X @ _Z,
+    "files": _X @ _Z,
+    "paper": _Y @ _X,  # equation 3
+}
+# how far the unit path reaches along each axis before it is stretched to all of it, as its authors measured
+_REACH = {
+    "generator": ((0.0668181961291, 0.933590052161), (0.0, 1.0), (0.0669872981078, 0.934575650721)),
+    "files": ((0.09093521295520893, 0.9082482904638634), (0.0, 1.0), (0.0, 1.0)),
+}
+_NO_STRETCH = ((0.0, 1.0),) * 3
 
 
 def unit_zigzag(sparsity: float) -> Floats:
@@ -66,6 +88,7 @@ def zigzag_rows(
     direction: Direction,
     sparsity: float,
     *,
+    form: Form = "generator",
     lower: ArrayLike = CALIBRATION_LOWER,
     upper: ArrayLike = CALIBRATION_UPPER,
 ) -> Floats:
@@ -74,6 +97,7 @@ def zigzag_rows(
     Args:
         direction: Of the sweeps.
         sparsity: Distance between sweeps in the unit cube, 0.01 to 1.
+        form: Of J1-J2-J3; the other directions have one form, `generator`.
         lower: (3,) lower end of the joints' ranges [rad or m]; the RAVEN-II's calibration box by default.
         upper: (3,) upper end [rad or m].
 
@@ -81,9 +105,9 @@ def zigzag_rows(
         (rows, 3) [rad or m].
 
     Raises:
-        InputError: An unknown direction, a sparsity out of range, a range that is empty.
+        InputError: An unknown direction or form, a sparsity out of range, a range that is empty.
     """
-    matrix, shift = _placement(direction, lower, upper)
+    matrix, shift = _placement(direction, form, lower, upper)
     joints: Floats = unit_zigzag(sparsity) @ matrix.T + shift
     return joints
 
@@ -92,6 +116,7 @@ def zigzag(
     direction: Direction,
     sparsities: Sequence[float],
     *,
+    form: Form = "generator",
     lower: ArrayLike = CALIBRATION_LOWER,
     upper: ArrayLike = CALIBRATION_UPPER,
     rows_per_second: float = ROWS_PER_SECOND,
@@ -107,15 +132,16 @@ def zigzag(
     Args:
         direction: Of the sweeps.
         sparsities: Distance between sweeps in the unit cube, of each path, 0.01 to 1.
+        form: Of J1-J2-J3; the other directions have one form, `generator`.
         lower: (3,) lower end of the joints' ranges [rad or m]; the RAVEN-II's calibration box by default.
         upper: (3,) upper end [rad or m].
         rows_per_second: Speed: how many rows of `zigzag_rows` are played in a second, positive.
         blend: Time over which the velocity changes at a corner [s], positive.
 
     Raises:
-        InputError: An argument outside its range, an unknown direction.
+        InputError: An argument outside its range, an unknown direction or form.
     """
-    matrix, shift = _placement(direction, lower, upper)
+    matrix, shift = _placement(direction, form, lower, upper)
     rate = float(as_positive("rows_per_second", rows_per_second))
     if len(sparsities) == 0:
         raise InputError("sparsities: expected at least one, got none")
@@ -138,34 +164,33 @@ def zigzag(
     return SmoothedPath.through(np.concatenate(times) / rate, np.concatenate(points), blend)
 
 
-def _placement(direction: str, lower: ArrayLike, upper: ArrayLike) -> tuple[Floats, Floats]:
-    """Return the matrix (3, 3) and shift (3,) that take the unit cube's path to joint positions."""
+def check_direction(direction: str, form: str = "generator") -> None:
+    """Refuse a direction that does not exist, or a form that it does not have.
+
+    Raises:
+        InputError: Either is so; the message has the choices.
+    """
     if direction not in DIRECTIONS:
         raise InputError(f"direction: expected one of {', '.join(DIRECTIONS)}, got {direction!r}")
+    if form not in FORMS:
+        raise InputError(f"form of J1-J2-J3: expected one of {', '.join(FORMS)}, got {form!r}")
+    if form != "generator" and direction != "J1-J2-J3":
+        raise InputError(f"direction {direction} has one form, generator; got {form!r}, a form of J1-J2-J3")
+
+
+def _placement(direction: str, form: str, lower: ArrayLike, upper: ArrayLike) -> tuple[Floats, Floats]:
+    """Return the matrix (3, 3) and shift (3,) that take the unit cube's path to joint positions."""
+    check_direction(direction, form)
     low, high = as_array("lower", lower, (3,)), as_array("upper", upper, (3,))
     if not (low < high).all():
         raise InputError(f"lower, upper: expected lower below upper for each joint, got {low} and {high}")
-    # u = matrix @ (path - 1/2) + 1/2 + lean, in the order of the axes; equal volume: equations 4 and 5
-    lean = np.zeros(3)
-    named = direction.split("-")
-    if len(named) == 1:
-        matrix = np.eye(3) / np.sqrt(3.0)
-    elif len(named) == 2:
-        half = np.array([np.sqrt(2.0 / 3.0), np.sqrt(2.0 / 3.0), 1.0 / np.sqrt(3.0)])
-        back = np.array([1.0 / np.sqrt(2.0), 1.0 / np.sqrt(2.0), 1.0])  # equation 2
-        matrix = np.diag(half * back) @ rotation_about_z(np.pi / 4.0)
-    else:
-        matrix = rotation_about_x(np.pi / 4.0) @ rotation_about_z(np.pi / 4.0) / np.sqrt(3.0)
-        first, last = _REACH
-        matrix[0] /= last - first
-        lean[0] = (0.5 - first) / (last - first) - 0.5
-    # the direction's first joint takes the first axis, the joints after it the others, round and round
-    leading = {"J1-J3": 2}.get(direction, int(named[0][1]) - 1)
-    axis_of_joint = (np.arange(3) - leading) % 3
-    matrix, lean = matrix[axis_of_joint], lean[axis_of_joint]
-    joint_range = high - low
-    shift = 0.5 * (low + high) + joint_range * (lean - 0.5 * matrix.sum(axis=1))
-    return joint_range[:, np.newaxis] * matrix, shift
+    # u = (turned / sqrt 3 + 1/2 - first) / (last - first), of the joints' ranges; equal volume: equations 4 and 5
+    path = form if direction == "J1-J2-J3" else direction
+    first, last = np.array(_REACH.get(path, _NO_STRETCH)).T
+    scale = (high - low) / (last - first)
+    matrix = scale[:, np.newaxis] * _TURNS[path] / np.sqrt(3.0)
+    shift: Floats = low + scale * (0.5 - first) - 0.5 * matrix.sum(axis=1)
+    return matrix, shift
 
 
 def _unit_moves(sparsity: float) -> NDArray[np.int64]:

@@ -1,14 +1,17 @@
 """Recordings of a simulated arm, made in memory: hours of motion in a minute, without bags in between."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.plant import MotionLog
+from catenary.plant import UNUSED, MotionLog
+from catenary.recording.synchronise import further_signals
+from catenary.recording.topics import RAVENSTATE, Arm
 from catenary.simulation.cable_plant import JOINTS, UNITS, CablePlant
 from catenary.simulation.firmware import TickLog, joint_torques
+from catenary.simulation.raven_telemetry import telemetry_of
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.trajectories.reference import Trajectory
 
@@ -27,6 +30,7 @@ def record_simulated(
     rng: np.random.Generator,
     *,
     state_rate: float = STATE_RATE,
+    columns: Sequence[str] = (),
 ) -> MotionLog:
     """Drive a homed arm along a trajectory of its positioning joints and record what a lab would.
 
@@ -39,10 +43,11 @@ def record_simulated(
         name: Of the recording.
         rng: Draws the jitter.
         state_rate: [Hz].
+        columns: Further columns of raven_state that the log carries, ("all",) for every one; as `synchronise` does.
 
     Returns:
         Joints shoulder, elbow, insertion with q_nominal, q_encoder, tau [Nm, Nm, N]; the tool's
-        positions and torques as signals q:<joint> and tau:<joint>.
+        positions and torques, and the unused channel's zeros, as signals q:<joint> and tau:<joint>.
 
     Raises:
         NotReadyError: The arm is not homed or enabled, or its software e-stop tripped.
@@ -52,17 +57,22 @@ def record_simulated(
     joint: list[Floats] = []
     torque: list[Floats] = []
     encoder: list[Floats] = []
+    further: list[dict[str, Floats]] = []
+    units: dict[str, str] = {}
     last = 0
     for log, _ in driven(plant, trajectory, CHUNK):
         first, last = last, last + len(log.q)
         here = stamps[(stamps >= first) & (stamps < last)] - first
         joint.append(log.joint[here])
         torque.append(joint_torques(plant.firmware, log.torque[here]))
+        if columns:
+            signals, units = _state_signals(plant, log, here, columns)
+            further.append(signals)
         seen = np.arange(0, last - first, ENCODER_TICKS)
         positions = plant.encoders.positions(plant.encoders.counts(log.q[seen]))
         encoder.append(np.column_stack([np.interp(here, seen, positions[:, j]) for j in range(CALIBRATED)]))
     q, tau = np.concatenate(joint), np.concatenate(torque)
-    tools = JOINTS[CALIBRATED:]
+    tools, nothing = JOINTS[CALIBRATED:], np.zeros(len(q))
     return MotionLog(
         name=name,
         joint_names=JOINTS[:CALIBRATED],
@@ -73,11 +83,26 @@ def record_simulated(
         time=stamps.astype(np.float64) * PERIOD,
         tau=tau[:, :CALIBRATED],
         signals={f"q:{tool}": q[:, CALIBRATED + t] for t, tool in enumerate(tools)}
-        | {f"tau:{tool}": tau[:, CALIBRATED + t] for t, tool in enumerate(tools)},
-        signal_units={f"q:{tool}": "rad" for tool in tools} | {f"tau:{tool}": "Nm" for tool in tools},
+        | {f"tau:{tool}": tau[:, CALIBRATED + t] for t, tool in enumerate(tools)}
+        | {f"q:{UNUSED}": nothing, f"tau:{UNUSED}": nothing}
+        | {name: np.concatenate([part[name] for part in further]) for name in units},
+        signal_units={f"q:{tool}": "rad" for tool in tools} | {f"tau:{tool}": "Nm" for tool in tools} | units,
         robot=plant.arm.name,
         simulated=True,
     )
+
+
+def _state_signals(
+    plant: CablePlant, log: TickLog, rows: NDArray[np.int64], columns: Sequence[str]
+) -> tuple[dict[str, Floats], dict[str, str]]:
+    """Return columns of raven_state at some ticks of a log; zero where the simulated arm publishes nothing else."""
+    told = telemetry_of(plant, log[rows])
+    state: dict[str, Floats] = {}
+    for column in RAVENSTATE.columns:
+        values = told.get(column.name, np.zeros((len(rows), column.width))).reshape(len(rows), column.width)
+        state |= dict(zip(column.names, values.T, strict=True))
+    arm: Arm = "gold" if plant.side == "left" else "green"
+    return further_signals(state, columns, arm, np.ones(len(rows), dtype=bool))
 
 
 def driven(plant: CablePlant, trajectory: Trajectory, chunk: int) -> Iterator[tuple[TickLog, float]]:

@@ -6,10 +6,11 @@ import pytest
 import simulated_arm
 from catenary.calibration.fit import FitOptions
 from catenary.errors import CatenaryError, InputError
+from catenary.reports.project import with_inputs
 from catenary.workflows.fit import FitRun
 from catenary.workflows.project import calibrate, simulated_robot
 from catenary.workflows.project.calibrate import BEST, CalibrationResult, calibrate_recordings
-from catenary.workflows.project.folder import Project, ProjectSettings
+from catenary.workflows.project.folder import Project, ProjectSettings, fingerprint, project_settings
 from simulated_project import QUICK_MODELS, SHORT, calibrate_short
 
 FITS = tuple(f"fit {name}" for name in QUICK_MODELS)
@@ -31,6 +32,21 @@ def calibrated(
         if not with_page:
             patch.setattr(calibrate, "write_project_report", lambda page, *_, **__: page.write_text("a page"))
         return calibrate_recordings(Project(folder, ProjectSettings()), train, test, FitRun())
+
+
+@pytest.mark.parametrize(
+    ("direction", "again"), [("J1", False), ("J1-J2", False), ("J2-J3", True), ("J3", True)]
+)
+def test_projects_from_before_the_form_are_recorded_anew_where_the_path_is_another(
+    direction, again, tmp_path
+) -> None:
+    project = Project(tmp_path, ProjectSettings(direction=direction, sparsities=(0.5,)))
+    was = {"zigzag": direction, "sparsities": (0.5,)}
+    assert (fingerprint(calibrate.excitation(project)[1]) != fingerprint(was)) == again
+    settings = json.loads((tmp_path / "settings.json").read_text())
+    del settings["form"]
+    (tmp_path / "settings.json").write_text(json.dumps(settings))
+    assert project_settings(tmp_path) == project.settings
 
 
 @pytest.mark.slow
@@ -114,3 +130,18 @@ def test_unfit_tests_are_refused_before_anything_is_fitted(days: tuple[Path, Pat
         with pytest.raises(InputError, match=words):
             calibrated(project, train, test)
     assert not (project / "models").exists()
+
+
+def test_page_says_how_many_inputs_models_take_beside_the_papers(finished: CalibrationResult) -> None:
+    page = finished.page.read_text()
+    assert "<th>inputs</th>" in page
+    assert "paper, 16 inputs: J1" in page
+
+
+def test_inputs_of_models_are_told_joint_by_joint_where_they_differ() -> None:
+    header, rows = with_inputs(
+        (["model", "J1"], [["raw", "2.1"], ["linear", "0.2"], ["best", "0.1"]]),
+        {"linear": [6, 6], "best": [6, 10]},
+    )
+    assert header == ["model", "inputs", "J1"]
+    assert rows == [["raw", "-", "2.1"], ["linear", "6", "0.2"], ["best", "6/10", "0.1"]]

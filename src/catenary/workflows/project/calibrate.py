@@ -92,7 +92,13 @@ def excitation(project: Project) -> tuple[Trajectory, Any]:
     """Return the project's zig-zag motion, and its description as plain data."""
     settings = project.settings
     motion = {"zigzag": settings.direction, "sparsities": settings.sparsities}
-    return zigzag(settings.direction, settings.sparsities), motion  # type: ignore[arg-type]  # zigzag refuses others
+    if settings.direction not in (
+        "J1",
+        "J1-J2",
+    ):  # projects without a form were driven along other paths: again
+        motion["form"] = settings.form
+    path = zigzag(settings.direction, settings.sparsities, form=settings.form)  # type: ignore[arg-type]  # others refused
+    return path, motion
 
 
 def random_motion(project: Project, seconds: float, number: int = 0) -> tuple[Trajectory, Any]:
@@ -207,6 +213,15 @@ def fit_models(
         project.run(f"fit {name}", made_from, [path, card_path(path)], work)
 
 
+def _inputs_of(results: Mapping[str, Any]) -> dict[str, list[int]]:
+    """Return how many features the models take for each joint, by their names in the table."""
+    counts = {}
+    for name, result in results.items():
+        of_joint = {joint: len(group.columns) for group in result.model.groups for joint in group.joints}
+        counts[name.replace("_", ", preset ")] = [of_joint[joint] for joint in sorted(of_joint)]
+    return counts
+
+
 def _hashes(paths: Sequence[Path]) -> list[str]:
     for path in paths:
         if not path.is_file():
@@ -242,7 +257,7 @@ def conclude(
         write(evaluation, concluded.summary())
         write_project_report(
             page, project.settings.connection, best.model, best.card, best.evaluation, concluded.table(),
-            train, test, deployment, notes=best.notes,
+            train, test, deployment, notes=best.notes, inputs=_inputs_of(results),
         )  # fmt: skip
 
     recordings = [[path.name for path in paths] + _hashes(paths) for paths in (train, test)]

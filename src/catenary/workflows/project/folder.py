@@ -16,8 +16,9 @@ from catenary import __version__
 from catenary.config import parse_settings
 from catenary.errors import ConfigError, FileFormatError, InputError, InUseError
 from catenary.files import PARTIAL, damage, fingerprint, json_text, write_atomically
+from catenary.recording.synchronise import state_columns
 from catenary.trajectories.sinusoids import TURN_TIME
-from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY
+from catenary.trajectories.zigzag import DIRECTIONS, LEAST_SPARSITY, check_direction
 from catenary.workflows.project.lock import LOCK, FolderLock
 from catenary.workflows.project.outputs import describe, hold, missing
 from catenary.workflows.project.state import SettingsFile, StepsFile, WrittenFiles, read_state
@@ -42,6 +43,8 @@ class ProjectSettings:
     test_minutes: float = 20.0
     state_rate_hz: float = 30.0
     connection: str = "simulation"  # or ros1, ros2: where the robot is
+    form: str = "generator"  # of the zig-zag J1-J2-J3
+    columns: tuple[str, ...] = ()  # further ones of raven_state that motion logs carry, or ("all",)
 
     def __post_init__(self) -> None:
         """Refuse settings that no robot or motion can have, before anything is written or moves."""
@@ -67,6 +70,8 @@ class ProjectSettings:
         ]
         if wrong:
             raise InputError("; ".join(wrong))
+        check_direction(self.direction, self.form)
+        state_columns(self.columns)
 
 
 class Project:

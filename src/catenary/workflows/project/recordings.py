@@ -35,17 +35,22 @@ def extract_recording(project: Project, name: str) -> bool:
     recording, step, files = project.folder / "recordings" / name, f"extract {name}", [path, report, folder]
     if missing([recording]) and project.outputs_of(f"record {name}") is None:
         raise ConfigError(f"{project.folder}: record {name} was not done yet")
+
+    def as_it_is() -> list[str]:
+        now = contents(describe(project.folder, [recording]), f"recordings/{name}")
+        return [now, *project.settings.columns]
+
     made_from, changed = _noted(project, name), []
     if made_from is None:
-        made_from = [contents(describe(project.folder, [recording]), f"recordings/{name}")]
+        made_from = as_it_is()
     elif not project.done(step, made_from, files) and not _is_as_noted(project, name, recording):
         changed = [f"{recording}: is no longer what was recorded; what is there was extracted"]
-        made_from = [contents(describe(project.folder, [recording]), f"recordings/{name}")]
+        made_from = as_it_is()
 
     def work() -> dict[str, Any]:
         empty(folder)
         extraction = extract([recording], folder, salvage=True)
-        arm = SynchroniseOptions(arm=arm_of(project))
+        arm = SynchroniseOptions(arm=arm_of(project), columns=project.settings.columns)
         result = synchronise(folder, arm)
         rescued = None if extraction.rescued is None else extraction.rescued.as_data()
         notes = [] if extraction.rescued is None else [f"rescued: {extraction.rescued.text()}"]
@@ -107,13 +112,14 @@ def write_bags(project: Project, name: str, kind: "BagKind") -> list[Path]:
 
 
 def _noted(project: Project, name: str) -> list[str] | None:
-    """Return the motion of a recording and what was recorded of it, as its step noted them; None without one."""
+    """Return what a log is made from: motion, recorded files as their step noted them, columns; None without a step."""
     step = f"record {name}"
     outputs = project.outputs_of(step)
     if outputs is None:
         return None
     motion = project.fingerprint_of(step)
-    return [motion, contents(outputs, f"recordings/{name}")] if outputs else [motion]
+    noted = [motion, contents(outputs, f"recordings/{name}")] if outputs else [motion]
+    return [*noted, *project.settings.columns]
 
 
 def _is_as_noted(project: Project, name: str, recording: Path) -> bool:

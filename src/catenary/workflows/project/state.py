@@ -28,6 +28,8 @@ class SettingsFile(Settings):
     test_minutes: float = 20.0
     state_rate_hz: float = 30.0
     connection: str = "simulation"
+    form: str = "generator"
+    columns: tuple[str, ...] = ()
 
 
 class WrittenFile(Recorded):
