@@ -98,5 +98,5 @@ def recorder(seed: int, folder: Path) -> None:
 
 PARTS = (
     Part("clocks.stamps", 3000, stamps),
-    Part("clocks.recorder", 100, recorder, warnings_fail=False, processor_time=30.0, memory=2 * 10**9),
+    Part("clocks.recorder", 20, recorder, warnings_fail=False, processor_time=30.0, memory=2 * 10**9),
 )

@@ -193,5 +193,5 @@ def pipeline(seed: int, folder: Path) -> None:
 
 PARTS = (
     Part("disks.recorder", 300, recorder),
-    Part("disks.pipeline", 60, pipeline, warnings_fail=False, processor_time=60.0, memory=2 * 10**9),
+    Part("disks.pipeline", 20, pipeline, warnings_fail=False, processor_time=60.0, memory=2 * 10**9),
 )
