@@ -53,7 +53,7 @@ def test_a_mounting_file_gives_back_what_was_written(tmp_path):
         ("[mounting]\nrotation = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\nposition = [0, 0, 0]", "position_m"),
         (
             "[accelerometer]\nscale = [1, 1, 0]\n[mounting]\nrotation = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]",
-            "scale: expected positive",
+            "scale: expected factors of 0.001 or more",
         ),
     ],
 )

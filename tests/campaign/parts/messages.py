@@ -49,7 +49,6 @@ class CommandedRobot:
                     topic.verb, JointState(position=robot.setpoint, effort=np.zeros(7), velocity=np.zeros(7))
                 )
             self.ticks(20)
-        gc.disable()  # as in a served robot's loop
 
     def _watched(self, verb: str, call: Any, values: Any) -> None:
         state = self.plant.operating_state()
@@ -122,12 +121,18 @@ def _commanded(dialect: "Dialect") -> CommandedRobot:
 
 def messages(dialect: "Dialect", seed: int, folder: Path) -> None:
     """Send messages, in some states; the robot goes on, within its bounds and its time, and counts each of them."""
+    rng = np.random.default_rng([seed, len(dialect)])
+    one = _commanded(dialect)
+    gc.disable()  # as in a served robot's loop
+    try:
+        _send(one, rng, folder)
+    finally:
+        gc.enable()
+
+
+def _send(one: CommandedRobot, rng: np.random.Generator, folder: Path) -> None:
     from odd_messages import odd_bytes
 
-    rng = np.random.default_rng([seed, len(dialect)])
-    if seed % 50 == 0:
-        gc.collect()
-    one = _commanded(dialect)
     idle = sorted(one.ticks(1) for _ in range(7))[3]
     counted = one.noticed()
     with (folder / "input").open("w") as file:
