@@ -142,7 +142,7 @@ def _end_teleop(rng: random.Random, number: signal.Signals) -> None:
 
 
 @functools.cache
-def _served() -> Any:
+def served() -> Any:
     """A master, a homed robot that is served, and a client that looks at it, until this process ends."""
     stack = ExitStack()
     atexit.register(stack.close)
@@ -168,12 +168,12 @@ def ros1(seed: int, folder: Path) -> None:
     from ended_commands import OVER_ROS, end_over_ros
 
     command, number = OVER_ROS[seed % len(OVER_ROS)], NUMBERS[seed // len(OVER_ROS) % len(NUMBERS)]
-    end_over_ros(*_served(), folder, command, number)
+    end_over_ros(*served(), folder, command, number)
     if (folder / "project").exists():
         _check_project(f"{command}, {number.name}: ", folder / "project")
 
 
-def _ros1_is_installed() -> bool:
+def ros1_is_installed() -> bool:
     places = ("/usr/lib/python3/dist-packages", "/opt/ros/noetic/lib/python3/dist-packages")
     return any((Path(place) / "rosmaster").is_dir() and (Path(place) / "rospy").is_dir() for place in places)
 
@@ -183,5 +183,5 @@ _LIMITS: dict[str, Any] = {
 }  # fmt: skip
 PARTS = (
     Part("signals.simulated", 32, simulated, **_LIMITS),
-    *([Part("signals.ros1", 24, ros1, **_LIMITS)] if _ros1_is_installed() else []),
+    *([Part("signals.ros1", 24, ros1, **_LIMITS)] if ros1_is_installed() else []),
 )
