@@ -124,7 +124,7 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str) -> list[B
     return [
         Text(
             f"{deployment['ticks']:,} ticks at {deployment['rate_hz']:g} Hz, {priority} real-time priority, "
-            f"{deployment['overruns']} overruns. A whole tick reads the arm, corrects, evaluates the trajectory and "
+            f"{_number(deployment['overruns'], 0)} overruns. A whole tick reads the arm, corrects, evaluates the trajectory and "
             f"commands the arm; {aside} is not in it."
         ),
         Table(["", "median", "p99", "p99.9", "largest"], rows),

@@ -97,7 +97,7 @@ class DeploymentFile(Recorded):
     compute_us: DeployedTimes | None
     jitter_us: DeployedTimes | None
     correction_us: DeployedTimes | None
-    overruns: Count
+    overruns: Count | None  # null where nobody kept time
     real_time_priority: bool
     joints: tuple[DeployedJoint, ...]
 
