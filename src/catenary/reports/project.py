@@ -120,11 +120,12 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str) -> list[B
         share = joint["outside_valid_range"]
         outside = "-" if share is None else f"{100.0 * share:.1f} %"
         joints.append([joint["name"], joint["unit"], *errors, outside])
+    overruns = _number(deployment["overruns"], 0)
     priority = "with" if deployment["real_time_priority"] else "without"
     return [
         Text(
             f"{deployment['ticks']:,} ticks at {deployment['rate_hz']:g} Hz, {priority} real-time priority, "
-            f"{_number(deployment['overruns'], 0)} overruns. A whole tick reads the arm, corrects, evaluates the trajectory and "
+            f"{overruns} overruns. A whole tick reads the arm, corrects, evaluates the trajectory and "
             f"commands the arm; {aside} is not in it."
         ),
         Table(["", "median", "p99", "p99.9", "largest"], rows),
