@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from catenary.cli import robot_choice
+from catenary.cli import beside_robot
 from command_line import catenary, refusal
 from oracles.crtk_robot import RobotOnLoopback
 from oracles.encoded_plant import EncodedPlant
@@ -19,7 +19,7 @@ def on_ros(monkeypatch: pytest.MonkeyPatch) -> RobotOnLoopback:
     def transport(_: int, __: str = "") -> Iterator[Any]:
         yield robot.transport
 
-    monkeypatch.setattr(robot_choice, "ros_transport", transport)
+    monkeypatch.setattr(beside_robot, "ros_transport", transport)
     return robot
 
 

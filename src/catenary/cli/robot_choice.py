@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from catenary.cli.beside_robot import TerminalGuide, ros_transport
+from catenary.cli import beside_robot
 from catenary.cli.terminal import print_notes, roll_and_pitch
 from catenary.errors import InputError
 
@@ -87,13 +87,13 @@ def open_robot(
         return
     if tilt is not None or seed is not None or fast:
         raise InputError("--base-tilt-deg, --robot-seed and --fast go with a simulated robot, not with --ros")
-    with ros_transport(chosen.ros) as transport:
+    with beside_robot.ros_transport(chosen.ros) as transport:
         opened, client = robot_over(
             transport, robot, dialect=chosen.dialect, namespace=chosen.namespace, simulated=simulated, imu=imu
         )
         with client:
             if moves and not simulated and not yes:
-                clear_workspace(TerminalGuide())
+                clear_workspace(beside_robot.TerminalGuide())
             yield opened
 
 
