@@ -18,7 +18,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
-	@echo "make test        set up, run the tests (4 minutes on two idle processors)"
+	@echo "make test        set up, run the tests (5 minutes on two idle processors)"
 	@echo "make test-slow   the tests that take long: hours simulated, endurance, other programs"
 	@echo "make lint        format, lint, types, import order"
 	@echo "make campaign    what is left of the campaign of faults, half an hour at most; again goes on (PART=files COUNT=100), into build/campaign/"
