@@ -75,7 +75,9 @@ def recorder(seed: int, folder: Path) -> None:
     rng = np.random.default_rng(seed)
     robot = RobotOnLoopback(homed_plant())
     ticks = int(rng.integers(40, 80))
-    sets = {int(tick): _step(rng) for tick in rng.integers(5, ticks - 5, size=rng.integers(1, 4))}
+    # a fifth of a second apart: of what is stamped between two closer steps nothing is promised
+    when = rng.choice(np.arange(5, ticks - 5, 10), size=rng.integers(1, 4), replace=False)
+    sets = {int(tick): _step(rng) for tick in when}
     with TopicRecorder(robot.transport, folder / "r", raven_topics()) as recorder:
         for tick in range(ticks):
             robot.clock.ahead += sets.get(tick, 0)
