@@ -95,9 +95,9 @@ def _mcap() -> Reader:
 
 def _model() -> Reader:
     from catenary.calibration.files import load_model
-    from tests.campaign.parts import byte_files
+    from tests.campaign.parts import archive_files
 
-    return _of_files("model.npz", [byte_files._model()], load_model)
+    return _of_files("model.npz", [archive_files._model()], load_model)
 
 
 def _messages() -> Reader:

@@ -95,3 +95,8 @@ def _integer(rng: random.Random, data: bytearray) -> bytearray:
 _KINDS: tuple[Callable[[random.Random, bytearray], bytearray], ...] = (
     _flip, _overwrite, _truncate, _insert, _duplicate, _delete, _swap, _integer,
 )  # fmt: skip
+
+
+def same_length(rng: random.Random, data: bytes) -> bytes:
+    changed = mutant(rng, data) if data else data
+    return (changed + data)[: len(data)]

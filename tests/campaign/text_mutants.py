@@ -113,28 +113,24 @@ def _spoil(rng: random.Random, tree: Any) -> None:
 
 def json_of(value: Any) -> str:
     """Return what `spoilt_table` made as JSON."""
-    if isinstance(value, Raw):
-        return str(value)
-    if isinstance(value, Pairs):
-        return "{" + ", ".join(f"{json.dumps(key)}: {json_of(inner)}" for key, inner in value) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(json_of, value)) + "]"
-    return json.dumps(value)
+    return _text_of(value, ": ", json.dumps)
 
 
 def toml_of(value: Any) -> str:
     """Return what `spoilt_table` made as TOML, inner tables on one line."""
-    return "".join(f"{_toml_text(key)} = {_toml(inner)}\n" for key, inner in value)
+    return "".join(f"{_toml_text(key)} = {_text_of(inner, ' = ', _toml_text)}\n" for key, inner in value)
 
 
-def _toml(value: Any) -> str:
+def _text_of(value: Any, sign: str, quoted: Callable[[str], str]) -> str:
+    """Return a value as text; `sign` stands between key and value of a table."""
     if isinstance(value, Raw):
         return str(value)
     if isinstance(value, Pairs):
-        return "{" + ", ".join(f"{_toml_text(key)} = {_toml(inner)}" for key, inner in value) + "}"
+        pairs = (f"{quoted(key)}{sign}{_text_of(inner, sign, quoted)}" for key, inner in value)
+        return "{" + ", ".join(pairs) + "}"
     if isinstance(value, list):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    return _toml_text(value) if isinstance(value, str) else json.dumps(value)
+        return "[" + ", ".join(_text_of(inner, sign, quoted) for inner in value) + "]"
+    return quoted(value) if isinstance(value, str) else json.dumps(value)
 
 
 def _toml_text(text: str) -> str:

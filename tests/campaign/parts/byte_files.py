@@ -1,22 +1,14 @@
-"""Recordings, logs and models whose bytes were damaged: read to their end, or refused by a CatenaryError."""
+"""Recordings and logs whose bytes were damaged: read to their end, or refused by a CatenaryError."""
 
-import contextlib
-import io
 import random
-import shutil
 import tempfile
-import time
-import zipfile
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from zlib import crc32
 
-from tests.campaign.mutants import Place, mutant
-from tests.campaign.part import Fell, Part
+from tests.campaign.byte_part import files_part
+from tests.campaign.mutants import Place, mutant, same_length
 
-MUTANTS = 1600  # of each format
-LONGEST = 5.0  # that reading a file may take [s] of processor time
 Sample = tuple[bytes, tuple[Place, ...]]  # a whole file, and where lengths stand in it
 
 
@@ -28,11 +20,6 @@ def _journal_folder() -> Path:
 
     journal.HEADER_INTERVAL = 0.0
     return record(Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "journal", 0.6)
-
-
-def _same_length(rng: random.Random, data: bytes) -> bytes:
-    changed = mutant(rng, data) if data else data
-    return (changed + data)[: len(data)]
 
 
 def _whole(source: object) -> None:
@@ -261,7 +248,7 @@ def _damaged_parquet(rng: random.Random, whole: bytes) -> bytes:
     if part < 0.3:
         return mutant(rng, whole)
     if part < 0.7:
-        return whole[:4] + _same_length(rng, whole[4:begin]) + whole[begin:]
+        return whole[:4] + same_length(rng, whole[4:begin]) + whole[begin:]
     directory = bytearray(whole[begin:-8])
     for _ in range(rng.choice((1, 1, 2, 4))):
         directory[rng.randrange(len(directory))] ^= 1 << rng.randrange(8)
@@ -330,138 +317,8 @@ def csv_case(seed: int, folder: Path) -> None:
     read_log(path)
 
 
-# archives
-
-
-def _repacked(rng: random.Random, whole: bytes) -> bytes:
-    """Return an archive with one member damaged, or gone, and all checksums right."""
-    out = io.BytesIO()
-    with zipfile.ZipFile(io.BytesIO(whole)) as archive, zipfile.ZipFile(out, "w") as damaged:
-        names = archive.namelist()
-        hit = rng.choice(names)
-        for name in names:
-            data = archive.read(name)
-            if name == hit:
-                if rng.random() < 0.1:
-                    continue
-                begin = 10 + int.from_bytes(data[8:10], "little")
-                part = rng.random()
-                if part < 0.3:
-                    data = mutant(rng, data[:begin]) + data[begin:]
-                elif part < 0.6:
-                    data = data[:begin] + _same_length(rng, data[begin:])
-                else:
-                    data = mutant(rng, data)
-            damaged.writestr(name, data)
-    return out.getvalue()
-
-
-def _archive_case(
-    name: str, whole: Callable[[], bytes], read: Callable[[Path], object]
-) -> Callable[[int, Path], None]:
-    def case(seed: int, folder: Path) -> None:
-        rng = random.Random(seed)
-        content = whole()
-        path = folder / name
-        places = tuple(
-            (i + at, size)
-            for i in range(len(content) - 46)
-            if content.startswith(b"PK\x01\x02", i)
-            for at, size in ((10, 2), (16, 4), (20, 4), (24, 4), (28, 2), (30, 2), (32, 2), (42, 4))
-        )
-        path.write_bytes(_repacked(rng, content) if rng.random() < 0.6 else mutant(rng, content, places))
-        read(path)
-
-    return case
-
-
-@cache
-def _model() -> bytes:
-    import numpy as np
-
-    import catenary
-
-    rng = np.random.default_rng(1)
-    q = np.cumsum(rng.normal(scale=0.01, size=(400, 3)), axis=0)
-    fitted = catenary.fit(q, q + 0.01 * np.sin(q), units=("rad", "rad", "m"), model="linear")
-    path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "model.npz"
-    fitted.save(path)
-    return path.read_bytes()
-
-
-def _load_model(path: Path) -> None:
-    from catenary.calibration.files import load_model
-
-    load_model(path)
-
-
-@cache
-def _command_log() -> bytes:
-    import numpy as np
-
-    buffer = io.BytesIO()
-    q = np.cumsum(np.random.default_rng(1).normal(size=(200, 3)), axis=0)
-    np.savez(
-        buffer, q_des=q, q_act=q + 1, ok=np.ones(200, dtype=bool), t=np.arange(200.0), units=np.array(["rad"] * 3),
-        joint_names=np.array(["a", "b", "c"]),
-    )  # fmt: skip
-    return buffer.getvalue()
-
-
-def _read_command_log(path: Path) -> None:
-    from catenary.recording.logs import read_log
-
-    read_log(path)
-
-
-@cache
-def _plant_state() -> bytes:
-    from catenary.simulation.plant_state import save_plant
-
-    path = Path(tempfile.mkdtemp(prefix="campaign-sample-")) / "state.npz"
-    save_plant(_plant(), path)
-    return path.read_bytes()
-
-
-@cache
-def _plant():  # type: ignore[no-untyped-def]
-    from catenary.simulation.cable_plant import CablePlant
-
-    return CablePlant(seed=1)
-
-
-def _restore_plant(path: Path) -> None:
-    from catenary.simulation.plant_state import restore_plant
-
-    restore_plant(_plant(), path)
-
-
-def _timed(case: Callable[[int, Path], None]) -> Callable[[int, Path], None]:
-    """Count the processor time of a case without that of making the samples and compiling, the first time."""
-    is_warm = False
-
-    def timed(seed: int, folder: Path) -> None:
-        nonlocal is_warm
-        if not is_warm:
-            is_warm = True
-            for warming in range(8):  # of each kind of sample, most likely
-                (folder / "warming").mkdir()
-                with contextlib.suppress(Exception):
-                    case(-1 - warming, folder / "warming")
-                shutil.rmtree(folder / "warming")
-        begin = time.process_time()
-        try:
-            case(seed, folder)
-        finally:
-            taken = time.process_time() - begin
-            if taken > LONGEST:
-                raise Fell(f"took {taken:.1f} s of processor time, more than {LONGEST:g} s")
-
-    return timed
-
-
 PARTS = tuple(
-    Part(f"files.{name}", MUTANTS, _timed(case), may_refuse=True, processor_time=120.0)
+    files_part(name, case)
     for name, case in (
         ("journal", journal_case),
         ("ros1_bag", bag_case),
@@ -470,8 +327,5 @@ PARTS = tuple(
         ("parquet_log", parquet_case),
         ("parquet_topic", topic_case),
         ("csv", csv_case),
-        ("model_npz", _archive_case("model.npz", _model, _load_model)),
-        ("log_npz", _archive_case("log.npz", _command_log, _read_command_log)),
-        ("robot_state_npz", _archive_case("state.npz", _plant_state, _restore_plant)),
     )
 )

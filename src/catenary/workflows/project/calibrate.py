@@ -92,10 +92,8 @@ def excitation(project: Project) -> tuple[Trajectory, Any]:
     """Return the project's zig-zag motion, and its description as plain data."""
     settings = project.settings
     motion = {"zigzag": settings.direction, "sparsities": settings.sparsities}
-    if settings.direction not in (
-        "J1",
-        "J1-J2",
-    ):  # projects without a form were driven along other paths: again
+    # projects without a form were driven along other paths, but for these two: again
+    if settings.direction not in ("J1", "J1-J2"):
         motion["form"] = settings.form
     path = zigzag(settings.direction, settings.sparsities, form=settings.form)  # type: ignore[arg-type]  # others refused
     return path, motion

@@ -50,9 +50,7 @@ class MotionSummary:
     q: Floats  # (n,) [rad|m] reported at the end
     state: OperatingState  # at the end
     late_ticks: int
-    ended_by: (
-        str | None
-    )  # Ctrl-C or the name of a signal, before the motion's end: the robot holds where it is
+    ended_by: str | None  # Ctrl-C or a signal's name, before the motion's end: the robot holds where it is
 
     @property
     def interrupted(self) -> bool:
