@@ -13,8 +13,8 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 
-.PHONY: demo test test-slow lint campaign campaign-short bench bench-ros1 bench-serving bench-bags dvrk-table clean help
-.PHONY: dual-arm gravity-figures gravity-static plant-check raven-identification refit table1 tutorial
+.PHONY: demo test test-slow lint campaign campaign-short bench bench-ros1 bench-serving bench-bags clean help
+.PHONY: dual-arm gravity-figures gravity-static plant-check raven-identification refit tutorial
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
@@ -27,8 +27,6 @@ help:
 	@echo "make bench-ros1  messages between two processes over ROS 1, where it is installed"
 	@echo "make bench-serving  a served robot and a client that hears every topic, by sockets and by rospy: rate, loss, latency, processor time, memory; a model deployed beside it (25 minutes)"
 	@echo "make bench-bags  six hours in a ROS 1 bag to Parquet, beside one object per message (5 GB of disk, 10 minutes)"
-	@echo "make dvrk-table  the table of docs/calibration.md, from recordings of a real arm (CATENARY_DATA)"
-	@echo "make table1      table I of the calibration paper on six simulated robots (15 minutes), into results/"
 	@echo "make refit       fit the simulated RAVEN-II to both papers' results again (25 minutes); rewrites its data file"
 	@echo "make plant-check every target of the simulated RAVEN-II beside what it reaches (10 minutes), into results/"
 	@echo "make gravity-static PD, PD+SG and PD+DG at static poses on tilted bases, six simulated robots (15 minutes), into results/"
@@ -88,39 +86,33 @@ bench-serving: $(VENV)/.development
 bench-bags: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.bag_extraction --json build/benchmarks/bag_extraction.json
 
-dvrk-table: $(VENV)/.package
-	$(BIN)/python -m papers.dvrk_joint_errors $(CATENARY_DATA)
-
-table1: $(VENV)/.package
-	$(BIN)/python -m papers.table1 results
-
 refit: $(VENV)/.package
-	$(BIN)/python -m papers.plant_refit src/catenary/simulation/data/raven2.toml 4 results
+	$(BIN)/python -m papers.plant.refit src/catenary/simulation/data/raven2.toml 4 results
 
 plant-check: $(VENV)/.package
-	$(BIN)/python -m papers.plant_check results
+	$(BIN)/python -m papers.plant.check results
 
 raven-identification: $(VENV)/.package
-	$(BIN)/python -m papers.raven_identification results
+	$(BIN)/python -m papers.regressor.raven_identification results
 
 dual-arm: $(VENV)/.benchmarks
-	$(BIN)/python -m papers.dual_arm results
+	$(BIN)/python -m papers.regressor.dual_arm results
 
 gravity-static: $(VENV)/.package
-	$(BIN)/python -m papers.gravity_static results
+	$(BIN)/python -m papers.gravity.static results
 
 gravity-figures: gravity-static
-	$(BIN)/python -m papers.gravity_tracking results
-	$(BIN)/python -m papers.gravity_joint_3 results
-	$(BIN)/python -m papers.gravity_passive results
-	$(BIN)/python -m papers.gravity_step results
-	$(BIN)/python -m papers.gravity_sustained results
-	$(BIN)/python -m papers.gravity_coupling results
-	$(BIN)/python -m papers.gravity_sensing results
-	$(BIN)/python -m papers.gravity_faults results
+	$(BIN)/python -m papers.gravity.tracking results
+	$(BIN)/python -m papers.gravity.joint_3 results
+	$(BIN)/python -m papers.gravity.passive results
+	$(BIN)/python -m papers.gravity.step results
+	$(BIN)/python -m papers.gravity.sustained results
+	$(BIN)/python -m papers.gravity.coupling results
+	$(BIN)/python -m papers.gravity.sensing results
+	$(BIN)/python -m papers.gravity.faults results
 
 tutorial: $(VENV)/.package
-	$(BIN)/python -m papers.tutorial_two_link docs/images
+	$(BIN)/python -m papers.tutorial.two_link docs/images
 
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed: apt install python3 python3-venv"; exit 1; }

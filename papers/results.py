@@ -10,17 +10,6 @@ from catenary import __version__
 from catenary.files import json_text
 from catenary.reports.page import Block, Heading, Table, settings_facts, write_page
 
-# how controllers are called and drawn
-LABELS = {
-    "pd": "PD",
-    "sg": "PD+SG",
-    "dg": "PD+DG",
-    "dg-imu": "PD+DG, IMU",
-    "attitude": "PD+G of true attitude",
-}
-COLORS = {"pd": "#1c2430", "sg": "#4b6b94", "dg": "#d9622b", "dg-imu": "#2f8f6b", "attitude": "#2f8f6b"}
-FOUR_COLORS = ("#1c2430", "#4b6b94", "#d9622b", "#2f8f6b")
-
 
 def shown(title: str, table: Table) -> list[Block]:
     """Print a table as Markdown; return it with its heading as blocks of the page."""
@@ -28,14 +17,6 @@ def shown(title: str, table: Table) -> list[Block]:
     for row in table.rows:
         print("| " + " | ".join(row) + " |", flush=True)
     return [Heading(title), table]
-
-
-def panels(columns: int, height: float, **options: Any) -> tuple[Any, list[Any]]:
-    """Return an empty matplotlib figure as wide as the page, and its axes side by side; the height is in inches."""
-    from matplotlib.figure import Figure
-
-    drawn = Figure(figsize=(10, height), layout="constrained")
-    return drawn, list(np.atleast_1d(drawn.subplots(1, columns, **options)))
 
 
 def spread(values: Sequence[float], digits: int = 1) -> str:

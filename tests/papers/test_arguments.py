@@ -9,7 +9,7 @@ from papers import arguments
 from papers.arguments import folder_and_robots, folder_argument
 
 PAPERS = Path(arguments.__file__).parent
-SCRIPTS = [path for path in PAPERS.glob("*.py") if "if __name__ ==" in path.read_text()]
+SCRIPTS = [path for path in PAPERS.glob("[!_]*/*.py") if "if __name__ ==" in path.read_text()]
 USUAL = (None, 1, 2)
 
 
@@ -54,9 +54,9 @@ def test_every_script_has_this_door(script: Path) -> None:
 
 
 def test_a_script_names_itself_and_refuses_an_unknown_option(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "papers.tutorial_two_link", str(tmp_path), "--nonsense"]
+    command = [sys.executable, "-m", "papers.tutorial.two_link", str(tmp_path), "--nonsense"]
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
     assert ended.returncode == 2
-    assert "python -m papers.tutorial_two_link" in ended.stderr
+    assert "python -m papers.tutorial.two_link" in ended.stderr
     assert "--nonsense" in ended.stderr
     assert list(tmp_path.iterdir()) == []

@@ -169,7 +169,7 @@ def _check_return(times: Any, readings: "list[GravityReading]", true: Any, gone:
 
 @functools.cache
 def _arm(base_deg: float) -> Any:
-    from papers.gravity_faults import ready, run
+    from papers.gravity.faults import ready, run
 
     start = ready(base_deg=base_deg)
     return start, run(start, None, "fade")[0]
@@ -177,7 +177,7 @@ def _arm(base_deg: float) -> Any:
 
 def loop(seed: int, folder: Path) -> None:
     """Break the sensor of a simulated RAVEN-II in motion; no joint moves by half a degree because of it."""
-    from papers.gravity_faults import LIMIT_DEG, outcome
+    from papers.gravity.faults import LIMIT_DEG, outcome
 
     kind, fallback = KINDS[seed % len(KINDS)], FALLBACKS[seed // len(KINDS) % len(FALLBACKS)]
     start, healthy = _arm((20.0, 10.0, -15.0)[seed // (len(KINDS) * len(FALLBACKS)) % 3])

@@ -1,0 +1,72 @@
+"""The calibration paper's results, by their place.
+
+Peng et al., "Efficient data-driven joint-level calibration of cable-driven surgical robots". A real
+RAVEN-II; trained on zig-zag motions in direction J2-J3 (1013 s), tested on 20 minutes of random motion.
+"""
+
+# table I: RMSE on J1 [deg], J2 [deg], J3 [mm] by direction and method
+TABLE_1: dict[str, dict[str, tuple[float, float, float]]] = {
+    direction: dict(zip(("network", "polynomial", "linear", "fixed offset", "raw"), errors, strict=True))
+    for direction, errors in {
+        "J1": (
+            (0.215, 0.248, 0.179),
+            (0.193, 0.311, 0.406),
+            (0.214, 0.288, 0.239),
+            (0.857, 1.106, 0.486),
+            (1.930, 7.927, 11.723),
+        ),
+        "J2": (
+            (0.186, 0.313, 0.216),
+            (0.156, 0.242, 0.357),
+            (0.214, 0.250, 0.257),
+            (0.911, 1.135, 0.628),
+            (2.015, 8.016, 11.737),
+        ),
+        "J3": (
+            (0.115, 0.241, 0.111),
+            (0.144, 0.203, 0.141),
+            (0.198, 0.294, 0.134),
+            (0.877, 1.160, 0.498),
+            (2.061, 8.115, 11.754),
+        ),
+        "J1-J2": (
+            (0.209, 0.234, 0.183),
+            (0.169, 0.276, 0.416),
+            (0.231, 0.221, 0.253),
+            (0.908, 1.168, 0.584),
+            (2.095, 8.064, 11.773),
+        ),
+        "J2-J3": (
+            (0.104, 0.120, 0.118),
+            (0.118, 0.222, 0.173),
+            (0.174, 0.186, 0.166),
+            (0.859, 1.095, 0.492),
+            (2.103, 7.963, 11.715),
+        ),
+        "J1-J3": (
+            (0.120, 0.265, 0.161),
+            (0.114, 0.294, 0.178),
+            (0.257, 0.266, 0.179),
+            (0.932, 1.168, 0.557),
+            (2.125, 7.985, 11.778),
+        ),
+        "J1-J2-J3": (
+            (0.143, 0.130, 0.164),
+            (0.145, 0.148, 0.274),
+            (0.221, 0.169, 0.168),
+            (0.866, 1.038, 0.469),
+            (2.219, 7.945, 11.703),
+        ),
+    }.items()
+}
+# section II-G: the linear model and the fixed offset in hour 0 and hour 5 of six hours of unloaded motion, and the
+# linear model in hours 0 and 5 with 500 g
+SIX_HOURS_LINEAR = ((0.169, 0.247, 0.132), (0.527, 0.353, 0.200))
+SIX_HOURS_OFFSET = ((0.879, 1.056, 0.482), (1.000, 1.139, 0.545))
+LOADED_LINEAR_HOUR_0 = (0.144, 0.266, 0.138)
+LOADED_LINEAR_HOUR_5 = (0.916, 0.588, 0.473)
+# section II-I: the linear model on J2 before the first and after the fifth of five homings, none seen in training
+HOMINGS_LINEAR_J2 = (0.317, 0.712)
+# the same on J1, least and greatest of all six, and on J3 but for an outlier, linear model and network together
+HOMINGS_LINEAR_J1 = (0.155, 0.207)
+HOMINGS_J3 = (0.113, 0.202)

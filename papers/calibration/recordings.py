@@ -1,0 +1,99 @@
+"""What the calibration paper's experiments are made of: a homed robot, its recordings, and models fitted to them.
+
+Conditions: box J1 20..60, J2 55..110 deg, J3 0.33..0.42 m; calibration along zig-zags, tests on independent random
+motion; state at 30 Hz, encoders at 100 Hz (Peng et al., II-D, II-E, IV-B). Errors on J1 [deg], J2 [deg], J3 [mm].
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from catenary import CablePlant, MotionLog, random_sinusoids, record_simulated, zigzag
+from catenary.arrays import Floats
+from catenary.calibration.dataset import CalibrationData, calibration_data
+from catenary.calibration.evaluate import evaluate
+from catenary.calibration.fit import FitOptions, choose_inputs, fit
+from catenary.calibration.model import CalibrationModel
+from catenary.trajectories.zigzag import Direction
+from catenary.workflows.project.calibrate import RAVEN_INPUTS
+from papers.calibration.inputs import SIXTEEN
+
+JOINTS = ("J1", "J2", "J3")
+UNITS = ("deg", "deg", "mm")
+SPARSITIES = (1 / 2, 1 / 3, 1 / 4)  # 1013 s, of table I
+TEST_SECONDS = 1200.0
+START = (0.5, 1.5, 0.40)  # where the arm wakes up [rad, rad, m]
+NETWORK, BEST = "network", "network of ours"
+# the paper's methods, by the names of its tables, and ours
+METHODS = {
+    NETWORK: FitOptions(kind="neural", preset="paper", inputs=SIXTEEN),
+    "polynomial": FitOptions(kind="polynomial", inputs=SIXTEEN),
+    "linear": FitOptions(kind="linear", inputs=SIXTEEN),
+    BEST: FitOptions(kind="neural", preset="best", inputs=RAVEN_INPUTS),
+}
+
+
+def homed(seed: int | None, *, payload: float = 0.0) -> CablePlant:
+    """Return a simulated robot, homed: the nominal one, or one drawn by its seed; with a payload [kg]."""
+    plant = CablePlant(seed=seed, start=START, substeps=1, payload=payload)
+    plant.home()
+    return plant
+
+
+def draws(seed: int | None, *what: int) -> np.random.Generator:
+    """Return the random numbers of one recording: they depend on the robot and on nothing recorded before."""
+    return np.random.default_rng([0 if seed is None else seed + 1, *what])
+
+
+def calibration_log(
+    plant: CablePlant,
+    rng: np.random.Generator,
+    direction: Direction = "J2-J3",
+    sparsities: Sequence[float] = SPARSITIES,
+    *,
+    columns: Sequence[str] = (),
+) -> MotionLog:
+    """Record the zig-zags of a direction, one sparsity after the other."""
+    return record_simulated(plant, zigzag(direction, sparsities), "zigzag", rng, columns=columns)
+
+
+def random_log(
+    plant: CablePlant,
+    rng: np.random.Generator,
+    seconds: float = TEST_SECONDS,
+    *,
+    columns: Sequence[str] = (),
+) -> MotionLog:
+    """Record independent random motion of every joint."""
+    return record_simulated(plant, random_sinusoids(rng, seconds), "random", rng, columns=columns)
+
+
+def fitted(logs: Sequence[MotionLog], options: FitOptions) -> CalibrationModel:
+    """Fit a model to recordings."""
+    inputs = choose_inputs(logs, options)
+    return fit(calibration_data(logs, inputs.features), inputs, options)
+
+
+def rows_of(model: CalibrationModel, log: MotionLog) -> CalibrationData:
+    """Return a recording as rows of a model's features."""
+    return calibration_data([log], model.features)
+
+
+def rmse(model: CalibrationModel, data: CalibrationData) -> list[float]:
+    """Return the RMSE of the corrected positions on rows that the model has not seen."""
+    return [joint.rmse for joint in evaluate(model, data).joints]
+
+
+def baselines(model: CalibrationModel, data: CalibrationData) -> dict[str, list[float]]:
+    """Return the RMSE of raw positions, and after the fixed offset of the model's training data."""
+    joints = evaluate(model, data).joints
+    return {
+        "raw": [joint.raw_rmse for joint in joints],
+        "fixed offset": [joint.offset_rmse for joint in joints],
+    }
+
+
+def mean(values: Sequence[Sequence[float]]) -> list[float]:
+    """Return the mean over trainings of each joint's error."""
+    averaged: Floats = np.mean(values, axis=0)
+    return [float(value) for value in averaged]

@@ -1,0 +1,35 @@
+"""Every experiment by its name, in the papers' order; imported when it is asked for."""
+
+import importlib
+from collections.abc import Sequence
+
+from catenary.errors import InputError
+from papers.experiment import Experiment
+
+# "paper-place": the module that holds EXPERIMENT
+MODULES = {
+    "calibration-table-1": "papers.calibration.table_1",
+}
+
+
+def experiment(name: str) -> Experiment:
+    """Import an experiment by its name."""
+    found: Experiment = importlib.import_module(MODULES[name]).EXPERIMENT
+    return found
+
+
+def named(words: Sequence[str]) -> list[str]:
+    """Return the experiments that words ask for: a name, the beginning of several names, or all.
+
+    Raises:
+        InputError: No experiment is called so.
+    """
+    names: list[str] = []
+    for word in words:
+        found = [name for name in MODULES if word in ("all", name)] or [
+            name for name in MODULES if name.startswith(f"{word}-")
+        ]
+        if not found:
+            raise InputError(f'experiment "{word}": no such one; choices: all, {", ".join(MODULES)}')
+        names += [name for name in found if name not in names]
+    return names

@@ -1,0 +1,53 @@
+"""How claims are decided: of statements that hold or not, for each joint, robot or condition, how many do."""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from papers.experiment import Judgement, Verdict
+
+NOT_MEASURED = Judgement("not measured", "-")
+
+
+def by_count(holds: Iterable[bool], measured: str) -> Judgement:
+    """Judge a claim of several parts: reproduced where all hold, the same direction where more than half do."""
+    parts = [bool(each) for each in holds]
+    if not parts:
+        return NOT_MEASURED
+    verdict: Verdict = "not reproduced"
+    if all(parts):
+        verdict = "reproduced"
+    elif sum(parts) > len(parts) / 2:
+        verdict = "same direction"
+    return Judgement(verdict, f"{measured} ({sum(parts)} of {len(parts)})" if len(parts) > 1 else measured)
+
+
+def within(
+    reached: Mapping[str, float], published: Mapping[str, float], share: float, *, direction: Iterable[bool]
+) -> Judgement:
+    """Judge numbers: reproduced within a share of the published ones, the same direction where `direction` holds.
+
+    Args:
+        reached: Number by name.
+        published: The paper's, by the same names.
+        share: Largest relative difference that counts as reproduced.
+        direction: Statements that all hold where the numbers go the paper's way.
+    """
+    if not reached:
+        return NOT_MEASURED
+    told = ", ".join(f"{name} {value:.3f}" for name, value in reached.items())
+    close = all(
+        abs(value - published[name]) <= share * abs(published[name]) for name, value in reached.items()
+    )
+    verdict: Verdict = "reproduced" if close else "same direction" if all(direction) else "not reproduced"
+    return Judgement(verdict, told)
+
+
+def mean_and_spread(values: Iterable[float], digits: int = 3) -> str:
+    """Return mean and standard deviation of a sample as text; the value alone where there is one."""
+    sample = np.array([value for value in values if value is not None], dtype=float)
+    if sample.size == 0:
+        return "-"
+    if sample.size == 1:
+        return f"{sample[0]:.{digits}f}"
+    return f"{sample.mean():.{digits}f} ± {sample.std(ddof=1):.{digits}f}"

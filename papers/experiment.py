@@ -1,0 +1,215 @@
+"""An experiment: cases that run apart from each other, what they show together, and what a paper claims of it.
+
+A case is a function of this package and plain arguments; it gives plain data, the same wherever it runs. Everything
+that takes time happens in cases; tables, pictures and verdicts are made of their results in a moment.
+"""
+
+import functools
+import hashlib
+import importlib
+import inspect
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+from catenary.reports.page import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Plain = Any  # None, bool, int, float, str, lists and mappings of these
+Result = Mapping[str, Plain]
+Paper = Literal["calibration", "gravity", "regressor", "tutorial", "beyond"]
+Verdict = Literal["reproduced", "same direction", "not reproduced", "not measured"]
+NOMINAL = None  # the robot that the plant was fitted to; drawn robots have a seed
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run of a function: what it is called with decides its result.
+
+    `key` names the result: the function, its revision, its arguments, and the simulated robots' data files.
+    """
+
+    function: str  # module and name
+    revision: int
+    text: str  # arguments as canonical JSON
+
+    @property
+    def arguments(self) -> dict[str, Plain]:
+        """Return what the function is called with."""
+        arguments: dict[str, Plain] = json.loads(self.text)
+        return arguments
+
+    @property
+    def key(self) -> str:
+        """Return the name of the result: 32 hexadecimal digits."""
+        whole = json.dumps([self.function, self.revision, self.text, robots_digest()])
+        return hashlib.sha256(whole.encode()).hexdigest()[:32]
+
+    @property
+    def label(self) -> str:
+        """Return the case in words, for progress and failures."""
+        told = ", ".join(f"{name} {value}" for name, value in self.arguments.items())
+        return f"{self.function.removeprefix('papers.')}({told})"
+
+    def load(self) -> "Run":
+        """Import the function."""
+        module, _, name = self.function.rpartition(".")
+        found = getattr(importlib.import_module(module), name)
+        if not isinstance(found, Run):
+            raise TypeError(
+                f"{self.function}: expected a function marked with @run, got {type(found).__name__}"
+            )
+        return found
+
+
+class Run:
+    """A function of plain arguments and plain results that cases call; made by `@run`."""
+
+    def __init__(self, function: Callable[..., Result], revision: int) -> None:
+        self.function, self.revision = function, revision
+        self.needs_data = "data" in inspect.signature(function).parameters
+        functools.update_wrapper(self, function)
+
+    def __call__(self, *args: Plain, **arguments: Plain) -> Result:
+        """Call the function."""
+        return self.function(*args, **arguments)
+
+    @property
+    def name(self) -> str:
+        """Return module and name of the function."""
+        return f"{self.function.__module__}.{self.function.__qualname__}"
+
+    def case(self, **arguments: Plain) -> Case:
+        """Return a case of this function.
+
+        Raises:
+            TypeError: The function does not take these arguments, or one of them is no plain data.
+        """
+        also = {"data": None} if self.needs_data else {}
+        inspect.signature(self.function).bind(**arguments, **also)
+        return Case(self.name, self.revision, json.dumps(arguments, sort_keys=True, allow_nan=False))
+
+
+def run(*, revision: int) -> Callable[[Callable[..., Result]], Run]:
+    """Mark a function as one that cases call.
+
+    Args:
+        revision: Raised whenever a change of the code changes results, so that they are made anew.
+    """
+    return lambda function: Run(function, revision)
+
+
+@functools.cache
+def robots_digest() -> str:
+    """Return a digest of the data files of robots and their simulated mechanics, on which results depend."""
+    digest = hashlib.sha256()
+    for room in ("robots", "simulation"):
+        for entry in sorted((files("catenary") / room / "data").iterdir(), key=lambda each: each.name):
+            if entry.is_file():
+                digest.update(entry.name.encode() + b"\0" + entry.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+@dataclass(frozen=True)
+class Scope:
+    """How much is run: which robots, how often networks are trained, and on what recordings."""
+
+    robots: tuple[int | None, ...] = (NOMINAL, 1, 2, 3, 4, 5)
+    networks: int = 5  # trainings of every network, whose results are averaged as the paper does
+    quick: bool = False  # a minute at most, to see that it runs: no verdicts
+    data: Path | None = None  # folder of recordings of real arms
+
+    @property
+    def network_seeds(self) -> tuple[int, ...]:
+        """Return the seeds with which every network is trained."""
+        return tuple(range(self.networks))
+
+
+class Outcomes:
+    """Results of an experiment's cases, as far as they are there."""
+
+    def __init__(self, results: Mapping[Case, Result]) -> None:
+        self._results = dict(results)
+
+    def __len__(self) -> int:
+        return len(self._results)
+
+    def of(self, function: Run, **arguments: Plain) -> list[Result]:
+        """Return the results of a function's cases that have these arguments, in the cases' order."""
+        return [result for _, result in self.items(function, **arguments)]
+
+    def items(self, function: Run, **arguments: Plain) -> Iterator[tuple[dict[str, Plain], Result]]:
+        """Yield arguments and results of a function's cases that have these arguments."""
+        for case, result in self._results.items():
+            told = case.arguments
+            if case.function == function.name and all(told.get(k) == v for k, v in arguments.items()):
+                yield told, result
+
+
+class Judgement(NamedTuple):
+    """What was measured of a claim."""
+
+    verdict: Verdict
+    measured: str
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One statement of a paper, and how it is decided whether it holds here.
+
+    The criterion is written before the run. `why` says, where a claim does not hold, what the reason is as far as
+    it was found.
+    """
+
+    says: str
+    place: str  # in the paper: section, table, figure
+    published: str  # the paper's own numbers
+    criterion: str
+    judge: Callable[[Outcomes], Judgement]
+    why: str = ""
+
+
+class TitledTable(NamedTuple):
+    """A table of results."""
+
+    title: str
+    table: Table
+
+
+class TitledPicture(NamedTuple):
+    """A picture of results, in the paper's form where there is one."""
+
+    caption: str
+    figure: "Figure"
+
+
+@dataclass(frozen=True)
+class Report:
+    """What the cases show together."""
+
+    tables: Sequence[TitledTable] = ()
+    pictures: Sequence[TitledPicture] = ()
+    remarks: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A figure or a table of a paper, or one that goes beyond them."""
+
+    name: str  # calibration-table-1
+    paper: Paper
+    place: str  # table I
+    title: str
+    about: str  # conditions, and what was chosen where the paper is silent
+    cases: Callable[[Scope], Sequence[Case]]
+    report: Callable[[Outcomes], Report]
+    minutes: float  # of one processor, all of it
+    claims: Sequence[Claim] = field(default_factory=tuple)
+    drawn: int = 5  # robots beside the nominal one
+    simulated: bool = True  # False where all of it is measured on real arms
+    needs_data: bool = False  # recordings of real arms, of which some cases are

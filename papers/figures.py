@@ -1,0 +1,32 @@
+"""How the papers' pictures look: names and colours of controllers and methods, and empty axes as wide as a page."""
+
+from typing import Any
+
+import numpy as np
+
+# how controllers are called and drawn
+LABELS = {
+    "pd": "PD",
+    "sg": "PD+SG",
+    "dg": "PD+DG",
+    "dg-imu": "PD+DG, IMU",
+    "attitude": "PD+G of true attitude",
+}
+COLORS = {"pd": "#1c2430", "sg": "#4b6b94", "dg": "#d9622b", "dg-imu": "#2f8f6b", "attitude": "#2f8f6b"}
+FOUR_COLORS = ("#1c2430", "#4b6b94", "#d9622b", "#2f8f6b")
+METHOD_COLORS = {
+    "raw": "#b8bfc9",
+    "fixed offset": "#8a94a3",
+    "linear": "#4b6b94",
+    "polynomial": "#c9a227",
+    "network": "#d9622b",
+    "network of ours": "#2f8f6b",
+}
+
+
+def panels(columns: int, height: float, *, rows: int = 1, **options: Any) -> tuple[Any, list[Any]]:
+    """Return an empty matplotlib figure as wide as the page, and its axes row by row; the height is in inches."""
+    from matplotlib.figure import Figure
+
+    drawn = Figure(figsize=(10, height), layout="constrained")
+    return drawn, list(np.atleast_1d(drawn.subplots(rows, columns, **options)).ravel())

@@ -1,0 +1,1 @@
+"""The gravity paper: Lewis and Hannaford 2014, dynamically evaluated gravity compensation."""

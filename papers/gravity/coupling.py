@@ -1,0 +1,355 @@
+"""From a base's motion to joint errors and back: frequency response of PD with gravity, and when it may swing up.
+
+Lewis and Hannaford 2014, future work: "a study of the frequency response of the system with the PD+DG controller could
+show a case in which specific perturbations of the base could create a positive feedback instability between the robot
+motion and the accelerometer". Here is that case, linearised about a pose at rest:
+
+    (M s² + Kd s + Kp) q = -(h s² + t) x + F(s) (h' s² + t) x     joints, x a small motion of the base
+    m (s² + 2 zeta w_b s + w_b²) x = -(h s² + t)ᵀ q               base on a spring, pushed by the arm
+
+h is what the joints feel of the base's acceleration, t of its tilt (zero where it sways), F what the sensor and its
+filter make of the truth; h' is what the sensor tells: all of h for sway, by the accelerometer; of a turning base
+nothing without a gyroscope. PD and PD+SG have F = 0. Around the loop
+
+    L(s) = (h s² + t)ᵀ (M s² + Kd s + Kp)⁻¹ ((h - F h') s² + t (1 - F)) / (m (s² + 2 zeta w_b s + w_b²))
+
+and the base is stable where |L| < 1 at all frequencies (small gain), for any phase of F: m above
+
+    max over s = j w of |(h s² + t)ᵀ D⁻¹ (...)| / |s² + 2 zeta w_b s + w_b²|.
+
+`unstable_roots` counts the closed loop's roots to the right by the argument principle, without that margin. Gravity's
+own stiffness, a hundredth of the gains, is left out. The arm is RAVEN-II's links with its motors' inertia; the gains
+are its own. F of this package's estimator is measured by feeding it; a held sample is a formula.
+
+Run it with `make gravity-figures`; it writes gravity_coupling.json and .html and prints the tables.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catenary import BaseMotion, gravity_torque, inverse_dynamics, load_robot, mass_matrix
+from catenary.arrays import Floats
+from catenary.reports.page import Block, Picture, Table, Text, picture
+from catenary.sensing.checks import SensorRules
+from catenary.sensing.imu import SensedGravity
+from catenary.sensing.mailbox import Mailbox
+from catenary.sensing.mounting import Mounting
+from catenary.simulation.base_motion import RockingBase
+from catenary.simulation.cable_parameters import load_cable_arm
+from catenary.simulation.sensors import SensorModel, SimulatedSensor
+from catenary.workflows.gravity.motions import RAVEN_START
+from catenary.workflows.gravity.simulated_arm import raven_gains, raven_motor_inertia
+from papers.arguments import folder_argument
+from papers.figures import FOUR_COLORS, panels
+from papers.gravity.raven_base import Z0, turned_base
+from papers.results import shown, write_results
+
+Complexes = NDArray[np.complexfloating[Any, Any]]
+Response = Callable[[Floats], Complexes]  # of frequencies (N,) [Hz]
+BASE_DEG = 15.0
+FREQUENCIES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)  # [Hz]
+LATENCY = 0.002  # [s]
+ZETA = 0.02  # damping ratio of a base, as of bolted steel
+BASE_HZ = (2.0, 5.0, 10.0, 20.0)
+ACCELERATIONS = (1.0, 2.0, 3.0)  # [m/s2] sustained
+SIZES = 80  # of a base, tried for whether it swings up
+GRID = np.geomspace(0.05, 60.0, 160)  # [Hz]
+
+
+class Linear(NamedTuple):
+    """An arm at rest, and a motion of its base, seen by the joints."""
+
+    mass: Floats  # (n, n) with motors
+    kp: Floats  # (n,)
+    kd: Floats  # (n,)
+    h: Floats  # (n,) torque per acceleration of the base
+    t: Floats  # (n,) torque per tilt of the base
+    own: float = 0.0  # mass, or inertia about the base's axis, of the arm itself: no base with arm has less
+
+    def stiff(self, s: Complexes) -> Complexes:
+        """Return M s² + Kd s + Kp, (N, n, n), for s (N, 1)."""
+        at = s[..., None]
+        matrix: Complexes = self.mass * at * at + np.eye(len(self.kp)) * (self.kd * s + self.kp)[..., None]
+        return matrix
+
+
+class Sensing(NamedTuple):
+    """What a sensor makes of gravity with the base's acceleration, and of its angular acceleration."""
+
+    gravity: Response
+    turning: Response
+
+
+def blind(hz: Floats) -> Complexes:
+    """Return the response of no sensor: zero."""
+    return 0j * hz
+
+
+def held_sample(rate_hz: float, latency: float) -> Response:
+    """Return the response of a sample held until the next: a delay of the latency and, on average, half a period."""
+
+    def response(hz: Floats) -> Complexes:
+        x = hz / rate_hz
+        held: Complexes = np.exp(-2j * np.pi * hz * latency) * np.exp(-1j * np.pi * x) * np.sinc(x)
+        return held
+
+    return response
+
+
+def raven_on(motion: str, q: ArrayLike = RAVEN_START, base_deg: float = BASE_DEG) -> Linear:
+    """Return RAVEN-II at rest on a base that turns about Z0 ("turn"), or sways along its x, y or z."""
+    model, arm = load_robot("raven2"), load_cable_arm()
+    pose, zero = np.asarray(q, dtype=float)[None], np.zeros((1, model.n))
+    gains = raven_gains(arm.firmware)
+    links = mass_matrix(model, pose)[0]
+    mass = links + raven_motor_inertia(arm)
+    gravity = turned_base(base_deg).sample(np.zeros(1)).gravity[0]
+    if motion != "turn":
+        # accelerating along u is falling along -u, and torque is linear in gravity
+        away = -np.eye(3)["xyz".index(motion)]
+        own = float(model.tree.mass.sum())
+        return Linear(mass, *gains, gravity_torque(model, pose[0], away), np.zeros(model.n), own)
+    h = inverse_dynamics(model, pose, zero, zero, np.zeros((1, 3)), BaseMotion(np.zeros(3), Z0))[0]
+    # gravity turns the other way in a base that turns
+    t = gravity_torque(model, pose[0], -np.cross(Z0, gravity))
+    # the base turns about joint 1's axis, through the same point
+    return Linear(mass, *gains, h, t, float(links[0, 0]))
+
+
+def joint_response(arm: Linear, hz: ArrayLike, sensing: Sensing) -> Complexes:
+    """Return joint errors per motion of the base, (N, n), at frequencies (N,) [Hz]."""
+    at = np.atleast_1d(np.asarray(hz, dtype=float))
+    lacking = _lacking(arm, at, sensing)
+    response: Complexes = np.linalg.solve(arm.stiff(2j * np.pi * at[:, None]), lacking[..., None])[..., 0]
+    return response
+
+
+def loop(arm: Linear, hz: ArrayLike, sensing: Sensing, base_hz: float, zeta: float = ZETA) -> Complexes:
+    """Return the loop gain L (N,) of a base of mass or inertia 1: through sensor, torque and arm back to it."""
+    s, w = 2j * np.pi * np.atleast_1d(np.asarray(hz, dtype=float)), 2.0 * np.pi * base_hz
+    back = arm.h * (s * s)[:, None] + arm.t
+    around: Complexes = (back * joint_response(arm, hz, sensing)).sum(axis=1) / (
+        s * s + 2.0 * zeta * w * s + w * w
+    )
+    return around
+
+
+def smallest_base(arm: Linear, sensing: Sensing, base_hz: float, zeta: float = ZETA) -> float:
+    """Return the mass [kg] or inertia [kg m2] of base with arm above which small gain makes it stable."""
+    grid = np.unique(np.concatenate([GRID, base_hz * np.linspace(0.9, 1.1, 41)]))
+    return float(np.abs(loop(arm, grid, sensing, base_hz, zeta)).max())
+
+
+def unstable_roots(
+    arm: Linear, sensing: Sensing, base_hz: float, size: float, zeta: float = ZETA, *, most_hz: float = 2000.0
+) -> int:
+    """Count the roots of 1 - L to the right of the imaginary axis, for a base of a mass or inertia.
+
+    L has none of its own poles there: arm and base are stable by themselves.
+    """
+    return _roots_of(_around(arm, sensing, base_hz, zeta, most_hz) / size)
+
+
+def largest_unstable_base(
+    arm: Linear, sensing: Sensing, base_hz: float, zeta: float = ZETA, *, most_hz: float = 200.0
+) -> float:
+    """Return the largest mass [kg] or inertia [kg m2] of base with arm that is unstable; 0 if there is none.
+
+    Looked for from the smallest base that small gain makes stable down to the arm alone, on a base without mass.
+    """
+    L = _around(arm, sensing, base_hz, zeta, most_hz)
+    most = float(np.abs(L).max())
+    if most <= arm.own:
+        return 0.0
+    sizes = np.geomspace(most, max(arm.own, 0.02 * most), SIZES)
+    return next((float(size) for size in sizes if _roots_of(L / size) > 0), 0.0)
+
+
+def _around(arm: Linear, sensing: Sensing, base_hz: float, zeta: float, most_hz: float) -> Complexes:
+    """Return L of a base of size 1 along the imaginary axis, densely near the base's own frequency."""
+    grid = np.unique(
+        np.concatenate([np.geomspace(1e-3, most_hz, 4000), base_hz * np.linspace(0.8, 1.2, 2001)])
+    )
+    return loop(arm, grid, sensing, base_hz, zeta)
+
+
+def _roots_of(L: Complexes) -> int:
+    turned = np.unwrap(np.angle(1.0 - L))
+    # both halves of the axis; the arc at infinity turns nothing, where L is below 1
+    return round(float(-(turned[-1] - turned[0]) / np.pi))
+
+
+def estimator_response(hz: float, rate_hz: float = 200.0) -> tuple[complex, complex]:
+    """Return SensedGravity's response to gravity's x and to the angular acceleration of a rocking base."""
+    w = 2.0 * np.pi * hz
+    # below the estimator's own rates of change
+    amplitude = min(0.02, 0.1 / w, 0.2 * 400.0 / w**3)
+    base = RockingBase(0.0, amplitude, hz, tuple(Z0.tolist()))
+    sensor = SensorModel(rate_hz, 0.0, 0.0, 0.0, 0.0, LATENCY, True, Mounting())
+    mailbox = Mailbox()
+    feed = SimulatedSensor(base, mailbox, sensor).advance
+    source = SensedGravity(mailbox, rules=SensorRules(stuck_samples=0), feed=feed)
+    first = max(0.6, 1.0 / hz)
+    times = np.arange(0.0, first + max(0.5, round(1.0 / hz + 0.5)), 0.001)
+    readings = [source.read(float(time)) for time in times]
+    kept = times >= first
+    waves = np.stack([np.sin(w * times), np.cos(w * times), np.ones(len(times))], axis=1)[kept]
+    truth = base.sample(times[kept])
+    told = np.array([[r.gravity[0], r.base_rates[1] @ Z0] for r in readings])[kept]
+    true = np.stack([truth.gravity[:, 0], truth.motion[:, 1] @ Z0], axis=1)
+    fits = [np.linalg.lstsq(waves, values, rcond=None)[0] for values in (told, true)]
+    ratio = (fits[0][0] + 1j * fits[0][1]) / (fits[1][0] + 1j * fits[1][1])
+    return complex(ratio[0]), complex(ratio[1])
+
+
+def estimator(rate_hz: float = 200.0) -> Sensing:
+    """Return the response of SensedGravity with accelerometer and gyroscope, measured on a grid and interpolated."""
+    grid = np.geomspace(0.5, 60.0, 28)
+    measured = np.array([estimator_response(hz, rate_hz) for hz in grid])
+
+    def of(column: int) -> Response:
+        values = np.concatenate([[1.0 + 0.0j], measured[:, column]])
+        points = np.concatenate([[0.0], grid])
+        return lambda hz: np.interp(hz, points, values.real) + 1j * np.interp(hz, points, values.imag)
+
+    return Sensing(of(0), of(1))
+
+
+def _lacking(arm: Linear, hz: Floats, sensing: Sensing) -> Complexes:
+    s = 2j * np.pi * hz[:, None]
+    gravity, turning = sensing.gravity(hz)[:, None], sensing.turning(hz)[:, None]
+    # an accelerometer tells sway as it tells gravity; a turning only a gyroscope
+    told = turning if arm.t.any() else gravity
+    lacking: Complexes = arm.h * s * s * (1.0 - told) + arm.t * (1.0 - gravity)
+    return lacking
+
+
+def sustained_table() -> Table:
+    """Return the joint errors under a sustained acceleration along x, where it is sensed and where it is not."""
+    arm = raven_on("x")
+    rows = []
+    for a in ACCELERATIONS:
+        off = np.rad2deg(arm.h[:2] * a / arm.kp[:2]), 1e3 * arm.h[2] * a / arm.kp[2]
+        lacks = " ".join(f"{v:+.2f}" for v in arm.h * a)
+        rows.append([f"{a:g}", lacks, " ".join(f"{v:+.3f}" for v in (*off[0], off[1])), "0"])
+    return Table(
+        ["along x [m/s2]", "lacking [Nm Nm N]", "tilt only: J1 J2 J3 off [deg deg mm]", "accelerometer"], rows
+    )
+
+
+def response_table(ways: dict[str, Sensing], frequencies: tuple[float, ...]) -> Table:
+    """Return joint 1's error per angle of a base that turns about Z0."""
+    arm = raven_on("turn")
+    rows = [
+        [f"{hz:g}", *(f"{abs(joint_response(arm, hz, sensing)[0, 0]):.5f}" for sensing in ways.values())]
+        for hz in frequencies
+    ]
+    return Table(["rocking [Hz]", *(f"{name} [rad/rad]" for name in ways)], rows)
+
+
+def stability_table(ways: dict[str, Sensing]) -> Table:
+    """Return the smallest mass or inertia of a stable base, by the base's own frequency and the sensor."""
+    rows = []
+    for motion in ("x", "y", "z", "turn"):
+        arm, unit = raven_on(motion), "kg m2" if motion == "turn" else "kg"
+        for base_hz in BASE_HZ:
+            cells = [f"{smallest_base(arm, sensing, base_hz):.3g} {unit}" for sensing in ways.values()]
+            rows.append([f"{motion}, {base_hz:g} Hz", *cells])
+    return Table(["base", *ways], rows)
+
+
+def verdict_table(ways: dict[str, Sensing]) -> Table:
+    """Return the largest mass or inertia of an unstable base, by the base's own frequency and the sensor."""
+    rows = []
+    for motion in ("x", "y", "z", "turn"):
+        arm, unit = raven_on(motion), "kg m2" if motion == "turn" else "kg"
+        for base_hz in BASE_HZ:
+            largest = [largest_unstable_base(arm, sensing, base_hz) for sensing in ways.values()]
+            cells = [f"{size:.2g} {unit}" if size > 0.0 else "none" for size in largest]
+            rows.append([f"{motion}, {base_hz:g} Hz", *cells])
+    return Table(["base", *ways], rows)
+
+
+def figure(ways: dict[str, Sensing]) -> Picture:
+    """Draw joint 1's error per angle over frequency, and the loop gain of a swaying base of 50 kg."""
+    drawn, (left, right) = panels(2, 3.4)
+    turn, sway = raven_on("turn"), raven_on("x")
+    for (name, sensing), color in zip(ways.items(), FOUR_COLORS, strict=False):
+        kept = GRID[(GRID >= 0.1) & (GRID <= 20.0)]
+        # a held sample and the accelerometer through the estimator are nearly the same
+        style = "--" if name == "DG, accelerometer" else "-"
+        error = np.abs(joint_response(turn, kept, sensing)[:, 0])
+        left.loglog(kept, error, style, color=color, label=name)
+        near = np.unique(np.concatenate([GRID[GRID >= 0.5], np.linspace(9.0, 11.0, 101)]))
+        around = np.abs(loop(sway, near, sensing, 10.0)) / 50.0
+        # a base that sways does not turn: nothing for a gyroscope to add
+        right.loglog(near, around, ":" if name == "DG, IMU" else style, color=color)
+    left.set_xlabel("base rocks about Z0 [Hz]")
+    left.set_ylabel("joint 1's error per base angle [rad/rad]")
+    left.legend(frameon=False, fontsize=8)
+    right.axhline(1.0, color="#7a8699", lw=0.8)
+    right.annotate("stable below", (0.55, 0.45), fontsize=8, color="#4a5568")
+    right.set_xlabel("frequency [Hz]")
+    right.set_ylim(bottom=1e-9)
+    right.set_ylabel("gain around the loop [1]")
+    return picture(
+        drawn,
+        "Left: from a rocking base to joint 1. Right: around the loop of a base of 50 kg at 10 Hz, swaying along x; "
+        "below 1 it is stable.",
+    )
+
+
+def main(folder: Path, frequencies: tuple[float, ...] = FREQUENCIES) -> dict[str, Table]:
+    """Print the tables, write gravity_coupling.json and .html."""
+    sensed, held = estimator(), held_sample(100.0, 0.01)
+    ways = {
+        "PD, PD+SG": Sensing(blind, blind),
+        "DG, held sample 100 Hz": Sensing(held, blind),
+        "DG, accelerometer": Sensing(sensed.gravity, blind),
+        "DG, IMU": sensed,
+    }
+    tables = {
+        "Joint 1's error per angle of a rocking base": response_table(ways, frequencies),
+        "Smallest base that is stable by small gain": stability_table(ways),
+        "Largest base that swings up, by the count of unstable roots": verdict_table(ways),
+        "Sustained acceleration": sustained_table(),
+    }
+    blocks: list[Block] = [figure(ways)]
+    for title, table in tables.items():
+        blocks += shown(title, table)
+    blocks.append(
+        Text(
+            "Linear about a pose at rest, without friction, which only takes energy. Sizes are of base with arm. "
+            f"The base's damping ratio is {ZETA:g}; sizes go with its inverse. The column PD, PD+SG is the arm's own "
+            "reaction, which is physics and never unstable: small gain is sufficient, not necessary. What swings up is "
+            "counted by the argument principle, down to a base without mass, which leaves the arm's own "
+            f"{raven_on('x').own:.2g} kg, and {raven_on('turn').own:.2g} kg m2 about Z0."
+        )
+    )
+    write_results(
+        folder,
+        "gravity_coupling",
+        "From a base's motion to joint errors, and back",
+        "Frequency response and stability of PD with gravity; the future work of Lewis and Hannaford 2014.",
+        blocks,
+        configuration={
+            "robot": "nominal, linearised",
+            "pose": list(RAVEN_START),
+            "base_deg": BASE_DEG,
+            "damping_ratio": ZETA,
+            "sensor": "200 Hz, latency 2 ms; held sample 100 Hz, latency 10 ms",
+        },
+        results={
+            title: {"header": list(t.header), "rows": [list(r) for r in t.rows]}
+            for title, t in tables.items()
+        },
+    )
+    return tables
+
+
+if __name__ == "__main__":
+    main(folder_argument(__doc__))

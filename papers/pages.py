@@ -1,0 +1,115 @@
+"""Results into the repository: committed tables, pictures, and the blocks of documents that quote them.
+
+A document quotes an experiment between `<!-- papers NAME -->` and `<!-- end -->`, one table of it by
+`<!-- papers NAME TABLE -->`, and every claim of a paper by `<!-- papers claims PAPER -->`. What stands between is
+written by `python -m papers publish`, and a test holds it against the committed tables.
+"""
+
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from catenary.errors import InputError
+from catenary.files import write_atomically
+from papers.catalog import MODULES
+from papers.results_files import markdown, told_of
+
+ROOT = Path(__file__).parents[1]
+COMMITTED = ROOT / "papers" / "results"
+PICTURES = ROOT / "docs" / "images" / "papers"
+PAGES = ROOT / "docs"
+BLOCK = re.compile(r"(<!-- papers (?P<what>[^>]*?) -->\n).*?(\n?<!-- end -->)", re.DOTALL)
+CLAIMS = ["claim", "published", "here", "verdict"]
+
+
+def publish(out: Path, names: Iterable[str]) -> list[Path]:
+    """Take finished results into the repository, and write the documents' blocks anew; return what was written.
+
+    Raises:
+        InputError: Results of which cases are missing.
+    """
+    written: list[Path] = []
+    for name in names:
+        source = out / f"{name}.json"
+        if not source.exists():
+            continue
+        content = json.loads(source.read_text(encoding="utf-8"))
+        if content["missing"]:
+            raise InputError(f"{source}: {content['missing']} cases are missing; run {name} again")
+        COMMITTED.mkdir(exist_ok=True)
+        PICTURES.mkdir(parents=True, exist_ok=True)
+        for old in PICTURES.glob(f"{name}-[0-9].svg"):
+            old.unlink()
+        for path, target in [
+            (source, COMMITTED / source.name),
+            *((path, PICTURES / path.name) for path in sorted(out.glob(f"{name}-[0-9].svg"))),
+        ]:
+            write_atomically(target, path.read_bytes())
+            written.append(target)
+    results = committed()
+    for page in sorted(PAGES.glob("*.md")):
+        text = page.read_text(encoding="utf-8")
+        anew = with_blocks(text, results)
+        if anew != text:
+            write_atomically(page, anew.encode())
+            written.append(page)
+    return written
+
+
+def committed() -> dict[str, dict[str, Any]]:
+    """Return the committed tables of results by the experiments' names, in the papers' order."""
+    return {
+        name: json.loads(path.read_text(encoding="utf-8"))
+        for name in MODULES
+        if (path := COMMITTED / f"{name}.json").exists()
+    }
+
+
+def with_blocks(text: str, results: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return a document with its blocks written from results."""
+    return BLOCK.sub(lambda found: found[1] + block(found["what"].split(), results) + "\n<!-- end -->", text)
+
+
+def block(what: Sequence[str], results: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return what a document quotes: `NAME`, `NAME NUMBER` of a table, or `claims PAPER`."""
+    if what[0] == "claims":
+        return _claims(what[1], results)
+    content = results.get(what[0])
+    if content is None:
+        return f"*No result is committed yet: `python -m papers {what[0]}`.*"
+    if len(what) > 1:
+        return markdown(content["tables"][int(what[1]) - 1])
+    parts = [
+        f"![{caption}](images/papers/{content['name']}-{number}.svg)"
+        for number, caption in enumerate(content["pictures"], 1)
+    ]
+    parts += [f"{table['title']}:\n\n{markdown(table)}" for table in content["tables"]]
+    parts += list(content["remarks"])
+    if content["claims"]:
+        parts.append(markdown({"header": CLAIMS, "rows": [_row(claim) for claim in content["claims"]]}))
+        parts += [f"{claim['says']}: {claim['why']}" for claim in content["claims"] if claim["why"]]
+    parts.append(f"*{told_of(content)} `python -m papers {content['name']}`*")
+    return "\n\n".join(parts)
+
+
+def _row(claim: Mapping[str, str]) -> list[str]:
+    return [
+        f"{claim['says']} ({claim['place']}). Criterion: {claim['criterion']}",
+        claim["published"],
+        claim["measured"],
+        claim["verdict"],
+    ]
+
+
+def _claims(paper: str, results: Mapping[str, Mapping[str, Any]]) -> str:
+    rows = [
+        [claim["says"], claim["place"], claim["published"], claim["measured"], claim["verdict"]]
+        for content in results.values()
+        if content["paper"] == paper
+        for claim in content["claims"]
+    ]
+    if not rows:
+        return "*No claim of this paper has been judged yet.*"
+    return markdown({"header": ["claim", "place", "published", "here", "verdict"], "rows": rows})

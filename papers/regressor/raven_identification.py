@@ -1,0 +1,366 @@
+"""Gravity parameters of a simulated RAVEN-II from static poses, and what they are worth to PD+DG.
+
+The robot's own control holds random poses, each reached once from below and once from above, so that what friction
+holds cancels in the mean of the two. Masses are believed to be 20 % too large. The parameters of the compact regressor
+are fitted by least squares with the believed ones as prior: what the poses do not tell stays as believed. The same
+poses go through `identify` (terms static), whose base parameters need no belief.
+
+Joint positions: "reported" is what the robot gives, from its motors; "calibrated" is that after a linear model of the
+joint error, trained on the published zig-zag against external encoders; "true" is where the links are. The encoders
+are registered 7.5 deg (joint 2) and 10.47 mm (joint 3) away from the robot's own zero, and a calibrated position with
+them: gravity is asked in the mechanism's coordinates, from which both constants are taken off again.
+
+Joint 1's axis lies level on a RAVEN-II's own mount, not upright: a level base shows all base parameters already. What
+tilting adds where the first axis is upright, two of them, is tested on a base rolled by 90 deg.
+
+Run it with `make raven-identification`; it writes raven_identification.json and raven_identification.html.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from catenary import (
+    CablePlant,
+    EstimatedGravityPD,
+    FixedBase,
+    JointPD,
+    JointState,
+    MotionLog,
+    RobotModel,
+    compact_regressor,
+    gravity_torque,
+    identify,
+    load_robot,
+    record_simulated,
+    run_loop,
+    zigzag,
+)
+from catenary.arrays import Floats
+from catenary.calibration.model import CalibrationModel
+from catenary.control.loop import Tick
+from catenary.control.measures import pd_share
+from catenary.errors import ExcitationError
+from catenary.gravity.compact import CompactRegressor
+from catenary.identification.base_parameters import gravity_base_parameters
+from catenary.identification.options import IdentifyOptions
+from catenary.reports.page import Block, Table, Text
+from catenary.spatial import LEVEL
+from catenary.trajectories.smoothed_path import SmoothedPath
+from catenary.workflows.gravity.simulated_arm import raven_arm
+from papers.arguments import folder_argument
+from papers.gravity.raven_base import SHOWN
+from papers.plant.evaluation import linear_model
+from papers.results import shown, write_files
+
+Positions = Literal["reported", "calibrated", "true"]
+POSITIONS: tuple[Positions, ...] = ("reported", "calibrated", "true")
+BASES = {
+    "level": FixedBase(),
+    "tilted": FixedBase(np.deg2rad(20.0), np.deg2rad(15.0)),
+    "tilted the other way": FixedBase(np.deg2rad(-15.0), np.deg2rad(20.0)),
+}
+ON = {"level base": ("level",), "three bases": tuple(BASES)}  # what is fitted to
+TEST_BASE = FixedBase(np.deg2rad(10.0), np.deg2rad(-20.0))  # and tested on
+LOWER = np.array([np.deg2rad(20.0), np.deg2rad(55.0), 0.33])  # [rad, rad, m] of the published calibration
+UPPER = np.array([np.deg2rad(60.0), np.deg2rad(110.0), 0.42])
+ASIDE = np.array([np.deg2rad(5.0), np.deg2rad(5.0), 0.01])  # from where a pose is reached
+MOVE, REST, SEEN, BLEND = 0.8, 1.2, 0.5, 0.3  # [s] to a pose, at it, of it what counts at its end; rounding
+BELIEVED = 1.2  # masses over the true ones
+NOISE = np.array([0.15, 0.12, 1.5])  # [Nm, Nm, N] that friction leaves in the mean of both sides, about
+SPREAD = 0.3  # [kg m, kg] by how much the believed parameters may be wrong
+
+
+class Poses(NamedTuple):
+    """Poses held at rest, means of both sides: K rows."""
+
+    q: dict[Positions, Floats]  # (K, n) in the mechanism's coordinates
+    tau: Floats  # (K, n) [Nm|N] that the motors gave
+    gravity: Floats  # (3,) [m/s2]
+    log: MotionLog  # the same rows, for `identify`
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Parameters from one set of poses."""
+
+    on: str
+    positions: Positions
+    s: Floats  # (p,) compact parameters
+    rank: int  # of the poses' regressor
+
+
+def believed(model: RobotModel) -> RobotModel:
+    """Return the robot with every mass wrong by the same factor."""
+    return replace(model, tree=model.tree._replace(mass=BELIEVED * model.tree.mass))
+
+
+def calibration(seed: int | None, sparsities: Sequence[float] = (1 / 2, 1 / 3, 1 / 4)) -> CalibrationModel:
+    """Fit a linear model of the joint errors to the published zig-zag on a level base."""
+    plant = CablePlant(seed=seed, substeps=1)
+    plant.home()
+    return linear_model(
+        record_simulated(plant, zigzag("J2-J3", sparsities), "zig-zag", np.random.default_rng(7))
+    )
+
+
+def hold_poses(
+    base: FixedBase, count: int, seed: int, robot: int | None, model: CalibrationModel | None
+) -> Poses:
+    """Record random poses on a base, each reached from both sides.
+
+    Args:
+        base: Of the robot, from power-on.
+        count: Of poses.
+        seed: Draws them.
+        robot: Seed of the robot; the nominal one when None.
+        model: Gives calibrated positions; none of them when None.
+    """
+    rng = np.random.default_rng(seed)
+    plant = CablePlant(seed=robot, substeps=1, base=base)
+    plant.home()
+    goals = rng.uniform(LOWER, UPPER, (count, 3))
+    stops = np.stack([goals - ASIDE, goals, goals + ASIDE, goals], axis=1).reshape(-1, 3)
+    path, ends = _through(stops)
+    log = record_simulated(plant, path, "poses", rng)
+    assert log.time is not None
+    assert log.tau is not None
+    assert log.q_encoder is not None
+    mechanism = plant.rig.registered - plant.encoders.zero / plant.rig.counts  # what registration adds
+    positions: dict[Positions, Floats] = {"reported": log.q_nominal, "true": log.q_encoder - mechanism}
+    if model is not None:
+        positions["calibrated"] = model.calibrate(log) - mechanism
+    time = log.time - log.time[0]
+    held = [(time >= end - SEEN) & (time < end) for end in ends[1::2]]  # second and fourth of each four
+
+    def means(values: Floats) -> Floats:
+        sides = np.array([values[rows].mean(axis=0) for rows in held])
+        both: Floats = 0.5 * (sides[0::2] + sides[1::2])
+        return both
+
+    tau = means(log.tau)
+    rows = MotionLog(
+        "poses", log.joint_names, log.joint_units, means(log.q_nominal), np.ones(count, bool), tau=tau
+    )
+    return Poses({k: means(v) for k, v in positions.items()}, tau, base.sample(np.zeros(1)).gravity[0], rows)
+
+
+def _through(stops: Floats) -> tuple[SmoothedPath, Floats]:
+    """Return a path that rests at each stop, and the time at which each rest ends [s]."""
+    times, points = [], []
+    for k, stop in enumerate(stops):
+        times += [k * (MOVE + REST), k * (MOVE + REST) + REST]
+        points += [stop, stop]
+    return SmoothedPath.through(times, points, BLEND), np.array(times[1::2])
+
+
+def fit_compact(
+    regressor: CompactRegressor, s0: Floats, poses: Sequence[Poses], positions: Positions, on: str
+) -> Fit:
+    """Fit compact parameters to the torques by least squares, with the believed parameters as prior."""
+    Z = np.concatenate([regressor.Z(p.q[positions], p.gravity) / NOISE[:, None] for p in poses])
+    tau = np.concatenate([p.tau / NOISE for p in poses])
+    rows, wanted = Z.reshape(-1, Z.shape[2]), tau.reshape(-1)
+    prior = np.eye(len(s0)) / SPREAD
+    s = s0 + np.linalg.lstsq(np.vstack([rows, prior]), np.append(wanted - rows @ s0, 0.0 * s0), rcond=None)[0]
+    return Fit(on, positions, s, int(np.linalg.matrix_rank(rows, rtol=1e-6)))
+
+
+def torque_error(
+    regressor: CompactRegressor, s: Floats, poses: Poses, model: RobotModel, at: Positions
+) -> Floats:
+    """Return the RMS of Z s at given positions minus true gravity at true positions, (n,) [Nm|N]."""
+    truth = gravity_torque(model, poses.q["true"], poses.gravity)
+    error: Floats = np.sqrt(np.mean((regressor.Z(poses.q[at], poses.gravity) @ s - truth) ** 2, axis=0))
+    return error
+
+
+class KnownGravity:
+    """Gravity of parameters that stay as they are."""
+
+    def __init__(self, regressor: CompactRegressor, s: Floats) -> None:
+        """Take parameters (p,)."""
+        self._kernel, self._s = regressor.kernel(), s
+
+    def follow(self, state: JointState, q_desired: Floats) -> Floats:
+        """Return the gravity torque (n,) [Nm|N] at the state."""
+        torque: Floats = self._kernel(state.q, state.gravity) @ self._s
+        return torque
+
+
+class Held(NamedTuple):
+    """PD+DG at static poses on the test base."""
+
+    share: Floats  # (n,) RMS of the PD term over RMS of the torque
+    error: Floats  # (n,) RMS of reference minus reported position [rad|m]
+
+
+def hold_with(regressor: CompactRegressor, s: Floats, *, count: int, robot: int | None) -> Held:
+    """Hold random poses with PD and the gravity of parameters s, sensed gravity, reported positions."""
+    plant = CablePlant(seed=robot, base=TEST_BASE)
+    plant.home()
+    arm = raven_arm(plant)
+    goals = np.random.default_rng(99).uniform(LOWER, UPPER, (count, 3))
+    path, ends = _through(np.concatenate([arm.plant.measured_js().q[None], np.repeat(goals, 2, axis=0)]))
+    kp, kd = arm.gains
+    pd = JointPD(kp, kd)
+    seen: list[tuple[Floats, Floats, Floats]] = []
+
+    def observe(tick: Tick) -> None:
+        if tick.tau is not None and ((ends[1:] - SEEN <= tick.time) & (tick.time < ends[1:])).any():
+            seen.append((pd.torque(tick.state, tick.reference), tick.tau, tick.reference.q - tick.state.q))
+
+    controller = EstimatedGravityPD(kp, kd, KnownGravity(regressor, s))
+    run_loop(arm.plant, controller, path, limits=arm.limits(), observers=[observe])
+    feedback, torque, error = (np.sqrt(np.mean(np.square(v), axis=0)) for v in zip(*seen, strict=True))
+    return Held(pd_share(feedback, torque), error)
+
+
+def identified_error(poses: Poses, test: Poses, model: RobotModel) -> Floats | str:
+    """Return the RMS error (n,) of `identify` at reported positions of test poses, or why it refuses."""
+    options = IdentifyOptions(terms="static", gravity=tuple(float(g) for g in poses.gravity))  # type: ignore[arg-type]
+    try:
+        result = identify([poses.log], model, options)
+    except ExcitationError as error:
+        return str(error)
+    predicted = result.predict(test.q["reported"])
+    rms: Floats = np.sqrt(
+        np.mean((predicted - gravity_torque(model, test.q["true"], test.gravity)) ** 2, axis=0)
+    )
+    return rms
+
+
+@dataclass(frozen=True)
+class Results:
+    """All of it, for one robot."""
+
+    ranks: dict[str, int]  # of the base parameters, by theory
+    fits: dict[str, Fit]
+    errors: dict[str, Floats]  # (n,) of the gravity torque on the test base
+    held: dict[str, Held]
+    by_identify: Floats | str
+
+
+def experiment(
+    *, robot: int | None = None, count: int = 30, sparsities: Sequence[float] = (1 / 2, 1 / 3, 1 / 4)
+) -> Results:
+    """Run all of it.
+
+    Args:
+        robot: Seed of the simulated robot; the nominal one when None.
+        count: Of poses on each base.
+        sparsities: Of the zig-zag that the calibration is trained on.
+    """
+    model = load_robot("raven2")
+    regressor = compact_regressor(model)
+    s0 = regressor.parameters(believed(model))
+    corrected = calibration(robot, sparsities)
+    poses = {
+        name: hold_poses(base, count, 10 + k, robot, corrected)
+        for k, (name, base) in enumerate(BASES.items())
+    }
+    test = hold_poses(TEST_BASE, count, 50, robot, corrected)
+    level_test = hold_poses(BASES["level"], count, 51, robot, corrected)
+    fits, errors, held = {}, {}, {}
+    for name, s in (("masses as they are", regressor.parameters()), ("masses 20 % too large", s0)):
+        for at in POSITIONS:
+            errors[f"{name}, {at}"] = torque_error(regressor, s, test, model, at)
+        held[name] = hold_with(regressor, s, count=max(2, count // 3), robot=robot)
+    for on, names in ON.items():
+        for at in POSITIONS:
+            fit = fit_compact(regressor, s0, [poses[name] for name in names], at, on)
+            label = f"identified on {on}, {at}"
+            fits[label], errors[label] = fit, torque_error(regressor, fit.s, test, model, at)
+            if at == "reported":
+                held[f"identified on {on}"] = hold_with(
+                    regressor, fit.s, count=max(2, count // 3), robot=robot
+                )
+    return Results(
+        {
+            "level base": gravity_base_parameters(model, LEVEL).count,
+            "three bases": gravity_base_parameters(model, None).count,
+        },
+        fits,
+        errors,
+        held,
+        identified_error(poses["level"], level_test, model),
+    )
+
+
+def tables(results: Results) -> list[tuple[str, Table]]:
+    """Return the tables of the page."""
+    ranks = [
+        [label, f"{results.fits[label].rank}", f"{results.ranks[results.fits[label].on]}"]
+        for label in results.fits
+    ]
+    errors = [[label, *(f"{v:.3f}" for v in values)] for label, values in results.errors.items()]
+    held = [
+        [
+            label,
+            *(f"{100.0 * v:.0f}" for v in h.share),
+            *(f"{v:.3f}" for v in h.error * SHOWN),
+        ]
+        for label, h in results.held.items()
+    ]
+    joints = ["J1 [Nm]", "J2 [Nm]", "J3 [N]"]
+    return [
+        ("What the poses tell", Table(["fit", "rank of the poses' regressor", "base parameters"], ranks)),
+        (
+            "Gravity torque at poses on another base, RMS error",
+            Table(["parameters, positions", *joints], errors),
+        ),
+        (
+            "PD+DG at static poses on that base, reported positions",
+            Table(
+                [
+                    "parameters",
+                    *(f"PD share J{j} [%]" for j in (1, 2, 3)),
+                    "error J1 [deg]",
+                    "J2 [deg]",
+                    "J3 [mm]",
+                ],
+                held,
+            ),
+        ),
+    ]
+
+
+def main(folder: Path) -> None:
+    """Print the tables, write raven_identification.json and raven_identification.html."""
+    results = experiment()
+    blocks: list[Block] = []
+    for title, table in tables(results):
+        blocks += shown(title, table)
+    told = results.by_identify
+    words = told if isinstance(told, str) else "J1, J2 [Nm], J3 [N]: " + ", ".join(f"{v:.3f}" for v in told)
+    print(f"\nidentify, terms static, on the level base, tested there: {words}")
+    blocks.append(
+        Text(
+            f"`identify` (terms static) of the level base's poses, RMS error at others of that base: {words}"
+        )
+    )
+    content = {
+        "base_parameters": results.ranks,
+        "ranks": {label: fit.rank for label, fit in results.fits.items()},
+        "parameters": {label: fit.s.tolist() for label, fit in results.fits.items()},
+        "torque_error": {label: values.tolist() for label, values in results.errors.items()},
+        "held": {
+            k: {"pd_share": h.share.tolist(), "error": h.error.tolist()} for k, h in results.held.items()
+        },
+        "identify": told if isinstance(told, str) else told.tolist(),
+    }
+    write_files(
+        folder,
+        "raven_identification",
+        "Gravity parameters of a RAVEN-II from static poses",
+        "Masses believed 20 % too large; bases level and tilted.",
+        blocks,
+        content,
+    )
+
+
+if __name__ == "__main__":
+    main(folder_argument(__doc__))

@@ -1,0 +1,151 @@
+"""What an experiment leaves: a table of results that is committed, a page, pictures; what is printed on the way."""
+
+import io
+import json
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from catenary import __version__
+from catenary.files import json_text, write_atomically
+from catenary.reports.page import Block, Heading, Remarks, Table, Text, picture, write_page
+from papers.experiment import Claim, Experiment, Judgement, Outcomes, Report, Scope
+from papers.store import Finished, source_digest
+
+VERDICTS = ["claim", "published", "here", "verdict", "criterion"]
+
+
+def judged(experiment: Experiment, outcomes: Outcomes) -> list[tuple[Claim, Judgement]]:
+    """Return every claim with what was measured of it."""
+    return [(claim, claim.judge(outcomes)) for claim in experiment.claims]
+
+
+def verdict_table(claims: Sequence[tuple[Claim, Judgement]]) -> Table:
+    """Return claims beside what came out of them."""
+    return Table(
+        VERDICTS,
+        [
+            [f"{claim.says} ({claim.place})", claim.published, found.measured, found.verdict, claim.criterion]
+            for claim, found in claims
+        ],
+    )
+
+
+def summary(
+    experiment: Experiment,
+    scope: Scope,
+    report: Report,
+    claims: Sequence[tuple[Claim, Judgement]],
+    finished: Sequence[Finished],
+    missing: int,
+) -> dict[str, Any]:
+    """Return an experiment's table of results as plain data: what docs quote, and where it comes from."""
+    return {
+        "name": experiment.name,
+        "paper": experiment.paper,
+        "place": experiment.place,
+        "title": experiment.title,
+        "simulated": experiment.simulated,
+        "version": __version__,
+        "source": sorted({one.source for one in finished} or {source_digest()}),
+        "date": datetime.now(UTC).date().isoformat(),
+        "robots": ["nominal" if robot is None else robot for robot in scope.robots],
+        "networks": scope.networks,
+        "cases": len(finished),
+        "missing": missing,
+        "processor_minutes": round(sum(one.seconds for one in finished) / 60.0, 1),
+        "tables": [
+            {
+                "title": one.title,
+                "header": list(one.table.header),
+                "rows": [list(row) for row in one.table.rows],
+            }
+            for one in report.tables
+        ],
+        "pictures": [one.caption for one in report.pictures],
+        "remarks": list(report.remarks),
+        "claims": [
+            {
+                "says": claim.says,
+                "place": claim.place,
+                "published": claim.published,
+                "criterion": claim.criterion,
+                "measured": found.measured,
+                "verdict": found.verdict,
+                "why": claim.why,
+            }
+            for claim, found in claims
+        ],
+    }
+
+
+def write_results(
+    folder: Path,
+    experiment: Experiment,
+    scope: Scope,
+    outcomes: Outcomes,
+    finished: Sequence[Finished],
+    missing: int = 0,
+) -> dict[str, Any]:
+    """Write NAME.json, NAME.html and NAME-1.svg ... into a folder; return what NAME.json holds.
+
+    Quick results, and those of which cases are missing, hold no verdicts.
+    """
+    report = experiment.report(outcomes)
+    claims = judged(experiment, outcomes) if not (scope.quick or missing) else []
+    content = summary(experiment, scope, report, claims, finished, missing)
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, drawn in enumerate(report.pictures, 1):
+        write_atomically(folder / f"{experiment.name}-{number}.svg", svg(drawn.figure))
+    blocks: list[Block] = [Text(paragraph) for paragraph in experiment.about.split("\n\n")]
+    if missing:
+        blocks.append(Text(f"{missing} cases are missing: see the folder failures, and run it again."))
+    blocks += [picture(drawn.figure, drawn.caption) for drawn in report.pictures]
+    for one in report.tables:
+        blocks += [Heading(one.title), one.table]
+    if report.remarks:
+        blocks.append(Remarks(report.remarks))
+    if claims:
+        blocks += [Heading("Claims"), verdict_table(claims)]
+        blocks.append(Remarks([f"{claim.says}: {claim.why}" for claim, _ in claims if claim.why]))
+    blocks.append(Text(told_of(content)))
+    title = f"{experiment.title}{', simulated' if experiment.simulated else ''}"
+    write_page(
+        folder / f"{experiment.name}.html", title, experiment.place, blocks, simulated=experiment.simulated
+    )
+    write_atomically(folder / f"{experiment.name}.json", json_text(content).encode())
+    return content
+
+
+def told_of(content: Mapping[str, Any]) -> str:
+    """Say in a sentence what results were made with."""
+    robots = ", ".join(str(robot) for robot in content["robots"])
+    trained = f", networks the mean of {content['networks']}" if content["networks"] > 1 else ""
+    kind = f"Simulated robots {robots}{trained}" if content["simulated"] else "Measured on real arms"
+    return f"{kind}; {content['cases']} cases; catenary {content['version']}, {content['date']}."
+
+
+def markdown(table: Mapping[str, Any]) -> str:
+    """Return a table of results as Markdown."""
+    lines = ["| " + " | ".join(table["header"]) + " |", "|" + "---|" * len(table["header"])]
+    lines += ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in table["rows"]]
+    return "\n".join(lines)
+
+
+def svg(figure: Any) -> bytes:
+    """Return a matplotlib figure as SVG, the same bytes for the same picture."""
+    import matplotlib
+
+    for axes in figure.axes:
+        if axes.name == "rectilinear":
+            axes.spines[["top", "right"]].set_visible(False)
+    buffer = io.BytesIO()
+    with matplotlib.rc_context({"svg.hashsalt": "catenary", "svg.fonttype": "none"}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
+    return buffer.getvalue()
+
+
+def read_results(folder: Path) -> list[dict[str, Any]]:
+    """Return every table of results that a folder holds."""
+    return [json.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.json"))]

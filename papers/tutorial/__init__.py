@@ -1,0 +1,1 @@
+"""The tutorial on mass and gravity: a two-link arm."""

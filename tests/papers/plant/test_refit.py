@@ -1,0 +1,103 @@
+import shutil
+from importlib.resources import as_file, files
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.arrays import Floats
+from catenary.reports.project import TABLE_1
+from catenary.simulation.cable_parameters import CableArm, load_cable_arm
+from papers.calibration.published import SIX_HOURS_LINEAR
+from papers.plant import refit, targets
+from papers.plant.evaluation import Hour
+from papers.plant.pd_share import PDShare
+from papers.plant.refit import fit_drift, fit_friction, fit_table_1, write_arm
+
+PARAMETERS = (*targets.FREE, *targets.FRICTION, *targets.DRIFT)
+
+
+def test_targets_are_the_papers_and_never_the_networks() -> None:
+    assert set(targets.TARGETS) == {"raw", "fixed offset", "linear"}
+    assert targets.TARGETS["fixed offset"] == TABLE_1["fixed offset"] == (0.859, 1.095, 0.492)
+    assert targets.LAST_HOUR == SIX_HOURS_LINEAR[1] == (0.527, 0.353, 0.200)
+
+
+def test_fitted_numbers_are_written_and_everything_else_stays(tmp_path: Path) -> None:
+    path = tmp_path / "arm.toml"
+    with as_file(files("catenary.simulation") / "data" / "raven2.toml") as packaged:
+        shutil.copy(packaged, path)
+    before = load_cable_arm(path)
+    factors = np.linspace(0.9, 1.1, len(PARAMETERS))
+    write_arm(targets.with_factors(before, PARAMETERS, factors), path)
+    after = load_cable_arm(path)
+    for free, factor in zip(PARAMETERS, factors, strict=True):
+        old, new = getattr(before.cable, free.field), getattr(after.cable, free.field)
+        assert_allclose(new[free.joint], factor * old[free.joint], rtol=1e-5)  # six digits are written
+    for name in set(before.cable.fields) - targets.FITTED:
+        assert_allclose(getattr(after.cable, name), getattr(before.cable, name), rtol=0)
+    origins = [[entry.origin for entry in arm.file.cable.values()] for arm in (after, before)]
+    assert origins[0] == origins[1]
+
+
+def test_only_numbers_marked_as_fitted_are_free() -> None:
+    entries = load_cable_arm().file.cable
+    assert {entries[free.field].origin for free in PARAMETERS} == {"fitted"}
+
+
+def test_one_factor_moves_all_of_a_group() -> None:
+    arm = load_cable_arm()
+    halved = targets.with_factors(arm, targets.FRICTION, np.array([0.5])).cable
+    assert_allclose(halved.rotor_friction, 0.5 * arm.cable.rotor_friction)
+    assert_allclose(halved.link_friction, arm.cable.link_friction * [0.5, 1.0, 1.0])
+
+
+def test_friction_of_joint_1_grows_with_its_torque() -> None:
+    arm = load_cable_arm()
+    c = arm.cable
+    share = c.rotor_load_friction[0] + c.link_load_friction[0]
+    assert_allclose(targets.joint_1_friction(arm, 2.0) - targets.joint_1_friction(arm, 0.0), 2.0 * share)
+
+
+def test_friction_follows_the_share_of_pd(monkeypatch: pytest.MonkeyPatch) -> None:
+    start = load_cable_arm().cable.rotor_friction[0]
+
+    def share(arm: CableArm, base_deg: float, *, sensed: bool) -> PDShare:
+        # of a robot with too much friction
+        more = 1.3 * targets.PD_SHARE * (arm.cable.rotor_friction[0] / start) ** 0.6
+        return PDShare(np.full(3, more), np.ones(3), np.ones(3))
+
+    monkeypatch.setattr(refit, "pd_share", share)
+    assert_allclose(fit_friction(load_cable_arm()), 1.3 ** (-1.0 / 0.6), rtol=0.06)  # 3 % of the share
+
+
+def test_errors_that_depend_on_parameters_as_powers_are_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    start = load_cable_arm().cable
+    wanted = np.array(targets.TARGETS["linear"])
+
+    def errors(arm: CableArm) -> dict[str, Floats]:
+        runout = arm.cable.capstan_runout / start.capstan_runout
+        return {key: np.array(value) for key, value in targets.TARGETS.items()} | {
+            "linear": 0.85 * wanted * runout
+        }
+
+    monkeypatch.setattr(refit, "mean_errors", errors)
+    factors = dict(zip(targets.FREE, fit_table_1(load_cable_arm(), 4), strict=True))
+    runouts = [factor for free, factor in factors.items() if free.field == "capstan_runout"]
+    assert_allclose(runouts, 1.0 / 0.85, rtol=0.03)  # as near as the fit goes
+    assert_allclose([f for free, f in factors.items() if free.field != "capstan_runout"], 1.0, rtol=1e-6)
+
+
+def test_rates_of_set_follow_the_last_hour_through_the_coupling(monkeypatch: pytest.MonkeyPatch) -> None:
+    start, spread = load_cable_arm().cable.set_rate, np.array([0.17, 0.19, 0.17])
+
+    def six_hours(arm: CableArm) -> tuple[Hour, Hour]:
+        rate = arm.cable.set_rate / start
+        shift = np.array([0.3, 0.4, 0.05]) * rate + np.array([0.0, 0.05, 0.03]) * rate[0]
+        last = Hour(np.hypot(spread, shift), spread, shift)
+        return last, last
+
+    monkeypatch.setattr(refit, "six_hours", six_hours)
+    arm = targets.with_factors(load_cable_arm(), targets.DRIFT, fit_drift(load_cable_arm()))
+    assert_allclose(six_hours(arm)[1].linear, targets.LAST_HOUR, rtol=0.03)
