@@ -14,7 +14,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 
 
 .PHONY: demo test test-slow lint campaign campaign-short bench bench-ros1 bench-serving bench-bags clean help
-.PHONY: dual-arm gravity-figures gravity-static plant-check raven-identification refit tutorial
+.PHONY: dual-arm gravity-figures gravity-static raven-identification refit tutorial
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
@@ -27,8 +27,7 @@ help:
 	@echo "make bench-ros1  messages between two processes over ROS 1, where it is installed"
 	@echo "make bench-serving  a served robot and a client that hears every topic, by sockets and by rospy: rate, loss, latency, processor time, memory; a model deployed beside it (25 minutes)"
 	@echo "make bench-bags  six hours in a ROS 1 bag to Parquet, beside one object per message (5 GB of disk, 10 minutes)"
-	@echo "make refit       fit the simulated RAVEN-II to both papers' results again (25 minutes); rewrites its data file"
-	@echo "make plant-check every target of the simulated RAVEN-II beside what it reaches (10 minutes), into results/"
+	@echo "make refit       fit the simulated RAVEN-II to both papers' results again (5 minutes); rewrites its data file"
 	@echo "make gravity-static PD, PD+SG and PD+DG at static poses on tilted bases, six simulated robots (15 minutes), into results/"
 	@echo "make gravity-figures every experiment of docs/gravity-paper.md on simulated robots (an hour), into results/"
 	@echo "make tutorial    picture and table of docs/tutorial-two-link.md"
@@ -87,10 +86,7 @@ bench-bags: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.bag_extraction --json build/benchmarks/bag_extraction.json
 
 refit: $(VENV)/.package
-	$(BIN)/python -m papers.plant.refit src/catenary/simulation/data/raven2.toml 4 results
-
-plant-check: $(VENV)/.package
-	$(BIN)/python -m papers.plant.check results
+	$(BIN)/python -m papers.plant.refit src/catenary/simulation/data/raven2.toml
 
 raven-identification: $(VENV)/.package
 	$(BIN)/python -m papers.regressor.raven_identification results

@@ -8,6 +8,7 @@ from papers.experiment import Experiment
 
 # "paper-place": the module that holds EXPERIMENT
 MODULES = {
+    "plant-targets": "papers.plant.reached",
     "calibration-table-1": "papers.calibration.table_1",
 }
 

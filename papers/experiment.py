@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 Plain = Any  # None, bool, int, float, str, lists and mappings of these
 Result = Mapping[str, Plain]
-Paper = Literal["calibration", "gravity", "regressor", "tutorial", "beyond"]
+Paper = Literal["calibration", "gravity", "regressor", "tutorial", "plant", "beyond"]
 Verdict = Literal["reproduced", "same direction", "not reproduced", "not measured"]
 NOMINAL = None  # the robot that the plant was fitted to; drawn robots have a seed
 

@@ -9,24 +9,30 @@ from typing import NamedTuple
 
 import numpy as np
 
-from catenary import CablePlant, MotionLog, random_sinusoids, record_simulated, zigzag
+from catenary import CablePlant, MotionLog
 from catenary.arrays import Floats
-from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import Evaluation, evaluate
-from catenary.calibration.fit import FitOptions, choose_inputs, fit
+from catenary.calibration.fit import FitOptions
 from catenary.calibration.model import CalibrationModel
 from catenary.simulation.cable_parameters import CableArm
 from catenary.trajectories.zigzag import DIRECTIONS, Direction
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from papers.calibration.inputs import SIXTEEN
+from papers.calibration.recordings import (
+    START,
+    TEST_SECONDS,
+    baselines,
+    calibration_log,
+    fitted,
+    random_log,
+    rmse,
+    rows_of,
+)
 from papers.gravity.raven_base import SHOWN
 
-SPARSITIES = (1 / 2, 1 / 3, 1 / 4)
-TEST_SECONDS = 1200.0
 TESTS = 3  # motions of which the mean is fitted
 SIX_HOURS = 6.0 * 3600.0
 HOMINGS = 5
-START = (0.5, 1.5, 0.40)  # where the arm wakes up [rad, rad, m]
 SEED = 7
 
 
@@ -45,54 +51,37 @@ def homed(arm: CableArm, payload: float = 0.0) -> CablePlant:
     return plant
 
 
-def random_log(plant: CablePlant, seconds: float, seed: int) -> MotionLog:
-    """Record random motion."""
-    rng = np.random.default_rng(seed)
-    return record_simulated(plant, random_sinusoids(rng, seconds), "random", rng)
-
-
 def recordings(
-    plant: CablePlant, direction: Direction = "J2-J3", seed: int = SEED
+    plant: CablePlant, direction: Direction = "J2-J3", *, test_seconds: float = TEST_SECONDS
 ) -> tuple[MotionLog, MotionLog]:
     """Record the calibration motion and the test motion, one after the other.
 
-    The test motion depends on the seed alone: not on how many stamps the calibration motion took before it.
+    The test motion is the same for every direction: it does not depend on how many stamps the calibration motion took.
     """
-    rng, test = np.random.default_rng(seed), np.random.default_rng([seed, 1])
-    train = record_simulated(plant, zigzag(direction, SPARSITIES), "zigzag", rng)
-    return train, record_simulated(plant, random_sinusoids(test, TEST_SECONDS), "random", test)
+    train = calibration_log(plant, np.random.default_rng(SEED), direction)
+    return train, random_log(plant, np.random.default_rng([SEED, 1]), test_seconds)
 
 
 def errors(train: MotionLog, test: MotionLog) -> dict[str, Floats]:
     """Return errors on the test motion: raw, after the fixed offset, after the linear model of all 16 inputs."""
-    options = FitOptions(kind="linear", inputs=SIXTEEN)
-    inputs = choose_inputs([train], options)
-    model = fit(calibration_data([train], inputs.features), inputs, options)
-    joints = evaluate(model, calibration_data([test], inputs.features)).joints
-    return {
-        "raw": np.array([joint.raw_rmse for joint in joints]),
-        "fixed offset": np.array([joint.offset_rmse for joint in joints]),
-        "linear": np.array([joint.rmse for joint in joints]),
-    }
+    model = fitted([train], FitOptions(kind="linear", inputs=SIXTEEN))
+    data = rows_of(model, test)
+    found = baselines(model, data) | {"linear": rmse(model, data)}
+    return {name: np.array(values) for name, values in found.items()}
 
 
-def mean_errors(arm: CableArm) -> dict[str, Floats]:
+def mean_errors(arm: CableArm, test_seconds: float = TEST_SECONDS) -> dict[str, Floats]:
     """Return errors of direction J2-J3, the mean over three test motions: one alone moves them by up to 12 %."""
     plant = homed(arm)
-    rng = np.random.default_rng(SEED)
-    train = record_simulated(plant, zigzag("J2-J3", SPARSITIES), "zigzag", rng)
-    of_tests = []
-    for k in range(TESTS):
-        test = random_log(deepcopy(plant), TEST_SECONDS, 60 + k)
-        of_tests.append(errors(train, test))
+    train = calibration_log(plant, np.random.default_rng(SEED))
+    tests = (random_log(deepcopy(plant), np.random.default_rng(60 + k), test_seconds) for k in range(TESTS))
+    of_tests = [errors(train, test) for test in tests]
     return {key: np.mean([reached[key] for reached in of_tests], axis=0) for key in of_tests[0]}
 
 
 def offset_model(train: MotionLog) -> CalibrationModel:
     """Fit the fixed offset of a recording."""
-    options = FitOptions(kind="offset", inputs=SIXTEEN)
-    inputs = choose_inputs([train], options)
-    return fit(calibration_data([train], inputs.features), inputs, options)
+    return fitted([train], FitOptions(kind="offset", inputs=SIXTEEN))
 
 
 def linear_model(train: MotionLog) -> CalibrationModel:
@@ -100,22 +89,15 @@ def linear_model(train: MotionLog) -> CalibrationModel:
 
     Not of the tool's: it stands elsewhere after homing again, which a model of all 16 inputs takes for unknown ground.
     """
-    options = FitOptions(kind="linear", inputs=POSITIONING_INPUTS)
-    inputs = choose_inputs([train], options)
-    return fit(calibration_data([train], inputs.features), inputs, options)
+    return fitted([train], FitOptions(kind="linear", inputs=POSITIONING_INPUTS))
 
 
 def evaluation(model: CalibrationModel, log: MotionLog, part: slice = slice(None)) -> Evaluation:
     """Evaluate a model on a part of a recording."""
-    data = calibration_data([log], model.features)
+    data = rows_of(model, log)
     keep = np.zeros(len(data), dtype=bool)
     keep[part] = True
     return evaluate(model, data.rows(keep))
-
-
-def rmse(model: CalibrationModel, log: MotionLog) -> Floats:
-    """Return the RMSE after the model."""
-    return np.array([joint.rmse for joint in evaluation(model, log).joints])
 
 
 def six_hours(arm: CableArm, payload: float = 0.0, *, trained_loaded: bool = True) -> tuple[Hour, Hour]:
@@ -130,7 +112,7 @@ def six_hours(arm: CableArm, payload: float = 0.0, *, trained_loaded: bool = Tru
     model = linear_model(recordings(plant)[0])
     if payload > 0.0 and not trained_loaded:
         plant = homed(arm, payload)
-    log = random_log(plant, SIX_HOURS, 9)
+    log = random_log(plant, np.random.default_rng(9), SIX_HOURS)
     hour = len(log) // 6
     return _hour(model, log, slice(0, hour)), _hour(model, log, slice(5 * hour, None))
 
@@ -144,27 +126,34 @@ def _hour(model: CalibrationModel, log: MotionLog, part: slice) -> Hour:
     )
 
 
-def directions(arm: CableArm) -> dict[str, dict[str, Floats]]:
-    """Return errors of every direction of the zig-zag, each on a robot just homed, with the same test motion."""
-    fresh = homed(arm)
-    return {direction: errors(*recordings(deepcopy(fresh), direction)) for direction in DIRECTIONS}
+def direction_errors(
+    arm: CableArm, direction: Direction, test_seconds: float = TEST_SECONDS
+) -> dict[str, Floats]:
+    """Return errors of a direction of the zig-zag on a robot just homed; the test motion is that of every direction."""
+    return errors(*recordings(homed(arm), direction, test_seconds=test_seconds))
 
 
-def directions_in_turn(arm: CableArm) -> dict[str, dict[str, Floats]]:
+def errors_in_turn(arm: CableArm) -> dict[str, dict[str, Floats]]:
     """Return errors of every direction, one after another on one robot that wears, each with its own test motion."""
     plant = homed(arm)
-    return {
-        direction: errors(*recordings(plant, direction, 100 + k)) for k, direction in enumerate(DIRECTIONS)
-    }
+    found: dict[str, dict[str, Floats]] = {}
+    for k, direction in enumerate(DIRECTIONS):
+        train = calibration_log(plant, np.random.default_rng(100 + k), direction)
+        found[direction] = errors(train, random_log(plant, np.random.default_rng([100 + k, 1])))
+    return found
 
 
-def homings(arm: CableArm) -> list[Floats]:
-    """Return the RMSE of a linear model before and after each of five homings from where a motion ended."""
+def homings(arm: CableArm, count: int = HOMINGS) -> list[Floats]:
+    """Return the RMSE of a linear model before and after each of some homings from where a motion ended."""
     plant = homed(arm)
     model = linear_model(recordings(plant)[0])
-    reached = [rmse(model, random_log(plant, 300.0, 40))]
-    for k in range(1, HOMINGS + 1):
-        random_log(plant, 60.0, 20 + k)
+    reached = [_random_errors(model, plant, 300.0, 40)]
+    for k in range(1, count + 1):
+        random_log(plant, np.random.default_rng(20 + k), 60.0)
         plant.home()
-        reached.append(rmse(model, random_log(plant, 300.0, 40 + k)))
+        reached.append(_random_errors(model, plant, 300.0, 40 + k))
     return reached
+
+
+def _random_errors(model: CalibrationModel, plant: CablePlant, seconds: float, seed: int) -> Floats:
+    return np.array(rmse(model, rows_of(model, random_log(plant, np.random.default_rng(seed), seconds))))
