@@ -14,7 +14,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 
 
 .PHONY: demo test test-slow lint campaign campaign-short bench bench-ros1 bench-serving bench-bags clean help
-.PHONY: dual-arm gravity-figures gravity-static raven-identification refit tutorial
+.PHONY: dual-arm gravity-figures gravity-static raven-identification papers refit tutorial
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
@@ -27,6 +27,7 @@ help:
 	@echo "make bench-ros1  messages between two processes over ROS 1, where it is installed"
 	@echo "make bench-serving  a served robot and a client that hears every topic, by sockets and by rospy: rate, loss, latency, processor time, memory; a model deployed beside it (25 minutes)"
 	@echo "make bench-bags  six hours in a ROS 1 bag to Parquet, beside one object per message (5 GB of disk, 10 minutes)"
+	@echo "make papers      figures and tables of the papers with verdicts, into results/papers; goes on where it stopped (PAPER=calibration, QUICK=1 for ten minutes of everything)"
 	@echo "make refit       fit the simulated RAVEN-II to both papers' results again (5 minutes); rewrites its data file"
 	@echo "make gravity-static PD, PD+SG and PD+DG at static poses on tilted bases, six simulated robots (15 minutes), into results/"
 	@echo "make gravity-figures every experiment of docs/gravity-paper.md on simulated robots (an hour), into results/"
@@ -85,6 +86,10 @@ bench-serving: $(VENV)/.development
 bench-bags: $(VENV)/.development
 	$(BIN)/python -m tests.benchmarks.bag_extraction --json build/benchmarks/bag_extraction.json
 
+PAPER ?= all
+papers: $(VENV)/.papers
+	$(BIN)/python -m papers $(PAPER) --workers $(shell nproc) --data $(CATENARY_DATA) $(if $(QUICK),--quick)
+
 refit: $(VENV)/.package
 	$(BIN)/python -m papers.plant.refit src/catenary/simulation/data/raven2.toml
 
@@ -118,6 +123,10 @@ $(BIN)/python:
 
 $(VENV)/.package: $(BIN)/python pyproject.toml
 	$(BIN)/python -m pip install --disable-pip-version-check -e .
+	@touch $@
+
+$(VENV)/.papers: $(VENV)/.package
+	$(BIN)/python -m pip install --disable-pip-version-check -e ".[papers]"
 	@touch $@
 
 $(VENV)/.development: $(BIN)/python pyproject.toml

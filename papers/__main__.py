@@ -128,7 +128,7 @@ def run_experiment(
             def told(case: Case, ended: Finished | Failure) -> None:
                 if isinstance(ended, Failure):
                     last = ended.told.strip().splitlines()[-1]
-                    console.print(f"failed: {case.label}: {last}", markup=False)
+                    console.print(f"failed: {case.label}: {last}", markup=False, soft_wrap=True)
                 bar.advance(task)
 
             failures = run_cases(cases, store, workers=workers, cluster=cluster, data=scope.data, told=told)

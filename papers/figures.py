@@ -1,8 +1,11 @@
 """How the papers' pictures look: names and colours of controllers and methods, and empty axes as wide as a page."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # how controllers are called and drawn
 LABELS = {
@@ -24,7 +27,7 @@ METHOD_COLORS = {
 }
 
 
-def panels(columns: int, height: float, *, rows: int = 1, **options: Any) -> tuple[Any, list[Any]]:
+def panels(columns: int, height: float, *, rows: int = 1, **options: Any) -> tuple["Figure", list[Any]]:
     """Return an empty matplotlib figure as wide as the page, and its axes row by row; the height is in inches."""
     from matplotlib.figure import Figure
 

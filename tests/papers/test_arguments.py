@@ -5,11 +5,8 @@ from typing import Any
 
 import pytest
 
-from papers import arguments
 from papers.arguments import folder_and_robots, folder_argument
 
-PAPERS = Path(arguments.__file__).parent
-SCRIPTS = [path for path in PAPERS.glob("[!_]*/*.py") if "if __name__ ==" in path.read_text()]
 USUAL = (None, 1, 2)
 
 
@@ -44,13 +41,6 @@ def test_bad_arguments_are_refused(given: tuple[str, ...], word: str, capsys: An
         folder_and_robots("About.", USUAL, given)
     assert end.value.code == 2
     assert word in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
-def test_every_script_has_this_door(script: Path) -> None:
-    text = script.read_text()
-    assert "papers.arguments import" in text
-    assert "sys.argv" not in text
 
 
 def test_a_script_names_itself_and_refuses_an_unknown_option(tmp_path: Path) -> None:

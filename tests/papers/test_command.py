@@ -1,0 +1,129 @@
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from catenary.reports.page import Table
+from papers import __main__ as command
+from papers.experiment import (
+    Case,
+    Claim,
+    Experiment,
+    Judgement,
+    Outcomes,
+    Report,
+    Result,
+    Scope,
+    TitledPicture,
+    TitledTable,
+    run,
+)
+from papers.figures import panels
+
+
+@run(revision=1)
+def squared(number: int) -> Result:
+    if number < 0:
+        raise ValueError(f"{number}: expected zero or more")
+    return {"square": number**2}
+
+
+def cases(scope: Scope) -> list[Case]:
+    return [squared.case(number=0 if robot is None else robot) for robot in scope.robots]
+
+
+def report(outcomes: Outcomes) -> Report:
+    figure, (axes,) = panels(1, 2.0)
+    axes.plot([result["square"] for result in outcomes.of(squared)])
+    rows = [[str(told["number"]), str(result["square"])] for told, result in outcomes.items(squared)]
+    return Report(
+        [TitledTable("Squares", Table(["number", "square"], rows))], [TitledPicture("A curve", figure)]
+    )
+
+
+SQUARES = Experiment(
+    name="beyond-squares",
+    paper="beyond",
+    place="nowhere",
+    title="Squares",
+    about="Numbers times themselves.",
+    cases=cases,
+    report=report,
+    minutes=0.1,
+    claims=[Claim("They grow", "I", "1 < 4", "each larger", lambda _: Judgement("reproduced", "0 < 1"), "")],
+    drawn=2,
+)
+
+
+@pytest.fixture(autouse=True)
+def only_squares(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(command, "experiment", lambda name: SQUARES)
+
+
+def test_an_experiment_writes_table_page_picture_and_verdicts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command.main(["calibration-table-1", "--out", str(tmp_path)]) == 0
+    printed = capsys.readouterr().out
+    assert "| 2 | 4 |" in printed
+    assert "reproduced: They grow" in printed
+    content = json.loads((tmp_path / "beyond-squares.json").read_text())
+    assert content["robots"] == ["nominal", 1, 2]
+    assert content["cases"] == 3
+    assert (content["missing"], content["tables"][0]["rows"]) == (0, [["0", "0"], ["1", "1"], ["2", "4"]])
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d", content["date"])
+    assert "They grow" in (tmp_path / "beyond-squares.html").read_text()
+    assert (tmp_path / "beyond-squares-1.svg").read_text().startswith("<?xml")
+
+
+def test_quick_results_hold_no_verdict_and_stand_apart(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command.main(["calibration-table-1", "--quick", "--out", str(tmp_path)]) == 0
+    assert "They grow" not in capsys.readouterr().out
+    assert not (tmp_path / "beyond-squares.json").exists()
+    assert json.loads((tmp_path / "quick" / "beyond-squares.json").read_text())["claims"] == []
+
+
+def test_a_failed_case_is_told_and_leaves_the_others_and_no_verdict(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken = replace(SQUARES, cases=lambda scope: [squared.case(number=-1), squared.case(number=3)])
+    monkeypatch.setattr(command, "experiment", lambda name: broken)
+    assert command.main(["calibration-table-1", "--out", str(tmp_path)]) == 1
+    ended = capsys.readouterr()
+    assert "| 3 | 9 |" in ended.out
+    assert "They grow" not in ended.out
+    assert "expected zero or more" in ended.err
+    (kept,) = (tmp_path / "failures").iterdir()
+    assert "Traceback" in kept.read_text()
+
+
+def test_seeds_are_how_many_robots_are_drawn(tmp_path: Path) -> None:
+    command.main(["calibration-table-1", "--seeds", "1", "--out", str(tmp_path)])
+    assert json.loads((tmp_path / "beyond-squares.json").read_text())["robots"] == ["nominal", 1]
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["nonsense"], "choices: all"),
+        (["all", "--seeds", "0"], "one or more"),
+        ([], "NAME"),
+        (["all", "--fast"], "--fast"),
+    ],
+)
+def test_what_is_not_understood_is_refused(
+    words: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        command.main(words)
+    assert end.value.code == 2
+    assert told in capsys.readouterr().err
+
+
+def test_list_names_every_experiment(capsys: pytest.CaptureFixture[str]) -> None:
+    assert command.main(["list"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == len(command.MODULES)

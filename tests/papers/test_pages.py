@@ -1,0 +1,112 @@
+"""Documents quote committed tables: blocks are what `publish` writes, and no measured number stands outside of one."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from catenary.errors import InputError
+from papers import catalog, pages
+from papers.pages import ROOT, block, committed, publish, with_blocks
+
+QUOTING = sorted(page for page in pages.PAGES.glob("*.md") if "<!-- papers " in page.read_text())
+OF_PAPERS = [page for page in QUOTING if page.stem.startswith("paper-") or page.stem == "beyond"]
+NUMBER = r"(?<![\w.])\d+\.\d+(?![\w.]|\.\d)"
+
+RESULTS = {
+    "calibration-table-1": {
+        "name": "calibration-table-1",
+        "paper": "calibration",
+        "simulated": True,
+        "robots": ["nominal", 1],
+        "networks": 5,
+        "cases": 2,
+        "missing": 0,
+        "version": "0.1.0",
+        "date": "2026-11-23",
+        "tables": [{"title": "J1 [deg]", "header": ["a", "b"], "rows": [["x|y", "0.1"]]}],
+        "pictures": ["RMSE by direction"],
+        "remarks": ["Said beside it."],
+        "claims": [
+            {
+                "says": "A > B",
+                "place": "II-E",
+                "published": "2 > 1",
+                "criterion": "holds",
+                "measured": "1 > 2",
+                "verdict": "not reproduced",
+                "why": "since",
+            }
+        ],
+    }
+}
+
+
+@pytest.mark.parametrize("page", QUOTING, ids=lambda page: page.stem)
+def test_blocks_of_a_document_are_what_the_committed_tables_say(page: Path) -> None:
+    text = page.read_text()
+    assert with_blocks(text, committed()) == text, "run `python -m papers publish`"
+
+
+@pytest.mark.parametrize("page", OF_PAPERS, ids=lambda page: page.stem)
+def test_numbers_in_prose_stand_in_a_committed_table_or_are_the_papers(page: Path) -> None:
+    sources = [*pages.COMMITTED.glob("*.json"), *(ROOT / "papers").rglob("*.py")]
+    known = {number for path in sources for number in re.findall(NUMBER, path.read_text())}
+    prose = re.sub(pages.BLOCK, "", page.read_text())
+    prose = re.sub(r"^```.*?^```|`[^`\n]*`", "", prose, flags=re.MULTILINE | re.DOTALL)
+    assert sorted(set(re.findall(NUMBER, prose)) - known) == []
+
+
+@pytest.mark.parametrize("page", QUOTING, ids=lambda page: page.stem)
+def test_every_block_names_an_experiment_or_the_claims_of_a_paper(page: Path) -> None:
+    for found in pages.BLOCK.finditer(page.read_text()):
+        name = found["what"].split()[0]
+        assert name == "claims" or name in catalog.MODULES
+
+
+def test_a_block_holds_picture_table_claims_and_what_they_were_made_with() -> None:
+    text = block(["calibration-table-1"], RESULTS)
+    for part in (
+        "images/papers/calibration-table-1-1.svg",
+        "x\\|y",
+        "A > B",
+        "not reproduced",
+        "since",
+        "nominal, 1",
+    ):
+        assert part in text
+    assert block(["calibration-table-1", "1"], RESULTS) == "| a | b |\n|---|---|\n| x\\|y | 0.1 |"
+    assert "1 > 2" in block(["claims", "calibration"], RESULTS)
+    assert "No result is committed" in block(["calibration-table-9"], RESULTS)
+
+
+def test_writing_blocks_twice_changes_nothing_more() -> None:
+    text = "Before.\n\n<!-- papers calibration-table-1 1 -->\nold\n<!-- end -->\n\nAfter 0.5.\n"
+    once = with_blocks(text, RESULTS)
+    assert "old" not in once
+    assert once.startswith("Before.")
+    assert once.endswith("After 0.5.\n")
+    assert with_blocks(once, RESULTS) == once
+
+
+def test_results_with_missing_cases_are_not_published(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("COMMITTED", "PICTURES", "PAGES"):
+        monkeypatch.setattr(pages, name, tmp_path / name.lower())
+    (tmp_path / "pages").mkdir()
+    (tmp_path / "pages" / "page.md").write_text("<!-- papers calibration-table-1 1 -->\n\n<!-- end -->\n")
+    content = RESULTS["calibration-table-1"]
+    (tmp_path / "calibration-table-1.json").write_text(json.dumps({**content, "missing": 1}))
+    with pytest.raises(InputError, match="1 cases are missing"):
+        publish(tmp_path, ["calibration-table-1"])
+    (tmp_path / "calibration-table-1.json").write_text(json.dumps(content))
+    (tmp_path / "calibration-table-1-1.svg").write_text("<svg/>")
+    written = publish(tmp_path, ["calibration-table-1"])
+    assert [path.name for path in written] == [
+        "calibration-table-1.json",
+        "calibration-table-1-1.svg",
+        "page.md",
+    ]
+    assert "0.1" in (tmp_path / "pages" / "page.md").read_text()
