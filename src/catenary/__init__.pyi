@@ -13,6 +13,8 @@ from catenary.control.limits import TorqueLimits as TorqueLimits
 from catenary.control.loop import run_loop as run_loop
 from catenary.control.pd import JointPD as JointPD
 from catenary.crtk.client import CrtkClient as CrtkClient
+from catenary.dynamics.center_of_mass import center_of_mass as center_of_mass
+from catenary.dynamics.center_of_mass import center_of_mass_jacobian as center_of_mass_jacobian
 from catenary.dynamics.inverse_dynamics import BaseMotion as BaseMotion
 from catenary.dynamics.inverse_dynamics import coriolis_matrix as coriolis_matrix
 from catenary.dynamics.inverse_dynamics import inverse_dynamics as inverse_dynamics

@@ -3,8 +3,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.gravity.compact import compact_regressor
-from catenary.gravity.entries import Terms, mass_entries, moment_entries, terms_text
-from catenary.gravity.regressor import CARRIED_MASS
+from catenary.gravity.entries import Terms, full_entry, mass_entries, moment_entries, terms_text
+from catenary.gravity.regressor import CARRIED_MASS, gravity_regressor
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from oracles.random_trees import Floats
@@ -74,3 +74,19 @@ def test_angles_of_parallel_joints_add_up() -> None:
 def test_sums_of_products_are_written_shortly(terms: Terms, text: str, latex: str) -> None:
     assert terms_text(terms) == text
     assert terms_text(terms, latex=True) == latex
+
+
+def test_entries_of_the_full_regressor_are_its_own(random_robots, rng) -> None:
+    models = [load_robot("planar_3r")]
+    models += [robot.model for robot in random_robots[:20] if len(robot.model.link_names) < 4]
+    compared = 0
+    for model in models:
+        n = len(model.link_names)
+        q, gravity = rng.normal(size=model.n), rng.normal(size=3)
+        full = gravity_regressor(model, q, gravity)[:, : 3 * n * (n + 1)].reshape(model.n, n, n + 1, 3)
+        for r, k, j, along in np.ndindex(*full.shape):
+            terms = full_entry(model, k, j - 1, np.eye(3)[along], gravity, r)
+            if terms is not None:
+                assert_allclose(value(terms, q), full[r, k, j, along], atol=1e-9, err_msg=model.name)
+                compared += 1
+    assert compared > 300

@@ -65,6 +65,42 @@ def moment_entries(model: RobotModel, link: int, axis: Floats, gravity: Floats) 
     return entries
 
 
+def full_entry(
+    model: RobotModel, joint: int, frame: int, axis: Floats, gravity: Floats, coordinate: int
+) -> Terms | None:
+    """Write an entry of the paper's full regressor, -gravity . (z_joint x e); None for what is too long.
+
+    Unlike `moment_entries` it stands for one joint alone, whether it carries the frame or not.
+
+    Args:
+        model: The robot.
+        joint: Index of a joint of the tree.
+        frame: Index of a link, -1 for the base.
+        axis: (3,) e in that frame.
+        gravity: (3,) a constant, such as (0, 0, -1) for a level base, in units of the free fall.
+        coordinate: Row of the regressor.
+    """
+    weight = float(model.coupling[joint, coordinate])
+    if weight == 0.0 or model.tree.prismatic[joint]:
+        return {}
+    try:
+        z = _in_base(model, joint, model.tree.axis[joint])
+        e = _constant(axis) if frame < 0 else _in_base(model, frame, axis)
+        # -gravity . (z x e) = (gravity x e) . z
+        return _scaled(_dot(_cross(gravity, e), z), weight)
+    except _TooLongError:
+        return None
+
+
+def _in_base(model: RobotModel, link: int, axis: Floats) -> SymbolicVector:
+    """Return an axis of a link in the base frame."""
+    way = _way(model, link)
+    v = _constant(way.end @ axis)
+    for turn in reversed(way.turns):
+        v = _times(turn.before, _turned(turn, v, back=False))
+    return v
+
+
 def mass_entries(model: RobotModel, link: int, gravity: Floats) -> list[Terms | None]:
     """Write what the mass that a prismatic joint carries asks of each coordinate; None for what is too long."""
     axis = model.tree.axis[link]

@@ -1,0 +1,84 @@
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pinocchio
+import pytest
+from numpy.testing import assert_allclose
+
+import catenary
+from catenary.dynamics.center_of_mass import center_of_mass, center_of_mass_jacobian
+from catenary.errors import InputError, MissingInertiaError
+from catenary.gravity.torque import gravity_torque
+from catenary.robots.catalog import load_robot
+from oracles.mujoco_trees import mujoco_data, mujoco_model, mujoco_order
+from oracles.pinocchio_trees import pinocchio_model, pinocchio_order, pinocchio_vector
+
+GRAVITY_CONSTANT = 9.81
+
+
+def moving_mass(robot) -> float:
+    return float(robot.model.tree.mass.sum())
+
+
+def test_it_is_where_mujoco_and_pinocchio_have_it(random_robots, rng) -> None:
+    for robot in random_robots:
+        m = robot.model
+        q = rng.normal(size=m.n)
+        mj, pin = mujoco_model(robot), pinocchio_model(robot)
+        data, pin_data = mujoco_data(robot, mj, q), pin.createData()
+        x = pinocchio_vector(robot, pin, m.coupling @ q + m.offset)
+        # Pinocchio counts the moving links alone, MuJoCo also those fixed to the base
+        assert_allclose(center_of_mass(m, q), pinocchio.centerOfMass(pin, pin_data, x), atol=1e-10)
+        if np.isclose(mj.body_subtreemass[0], moving_mass(robot)):
+            assert_allclose(center_of_mass(m, q), data.subtree_com[0], atol=1e-10)
+        linear = np.zeros((3, mj.nv))
+        mujoco.mj_jacSubtreeCom(mj, data, linear, 0)
+        share = mj.body_subtreemass[0] / moving_mass(robot)
+        expected = share * linear[:, mujoco_order(robot, mj)] @ m.coupling
+        assert_allclose(center_of_mass_jacobian(m, q), expected, atol=1e-10, err_msg=m.name)
+        J = np.asarray(pinocchio.jacobianCenterOfMass(pin, pin_data, x)).reshape(3, -1)
+        expected = J[:, pinocchio_order(robot, pin)] @ m.coupling
+        assert_allclose(center_of_mass_jacobian(m, q), expected, atol=1e-10, err_msg=m.name)
+
+
+def test_its_jacobian_is_its_derivative(random_robots, rng) -> None:
+    step = 1e-6
+    for robot in random_robots[::4]:
+        m = robot.model
+        q = rng.normal(size=m.n)
+        ahead, behind = (center_of_mass(m, q + s * step * np.eye(m.n)) for s in (1.0, -1.0))
+        # central difference
+        assert_allclose(center_of_mass_jacobian(m, q), (ahead - behind).T / (2.0 * step), atol=1e-8)
+
+
+def test_gravity_is_total_mass_times_the_jacobian_as_the_regressor_paper_has_it(random_robots, rng) -> None:
+    for robot in random_robots:
+        m = robot.model
+        q, gamma = rng.normal(size=(5, m.n)), rng.normal(size=3)
+        M, J = m.tree.mass.sum(), center_of_mass_jacobian(m, q)
+        assert_allclose(-M * J.transpose(0, 2, 1) @ gamma, gravity_torque(m, q, gamma), atol=1e-10)
+        level = M * GRAVITY_CONSTANT * J.transpose(0, 2, 1) @ [0.0, 0.0, 1.0]
+        assert_allclose(level, gravity_torque(m, q, [0.0, 0.0, -GRAVITY_CONSTANT]), atol=1e-10)
+
+
+def test_a_batch_is_its_rows() -> None:
+    arm = catenary.load_robot("raven2")
+    q = np.array([[0.5, 1.2, 0.4], [0.1, 1.5, 0.3]])
+    for function, shape in ((catenary.center_of_mass, (3,)), (catenary.center_of_mass_jacobian, (3, 3))):
+        rows = function(arm, q)
+        assert rows.shape == (2, *shape)
+        assert_allclose(rows, [function(arm, each) for each in q], atol=0.0)
+
+
+def test_what_has_no_mass_or_no_number_is_refused() -> None:
+    arm = load_robot("raven2")
+    with pytest.raises(InputError, match="q: expected shape"):
+        center_of_mass(arm, [0.0, 0.0])
+    with pytest.raises(InputError, match="nan"):
+        center_of_mass_jacobian(arm, [0.0, np.nan, 0.3])
+    empty = replace(arm, tree=arm.tree._replace(mass=np.zeros(3)))
+    with pytest.raises(InputError, match="no moving link has a mass"):
+        center_of_mass(empty, np.zeros(3))
+    with pytest.raises(MissingInertiaError):
+        center_of_mass(load_robot("panda"), np.zeros(7))
