@@ -11,6 +11,9 @@ MODULES = {
     "plant-targets": "papers.plant.reached",
     "calibration-table-1": "papers.calibration.table_1",
     "regressor-figure-2": "papers.regressor.figure_2",
+    "regressor-figure-4": "papers.regressor.figure_4",
+    "regressor-figure-5": "papers.regressor.figure_5",
+    "tutorial-two-link": "papers.tutorial.two_link",
 }
 
 
