@@ -10,6 +10,8 @@ from papers.experiment import Experiment
 MODULES = {
     "plant-targets": "papers.plant.reached",
     "calibration-table-1": "papers.calibration.table_1",
+    "calibration-figure-9": "papers.calibration.figure_9",
+    "calibration-dvrk": "papers.calibration.dvrk",
     "regressor-figure-2": "papers.regressor.figure_2",
 }
 

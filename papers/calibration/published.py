@@ -70,3 +70,13 @@ HOMINGS_LINEAR_J2 = (0.317, 0.712)
 # the same on J1, least and greatest of all six, and on J3 but for an outlier, linear model and network together
 HOMINGS_LINEAR_J1 = (0.155, 0.207)
 HOMINGS_J3 = (0.113, 0.202)
+# the same, least and greatest of all six on J1 [deg], by model and how many homings its training data saw
+HOMINGS_J1 = {
+    ("network", 0): (0.117, 0.146),
+    ("network", 1): (0.133, 0.152),
+    ("linear", 0): HOMINGS_LINEAR_J1,
+    ("linear", 1): (0.163, 0.218),
+}
+# on J2 [deg] before the first and after the fifth, no homing seen; and the greatest of all six with one seen
+HOMINGS_J2 = {"network": (0.255, 0.627), "linear": HOMINGS_LINEAR_J2}
+HOMINGS_J2_SEEN = {"network": 0.413, "linear": 0.493}

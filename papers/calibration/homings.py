@@ -1,0 +1,192 @@
+"""Homing again: test motions with homings between them, and models as the paper ran them, without a valid range.
+
+Figure 9 and the experiment that explains it use these (Peng et al., II-I).
+"""
+
+from collections.abc import Callable, Sequence
+from copy import deepcopy
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from catenary import CablePlant, MotionLog
+from catenary.arrays import Floats
+from catenary.calibration.evaluate import evaluate
+from catenary.calibration.fit import FitOptions
+from catenary.calibration.model import CalibrationModel
+from catenary.calibration.valid_range import ValidRange
+from catenary.workflows.project.calibrate import POSITIONING_INPUTS
+from papers.calibration.recordings import (
+    BEST,
+    METHODS,
+    NETWORK,
+    calibration_log,
+    draws,
+    fitted,
+    homed,
+    mean,
+    random_log,
+    rmse,
+    rows_of,
+)
+from papers.experiment import Outcomes, Result, run
+
+TESTS = 900  # number of the first test motion among a robot's draws
+Tests = dict[str, list[MotionLog]]  # by chain
+Between = Callable[[CablePlant], None]  # what is done to a robot between two test motions
+MODELS = (NETWORK, "linear")
+GUARDED = {name: f"{name}, valid range" for name in MODELS}
+BASELINE, NONE, ONE = "no homing", "none seen", "one seen"
+CHAINS = (BASELINE, NONE, ONE)
+POSITIONING = "linear, positioning joints"
+METHODS_SHOWN = (*MODELS, *GUARDED.values(), POSITIONING, BEST)
+TOOLS = ("roll", "wrist", "jaw1", "jaw2")
+_NOTHING = np.zeros(0)
+EVERYWHERE = ValidRange(_NOTHING, _NOTHING, _NOTHING, np.zeros((0, 0)), _NOTHING, _NOTHING)
+
+
+def unguarded(model: CalibrationModel) -> CalibrationModel:
+    """Return a model that is asked wherever the robot is, as the paper's are: no feature is watched.
+
+    Ours gives the fixed offset outside its valid range. The tool stands elsewhere after every homing, and a model that
+    takes its positions then is outside.
+    """
+    nothing = np.zeros(0, dtype=np.int64)
+    groups = tuple(replace(group, valid_range=EVERYWHERE, watched=nothing) for group in model.groups)
+    return replace(model, groups=groups)
+
+
+def home_here(plant: CablePlant) -> None:
+    """Home from wherever the motion ended, as the robot does."""
+    plant.home()
+
+
+def stay(plant: CablePlant) -> None:
+    """Go on without homing."""
+
+
+def random_tests(
+    plant: CablePlant,
+    seed: int | None,
+    numbers: Sequence[int],
+    seconds: float,
+    between: Between,
+    *,
+    columns: Sequence[str] = (),
+) -> list[MotionLog]:
+    """Record test motions by their numbers, and do something between each two of them.
+
+    A number's motion is the same whatever was done before, so that chains with and without homing can be compared.
+    """
+    logs = []
+    for place, number in enumerate(numbers):
+        if place:
+            between(plant)
+        logs.append(random_log(plant, draws(seed, TESTS, number), seconds, columns=columns))
+    return logs
+
+
+@run(revision=1)
+def homing_errors(
+    seed: int | None,
+    seen: int,
+    networks: Sequence[int],
+    ours: Sequence[int],
+    combinations: Sequence[Sequence[Sequence[float]]],
+    homings: int,
+    test_seconds: float,
+) -> Result:
+    """Train on both parts of every combination, home again and again, and test after each homing.
+
+    Args:
+        seed: Of the robot.
+        seen: Homings between the parts, 0 or 1.
+        networks: Seeds of the paper's networks.
+        ours: Seeds of our network, which is fitted to the last combination; none leaves it out.
+        combinations: Sparsities of the first and of the second part.
+        homings: How many in all.
+        test_seconds: Length of every test.
+
+    Returns:
+        By chain of tests and method: for every combination, RMSE after 0, 1 ... homings on J1 [deg], J2 [deg], J3
+        [mm]. `outside`: share of test rows beyond the network's valid range.
+    """
+    plant = homed(seed)
+    first = _part(plant, seed, 0, [before for before, _ in combinations])
+    if seen:
+        tests: Tests = {ONE: random_tests(plant, seed, [0], test_seconds, home_here)}
+        plant.home()
+        second = _part(plant, seed, 1, [after for _, after in combinations])
+        tests[ONE] += random_tests(plant, seed, range(1, homings + 1), test_seconds, home_here)
+    else:
+        second = _part(plant, seed, 1, [after for _, after in combinations])
+        numbers = range(homings + 1)
+        tests = {BASELINE: random_tests(deepcopy(plant), seed, numbers, test_seconds, stay)}
+        tests[NONE] = random_tests(plant, seed, numbers, test_seconds, home_here)
+    reached: dict[str, dict[str, list[Any]]] = {chain: {"outside": [], "tool": []} for chain in tests}
+    for combination in combinations:
+        train = [part[s] for part, used in zip((first, second), combination, strict=True) for s in used]
+        for name in MODELS:
+            models = _trainings(train, METHODS[name], networks)
+            _add(reached, name, [unguarded(model) for model in models], tests)
+            _add(reached, GUARDED[name], models, tests)
+        for chain, logs in tests.items():
+            reached[chain]["outside"].append([outside(models[0], log) for log in logs])
+            reached[chain]["tool"].append([tool_shift(train, log) for log in logs])
+        _add(reached, POSITIONING, [fitted(train, FitOptions(inputs=POSITIONING_INPUTS))], tests)
+    if ours:
+        _add(reached, BEST, _trainings(train, METHODS[BEST], ours), tests)
+    return reached
+
+
+def _part(
+    plant: CablePlant, seed: int | None, number: int, used: Sequence[Sequence[float]]
+) -> dict[float, MotionLog]:
+    sparsities = sorted({sparsity for each in used for sparsity in each}, reverse=True)
+    return {s: calibration_log(plant, draws(seed, number, round(1 / s)), sparsities=(s,)) for s in sparsities}
+
+
+def _trainings(
+    train: Sequence[MotionLog], options: FitOptions, networks: Sequence[int]
+) -> list[CalibrationModel]:
+    seeds = networks if options.kind == "neural" else (0,)
+    return [fitted(train, replace(options, seed=network)) for network in seeds]
+
+
+def _add(
+    reached: dict[str, dict[str, list[Any]]], method: str, models: Sequence[CalibrationModel], tests: Tests
+) -> None:
+    for chain, logs in tests.items():
+        of_tests = []
+        for log in logs:
+            rows = rows_of(models[0], log)
+            of_tests.append(mean([rmse(model, rows) for model in models]))
+        reached[chain].setdefault(method, []).append(of_tests)
+
+
+def outside(model: CalibrationModel, log: MotionLog) -> float:
+    """Return the share of a recording's rows outside a model's valid range."""
+    return evaluate(model, rows_of(model, log)).joints[0].outside_valid_range
+
+
+def tool_shift(train: Sequence[MotionLog], test: MotionLog) -> float:
+    """Return the greatest distance of a tool joint's mean from its mean in training, over its spread there."""
+    shifts = []
+    for joint in TOOLS:
+        before = np.concatenate([log.signals[f"q:{joint}"] for log in train])
+        shifts.append(abs(test.signals[f"q:{joint}"].mean() - before.mean()) / before.std())
+    return float(max(shifts))
+
+
+def errors(outcomes: Outcomes, chain: str, method: str) -> Floats:
+    """Return RMSE (robots, combinations, 1 + homings, 3) of a method along a chain of tests; empty where none ran."""
+    found = [
+        result[chain][method] for result in outcomes.of(homing_errors) if method in result.get(chain, {})
+    ]
+    return np.array(found) if found else np.zeros((0, 1, 1, 3))
+
+
+def curve(outcomes: Outcomes, chain: str, method: str) -> Floats:
+    """Return the RMSE after 0, 1 ... homings, mean over robots and combinations, (1 + homings, 3)."""
+    return np.asarray(errors(outcomes, chain, method).mean(axis=(0, 1)))
