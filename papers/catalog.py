@@ -9,6 +9,7 @@ from papers.experiment import Experiment
 # "paper-place": the module that holds EXPERIMENT
 MODULES = {
     "plant-targets": "papers.plant.reached",
+    "calibration-figure-3": "papers.calibration.figure_3",
     "calibration-table-1": "papers.calibration.table_1",
     "calibration-figure-9": "papers.calibration.figure_9",
     "calibration-dvrk": "papers.calibration.dvrk",

@@ -80,3 +80,7 @@ HOMINGS_J1 = {
 # on J2 [deg] before the first and after the fifth, no homing seen; and the greatest of all six with one seen
 HOMINGS_J2 = {"network": (0.255, 0.627), "linear": HOMINGS_LINEAR_J2}
 HOMINGS_J2_SEEN = {"network": 0.413, "linear": 0.493}
+# section II-F: how long zig-zags of direction J2-J3 take to record [s], by sparsities
+DURATIONS = {(1 / 2,): 209.0, (1 / 2, 1 / 3): 537.0, (1 / 2, 1 / 3, 1 / 4): 1013.0}
+# section II-B: share of a joint's range, by how many joints the direction has
+BOX_SHARES = {1: 3.0**-0.5, 2: 2.0**0.5 * 3.0**-0.5, 3: 1.0}
