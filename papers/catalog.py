@@ -19,6 +19,7 @@ MODULES = {
     "regressor-figure-5": "papers.regressor.figure_5",
     "regressor-identification": "papers.regressor.identification",
     "tutorial-two-link": "papers.tutorial.two_link",
+    "beyond-paths": "papers.beyond.paths",
 }
 
 
