@@ -11,6 +11,8 @@ MODULES = {
     "plant-targets": "papers.plant.reached",
     "calibration-table-1": "papers.calibration.table_1",
     "calibration-figure-9": "papers.calibration.figure_9",
+    "calibration-table-3": "papers.calibration.table_3",
+    "calibration-table-4": "papers.calibration.table_4",
     "calibration-dvrk": "papers.calibration.dvrk",
     "regressor-figure-2": "papers.regressor.figure_2",
 }
