@@ -104,3 +104,7 @@ TABLE_4_OTHERS: dict[tuple[str, str, str], tuple[float | None, float | None, flo
 }
 # section II-A, figure 1: distance of the tool's reported position from the true one [mm], "around"
 TIP_RAW = 20.0
+# section II-F: how long zig-zags of direction J2-J3 take to record [s], by sparsities
+DURATIONS = {(1 / 2,): 209.0, (1 / 2, 1 / 3): 537.0, (1 / 2, 1 / 3, 1 / 4): 1013.0}
+# section II-B: share of a joint's range, by how many joints the direction has
+BOX_SHARES = {1: 3.0**-0.5, 2: 2.0**0.5 * 3.0**-0.5, 3: 1.0}
