@@ -6,6 +6,7 @@ recurrent network takes the paper's 16 inputs now and 0.4, 0.8, 1.2 and 1.6 s ag
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from papers.calibration.inputs import SIXTEEN
 from papers.calibration.peers.elastic_joints import identified
 from papers.calibration.peers.gaussian_process import fit_gaussian_process
 from papers.calibration.peers.recurrent import fit_recurrent
-from papers.calibration.peers.rows import Places, joined, rows_of_log
+from papers.calibration.peers.rows import Peer, Places, joined, rows_of_log
 from papers.calibration.peers.two_phase import fit_two_phase
 from papers.calibration.peers.unscented import Filter
 from papers.calibration.sessions import DENOMINATORS, HOUR, recorded
@@ -63,7 +64,7 @@ def peer_hours(
         UKF: Filter(joints),
         UKF_TOLD: Filter(identified(logs, CablePlant(seed=seed).arm.cable.stiffness)),
     }
-    fits = {
+    fits: dict[str, list[Peer]] = {
         RECURRENT: [
             fit_recurrent(rows, seed=each, spacing=SPACING, iterations=round(5000 * effort))
             for each in trainings
@@ -87,16 +88,14 @@ def peer_hours(
 
 def at_rows(log: MotionLog, at: Places) -> MotionLog:
     """Return some rows of a recording."""
-    tables = {name: getattr(log, name) for name in ("q_nominal", "q_encoder", "ok", "time", "tau")}
-    return MotionLog(
-        log.name,
-        log.joint_names,
-        log.joint_units,
-        **{name: None if values is None else values[at] for name, values in tables.items()},
+    return replace(
+        log,
+        q_nominal=log.q_nominal[at],
+        ok=log.ok[at],
+        q_encoder=None if log.q_encoder is None else log.q_encoder[at],
+        time=None if log.time is None else log.time[at],
+        tau=None if log.tau is None else log.tau[at],
         signals={name: values[at] for name, values in log.signals.items()},
-        signal_units=log.signal_units,
-        robot=log.robot,
-        simulated=log.simulated,
     )
 
 

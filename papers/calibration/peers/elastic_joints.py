@@ -62,7 +62,8 @@ def drive_of(log: MotionLog) -> Drive:
     model = load_robot(ROBOT)
     q, qd, _ = derivatives(log)
     bias = inverse_dynamics(model, q, qd, np.zeros_like(q), GRAVITY)
-    return Drive(np.asarray(log.time), q, np.asarray(log.tau), bias, np.linalg.inv(mass_matrix(model, q)))
+    inverse: Floats = np.linalg.inv(mass_matrix(model, q)).astype(np.float64)
+    return Drive(np.asarray(log.time), q, np.asarray(log.tau), bias, inverse)
 
 
 def derivatives(log: MotionLog) -> tuple[Floats, Floats, Floats]:
@@ -89,37 +90,51 @@ def identified(logs: Sequence[MotionLog], stiffness: Floats | None = None) -> Jo
     for log in logs:
         q, qd, qdd = derivatives(log)
         parts.append(
-            (inverse_dynamics(model, q, qd, qdd, GRAVITY), qd, qdd, np.asarray(log.tau), log.q_encoder - q)
+            (
+                inverse_dynamics(model, q, qd, qdd, GRAVITY),
+                qd,
+                qdd,
+                np.asarray(log.tau),
+                np.asarray(log.q_encoder) - q,
+            )
         )
     load, qd, qdd, torque, error = (np.concatenate(part) for part in zip(*parts, strict=True))
-    moving = np.sign(qd)
-    found = np.zeros((5, 3))  # stiffness, friction in all, of the link, offset, noise
-    for j in range(3):
-        rest = torque[:, j] - load[:, j] - inertia[j] * qdd[:, j]
-        columns = np.column_stack((moving[:, j], np.ones(len(rest))))
-        friction = lsq_linear(columns, rest, ([0.0, -np.inf], [np.inf, np.inf])).x
-        columns = np.column_stack((-load[:, j], -moving[:, j], np.ones(len(rest))))
-        scale = np.array([STIFFEST[j], STIFFEST[j], 1.0])  # columns of order one
-        most, least = (
-            (STIFFEST[j] / SOFTEST[j], 1.0) if stiffness is None else 2 * (STIFFEST[j] / stiffness[j],)
-        )
-        lower, upper = [least * (1.0 - 1e-9), 0.0, -np.inf], [most * (1.0 + 1e-9), np.inf, np.inf]
-        give, slip, offset = lsq_linear(columns / scale, error[:, j], (lower, upper)).x
-        link = min(slip / give, friction[0])
-        noise = np.std(rest - np.column_stack((moving[:, j], np.ones(len(rest)))) @ friction)
-        found[:, j] = STIFFEST[j] / give, friction[0], link, offset, noise
-    found_stiffness, friction, link, offset, noise = found
+    lower, upper = (SOFTEST, STIFFEST) if stiffness is None else (stiffness, stiffness)
+    rest = torque - load - inertia * qdd
+    frictions = [_friction(rest[:, j], qd[:, j]) for j in range(3)]
+    stretches = [_stretch(error[:, j], load[:, j], qd[:, j], lower[j], upper[j]) for j in range(3)]
+    friction, noise = np.array(frictions).T
+    k, slip, offset = np.array(stretches).T
+    of_links = np.minimum(slip, friction)
     light = 1.0 / np.diag(np.linalg.inv(mass_matrix(model, np.mean(logs[0].q_nominal, axis=0))))
     return Joints(
-        found_stiffness,
-        2.0 * DAMPING * np.sqrt(found_stiffness * light),
-        inertia,
-        friction - link,
-        link,
-        offset,
-        noise,
-        2.0 * np.pi / (COUNTS * ratio),
+        stiffness=k,
+        damping=2.0 * DAMPING * np.sqrt(k * light),
+        motor_inertia=inertia,
+        motor_friction=friction - of_links,
+        link_friction=of_links,
+        offset=offset,
+        torque_noise=noise,
+        encoder_noise=2.0 * np.pi / (COUNTS * ratio),
     )
+
+
+def _friction(rest: Floats, qd: Floats) -> tuple[float, float]:
+    """Return Coulomb friction and what it leaves of a torque (N,), as a standard deviation."""
+    columns = np.column_stack((np.sign(qd), np.ones(len(rest))))
+    found = lsq_linear(columns, rest, ([0.0, -np.inf], [np.inf, np.inf])).x
+    return float(found[0]), float(np.std(rest - columns @ found))
+
+
+def _stretch(
+    error: Floats, load: Floats, qd: Floats, softest: float, stiffest: float
+) -> tuple[float, float, float]:
+    """Return stiffness, link friction and offset: error = offset - (load + friction sgn(qd)) / stiffness."""
+    columns = np.column_stack((-load / stiffest, -np.sign(qd) / stiffest, np.ones(len(error))))
+    # a hair's breadth between bounds that are alike, as the search wants
+    lower, upper = [1.0 - 1e-9, 0.0, -np.inf], [stiffest / softest + 1e-9, np.inf, np.inf]
+    give, slip, offset = lsq_linear(columns, error, (lower, upper)).x  # give: stiffest over stiffness
+    return float(stiffest / give), float(slip / give), float(offset)
 
 
 @inlined
