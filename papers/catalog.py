@@ -11,6 +11,7 @@ MODULES = {
     "plant-targets": "papers.plant.reached",
     "calibration-figure-3": "papers.calibration.figure_3",
     "calibration-table-1": "papers.calibration.table_1",
+    "calibration-figure-6": "papers.calibration.figure_6",
     "calibration-figure-9": "papers.calibration.figure_9",
     "calibration-dvrk": "papers.calibration.dvrk",
     "regressor-figure-2": "papers.regressor.figure_2",
