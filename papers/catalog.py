@@ -15,6 +15,10 @@ MODULES = {
     "calibration-figure-9": "papers.calibration.figure_9",
     "calibration-dvrk": "papers.calibration.dvrk",
     "regressor-figure-2": "papers.regressor.figure_2",
+    "regressor-figure-4": "papers.regressor.figure_4",
+    "regressor-figure-5": "papers.regressor.figure_5",
+    "regressor-identification": "papers.regressor.identification",
+    "tutorial-two-link": "papers.tutorial.two_link",
 }
 
 
