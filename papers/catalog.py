@@ -11,6 +11,8 @@ MODULES = {
     "plant-targets": "papers.plant.reached",
     "calibration-table-1": "papers.calibration.table_1",
     "calibration-figure-9": "papers.calibration.figure_9",
+    "beyond-rehoming": "papers.beyond.rehoming",
+    "beyond-tilted-calibration": "papers.beyond.tilted_calibration",
     "regressor-figure-2": "papers.regressor.figure_2",
 }
 
