@@ -139,6 +139,11 @@ class Outcomes:
     def __len__(self) -> int:
         return len(self._results)
 
+    @property
+    def trains_networks(self) -> bool:
+        """Say whether a case trains networks several times: with the seeds in its argument `networks`."""
+        return any(len(case.arguments.get("networks", ())) > 1 for case in self._results)
+
     def of(self, function: Run, **arguments: Plain) -> list[Result]:
         """Return the results of a function's cases that have these arguments, in the cases' order."""
         return [result for _, result in self.items(function, **arguments)]

@@ -39,6 +39,8 @@ def summary(
     claims: Sequence[tuple[Claim, Judgement]],
     finished: Sequence[Finished],
     missing: int,
+    *,
+    networks: int,
 ) -> dict[str, Any]:
     """Return an experiment's table of results as plain data: what docs quote, and where it comes from."""
     return {
@@ -51,7 +53,7 @@ def summary(
         "source": sorted({one.source for one in finished} or {source_digest()}),
         "date": datetime.now(UTC).date().isoformat(),
         "robots": ["nominal" if robot is None else robot for robot in scope.robots],
-        "networks": scope.networks,
+        "networks": networks,
         "cases": len(finished),
         "missing": missing,
         "processor_minutes": round(sum(one.seconds for one in finished) / 60.0, 1),
@@ -94,7 +96,8 @@ def write_results(
     """
     report = experiment.report(outcomes)
     claims = judged(experiment, outcomes) if not (scope.quick or missing) else []
-    content = summary(experiment, scope, report, claims, finished, missing)
+    networks = scope.networks if outcomes.trains_networks else 1
+    content = summary(experiment, scope, report, claims, finished, missing, networks=networks)
     folder.mkdir(parents=True, exist_ok=True)
     for number, drawn in enumerate(report.pictures, 1):
         write_atomically(folder / f"{experiment.name}-{number}.svg", svg(drawn.figure))

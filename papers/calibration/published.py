@@ -80,3 +80,21 @@ HOMINGS_J1 = {
 # on J2 [deg] before the first and after the fifth, no homing seen; and the greatest of all six with one seen
 HOMINGS_J2 = {"network": (0.255, 0.627), "linear": HOMINGS_LINEAR_J2}
 HOMINGS_J2_SEEN = {"network": 0.413, "linear": 0.493}
+# section II-F: how long zig-zags of direction J2-J3 take to record [s], by sparsities
+DURATIONS = {(1 / 2,): 209.0, (1 / 2, 1 / 3): 537.0, (1 / 2, 1 / 3, 1 / 4): 1013.0}
+# section II-B: share of a joint's range, by how many joints the direction has
+BOX_SHARES = {1: 3.0**-0.5, 2: 2.0**0.5 * 3.0**-0.5, 3: 1.0}
+# section II-F, figure 5: RMSE by recording time; "short" is the mean of recordings below 500 s, "long" above 800 s
+FIGURE_5_J1 = {  # [deg] at 1/2, 209 s, and at 1/2 + 1/3 + 1/4, 1013 s
+    "1/2": {"network": 0.232, "polynomial": 0.834, "linear": 0.446, "fixed offset": 0.846},
+    "1/2+1/3+1/4": {"network": 0.120, "polynomial": 0.119, "linear": 0.176},
+}
+FIGURE_5_J2 = {  # [deg]
+    "short": {"network": 0.288, "linear": 0.364},
+    "long": {"network": 0.203, "linear": 0.248},
+}
+FIGURE_5_J2_POLYNOMIAL = 0.302  # [deg] at the longest
+FIGURE_5_J3 = {  # [mm]
+    "short": {"network": 0.202, "linear": 0.307},
+    "1/2+1/3": {"network": 0.121, "linear": 0.132},
+}

@@ -1,0 +1,237 @@
+"""The joint errors of a real dVRK arm: every model kind of ours, and the peers, on the same held-out rows.
+
+Recordings of a da Vinci PSM, commanded against camera-measured joints (Hwang et al., RA-L 2020): quasi-static poses,
+no torque. Trained on the first 80 % of each recording, tested on the rest; `sampled_train` without its camera
+failures. The recurrent network takes the four previous commands and the present one of all six joints, the Gaussian
+process commands and the step from the previous one.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.calibration.dataset import calibration_data
+from catenary.calibration.evaluate import evaluate
+from catenary.calibration.fit import PLAY_SHARES, FitOptions, choose_inputs, fit
+from catenary.recording.logs import read_log
+from catenary.reports.page import Table
+from catenary.units import DISPLAY
+from papers.calibration.peers.gaussian_process import fit_gaussian_process
+from papers.calibration.peers.recurrent import fit_recurrent
+from papers.calibration.peers.rows import Peer, rows_of_log
+from papers.calibration.peers.two_phase import fit_two_phase
+from papers.claims import mean_and_spread
+from papers.experiment import (
+    Case,
+    Experiment,
+    Outcomes,
+    Report,
+    Result,
+    Scope,
+    TitledPicture,
+    TitledTable,
+    run,
+)
+from papers.figures import panels
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FOLDER = "dvrk_calibration_berkeley"
+# camera failures of sampled_train, as the recordings' README bounds them (deg, deg, mm, deg, deg, deg)
+SAMPLED_LIMIT = (2.0, 2.0, 5.0, 60.0, 60.0, 70.0)
+RECORDINGS: Mapping[str, tuple[float, ...] | None] = {
+    "random_train": None,
+    "insertion_train": None,
+    "peg_transfer_train": None,
+    "sampled_train": SAMPLED_LIMIT,
+}
+JOINTS = ("J1", "J2", "J3", "J4", "J5", "J6")
+UNITS = ("deg", "deg", "mm", "deg", "deg", "deg")
+HELD_OUT = 0.2
+HISTORY = 6
+KINDS = {
+    "linear": FitOptions(kind="linear"),
+    "polynomial": FitOptions(kind="polynomial"),
+    "neural, paper": FitOptions(kind="neural", preset="paper"),
+    "neural, best": FitOptions(kind="neural", preset="best"),
+}
+RECURRENT, PROCESS, TWO_PHASE = "recurrent (Hwang)", "Gaussian process (Mahler)", "two-phase (Seita)"
+PEERS: Mapping[str, Callable[..., Peer]] = {
+    RECURRENT: fit_recurrent,
+    PROCESS: fit_gaussian_process,
+    TWO_PHASE: fit_two_phase,
+}
+
+
+def variants(kind: str) -> dict[str, FitOptions]:
+    """Return a kind of model without memory, with previous commands, and with play states; `best` has play states."""
+    options = KINDS[kind]
+    found = {kind: options, f"{kind}, history {HISTORY}": replace(options, history=HISTORY)}
+    return found if kind == "neural, best" else found | {f"{kind}, play": replace(options, play=PLAY_SHARES)}
+
+
+@run(revision=1)
+def model_errors(recording: str, kind: str, seed: int, data: Path) -> Result:
+    """Fit a kind of ours with and without memory; return RMSE per joint [deg|mm] and the share of rows out of range.
+
+    With them, of the kind `linear`, the raw positions and the fixed offset.
+    """
+    log = read_log(data / FOLDER / f"{recording}.npz")
+    found = {}
+    for name, options in variants(kind).items():
+        chosen = replace(options, seed=seed)
+        inputs = choose_inputs([log], chosen, held_out=HELD_OUT)
+        train, test = calibration_data([log], inputs.features, max_error=_limit(recording)).split_by_time(
+            HELD_OUT
+        )
+        joints = evaluate(fit(train, inputs, chosen), test).joints
+        found[name] = _found([joint.rmse for joint in joints], joints[0].outside_valid_range)
+        if name == "linear":
+            found["raw"] = _found([joint.raw_rmse for joint in joints])
+            found["fixed offset"] = _found([joint.offset_rmse for joint in joints])
+    return found
+
+
+@run(revision=1)
+def peer_errors(recording: str, peer: str, seed: int, quick: bool, data: Path) -> Result:
+    """Fit a peer to the same rows and test it on the same; return its RMSE per joint [deg|mm]."""
+    log = read_log(data / FOLDER / f"{recording}.npz")
+    rows = rows_of_log(log, ("q",))
+    limit = _limit(recording)
+    usable = rows.known if limit is None else rows.known & (np.abs(rows.error) <= limit).all(axis=1)
+    late = np.arange(len(log)) / len(log) >= 1.0 - HELD_OUT
+    short = {RECURRENT: {"iterations": 100}, PROCESS: {"carried": 100, "chosen": 50}, TWO_PHASE: {"trees": 5}}
+    fitted = PEERS[peer](replace(rows, known=usable & ~late), seed=seed, **(short[peer] if quick else {}))
+    tested = usable & late
+    left = (rows.error - fitted.correction(rows))[tested] * _shown(log.joint_units)
+    return {peer: _found([float(value) for value in np.sqrt(np.mean(left**2, axis=0))])}
+
+
+def _limit(recording: str) -> Floats | None:
+    limit = RECORDINGS[recording]
+    return None if limit is None else np.array(limit) / _shown(("rad", "rad", "m", "rad", "rad", "rad"))
+
+
+def _shown(units: Sequence[str]) -> Floats:
+    return np.array([DISPLAY[unit][1] for unit in units])
+
+
+def _found(rmse: Sequence[float], outside: float = 0.0) -> dict[str, object]:
+    return {"rmse": [float(value) for value in rmse], "outside": float(outside)}
+
+
+def cases(scope: Scope) -> list[Case]:
+    """Return a case for every recording, kind of model and training."""
+    recordings = ("insertion_train",) if scope.quick else tuple(RECORDINGS)
+    found = []
+    for recording in recordings:
+        for kind in ("linear",) if scope.quick else KINDS:
+            for seed in scope.network_seeds if kind.startswith("neural") else (0,):
+                found.append(model_errors.case(recording=recording, kind=kind, seed=seed))
+        for peer in PEERS:
+            for seed in scope.network_seeds:
+                found.append(peer_errors.case(recording=recording, peer=peer, seed=seed, quick=scope.quick))
+    return found
+
+
+def errors(outcomes: Outcomes, recording: str) -> dict[str, Floats]:
+    """Return the RMSE of every model on a recording, (trainings, 6), in the tables' order."""
+    found: dict[str, list[Sequence[float]]] = {}
+    for result in (
+        *outcomes.of(model_errors, recording=recording),
+        *outcomes.of(peer_errors, recording=recording),
+    ):
+        for name, entry in result.items():
+            found.setdefault(name, []).append(entry["rmse"])
+    first = [name for name in ("raw", "fixed offset") if name in found]
+    return {name: np.array(found[name]) for name in [*first, *(each for each in found if each not in first)]}
+
+
+def outside(outcomes: Outcomes, recording: str) -> dict[str, float]:
+    """Return the share of held-out rows that lie out of the range of each model of ours."""
+    found: dict[str, list[float]] = {}
+    for result in outcomes.of(model_errors, recording=recording):
+        for name, entry in result.items():
+            found.setdefault(name, []).append(entry["outside"])
+    return {name: float(np.mean(shares)) for name, shares in found.items()}
+
+
+def present(outcomes: Outcomes) -> list[str]:
+    """Return the recordings that have results."""
+    return [name for name in RECORDINGS if outcomes.of(peer_errors, recording=name)]
+
+
+def report(outcomes: Outcomes) -> Report:
+    """Return a table of all models for each recording, and the picture of the wrist's errors."""
+    tables = []
+    for recording in present(outcomes):
+        shares = outside(outcomes, recording)
+        rows = [
+            [
+                name,
+                *(mean_and_spread(values[:, j]) for j in range(len(JOINTS))),
+                f"{100.0 * shares[name]:.1f} %" if name in shares else "-",
+            ]
+            for name, values in errors(outcomes, recording).items()
+        ]
+        header = ["model", *(f"{j} {u}" for j, u in zip(JOINTS, UNITS, strict=True)), "outside range"]
+        tables.append(TitledTable(f"{recording}: RMSE on the last fifth", Table(header, rows)))
+    picture = TitledPicture(
+        "RMSE over the fixed offset's, geometric mean over recordings; bars from least to greatest recording",
+        _picture(outcomes),
+    )
+    return Report(tables, [picture] if tables else [])
+
+
+SHOWN = {
+    "linear": "#4b6b94",
+    "neural, paper": "#d9622b",
+    "linear, play": "#7fa3cf",
+    "neural, best": "#2f8f6b",
+    RECURRENT: "#8455a8",
+    PROCESS: "#c9a227",
+    TWO_PHASE: "#8a94a3",
+}
+
+
+def _picture(outcomes: Outcomes) -> "Figure":
+    figure, (panel,) = panels(1, 3.6)
+    found = [errors(outcomes, recording) for recording in present(outcomes)]
+    for k, (name, color) in enumerate(SHOWN.items()):
+        shares = [
+            each[name].mean(axis=0) / each["fixed offset"].mean(axis=0) for each in found if name in each
+        ]
+        if not shares:
+            continue
+        middle = np.exp(np.mean(np.log(shares), axis=0))
+        spread = np.abs(np.array([np.min(shares, axis=0), np.max(shares, axis=0)]) - middle)
+        places = np.arange(len(JOINTS)) + 0.12 * (k - (len(SHOWN) - 1) / 2)
+        panel.bar(places, 100.0 * middle, 0.11, color=color, label=name)
+        panel.errorbar(places, 100.0 * middle, 100.0 * spread, fmt="none", ecolor="#1c2430", elinewidth=0.8)
+    panel.axhline(100.0, color="#b8bfc9", linewidth=0.8)
+    panel.set_xticks(range(len(JOINTS)), JOINTS)
+    panel.set_ylabel("RMSE [% of fixed offset]")
+    figure.legend(
+        *panel.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False, fontsize=8
+    )
+    return figure
+
+
+EXPERIMENT = Experiment(
+    name="calibration-dvrk",
+    paper="calibration",
+    place="II-K, on a real arm",
+    title="Joint errors of a real dVRK arm, ours beside the methods that the paper names",
+    about=(__doc__ or "").partition("\n")[2].strip(),
+    cases=cases,
+    report=report,
+    minutes=60.0,
+    drawn=0,
+    simulated=False,
+    needs_data=True,
+)

@@ -1,0 +1,334 @@
+"""Figure 3 of the calibration paper: zig-zags in joint space, seven directions, and sparsities of J2-J3.
+
+No robot moves: these are the paths themselves, corners sharp, in the box J1 20..60, J2 55..110 deg, J3 0.33..0.42 m.
+Durations are of the same paths with the corners rounded, added up without the way from one path to the next, since the
+paper joins recordings; the speed is the one at which 1/2 + 1/3 + 1/4 takes the paper's 1013 s: the two other durations
+that it gives are free of that choice.
+
+"Sparsity in the direction of a joint" is shown by how evenly the path's rows lie over that joint's range, in fifty
+bins: the share of bins with at least half of an even share. The path's volume is that of its convex hull, as a share
+of the box. The largest hole is twice the greatest distance from a point of that hull to the path, the box's sides
+being of length one.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, Delaunay, KDTree
+
+from catenary.arrays import Floats
+from catenary.reports.page import Table
+from catenary.trajectories.zigzag import (
+    CALIBRATION_LOWER,
+    CALIBRATION_UPPER,
+    DIRECTIONS,
+    Direction,
+    zigzag,
+    zigzag_rows,
+)
+from papers.calibration.published import BOX_SHARES, DURATIONS
+from papers.calibration.recordings import JOINTS, SPARSITIES, UNITS
+from papers.claims import NOT_MEASURED, by_count
+from papers.experiment import (
+    Case,
+    Claim,
+    Experiment,
+    Judgement,
+    Outcomes,
+    Report,
+    Result,
+    Scope,
+    TitledPicture,
+    TitledTable,
+    run,
+)
+from papers.figures import panels
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DENOMINATORS = (2, 3, 4, 5, 6)
+COMBINATIONS = ((1 / 2, 1 / 3), SPARSITIES)
+DRAWN: tuple[Direction, ...] = ("J1", "J1-J2", "J2-J3", "J1-J2-J3")
+PAPERS_CHOICE: Direction = "J2-J3"
+BINS = 50
+EVEN = 0.5  # of an even share of rows, that a bin needs to count as covered
+GRID = 21  # points along each side of the box where holes are looked for
+DISPLAYED = np.array([180.0 / np.pi, 180.0 / np.pi, 1e3])  # to deg, deg, mm
+# criteria
+CENTRE = 0.05  # of the box, from its middle
+VOLUME = 0.10  # of the seven directions' median
+RANGE = 0.10  # of the published share of a joint's range: the paths end 5 % beyond the cube
+SECONDS = 0.05
+SWEPT, SPARSE = 0.9, 0.5  # evenly covered shares of a joint that is swept, and of one with a sparsity
+
+
+@run(revision=1)
+def path(direction: Direction, sparsities: Sequence[float]) -> Result:
+    """Return what a zig-zag covers.
+
+    Returns:
+        `seconds`; by joint, of the box: `low` and `high`, `even`, the evenly covered share of its range, and
+        `reversals`; `volume` of the convex hull; `hole`, the largest; and `corners` in deg, deg, mm.
+    """
+    parts = [zigzag_rows(direction, sparsity) for sparsity in sparsities]
+    rows = np.concatenate(parts)
+    unit = (rows - CALIBRATION_LOWER) / (CALIBRATION_UPPER - CALIBRATION_LOWER)
+    return {
+        "seconds": round(sum(zigzag(direction, (each,)).duration for each in sparsities), 1),
+        "low": _rounded(unit.min(axis=0), 4),
+        "high": _rounded(unit.max(axis=0), 4),
+        "even": [even_share(column) for column in unit.T],
+        "reversals": [sum(reversals(part[:, j]) for part in parts) for j in range(3)],
+        "volume": round(float(ConvexHull(unit[corners(unit)]).volume), 4),
+        "hole": round(largest_hole(unit), 4),
+        "corners": [_rounded(corner * DISPLAYED, 2) for part in parts for corner in part[corners(part)]],
+    }
+
+
+def reversals(positions: Floats) -> int:
+    """Return how often a joint turns back: positions (N,), moves of less than 1e-9 are rest."""
+    steps = np.diff(positions)
+    way = np.sign(steps[np.abs(steps) > 1e-9])
+    return int(np.count_nonzero(np.diff(way)))
+
+
+def corners(rows: Floats) -> NDArray[np.int64]:
+    """Return the indices of rows (N, 3) where a path of straight lines turns, its ends included."""
+    turns = np.abs(np.diff(rows, 2, axis=0)).max(axis=1) > 1e-9
+    return np.flatnonzero(np.concatenate([[True], turns, [True]]))
+
+
+def even_share(positions: Floats) -> float:
+    """Return the share of a joint's own range, in fifty bins, that has at least half of an even share of the rows."""
+    counts, _ = np.histogram(positions, BINS)
+    return float(np.mean(counts >= EVEN * len(positions) / BINS))
+
+
+def largest_hole(unit: Floats) -> float:
+    """Return twice the greatest distance of a point to a path (N, 3) in whose convex hull it lies, on a grid."""
+    axis = np.linspace(0.0, 1.0, GRID)
+    grid = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)
+    inside = grid[Delaunay(unit[corners(unit)]).find_simplex(grid) >= 0]
+    distances, _ = KDTree(unit[::10]).query(inside)
+    return 2.0 * float(np.max(distances))
+
+
+def _rounded(values: Floats, digits: int) -> list[float]:
+    return [float(value) for value in np.round(values, digits)]
+
+
+def cases(scope: Scope) -> list[Case]:
+    """Return a case for every direction with three sparsities, and for the sparsities of J2-J3; one for a drawing."""
+    if scope.quick:
+        return [path.case(direction=PAPERS_CHOICE, sparsities=(1 / 2,))]
+    return [
+        *(path.case(direction=each, sparsities=SPARSITIES) for each in DIRECTIONS),
+        *(path.case(direction=each, sparsities=(1 / 3,)) for each in DRAWN),
+        *(path.case(direction=PAPERS_CHOICE, sparsities=(1 / n,)) for n in DENOMINATORS),
+        *(path.case(direction=PAPERS_CHOICE, sparsities=each) for each in COMBINATIONS),
+    ]
+
+
+def written(sparsities: Sequence[float]) -> str:
+    """Return sparsities as the paper writes them, 1/2 + 1/3."""
+    return " + ".join(f"1/{round(1.0 / sparsity)}" for sparsity in sparsities)
+
+
+def report(outcomes: Outcomes) -> Report:
+    """Return the table of paths and the paper's picture."""
+    header = ["direction", "sparsity", "time [s]"]
+    header += [f"reversals {joint}" for joint in JOINTS]
+    header += [f"{joint} [{unit}]" for joint, unit in zip(JOINTS, UNITS, strict=True)]
+    header += [f"even {joint}" for joint in JOINTS] + ["volume", "largest hole"]
+    rows = []
+    for told, found in outcomes.items(path):
+        low, high = (
+            (CALIBRATION_LOWER + np.array(found[end]) * (CALIBRATION_UPPER - CALIBRATION_LOWER)) * DISPLAYED
+            for end in ("low", "high")
+        )
+        rows.append(
+            [
+                told["direction"],
+                written(told["sparsities"]),
+                f"{found['seconds']:.0f}",
+                *(f"{count}" for count in found["reversals"]),
+                *(f"{a:.1f} to {b:.1f}" for a, b in zip(low, high, strict=True)),
+                *(f"{100.0 * share:.0f} %" for share in found["even"]),
+                f"{found['volume']:.3f}",
+                f"{found['hole']:.2f}",
+            ]
+        )
+    table = TitledTable(
+        "Time, reversals, range, and evenly covered share of it, by joint", Table(header, rows)
+    )
+    return Report([table], [TitledPicture("Directions (top), sparsities (bottom)", _picture(outcomes))])
+
+
+def _picture(outcomes: Outcomes) -> "Figure":
+    shown: list[tuple[Direction, float]] = [(each, 1 / 3) for each in DRAWN]
+    shown += [(PAPERS_CHOICE, 1 / n) for n in (2, 3, 4, 6)]
+    figure, axes = panels(4, 5.6, rows=2, subplot_kw={"projection": "3d"})
+    for number, (panel, (direction, sparsity)) in enumerate(zip(axes, shown, strict=True)):
+        found = outcomes.of(path, direction=direction, sparsities=[sparsity])
+        title = direction if number < len(DRAWN) else f"{direction}, sparsity {written([sparsity])}"
+        panel.set_title(title, fontsize=9)
+        low, high = CALIBRATION_LOWER * DISPLAYED, CALIBRATION_UPPER * DISPLAYED
+        panel.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+        panel.set_xlabel("J1 [deg]", fontsize=7, labelpad=-6)
+        panel.set_ylabel("J2 [deg]", fontsize=7, labelpad=-6)
+        panel.set_zlabel("J3 [mm]", fontsize=7, labelpad=-6)
+        panel.tick_params(labelsize=6, pad=-3)
+        panel.set_box_aspect((1.0, 1.0, 1.0), zoom=0.86)
+        if found:
+            line = np.array(found[0]["corners"])
+            panel.plot(*line.T, color="#4b6b94" if number < len(DRAWN) else "#d9622b", linewidth=0.9)
+    return figure
+
+
+def _directions(outcomes: Outcomes) -> dict[str, Result]:
+    """Return what each direction covers with three sparsities; nothing before all have run."""
+    found = {told["direction"]: result for told, result in outcomes.items(path, sparsities=list(SPARSITIES))}
+    return found if len(found) == len(DIRECTIONS) else {}
+
+
+def _centre(outcomes: Outcomes) -> Judgement:
+    found = _directions(outcomes)
+    if not found:
+        return NOT_MEASURED
+    away = {
+        d: float(np.max(np.abs((np.array(one["low"]) + np.array(one["high"])) / 2.0 - 0.5)))
+        for d, one in found.items()
+    }
+    told = ", ".join(f"{direction} {distance:.3f}" for direction, distance in away.items())
+    return by_count([distance <= CENTRE for distance in away.values()], f"from the box's middle: {told}")
+
+
+def _volume(outcomes: Outcomes) -> Judgement:
+    found = _directions(outcomes)
+    if not found:
+        return NOT_MEASURED
+    volumes = {direction: one["volume"] for direction, one in found.items()}
+    middle = float(np.median(list(volumes.values())))
+    told = ", ".join(f"{direction} {volume:.3f}" for direction, volume in volumes.items())
+    return by_count([abs(volume / middle - 1.0) <= VOLUME for volume in volumes.values()], told)
+
+
+def _ranges(outcomes: Outcomes) -> Judgement:
+    found = _directions(outcomes)
+    if not found:
+        return NOT_MEASURED
+    holds, told = [], []
+    for direction, one in found.items():
+        named = direction.split("-")
+        swept = [JOINTS.index(joint) for joint in named]
+        shares = (np.array(one["high"]) - one["low"])[swept]
+        published = BOX_SHARES[len(named)]
+        holds.append(bool((np.abs(shares / published - 1.0) <= RANGE).all()))
+        told.append(f"{direction} {' '.join(f'{share:.2f}' for share in shares)}")
+    return by_count(holds, "share of the swept joints' ranges: " + ", ".join(told))
+
+
+def _sparsity_across(outcomes: Outcomes) -> Judgement:
+    found = _directions(outcomes)
+    if not found:
+        return NOT_MEASURED
+    holds, told = [], []
+    for joint in JOINTS:
+        even = found[joint]["even"]
+        for other, share in zip(JOINTS, even, strict=True):
+            holds.append(share >= SWEPT if other == joint else share < SPARSE)
+        told.append(f"{joint}: {', '.join(f'{100.0 * share:.0f} %' for share in even)}")
+    return by_count(holds, "evenly covered of J1, J2, J3; " + "; ".join(told))
+
+
+def _sparser(outcomes: Outcomes) -> Judgement:
+    found = [
+        result
+        for n in DENOMINATORS
+        for result in outcomes.of(path, direction=PAPERS_CHOICE, sparsities=[1 / n])
+    ]
+    if len(found) < len(DENOMINATORS):
+        return NOT_MEASURED
+    seconds, holes = ([one[name] for one in found] for name in ("seconds", "hole"))
+    told = ", ".join(
+        f"1/{n} {time:.0f} s, {hole:.2f}" for n, time, hole in zip(DENOMINATORS, seconds, holes, strict=True)
+    )
+    return by_count([*(np.diff(seconds) > 0.0), *(np.diff(holes) < 0.0)], f"time and largest hole: {told}")
+
+
+def _seconds(outcomes: Outcomes) -> Judgement:
+    holds, told = [], []
+    for sparsities, published in DURATIONS.items():
+        for result in outcomes.of(path, direction=PAPERS_CHOICE, sparsities=list(sparsities)):
+            holds.append(abs(result["seconds"] / published - 1.0) <= SECONDS)
+            told.append(f"{written(sparsities)} {result['seconds']:.0f} s")
+    return by_count(holds, ", ".join(told)) if len(holds) == len(DURATIONS) else NOT_MEASURED
+
+
+CLAIMS = (
+    Claim(
+        "All trajectories have the same centre",
+        "II-B",
+        "equations 4 and 5",
+        f"the middle of every joint's range within {100.0 * CENTRE:.0f} % of the box from its middle, for all seven "
+        "directions; same direction: for more than half",
+        _centre,
+    ),
+    Claim(
+        "All trajectories cover the same volume of the normalised joint space",
+        "II-B",
+        "equations 4 and 5",
+        f"volume of the convex hull within {100.0 * VOLUME:.0f} % of the seven directions' median, for all; same "
+        "direction: for more than half",
+        _volume,
+        why="the authors' generator stretches J1-J2-J3 until it fills the range of every joint, which the six others "
+        "do not",
+    ),
+    Claim(
+        "A single direction has 1/sqrt 3 of a joint's range, a double sqrt 2/sqrt 3, the triple all of it",
+        "II-B",
+        "0.58, 0.82, 1.00",
+        f"the ranges of the joints in the direction's name within {100.0 * RANGE:.0f} %, for all seven; same "
+        "direction: for more than half",
+        _ranges,
+    ),
+    Claim(
+        "There is sparsity across the sweeps only, none along them",
+        "II-B, figure 3",
+        "-",
+        f"of the single directions, at least {100.0 * SWEPT:.0f} % of the swept joint's range is evenly covered, and "
+        f"less than {100.0 * SPARSE:.0f} % of the two others'; same direction: more than half of nine",
+        _sparsity_across,
+    ),
+    Claim(
+        "Smaller sparsity covers better and takes longer",
+        "II-B, figure 3",
+        "-",
+        "from 1/2 to 1/6, each takes longer than the one before and has a smaller largest hole; same direction: more "
+        "than half of these",
+        _sparser,
+    ),
+    Claim(
+        "Recording takes 209 s at 1/2, 537 s at 1/2 + 1/3, 1013 s at 1/2 + 1/3 + 1/4",
+        "II-F",
+        "209, 537, 1013 s",
+        f"within {100.0 * SECONDS:.0f} %, of which the last is so by the choice of speed; same direction: two of three",
+        _seconds,
+    ),
+)
+
+EXPERIMENT = Experiment(
+    name="calibration-figure-3",
+    paper="calibration",
+    place="figure 3",
+    title="Zig-zags in joint space",
+    about=(__doc__ or "").partition("\n")[2].strip(),
+    cases=cases,
+    report=report,
+    minutes=1.0,
+    claims=CLAIMS,
+    drawn=0,
+)

@@ -1,0 +1,1 @@
+"""The methods that the joint-calibration paper compares with, built anew to learn from the same recordings as ours."""
