@@ -118,3 +118,17 @@ TABLE_2 = {
     "linear": ((0.369, 0.366, 0.176), (0.369, 0.366, 0.176)),
     "polynomial": ((1.062, 2.539, 1.766), (1.062, 2.539, 1.766)),
 }
+# section II-F, figure 5: RMSE by recording time; "short" is the mean of recordings below 500 s, "long" above 800 s
+FIGURE_5_J1 = {  # [deg] at 1/2, 209 s, and at 1/2 + 1/3 + 1/4, 1013 s
+    "1/2": {"network": 0.232, "polynomial": 0.834, "linear": 0.446, "fixed offset": 0.846},
+    "1/2+1/3+1/4": {"network": 0.120, "polynomial": 0.119, "linear": 0.176},
+}
+FIGURE_5_J2 = {  # [deg]
+    "short": {"network": 0.288, "linear": 0.364},
+    "long": {"network": 0.203, "linear": 0.248},
+}
+FIGURE_5_J2_POLYNOMIAL = 0.302  # [deg] at the longest
+FIGURE_5_J3 = {  # [mm]
+    "short": {"network": 0.202, "linear": 0.307},
+    "1/2+1/3": {"network": 0.121, "linear": 0.132},
+}
