@@ -115,7 +115,7 @@ def report(outcomes: Outcomes) -> Report:
         ],
         [
             TitledPicture(
-                "RMSE in every hour, mean over robots; bands are the paper's range of hours",
+                "RMSE in every hour, mean over robots; bands: the paper's network; dotted: the published filter",
                 _picture(outcomes),
             )
         ],
