@@ -15,6 +15,8 @@ MODULES = {
     "calibration-figure-6": "papers.calibration.figure_6",
     "calibration-table-2": "papers.calibration.table_2",
     "calibration-figure-9": "papers.calibration.figure_9",
+    "calibration-table-3": "papers.calibration.table_3",
+    "calibration-table-4": "papers.calibration.table_4",
     "calibration-dvrk": "papers.calibration.dvrk",
     "regressor-figure-2": "papers.regressor.figure_2",
     "regressor-figure-4": "papers.regressor.figure_4",

@@ -80,6 +80,30 @@ HOMINGS_J1 = {
 # on J2 [deg] before the first and after the fifth, no homing seen; and the greatest of all six with one seen
 HOMINGS_J2 = {"network": (0.255, 0.627), "linear": HOMINGS_LINEAR_J2}
 HOMINGS_J2_SEEN = {"network": 0.413, "linear": 0.493}
+# table III: errors on J1 [deg], J2 [deg], J3 [mm] of unloaded arms, least and greatest of hours 0 to 5 where
+# two; others by source, robot and model
+TABLE_3_OURS: dict[str, tuple[tuple[float, float], ...]] = {
+    "network": ((0.142, 0.553), (0.230, 0.343), (0.125, 0.176)),
+    "linear": ((0.169, 0.522), (0.248, 0.376), (0.133, 0.206)),
+}
+TABLE_3_OTHERS: dict[tuple[str, str, str], tuple[float, float, float]] = {
+    ("Haghighipanah [13]", "RAVEN-II", "UKF"): (1.195, 1.242, 0.927),
+    ("Hwang [32], left arm", "dVRK", "RNN"): (0.115, 0.069, 0.150),
+    ("Hwang [32], right arm", "dVRK", "RNN"): (0.172, 0.206, 0.510),
+}
+# table IV: errors of the tool's position in x, y, z and distance [mm]; None where the paper has none
+TABLE_4_OURS: dict[str, tuple[tuple[float, float], ...]] = {
+    "network": ((0.362, 0.538), (0.301, 1.503), (0.205, 0.581), (0.513, 1.318)),
+    "linear": ((0.389, 0.589), (0.351, 0.998), (0.231, 0.564), (0.572, 1.289)),
+}
+TABLE_4_OTHERS: dict[tuple[str, str, str], tuple[float | None, float | None, float | None, float | None]] = {
+    ("Hwang [32], pick", "dVRK", "RNN"): (None, None, None, 0.65),
+    ("Hwang [32], random", "dVRK", "RNN"): (None, None, None, 2.05),
+    ("Mahler [42]", "RAVEN-II", "GPR"): (1.4, 1.4, 1.1, None),
+    ("Peng [12]", "RAVEN-II", "DNN"): (0.818, 1.078, 0.518, None),
+}
+# section II-A, figure 1: distance of the tool's reported position from the true one [mm], "around"
+TIP_RAW = 20.0
 # section II-F: how long zig-zags of direction J2-J3 take to record [s], by sparsities
 DURATIONS = {(1 / 2,): 209.0, (1 / 2, 1 / 3): 537.0, (1 / 2, 1 / 3, 1 / 4): 1013.0}
 # section II-B: share of a joint's range, by how many joints the direction has
