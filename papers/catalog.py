@@ -23,6 +23,7 @@ MODULES = {
     "regressor-figure-5": "papers.regressor.figure_5",
     "regressor-identification": "papers.regressor.identification",
     "tutorial-two-link": "papers.tutorial.two_link",
+    "beyond-paths": "papers.beyond.paths",
     "beyond-rehoming": "papers.beyond.rehoming",
     "beyond-tilted-calibration": "papers.beyond.tilted_calibration",
 }
