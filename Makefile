@@ -14,7 +14,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 
 
 .PHONY: demo test test-slow lint campaign campaign-short bench bench-ros1 bench-serving bench-bags clean help
-.PHONY: dual-arm gravity-figures gravity-static raven-identification papers refit tutorial
+.PHONY: gravity-figures gravity-static papers refit
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
@@ -31,9 +31,6 @@ help:
 	@echo "make refit       fit the simulated RAVEN-II to both papers' results again (5 minutes); rewrites its data file"
 	@echo "make gravity-static PD, PD+SG and PD+DG at static poses on tilted bases, six simulated robots (15 minutes), into results/"
 	@echo "make gravity-figures every experiment of docs/gravity-paper.md on simulated robots (an hour), into results/"
-	@echo "make tutorial    picture and table of docs/tutorial-two-link.md"
-	@echo "make dual-arm    19 joints learn their gravity, the figures of the gravity-regressor paper (5 minutes), into results/"
-	@echo "make raven-identification  gravity parameters of a simulated RAVEN-II, and what they are worth (4 minutes), into results/"
 	@echo "make clean       remove .venv and everything made here"
 
 demo: $(VENV)/.package
@@ -93,12 +90,6 @@ papers: $(VENV)/.papers
 refit: $(VENV)/.package
 	$(BIN)/python -m papers.plant.refit src/catenary/simulation/data/raven2.toml
 
-raven-identification: $(VENV)/.package
-	$(BIN)/python -m papers.regressor.raven_identification results
-
-dual-arm: $(VENV)/.benchmarks
-	$(BIN)/python -m papers.regressor.dual_arm results
-
 gravity-static: $(VENV)/.package
 	$(BIN)/python -m papers.gravity.static results
 
@@ -111,9 +102,6 @@ gravity-figures: gravity-static
 	$(BIN)/python -m papers.gravity.coupling results
 	$(BIN)/python -m papers.gravity.sensing results
 	$(BIN)/python -m papers.gravity.faults results
-
-tutorial: $(VENV)/.package
-	$(BIN)/python -m papers.tutorial.two_link docs/images
 
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed: apt install python3 python3-venv"; exit 1; }

@@ -13,12 +13,10 @@ them: gravity is asked in the mechanism's coordinates, from which both constants
 Joint 1's axis lies level on a RAVEN-II's own mount, not upright: a level base shows all base parameters already. What
 tilting adds where the first axis is upright, two of them, is tested on a base rolled by 90 deg.
 
-Run it with `make raven-identification`; it writes raven_identification.json and raven_identification.html.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -47,16 +45,14 @@ from catenary.errors import ExcitationError
 from catenary.gravity.compact import CompactRegressor
 from catenary.identification.base_parameters import gravity_base_parameters
 from catenary.identification.options import IdentifyOptions
-from catenary.reports.page import Block, Table, Text
 from catenary.spatial import LEVEL
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.workflows.gravity.simulated_arm import raven_arm
-from papers.arguments import folder_argument
-from papers.gravity.raven_base import SHOWN
+from papers.experiment import Result, run
 from papers.plant.evaluation import linear_model
-from papers.results import shown, write_files
 
 Positions = Literal["reported", "calibrated", "true"]
+TRUE, BELIEF = "true masses", "masses 20 % too large"
 POSITIONS: tuple[Positions, ...] = ("reported", "calibrated", "true")
 BASES = {
     "level": FixedBase(),
@@ -70,6 +66,7 @@ UPPER = np.array([np.deg2rad(60.0), np.deg2rad(110.0), 0.42])
 ASIDE = np.array([np.deg2rad(5.0), np.deg2rad(5.0), 0.01])  # from where a pose is reached
 MOVE, REST, SEEN, BLEND = 0.8, 1.2, 0.5, 0.3  # [s] to a pose, at it, of it what counts at its end; rounding
 BELIEVED = 1.2  # masses over the true ones
+SHOWN = np.array([180.0 / np.pi, 180.0 / np.pi, 1000.0])  # deg, deg, mm
 NOISE = np.array([0.15, 0.12, 1.5])  # [Nm, Nm, N] that friction leaves in the mean of both sides, about
 SPREAD = 0.3  # [kg m, kg] by how much the believed parameters may be wrong
 
@@ -233,134 +230,49 @@ def identified_error(poses: Poses, test: Poses, model: RobotModel) -> Floats | s
     return rms
 
 
-@dataclass(frozen=True)
-class Results:
-    """All of it, for one robot."""
-
-    ranks: dict[str, int]  # of the base parameters, by theory
-    fits: dict[str, Fit]
-    errors: dict[str, Floats]  # (n,) of the gravity torque on the test base
-    held: dict[str, Held]
-    by_identify: Floats | str
-
-
-def experiment(
-    *, robot: int | None = None, count: int = 30, sparsities: Sequence[float] = (1 / 2, 1 / 3, 1 / 4)
-) -> Results:
-    """Run all of it.
+@run(revision=1)
+def identified(seed: int | None, poses: int, sparsities: Sequence[float]) -> Result:
+    """Identify a robot's gravity parameters, and try them on another base.
 
     Args:
-        robot: Seed of the simulated robot; the nominal one when None.
-        count: Of poses on each base.
+        seed: Of the simulated robot; the nominal one when None.
+        poses: How many on each base.
         sparsities: Of the zig-zag that the calibration is trained on.
     """
     model = load_robot("raven2")
     regressor = compact_regressor(model)
     s0 = regressor.parameters(believed(model))
-    corrected = calibration(robot, sparsities)
-    poses = {
-        name: hold_poses(base, count, 10 + k, robot, corrected)
-        for k, (name, base) in enumerate(BASES.items())
+    corrected = calibration(seed, sparsities)
+    held_on = {
+        name: hold_poses(base, poses, 10 + k, seed, corrected) for k, (name, base) in enumerate(BASES.items())
     }
-    test = hold_poses(TEST_BASE, count, 50, robot, corrected)
-    level_test = hold_poses(BASES["level"], count, 51, robot, corrected)
-    fits, errors, held = {}, {}, {}
-    for name, s in (("masses as they are", regressor.parameters()), ("masses 20 % too large", s0)):
+    test = hold_poses(TEST_BASE, poses, 50, seed, corrected)
+    level_test = hold_poses(BASES["level"], poses, 51, seed, corrected)
+    fits: dict[str, Fit] = {}
+    errors: dict[str, list[float]] = {}
+    held: dict[str, Held] = {}
+    tried = max(1, poses // 3)
+    for name, s in ((TRUE, regressor.parameters()), (BELIEF, s0)):
         for at in POSITIONS:
-            errors[f"{name}, {at}"] = torque_error(regressor, s, test, model, at)
-        held[name] = hold_with(regressor, s, count=max(2, count // 3), robot=robot)
+            errors[f"{name}, {at}"] = torque_error(regressor, s, test, model, at).tolist()
+        held[name] = hold_with(regressor, s, count=tried, robot=seed)
     for on, names in ON.items():
         for at in POSITIONS:
-            fit = fit_compact(regressor, s0, [poses[name] for name in names], at, on)
+            fit = fit_compact(regressor, s0, [held_on[name] for name in names], at, on)
             label = f"identified on {on}, {at}"
-            fits[label], errors[label] = fit, torque_error(regressor, fit.s, test, model, at)
+            fits[label] = fit
+            errors[label] = torque_error(regressor, fit.s, test, model, at).tolist()
             if at == "reported":
-                held[f"identified on {on}"] = hold_with(
-                    regressor, fit.s, count=max(2, count // 3), robot=robot
-                )
-    return Results(
-        {
+                held[f"identified on {on}"] = hold_with(regressor, fit.s, count=tried, robot=seed)
+    refused = identified_error(held_on["level"], level_test, model)
+    return {
+        "base_parameters": {
             "level base": gravity_base_parameters(model, LEVEL).count,
             "three bases": gravity_base_parameters(model, None).count,
         },
-        fits,
-        errors,
-        held,
-        identified_error(poses["level"], level_test, model),
-    )
-
-
-def tables(results: Results) -> list[tuple[str, Table]]:
-    """Return the tables of the page."""
-    ranks = [
-        [label, f"{results.fits[label].rank}", f"{results.ranks[results.fits[label].on]}"]
-        for label in results.fits
-    ]
-    errors = [[label, *(f"{v:.3f}" for v in values)] for label, values in results.errors.items()]
-    held = [
-        [
-            label,
-            *(f"{100.0 * v:.0f}" for v in h.share),
-            *(f"{v:.3f}" for v in h.error * SHOWN),
-        ]
-        for label, h in results.held.items()
-    ]
-    joints = ["J1 [Nm]", "J2 [Nm]", "J3 [N]"]
-    return [
-        ("What the poses tell", Table(["fit", "rank of the poses' regressor", "base parameters"], ranks)),
-        (
-            "Gravity torque at poses on another base, RMS error",
-            Table(["parameters, positions", *joints], errors),
-        ),
-        (
-            "PD+DG at static poses on that base, reported positions",
-            Table(
-                [
-                    "parameters",
-                    *(f"PD share J{j} [%]" for j in (1, 2, 3)),
-                    "error J1 [deg]",
-                    "J2 [deg]",
-                    "J3 [mm]",
-                ],
-                held,
-            ),
-        ),
-    ]
-
-
-def main(folder: Path) -> None:
-    """Print the tables, write raven_identification.json and raven_identification.html."""
-    results = experiment()
-    blocks: list[Block] = []
-    for title, table in tables(results):
-        blocks += shown(title, table)
-    told = results.by_identify
-    words = told if isinstance(told, str) else "J1, J2 [Nm], J3 [N]: " + ", ".join(f"{v:.3f}" for v in told)
-    print(f"\nidentify, terms static, on the level base, tested there: {words}")
-    blocks.append(
-        Text(
-            f"`identify` (terms static) of the level base's poses, RMS error at others of that base: {words}"
-        )
-    )
-    content = {
-        "base_parameters": results.ranks,
-        "ranks": {label: fit.rank for label, fit in results.fits.items()},
-        "parameters": {label: fit.s.tolist() for label, fit in results.fits.items()},
-        "torque_error": {label: values.tolist() for label, values in results.errors.items()},
-        "held": {
-            k: {"pd_share": h.share.tolist(), "error": h.error.tolist()} for k, h in results.held.items()
-        },
-        "identify": told if isinstance(told, str) else told.tolist(),
+        "ranks": {label: fit.rank for label, fit in fits.items()},
+        "error_Nm_Nm_N": errors,
+        "pd_share_percent": {label: (100.0 * one.share).tolist() for label, one in held.items()},
+        "held_error_deg_deg_mm": {label: (SHOWN * one.error).tolist() for label, one in held.items()},
+        "identify_Nm_Nm_N": refused if isinstance(refused, str) else refused.tolist(),
     }
-    write_files(
-        folder,
-        "raven_identification",
-        "Gravity parameters of a RAVEN-II from static poses",
-        "Masses believed 20 % too large; bases level and tilted.",
-        blocks,
-        content,
-    )
-
-
-if __name__ == "__main__":
-    main(folder_argument(__doc__))

@@ -1,12 +1,13 @@
 """The two-link arm of docs/tutorial-two-link.md under PD control, with and without each term of the model.
 
-T. DeWolf, "Robot control part 3: accounting for mass and gravity". Run it with `make tutorial`; it writes
-tutorial_two_link.svg and prints the table of that page.
+T. DeWolf, "Robot control part 3: accounting for mass and gravity": u = M(q) qdd_des + g(q), qdd_des by PD in joint
+space. All controllers have the same natural frequency, 5 Hz, and damping ratio, 0.7, on an ideal arm without friction
+that moves from -60, 30 to 50, 100 deg and rests: fast, at up to 6 rad/s, for the velocity terms to show, and at a third
+of that. The tutorial runs no arm and states no numbers; the motion is ours.
 """
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,14 +25,33 @@ from catenary import (
 from catenary.arrays import Floats
 from catenary.control.controller import Controller
 from catenary.control.gains import DAMPING_RATIO, FREQUENCY_HZ, gains_from_mass
+from catenary.reports.page import Table
 from catenary.spatial import LEVEL
 from catenary.trajectories.in_turn import InTurn, Rest
 from catenary.trajectories.reference import Trajectory
-from papers.arguments import folder_argument
+from papers.claims import NOT_MEASURED, by_count
+from papers.experiment import (
+    Case,
+    Claim,
+    Experiment,
+    Judgement,
+    Outcomes,
+    Report,
+    Result,
+    Scope,
+    TitledPicture,
+    TitledTable,
+    run,
+)
 
 TICK = 1e-3  # [s] over which a torque is held, as a 1 kHz loop holds it
 START, GOAL = np.deg2rad([-60.0, 30.0]), np.deg2rad([50.0, 100.0])
-FASTEST, QUICKEST = 6.0, 30.0  # [rad/s], [rad/s2]: fast enough for the velocity terms to show
+FASTEST, QUICKEST = 6.0, 30.0  # [rad/s], [rad/s2] at full speed
+SPEEDS = {"fast": 1.0, "slow": 1.0 / 3.0}
+DRAWN_EVERY = 10  # ticks
+FULL = "PD, inertia, gravity"
+NAMES = ("PD", "PD, gravity", "PD, inertia", FULL, f"{FULL}, Coriolis")
+COLORS = ("#b8c0cc", "#4b6b94", "#8a9a5b", "#d9622b", "#1c2430")
 
 
 class Run(NamedTuple):
@@ -92,49 +112,143 @@ def controllers(model: RobotModel) -> dict[str, Controller]:
     }
 
 
-def motion() -> InTurn:
-    """Return the motion from START to GOAL, and a rest there."""
-    way = go_to(START, GOAL, max_velocity=[FASTEST] * 2, max_acceleration=[QUICKEST] * 2)
+def motion(speed: float = 1.0) -> InTurn:
+    """Return the motion from START to GOAL at a share of full speed, and a rest there."""
+    way = go_to(START, GOAL, max_velocity=[speed * FASTEST] * 2, max_acceleration=[speed**2 * QUICKEST] * 2)
     return InTurn([way, Rest(GOAL, 0.7)])
 
 
-def write_picture(path: Path, runs: Mapping[str, Run]) -> None:
-    """Draw the errors of both joints over time into an SVG file."""
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
-    # the same numbers give the same file
-    with rc_context({"svg.hashsalt": "catenary", "svg.fonttype": "none", "path.simplify_threshold": 0.5}):
-        figure = Figure(figsize=(9, 3.4), layout="constrained")
-        colors = ["#b8c0cc", "#4b6b94", "#8a9a5b", "#d9622b", "#1c2430"]
-        for j, axes in enumerate(figure.subplots(1, 2)):
-            for (name, run), color in zip(runs.items(), colors, strict=True):
-                error = np.rad2deg(run.error[::10, j])
-                axes.plot(run.time[::10], error, color=color, linewidth=1.4, label=name)
-            axes.set_title(f"q{j}", fontsize=10)
-            axes.set_xlabel("time [s]")
-            axes.spines[["top", "right"]].set_visible(False)
-        figure.axes[0].set_ylabel("error [deg]")
-        figure.legend(
-            *figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False
-        )
-        figure.savefig(path, format="svg", metadata={"Date": None})
-
-
-def main(folder: Path) -> dict[str, Run]:
-    """Run every controller, print the table, write the picture."""
+@run(revision=1)
+def errors_of(controller: str, speed: float) -> Result:
+    """Let the arm follow the motion; return its errors in deg."""
     model = load_robot("two_link")
-    runs = {name: simulate(model, controller, motion()) for name, controller in controllers(model).items()}
-    print(
-        "| controller | largest error q0 [deg] | q1 [deg] | at rest q0 [deg] | q1 [deg] |\n|---|---|---|---|---|"
+    ended = simulate(model, controllers(model)[controller], motion(speed))
+    error = np.rad2deg(ended.error)
+    return {
+        "largest_deg": np.abs(error).max(axis=0).tolist(),
+        "at_rest_deg": np.abs(error[-1]).tolist(),
+        "time_s": np.round(ended.time[::DRAWN_EVERY], 3).tolist(),
+        "error_deg": np.round(error[::DRAWN_EVERY], 4).T.tolist(),
+    }
+
+
+def cases(scope: Scope) -> Sequence[Case]:
+    """Return a case for every controller and speed."""
+    return [
+        errors_of.case(controller=name, speed=speed)
+        for speed in ((1.0,) if scope.quick else SPEEDS.values())
+        for name in (("PD", FULL) if scope.quick else NAMES)
+    ]
+
+
+def report(outcomes: Outcomes) -> Report:
+    """Return errors by controller and speed, and those of the fast motion over time."""
+    tables = []
+    for name, speed in SPEEDS.items():
+        rows = []
+        for told, result in outcomes.items(errors_of, speed=speed):
+            cells = [f"{v:.3f}" for key in ("largest_deg", "at_rest_deg") for v in result[key]]
+            rows.append([told["controller"], *cells])
+        if rows:
+            header = ["controller", "largest error q0 [deg]", "q1 [deg]", "at rest q0 [deg]", "q1 [deg]"]
+            tables.append(
+                TitledTable(f"The {name} motion, up to {speed * FASTEST:g} rad/s", Table(header, rows))
+            )
+    return Report(tables, [TitledPicture("Errors of both joints over the fast motion", _picture(outcomes))])
+
+
+def _picture(outcomes: Outcomes) -> Any:
+    from papers.figures import panels
+
+    figure, axes = panels(2, 3.6)
+    for told, result in outcomes.items(errors_of, speed=1.0):
+        name = told["controller"]
+        for panel, error in zip(axes, result["error_deg"], strict=True):
+            panel.plot(result["time_s"], error, color=COLORS[NAMES.index(name)], linewidth=1.4, label=name)
+    for j, panel in enumerate(axes):
+        panel.set_title(f"q{j}", fontsize=10)
+        panel.set_xlabel("time [s]")
+    axes[0].set_ylabel("error [deg]")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
+    return figure
+
+
+def _reached(outcomes: Outcomes, controller: str, key: str) -> Floats:
+    """Return errors (speeds, 2) [deg]."""
+    return np.array([result[key] for result in outcomes.of(errors_of, controller=controller)])
+
+
+def _gravity(outcomes: Outcomes) -> Judgement:
+    left = {name: _reached(outcomes, name, "at_rest_deg") for name in NAMES}
+    if not all(len(each) for each in left.values()):
+        return NOT_MEASURED
+    told = ", ".join(f"{name} {values.max():.3f}" for name, values in left.items())
+    holds = [
+        float(values.max()) < 0.01 if "gravity" in name else float(values.max()) > 0.1
+        for name, values in left.items()
+    ]
+    return by_count(holds, f"deg at rest: {told}")
+
+
+def _inertia(outcomes: Outcomes) -> Judgement:
+    without, with_it = (_reached(outcomes, name, "largest_deg") for name in ("PD, gravity", FULL))
+    if len(without) != len(SPEEDS) or len(with_it) != len(SPEEDS):
+        return NOT_MEASURED
+    told = "; ".join(
+        f"{speed}: q{j} {without[k, j]:.2f} to {with_it[k, j]:.2f} deg"
+        for k, speed in enumerate(SPEEDS)
+        for j in range(2)
     )
-    for name, run in runs.items():
-        most, last = np.rad2deg(np.abs(run.error).max(axis=0)), np.rad2deg(np.abs(run.error[-1]))
-        print(f"| {name} | {most[0]:.3f} | {most[1]:.3f} | {last[0]:.3f} | {last[1]:.3f} |")
-    folder.mkdir(parents=True, exist_ok=True)
-    write_picture(folder / "tutorial_two_link.svg", runs)
-    return runs
+    return by_count((with_it < without).ravel(), told)
 
 
-if __name__ == "__main__":
-    main(folder_argument(__doc__))
+def _coriolis(outcomes: Outcomes) -> Judgement:
+    left = _reached(outcomes, FULL, "largest_deg")
+    if len(left) != len(SPEEDS):
+        return NOT_MEASURED
+    told = "; ".join(f"{speed}: {left[k, 0]:.2f}, {left[k, 1]:.2f} deg" for k, speed in enumerate(SPEEDS))
+    return by_count((left < 1.0).ravel(), told)
+
+
+CLAIMS = (
+    Claim(
+        "Gravity is cancelled by g(q)",
+        "Accounting for gravity",
+        "no numbers",
+        "with it the arm rests within 0.01 deg of where it should, without it beyond 0.1 deg",
+        _gravity,
+    ),
+    Claim(
+        "With the effects of inertia cancelled, joints can be controlled independently",
+        "Making a PD controller in joint space",
+        "no numbers",
+        "both joints' largest error is smaller with M(q) than without, gravity cancelled in both, in the fast motion "
+        "and at a third of its speed",
+        _inertia,
+        why="What M leaves are the Coriolis and centrifugal terms, which grow with the square of the speed: with them "
+        "the error all but vanishes (last row of each table). PD alone has gains for the arm stretched out, where "
+        "its inertia is largest; folded, the arm is stiffer than needed, and PD does not look bad.",
+    ),
+    Claim(
+        "Without the Coriolis terms you will be fine most of the time",
+        "closing section",
+        "no numbers",
+        "at most 1 deg on both joints in both motions; same direction: in more than half of the four",
+        _coriolis,
+        why="This arm swings at 6 rad/s, and the loop is 5 Hz stiff: the error that the velocity terms make is their "
+        "acceleration over the square of that frequency, whatever the rate of the loop.",
+    ),
+)
+
+EXPERIMENT = Experiment(
+    name="tutorial-two-link",
+    paper="tutorial",
+    place="the whole of it",
+    title="Mass and gravity of a two-link arm",
+    about=(__doc__ or "").strip(),
+    cases=cases,
+    report=report,
+    minutes=1.0,
+    claims=CLAIMS,
+    drawn=0,
+)

@@ -5,7 +5,8 @@ from numpy.testing import assert_allclose
 from catenary import FixedBase, MotionLog, compact_regressor, gravity_torque, load_robot
 from catenary.arrays import Floats
 from catenary.identification.base_parameters import gravity_base_parameters
-from papers.regressor import raven_identification
+from papers.experiment import Outcomes, Scope
+from papers.regressor import identification, raven_identification
 
 ARM = load_robot("raven2")
 REGRESSOR = compact_regressor(ARM)
@@ -66,3 +67,19 @@ def test_the_simulated_robot_holds_its_poses_with_gravity_and_friction() -> None
     assert_allclose(poses.q["true"], poses.q["reported"], atol=0.1)
     assert (np.abs(poses.tau[:, :2] - truth[:, :2]) < 0.5).all()  # Nm; as much as joint friction leaves
     assert "calibrated" not in poses.q
+
+
+def test_report_has_every_source_and_what_identify_says() -> None:
+    labels = [f"{source}, {at}" for source in identification.SOURCES for at in raven_identification.POSITIONS]
+    result = {
+        "base_parameters": {"level base": 5, "three bases": 5},
+        "ranks": {label: 5 for label in labels if label.startswith("identified")},
+        "error_Nm_Nm_N": {key: [0.1, 0.2, 0.3] for key in labels},
+        "pd_share_percent": {key: [10.0, 20.0, 30.0] for key in identification.SOURCES},
+        "held_error_deg_deg_mm": {key: [0.1, 0.2, 0.3] for key in identification.SOURCES},
+        "identify_Nm_Nm_N": [0.1, 0.2, 0.3],
+    }
+    cases = identification.cases(Scope(robots=(None, 1)))
+    report = identification.report(Outcomes(dict.fromkeys(cases, result)))
+    assert [len(one.table.rows) for one in report.tables] == [12, 6, 4]
+    assert "J3 [N] 0.300 ± 0.000" in report.remarks[0]

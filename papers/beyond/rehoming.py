@@ -1,0 +1,359 @@
+"""Homing again, explained and cured.
+
+Why: J1, J2 and J3 run towards their stops together. Where joint 2 is there first, its motor goes on by the nominal
+coupling while joint 1 moves, which is not quite the true one: first the cable that was wound up at the stop relaxes,
+then joint 2 leaves its stop, and there it is registered. Homings from 40 drawn poses of the test motions' box show the
+shift of joint 2's registration against the coupling's error times how far joint 1 still went.
+
+Cures, each through 20 minutes of random motion before, between and after five homings, begun where the arm stands or,
+at worst, from the corner of the box from which joint 2 is first by most. Go to the home pose first, from which joint 1
+is always at its stop before joint 2 (`move_to`, then home). Home twice, as every homing ends at the home pose, and a
+robot just switched on can do no other. Take the new registration back, as encoders count on through a homing and their
+offsets are in raven_state. Give a model the elbow's offset as an input, after training in three parts with homings from
+the corner and from the home pose between them.
+
+Models are the linear one and the paper's network, mean of two trainings, on positions and torques of the positioning
+joints: the tool's positions, which homing moves too, are figure 9's matter.
+"""
+
+import itertools
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from catenary import CablePlant, MotionLog
+from catenary.arrays import Floats
+from catenary.calibration.fit import FitOptions
+from catenary.reports.page import Table
+from catenary.workflows.project.calibrate import POSITIONING_INPUTS
+from catenary.workflows.robot.motion import move_to
+from papers.beyond.registration import (
+    AXES,
+    ELBOW_FIRST,
+    HOME_POSE,
+    OFFSETS,
+    carried_back,
+    registration,
+    registrations,
+)
+from papers.calibration.homings import Between, home_here, random_tests, unguarded
+from papers.calibration.recordings import (
+    SPARSITIES,
+    TEST_SECONDS,
+    calibration_log,
+    draws,
+    fitted,
+    homed,
+    mean,
+    rmse,
+    rows_of,
+)
+from papers.claims import mean_and_spread
+from papers.experiment import (
+    NOMINAL,
+    Case,
+    Experiment,
+    Outcomes,
+    Report,
+    Result,
+    Scope,
+    TitledPicture,
+    TitledTable,
+    run,
+)
+
+HOMINGS = 5
+POSES = 40
+NETWORKS = 2
+HERE, CORNER, FIRST, TWICE = "where it stands", "the box's corner", "the home pose", "twice"
+ORDERS = (HERE, CORNER, FIRST, TWICE)
+HARMFUL = (HERE, CORNER)
+NOTHING, BACK, PARTED, OFFSET = "-", "registration taken back", "two homings seen", "elbow's offset as input"
+CURES = (NOTHING, BACK, PARTED, OFFSET)
+SHOWN = [*((order, NOTHING) for order in ORDERS), *((order, cure) for order in HARMFUL for cure in CURES[1:])]
+MODELS = {
+    "linear": FitOptions(kind="linear", inputs=POSITIONING_INPUTS),
+    "network": FitOptions(kind="neural", preset="paper", inputs=POSITIONING_INPUTS),
+}
+DRAWN = {
+    (HERE, NOTHING): "#8a94a3",
+    (CORNER, NOTHING): "#d9622b",
+    (FIRST, NOTHING): "#2f8f6b",
+    (TWICE, NOTHING): "#1c2430",
+    (CORNER, BACK): "#4b6b94",
+    (CORNER, OFFSET): "#c9a227",
+}
+
+
+def home_from(pose: Floats) -> Between:
+    """Return what goes to a pose (3,) [rad, rad, m], then homes."""
+
+    def between(plant: CablePlant) -> None:
+        move_to(plant, pose, joints=AXES)
+        plant.home()
+
+    return between
+
+
+def home_twice(plant: CablePlant) -> None:
+    """Home, and home again from the home pose."""
+    plant.home()
+    plant.home()
+
+
+HOW: dict[str, Between] = {
+    HERE: home_here,
+    CORNER: home_from(ELBOW_FIRST),
+    FIRST: home_from(HOME_POSE),
+    TWICE: home_twice,
+}
+
+
+@run(revision=1)
+def order_errors(
+    seed: int | None,
+    order: str,
+    networks: Sequence[int],
+    sparsities: Sequence[float],
+    homings: int,
+    test_seconds: float,
+) -> Result:
+    """Train on all zig-zags before the first of five homings in an order; test after each.
+
+    Returns:
+        By cure and model: RMSE after 0, 1 ... homings on J1 [deg], J2 [deg], J3 [mm]; from where the arm stands and
+        from the corner also with every registration taken back to that of the training.
+    """
+    plant = homed(seed)
+    if order not in HARMFUL:
+        HOW[order](plant)
+    train = [calibration_log(plant, draws(seed, 0), sparsities=sparsities)]
+    before = registration(plant)
+    tests = random_tests(plant, seed, range(homings + 1), test_seconds, HOW[order], columns=("encoffsets",))
+    reached = {NOTHING: _errors(train, tests, networks, MODELS)}
+    if order in HARMFUL:
+        back = [carried_back(log, plant.firmware, before) for log in tests]
+        reached[BACK] = _errors(train, back, networks, MODELS)
+    return reached
+
+
+@run(revision=1)
+def offset_errors(
+    seed: int | None,
+    networks: Sequence[int],
+    sparsities: Sequence[float],
+    homings: int,
+    test_seconds: float,
+) -> Result:
+    """Train on zig-zags with homings from the corner and from the home pose between them, then home on and test.
+
+    Returns:
+        By where the tested homings begin, cure and model, as `order_errors`: without and with the elbow's offset.
+    """
+    plant, train = homed(seed), []
+    between = itertools.cycle([HOW[CORNER], HOW[FIRST]])
+    for number, sparsity in enumerate(sparsities):
+        if number:
+            next(between)(plant)
+        log = calibration_log(plant, draws(seed, 0, number), sparsities=(sparsity,), columns=("encoffsets",))
+        train.append(log)
+    taking = {name: replace(o, inputs=(*POSITIONING_INPUTS, OFFSETS[1])) for name, o in MODELS.items()}
+    reached = {}
+    for order in HARMFUL:
+        tests = random_tests(
+            deepcopy(plant), seed, range(homings + 1), test_seconds, HOW[order], columns=("encoffsets",)
+        )
+        reached[order] = {
+            PARTED: _errors(train, tests, networks, MODELS),
+            OFFSET: _errors(train, tests, networks, taking),
+        }
+    return reached
+
+
+def _errors(
+    train: Sequence[MotionLog],
+    tests: Sequence[MotionLog],
+    networks: Sequence[int],
+    options: dict[str, FitOptions],
+) -> dict[str, list[list[float]]]:
+    reached = {}
+    for name, one in options.items():
+        seeds = networks if one.kind == "neural" else (0,)
+        models = [unguarded(fitted(train, replace(one, seed=seed))) for seed in seeds]
+        if not models:
+            continue
+        rows = [rows_of(models[0], log) for log in tests]
+        reached[name] = [mean([rmse(model, each) for model in models]) for each in rows]
+    return reached
+
+
+def cases(scope: Scope) -> list[Case]:
+    """Return a case for every robot and order, one with homings in training, and one of registrations."""
+    poses, sparsities, homings, seconds = (
+        (2, (1.0, 1.0), 1, 20.0) if scope.quick else (POSES, SPARSITIES, HOMINGS, TEST_SECONDS)
+    )
+    made = []
+    for seed in scope.robots:
+        made.append(registrations.case(seed=seed, poses=poses))
+        told = {
+            "seed": seed,
+            "networks": () if scope.quick else scope.network_seeds[:NETWORKS],
+            "sparsities": sparsities,
+            "homings": homings,
+            "test_seconds": seconds,
+        }
+        made += [order_errors.case(order=order, **told) for order in ORDERS]
+        made.append(offset_errors.case(**told))
+    return made
+
+
+def errors(outcomes: Outcomes, order: str, cure: str, model: str, joint: int = 1) -> Floats:
+    """Return the RMSE of a joint after 0, 1 ... homings in an order, with a cure, (robots, 1 + homings)."""
+    every = [*outcomes.of(order_errors, order=order), *(r.get(order, {}) for r in outcomes.of(offset_errors))]
+    found = [result[cure][model] for result in every if model in result.get(cure, {})]
+    return np.array(found)[..., joint] if found else np.zeros((0, 1))
+
+
+def report(outcomes: Outcomes) -> Report:
+    """Return the mechanism, the cures, and what they come to in a sentence."""
+    return Report(
+        [
+            TitledTable("Joint 2's registration by where homing begins", _mechanism(outcomes)),
+            TitledTable("J2 [deg], RMSE after homings, spread over robots", _cures(outcomes)),
+        ],
+        [
+            TitledPicture(
+                "Left: joint 2 of the nominal robot at its stop while joint 1 is still on its way, and where both have "
+                "met theirs. Middle: 40 homings of every robot; the line is the coupling's error. Right: linear model, "
+                "mean over robots",
+                _picture(outcomes),
+            )
+        ],
+        _remarks(outcomes),
+    )
+
+
+def _fit(result: Result) -> tuple[float, float]:
+    """Return shift over what the coupling's error accounts for, of homings in which joint 2 was first, and R^2."""
+    expected = result["coupling_error"] * np.array(result["travel"])
+    shift = np.array(result["shift"])
+    line = np.polyfit(expected, shift, 1)
+    left = shift - np.polyval(line, expected)
+    return float(line[0]), float(1.0 - left.var() / shift.var()) if shift.var() > 0.0 else 0.0
+
+
+def _mechanism(outcomes: Outcomes) -> Table:
+    header = [
+        "robot",
+        "coupling error [deg/deg]",
+        "J2 first",
+        "slope",
+        "R²",
+        "shift, SD [deg]",
+        "shift, most",
+    ]
+    header += ["J2 left its stop by at most [deg]"]
+    rows = []
+    for told, result in outcomes.items(registrations):
+        slope, share = _fit(result)
+        shift, first = np.array(result["shift"]), np.array(result["travel"]) > 0.5
+        rows.append(
+            [
+                "nominal" if told["seed"] is NOMINAL else f"{told['seed']}",
+                f"{result['coupling_error']:.4f}",
+                f"{int(first.sum())} of {len(first)}",
+                f"{slope:.2f}",
+                f"{share:.3f}",
+                f"{shift.std():.3f}",
+                f"{np.abs(shift).max():.3f}",
+                f"{max(result['left']):.3f}",
+            ]
+        )
+    return Table(header, rows)
+
+
+def _cures(outcomes: Outcomes) -> Table:
+    rows, homings = [], 0
+    for order, cure in SHOWN:
+        for model in MODELS:
+            reached = errors(outcomes, order, cure, model)
+            if len(reached):
+                homings = reached.shape[1] - 1
+                after = reached[:, 1:]
+                told = [mean_and_spread(each) for each in (reached[:, 0], after[:, -1], after.mean(axis=1))]
+                rows.append([order, cure, model, *told, f"{after.max():.3f}"])
+    header = ["homing from", "cure", "model", "before", f"after {homings}", "mean after", "greatest"]
+    return Table(header, rows)
+
+
+def _remarks(outcomes: Outcomes) -> list[str]:
+    corner, first, back = (
+        errors(outcomes, *each, "linear") for each in ((CORNER, NOTHING), (FIRST, NOTHING), (CORNER, BACK))
+    )
+    fits = [_fit(result) for result in outcomes.of(registrations)]
+    if not (len(corner) and len(first) and len(back) and fits):
+        return []
+    of_corner, of_first, of_back = (
+        f"{each[:, 1:].mean():.3f} (at worst {each[:, 1:].max():.3f}) deg" for each in (corner, first, back)
+    )
+    explained = 100.0 * np.mean([share for _, share in fits])
+    return [
+        f"The linear model's error on joint 2, {corner[:, 0].mean():.3f} deg after calibration, becomes {of_corner} "
+        f"when the arm is homed from the corner of its box, {of_first} when it is homed from the home pose, and "
+        f"{of_back} when the registration from the corner is taken back; the coupling's error times joint 1's way "
+        f"after joint 2 met its stop explains {explained:.0f} % of the variance of joint 2's registration."
+    ]
+
+
+def _picture(outcomes: Outcomes) -> Any:
+    from papers.figures import panels
+
+    figure, (homing, mechanism, cured) = panels(3, 3.4)
+    for told, result in outcomes.items(registrations):
+        if told["seed"] is NOMINAL:
+            _draw_homings(homing, result["traces"])
+        expected = result["coupling_error"] * np.array(result["travel"])
+        mechanism.plot(expected, result["shift"], "o", ms=3, alpha=0.7)
+    end = max([*mechanism.get_xlim(), 1.0])
+    mechanism.plot([0.0, end], [0.0, end], color="#1c2430", linewidth=1)
+    mechanism.set_xlabel("coupling's error x way of J1 after J2 [deg]", fontsize=8)
+    mechanism.set_title("shift of J2's registration [deg]", fontsize=10)
+    for (order, cure), color in DRAWN.items():
+        reached = errors(outcomes, order, cure, "linear")
+        if len(reached):
+            label = f"from {order}" if order != TWICE else order
+            label += "" if cure == NOTHING else f", {cure}"
+            cured.plot(reached.mean(axis=0), "o-", ms=3, color=color, label=label)
+    cured.set_ylim(bottom=0.0)
+    cured.set_xlabel("homings", fontsize=8)
+    cured.set_title("RMSE of J2 [deg], linear", fontsize=10)
+    figure.legend(
+        *cured.get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False, fontsize=8
+    )
+    return figure
+
+
+def _draw_homings(panel: Any, traces: dict[str, Any]) -> None:
+    for (name, trace), color in zip(traces.items(), ("#2f8f6b", "#d9622b"), strict=True):
+        time = np.array(trace["time"])
+        panel.plot(time, trace["true"], color=color, label=f"true, from the {name}")
+        panel.plot(time, trace["reported"], "--", color=color, linewidth=1)
+        panel.axvline(trace["shoulder_s"], color=color, linestyle=":", linewidth=1)
+    panel.set_ylim(-2.0, 3.0)
+    panel.set_xlabel("s", fontsize=8)
+    panel.set_title("J2 against its stop [deg]", fontsize=10)
+
+
+EXPERIMENT = Experiment(
+    name="beyond-rehoming",
+    paper="beyond",
+    place="beyond figure 9",
+    title="Homing again, explained and cured",
+    about=(__doc__ or "").partition("\n")[2].strip(),
+    cases=cases,
+    report=report,
+    minutes=50.0,
+)

@@ -1,0 +1,261 @@
+"""Calibration on tilted and rocking bases.
+
+Cables stretch by what they carry, and what gravity asks of them changes with the base. A robot is homed once, on a
+level base; then its base is tilted about Z0, joint 1's axis, as in the gravity paper's experiments, or across it, or
+rocked about Z0 at 1 Hz. Models are trained level, on one tilt, or on several (1/2 at 20 deg about Z0, 1/3 at 20 deg
+across, 1/4 level: the same minutes), and tested by 20 minutes of random motion on every base. Inputs are the paper's
+16, or these and the gravity model's torque at the reported positions under the sensed gravity. Networks are the mean
+of two trainings; all models are asked wherever the robot is, as the paper's are.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from catenary import random_sinusoids, record_simulated, zigzag
+from catenary.arrays import Floats
+from catenary.calibration.fit import FitOptions
+from catenary.reports.page import Table
+from papers.beyond.bases import BASES, DIFFERENCE, GRAVITY, LEVEL_BASE, homed_level, put_on, with_gravity
+from papers.calibration.homings import outside, unguarded
+from papers.calibration.inputs import SIXTEEN
+from papers.calibration.recordings import (
+    JOINTS,
+    TEST_SECONDS,
+    UNITS,
+    baselines,
+    draws,
+    fitted,
+    mean,
+    rmse,
+    rows_of,
+)
+from papers.claims import mean_and_spread
+from papers.experiment import (
+    Case,
+    Experiment,
+    Outcomes,
+    Report,
+    Result,
+    Scope,
+    TitledPicture,
+    TitledTable,
+    run,
+)
+
+NETWORKS = 2
+# the base and the sparsity of every part of a training
+Part = tuple[str, float]
+LEVEL, TILTED, SEVERAL = "level", "20° about Z0", "several tilts"
+TRAININGS: dict[str, tuple[Part, ...]] = {
+    LEVEL: tuple((LEVEL_BASE, s) for s in (1 / 2, 1 / 3, 1 / 4)),
+    TILTED: tuple((TILTED, s) for s in (1 / 2, 1 / 3, 1 / 4)),
+    SEVERAL: ((TILTED, 1 / 2), ("20° across", 1 / 3), (LEVEL_BASE, 1 / 4)),
+}
+PAPERS, WITH_GRAVITY, LESS_GRAVITY = "16 inputs", "16 and gravity", "torque less gravity"
+INPUTS: dict[str, tuple[str, ...]] = {
+    PAPERS: SIXTEEN,
+    WITH_GRAVITY: (*SIXTEEN, *GRAVITY),
+    LESS_GRAVITY: (
+        "q",
+        *DIFFERENCE,
+        *(f"tau:{tool}" for tool in ("roll", "wrist", "jaw1", "jaw2", "unused")),
+    ),
+}
+KINDS = {"linear": FitOptions(kind="linear"), "network": FitOptions(kind="neural", preset="paper")}
+COLORS = {PAPERS: "#d9622b", WITH_GRAVITY: "#2f8f6b"}
+SHAPES = {LEVEL: "o", TILTED: "s", SEVERAL: "^"}
+
+
+@run(revision=1)
+def base_errors(
+    seed: int | None,
+    training: Sequence[Sequence[Any]],
+    inputs: Sequence[str],
+    networks: Sequence[int],
+    bases: Sequence[str],
+    test_seconds: float,
+) -> Result:
+    """Train on some bases and test on others; return RMSE on J1 [deg], J2 [deg], J3 [mm] by base and model.
+
+    Args:
+        seed: Of the robot, homed on a level base.
+        training: Base and sparsity of every part.
+        inputs: Of the models.
+        networks: Seeds of the networks.
+        bases: Of the tests, by name.
+        test_seconds: Length of each test.
+
+    Returns:
+        By base: errors by model, `raw` and `fixed offset` among them, and the share of rows `outside` the linear
+        model's valid range.
+    """
+    robot = homed_level(seed)
+    train = []
+    for number, (base, sparsity) in enumerate(training):
+        plant, path = put_on(robot, base), zigzag("J2-J3", (sparsity,))
+        log = record_simulated(plant, path, "zigzag", draws(seed, number))
+        train.append(with_gravity(log, BASES[base], plant.time - path.duration))
+    models = {
+        name: [fitted(train, replace(options, inputs=tuple(inputs), seed=network)) for network in seeds]
+        for name, options in KINDS.items()
+        for seeds in ([networks] if options.kind == "neural" else [(0,)])
+        if seeds
+    }
+    reached: dict[str, dict[str, Any]] = {}
+    for base in bases:
+        plant, rng = put_on(robot, base), draws(seed, 50)
+        motion = random_sinusoids(rng, test_seconds)
+        log = with_gravity(
+            record_simulated(plant, motion, "random", rng), BASES[base], plant.time - test_seconds
+        )
+        rows = rows_of(models["linear"][0], log)
+        reached[base] = {
+            name: mean([rmse(unguarded(model), rows) for model in trained])
+            for name, trained in models.items()
+        } | baselines(models["linear"][0], rows)
+        reached[base]["outside"] = outside(models["linear"][0], log)
+    return reached
+
+
+def case(
+    seed: int | None, training: str, inputs: str, scope: Scope, bases: Sequence[str] = tuple(BASES)
+) -> Case:
+    """Return the case of a robot, a training and inputs by their names."""
+    parts, seconds = TRAININGS[training], TEST_SECONDS
+    if scope.quick:
+        parts, seconds = tuple((base, 1.0) for base, _ in parts[:2]), 20.0
+    return base_errors.case(
+        seed=seed,
+        training=parts,
+        inputs=INPUTS[inputs],
+        networks=() if scope.quick else scope.network_seeds[:NETWORKS],
+        bases=bases,
+        test_seconds=seconds,
+    )
+
+
+def cases(scope: Scope) -> list[Case]:
+    """Return a case for every robot, training and inputs."""
+    return [
+        case(seed, training, inputs, scope)
+        for seed in scope.robots
+        for training in ([LEVEL] if scope.quick else TRAININGS)
+        for inputs in (PAPERS, WITH_GRAVITY)
+    ]
+
+
+def errors(outcomes: Outcomes, training: str, inputs: str, base: str, model: str) -> Floats:
+    """Return RMSE (robots, 3) of a model on a base; (0, 3) where none ran."""
+    found = [
+        result[base][model]
+        for told, result in outcomes.items(base_errors, inputs=list(INPUTS[inputs]))
+        if _is(told["training"], training) and model in result.get(base, {})
+    ]
+    return np.array(found) if found else np.zeros((0, 3))
+
+
+def _is(parts: Sequence[Sequence[Any]], training: str) -> bool:
+    return [base for base, _ in parts] == [base for base, _ in TRAININGS[training]][: len(parts)]
+
+
+def report(outcomes: Outcomes) -> Report:
+    """Return a table per joint and the picture."""
+    tables = []
+    for j, (joint, unit) in enumerate(zip(JOINTS, UNITS, strict=True)):
+        rows = []
+        for training in TRAININGS:
+            for inputs in (PAPERS, WITH_GRAVITY):
+                for model in KINDS:
+                    cells = [errors(outcomes, training, inputs, base, model)[:, j] for base in BASES]
+                    if any(len(cell) for cell in cells):
+                        rows.append([training, inputs, model, *(mean_and_spread(cell) for cell in cells)])
+            offset = [errors(outcomes, training, PAPERS, base, "fixed offset")[:, j] for base in BASES]
+            if any(len(cell) for cell in offset):
+                rows.append([training, "-", "fixed offset", *(mean_and_spread(cell) for cell in offset)])
+        header = ["trained", "inputs", "model", *BASES]
+        tables.append(TitledTable(f"{joint} [{unit}], RMSE by the base of the test", Table(header, rows)))
+    caption = (
+        "RMSE by the base of the test; circles trained level, squares at 20° about Z0, triangles on several tilts; "
+        "mean over robots, filled the network, empty the linear model"
+    )
+    return Report(tables, [TitledPicture(caption, _picture(outcomes))], _remarks(outcomes))
+
+
+def _remarks(outcomes: Outcomes) -> list[str]:
+    told = []
+    tilted = [base for base in BASES if base != LEVEL_BASE]
+    for model in KINDS:
+        at = {
+            (training, inputs): np.array([errors(outcomes, training, inputs, base, model) for base in tilted])
+            for training in (LEVEL, SEVERAL)
+            for inputs in (PAPERS, WITH_GRAVITY)
+        }
+        home = errors(outcomes, LEVEL, PAPERS, LEVEL_BASE, model)
+        if not all(each.size for each in (*at.values(), home)):
+            continue
+        parts = ["/".join(f"{value:.3f}" for value in each.mean(axis=(0, 1))) for each in at.values()]
+        level = "/".join(f"{value:.3f}" for value in home.mean(axis=0))
+        told.append(
+            f"A {model} calibrated level errs by {level} (J1 deg/J2 deg/J3 mm) there and by {parts[0]} on tilted and "
+            f"rocking bases, by {parts[1]} with the gravity model's torque as an input; calibrated on several tilts in "
+            f"the same minutes, by {parts[2]} and {parts[3]}."
+        )
+    level_models = [
+        result
+        for of, result in outcomes.items(base_errors, inputs=list(SIXTEEN))
+        if _is(of["training"], LEVEL)
+    ]
+    shares = [
+        f"{base} {100.0 * np.mean([result[base]['outside'] for result in level_models]):.0f} %"
+        for base in BASES
+        if level_models
+    ]
+    if shares:
+        told.append(
+            f"Rows outside the valid range of a model of 16 inputs trained level: {', '.join(shares)}."
+        )
+    return told
+
+
+def _picture(outcomes: Outcomes) -> Any:
+    from papers.figures import panels
+
+    figure, axes = panels(3, 3.8)
+    for j, panel in enumerate(axes):
+        for t, training in enumerate(TRAININGS):
+            for i, inputs in enumerate((PAPERS, WITH_GRAVITY)):
+                for model in KINDS:
+                    for b, base in enumerate(BASES):
+                        reached = errors(outcomes, training, inputs, base, model)
+                        if len(reached):
+                            panel.plot(
+                                b + 0.22 * (t - 1) + 0.08 * (i - 0.5),
+                                reached[:, j].mean(),
+                                SHAPES[training],
+                                color=COLORS[inputs],
+                                markerfacecolor=COLORS[inputs] if model == "network" else "white",
+                                ms=5,
+                                label=f"{training}, {inputs}" if (b, model) == (0, "network") else None,
+                            )
+        panel.set_xticks(range(len(BASES)), BASES, rotation=35, fontsize=8, ha="right")
+        panel.set_ylim(bottom=0.0)
+        panel.set_title(f"{JOINTS[j]} [{UNITS[j]}]", fontsize=10)
+    figure.legend(
+        *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False, fontsize=8
+    )
+    return figure
+
+
+EXPERIMENT = Experiment(
+    name="beyond-tilted-calibration",
+    paper="beyond",
+    place="beyond II",
+    title="Calibration on tilted and rocking bases",
+    about=(__doc__ or "").partition("\n")[2].strip(),
+    cases=cases,
+    report=report,
+    minutes=45.0,
+)
