@@ -24,6 +24,8 @@ MODULES = {
     "tutorial-two-link": "papers.tutorial.two_link",
     "beyond-rehoming": "papers.beyond.rehoming",
     "beyond-tilted-calibration": "papers.beyond.tilted_calibration",
+    "beyond-accuracy-latency-drift": "papers.beyond.accuracy_latency_drift",
+    "beyond-wrist-memory": "papers.beyond.wrist_memory",
 }
 
 
