@@ -27,6 +27,8 @@ MODULES = {
     "beyond-paths": "papers.beyond.paths",
     "beyond-rehoming": "papers.beyond.rehoming",
     "beyond-tilted-calibration": "papers.beyond.tilted_calibration",
+    "beyond-accuracy-latency-drift": "papers.beyond.accuracy_latency_drift",
+    "beyond-wrist-memory": "papers.beyond.wrist_memory",
 }
 
 

@@ -43,7 +43,7 @@ PEER_COLORS = {
     UKF: "#8455a8",
     UKF_TOLD: "#c3a6d8",
     RECURRENT: "#b0413e",
-    "Gaussian process": "#c9a227",
+    "Gaussian process": "#7a5c12",
     "two-phase": "#7fa3cf",
 }
 COLORS = METHOD_COLORS | PEER_COLORS
