@@ -21,6 +21,7 @@ MODULES = {
     "tutorial-two-link": "papers.tutorial.two_link",
     "beyond-rehoming": "papers.beyond.rehoming",
     "beyond-tilted-calibration": "papers.beyond.tilted_calibration",
+    "beyond-calibration-and-gravity": "papers.beyond.calibration_and_gravity",
 }
 
 
