@@ -12,16 +12,23 @@ MODULES = {
     "calibration-figure-3": "papers.calibration.figure_3",
     "calibration-table-1": "papers.calibration.table_1",
     "calibration-figure-5": "papers.calibration.figure_5",
+    "calibration-figure-6": "papers.calibration.figure_6",
+    "calibration-table-2": "papers.calibration.table_2",
     "calibration-figure-9": "papers.calibration.figure_9",
+    "calibration-table-3": "papers.calibration.table_3",
+    "calibration-table-4": "papers.calibration.table_4",
     "calibration-dvrk": "papers.calibration.dvrk",
     "regressor-figure-2": "papers.regressor.figure_2",
     "regressor-figure-4": "papers.regressor.figure_4",
     "regressor-figure-5": "papers.regressor.figure_5",
     "regressor-identification": "papers.regressor.identification",
     "tutorial-two-link": "papers.tutorial.two_link",
+    "beyond-paths": "papers.beyond.paths",
     "beyond-rehoming": "papers.beyond.rehoming",
     "beyond-tilted-calibration": "papers.beyond.tilted_calibration",
     "beyond-calibration-and-gravity": "papers.beyond.calibration_and_gravity",
+    "beyond-accuracy-latency-drift": "papers.beyond.accuracy_latency_drift",
+    "beyond-wrist-memory": "papers.beyond.wrist_memory",
 }
 
 

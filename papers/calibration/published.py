@@ -80,10 +80,68 @@ HOMINGS_J1 = {
 # on J2 [deg] before the first and after the fifth, no homing seen; and the greatest of all six with one seen
 HOMINGS_J2 = {"network": (0.255, 0.627), "linear": HOMINGS_LINEAR_J2}
 HOMINGS_J2_SEEN = {"network": 0.413, "linear": 0.493}
+# table III: errors on J1 [deg], J2 [deg], J3 [mm] of unloaded arms, least and greatest of hours 0 to 5 where
+# two; others by source, robot and model
+TABLE_3_OURS: dict[str, tuple[tuple[float, float], ...]] = {
+    "network": ((0.142, 0.553), (0.230, 0.343), (0.125, 0.176)),
+    "linear": ((0.169, 0.522), (0.248, 0.376), (0.133, 0.206)),
+}
+TABLE_3_OTHERS: dict[tuple[str, str, str], tuple[float, float, float]] = {
+    ("Haghighipanah [13]", "RAVEN-II", "UKF"): (1.195, 1.242, 0.927),
+    ("Hwang [32], left arm", "dVRK", "RNN"): (0.115, 0.069, 0.150),
+    ("Hwang [32], right arm", "dVRK", "RNN"): (0.172, 0.206, 0.510),
+}
+# table IV: errors of the tool's position in x, y, z and distance [mm]; None where the paper has none
+TABLE_4_OURS: dict[str, tuple[tuple[float, float], ...]] = {
+    "network": ((0.362, 0.538), (0.301, 1.503), (0.205, 0.581), (0.513, 1.318)),
+    "linear": ((0.389, 0.589), (0.351, 0.998), (0.231, 0.564), (0.572, 1.289)),
+}
+TABLE_4_OTHERS: dict[tuple[str, str, str], tuple[float | None, float | None, float | None, float | None]] = {
+    ("Hwang [32], pick", "dVRK", "RNN"): (None, None, None, 0.65),
+    ("Hwang [32], random", "dVRK", "RNN"): (None, None, None, 2.05),
+    ("Mahler [42]", "RAVEN-II", "GPR"): (1.4, 1.4, 1.1, None),
+    ("Peng [12]", "RAVEN-II", "DNN"): (0.818, 1.078, 0.518, None),
+}
+# section II-A, figure 1: distance of the tool's reported position from the true one [mm], "around"
+TIP_RAW = 20.0
 # section II-F: how long zig-zags of direction J2-J3 take to record [s], by sparsities
 DURATIONS = {(1 / 2,): 209.0, (1 / 2, 1 / 3): 537.0, (1 / 2, 1 / 3, 1 / 4): 1013.0}
 # section II-B: share of a joint's range, by how many joints the direction has
 BOX_SHARES = {1: 3.0**-0.5, 2: 2.0**0.5 * 3.0**-0.5, 3: 1.0}
+# section II-G: hour 0 and hour 5 on J1 [deg], J2 [deg], J3 [mm], the mean of the three longest training sets
+SIX_HOURS = {
+    "idle": {
+        "fixed offset": ((0.863, 1.084, 0.520), (0.879, 1.094, 0.541)),
+        "linear": ((0.162, 0.237, 0.131), (0.193, 0.232, 0.132)),
+        "network": ((0.124, 0.211, 0.113), (0.172, 0.217, 0.113)),
+    },
+    "unloaded": {
+        "fixed offset": SIX_HOURS_OFFSET,
+        "linear": SIX_HOURS_LINEAR,
+        "network": ((0.142, 0.232, 0.126), (0.553, 0.331, 0.165)),
+    },
+    "loaded": {
+        "fixed offset": ((0.878, 1.092, 0.485), (1.174, 1.109, 0.554)),
+        "linear": (LOADED_LINEAR_HOUR_0, LOADED_LINEAR_HOUR_5),
+        "network": ((0.114, 0.251, 0.122), (0.855, 0.432, 0.181)),
+    },
+}
+# the polynomial, of which the paper gives joint 1 [deg] alone
+SIX_HOURS_POLYNOMIAL_J1 = {"idle": (0.241, 0.493), "unloaded": (0.235, 1.529), "loaded": (0.221, 1.045)}
+# section II-H, mean of six hours unloaded: with 16 inputs over all training sets, with 138 over the three longest
+INPUTS_16 = {"network": (0.328, 0.264, 0.167), "linear": (0.361, 0.355, 0.167)}
+INPUTS_138 = {
+    "network": (0.700, 0.754, 0.388),
+    "larger network": (0.397, 0.565, 0.229),
+    "linear": (1.985, 1.834, 1.352),
+}
+PARAMETERS = {"network of 16": 12_103, "network of 138": 24_303, "larger network of 138": 585_503}
+# table II, mean of all sparsities and six hours unloaded: trained on the error, and end to end
+TABLE_2 = {
+    "network": ((0.328, 0.264, 0.167), (0.831, 0.875, 1.583)),
+    "linear": ((0.369, 0.366, 0.176), (0.369, 0.366, 0.176)),
+    "polynomial": ((1.062, 2.539, 1.766), (1.062, 2.539, 1.766)),
+}
 # section II-F, figure 5: RMSE by recording time; "short" is the mean of recordings below 500 s, "long" above 800 s
 FIGURE_5_J1 = {  # [deg] at 1/2, 209 s, and at 1/2 + 1/3 + 1/4, 1013 s
     "1/2": {"network": 0.232, "polynomial": 0.834, "linear": 0.446, "fixed offset": 0.846},

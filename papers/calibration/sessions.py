@@ -46,6 +46,7 @@ def recorded(
     zigzags: Sequence[int] = DENOMINATORS,
     hour_seconds: float = HOUR,
     columns: Sequence[str] = (),
+    test_rate: float = TEST_RATE,
 ) -> Session:
     """Record a session: the zig-zags, 1/n for every n, then six hours.
 
@@ -55,6 +56,7 @@ def recorded(
         zigzags: Denominators of the sparsities.
         hour_seconds: How long an hour takes; less to see that it runs.
         columns: Further columns of the robot's state.
+        test_rate: [Hz] at which tests are sampled; the robot's motion does not depend on it.
     """
     number = CONDITIONS.index(condition)
     plant = homed(seed, payload=PAYLOAD if condition == "loaded" else 0.0)
@@ -66,7 +68,7 @@ def recorded(
     def motion(seconds: float, *what: int) -> MotionLog:
         rng = draws(seed, 30 + number, *what)
         path = random_sinusoids(rng, seconds)
-        return record_simulated(plant, path, "random", rng, state_rate=TEST_RATE, columns=columns)
+        return record_simulated(plant, path, "random", rng, state_rate=test_rate, columns=columns)
 
     if condition == "idle":
         seconds = min(TEST_SECONDS, hour_seconds)

@@ -13,7 +13,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.valid_range import standardisation
-from papers.calibration.peers.rows import Rows
+from papers.calibration.peers.rows import Places, Rows
 
 CARRIED, CHOSEN = 1000, 300  # rows
 SMALLEST_LENGTH, LARGEST_LENGTH = 0.1, 1e3  # of standardised inputs
@@ -29,9 +29,9 @@ class GaussianProcess:
     out_mean: Floats
     out_scale: Floats
 
-    def correction(self, rows: Rows) -> Floats:
-        """Return what to add to the reported positions of every row, (N, n) [rad|m]."""
-        Z = (_inputs(rows) - self.mean) / self.scale
+    def correction(self, rows: Rows, at: Places | None = None) -> Floats:
+        """Return what to add to the reported positions of every row, or of rows `at`, (N, n) [rad|m]."""
+        Z = (_inputs(rows)[slice(None) if at is None else at] - self.mean) / self.scale
         told: Floats = np.column_stack([each.predict(Z) for each in self.processes])
         return self.out_mean + self.out_scale * told
 

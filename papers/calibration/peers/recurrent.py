@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 from catenary.arrays import Floats
 from catenary.calibration.backpropagation import EPSILON, MOMENTUM, SQUARES
 from catenary.calibration.valid_range import standardisation
-from papers.calibration.peers.rows import Rows
+from papers.calibration.peers.rows import Places, Rows
 
 UNITS, PREVIOUS = 120, 4
 ITERATIONS, BATCH, RATE = 5000, 100, 1e-3
@@ -110,28 +110,26 @@ class Recurrent:
     previous: int
     spacing: int  # rows between the commands of a sequence
 
-    def sequences(self, rows: Rows, which: NDArray[np.int64]) -> Numbers:
+    def sequences(self, rows: Rows, which: Places) -> Numbers:
         """Return scaled sequences (M, T, F) that end at some rows, oldest first."""
         places = sequence_places(rows.first[which], which, self.previous, self.spacing)
         return ((rows.inputs[places] - self.mean) / self.scale).astype(np.float32)
 
-    def correction(self, rows: Rows) -> Floats:
-        """Return what to add to the reported positions of every row, (N, n) [rad|m]."""
-        count = len(rows.inputs)
+    def correction(self, rows: Rows, at: Places | None = None) -> Floats:
+        """Return what to add to the reported positions of every row, or of rows `at`, (N, n) [rad|m]."""
+        at = np.arange(len(rows.inputs)) if at is None else at
         parts = [
-            self.network.outputs(self.sequences(rows, np.arange(first, min(first + BLOCK, count))))
-            for first in range(0, count, BLOCK)
+            self.network.outputs(self.sequences(rows, at[first : first + BLOCK]))
+            for first in range(0, len(at), BLOCK)
         ]
         corrected: Floats = self.out_mean + self.out_scale * np.concatenate(parts).astype(float)
         return corrected
 
 
-def sequence_places(
-    first: NDArray[np.int64], last: NDArray[np.int64], previous: int, spacing: int
-) -> NDArray[np.int64]:
+def sequence_places(first: Places, last: Places, previous: int, spacing: int) -> Places:
     """Return the rows (M, previous + 1) of sequences; what lies before a motion's first row is that row."""
     back = spacing * np.arange(previous, -1, -1)
-    places: NDArray[np.int64] = np.maximum(last[:, None] - back, first[:, None])
+    places: Places = np.maximum(last[:, None] - back, first[:, None])
     return places
 
 

@@ -1,5 +1,6 @@
 """What every peer learns from and is asked about: rows of a recording in order; and the form of a fitted peer."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -10,6 +11,8 @@ from catenary import MotionLog
 from catenary.arrays import Floats
 from catenary.calibration.features import choose_signals, signals_of
 
+Places = NDArray[np.int64]
+
 
 @dataclass(frozen=True)
 class Rows:
@@ -19,15 +22,26 @@ class Rows:
     velocity: Floats  # (N, n) of the reported positions [rad/s|m/s]; per row where there is no time
     error: Floats  # (N, n) q_encoder - q_nominal [rad|m]; whatever stands there on rows without a measurement
     known: NDArray[np.bool_]  # (N,) rows that have a measurement and may be learned from
-    first: NDArray[np.int64]  # (N,) the row at which the motion of each row began
+    first: Places  # (N,) the row at which the motion of each row began
 
 
 class Peer(Protocol):
     """A fitted model of joint errors."""
 
-    def correction(self, rows: Rows) -> Floats:
-        """Return what to add to the reported positions of every row, (N, n) [rad|m]."""
+    def correction(self, rows: Rows, at: Places | None = None) -> Floats:
+        """Return what to add to the reported positions [rad|m]: of every row (N, n), or of rows `at` (M,) only."""
         ...
+
+
+def joined(parts: Sequence[Rows]) -> Rows:
+    """Return the rows of recordings one after the other; no motion goes on from one to the next."""
+    before = np.cumsum([0, *(len(part.inputs) for part in parts)])
+    first = [part.first + count for part, count in zip(parts, before[:-1], strict=True)]
+    columns = ("inputs", "velocity", "error", "known")
+    return Rows(
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in columns},
+        first=np.concatenate(first),
+    )
 
 
 def rows_of_log(log: MotionLog, words: tuple[str, ...], known: NDArray[np.bool_] | None = None) -> Rows:

@@ -14,7 +14,7 @@ from catenary.arrays import Floats
 from catenary.calibration.neural import PAPER, NetworkSettings, fit_neural
 from catenary.calibration.predictors import Network
 from catenary.calibration.valid_range import standardisation
-from papers.calibration.peers.rows import Rows
+from papers.calibration.peers.rows import Places, Rows
 
 TREES, ROWS_OF_A_TREE, LEAF = 100, 10_000, 5
 
@@ -27,10 +27,11 @@ class TwoPhase:
     forest: Any  # scikit-learn's, of residuals over `scale`
     scale: Floats
 
-    def correction(self, rows: Rows) -> Floats:
-        """Return what to add to the reported positions of every row, (N, n) [rad|m]."""
-        rest = np.asarray(self.forest.predict(rows.inputs)).reshape(len(rows.inputs), -1)
-        corrected: Floats = self.network.predict(rows.inputs) + self.scale * rest
+    def correction(self, rows: Rows, at: Places | None = None) -> Floats:
+        """Return what to add to the reported positions of every row, or of rows `at`, (N, n) [rad|m]."""
+        X = rows.inputs if at is None else np.ascontiguousarray(rows.inputs[at])
+        rest = np.asarray(self.forest.predict(X)).reshape(len(X), -1)
+        corrected: Floats = self.network.predict(X) + self.scale * rest
         return corrected
 
 

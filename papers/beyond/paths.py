@@ -1,0 +1,380 @@
+"""Which path earns its minutes: zig-zags, random motion, and a designed motion, for the same time and on the same test.
+
+Each path trains the calibration paper's models for as long as its zig-zags take, 1/2 alone and 1/2 + 1/3 + 1/4, on
+the robot just homed; 20 minutes of random motion, the same for all paths of a robot, test them. So random motion for
+training is of the test's own kind, not its copy. Models take the paper's 16 inputs and are asked everywhere, the
+network is the mean of five trainings. Paths differ in two things: how often each joint turns back, and how much of
+its range they cover. To tell these apart, the paper's zig-zag J2-J3 and the designed motion are run both in that zig-
+zag's range and in the whole box.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from catenary import random_sinusoids, record_simulated, zigzag
+from catenary.arrays import Floats
+from catenary.reports.page import Table
+from catenary.trajectories.reference import Trajectory
+from catenary.trajectories.zigzag import (
+    CALIBRATION_LOWER,
+    CALIBRATION_UPPER,
+    DIRECTIONS,
+    Direction,
+    zigzag_rows,
+)
+from papers.beyond.designed_motion import designed
+from papers.calibration.figure_3 import reversals
+from papers.calibration.homings import unguarded
+from papers.calibration.recordings import (
+    JOINTS,
+    METHODS,
+    NETWORK,
+    SPARSITIES,
+    TEST_SECONDS,
+    UNITS,
+    baselines,
+    draws,
+    fitted,
+    homed,
+    mean,
+    random_log,
+    rmse,
+    rows_of,
+)
+from papers.claims import NOT_MEASURED, by_count, mean_and_spread
+from papers.experiment import (
+    Case,
+    Claim,
+    Experiment,
+    Judgement,
+    Outcomes,
+    Report,
+    Result,
+    Scope,
+    TitledPicture,
+    TitledTable,
+    run,
+)
+from papers.figures import panels
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ZIGZAG: Direction = "J2-J3"
+WIDE, RANDOM = "J2-J3, whole box", "random"
+DESIGNED, NARROW = "designed", "designed, range of J2-J3"
+PATHS = (*DIRECTIONS, WIDE, RANDOM, NARROW, DESIGNED)
+LENGTHS = ((1 / 2,), SPARSITIES)  # of the recordings, as those zig-zags take
+SHORT, LONG = (list(each) for each in LENGTHS)
+MODELS = (NETWORK, "linear")
+COLORS = {WIDE: "#c9a227", RANDOM: "#1c2430", NARROW: "#d9622b", DESIGNED: "#2f8f6b"}
+ZIGZAG_COLOR = "#4b6b94"
+EXPLAINS = -0.5  # rank correlation of reversals and error, at most
+
+
+def trajectory(name: str, sparsities: Sequence[float], rng: np.random.Generator) -> Trajectory:
+    """Return a path by its name, as long as the zig-zags J2-J3 of these sparsities take."""
+    for direction in DIRECTIONS:
+        if name == direction:
+            return zigzag(direction, sparsities)
+    seconds = zigzag(ZIGZAG, sparsities).duration
+    if name == RANDOM:
+        return random_sinusoids(rng, seconds)
+    if name == DESIGNED:
+        return designed(seconds)
+    width = CALIBRATION_UPPER - CALIBRATION_LOWER
+    rows = np.concatenate([zigzag_rows(ZIGZAG, sparsity) for sparsity in sparsities])
+    low, high = rows.min(axis=0), rows.max(axis=0)
+    if name == NARROW:
+        return designed(seconds, lower=low, upper=high)
+    # the box in which the zig-zag's range is the whole calibration box
+    wider = width**2 / (high - low)
+    lower = CALIBRATION_LOWER - (low - CALIBRATION_LOWER) * wider / width
+    return zigzag(ZIGZAG, sparsities, lower=lower, upper=lower + wider)
+
+
+@run(revision=1)
+def path_errors(
+    seed: int | None, name: str, sparsities: Sequence[float], networks: Sequence[int], test_seconds: float
+) -> Result:
+    """Train along a path, test on random motion.
+
+    Args:
+        seed: The robot.
+        name: Of `PATHS`.
+        sparsities: Of the zig-zags that take as long.
+        networks: Seeds of the network, whose errors are averaged.
+        test_seconds: Length of the test.
+
+    Returns:
+        `seconds`; by joint `reversals`, and `range`, the share of the box that is covered; by method RMSE on J1 [deg],
+        J2 [deg], J3 [mm].
+    """
+    plant = homed(seed)
+    rng = draws(seed, 60, PATHS.index(name), len(sparsities))
+    path = trajectory(name, sparsities, rng)
+    train = record_simulated(plant, path, name, rng)
+    test = random_log(plant, draws(seed, 61), test_seconds)
+    q, _, _ = path.sample(np.arange(0.0, path.duration, 0.05))
+    found: dict[str, object] = {
+        "seconds": round(path.duration, 1),
+        "reversals": [reversals(column) for column in q.T],
+        "range": [
+            round(float(each), 3) for each in np.ptp(q, axis=0) / (CALIBRATION_UPPER - CALIBRATION_LOWER)
+        ],
+    }
+    for method in MODELS:
+        seeds = networks if method == NETWORK else (0,)
+        models = [fitted([train], replace(METHODS[method], seed=each)) for each in seeds]
+        rows = rows_of(models[0], test)
+        found[method] = mean([rmse(unguarded(model), rows) for model in models])
+        found |= baselines(models[0], rows)
+    return found
+
+
+def cases(scope: Scope) -> list[Case]:
+    """Return a case for every robot, path and length."""
+    lengths, names, seconds = (
+        (LENGTHS[:1], (ZIGZAG, DESIGNED), 60.0) if scope.quick else (LENGTHS, PATHS, TEST_SECONDS)
+    )
+    return [
+        path_errors.case(
+            seed=seed, name=name, sparsities=length, networks=scope.network_seeds, test_seconds=seconds
+        )
+        for seed in scope.robots
+        for length in lengths
+        for name in names
+    ]
+
+
+def of(outcomes: Outcomes, name: str, sparsities: Sequence[float], what: str) -> Floats:
+    """Return what a path has by joint, (robots, 3)."""
+    return np.array(
+        [result[what] for result in outcomes.of(path_errors, name=name, sparsities=list(sparsities))]
+    )
+
+
+def middle(outcomes: Outcomes, name: str, sparsities: Sequence[float], what: str) -> Floats:
+    """Return what a path has by joint, mean over robots, (3,)."""
+    return np.asarray(of(outcomes, name, sparsities, what).mean(axis=0))
+
+
+def seconds_of(outcomes: Outcomes, sparsities: Sequence[float]) -> float:
+    """Return how long the designed motion of a length takes [s]."""
+    found = outcomes.of(path_errors, name=DESIGNED, sparsities=list(sparsities))
+    return float(found[0]["seconds"])
+
+
+def _run(outcomes: Outcomes, sparsities: Sequence[float]) -> list[str]:
+    return [name for name in PATHS if outcomes.of(path_errors, name=name, sparsities=list(sparsities))]
+
+
+def _complete(outcomes: Outcomes) -> bool:
+    return all(len(_run(outcomes, length)) == len(PATHS) for length in LENGTHS)
+
+
+def report(outcomes: Outcomes) -> Report:
+    """Return a table per length, what reversals and range are worth, the picture and the sentence."""
+    lengths = [length for length in LENGTHS if _run(outcomes, length)]
+    tables = [_paths_table(outcomes, length) for length in lengths]
+    remarks = []
+    if _complete(outcomes):
+        tables.append(_factors(outcomes))
+        remarks.append(sentence(outcomes))
+    caption = (
+        "RMSE of a joint against how often it turned back in training; full marks are the network, open ones the "
+        "linear model"
+    )
+    return Report(tables, [TitledPicture(caption, _picture(outcomes, lengths))], remarks)
+
+
+def _paths_table(outcomes: Outcomes, length: Sequence[float]) -> TitledTable:
+    header = ["path", *(f"reversals {joint}" for joint in JOINTS), *(f"range {joint}" for joint in JOINTS)]
+    header += [f"{model} {j} [{u}]" for model in MODELS for j, u in zip(JOINTS, UNITS, strict=True)]
+    rows = []
+    for name in _run(outcomes, length):
+        cells = [name, *(f"{count:.0f}" for count in middle(outcomes, name, length, "reversals"))]
+        cells += [f"{100.0 * share:.0f} %" for share in middle(outcomes, name, length, "range")]
+        cells += [mean_and_spread(e) for model in MODELS for e in of(outcomes, name, length, model).T]
+        rows.append(cells)
+    return TitledTable(f"{seconds_of(outcomes, length):.0f} s of recording, RMSE", Table(header, rows))
+
+
+def _factors(outcomes: Outcomes) -> TitledTable:
+    rows = []
+    for told, numerator, denominator in (
+        ("more reversals, zig-zag's range", NARROW, ZIGZAG),
+        ("more reversals, whole box", DESIGNED, WIDE),
+        ("whole box, zig-zag", WIDE, ZIGZAG),
+        ("whole box, designed", DESIGNED, NARROW),
+        ("both", DESIGNED, ZIGZAG),
+    ):
+        for length in LENGTHS:
+            ratios = [
+                middle(outcomes, numerator, length, model) / middle(outcomes, denominator, length, model)
+                for model in MODELS
+            ]
+            rows.append(
+                [told, f"{seconds_of(outcomes, length):.0f}", *(f"{r:.2f}" for r in np.concatenate(ratios))]
+            )
+    header = ["what changes", "time [s]", *(f"{model} {joint}" for model in MODELS for joint in JOINTS)]
+    return TitledTable("Error left of what it was, by what changes", Table(header, rows))
+
+
+def sentence(outcomes: Outcomes) -> str:
+    """Return in a sentence which path leaves the least error, beside the paper's zig-zag for the same time."""
+    reached = {name: middle(outcomes, name, SHORT, NETWORK) for name in PATHS}
+    best = min(reached, key=lambda name: float(np.prod(reached[name])))
+    counts = {
+        name: ", ".join(f"{count:.0f}" for count in middle(outcomes, name, SHORT, "reversals"))
+        for name in (best, ZIGZAG)
+    }
+    errors = {
+        name: ", ".join(f"{error:.3f} {unit}" for error, unit in zip(values, UNITS, strict=True))
+        for name, values in (
+            (best, reached[best]),
+            (ZIGZAG, reached[ZIGZAG]),
+            ("long", middle(outcomes, ZIGZAG, LONG, NETWORK)),
+        )
+    }
+    return (
+        f'Of all paths that take {seconds_of(outcomes, SHORT):.0f} s, "{best}", whose joints turn back {counts[best]} '
+        f"times, leaves the network least: {errors[best]}, where the zig-zag {ZIGZAG}, whose joints turn back "
+        f"{counts[ZIGZAG]} times, leaves {errors[ZIGZAG]}, and {errors['long']} after "
+        f"{seconds_of(outcomes, LONG):.0f} s."
+    )
+
+
+def _picture(outcomes: Outcomes, lengths: Sequence[Sequence[float]]) -> "Figure":
+    figure, axes = panels(3, 3.0 * len(lengths) + 0.5, rows=len(lengths))
+    for row, length in enumerate(lengths):
+        for j, (joint, unit) in enumerate(zip(JOINTS, UNITS, strict=True)):
+            panel = axes[3 * row + j]
+            for name in _run(outcomes, length):
+                color = COLORS.get(name, ZIGZAG_COLOR)
+                label = name if name in COLORS else "zig-zags"
+                x = middle(outcomes, name, length, "reversals")[j]
+                y = [middle(outcomes, name, length, model)[j] for model in MODELS]
+                marker = "s" if name in (ZIGZAG, WIDE) else "o"
+                panel.plot([x, x], y, color=color, linewidth=0.6, alpha=0.5)
+                panel.plot(x, y[0], marker, color=color, ms=6, label=label)
+                panel.plot(x, y[1], marker, color=color, ms=6, fillstyle="none")
+            panel.set_ylim(bottom=0.0)
+            panel.set_title(f"{joint} [{unit}], {seconds_of(outcomes, length):.0f} s", fontsize=10)
+            if row == len(lengths) - 1:
+                panel.set_xlabel(f"reversals of {joint}")
+    handles = dict(zip(*axes[0].get_legend_handles_labels()[::-1], strict=True))
+    figure.legend(
+        handles.values(), handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=8
+    )
+    return figure
+
+
+def _reversals_explain(outcomes: Outcomes) -> Judgement:
+    if not _complete(outcomes):
+        return NOT_MEASURED
+    from scipy.stats import spearmanr
+
+    holds, told = [], []
+    for model in MODELS:
+        ranks = []
+        for j in range(3):
+            counts, errors = (
+                [middle(outcomes, name, LONG, what)[j] for name in PATHS] for what in ("reversals", model)
+            )
+            ranks.append(float(spearmanr(counts, errors).statistic))
+        holds += [rank <= EXPLAINS for rank in ranks]
+        told.append(f"{model} {', '.join(f'{rank:.2f}' for rank in ranks)}")
+    return by_count(holds, "rank correlation on J1, J2, J3: " + "; ".join(told))
+
+
+def _less(outcomes: Outcomes, name: str, others: Sequence[str]) -> Judgement:
+    """Judge whether a path's network is better on every joint and for both lengths than with any of other paths."""
+    if not _complete(outcomes):
+        return NOT_MEASURED
+    holds, told = [], []
+    for length in LENGTHS:
+        own = middle(outcomes, name, length, NETWORK)
+        least = np.min([middle(outcomes, other, length, NETWORK) for other in others], axis=0)
+        holds += list(own < least)
+        pairs = ", ".join(f"{a:.3f} against {b:.3f}" for a, b in zip(own, least, strict=True))
+        told.append(f"{seconds_of(outcomes, length):.0f} s: {pairs}")
+    return by_count(holds, "J1, J2, J3; " + "; ".join(told))
+
+
+def _designed_best(outcomes: Outcomes) -> Judgement:
+    return _less(outcomes, DESIGNED, DIRECTIONS)
+
+
+def _random_better(outcomes: Outcomes) -> Judgement:
+    return _less(outcomes, RANDOM, [ZIGZAG])
+
+
+def _short_enough(outcomes: Outcomes) -> Judgement:
+    if not _complete(outcomes):
+        return NOT_MEASURED
+    short, long = middle(outcomes, DESIGNED, SHORT, NETWORK), middle(outcomes, ZIGZAG, LONG, NETWORK)
+    told = ", ".join(f"{a:.3f} against {b:.3f}" for a, b in zip(short, long, strict=True))
+    return by_count(short <= long, f"J1, J2, J3: {told}")
+
+
+def _reversals_in_range(outcomes: Outcomes) -> Judgement:
+    return _less(outcomes, NARROW, [ZIGZAG])
+
+
+CLAIMS = (
+    Claim(
+        "The more often a joint turns back in training, the smaller its error",
+        "expected",
+        "-",
+        f"rank correlation of reversals and error over all paths at most {EXPLAINS}, for every joint and model, longer "
+        "recordings; same direction: more than half of six",
+        _reversals_explain,
+    ),
+    Claim(
+        "In the zig-zag's range, more reversals alone lower the network's error",
+        "expected",
+        "-",
+        "less with the designed motion in the range of J2-J3 than with the zig-zag J2-J3, on every joint and for both "
+        "lengths; same direction: more than half of six",
+        _reversals_in_range,
+    ),
+    Claim(
+        "Random motion is worth more than the zig-zag J2-J3 of the same length",
+        "expected",
+        "-",
+        "the network's error is less, on every joint and for both lengths; same direction: more than half of six",
+        _random_better,
+    ),
+    Claim(
+        "The designed motion is worth more than the best of the seven zig-zags of the same length",
+        "expected",
+        "-",
+        "the network's error is less than the least of the seven, on every joint and for both lengths; same direction: "
+        "more than half of six",
+        _designed_best,
+    ),
+    Claim(
+        "A fifth of the time is enough: the designed motion for as long as 1/2 takes, against J2-J3 at 1/2 + 1/3 + 1/4",
+        "expected",
+        "-",
+        "the network's error is not greater, on every joint; same direction: on two",
+        _short_enough,
+    ),
+)
+
+EXPERIMENT = Experiment(
+    name="beyond-paths",
+    paper="beyond",
+    place="beyond",
+    title="Which path earns its minutes",
+    about=(__doc__ or "").partition("\n")[2].strip(),
+    cases=cases,
+    report=report,
+    minutes=75.0,
+    claims=CLAIMS,
+    drawn=2,
+)

@@ -1,0 +1,234 @@
+"""Table II of the calibration paper: models trained on the joints' error, or end to end on their position.
+
+The unloaded six hours of figure 6: errors are means over eleven training sets and six hours, of the network over five
+trainings. The paper says that more epochs help the network end to end, not how many it tried: here 200, as everywhere,
+600 and 2000, on 1/2 + 1/3 + 1/4, trained once.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.calibration.model import Target
+from catenary.calibration.neural import PAPER
+from catenary.reports.page import Table
+from papers.calibration import published
+from papers.calibration.inputs import SIXTEEN
+from papers.calibration.networks import network_model
+from papers.calibration.recordings import JOINTS, NETWORK, UNITS
+from papers.calibration.sessions import DENOMINATORS, HOUR, recorded
+from papers.calibration.six_hours import SETS, cases_of, measured, tested
+from papers.claims import NOT_MEASURED, by_count, mean_and_spread
+from papers.experiment import (
+    Case,
+    Claim,
+    Experiment,
+    Judgement,
+    Outcomes,
+    Report,
+    Result,
+    Scope,
+    TitledTable,
+    run,
+)
+
+SHOWN = (NETWORK, "linear", "polynomial")
+REGRESSIONS = ("linear", "polynomial")
+TARGETS: tuple[Target, ...] = ("error", "position")
+EPOCHS = (PAPER.epochs, 3 * PAPER.epochs, 10 * PAPER.epochs)
+# criteria
+ALIKE = 0.0005  # [deg|mm]: the third digit
+WORSE = 2.0  # end to end over on the error; the paper's are 2.5, 3.3 and 9.5
+
+
+@run(revision=1)
+def more_epochs(
+    seed: int | None,
+    training_set: str,
+    epochs: Sequence[int],
+    network: int,
+    zigzags: Sequence[int] = DENOMINATORS,
+    hour_seconds: float = HOUR,
+) -> Result:
+    """Train the paper's network on a training set; return its RMSE on J1 [deg], J2 [deg], J3 [mm], mean of six hours.
+
+    `error` is trained on the error for the paper's epochs, `position` end to end, a row for each number of epochs.
+    """
+    session = recorded(seed, "unloaded", zigzags=zigzags, hour_seconds=hour_seconds)
+    training = session.training(training_set)
+
+    def mean_errors(target: Target, count: int) -> list[float]:
+        settings = replace(PAPER, epochs=count)
+        model = network_model(training, settings, inputs=SIXTEEN, seed=network, target=target)
+        hours = [tested([model], log, guard=False)["errors"] for log in session.test.values()]
+        return [float(value) for value in np.mean(hours, axis=0)]
+
+    return {
+        "error": mean_errors("error", min(epochs)),
+        "position": [mean_errors("position", count) for count in epochs],
+    }
+
+
+def cases(scope: Scope) -> list[Case]:
+    """Return the cases of figure 6 without load, the same end to end, and more epochs for each robot."""
+    few = {"zigzags": [2], "hour_seconds": 60.0} if scope.quick else {}
+    return [
+        *cases_of(scope, ("unloaded",)),
+        *cases_of(scope, ("unloaded",), SHOWN, "position"),
+        *(
+            more_epochs.case(
+                seed=seed,
+                training_set=SETS[0] if scope.quick else SETS[-1],
+                epochs=[2, 4, 6] if scope.quick else list(EPOCHS),
+                network=0,
+                **few,
+            )
+            for seed in scope.robots
+        ),
+    ]
+
+
+def errors(outcomes: Outcomes, model: str, target: Target) -> Floats:
+    """Return errors by robot and joint, means over training sets and hours, (robots, 3)."""
+    found = measured(outcomes, "unloaded", model, target=target)
+    averaged: Floats = found.mean(axis=(1, 2)) if found.size else np.empty((0, 3))
+    return averaged
+
+
+def report(outcomes: Outcomes) -> Report:
+    """Return the paper's table joint by joint, and what more epochs give."""
+    tables = []
+    for j, (joint, unit) in enumerate(zip(JOINTS, UNITS, strict=True)):
+        rows = []
+        for model in SHOWN:
+            cells = [model]
+            for target, paper in zip(TARGETS, published.TABLE_2[model], strict=True):
+                cells += [mean_and_spread(errors(outcomes, model, target)[:, j]), f"{paper[j]:.3f}"]
+            rows.append(cells)
+        header = ["model", "on the error", "paper", "end to end", "paper"]
+        tables.append(
+            TitledTable(f"{joint} [{unit}], RMSE, mean of all training sets and hours", Table(header, rows))
+        )
+    on_error, end_to_end, epochs = _epochs(outcomes)
+    if len(on_error):
+        told = [f"{epochs[0]} on the error", *(f"{count} end to end" for count in epochs)]
+        values = [on_error, *np.moveaxis(end_to_end, 1, 0)]
+        rows = [
+            [name, *(mean_and_spread(of_robots[:, j]) for j in range(len(JOINTS)))]
+            for name, of_robots in zip(told, values, strict=True)
+        ]
+        header = ["epochs", *(f"{joint} [{unit}]" for joint, unit in zip(JOINTS, UNITS, strict=True))]
+        tables.append(
+            TitledTable("Network on the longest training set, mean of six hours", Table(header, rows))
+        )
+    return Report(tables)
+
+
+def _epochs(outcomes: Outcomes) -> tuple[Floats, Floats, list[int]]:
+    """Return errors on the error (robots, 3), end to end (robots, epochs, 3), and the numbers of epochs."""
+    told = list(outcomes.items(more_epochs))
+    on_error = np.array([result["error"] for _, result in told]).reshape(-1, 3)
+    end_to_end = np.array([result["position"] for _, result in told])
+    return on_error, end_to_end, told[0][0]["epochs"] if told else []
+
+
+def _no_difference(outcomes: Outcomes) -> Judgement:
+    parts, told = [], []
+    for model in REGRESSIONS:
+        on_error, end_to_end = (errors(outcomes, model, target) for target in TARGETS)
+        if not len(on_error) or not len(end_to_end):
+            return NOT_MEASURED
+        difference = np.abs(end_to_end.mean(axis=0) - on_error.mean(axis=0))
+        parts += list(difference < ALIKE)
+        told.append(f"{model}: largest difference {difference.max():.1e}")
+    return by_count(parts, "; ".join(told))
+
+
+def _network_worse(outcomes: Outcomes) -> Judgement:
+    on_error, end_to_end = (errors(outcomes, NETWORK, target) for target in TARGETS)
+    if not len(on_error) or not len(end_to_end):
+        return NOT_MEASURED
+    ratios = end_to_end.mean(axis=0) / on_error.mean(axis=0)
+    told = ", ".join(f"{joint} {ratio:.2f} times" for joint, ratio in zip(JOINTS, ratios, strict=True))
+    judged = by_count(ratios >= WORSE, told)
+    if judged.verdict == "not reproduced" and (ratios > 1.0).all():
+        return Judgement("same direction", told)
+    return judged
+
+
+def _best_on_error(outcomes: Outcomes) -> Judgement:
+    found = [errors(outcomes, model, "error") for model in SHOWN]
+    if not all(len(each) for each in found):
+        return NOT_MEASURED
+    network, linear, polynomial = (each.mean(axis=0) for each in found)
+    told = "; ".join(
+        f"{joint} {network[j]:.3f} < {linear[j]:.3f} < {polynomial[j]:.3f}" for j, joint in enumerate(JOINTS)
+    )
+    return by_count((network < linear) & (linear < polynomial), told)
+
+
+def _epochs_help(outcomes: Outcomes) -> Judgement:
+    on_error, end_to_end, epochs = _epochs(outcomes)
+    if not len(on_error):
+        return NOT_MEASURED
+    reference, few, many = (
+        on_error.mean(axis=0),
+        end_to_end[:, 0].mean(axis=0),
+        end_to_end[:, -1].mean(axis=0),
+    )
+    told = "; ".join(
+        f"{joint} {few[j]:.3f} to {many[j]:.3f}, on the error {reference[j]:.3f}"
+        for j, joint in enumerate(JOINTS)
+    )
+    return by_count([*(many < few), *(many > reference)], f"{epochs[0]} to {epochs[-1]} epochs: {told}")
+
+
+CLAIMS = (
+    Claim(
+        "Trained on the error or end to end, regressions do not differ",
+        "II-J, table II",
+        "0.369, 0.366, 0.176 and 1.062, 2.539, 1.766 both ways",
+        f"mean errors differ by less than {ALIKE} deg or mm for both regressions on every joint: the third digit",
+        _no_difference,
+        "positions are among the inputs, so that both ways span the same functions",
+    ),
+    Claim(
+        "The network is much worse end to end",
+        "II-J, table II",
+        "2.5, 3.3 and 9.5 times the error",
+        f"at least {WORSE} times on every joint; same direction: on two, or worse on all three",
+        _network_worse,
+        "an error is a few per cent of a joint's range: what the network leaves of its target weighs so much more end "
+        "to end",
+    ),
+    Claim(
+        "Trained on the error, network < linear < polynomial",
+        "II-J, table II",
+        "0.328 < 0.369 < 1.062 deg, 0.264 < 0.366 < 2.539 deg, 0.167 < 0.176 < 1.766 mm",
+        "on all three joints, mean over robots; same direction: on two",
+        _best_on_error,
+    ),
+    Claim(
+        "More epochs help the network end to end, but it stays behind",
+        "II-J",
+        "no numbers",
+        "at ten times the epochs better than before, and still worse than on the error, on every joint; same "
+        "direction: more than half of the six",
+        _epochs_help,
+    ),
+)
+
+EXPERIMENT = Experiment(
+    name="calibration-table-2",
+    paper="calibration",
+    place="table II",
+    title="Trained on the error, or end to end",
+    about=(__doc__ or "").partition("\n")[2].strip(),
+    cases=cases,
+    report=report,
+    minutes=90.0,
+    claims=CLAIMS,
+    drawn=2,
+)
