@@ -18,6 +18,7 @@ MODULES = {
     "calibration-table-3": "papers.calibration.table_3",
     "calibration-table-4": "papers.calibration.table_4",
     "calibration-dvrk": "papers.calibration.dvrk",
+    "gravity-own-compensation": "papers.gravity.own_compensation",
     "regressor-figure-2": "papers.regressor.figure_2",
     "regressor-figure-4": "papers.regressor.figure_4",
     "regressor-figure-5": "papers.regressor.figure_5",
