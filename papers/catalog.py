@@ -17,6 +17,7 @@ MODULES = {
     "calibration-figure-9": "papers.calibration.figure_9",
     "calibration-table-3": "papers.calibration.table_3",
     "calibration-table-4": "papers.calibration.table_4",
+    "calibration-ablation": "papers.calibration.ablation",
     "calibration-dvrk": "papers.calibration.dvrk",
     "regressor-figure-2": "papers.regressor.figure_2",
     "regressor-figure-4": "papers.regressor.figure_4",
