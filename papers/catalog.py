@@ -17,6 +17,7 @@ MODULES = {
     "calibration-figure-9": "papers.calibration.figure_9",
     "calibration-table-3": "papers.calibration.table_3",
     "calibration-table-4": "papers.calibration.table_4",
+    "calibration-ablation": "papers.calibration.ablation",
     "calibration-dvrk": "papers.calibration.dvrk",
     "gravity-own-compensation": "papers.gravity.own_compensation",
     "regressor-figure-2": "papers.regressor.figure_2",
@@ -27,6 +28,8 @@ MODULES = {
     "beyond-paths": "papers.beyond.paths",
     "beyond-rehoming": "papers.beyond.rehoming",
     "beyond-tilted-calibration": "papers.beyond.tilted_calibration",
+    "beyond-accuracy-latency-drift": "papers.beyond.accuracy_latency_drift",
+    "beyond-wrist-memory": "papers.beyond.wrist_memory",
 }
 
 
