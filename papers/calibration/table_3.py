@@ -217,6 +217,6 @@ EXPERIMENT = Experiment(
     about=(__doc__ or "").partition("\n")[2].strip(),
     cases=cases,
     report=report,
-    minutes=60.0,
+    minutes=30.0,  # beside figure 6's cases
     claims=(*_claims(NETWORK, "network"), *_claims("linear", "linear model")),
 )
