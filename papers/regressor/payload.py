@@ -186,12 +186,12 @@ def _picture(outcomes: Outcomes) -> Any:
             continue
         points = np.array(reliability(trials)).reshape(-1, 3)
         left.plot(100 * points[:, 0], 100 * points[:, 1], "o-", color=color, label=words)
-        shares = {"noticed": [], "on the right link": []}
+        shares: dict[str, list[float]] = {"noticed": [], "on the right link": []}
         for poses in LOOKED_AT:
             pairs = after(trials, poses)
-            shares["noticed"].append(100 * np.mean([noticed(seen) for _, seen in pairs]))
+            shares["noticed"].append(100 * float(np.mean([noticed(seen) for _, seen in pairs])))
             shares["on the right link"].append(
-                100 * np.mean([noticed(seen) and seen["right"] for _, seen in pairs])
+                100 * float(np.mean([noticed(seen) and seen["right"] for _, seen in pairs]))
             )
         for (name, values), style in zip(shares.items(), ("o--", "o-"), strict=True):
             right.plot(LOOKED_AT, values, style, color=color, label=f"{name}, {words}")

@@ -144,8 +144,8 @@ CLAIMS = (
         "gravity loads, J2 and J3, in both recordings",
         _at_rest,
         why="The law fits the pose at hand, by the smallest change of parameters, and lets go of what other poses "
-        "told; how well it does in others is left to where it stood last. Least squares on the same rows, which add the "
-        "poses up, leave far less in both recordings (tables); so the parameters are there to be found.",
+        "told; how well it does in others is left to where it stood last. Least squares on the same rows, which add "
+        "the poses up, leave far less in both recordings (tables); so the parameters are there to be found.",
     ),
     Claim(
         "Estimation should be performed under the quasi-static state",
