@@ -43,7 +43,7 @@ PEER_COLORS = {
     UKF: "#8455a8",
     UKF_TOLD: "#c3a6d8",
     RECURRENT: "#b0413e",
-    "Gaussian process": "#c9a227",
+    "Gaussian process": "#7a5c12",
     "two-phase": "#7fa3cf",
 }
 COLORS = METHOD_COLORS | PEER_COLORS
@@ -217,6 +217,6 @@ EXPERIMENT = Experiment(
     about=(__doc__ or "").partition("\n")[2].strip(),
     cases=cases,
     report=report,
-    minutes=60.0,
+    minutes=30.0,  # beside figure 6's cases
     claims=(*_claims(NETWORK, "network"), *_claims("linear", "linear model")),
 )

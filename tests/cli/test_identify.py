@@ -93,7 +93,7 @@ def test_payload_weighs_a_mass_at_its_place(moving_arm_logs: Path, parameters: P
 def test_payload_anywhere_names_the_link_and_the_others(moving_arm_logs: Path, parameters: Path) -> None:
     outcome = catenary("payload", moving_arm_logs / "loaded.npz", "--model", parameters)
     assert "payload on insertion" in outcome.out
-    assert "Other links" in outcome.out
+    assert "Links that could carry it" in outcome.out
 
 
 def test_no_payload_is_said(moving_arm_logs: Path, parameters: Path) -> None:

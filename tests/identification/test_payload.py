@@ -9,7 +9,9 @@ from catenary.identification.identification import identify
 from catenary.identification.options import IdentifyOptions
 from catenary.identification.payload import estimate_payload, payload_candidates, point_mass
 from catenary.identification.samples import prepare
+from catenary.robots.assembly import Coordinate, Link, LinkInertia, assemble
 from catenary.robots.catalog import load_robot
+from catenary.spatial import Pose
 from moving_arm import LEVEL, recorded, sinusoids
 
 ARM = load_robot("raven2")
@@ -70,6 +72,41 @@ def test_mass_and_place_are_found_on_the_link_that_carries_them(found):
 def test_every_link_is_a_candidate_once(found):
     names = [candidate.link for candidate in payload_candidates(found, loaded(0.3))]
     assert sorted(names) == sorted(ARM.link_names)
+
+
+def test_probabilities_of_links_add_up_and_the_likeliest_comes_first(found):
+    candidates = payload_candidates(found, loaded(0.3))
+    assert sum(one.probability for one in candidates) == pytest.approx(1.0)
+    assert candidates[0].probability > 0.95
+    assert candidates[0].likely == ("insertion",)
+    assert candidates[0].location == "on insertion"
+
+
+def parallelogram():
+    """Two bars that one coordinate turns alike, and a forearm on the first."""
+    body = LinkInertia(1.0, np.array([0.2, 0.0, 0.02]), 0.02 * np.eye(3))
+    rows = [("lower", "base", "q1", 0.0), ("upper", "base", "q1", 0.1), ("forearm", "lower", "q2", 0.4)]
+    links = [
+        Link(name, parent, "revolute", Pose(np.eye(3), np.array([x, 0.0, 0.0])), np.array([0.0, 1.0, 0.0]),
+             {joint: 1.0}, inertia=body)
+        for name, parent, joint, x in rows
+    ]  # fmt: skip
+    return assemble("parallelogram", links, [Coordinate(joint, "rad", -2.0, 2.0) for joint in ("q1", "q2")])
+
+
+def test_links_that_move_alike_share_the_probability():
+    arm = parallelogram()
+    result = identify([recorded(arm, 0, noise=0.2)], arm)
+    heavy = arm.with_payload("upper", 0.5, np.array([0.3, 0.0, 0.05]))
+    samples = [prepare(recorded(heavy, 1, noise=0.2), arm, IdentifyOptions())]
+    first, second, third = payload_candidates(result, samples)
+    assert {first.link, second.link} == {"lower", "upper"}
+    assert first.probability == pytest.approx(0.5, abs=0.02)
+    assert second.probability == pytest.approx(0.5, abs=0.02)
+    assert third.probability < 0.01
+    assert set(first.likely) == {"lower", "upper"}
+    assert first.telling_joint is None
+    assert "cannot be told from these poses; no joint would" in first.location
 
 
 def test_what_an_unloaded_recording_of_the_day_shows_is_subtracted(found):

@@ -209,8 +209,13 @@ def payload(
         return
     print_notes(result.notes)
     best = result.payload
-    found, that = (f"payload on {best.link}", "") if best.detected else ("no payload", " that there is one")
-    print(f"{found} (confidence {best.confidence:.3f}{that})")
+    if best.detected:
+        sure = f" (probability {best.probability:.2f})" if len(best.likely) == 1 and at is None else ""
+        print(f"payload {best.location}{sure}")
+    else:
+        print(f"no payload (confidence {best.confidence:.3f} that there is one)")
+    if best.detected and len(best.likely) > 1:
+        print(f"if it is on {best.link}:")
     if best.mass is not None:
         print(f"mass: {1000 * best.mass:.1f} g, standard deviation {1000 * (best.mass_std or 0.0):.1f} g")
     if best.moment is not None and best.moment_std is not None:
@@ -220,7 +225,10 @@ def payload(
         )
     if result.candidates:
         print_table(
-            "Other links, by what they explain of the residual",
-            ["link", "explained"],
-            [[c.link, f"{100 * c.explained:.1f} %"] for c in result.candidates],
+            "Links that could carry it, and what it would explain of the residual there",
+            ["link", "probability", "explained"],
+            [
+                [c.link, f"{c.probability:.2f}", f"{100 * c.explained:.1f} %"]
+                for c in (best, *result.candidates)
+            ],
         )

@@ -42,6 +42,14 @@ def serve(
     start: Annotated[
         bool, Option("--start", help="Press the silver button at once; with crtk: enable and home.")
     ] = False,
+    grav_dir: Annotated[
+        str | None,
+        Option(
+            metavar="X,Y,Z",
+            help="Gravity compensation of the robot's own, by this gravity in whole cm/s2, z down: 0,0,980 as on the "
+            "real one. [default: none]",
+        ),
+    ] = None,
     duration: Duration = None,
     as_json: JsonLines = False,
 ) -> None:
@@ -58,9 +66,10 @@ def serve(
     if dialect not in ("raven", "crtk"):
         raise InputError(f'--dialect "{dialect}": expected raven or crtk')
     tilt = roll_and_pitch("--base-tilt-deg", base_tilt_deg)
+    by = None if grav_dir is None else _whole_numbers(grav_dir)
     # what it reports is in the status, which is shown; Python would print it a second time
     logging.getLogger("catenary.crtk.serving.reports").addHandler(logging.NullHandler())
-    serving = Serving(robot, dialect, seed, tilt, payload, green, homed, encoders)  # type: ignore[arg-type]
+    serving = Serving(robot, dialect, seed, tilt, payload, green, homed, encoders, by)  # type: ignore[arg-type]
     with make_transport(ros, NODE) as transport:
         server = make_server(serving, transport, rate_hz=rate)
         commands = deque(["start"] if start else [])
@@ -97,6 +106,14 @@ def _greeting(server: "Server", dialect: str, ros: str) -> str:
     if server.button is not None:
         text += "; `button` and Enter, or `catenary button`, presses the silver button"
     return text
+
+
+def _whole_numbers(text: str) -> tuple[int, int, int]:
+    try:
+        x, y, z = map(int, text.split(","))
+    except ValueError as error:
+        raise InputError(f'--grav-dir "{text}": expected three whole numbers, as 0,0,980') from error
+    return x, y, z
 
 
 def _listen(commands: deque[str]) -> None:

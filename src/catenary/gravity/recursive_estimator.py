@@ -8,6 +8,7 @@ it is not forgotten, so that what the data do not tell stays where it is, and A 
 Where it is known which frames take things up, a torque three standard deviations off what noise and P = (A + A_0)^-1
 let expect widens P by what a load there would change, P + V Q V^T, as a Kalman filter does whose state may jump. So
 the payload is told in the first pose, from all the joints that feel it, and what was learnt of the arm itself stays.
+Which frame has it is told with probabilities (carriers.py): one pose seldom tells.
 """
 
 from collections.abc import Sequence
@@ -17,12 +18,13 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_positive
 from catenary.errors import InputError
+from catenary.gravity.carriers import LOAD, LoadBeliefs, LoadHypotheses
 from catenary.gravity.estimator import EstimatedGravity, Observed, one_for_all
-from catenary.gravity.payload import PER_LOAD, load_directions
 from catenary.plant import JointState
 from catenary.robots.model import RobotModel
 
 SURPRISE = 3.0  # standard deviations of torque that say that the load has changed
+ANOTHER = 5.0  # the same, once a load is looked for: noise alone exceeds three of them now and then
 
 
 class RecursiveGravityEstimator(EstimatedGravity):
@@ -56,7 +58,7 @@ class RecursiveGravityEstimator(EstimatedGravity):
         interval: float = 0.01,
         novelty: float = 0.3,
         carriers: Sequence[str] = (),
-        load: tuple[float, float] = (2.0, 0.3),
+        load: tuple[float, float] = LOAD,
     ) -> None:
         """Take a robot, of which geometry and limits are used.
 
@@ -91,9 +93,10 @@ class RecursiveGravityEstimator(EstimatedGravity):
         if not 0.0 < forgetting <= 1.0:
             raise InputError(f"forgetting: expected more than 0 and at most 1, got {forgetting}")
         self._forgetting, self._settle, self._interval, self._novelty = forgetting, settle, interval, novelty
-        sizes = np.repeat(as_positive("load", load, (2,)), (1, PER_LOAD - 1))
-        loads = [load_directions(self.regressor, frame) * sizes for frame in carriers]
-        self._loads = np.hstack([np.empty((p, 0)), *loads])  # V
+        self._hypotheses = LoadHypotheses(self.regressor, carriers, load)
+        self._loads = self._hypotheses.directions  # V
+        self._unloaded: Floats | None = None  # s_hat before the load changed
+        self._last_pose = np.zeros(n), np.zeros(3)  # configuration and gravity of the last torque taken
         self._information = np.zeros((p, p))  # A
         self._resting_since, self._last_taken, self._taken = np.nan, np.nan, 0
 
@@ -102,6 +105,11 @@ class RecursiveGravityEstimator(EstimatedGravity):
         """Standard deviations (p,) of s_hat, if the noise is as large as was said, and new in each sample."""
         deviations: Floats = np.sqrt(np.diag(np.linalg.inv(self._information + self._prior)))
         return deviations
+
+    @property
+    def load(self) -> LoadBeliefs | None:
+        """Which carrier's load has changed, as far as torques since then tell; None where none has been noticed."""
+        return None if self._unloaded is None else self._hypotheses.beliefs(*self._last_pose, self._noise)
 
     @property
     def taken(self) -> int:
@@ -130,6 +138,7 @@ class RecursiveGravityEstimator(EstimatedGravity):
         if not self._learn(Z / self._noise[:, None], (tau - Z @ self._s) / self._noise):
             return False
         self._last_taken, self._taken = time, self._taken + 1
+        self._last_pose = q.copy(), gravity.copy()
         return True
 
     def _learn(self, Z: Floats, missing: Floats) -> bool:
@@ -138,9 +147,15 @@ class RecursiveGravityEstimator(EstimatedGravity):
         if not tells or self._loads.size:
             variance = np.sum(Z.T * np.linalg.solve(self._information + self._prior, Z.T), axis=0)
             tells |= bool((variance > self._novelty**2).any())
-            if (np.abs(missing) > SURPRISE * np.sqrt(1.0 + variance)).any():
+            surprise = float((np.abs(missing) / np.sqrt(1.0 + variance)).max())
+            if self._loads.size and surprise > (SURPRISE if self._unloaded is None else ANOTHER):
+                self._hypotheses.restart(self._information + self._prior)
+                self._unloaded = self._s.copy()
+            if surprise > SURPRISE:
                 self._doubt_loads()
         if tells:
+            if self._unloaded is not None:
+                self._hypotheses.take(Z, missing + Z @ (self._s - self._unloaded))
             self._information = self._forgetting * self._information + Z.T @ Z
             self._s += np.linalg.solve(self._information + self._prior, Z.T @ missing)
         return tells

@@ -1,8 +1,13 @@
-"""What an arm carries beyond what it was identified with: how much, where, on which link."""
+"""What an arm carries beyond what it was identified with: how much, where, on which link.
+
+Several links may explain the torques as well: then they share the probability, by the likelihood of what each leaves
+(gravity/carriers.py weighs poses at rest of a known arm), and none is named alone.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import erf, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,6 +15,8 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array
 from catenary.dynamics.regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
+from catenary.gravity.carriers import likely, location_text, probabilities, telling_joint
+from catenary.gravity.compact import compact_regressor
 from catenary.identification.identification import Identification
 from catenary.identification.least_squares import one_over
 from catenary.identification.options import filter_of
@@ -37,6 +44,24 @@ class PayloadEstimate:
     detected: bool
     confidence: float  # that the torques are not those of the unloaded arm, 0 to 1
     explained: float  # share of the mean square residual that the payload takes away
+    probability: float = 1.0  # that it is on this link, if there is one; 1 where its place was given
+    likely: tuple[str, ...] = ()  # the fewest links that hold 95 % of that, likeliest first
+    telling_joint: str | None = (
+        None  # whose motion would tell between the first two, where these recordings do not
+    )
+
+    @property
+    def location(self) -> str:
+        """Say on which link it is, or between which ones the recordings cannot tell."""
+        return location_text(self.likely or (self.link,), self.telling_joint)
+
+
+class _Fitted(NamedTuple):
+    """A payload fitted on a link, and what its evidence needs."""
+
+    estimate: PayloadEstimate
+    misfit: float  # sum of squares that stays, weighted
+    body: Floats  # (4,) mass and moment [kg, kg m], also where recordings hardly tell them
 
 
 def estimate_payload(
@@ -49,8 +74,8 @@ def estimate_payload(
     """Find a payload in recordings of a robot whose dynamics were identified without it.
 
     What torques are left, weighted by the training residual of each axis, is fitted by the torques of a point mass.
-    At a known place its mass alone is fitted. Otherwise mass and place are fitted on every link, and the link that
-    explains most is taken.
+    At a known place its mass alone is fitted. Otherwise mass and place are fitted on every link, and the likeliest
+    link is taken; `likely` and `location` say which others the recordings cannot tell from it.
 
     Residuals of a real arm repeat with its motion, so the standard deviation counts rows as independent only beyond a
     second, and periods of the excitation once. "No payload" is said of an estimate below three standard deviations,
@@ -69,16 +94,41 @@ def estimate_payload(
         raise InputError("payload: expected at least one recording")
     if at is not None:
         link, place = _place(result, at)
-        return _fit(result, loaded, unloaded, link, place)
+        return _fit(result, loaded, unloaded, link, place).estimate
     return payload_candidates(result, loaded, unloaded=unloaded)[0]
 
 
 def payload_candidates(
     result: Identification, loaded: Sequence[Samples], *, unloaded: Sequence[Samples] = ()
 ) -> tuple[PayloadEstimate, ...]:
-    """Estimate the payload on every link; the one that explains most of the residual first."""
-    found = [_fit(result, loaded, unloaded, link, None) for link in result.base.parameters.links]
-    return tuple(sorted(found, key=lambda payload: -payload.explained))
+    """Estimate the payload on every link, with the probability that it is there; the likeliest link first."""
+    fits = [_fit(result, loaded, unloaded, link, None) for link in result.base.parameters.links]
+    rows, n = sum(len(part.q) for part in loaded), result.model.n
+    best = min(fit.misfit for fit in fits)
+    # residuals are weighted by those of the training; where even the best link leaves more, that is the noise
+    counted = _independent_share(result, rows, _rate(result, loaded)) / max(1.0, best / (rows * n))
+    # every link has the same four unknowns, so that what each leaves decides
+    shares = probabilities([-0.5 * counted * (fit.misfit - best) for fit in fits])
+    order = sorted(range(len(fits)), key=lambda k: (-shares[k], -fits[k].estimate.explained))
+    found = likely([fits[k].estimate.link for k in order], [shares[k] for k in order])
+    joint = None
+    if len(found) > 1:
+        pair = [(fits[k].estimate.link, fits[k].body) for k in order[:2]]
+        joint = telling_joint(
+            compact_regressor(result.model),
+            pair,
+            loaded[0].q[-1],
+            np.array(result.options.gravity),
+            np.mean([r.rms for r in result.training], axis=0) + 1e-9,
+        )
+    return tuple(
+        replace(fits[k].estimate, probability=shares[k], likely=found, telling_joint=joint) for k in order
+    )
+
+
+def _rate(result: Identification, samples: Sequence[Samples]) -> float:
+    """Return the rows per second of recordings; poses at rest have no time, and count one by one."""
+    return 1.0 if result.options.terms == "static" else 1.0 / float(np.median(np.diff(samples[0].time)))
 
 
 def _reach(model: RobotModel) -> float:
@@ -109,7 +159,7 @@ def _fit(
     unloaded: Sequence[Samples],
     link: int,
     place: Floats | None,
-) -> PayloadEstimate:
+) -> _Fitted:
     name = result.model.link_names[link]
     Y, y = _rows(result, loaded, link)
     if unloaded:
@@ -118,7 +168,8 @@ def _fit(
         baseline = _least_squares(_flat(before @ directions), y_before.reshape(-1))
         y = y - Y @ directions @ baseline
     if not np.abs(Y).max() > 0.0:
-        return PayloadEstimate(name, None, None, None, None, False, 0.0, 0.0)
+        nothing = PayloadEstimate(name, None, None, None, None, False, 0.0, 0.0)
+        return _Fitted(nothing, float(np.sum(y**2)), np.zeros(4))
     if place is not None:
         column = point_mass(place)
         mass = float(_least_squares(_flat(Y @ column[:, None]), y.reshape(-1))[0])
@@ -128,7 +179,7 @@ def _fit(
         mass, moment = _mass_and_moment(Y, y, _reach(result.model))
         phi, tangent = _body(mass, moment), _tangent(mass, moment)
     left = y - Y @ phi
-    rate = 1.0 / float(np.median(np.diff(loaded[0].time)))
+    rate = _rate(result, loaded)
     torque = Y @ phi
     size, rest = float(np.linalg.norm(torque)), float(np.linalg.norm(left))  # weighted
     explained = 1.0 - rest**2 / float(np.sum(y**2))
@@ -143,12 +194,13 @@ def _fit(
     scale[scale == 0.0] = 1.0
     inverse = np.asarray(np.linalg.pinv(_flat(X / scale), rcond=1e-6), dtype=np.float64)
     deviation = np.sqrt(np.diag(_spread(result, inverse.reshape(-1, *y.shape), left, rate))) / scale
+    body = np.array([mass, *moment])
     told = place is not None or deviation[0] < TOLD * mass
     hidden = deviation > HIDDEN
     deviation[hidden] = np.nan
     if place is None:
         moment = np.where(hidden[1:], np.nan, moment)
-    return PayloadEstimate(
+    estimate = PayloadEstimate(
         name,
         mass if told else None,
         float(deviation[0]) if told else None,
@@ -157,7 +209,9 @@ def _fit(
         sure >= SIGNIFICANT,
         erf(sure / sqrt(2.0)),
         explained,
+        likely=(name,),
     )
+    return _Fitted(estimate, rest**2, body)
 
 
 def _mass_and_moment(Y: Floats, y: Floats, reach: float) -> tuple[float, Floats]:
@@ -238,12 +292,26 @@ def _spread(result: Identification, inverse: Floats, left: Floats, rate: float) 
     """
     terms = np.einsum("kta,ta->tk", inverse, left)
     rows = len(terms)
-    lags = 1 if result.options.terms == "static" else max(1, min(int(CORRELATED * rate), rows // 4))
+    lags = _lags(result, rows, rate)
     total = terms.T @ terms
     for lag in range(1, lags):
         shifted = terms[lag:].T @ terms[:-lag]
         total = total + (1.0 - lag / lags) * (shifted + shifted.T)
-    period = filter_of(result.model, result.options).period_samples
-    repeats = 1.0 if period is None or result.options.terms == "static" else max(1.0, rows / period)
-    spread: Floats = total * repeats + 1e-30 * np.eye(len(total))
+    spread: Floats = total * _repeats(result, rows) + 1e-30 * np.eye(len(total))
     return spread
+
+
+def _lags(result: Identification, rows: int, rate: float) -> int:
+    """Return over how many rows residuals hang together."""
+    return 1 if result.options.terms == "static" else max(1, min(int(CORRELATED * rate), rows // 4))
+
+
+def _repeats(result: Identification, rows: int) -> float:
+    """Return how often the recordings repeat the excitation's period."""
+    period = filter_of(result.model, result.options).period_samples
+    return 1.0 if period is None or result.options.terms == "static" else max(1.0, rows / period)
+
+
+def _independent_share(result: Identification, rows: int, rate: float) -> float:
+    """Return which share of the rows counts as independent of each other."""
+    return 1.0 / (_lags(result, rows, rate) * _repeats(result, rows))

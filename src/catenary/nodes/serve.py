@@ -47,6 +47,9 @@ class Serving:
     with_green: bool = False  # a green arm that moves, in place of a parked one
     homed: bool = False  # begin as after homing
     with_encoders: bool = True  # dialect raven: publish the gold arm's external encoders
+    grav_dir: tuple[int, int, int] | None = (
+        None  # [cm/s2] of the robot's own gravity compensation; None: without
+    )
 
     def __post_init__(self) -> None:
         if self.robot != "raven2":
@@ -118,7 +121,11 @@ def _plants(serving: Serving) -> dict[Arm, Plant]:
 
     def made(side: str) -> CablePlant:
         plant = CablePlant(
-            side=side, seed=serving.seed, payload=serving.payload, base=FixedBase(float(roll), float(pitch))
+            side=side,
+            seed=serving.seed,
+            payload=serving.payload,
+            base=FixedBase(float(roll), float(pitch)),
+            grav_dir=serving.grav_dir,
         )
         if serving.homed:
             plant.home()

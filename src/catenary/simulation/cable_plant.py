@@ -1,6 +1,6 @@
 """A simulated RAVEN-II arm: real cables, its own firmware, homing, external encoders; a Plant."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,6 +25,7 @@ from catenary.simulation.firmware import (
     read_encoders,
 )
 from catenary.simulation.homing import home
+from catenary.simulation.own_gravity import grav_dir_of, gravity_of, own_gravity
 from catenary.simulation.records import AXES, POSITIONING, TOOLS
 from catenary.simulation.simulated_plant import PERIOD, SimulatedPlant
 from catenary.simulation.ticks import run_ticks
@@ -51,6 +52,7 @@ class CablePlant(SimulatedPlant):
         payload: float = 0.0,
         base: MovingBase | None = None,
         substeps: int = 2,
+        grav_dir: Sequence[int] | None = None,
     ) -> None:
         """Put an arm on a base.
 
@@ -63,9 +65,11 @@ class CablePlant(SimulatedPlant):
             payload: Mass at the tool's wrist [kg].
             base: What it stands on; a level base at rest when None.
             substeps: Physics steps in 1 ms; 1 is enough for hours-long runs.
+            grav_dir: Gravity that its own compensation goes by, three whole numbers [cm/s2] as the robot has them,
+                z down: (0, 0, 980) on the real one, on whatever base. No compensation of its own when None.
 
         Raises:
-            InputError: An unknown side, a negative payload, or fewer than one substep.
+            InputError: An unknown side, a negative payload, fewer than one substep, or no such gravity.
         """
         if side not in ("left", "right"):
             raise InputError(f'side "{side}": expected left or right')
@@ -89,6 +93,10 @@ class CablePlant(SimulatedPlant):
         self.state = ArmState()
         self.control = ControlState(braked=True, guarded=True)
         self.encoders = ExternalEncoders(self.arm.rig)
+        self._own_gravity = own_gravity(positioning.tree)
+        self._written_gravity = (
+            None if grav_dir is None else gravity_of(grav_dir)
+        )  # what its program begins with
         self._work = Work()
         self._homing: Iterator[Floats] | None = None
         self._power_on(rng, start)
@@ -113,6 +121,23 @@ class CablePlant(SimulatedPlant):
     def upper(self) -> Floats:
         """Software limits above, (7,)."""
         return self.firmware.upper.copy()
+
+    @property
+    def grav_dir(self) -> tuple[int, int, int] | None:
+        """Gravity that the robot's own compensation goes by [cm/s2], z down; None without compensation.
+
+        May be set, as a program on the robot may: it holds until the arm is disabled or homes, and is then what it
+        was at the beginning.
+        """
+        return None if self._written_gravity is None else grav_dir_of(self._own_gravity.gravity)
+
+    @grav_dir.setter
+    def grav_dir(self, grav_dir: Sequence[int]) -> None:
+        gravity = gravity_of(grav_dir)
+        if self._written_gravity is None:
+            raise InputError("grav_dir: this robot was made without gravity compensation of its own")
+        if self._own_gravity.weighs:
+            self._own_gravity.gravity = gravity
 
     def measured_js(self) -> JointState:
         """Return the joint state that the firmware believes; gravity and base rates are an ideal sensor's."""
@@ -207,6 +232,7 @@ class CablePlant(SimulatedPlant):
                 self.firmware,
                 self.state,
                 self.control,
+                self._own_gravity,
                 self._work,
                 rows[done : done + count],
                 base.gravity,
@@ -229,6 +255,7 @@ class CablePlant(SimulatedPlant):
         if row is None:  # the setpoint stays at home
             self._stop_homing()
             self._is_homed = True
+            self._compensate()
         return row
 
     @property
@@ -238,6 +265,7 @@ class CablePlant(SimulatedPlant):
     def _begin_homing(self) -> None:
         self._stop_homing()
         self._is_homed = False
+        self._compensate()
         self.control.braked = False
         self._homing = home(
             self.firmware, self.control, self.encoders, self.cable.stop_side, self.joint_names
@@ -264,6 +292,16 @@ class CablePlant(SimulatedPlant):
         control.mode[:] = POSITION if moves else OFF
         if moves:  # no jump when control begins
             control.setpoint = control.joint
+        self._compensate()
+
+    def _compensate(self) -> None:
+        """Switch the robot's own gravity compensation: once homed, whether the pedal is down or not."""
+        own = self._own_gravity
+        runs = self._is_homed and not self._is_homing and self._state in ("ENABLED", "PAUSED")
+        own.weighs = runs and self._written_gravity is not None
+        if not own.weighs:
+            self.control.gravity_torque[:] = 0.0
+            own.gravity = np.zeros(3) if self._written_gravity is None else self._written_gravity
 
     def _power_on(self, rng: np.random.Generator, start: ArrayLike | None) -> None:
         state, control = self.state, self.control

@@ -39,6 +39,7 @@ class ControlState(Record):
     torque_command: PerAxis  # joint torques for axes in mode TORQUE [Nm, Nm, N, Nm...]
     integral: PerAxis  # of the motor position error [rad s]
     torque: PerAxis  # demanded at the gearbox's output, before clipping [Nm]
+    gravity_torque: PerJoint  # its share that holds the links against gravity [Nm]; zero while there is none
     dac: PerAxis  # sent, after clipping, with the board's sign
     mode: CodePerAxis  # OFF, POSITION or TORQUE
     seek: CodePerAxis  # of axes that look for their stop: SEEKING, then FOUND
@@ -107,7 +108,8 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
     tau = Kp (m_d - m) + Kd (0 - m_vel) + Ki integral(m_d - m); DAC = trunc(s tau / (Kt gearbox) DAC/A).
     The integral is never reset and never limited, as on the robot. Joint torques, which the robot takes from
     nobody but itself and without the coupling, go through the coupling here: a commanded torque is the joint's,
-    within what `_bound_torques` lets pass.
+    within what `_bound_torques` lets pass. The robot's own gravity compensation, if there is any, is added to all but
+    commanded torques.
     """
     _motors_of(firmware, control.setpoint, control.motor[2], control.motor_setpoint)
     wanted = np.zeros(AXES)
@@ -127,6 +129,8 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
         elif control.mode[j] == TORQUE:
             torque = (cable[j] if j < 3 else wanted[j]) * firmware.gearbox[j] / firmware.ratio[j]
             control.setpoint[j] = control.joint[j]  # no jump when the PD takes over
+        if j < 3 and control.mode[j] != TORQUE and control.gravity_torque[j] != 0.0:
+            torque += control.gravity_torque[j]
         per_torque = firmware.dac_per_ampere[j] / (firmware.torque_constant[j] * firmware.gearbox[j])
         dac = float(math.trunc(firmware.dac_sign[j] * torque * per_torque))
         limit = firmware.dac_limit[j]

@@ -16,6 +16,7 @@ from catenary.simulation.cable_plant import CablePlant
 FORMAT = "catenary.cable_plant.1"
 LARGEST = 1e9  # of counts, radians, metres, newtons and newton metres in an arm
 FLAGS = ("braked", "stopped", "guarded")  # of the firmware, one array in the file
+UNSAVED = ("gravity_torque",)  # zero while disabled
 
 
 def save_plant(plant: CablePlant, path: Path) -> None:
@@ -25,7 +26,8 @@ def save_plant(plant: CablePlant, path: Path) -> None:
         FileFormatError: The file cannot be written.
     """
     arrays: dict[str, Any] = {f"arm.{name}": plant.state[name] for name in plant.state.fields}
-    arrays |= {f"control.{name}": plant.control[name] for name in plant.control.fields if name not in FLAGS}
+    saved = [name for name in plant.control.fields if name not in FLAGS + UNSAVED]
+    arrays |= {f"control.{name}": plant.control[name] for name in saved}
     arrays["control.flags"] = np.array([plant.control[name] for name in FLAGS], dtype=np.int64)
     arrays["rig_zero"] = plant.encoders.zero
     about = _robot(plant) | {
@@ -57,7 +59,7 @@ def restore_plant(plant: CablePlant, path: Path) -> None:
         state = {name: _like(arrays[f"arm.{name}"], plant.state[name], name) for name in plant.state.fields}
         control = dict(zip(FLAGS, arrays["control.flags"], strict=True))
         for name in plant.control.fields:
-            if name not in FLAGS:
+            if name not in FLAGS + UNSAVED:
                 control[name] = _like(arrays[f"control.{name}"], plant.control[name], name)
         rig_zero = _like(arrays["rig_zero"], plant.encoders.zero, "rig_zero")
         tick, is_homed = about.get("tick"), about.get("is_homed")

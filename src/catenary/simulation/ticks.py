@@ -14,6 +14,7 @@ from catenary.simulation.firmware import (
     read_encoders,
     take_setpoint,
 )
+from catenary.simulation.own_gravity import OwnGravity, weigh
 from catenary.simulation.records import AXES, POSITIONING
 from catenary.simulation.simulated_plant import PERIOD
 
@@ -25,6 +26,7 @@ def run_ticks(
     firmware: Firmware,
     arm: ArmState,
     control: ControlState,
+    own: OwnGravity,
     work: Work,
     setpoints: Floats,
     gravity: Floats,
@@ -44,6 +46,7 @@ def run_ticks(
         firmware: Its control.
         arm: The arm's state; overwritten.
         control: The control's state; overwritten.
+        own: Its gravity compensation.
         work: Scratch.
         setpoints: (T, 7) desired joint positions; NaN leaves an axis where it is.
         gravity: (1, 3) or (T, 3) [m/s2] in base axes.
@@ -55,10 +58,13 @@ def run_ticks(
         Number of ticks run; fewer than T when the software e-stop tripped.
     """
     cable, firmware, arm, control, work = cable[()], firmware[()], arm[()], control[()], work[()]
+    own = own[()]
     shaft_torque = np.zeros(7)
     step = PERIOD / substeps
     for k in range(len(setpoints)):
         take_setpoint(firmware, control, setpoints[k])
+        if own.weighs:
+            weigh(firmware, own, control)
         control_motors(firmware, control, shaft_torque)
         if len(log) > 0:
             _write_row(log[k], control, arm)

@@ -22,7 +22,12 @@ class PayloadResult:
     def summary(self) -> dict[str, Any]:
         """Return plain data."""
         candidates = [asdict(other) for other in self.candidates]
-        return {**asdict(self.payload), "candidates": candidates, "notes": list(self.notes)}
+        return {
+            **asdict(self.payload),
+            "location": self.payload.location,
+            "candidates": candidates,
+            "notes": list(self.notes),
+        }
 
 
 def payload_of_files(
@@ -61,7 +66,4 @@ def payload_of_files(
         notes.append(
             "the motion shows only mass times place, not the mass by itself; give its place with --at"
         )
-    close = [c.link for c in candidates if best.detected and c.explained > best.explained - 0.05]
-    if close:
-        notes.append(f"{', '.join(close)} would explain the torques nearly as well as {best.link}")
     return PayloadResult(best, tuple(candidates), tuple(notes))

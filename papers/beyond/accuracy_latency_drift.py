@@ -1,0 +1,147 @@
+"""Accuracy at once, accuracy after six hours, and the time of one correction, of every method in one picture.
+
+The accuracy is that of table III: every method learns from the same 17 minutes of zig-zags of the same simulated robots
+and is tested on the same six unloaded hours. The time is the processor's for one correction, as a servo loop at 1 kHz
+would ask for it (latency.py says how each is run): it depends on the machine, and on how a method is written.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.reports.page import Table
+from papers.beyond.latency import latencies
+from papers.calibration import table_3
+from papers.calibration.peer_hours import PEERS
+from papers.calibration.published import TABLE_3_OURS
+from papers.calibration.recordings import BEST, JOINTS, NETWORK, UNITS
+from papers.calibration.six_hours import OFFSET
+from papers.claims import mean_and_spread
+from papers.experiment import Case, Experiment, Outcomes, Report, Scope, TitledPicture, TitledTable
+from papers.figures import panels
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+METHODS = (OFFSET, "linear", "polynomial", NETWORK, BEST, *PEERS)
+SERVO = 1000.0  # [us] of a loop's period
+PUBLISHED = {NETWORK: 61e3, "linear": 380.0}  # [us] of an inference, table V
+
+
+def cases(scope: Scope) -> list[Case]:
+    """Return table III's cases, and the one that times every method."""
+    timed = latencies.case(sparsity=1 / 2, seconds=4.0, every=6 if scope.quick else 1)
+    return [*table_3.cases(scope), timed]
+
+
+def microseconds(outcomes: Outcomes) -> dict[str, float]:
+    """Return how long one correction of each method takes [us]."""
+    return {name: value for result in outcomes.of(latencies) for name, value in result.items()}
+
+
+def present(outcomes: Outcomes) -> list[str]:
+    """Return the methods that have errors and times."""
+    timed = microseconds(outcomes)
+    return [name for name in METHODS if name in timed and table_3.hours(outcomes, name).size]
+
+
+def left(outcomes: Outcomes, method: str) -> Floats:
+    """Return what a method leaves of the fixed offset's error in hours 0 and 5 [%]: geometric mean over joints, (2,).
+
+    Of the fixed offset in hour 0, both.
+    """
+    ends = table_3.hours(outcomes, method).mean(axis=0)[[0, -1]]
+    offset = table_3.hours(outcomes, OFFSET).mean(axis=0)[0]
+    shares: Floats = 100.0 * np.exp(np.mean(np.log(ends / offset), axis=1))
+    return shares
+
+
+def report(outcomes: Outcomes) -> Report:
+    """Return the table, the picture, and the sentence."""
+    timed = microseconds(outcomes)
+    rows = []
+    for name in present(outcomes):
+        found = table_3.hours(outcomes, name)
+        share = left(outcomes, name)
+        rows.append(
+            [
+                name,
+                *(mean_and_spread(found[:, 0, j]) for j in range(3)),
+                *(mean_and_spread(found[:, -1, j] - found[:, 0, j]) for j in range(3)),
+                f"{share[0]:.0f}, {share[1]:.0f}",
+                f"{timed[name]:.1f}",
+            ]
+        )
+    header = ["method", *(f"{j} [{u}]" for j, u in zip(JOINTS, UNITS, strict=True))]
+    header += [f"{j} lost [{u}]" for j, u in zip(JOINTS, UNITS, strict=True)]
+    header += ["hours 0, 5 [% of offset]", "time [us]"]
+    title = "RMSE in hour 0, what is lost until hour 5, both as a share of the fixed offset's in hour 0; one correction"
+    if not rows:
+        return Report()
+    caption = (
+        "RMSE over the time of one correction: from hour 0 (dot) to hour 5 (arrow), mean over robots; dashed: a loop "
+        "at 1 kHz; squares: the paper's network and linear model"
+    )
+    return Report(
+        [TitledTable(title, Table(header, rows))],
+        [TitledPicture(caption, _picture(outcomes))],
+        [sentence({name: (*left(outcomes, name), timed[name]) for name in present(outcomes)})],
+    )
+
+
+def sentence(found: dict[str, Sequence[float]]) -> str:
+    """Return what the numbers say in a sentence: by method, what is left in hours 0 and 5 [%] and the time [us]."""
+    learned = {name: values for name, values in found.items() if name != OFFSET}
+    first, last = (min(learned, key=lambda name, k=k: learned[name][k]) for k in (0, 1))  # type: ignore[misc]
+    lost = [values[1] - values[0] for values in learned.values()]
+    fast = [name for name, values in learned.items() if values[2] < SERVO]
+    return (
+        f"Right after calibration the {first} is best, with {learned[first][0]:.0f} % of the fixed offset's error left "
+        f"and {learned[first][2]:.1f} us a correction; six hours later the {last}, with {learned[last][1]:.0f} % and "
+        f"{learned[last][2]:.1f} us. The hours cost every method {min(lost):.0f} to {max(lost):.0f} points, and "
+        f"{len(fast)} of {len(learned)} fit into a servo loop at 1 kHz."
+    )
+
+
+def _picture(outcomes: Outcomes) -> "Figure":
+    figure, axes = panels(3, 4.0)
+    timed = microseconds(outcomes)
+    for j, panel in enumerate(axes):
+        for name in present(outcomes):
+            mean = table_3.hours(outcomes, name).mean(axis=0)[[0, -1], j]
+            color = table_3.COLORS[name]
+            panel.plot(timed[name], mean[0], "o", color=color, ms=5, label=name)
+            panel.annotate(
+                "",
+                (timed[name], mean[1]),
+                (timed[name], mean[0]),
+                arrowprops={"arrowstyle": "->", "color": color, "lw": 1.5},
+            )
+        for name, took in PUBLISHED.items():
+            low, high = TABLE_3_OURS[name][j]
+            color = table_3.COLORS[name]
+            panel.plot(took, low, "s", mfc="none", color=color, ms=5)
+            panel.annotate("", (took, high), (took, low), arrowprops={"arrowstyle": "->", "color": color})
+        panel.axvline(SERVO, color="#8a94a3", ls="--", lw=0.8)
+        panel.set_xscale("log")
+        panel.set_ylim(bottom=0.0)
+        panel.set_xlabel("one correction [us]")
+        panel.set_title(f"{JOINTS[j]} [{UNITS[j]}]", fontsize=10)
+    figure.legend(
+        *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False, fontsize=8
+    )
+    return figure
+
+
+EXPERIMENT = Experiment(
+    name="beyond-accuracy-latency-drift",
+    paper="beyond",
+    place="beyond tables III and V",
+    title="Accuracy, latency and drift of every method",
+    about=(__doc__ or "").partition("\n")[2].strip(),
+    cases=cases,
+    report=report,
+    minutes=2.0,  # beside table III's cases
+)

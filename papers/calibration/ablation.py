@@ -1,0 +1,307 @@
+"""Features of the calibration paper's models, left out and added: which group matters to which joint.
+
+After the ablation study that chose the paper's inputs (its reference 44; II-C, II-H, III). Direction J2-J3 at 1/2 +
+1/3 + 1/4 trains on the robot just homed, 20 minutes of random motion test. Network (mean of five trainings) and
+linear model take positions alone, torques alone, both (the paper's 16 inputs), these and one more group of the
+robot's state each, and all 138. They are asked everywhere, as the paper's are. Beside that, the models of 16 inputs
+are tested with a signal's rows shuffled, so that it tells nothing: by how much a joint's error grows then is what the
+model makes of the signal. The study's own numbers are not in the paper; its conclusions are.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from catenary import MotionLog
+from catenary.arrays import Floats
+from catenary.calibration.model import CalibrationModel
+from catenary.reports.page import Table
+from papers.calibration.inputs import ALL_138, SIXTEEN
+from papers.calibration.recordings import (
+    JOINTS,
+    METHODS,
+    NETWORK,
+    SPARSITIES,
+    TEST_SECONDS,
+    UNITS,
+    calibration_log,
+    draws,
+    fitted,
+    homed,
+    mean,
+    random_log,
+    rows_of,
+)
+from papers.calibration.six_hours import joint_rmse, unguarded
+from papers.claims import NOT_MEASURED, by_count, mean_and_spread
+from papers.experiment import (
+    Case,
+    Claim,
+    Experiment,
+    Judgement,
+    Outcomes,
+    Report,
+    Result,
+    Scope,
+    TitledPicture,
+    TitledTable,
+    run,
+)
+from papers.figures import METHOD_COLORS, panels
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# groups beside positions and torques, by the columns of the robot's state that they hold
+FURTHER = {
+    "joint velocities": ("jvel",),
+    "motor positions": ("mpos",),
+    "motor velocities": ("mvel",),
+    "encoder values": ("encVals",),
+    "encoder offsets": ("encoffsets",),
+    "desired joint positions": ("jpos_d",),
+    "desired motor positions": ("mpos_d",),
+    "current commands": ("dac_val",),
+    "pose": ("pos", "ori"),
+    "desired pose": ("pos_d", "ori_d"),
+    "Jacobian velocity": ("jac_vel",),
+    "Jacobian force": ("jac_f",),
+}
+POSITIONS, TORQUES, BOTH, ALL = "positions", "torques", "positions and torques", "all 138"
+FEATURES: Mapping[str, tuple[str, ...]] = {
+    POSITIONS: ("q",),
+    TORQUES: ("tau",),
+    BOTH: SIXTEEN,
+    **{
+        f"+ {name}": (*SIXTEEN, *(each for each in ALL_138 if each.partition(":")[0] in columns))
+        for name, columns in FURTHER.items()
+    },
+    ALL: ALL_138,
+}
+SHUFFLED = {
+    f"{quantity} {joint}": f"{group}:{name}"
+    for quantity, group in (("position", "q"), ("torque", "tau"))
+    for joint, name in zip(JOINTS, ("shoulder", "elbow", "insertion"), strict=True)
+}
+MODELS = (NETWORK, "linear")
+NO_HELP = 0.9  # of the error with 16 inputs: a group that leaves less than this is of importance
+
+
+@run(revision=1)
+def feature_errors(
+    seed: int | None,
+    features: str,
+    networks: Sequence[int],
+    sparsities: Sequence[float],
+    test_seconds: float,
+) -> Result:
+    """Train network and linear model on a choice of features, and test them.
+
+    Args:
+        seed: The robot.
+        features: Of `FEATURES`.
+        networks: Seeds of the network, whose errors are averaged.
+        sparsities: Of the zig-zags.
+        test_seconds: Length of the test.
+
+    Returns:
+        `inputs`, their number; by model RMSE on J1 [deg], J2 [deg], J3 [mm]; and, of positions and torques, by model
+        and signal in `shuffled` the RMSE with that signal's rows shuffled.
+    """
+    columns = () if set(FEATURES[features]) <= set(SIXTEEN) else ("all",)
+    plant = homed(seed)
+    train = calibration_log(plant, draws(seed, 70, 0), sparsities=sparsities, columns=columns)
+    test = random_log(plant, draws(seed, 70, 1), test_seconds, columns=columns)
+    found: dict[str, object] = {}
+    shuffled: dict[str, dict[str, list[float]]] = {}
+    for name in MODELS:
+        options = replace(METHODS[name], inputs=FEATURES[features])
+        seeds = networks if name == NETWORK else (0,)
+        models = [fitted([train], replace(options, seed=each)) for each in seeds]
+        found[name] = mean([errors_left(model, test) for model in models])
+        found["inputs"] = len(models[0].features.names)
+        if features == BOTH:
+            shuffled[name] = {
+                told: mean([errors_left(model, test, shuffle=signal) for model in models])
+                for told, signal in SHUFFLED.items()
+            }
+    return found | {"shuffled": shuffled}
+
+
+def errors_left(model: CalibrationModel, log: MotionLog, *, shuffle: str | None = None) -> list[float]:
+    """Return a model's RMSE on J1 [deg], J2 [deg], J3 [mm], asked everywhere; a signal's rows shuffled first."""
+    data = rows_of(model, log)
+    if shuffle is not None:
+        X = data.X.copy()
+        column = model.features.names.index(shuffle)
+        X[:, column] = np.random.default_rng(0).permutation(X[:, column])
+        data = replace(data, X=X)
+    return joint_rmse(unguarded(model, data))
+
+
+def cases(scope: Scope) -> list[Case]:
+    """Return a case for every robot and choice of features."""
+    names = (POSITIONS, BOTH) if scope.quick else tuple(FEATURES)
+    return [features_case(scope, seed, name) for seed in scope.robots for name in names]
+
+
+def features_case(scope: Scope, seed: int | None, features: str) -> Case:
+    """Return the case of a robot and a choice of features."""
+    return feature_errors.case(
+        seed=seed,
+        features=features,
+        networks=scope.network_seeds,
+        sparsities=(1 / 2,) if scope.quick else SPARSITIES,
+        test_seconds=60.0 if scope.quick else TEST_SECONDS,
+    )
+
+
+def of(outcomes: Outcomes, features: str, model: str) -> Floats:
+    """Return RMSE (robots, 3) of a model with a choice of features; empty where none ran."""
+    return np.array([r[model] for r in outcomes.of(feature_errors, features=features)]).reshape(-1, 3)
+
+
+def middle(outcomes: Outcomes, features: str, model: str) -> Floats:
+    """Return RMSE (3,), the mean over robots."""
+    return np.asarray(of(outcomes, features, model).mean(axis=0))
+
+
+def shuffled(outcomes: Outcomes, signal: str, model: str) -> Floats:
+    """Return by how many times errors grow (robots, 3) when a signal's rows are shuffled."""
+    return np.array(
+        [
+            np.array(result["shuffled"][model][signal]) / np.array(result[model])
+            for result in outcomes.of(feature_errors, features=BOTH)
+        ]
+    )
+
+
+def _run(outcomes: Outcomes) -> list[str]:
+    return [name for name in FEATURES if len(of(outcomes, name, NETWORK))]
+
+
+def report(outcomes: Outcomes) -> Report:
+    """Return errors by features, what shuffling does, and a picture of the first."""
+    rows = []
+    for name in _run(outcomes):
+        inputs = outcomes.of(feature_errors, features=name)[0]["inputs"]
+        cells = [mean_and_spread(each) for model in MODELS for each in of(outcomes, name, model).T]
+        rows.append([name, f"{inputs}", *cells])
+    header = ["features", "inputs"]
+    header += [f"{model} {j} [{u}]" for model in MODELS for j, u in zip(JOINTS, UNITS, strict=True)]
+    tables = [TitledTable("RMSE by features", Table(header, rows))]
+    if len(of(outcomes, BOTH, NETWORK)):
+        rows = [
+            [name, *(mean_and_spread(e, 2) for model in MODELS for e in shuffled(outcomes, name, model).T)]
+            for name in SHUFFLED
+        ]
+        header = ["shuffled", *(f"{model} {joint}" for model in MODELS for joint in JOINTS)]
+        tables.append(
+            TitledTable("Error of a joint, in times what it was, with a signal shuffled", Table(header, rows))
+        )
+    caption = "RMSE by features, mean over robots; lines are the paper's 16 inputs"
+    return Report(tables, [TitledPicture(caption, _picture(outcomes))])
+
+
+def _picture(outcomes: Outcomes) -> "Figure":
+    names = _run(outcomes)
+    figure, axes = panels(3, 4.6, sharey=True)
+    places = np.arange(len(names))
+    for j, panel in enumerate(axes):
+        for k, model in enumerate(MODELS):
+            reached = np.array([middle(outcomes, name, model)[j] for name in names])
+            panel.barh(places + (k - 0.5) * 0.38, reached, 0.34, color=METHOD_COLORS[model], label=model)
+            if BOTH in names:
+                panel.axvline(
+                    reached[names.index(BOTH)], color=METHOD_COLORS[model], linewidth=1, linestyle=":"
+                )
+            # what is ruined would leave the rest unreadable
+            panel.set_xlim(0.0, 3.0 * float(np.median(reached)))
+        panel.set_yticks(places, names, fontsize=8)
+        panel.set_title(f"{JOINTS[j]} [{UNITS[j]}]", fontsize=10)
+    axes[0].invert_yaxis()
+    figure.legend(
+        *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False, fontsize=8
+    )
+    return figure
+
+
+def _complete(outcomes: Outcomes) -> bool:
+    return len(_run(outcomes)) == len(FEATURES)
+
+
+def _both_needed(outcomes: Outcomes) -> Judgement:
+    if not _complete(outcomes):
+        return NOT_MEASURED
+    both = middle(outcomes, BOTH, NETWORK)
+    alone = {name: middle(outcomes, name, NETWORK) for name in (POSITIONS, TORQUES)}
+    told = "; ".join(
+        f"{joint} both {both[j]:.3f}, positions {alone[POSITIONS][j]:.3f}, torques {alone[TORQUES][j]:.3f}"
+        for j, joint in enumerate(JOINTS)
+    )
+    return by_count([less for one in alone.values() for less in both < one], told)
+
+
+def _torques_on_joint_3(outcomes: Outcomes) -> Judgement:
+    if not _complete(outcomes):
+        return NOT_MEASURED
+    ratio = middle(outcomes, TORQUES, NETWORK) / middle(outcomes, POSITIONS, NETWORK)
+    told = ", ".join(f"{joint} {each:.2f}" for joint, each in zip(JOINTS, ratio, strict=True))
+    holds = [*(ratio[:2] > 1.0), ratio[2] < 1.0]
+    return by_count(holds, f"error with torques alone over that with positions alone: {told}")
+
+
+def _nothing_else(outcomes: Outcomes) -> Judgement:
+    if not _complete(outcomes):
+        return NOT_MEASURED
+    both = middle(outcomes, BOTH, NETWORK)
+    ratios = {name: middle(outcomes, f"+ {name}", NETWORK) / both for name in FURTHER}
+    least = [min(ratios, key=lambda name: float(ratios[name][j])) for j in range(3)]
+    told = ", ".join(
+        f"{joint} {ratios[name][j]:.2f} with {name}"
+        for j, (joint, name) in enumerate(zip(JOINTS, least, strict=True))
+    )
+    return by_count([each >= NO_HELP for one in ratios.values() for each in one], f"least: {told}")
+
+
+CLAIMS = (
+    Claim(
+        "Joint positions and motor torques are important to the calibration",
+        "II-C, II-H",
+        "-",
+        "the network's error with both is less than with either alone, on every joint; same direction: more than half "
+        "of six",
+        _both_needed,
+    ),
+    Claim(
+        "Nothing else in the robot's state is",
+        "II-H",
+        "-",
+        f"with any further group, on any joint, the network's error is at least {NO_HELP} times that with both; same "
+        "direction: for more than half",
+        _nothing_else,
+    ),
+    Claim(
+        "Joint 3 is the only joint in which torques are more important than positions",
+        "III",
+        "-",
+        "the network's error with torques alone is less than with positions alone on joint 3, and more on joints 1 and "
+        "2; same direction: two of three",
+        _torques_on_joint_3,
+    ),
+)
+
+EXPERIMENT = Experiment(
+    name="calibration-ablation",
+    paper="calibration",
+    place="II-C, II-H, reference 44",
+    title="Features left out and added",
+    about=(__doc__ or "").partition("\n")[2].strip(),
+    cases=cases,
+    report=report,
+    minutes=70.0,
+    claims=CLAIMS,
+    drawn=2,
+)
