@@ -17,8 +17,10 @@ MODULES = {
     "calibration-figure-9": "papers.calibration.figure_9",
     "calibration-table-3": "papers.calibration.table_3",
     "calibration-table-4": "papers.calibration.table_4",
+    "calibration-table-5": "papers.calibration.table_5",
     "calibration-ablation": "papers.calibration.ablation",
     "calibration-dvrk": "papers.calibration.dvrk",
+    "gravity-own-compensation": "papers.gravity.own_compensation",
     "regressor-figure-2": "papers.regressor.figure_2",
     "regressor-figure-4": "papers.regressor.figure_4",
     "regressor-figure-5": "papers.regressor.figure_5",
@@ -27,6 +29,7 @@ MODULES = {
     "beyond-paths": "papers.beyond.paths",
     "beyond-rehoming": "papers.beyond.rehoming",
     "beyond-tilted-calibration": "papers.beyond.tilted_calibration",
+    "beyond-calibration-and-gravity": "papers.beyond.calibration_and_gravity",
     "beyond-accuracy-latency-drift": "papers.beyond.accuracy_latency_drift",
     "beyond-wrist-memory": "papers.beyond.wrist_memory",
 }

@@ -1,0 +1,200 @@
+"""The robot's own gravity compensation against PD+SG and PD+DG: static poses on bases turned about Z0.
+
+Not in the gravity paper. The public firmware compensates gravity by itself: by the vector of a level base, at
+9.80 m/s2, each joint's torque to its own motor without the cables' coupling. Here it holds static poses as figure 8
+of the paper has them, five ways:
+
+- firmware: its PD alone, which is what the simulated robot does unless told otherwise;
+- own, level: with its own compensation, as it comes;
+- own, told: the same, with gravity as the tilted base has it written into `grav_dir`, in whole cm/s2;
+- PD+SG, PD+DG: ours, with the same gains at the joints, sent as joint torques through the coupling.
+
+Each drives joint 1 from below to six poses at 0.2 rad/s, joints 2 and 3 at home, and stands there; errors are desired
+minus reported positions, means of the last half second, RMS over the poses. What friction holds, no law feels.
+"""
+
+from collections.abc import Sequence
+from copy import deepcopy
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from catenary import CablePlant, run_loop
+from catenary.arrays import Floats
+from catenary.control.loop import Tick
+from catenary.reports.page import Table
+from catenary.simulation.own_gravity import NOMINAL, grav_dir_of
+from catenary.trajectories.in_turn import Rest
+from catenary.workflows.gravity.controllers import make_controller
+from catenary.workflows.gravity.simulated_arm import raven_arm
+from catenary.workflows.gravity.track import with_approach
+from papers.claims import mean_and_spread
+from papers.experiment import (
+    Case,
+    Experiment,
+    Outcomes,
+    Report,
+    Result,
+    Scope,
+    TitledPicture,
+    TitledTable,
+    run,
+)
+from papers.figures import panels
+from papers.gravity.raven_base import SHOWN, turned_base
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ANGLES_DEG = (0, 5, 10, 15, 20, 25)  # about Z0
+POSES_DEG = (5.0, 21.0, 37.0, 53.0, 69.0, 85.0)  # of joint 1
+QUICK_POSES_DEG = (37.0,)
+HOME = (np.pi / 2, 0.40)  # joints 2 and 3 [rad, m]
+SETTLE, WATCHED = 1.0, 0.5  # [s] at a pose before it counts, and that count
+PD, LEVEL, TOLD, SG, DG = "firmware", "own, level", "own, told", "PD+SG", "PD+DG"
+LAWS = (PD, LEVEL, TOLD, SG, DG)
+LAW_COLORS = dict(zip(LAWS, ("#1c2430", "#c9a227", "#8a5a9e", "#4b6b94", "#d9622b"), strict=True))
+JOINTS = (("J1", "deg"), ("J2", "deg"), ("J3", "mm"))
+
+
+@run(revision=1)
+def held(*, seed: int | None, angle_deg: float, poses_deg: Sequence[float]) -> Result:
+    """Hold joint 1 at each pose by every law, each on a robot just homed on a base turned about Z0.
+
+    Args:
+        seed: Of the robot; the nominal one when None.
+        angle_deg: Of the base [deg].
+        poses_deg: Of joint 1, in their order [deg].
+
+    Returns:
+        By law, the RMS error of each joint over the poses [deg, deg, mm].
+    """
+    errors = {}
+    for grav_dir in (None, NOMINAL):
+        plant = CablePlant(seed=seed, base=turned_base(angle_deg), grav_dir=grav_dir)
+        plant.home()
+        if grav_dir is None:
+            errors[PD] = _firmware(deepcopy(plant), poses_deg)
+            errors[SG] = _ours("sg", deepcopy(plant), poses_deg)
+            errors[DG] = _ours("dg", plant, poses_deg)
+        else:
+            told = deepcopy(plant)
+            told.grav_dir = grav_dir_of(told.measured_js().gravity)
+            errors[LEVEL] = _firmware(plant, poses_deg)
+            errors[TOLD] = _firmware(told, poses_deg)
+    return {law: (np.sqrt(np.mean(errors[law] ** 2, axis=0)) * SHOWN).tolist() for law in LAWS}
+
+
+def _firmware(plant: CablePlant, poses_deg: Sequence[float]) -> Floats:
+    """Return the errors (K, 3) [rad, rad, m] of the firmware's own control."""
+    rows = []
+    for deg in poses_deg:
+        whole, _ = with_approach(raven_arm(plant), Rest(_pose(deg), SETTLE + WATCHED), 0.0)
+        times = plant.period * np.arange(round(whole.duration / plant.period))
+        setpoints = np.full((len(times), 7), np.nan)
+        setpoints[:, :3] = whole.sample(times)[0]
+        log = plant.run(setpoints)
+        last = slice(-round(WATCHED / plant.period), None)
+        rows.append((_pose(deg) - log.joint[last, :3]).mean(axis=0))
+    return np.array(rows)
+
+
+def _ours(name: str, plant: CablePlant, poses_deg: Sequence[float]) -> Floats:
+    """Return the errors (K, 3) [rad, rad, m] of a controller that commands joint torques."""
+    arm = raven_arm(plant)
+    controller, rows = make_controller(name, arm), []
+    for deg in poses_deg:
+        whole, begin = with_approach(arm, Rest(_pose(deg), SETTLE + WATCHED), 0.0)
+        seen: list[Floats] = []
+
+        def observe(tick: Tick, begin: float = begin, seen: list[Floats] = seen) -> None:
+            if tick.time >= begin + SETTLE - 1e-9:
+                seen.append(tick.reference.q - tick.state.q)
+
+        run_loop(arm.plant, controller, whole, limits=arm.limits(), observers=[observe])
+        rows.append(np.mean(seen, axis=0))
+    return np.array(rows)
+
+
+def _pose(deg: float) -> Floats:
+    return np.array([np.deg2rad(deg), *HOME])
+
+
+def cases(scope: Scope) -> list[Case]:
+    """Return a case per robot and base."""
+    angles, poses = (ANGLES_DEG[::5], QUICK_POSES_DEG) if scope.quick else (ANGLES_DEG, POSES_DEG)
+    return [
+        held.case(seed=seed, angle_deg=angle, poses_deg=list(poses))
+        for seed in scope.robots
+        for angle in angles
+    ]
+
+
+def report(outcomes: Outcomes) -> Report:
+    """Return the errors by base, joint and law."""
+    tables = [TitledTable("RMS error over the poses, mean and spread over robots", error_table(outcomes))]
+    caption = "RMS error of joints 1 and 2 over the base's angle; every robot a line, the nominal one in bold"
+    return Report(tables, [TitledPicture(caption, _picture(outcomes))], _remarks(outcomes))
+
+
+def error_table(outcomes: Outcomes) -> Table:
+    """Return a row per base and joint, a column per law."""
+    rows = []
+    for angle in _angles(outcomes):
+        results = outcomes.of(held, angle_deg=angle)
+        for joint, (name, unit) in enumerate(JOINTS):
+            cells = [mean_and_spread(result[law][joint] for result in results) for law in LAWS]
+            rows.append([f"{angle} deg, {name} [{unit}]", *cells])
+    return Table(["base, joint", *LAWS], rows)
+
+
+def _remarks(outcomes: Outcomes) -> list[str]:
+    angles = _angles(outcomes)
+    if not angles:
+        return []
+    worst = max(angles)
+    results = outcomes.of(held, angle_deg=worst)
+    told = {law: np.mean([result[law][0] for result in results]) for law in LAWS}
+    return [
+        f"On a base turned by {worst} deg joint 1 is off by {told[LEVEL]:.3f} deg with the robot's own compensation "
+        f"as it comes, by {told[TOLD]:.3f} deg once it is told where gravity is, by {told[DG]:.3f} deg with PD+DG."
+    ]
+
+
+def _picture(outcomes: Outcomes) -> "Figure":
+    figure, both = panels(2, 3.4)
+    angles = _angles(outcomes)
+    seeds = list(dict.fromkeys(told["seed"] for told, _ in outcomes.items(held)))
+    for joint, axes in enumerate(both):
+        for law in LAWS:
+            for k, seed in enumerate(seeds):
+                found = {
+                    told["angle_deg"]: result[law][joint] for told, result in outcomes.items(held, seed=seed)
+                }
+                values = [found.get(angle, np.nan) for angle in angles]
+                style = {"linewidth": 2.0, "label": law} if k == 0 else {"linewidth": 0.7, "alpha": 0.5}
+                axes.plot(angles, values, "o-", color=LAW_COLORS[law], markersize=3, **style)
+        axes.set_title(f"joint {joint + 1}", fontsize=10)
+        axes.set_xlabel("base about Z0 [deg]")
+        axes.set_ylim(bottom=0.0)
+    both[0].set_ylabel("RMS error [deg]")
+    figure.legend(
+        *both[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(LAWS), frameon=False
+    )
+    return figure
+
+
+def _angles(outcomes: Outcomes) -> list[float]:
+    return sorted({told["angle_deg"] for told, _ in outcomes.items(held)})
+
+
+EXPERIMENT = Experiment(
+    name="gravity-own-compensation",
+    paper="gravity",
+    place="beyond",
+    title="The robot's own gravity compensation, PD+SG and PD+DG",
+    about=(__doc__ or "").partition("\n")[2].strip(),
+    cases=cases,
+    report=report,
+    minutes=4.0,
+)
