@@ -18,6 +18,7 @@ MODULES = {
     "calibration-figure-9": "papers.calibration.figure_9",
     "calibration-table-3": "papers.calibration.table_3",
     "calibration-table-4": "papers.calibration.table_4",
+    "calibration-table-5": "papers.calibration.table_5",
     "calibration-ablation": "papers.calibration.ablation",
     "calibration-dvrk": "papers.calibration.dvrk",
     "gravity-own-compensation": "papers.gravity.own_compensation",
