@@ -52,10 +52,10 @@ def homed_level(seed: int | None, *, substeps: int = 1) -> tuple[CablePlant, Set
     return plant, base
 
 
-def put_on(robot: tuple[CablePlant, SetBase], name: str) -> CablePlant:
-    """Return a copy of a robot that stands on a base by its name, at rest and not homed anew."""
+def put_on(robot: tuple[CablePlant, SetBase], set_to: MovingBase) -> CablePlant:
+    """Return a copy of a robot that stands on another base, at rest and not homed anew."""
     plant, base = deepcopy(robot)
-    base.now = BASES[name]
+    base.now = set_to
     plant.run(np.full((round(SETTLING / plant.period), len(plant.joint_names)), np.nan))
     return plant
 

@@ -95,7 +95,7 @@ def base_errors(
     robot = homed_level(seed)
     train = []
     for number, (base, sparsity) in enumerate(training):
-        plant, path = put_on(robot, base), zigzag("J2-J3", (sparsity,))
+        plant, path = put_on(robot, BASES[base]), zigzag("J2-J3", (sparsity,))
         log = record_simulated(plant, path, "zigzag", draws(seed, number))
         train.append(with_gravity(log, BASES[base], plant.time - path.duration))
     models = {
@@ -106,7 +106,7 @@ def base_errors(
     }
     reached: dict[str, dict[str, Any]] = {}
     for base in bases:
-        plant, rng = put_on(robot, base), draws(seed, 50)
+        plant, rng = put_on(robot, BASES[base]), draws(seed, 50)
         motion = random_sinusoids(rng, test_seconds)
         log = with_gravity(
             record_simulated(plant, motion, "random", rng), BASES[base], plant.time - test_seconds
@@ -252,7 +252,7 @@ def _picture(outcomes: Outcomes) -> Any:
 EXPERIMENT = Experiment(
     name="beyond-tilted-calibration",
     paper="beyond",
-    place="beyond II",
+    place="beyond II-G",
     title="Calibration on tilted and rocking bases",
     about=(__doc__ or "").partition("\n")[2].strip(),
     cases=cases,

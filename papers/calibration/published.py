@@ -156,3 +156,10 @@ FIGURE_5_J3 = {  # [mm]
     "short": {"network": 0.202, "linear": 0.307},
     "1/2+1/3": {"network": 0.121, "linear": 0.132},
 }
+# section III, table V: by how much the network's error is less than the linear model's on J1 [deg], J2 [deg], J3 [mm],
+# with the three longest and the three shortest training sets; unloaded, with the longest, "very close"
+TABLE_5_ACCURACY = {"loaded": (0.015, 0.109, 0.124)}
+TABLE_5_HUNGER = {"unloaded": (0.052, 0.189, -0.037), "loaded": (0.128, 0.360, 0.178)}
+# the same: training [s], at most; inference of one row [ms]
+TABLE_5_TRAINING = {"network": 50.0, "linear": 2.0}
+TABLE_5_INFERENCE = {"network": 61.0, "linear": 0.38}
