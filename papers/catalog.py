@@ -26,6 +26,8 @@ MODULES = {
     "regressor-figure-2": "papers.regressor.figure_2",
     "regressor-figure-4": "papers.regressor.figure_4",
     "regressor-figure-5": "papers.regressor.figure_5",
+    "regressor-replay": "papers.regressor.replay",
+    "regressor-payload": "papers.regressor.payload",
     "regressor-identification": "papers.regressor.identification",
     "tutorial-two-link": "papers.tutorial.two_link",
     "beyond-paths": "papers.beyond.paths",
