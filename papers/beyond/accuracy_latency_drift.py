@@ -97,11 +97,13 @@ def sentence(found: dict[str, Sequence[float]]) -> str:
     first, last = (min(learned, key=lambda name, k=k: learned[name][k]) for k in (0, 1))  # type: ignore[misc]
     lost = [values[1] - values[0] for values in learned.values()]
     fast = [name for name, values in learned.items() if values[2] < SERVO]
+    apart = [learned["linear"][k] - learned[best][k] for k, best in enumerate((first, last))]
     return (
         f"Right after calibration the {first} is best, with {learned[first][0]:.0f} % of the fixed offset's error left "
         f"and {learned[first][2]:.1f} us a correction; six hours later the {last}, with {learned[last][1]:.0f} % and "
-        f"{learned[last][2]:.1f} us. The hours cost every method {min(lost):.0f} to {max(lost):.0f} points, and "
-        f"{len(fast)} of {len(learned)} fit into a servo loop at 1 kHz."
+        f"{learned[last][2]:.1f} us. The hours cost the methods {min(lost):.0f} to {max(lost):.0f} points; the linear "
+        f"model lies {apart[0]:.0f} points behind the best at once and {apart[1]:.0f} after them. {len(fast)} of "
+        f"{len(learned)} fit into a servo loop at 1 kHz."
     )
 
 
@@ -126,7 +128,8 @@ def _picture(outcomes: Outcomes) -> "Figure":
             panel.annotate("", (took, high), (took, low), arrowprops={"arrowstyle": "->", "color": color})
         panel.axvline(SERVO, color="#8a94a3", ls="--", lw=0.8)
         panel.set_xscale("log")
-        panel.set_ylim(bottom=0.0)
+        ends = [table_3.hours(outcomes, name).mean(axis=0)[:, j].max() for name in present(outcomes)]
+        panel.set_ylim(0.0, 1.08 * max(ends))
         panel.set_xlabel("one correction [us]")
         panel.set_title(f"{JOINTS[j]} [{UNITS[j]}]", fontsize=10)
     figure.legend(

@@ -219,7 +219,7 @@ def _picture(outcomes: Outcomes) -> Any:
 EXPERIMENT = Experiment(
     name="beyond-calibration-and-gravity",
     paper="beyond",
-    place="beyond V",
+    place="beyond both",
     title="Calibrated joints inside the gravity model, and gravity inside the calibration",
     about=(__doc__ or "").partition("\n")[2].strip(),
     cases=cases,

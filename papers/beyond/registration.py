@@ -23,7 +23,6 @@ N = len(START)
 AXES = ("shoulder", "elbow", "insertion")
 OFFSETS = tuple(f"encoffsets:{axis}" for axis in AXES)
 TRACE_TICKS = 40  # of 1 ms between the points of a homing's picture
-
 HOME_POSE = frozen(np.array([np.deg2rad(30.0), np.deg2rad(90.0), 0.40]))
 # the box's corner from which joint 2 is first by most
 ELBOW_FIRST = frozen(np.array([CALIBRATION_UPPER[0], CALIBRATION_UPPER[1], 0.38]))
@@ -37,7 +36,6 @@ class Seek:
     registered: Floats  # (3,) the joints as their encoders were registered
     time: Floats  # (T,) [s] since the joints began to look for their stops
     q: Floats  # (T, 3) from there to the registration
-    reported: Floats  # (T, 3) what the robot reported by its last registration
 
     @property
     def shoulder_after_elbow(self) -> float:
@@ -56,15 +54,13 @@ def home_watched(plant: CablePlant) -> Seek:
     plant.state_command("home")
     found = np.full((N, N), np.nan)
     q: list[Floats] = []
-    reported: list[Floats] = []
     for seek in _ticks(plant):
         if seek.any():
             q.append(plant.state.q.copy())
-            reported.append(plant.control.joint[:N].copy())
         for j in np.flatnonzero((seek == FOUND) & np.isnan(found[:, 0])):
             found[j] = plant.state.q
     time = TRACE_TICKS * plant.period * np.arange(len(q[::TRACE_TICKS]), dtype=np.float64)
-    return Seek(found, q[-1], time, np.array(q[::TRACE_TICKS]), np.array(reported[::TRACE_TICKS]))
+    return Seek(found, q[-1], time, np.array(q[::TRACE_TICKS]))
 
 
 def _ticks(plant: CablePlant) -> Iterator[Floats]:
@@ -100,15 +96,15 @@ def carried_back(log: MotionLog, firmware: Firmware, to: Floats) -> MotionLog:
     return replace(log, q_nominal=log.q_nominal - shifts + to)
 
 
-@run(revision=1)
+@run(revision=2)
 def registrations(seed: int | None, poses: int) -> Result:
     """Home from drawn poses; return what became of joint 2 in each homing, and two homings in full.
 
     Returns:
         `coupling_error` [deg/deg], and for every homing `travel` of joint 1 after joint 2 met its stop [deg], the
         `shift` of joint 2's registration against a homing from the home pose, and how far joint 2 had `left` its stop
-        [deg]. `traces` from the home pose and from the box's corner: time [s], joint 2 true and reported, against where
-        it met its stop [deg], and when joint 1 met its own [s].
+        [deg]. `traces` from the home pose and from the box's corner: time [s], joint 2 against where it met its stop
+        [deg], and when joint 1 met its own [s].
     """
     plant = homed(seed)
     traces = {}
@@ -146,6 +142,5 @@ def _trace(seek: Seek) -> Result:
     return {
         "time": [round(float(t), 3) for t in seek.time],
         "true": [_deg(q - stop) for q in seek.q[:, 1]],
-        "reported": [_deg(q - stop) for q in seek.reported[:, 1]],
         "shoulder_s": round(float(seek.time[shoulder]), 3),
     }

@@ -226,9 +226,8 @@ def report(outcomes: Outcomes) -> Report:
         ],
         [
             TitledPicture(
-                "Left: joint 2 of the nominal robot at its stop while joint 1 is still on its way, and where both have "
-                "met theirs. Middle: 40 homings of every robot; the line is the coupling's error. Right: linear model, "
-                "mean over robots",
+                "Left: joint 2 of the nominal robot at its stop; dotted, when joint 1 meets its own. Middle: 40 "
+                "homings of every robot; the line is the coupling's error. Right: linear model, mean over robots",
                 _picture(outcomes),
             )
         ],
@@ -326,8 +325,10 @@ def _picture(outcomes: Outcomes) -> Any:
         if len(reached):
             label = f"from {order}" if order != TWICE else order
             label += "" if cure == NOTHING else f", {cure}"
-            cured.plot(reached.mean(axis=0), "o-", ms=3, color=color, label=label)
-    cured.set_ylim(bottom=0.0)
+            cured.plot(
+                reached.mean(axis=0), "o-" if cure == NOTHING else "s--", ms=3, color=color, label=label
+            )
+    cured.set_yscale("log")
     cured.set_xlabel("homings", fontsize=8)
     cured.set_title("RMSE of J2 [deg], linear", fontsize=10)
     figure.legend(
@@ -339,10 +340,10 @@ def _picture(outcomes: Outcomes) -> Any:
 def _draw_homings(panel: Any, traces: dict[str, Any]) -> None:
     for (name, trace), color in zip(traces.items(), ("#2f8f6b", "#d9622b"), strict=True):
         time = np.array(trace["time"])
-        panel.plot(time, trace["true"], color=color, label=f"true, from the {name}")
-        panel.plot(time, trace["reported"], "--", color=color, linewidth=1)
+        panel.plot(time, trace["true"], color=color, label=f"from the {name}")
         panel.axvline(trace["shoulder_s"], color=color, linestyle=":", linewidth=1)
-    panel.set_ylim(-2.0, 3.0)
+    panel.set_ylim(-1.5, 0.8)
+    panel.legend(loc="upper left", frameon=False, fontsize=7)
     panel.set_xlabel("s", fontsize=8)
     panel.set_title("J2 against its stop [deg]", fontsize=10)
 

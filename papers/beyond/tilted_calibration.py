@@ -252,7 +252,7 @@ def _picture(outcomes: Outcomes) -> Any:
 EXPERIMENT = Experiment(
     name="beyond-tilted-calibration",
     paper="beyond",
-    place="beyond II",
+    place="beyond II-G",
     title="Calibration on tilted and rocking bases",
     about=(__doc__ or "").partition("\n")[2].strip(),
     cases=cases,

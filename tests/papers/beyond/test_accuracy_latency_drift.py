@@ -36,7 +36,7 @@ def test_the_sentence_names_the_best_at_once_and_the_best_at_last(outcomes: Outc
     (told,) = picture.report(outcomes).remarks
     assert "Right after calibration the network is best, with 20 %" in told
     assert "six hours later the two-phase, with 35 %" in told
-    assert "5 to 40 points" in told
+    assert "5 to 40 points; the linear model lies 20 points behind the best at once and 45 after them" in told
     assert f"{len(picture.METHODS) - 2} of {len(picture.METHODS) - 1} fit" in told
 
 

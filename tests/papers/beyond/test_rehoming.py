@@ -22,7 +22,7 @@ from papers.experiment import NOMINAL, Outcomes, Result, Scope
 def result(function: object, order: str | None) -> Result:
     if function is registrations:
         travel = [0.0, 0.0, 10.0, 20.0]
-        trace = {"time": [0.0, 1.0], "true": [0.0, -0.5], "reported": [1.0, 1.0], "shoulder_s": 0.5}
+        trace = {"time": [0.0, 1.0], "true": [0.0, -0.5], "shoulder_s": 0.5}
         return {
             "coupling_error": 0.05,
             "travel": travel,
