@@ -30,7 +30,7 @@ help:
 	@echo "make papers      figures and tables of the papers with verdicts, into results/papers; goes on where it stopped (PAPER=calibration, QUICK=1 for ten minutes of everything)"
 	@echo "make refit       fit the simulated RAVEN-II to both papers' results again (5 minutes); rewrites its data file"
 	@echo "make gravity-static PD, PD+SG and PD+DG at static poses on tilted bases, six simulated robots (15 minutes), into results/"
-	@echo "make gravity-figures every experiment of docs/gravity-paper.md on simulated robots (an hour), into results/"
+	@echo "make gravity-figures every experiment of docs/paper-dynamic-gravity.md on simulated robots (an hour), into results/"
 	@echo "make clean       remove .venv and everything made here"
 
 demo: $(VENV)/.package
