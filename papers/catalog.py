@@ -23,6 +23,8 @@ MODULES = {
     "calibration-ablation": "papers.calibration.ablation",
     "calibration-dvrk": "papers.calibration.dvrk",
     "gravity-own-compensation": "papers.gravity.own_compensation",
+    "gravity-figure-9": "papers.gravity.figure_9",
+    "gravity-figure-10": "papers.gravity.figure_10",
     "regressor-figure-2": "papers.regressor.figure_2",
     "regressor-figure-4": "papers.regressor.figure_4",
     "regressor-figure-5": "papers.regressor.figure_5",
