@@ -98,9 +98,6 @@ gravity-figures: gravity-static
 	$(BIN)/python -m papers.gravity.passive results
 	$(BIN)/python -m papers.gravity.step results
 	$(BIN)/python -m papers.gravity.sustained results
-	$(BIN)/python -m papers.gravity.coupling results
-	$(BIN)/python -m papers.gravity.sensing results
-	$(BIN)/python -m papers.gravity.faults results
 
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed: apt install python3 python3-venv"; exit 1; }
