@@ -90,7 +90,6 @@ refit: $(VENV)/.package
 	$(BIN)/python -m papers.plant.refit src/catenary/simulation/data/raven2.toml
 
 gravity-figures: $(VENV)/.package
-	$(BIN)/python -m papers.gravity.tracking results
 	$(BIN)/python -m papers.gravity.coupling results
 	$(BIN)/python -m papers.gravity.sensing results
 	$(BIN)/python -m papers.gravity.faults results

@@ -66,17 +66,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except CatenaryError as error:
         made.error(str(error))
     failed = 0
-    for name in names:
-        failed += run_experiment(
-            experiment(name),
-            seeds=told.seeds,
-            quick=told.quick,
-            data=told.data,
-            out=told.out,
-            workers=told.workers,
-            cluster=told.cluster,
-            console=console,
-        )
+    try:
+        for name in names:
+            failed += run_experiment(
+                experiment(name),
+                seeds=told.seeds,
+                quick=told.quick,
+                data=told.data,
+                out=told.out,
+                workers=told.workers,
+                cluster=told.cluster,
+                console=console,
+            )
+    except CatenaryError as error:
+        made.error(str(error))
     return 1 if failed else 0
 
 

@@ -15,12 +15,15 @@ from typing import Any, NamedTuple
 from threadpoolctl import threadpool_limits
 
 from catenary import __version__
-from papers.experiment import Case
+from catenary.errors import InputError
+from catenary.files import json_text
+from papers.experiment import Case, robots_digest
 from papers.store import Finished, Store, source_digest
 
 # two threads on two busy cores are slower than one, and one alone gives the same sums everywhere
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-DEATHS = 1  # of workers over one case, before it is given up
+PATIENCE = 30.0  # [s] for a cluster's first worker
+AGAIN = "-again"  # key of a case's second try
 
 
 class Failure(NamedTuple):
@@ -33,28 +36,39 @@ class Failure(NamedTuple):
 Told = Callable[[Case, Finished | Failure], None]
 
 
+def fingerprint() -> str:
+    """Return what has to be the same wherever cases of a sweep run: the package's source, and its robots' data."""
+    return f"{source_digest()}+{robots_digest()[:16]}"
+
+
 def execute(case: Case, data: Path | None, source: str) -> Finished:
     """Run a case, in whichever process.
 
     Args:
         case: What is run.
         data: Folder of recordings of real arms, for cases that read some.
-        source: Digest of the package where the results are kept.
+        source: `fingerprint` of the process where the results are kept.
 
     Raises:
-        RuntimeError: This process has another version of the package.
+        RuntimeError: This process has another version of the package, of its robots' data, or of the function.
+        TypeError: The result is no plain data.
     """
-    if source != source_digest():
+    if source != fingerprint():
         raise RuntimeError(
-            f"this worker has another catenary ({__version__}, {source_digest()}) than asks ({source})"
+            f"this worker has another catenary ({__version__}, {fingerprint()}) than asks ({source})"
         )
     function = case.load()
+    if function.revision != case.revision:
+        raise RuntimeError(
+            f"{case.function}: this worker has revision {function.revision}, and {case.revision} is asked for"
+        )
     arguments = case.arguments
     if function.needs_data:
         arguments["data"] = data
     begin = time.perf_counter()
     with threadpool_limits(limits=1):
         result = function(**arguments)
+    json_text(result)  # what cannot be kept is this case's failure, and nobody else's
     return Finished(result, time.perf_counter() - begin, __version__, source_digest())
 
 
@@ -79,6 +93,9 @@ def run_cases(
 
     Returns:
         The cases that failed.
+
+    Raises:
+        InputError: The cluster has no worker, or one with another version of the package.
     """
     missing = [case for case in dict.fromkeys(cases) if store.read(case) is None]
     failures: list[Failure] = []
@@ -105,7 +122,7 @@ def run_cases(
 
 def _here(case: Case, data: Path | None) -> Finished | Failure:
     try:
-        return execute(case, data, source_digest())
+        return execute(case, data, fingerprint())
     except Exception:  # whatever a case raises is its own failure, and is kept and shown
         return Failure(case, traceback.format_exc())
 
@@ -118,33 +135,84 @@ def _client(workers: int, cluster: str | None) -> Iterator[Any]:
 
     if cluster is not None:
         with Client(cluster) as client:
+            _require_same(client, cluster)
             yield client
         return
     os.environ.update(ONE_THREAD)  # read by BLAS when a worker imports it
+    settings = {
+        # a case whose worker dies is tried once more by `_on`, and no other case has to wait beside it
+        "distributed.scheduler.allowed-failures": 0,
+        "distributed.scheduler.worker-saturation": 1.0,
+        # compiled code may keep a worker from answering for longer than any time to live
+        "distributed.scheduler.worker-ttl": None,
+    }
     with (
-        dask.config.set({"distributed.scheduler.allowed-failures": DEATHS}),
+        dask.config.set(settings),
         LocalCluster(
-            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None, memory_limit=0
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address="127.0.0.1:0",
+            memory_limit=0,
         ) as local,
         Client(local) as client,
     ):
         yield client
 
 
+def _require_same(client: Any, cluster: str) -> None:
+    """Refuse a cluster whose workers would give other numbers than this process."""
+    try:
+        client.wait_for_workers(1, timeout=PATIENCE)
+        found: dict[str, str] = client.run(fingerprint)
+    except TimeoutError as error:
+        raise InputError(f"cluster {cluster}: no worker within {PATIENCE:g} s") from error
+    except ModuleNotFoundError as error:
+        raise InputError(f"cluster {cluster}: {error} on its workers; start them beside papers/") from error
+    if others := [f"{address} ({one})" for address, one in found.items() if one != fingerprint()]:
+        raise InputError(
+            f"cluster {cluster}: workers with another catenary than here ({__version__}, {fingerprint()}): "
+            f"{', '.join(others)}"
+        )
+
+
 def _on(client: Any, cases: Sequence[Case], data: Path | None) -> Iterator[tuple[Case, Finished | Failure]]:
+    """Run cases at once; those whose worker died are tried once more at the end, one by one.
+
+    A worker that dies takes along whatever had been given to it; a case that kills its worker alone costs no other.
+    """
+    from distributed import KilledWorker
+
+    dead: list[Case] = []
+    for case, ended, error in _ended(client, cases, data):
+        if isinstance(error, KilledWorker):
+            dead.append(case)
+        else:
+            yield case, ended
+    for case in dead:
+        for _, ended, _ in _ended(client, [case], data, AGAIN):
+            yield case, ended
+
+
+def _ended(
+    client: Any, cases: Sequence[Case], data: Path | None, suffix: str = ""
+) -> Iterator[tuple[Case, Finished | Failure, BaseException | None]]:
+    """Yield cases as they end, with the exception of those that failed."""
     from distributed import as_completed
 
-    source = source_digest()
+    source = fingerprint()
     futures = {
-        client.submit(execute, case, data, source, key=case.key, retries=0, priority=-number): case
+        client.submit(
+            execute, case, data, source, key=f"{case.key}{suffix}", retries=0, priority=-number
+        ): case
         for number, case in enumerate(cases)
     }
     for future in as_completed(futures):
         case = futures[future]
         if future.status == "finished":
-            yield case, future.result()
+            yield case, future.result(), None
         else:
             error = future.exception()
             told = "".join(traceback.format_exception(error))
-            yield case, Failure(case, told or f"{future.status}")
+            yield case, Failure(case, told or f"{future.status}"), error
         future.release()

@@ -41,12 +41,13 @@ class Store:
         self.folder.mkdir(parents=True, exist_ok=True)
 
     def read(self, case: Case) -> Finished | None:
-        """Return what a case left; None where it has not run."""
+        """Return what a case left; None where it has not run, or its file is damaged: it runs again then."""
         try:
             content = json.loads((self.folder / f"{case.key}.json").read_text(encoding="utf-8"))
-            return Finished(content["result"], content["seconds"], content["version"], content["source"])
-        except (FileNotFoundError, json.JSONDecodeError, KeyError):
+            kept = Finished(content["result"], content["seconds"], content["version"], content["source"])
+        except (FileNotFoundError, ValueError, KeyError, TypeError):  # not JSON, not UTF-8, not of this form
             return None
+        return kept if isinstance(kept.result, dict) else None
 
     def write(self, case: Case, finished: Finished) -> None:
         """Keep what a case left; a failure of it before is forgotten."""

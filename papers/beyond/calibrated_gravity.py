@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from catenary import CablePlant, GravityPD, JointState, MotionLog, Reference, gravity_torque, random_sinusoids
+from catenary import CablePlant, GravityPD, JointState, MotionLog, Reference, random_sinusoids
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.fit import FitOptions
@@ -92,13 +92,14 @@ def calibrations(plant: CablePlant, log: MotionLog) -> dict[str, CalibrationMode
     }
 
 
-@run(revision=1)
+@run(revision=2)
 def control(seed: int | None, base: str, sparsities: Sequence[float], seconds: float) -> Result:
     """Calibrate a robot level, put it on a base, and follow random motion in the calibrated box with every controller.
 
     Returns:
-        By controller, on J1, J2, J3: `reported` and `true` tracking error [deg, deg, mm], `pd_share` [%], what the
-        gravity model was wrong by `gravity` [Nm, Nm, N], all RMS; share of ticks `outside` the valid range.
+        By controller, on J1, J2, J3: `reported` and `true` tracking error [deg, deg, mm], `pd_share` [%], by how much
+        the gravity term differs from that at the true joints, `gravity` [Nm, Nm, N], all RMS; share of ticks `outside`
+        the valid range.
     """
     robot = homed_level(seed, substeps=2)
     plant = robot[0]
@@ -116,21 +117,20 @@ def _followed(
         controller = CalibratedGravity(arm, models[name], gains=True)
     motion, begin = with_approach(arm, random_sinusoids(draws(seed, 60), seconds), SETTLE)
     rows: list[tuple[Floats, ...]] = []
-    gravity: list[Floats] = []
+    true_gravity = GravityHold(arm.model)
 
     def observe(tick: Tick) -> None:
         if tick.time >= begin and tick.tau is not None:
             q = arm.q_true()
             told = (tick.reference.q - tick.q_nominal, tick.reference.q - q, controller.feedback.copy())
-            rows.append((*told, tick.tau, controller.feedforward.copy(), q))
-            gravity.append(tick.state.gravity)
+            wrong = controller.feedforward - true_gravity.torque(tick.state._replace(q=q), tick.reference)
+            rows.append((*told, tick.tau, wrong))
 
     done = run_loop(
         arm.plant, controller, motion, limits=arm.limits(), rate_hz=1.0 / plant.period,
         corrector=corrector, observers=[observe],
     )  # fmt: skip
-    reported, true, feedback, torque, used, q = (np.array(column) for column in zip(*rows, strict=True))
-    wrong = used - gravity_torque(arm.model, q, np.array(gravity))
+    reported, true, feedback, torque, wrong = (np.array(column) for column in zip(*rows, strict=True))
     outside = done.outside_valid_range or (0.0,) * N
     return {
         "reported": (SHOWN * _rms(reported)).tolist(),

@@ -186,7 +186,7 @@ def report(outcomes: Outcomes) -> Report:
         remarks.append(sentence(outcomes))
     caption = (
         "RMSE of a joint against how often it turned back in training; full marks are the network, open ones the "
-        "linear model"
+        f"linear model, squares the zig-zag {ZIGZAG}"
     )
     return Report(tables, [TitledPicture(caption, _picture(outcomes, lengths))], remarks)
 

@@ -201,7 +201,9 @@ def report(outcomes: Outcomes) -> Report:
         tables.append(
             TitledTable("Error of a joint, in times what it was, with a signal shuffled", Table(header, rows))
         )
-    caption = "RMSE by features, mean over robots; lines are the paper's 16 inputs"
+    caption = (
+        "RMSE by features, mean over robots; lines are the paper's 16 inputs; bars may leave the picture"
+    )
     return Report(tables, [TitledPicture(caption, _picture(outcomes))])
 
 

@@ -22,3 +22,6 @@ ALL_138 = (
     *("runlevel", "sublevel", "last_seq", "type", "grasp_d", "dt"),
     *(f"green_{name}:{axis}" for name in ("jpos", "tau") for axis in AXES),
 )
+# the same with the time stamp itself
+STAMP = "stamp"
+STAMPED_138 = tuple(STAMP if name == "dt" else name for name in ALL_138)

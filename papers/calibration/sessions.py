@@ -6,10 +6,13 @@ minutes, as all other tests of the paper do.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
+import numpy as np
+
 from catenary import CablePlant, MotionLog, random_sinusoids, record_simulated
+from papers.calibration.inputs import STAMP
 from papers.calibration.recordings import TEST_SECONDS, calibration_log, draws, homed
 
 Condition = Literal["idle", "unloaded", "loaded"]
@@ -61,14 +64,19 @@ def recorded(
     number = CONDITIONS.index(condition)
     plant = homed(seed, payload=PAYLOAD if condition == "loaded" else 0.0)
     train = {
-        n: calibration_log(plant, draws(seed, 20 + number, n), sparsities=(1.0 / n,), columns=columns)
+        n: _stamped(
+            plant,
+            calibration_log(plant, draws(seed, 20 + number, n), sparsities=(1.0 / n,), columns=columns),
+        )
         for n in zigzags
     }
 
     def motion(seconds: float, *what: int) -> MotionLog:
         rng = draws(seed, 30 + number, *what)
         path = random_sinusoids(rng, seconds)
-        return record_simulated(plant, path, "random", rng, state_rate=test_rate, columns=columns)
+        return _stamped(
+            plant, record_simulated(plant, path, "random", rng, state_rate=test_rate, columns=columns)
+        )
 
     if condition == "idle":
         seconds = min(TEST_SECONDS, hour_seconds)
@@ -76,6 +84,13 @@ def recorded(
         _stand(plant, min(BRAKED, hour_seconds))
         return Session(train, {0: first, 5: motion(seconds, 5)})
     return Session(train, {hour: motion(hour_seconds, hour) for hour in range(6)})
+
+
+def _stamped(plant: CablePlant, log: MotionLog) -> MotionLog:
+    """Return a recording that ended now with its rows' time since power-on, as a signal."""
+    time = np.asarray(log.time)
+    stamp = plant.time - time[-1] + time
+    return replace(log, signals={**log.signals, STAMP: stamp}, signal_units={**log.signal_units, STAMP: "s"})
 
 
 def _stand(plant: CablePlant, seconds: float) -> None:

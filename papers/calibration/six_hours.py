@@ -26,7 +26,7 @@ from catenary.calibration.fit import FitOptions
 from catenary.calibration.model import CalibrationModel, Target
 from catenary.dynamics.kinematics import frame_poses
 from catenary.robots.catalog import load_robot
-from papers.calibration.inputs import ALL_138, SIXTEEN
+from papers.calibration.inputs import ALL_138, SIXTEEN, STAMPED_138
 from papers.calibration.recordings import BEST, METHODS, NETWORK, fitted, rows_of
 from papers.calibration.sessions import CONDITIONS, DENOMINATORS, HOUR, Condition, recorded
 from papers.experiment import Case, Outcomes, Plain, Result, Scope, run
@@ -50,17 +50,18 @@ SHORTEST, LONGEST = SETS[:3], SETS[-3:]  # of which the paper gives means
 SHORT = SETS[:3]  # below 500 s
 LONG = SETS[6:]  # above 800 s
 GROUPS = (SETS[:6], SETS[6:])  # of training sets, a case each
+INPUTS = {"16": SIXTEEN, "all": ALL_138, "stamped": STAMPED_138}
 RAW, OFFSET = "raw", "fixed offset"
 MODELS = ("linear", "polynomial", NETWORK, BEST)
 ROBOT, TIP = "raven2_full", "tool"  # frame between the jaws
 
 
-def fit_options(model: str, target: Target, *, everything: bool) -> FitOptions:
-    """Return how a model is fitted: with the paper's 16 inputs or all 138, to the error or the position."""
+def fit_options(model: str, target: Target, columns: str = "16") -> FitOptions:
+    """Return how a model is fitted: to the error or the position; see `six_hours` for its columns."""
     if model == OFFSET:
         return FitOptions(kind="offset", inputs=SIXTEEN)
     found = replace(METHODS[model], target=target)
-    return replace(found, inputs=ALL_138) if everything else found
+    return found if columns == "16" or model == BEST else replace(found, inputs=INPUTS[columns])
 
 
 def unguarded(model: CalibrationModel, data: CalibrationData) -> Floats:
@@ -147,7 +148,7 @@ def six_hours(
         models: Of `MODELS`.
         networks: Seeds of the paper's network, whose errors are averaged; ours is trained with the first.
         target: What models learn: the joints' error, or their position (end to end).
-        columns: "16" inputs of the paper, or "all" 138; ours keeps its own.
+        columns: "16" inputs of the paper, "all" 138, or "stamped", with the time stamp among them; ours keeps its own.
         zigzags: Denominators of the sparsities that are recorded.
         hour_seconds: How long an hour takes.
 
@@ -157,16 +158,19 @@ def six_hours(
         outside the valid range; `outside`, the share of rows there; `tip`, RMSE of the tool tip in x, y, z and distance
         [mm], of `errors`. "raw" and "fixed offset" come with any models.
     """
-    everything = columns == "all"
     session = recorded(
-        seed, condition, zigzags=zigzags, hour_seconds=hour_seconds, columns=("all",) if everything else ()
+        seed,
+        condition,
+        zigzags=zigzags,
+        hour_seconds=hour_seconds,
+        columns=() if columns == "16" else ("all",),
     )
     found: dict[str, dict[str, list[Plain]]] = {RAW: {}}
     for name in sets:
         training = session.training(name)
         for model in (OFFSET, *models):
             seeds = {NETWORK: networks, BEST: networks[:1]}.get(model, (0,))
-            made = fit_options(model, target, everything=everything and model != BEST)
+            made = fit_options(model, target, columns)
             fits = [fitted(training, replace(made, seed=each)) for each in seeds]
             found.setdefault(model, {})[name] = [
                 tested(fits, log, guard=model == BEST) for log in session.test.values()

@@ -8,3 +8,5 @@ RAVEN-II. Figures 7 to 10 are drawn without tables; of their values only those s
 FIGURE_7_DEG = (0, 25)
 # section IV-B: bases about Z0 "ranged from 0 to 20 degrees"
 LARGEST_BASE_DEG = 20
+# sections V-B, V-C: joint 1's RMS error with DG below PD's, at 20 deg and on the rocking base [%]
+GAIN_PERCENT = 12.0

@@ -7,8 +7,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.neural_network import MLPRegressor
 
 from catenary.calibration import neural
-from catenary.calibration.backpropagation import TrainedNetwork
-from catenary.calibration.neural import BEST, PAPER, NetworkSettings, fit_neural
+from catenary.calibration.backpropagation import Penalties, TrainedNetwork
+from catenary.calibration.neural import BEST, PAPER, PAPER_LARGER, NetworkSettings, fit_neural
 from catenary.calibration.predictors import Network
 
 SMALL = NetworkSettings((8,), "tanh", 1e-4, 1e-2, 64, 20)
@@ -36,9 +36,9 @@ class Spy(TrainedNetwork):
 
     steps: list[dict[str, Any]]
 
-    def gradient(self, X: np.ndarray, Y: np.ndarray, l2: float) -> list[np.ndarray]:
+    def gradient(self, X: np.ndarray, Y: np.ndarray, l2: float, *others: Any) -> list[np.ndarray]:
         self.steps.append({"X": X, "rows": len(X), "l2": l2})
-        return super().gradient(X, Y, l2)
+        return super().gradient(X, Y, l2, *others)
 
     def step(self, gradient: Any, learning_rate: float) -> None:
         self.steps[-1]["rate"] = learning_rate
@@ -84,6 +84,54 @@ def test_gradient_is_that_of_keras_loss(activation: Any, rows: int, outputs: int
             slope = (above - loss()) / (2.0 * h)
             values[place] = kept
             assert slopes[place] == pytest.approx(0.5 * outputs * slope, abs=1e-8)  # central difference
+
+
+@pytest.mark.parametrize("activation", ["logistic", "tanh"])
+@pytest.mark.parametrize(
+    "others",
+    [Penalties(l1=0.02), Penalties(bias_l2=0.03), Penalties(activity_l2=0.04), Penalties(0.02, 0.03, 0.04)],
+    ids=["l1", "bias", "activity", "all"],
+)
+def test_gradient_of_further_penalties_is_that_of_keras_loss(activation: Any, others: Penalties) -> None:
+    rng = np.random.default_rng(0)
+    rows, outputs, l2 = 11, 2, 0.05
+    X, Y = rng.normal(size=(rows, 4)), rng.normal(size=(rows, outputs))
+    network = TrainedNetwork((4, 6, 5, outputs), activation, 1)
+    network.weights = [W.astype(np.float64) for W in network.weights]
+    network.biases = [b.astype(np.float64) for b in network.biases]
+
+    def loss() -> float:
+        layer, activity = X, 0.0
+        for weights, bias in zip(network.weights[:-1], network.biases[:-1], strict=True):
+            layer = layer @ weights + bias
+            layer = 1.0 / (1.0 + np.exp(-layer)) if activation == "logistic" else np.tanh(layer)
+            activity += np.sum(layer**2) / rows
+        errors = layer @ network.weights[-1] + network.biases[-1] - Y
+        penalty = sum(l2 * np.sum(W**2) + others.l1 * np.sum(np.abs(W)) for W in network.weights)
+        penalty += others.bias_l2 * sum(np.sum(b**2) for b in network.biases)
+        return float(np.mean(errors**2) + penalty + others.activity_l2 * activity)
+
+    h = 1e-6  # far below every weight's magnitude, where the L1 term has a slope
+    slopes = network.gradient(X, Y, l2, others)
+    for values, found in zip((*network.weights, *network.biases), slopes, strict=True):
+        for place in np.ndindex(values.shape):
+            kept = values[place]
+            values[place] = kept + h
+            above = loss()
+            values[place] = kept - h
+            slope = (above - loss()) / (2.0 * h)
+            values[place] = kept
+            assert found[place] == pytest.approx(0.5 * outputs * slope, abs=1e-8)  # central difference
+
+
+def test_larger_network_of_the_paper_has_its_size_and_penalties(steps: list[dict[str, Any]]) -> None:
+    X, Y = problem(300, outputs=3)
+    X = np.hstack([X, np.random.default_rng(0).normal(size=(300, 136))])
+    network = train(X, Y, replace(PAPER_LARGER, epochs=1))
+    # section II-H: 138 inputs, 600-500-400 units, 3 outputs
+    assert sum(each.size for each in (*network.weights, *network.biases)) == 585_503
+    assert {s["l2"] for s in steps} == {1e-4}
+    assert PAPER_LARGER.penalties == Penalties(l1=1e-5, bias_l2=1e-4, activity_l2=1e-5)
 
 
 @pytest.mark.parametrize("activation", ["logistic", "tanh"])

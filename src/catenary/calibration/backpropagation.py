@@ -5,6 +5,7 @@ rate for Adam.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +17,18 @@ from catenary.calibration.predictors import Activation
 Singles = NDArray[np.float32]
 # Adam's decay rates, and what it adds to a root [Kingma and Ba 2014]
 MOMENTUM, SQUARES, EPSILON = 0.9, 0.999, 1e-8
+
+
+@dataclass(frozen=True)
+class Penalties:
+    """Factors of what Keras adds to the mean squared error beside the squared weights."""
+
+    l1: float = 0.0  # of the sum of the weights' magnitudes
+    bias_l2: float = 0.0  # of the sum of squared biases
+    activity_l2: float = 0.0  # of the sum of squared outputs of hidden units, mean over rows
+
+
+NO_PENALTIES = Penalties()
 
 
 class TrainedNetwork:
@@ -45,16 +58,17 @@ class TrainedNetwork:
     def _parameters(self) -> list[Singles]:
         return [*self.weights, *self.biases]
 
-    def gradient(self, X: Singles, Y: Singles, l2: float) -> list[Singles]:
+    def gradient(self, X: Singles, Y: Singles, l2: float, others: Penalties = NO_PENALTIES) -> list[Singles]:
         """Return the gradient of the loss, times m / 2: first by the weights, then by the biases.
 
-        The loss is Keras's: mean over rows and outputs of the squared error, + l2 * sum of squared weights. Adam's
-        steps do not depend on the factor.
+        The loss is Keras's: mean over rows and outputs of the squared error, + l2 * sum of squared weights, + the other
+        penalties. Adam's steps do not depend on the factor.
 
         Args:
             X: (N, F) inputs.
             Y: (N, m) outputs that are wanted.
             l2: Weight on the squared weights.
+            others: Weights on magnitudes of weights, on biases and on what hidden units give.
         """
         layers = [X]
         for weights, bias in zip(self.weights, self.biases, strict=True):
@@ -70,7 +84,15 @@ class TrainedNetwork:
             by_biases.insert(0, delta.sum(axis=0) / rows)
             if layer is not X:
                 delta = delta @ weights.T
+                if others.activity_l2:
+                    delta += others.activity_l2 * Y.shape[1] * layer
                 delta = delta * layer * (1 - layer) if self._logistic else delta * (1 - layer**2)
+        if others.l1:
+            for slope, weights in zip(by_weights, self.weights, strict=True):
+                slope += 0.5 * others.l1 * Y.shape[1] * np.sign(weights)
+        if others.bias_l2:
+            for slope, bias in zip(by_biases, self.biases, strict=True):
+                slope += others.bias_l2 * Y.shape[1] * bias
         return [*by_weights, *by_biases]
 
     def step(self, gradient: Sequence[Singles], learning_rate: float) -> None:

@@ -14,7 +14,7 @@ the probability: such as two links with a joint between that stands upright and 
 joint's axis, which the joint does not feel. Beyond the gravity-regressor paper.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -93,26 +93,23 @@ class LoadHypotheses:
         self._squares += Z.T @ Z
         self._products += Z.T @ y
 
-    def beliefs(self, q: Floats, gravity: Floats, noise: Floats) -> LoadBeliefs:
-        """Return probabilities and masses; no load is as likely beforehand as each of the frames.
+    def beliefs(
+        self, q: Floats, gravity: Floats, noise: Floats, beforehand: float | None = None
+    ) -> LoadBeliefs:
+        """Return probabilities and masses; every frame is as likely beforehand.
 
         Args:
             q: (n,) where the arm stands, from where a joint may move to tell more.
             gravity: (3,) there [m/s2].
             noise: (n,) [Nm|N].
+            beforehand: Probability that there is a load; when None, none is as likely as each of the frames.
         """
-        A, a = self._squares, self._products
-        if self._known is not None:
-            A, a = A - A @ np.linalg.solve(A + self._known, A), a - A @ np.linalg.solve(A + self._known, a)
-        evidence, bodies = [0.0], []
-        for k in range(len(self.frames)):
-            V = self.directions[:, PER_LOAD * k : PER_LOAD * (k + 1)]
-            J, b = V.T @ A @ V, V.T @ a
-            evidence.append(log_evidence(J, b))
+        bodies = []
+        for J, b in self._tests():
             covariance = np.linalg.inv(np.eye(PER_LOAD) + J)
             body, deviation = self._sizes * (covariance @ b), self._sizes[0] * np.sqrt(covariance[0, 0])
             bodies.append((float(body[0]), float(deviation), body[1:]))
-        none, *shares = probabilities(evidence)
+        none, *shares = self.shares(beforehand)
         carriers = [
             CarrierBelief(frame, share, *body)
             for frame, share, body in zip(self.frames, shares, bodies, strict=True)
@@ -123,6 +120,22 @@ class LoadHypotheses:
             pair = [(one.frame, np.array([one.mass, *one.moment])) for one in carriers[:2]]
             joint = telling_joint(self._regressor, pair, q, gravity, noise)
         return LoadBeliefs(none, tuple(carriers), joint)
+
+    def shares(self, beforehand: float | None = None) -> list[float]:
+        """Return the probability of no load, and of a load on each frame; see `beliefs`."""
+        count = len(self.frames)
+        prior = count / (count + 1.0) if beforehand is None else beforehand
+        found = [float(np.log(prior / count)) + log_evidence(J, b) for J, b in self._tests()]
+        return probabilities([float(np.log(1.0 - prior)), *found])
+
+    def _tests(self) -> Iterator[tuple[Floats, Floats]]:
+        """Yield J and b of every frame, what is not known of the arm taken out."""
+        A, a = self._squares, self._products
+        if self._known is not None:
+            A, a = A - A @ np.linalg.solve(A + self._known, A), a - A @ np.linalg.solve(A + self._known, a)
+        for k in range(len(self.frames)):
+            V = self.directions[:, PER_LOAD * k : PER_LOAD * (k + 1)]
+            yield V.T @ A @ V, V.T @ a
 
 
 def locate_load(
@@ -178,7 +191,7 @@ def log_evidence(information: Floats, score: Floats) -> float:
 
 
 def probabilities(evidence: Sequence[float]) -> list[float]:
-    """Return the probabilities of hypotheses that are equally likely beforehand, from the logarithms of evidence."""
+    """Return the probabilities of hypotheses from the logarithms of evidence, what is likely beforehand included."""
     weights = np.exp(np.array(evidence) - np.max(evidence))
     return [float(weight) for weight in weights / weights.sum()]
 

@@ -24,6 +24,9 @@ from catenary.plant import JointState
 from catenary.robots.model import RobotModel
 
 SURPRISE = 3.0  # standard deviations of torque that say that the load has changed
+CHANGE = (
+    1e-3  # probability that a load changes between two torques taken: of many, some stand out by noise alone
+)
 ANOTHER = 5.0  # the same, once a load is looked for: noise alone exceeds three of them now and then
 
 
@@ -109,7 +112,9 @@ class RecursiveGravityEstimator(EstimatedGravity):
     @property
     def load(self) -> LoadBeliefs | None:
         """Which carrier's load has changed, as far as torques since then tell; None where none has been noticed."""
-        return None if self._unloaded is None else self._hypotheses.beliefs(*self._last_pose, self._noise)
+        if self._unloaded is None:
+            return None
+        return self._hypotheses.beliefs(*self._last_pose, self._noise, CHANGE)
 
     @property
     def taken(self) -> int:
@@ -148,10 +153,10 @@ class RecursiveGravityEstimator(EstimatedGravity):
             variance = np.sum(Z.T * np.linalg.solve(self._information + self._prior, Z.T), axis=0)
             tells |= bool((variance > self._novelty**2).any())
             surprise = float((np.abs(missing) / np.sqrt(1.0 + variance)).max())
-            if self._loads.size and surprise > (SURPRISE if self._unloaded is None else ANOTHER):
-                self._hypotheses.restart(self._information + self._prior)
-                self._unloaded = self._s.copy()
             if surprise > SURPRISE:
+                if self._loads.size and self._begins_anew(surprise):
+                    self._hypotheses.restart(self._information + self._prior)
+                    self._unloaded = self._s.copy()
                 self._doubt_loads()
         if tells:
             if self._unloaded is not None:
@@ -159,6 +164,11 @@ class RecursiveGravityEstimator(EstimatedGravity):
             self._information = self._forgetting * self._information + Z.T @ Z
             self._s += np.linalg.solve(self._information + self._prior, Z.T @ missing)
         return tells
+
+    def _begins_anew(self, surprise: float) -> bool:
+        """Return whether a surprise is of a load that is not yet looked for."""
+        none_so_far = self._unloaded is None or self._hypotheses.shares(CHANGE)[0] > 0.5
+        return none_so_far or surprise > ANOTHER
 
     def _doubt_loads(self) -> None:
         """Widen the covariance by V V^T: A <- A - B (1 + V^T B)^-1 B^T with B = (A + A_0) V [Woodbury]."""

@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+
+from papers.experiment import Outcomes, Scope
+from papers.regressor import payload
+from papers.regressor.unknown_payload import LOOKED_AT, arm, payload_trials, trial
+
+
+def test_a_heavy_load_is_noticed_at_once_and_its_probabilities_are_its_own() -> None:
+    model = arm(3)
+    rng = np.random.default_rng(5)
+    results = [trial(model, rng, 0.1, loaded=True) for _ in range(4)]
+    assert {len(one["seen"]) for one in results} == {len(LOOKED_AT)}
+    heavy = [one for one in results if one["link"] > 1 and one["mass_kg"] > 0.5]
+    assert heavy
+    for one in heavy:
+        assert payload.noticed(one["seen"][-1])
+        assert one["seen"][-1]["among_likely"]
+
+
+def test_arms_differ_by_their_seed_alone() -> None:
+    assert (arm(1).tree.mass == arm(1).tree.mass).all()
+    assert (arm(1).tree.mass != arm(2).tree.mass).any()
+
+
+def seen(probability: float, right: bool, no_load: float = 0.0) -> list[dict[str, object]]:
+    one = {
+        "no_load": no_load,
+        "right": right,
+        "probability": probability,
+        "likely": 1,
+        "among_likely": right,
+        "mass_error_kg": 0.1,
+        "mass_error_there_kg": 0.1,
+        "mass_std_kg": 0.1,
+    }
+    return [{"poses": poses, **one} for poses in LOOKED_AT]
+
+
+def made_up() -> Outcomes:
+    trials = [
+        {"link": 2, "mass_kg": 0.3, "alarm": False, "seen": seen(0.8, number < 4)} for number in range(5)
+    ]
+    trials += [{"link": 0, "mass_kg": 0.0, "alarm": False, "seen": seen(0.9, False, 0.99)}]
+    return Outcomes({case: {"trials": trials} for case in payload.cases(Scope(robots=(None,)))})
+
+
+def test_a_statement_is_counted_by_the_probability_it_was_made_with() -> None:
+    ((stated, right, count),) = payload.reliability(payload.trials_of(made_up(), 1.0))
+    assert stated == pytest.approx(0.8)
+    assert right == pytest.approx(0.8)
+    assert count == 5 * len(LOOKED_AT)  # unloaded trials state no link
+
+
+def test_report_tells_detection_links_and_masses() -> None:
+    report = payload.report(made_up())
+    assert [len(one.table.rows) for one in report.tables] == [6, 1, 6, 1, 1, 4]
+    first = report.tables[0].table.rows[0]
+    assert first[:4] == ["1", "5", "100 %", "80 %"]
+    assert report.tables[0].table.rows[-1][:3] == ["false alarms", "7", "0 %"]
+    assert len(report.pictures) == 1
+
+
+def test_every_arm_runs_under_both_noises() -> None:
+    cases = payload.cases(Scope())
+    assert len(cases) == 12
+    assert {case.function for case in cases} == {payload_trials.name}

@@ -1,0 +1,187 @@
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from catenary.errors import InputError
+from oracles.sweep_cases import become_older, calls, deadly, failing, not_plain, quick, summed
+from papers import runner
+from papers.experiment import Case, Result
+from papers.runner import Failure, execute, fingerprint, run_cases
+from papers.store import Finished, Store
+
+
+@pytest.fixture
+def begun(tmp_path: Path) -> Path:
+    """Where cases leave a file for each call."""
+    folder = tmp_path / "begun"
+    folder.mkdir()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    """Two workers of a Dask cluster that somebody else started."""
+    from distributed import LocalCluster
+
+    with LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", memory_limit=0
+    ) as local:
+        yield local
+
+
+def sums(folder: Path, count: int) -> list[Case]:
+    return [summed.case(number=k, folder=str(folder)) for k in range(count)]
+
+
+def results(store: Store, cases: list[Case]) -> list[Result]:
+    return [kept.result for case in cases if (kept := store.read(case)) is not None]
+
+
+def as_bits(found: list[Result]) -> str:
+    return json.dumps(found)  # shortest decimals that give the same double
+
+
+def test_a_case_that_raises_is_kept_as_a_failure_and_the_others_end(tmp_path: Path, begun: Path) -> None:
+    bad = [failing.case(number=7, folder=str(begun)), not_plain.case(number=8, folder=str(begun))]
+    good = sums(begun, 2)
+    store = Store(tmp_path / "out")
+    told: list[tuple[Case, Finished | Failure]] = []
+    failures = run_cases([bad[0], good[0], bad[1], good[1]], store, told=lambda *ended: told.append(ended))
+    assert [failure.case for failure in failures] == bad
+    assert "case 7 cannot be" in failures[0].told
+    assert "not JSON serializable" in failures[1].told
+    assert len(results(store, good)) == 2
+    assert [case for case, _ in told] == [bad[0], good[0], bad[1], good[1]]
+    kept = {path.stem: path.read_text() for path in store.failures.iterdir()}
+    assert set(kept) == {case.key for case in bad}
+    assert "failing(folder" in kept[bad[0].key]
+
+
+def test_an_interrupted_sweep_goes_on_where_it_was_and_runs_nothing_twice(
+    tmp_path: Path, begun: Path
+) -> None:
+    store, cases = Store(tmp_path / "out"), sums(begun, 5)
+
+    def stop_at_the_third(case: Case, _: Finished | Failure) -> None:
+        if case == cases[2]:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_cases(cases, store, told=stop_at_the_third)
+    assert [calls(begun, k) for k in range(5)] == [1, 1, 1, 0, 0]
+    assert run_cases(cases, Store(tmp_path / "out")) == []
+    assert [calls(begun, k) for k in range(5)] == [1] * 5
+    assert run_cases(cases + cases, store) == []
+    assert [calls(begun, k) for k in range(5)] == [1] * 5
+
+
+def test_a_failed_case_runs_again_the_next_time_and_its_failure_is_forgotten(
+    tmp_path: Path, begun: Path
+) -> None:
+    store, case = Store(tmp_path / "out"), quick.case(number=1, folder=str(begun))
+    store.write_failure(case, "no disk")
+    assert run_cases([case], store) == []
+    assert list(store.failures.iterdir()) == []
+
+
+def test_another_version_is_refused_and_named(begun: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    case = quick.case(number=1, folder=str(begun))
+    with pytest.raises(
+        RuntimeError, match=f"another catenary .*{re.escape(fingerprint())}.* than asks .older"
+    ):
+        execute(case, None, "older")
+    with pytest.raises(RuntimeError, match="quick: this worker has revision 1, and 2 is asked for"):
+        execute(replace(case, revision=2), None, fingerprint())
+    monkeypatch.setattr(runner, "robots_digest", lambda: "0" * 64)
+    assert fingerprint().endswith("+0000000000000000")
+    assert calls(begun, 1) == 0
+
+
+def test_two_workers_give_the_numbers_of_this_process_to_the_last_bit(tmp_path: Path, begun: Path) -> None:
+    cases, bad = sums(begun, 4), failing.case(number=9, folder=str(begun))
+    here, there = Store(tmp_path / "here"), Store(tmp_path / "there")
+    assert run_cases(cases, here) == []
+    failures = run_cases([bad, *cases], there, workers=2)
+    assert as_bits(results(there, cases)) == as_bits(results(here, cases))
+    assert [failure.case for failure in failures] == [bad]
+    assert "case 9 cannot be" in failures[0].told
+
+
+@pytest.mark.slow
+def test_a_cluster_by_address_gives_the_same_and_two_hundred_cases_tell_their_progress(
+    cluster: Any, tmp_path: Path, begun: Path
+) -> None:
+    cases = sums(begun, 4)
+    here, there = Store(tmp_path / "here"), Store(tmp_path / "there")
+    run_cases(cases, here)
+    assert run_cases(cases, there, cluster=cluster.scheduler_address) == []
+    assert as_bits(results(there, cases)) == as_bits(results(here, cases))
+    many = [quick.case(number=k, folder=str(begun)) for k in range(100, 300)]
+    told: list[Case] = []
+    partial: list[int] = []
+
+    def count(case: Case, _: Finished | Failure) -> None:
+        told.append(case)
+        partial.append(
+            len(list(there.folder.iterdir()))
+        )  # results are there as cases end, not after all of them
+
+    assert run_cases(many, there, cluster=cluster.scheduler_address, told=count) == []
+    assert set(told) == set(many)
+    assert partial == list(range(5, 205))
+    assert all(calls(begun, case.arguments["number"]) == 1 for case in many)
+
+
+@pytest.mark.slow
+def test_killed_workers_cost_no_case_but_those_that_kill_again(tmp_path: Path, begun: Path) -> None:
+    once = deadly.case(number=100, folder=str(begun), deaths=1)
+    always = [deadly.case(number=k, folder=str(begun), deaths=99) for k in (101, 102)]
+    others = [
+        summed.case(number=k, folder=str(begun), size=1000) for k in range(6)
+    ]  # long enough to be there
+    store = Store(tmp_path / "out")
+    failures = run_cases([always[0], *others[:3], always[1], once, *others[3:]], store, workers=2)
+    assert {failure.case for failure in failures} == set(always)
+    assert all("KilledWorker" in failure.told for failure in failures)
+    assert (calls(begun, 101), calls(begun, 102)) == (2, 2)
+    assert len(results(store, others)) == 6
+    kept = store.read(once)
+    assert kept is not None
+    assert kept.result["calls"] == 2
+
+
+@pytest.mark.slow
+def test_a_worker_with_another_source_is_refused_before_anything_runs(tmp_path: Path, begun: Path) -> None:
+    from distributed import Client, LocalCluster
+
+    with (
+        LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", memory_limit=0
+        ) as mixed,
+        Client(mixed) as client,
+    ):
+        aged = next(iter(client.scheduler_info()["workers"]))
+        client.run(become_older, workers=[aged])
+        refused = f"workers with another catenary than here .*{re.escape(fingerprint())}.*: {aged} .older"
+        with pytest.raises(InputError, match=refused):
+            run_cases(sums(begun, 2), Store(tmp_path / "out"), cluster=mixed.scheduler_address)
+    assert list(begun.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_a_cluster_without_workers_is_refused(
+    tmp_path: Path, begun: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from distributed import LocalCluster
+
+    monkeypatch.setattr(runner, "PATIENCE", 0.5)
+    with (
+        LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0") as empty,
+        pytest.raises(InputError, match="no worker within"),
+    ):
+        run_cases(sums(begun, 2), Store(tmp_path / "out"), cluster=empty.scheduler_address)

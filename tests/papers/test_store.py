@@ -1,0 +1,93 @@
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from oracles.sweep_cases import quick, summed
+from papers import experiment, store
+from papers.experiment import Case
+from papers.store import Finished, Store, source_digest
+
+CASE = quick.case(number=3, folder="here")
+DONE = Finished(
+    {"number": 3, "value": 0.1 + 0.2, "rows": [[1.5, None], []], "name": "Ω"}, 1.25, "0.1.0", "abc"
+)
+
+
+def test_what_is_kept_comes_back_whole(tmp_path: Path) -> None:
+    kept = Store(tmp_path)
+    assert kept.read(CASE) is None
+    kept.write(CASE, DONE)
+    assert Store(tmp_path).read(CASE) == DONE
+    content = json.loads((tmp_path / "cases" / f"{CASE.key}.json").read_text())
+    assert (content["function"], content["arguments"]) == (CASE.function, {"folder": "here", "number": 3})
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [b"", b"{", b"null", b"[1]", b"\xff\xfe\x00", b'{"result": {}}', b'"text"', b'{"result": 1, "seconds": 1, "version": "", "source": ""}'],
+    ids=repr,
+)  # fmt: skip
+def test_a_damaged_file_is_no_result_and_is_written_anew(tmp_path: Path, damage: bytes) -> None:
+    kept = Store(tmp_path)
+    kept.write(CASE, DONE)
+    path = tmp_path / "cases" / f"{CASE.key}.json"
+    path.write_bytes(damage)
+    assert kept.read(CASE) is None
+    kept.write(CASE, DONE)
+    assert kept.read(CASE) == DONE
+    path.write_bytes(path.read_bytes()[:-20])  # cut off
+    assert kept.read(CASE) is None
+
+
+def test_a_key_depends_on_function_revision_and_every_argument_and_not_on_their_order() -> None:
+    others = [
+        quick.case(number=4, folder="here"),
+        quick.case(number=3, folder="there"),
+        summed.case(number=3, folder="here"),
+        replace(CASE, revision=2),
+    ]
+    assert len({case.key for case in [CASE, *others]}) == 5
+    again = quick.case(folder="here", number=3)
+    assert again == CASE
+    assert again.key == CASE.key
+
+
+def test_a_key_depends_on_the_robots_data(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    before = CASE.key
+    for room in ("robots", "simulation"):
+        (tmp_path / room / "data").mkdir(parents=True)
+        (tmp_path / room / "data" / "arm.toml").write_text("mass = 1")
+    monkeypatch.setattr(experiment, "files", lambda _: tmp_path)
+    keys = [before]
+    for text in ("mass = 1", "mass = 2"):
+        (tmp_path / "simulation" / "data" / "arm.toml").write_text(text)
+        experiment.robots_digest.cache_clear()
+        keys.append(CASE.key)
+    monkeypatch.undo()
+    experiment.robots_digest.cache_clear()
+    assert len(set(keys)) == 3
+    assert CASE.key == before
+
+
+def test_the_digest_of_the_source_changes_with_any_file(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "robots").mkdir()
+    monkeypatch.setattr(store, "files", lambda _: tmp_path)
+    digests = []
+    for name, text in (("a.py", "x = 1"), ("robots/a.py", ""), ("a.py", "x = 2"), ("notes.txt", "no source")):
+        (tmp_path / name).write_text(text)
+        digests.append(source_digest.__wrapped__())
+    assert len(set(digests[:3])) == 3
+    assert digests[3] == digests[2]
+
+
+def test_a_case_is_plain_data_and_its_function_a_marked_one() -> None:
+    with pytest.raises(TypeError):
+        quick.case(number=3)
+    with pytest.raises((TypeError, ValueError)):
+        quick.case(number=float("nan"), folder="here")
+    with pytest.raises(TypeError, match="expected a function marked with @run"):
+        Case("oracles.sweep_cases.calls", 1, "{}").load()
