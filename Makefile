@@ -29,7 +29,7 @@ help:
 	@echo "make bench-bags  six hours in a ROS 1 bag to Parquet, beside one object per message (5 GB of disk, 10 minutes)"
 	@echo "make papers      figures and tables of the papers with verdicts, into results/papers; goes on where it stopped (PAPER=calibration, QUICK=1 for ten minutes of everything)"
 	@echo "make refit       fit the simulated RAVEN-II to both papers' results again (5 minutes); rewrites its data file"
-	@echo "make gravity-figures every experiment of docs/paper-dynamic-gravity.md on simulated robots (an hour), into results/"
+	@echo "make gravity-figures the experiments of docs/gravity-moving-bases.md on the simulated robot, into results/"
 	@echo "make clean       remove .venv and everything made here"
 
 demo: $(VENV)/.package
