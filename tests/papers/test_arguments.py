@@ -44,9 +44,9 @@ def test_bad_arguments_are_refused(given: tuple[str, ...], word: str, capsys: An
 
 
 def test_a_script_names_itself_and_refuses_an_unknown_option(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "papers.tutorial.two_link", str(tmp_path), "--nonsense"]
+    command = [sys.executable, "-m", "papers.gravity.static", str(tmp_path), "--nonsense"]
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
     assert ended.returncode == 2
-    assert "python -m papers.tutorial.two_link" in ended.stderr
+    assert "python -m papers.gravity.static" in ended.stderr
     assert "--nonsense" in ended.stderr
     assert list(tmp_path.iterdir()) == []
