@@ -78,7 +78,7 @@ def main(
     runs: list[tuple[str, Run]] = []
     for variation in variations:
         arm, base = varied_joint_3(variation), turned_base(BASE_DEG)
-        done = run_controllers(None, base, f"{BASE_DEG:g}", wanted, cycles=1, axes=axes, arm=arm)
+        done = run_controllers(None, base, wanted, cycles=1, axes=axes, arm=arm)
         runs += [(variation.name, run) for run in done]
         print(f"  {variation.name}: done", file=sys.stderr, flush=True)
     blocks: list[Block] = shown("RMS error of joint 3", joint_3_table(runs))

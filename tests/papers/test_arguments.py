@@ -47,6 +47,6 @@ def test_a_script_names_itself_and_refuses_an_unknown_option(tmp_path: Path) -> 
     command = [sys.executable, "-m", "papers.gravity.static", str(tmp_path), "--nonsense"]
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
     assert ended.returncode == 2
-    assert "python -m papers.gravity.static" in ended.stderr
+    assert "python -m papers.gravity.sustained" in ended.stderr
     assert "--nonsense" in ended.stderr
     assert list(tmp_path.iterdir()) == []

@@ -7,7 +7,7 @@ import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.control.controller import SplitController
-from catenary.control.loop import StateCorrector, Tick, run_loop
+from catenary.control.loop import GravitySource, Observer, StateCorrector, Tick, run_loop
 from catenary.control.measures import Tracking
 from catenary.errors import InputError
 from catenary.trajectories.in_turn import InTurn, Rest
@@ -26,6 +26,8 @@ def track(
     settle: float = SETTLE,
     windows: Sequence[tuple[float, float]] | None = None,
     corrector: StateCorrector | None = None,
+    gravity: GravitySource | None = None,
+    observers: Sequence[Observer] = (),
 ) -> Tracking:
     """Bring an arm to a motion's start, let it settle there, and follow the motion, all with the same controller.
 
@@ -37,6 +39,8 @@ def track(
         windows: Times of the motion that count in the measures, from and to [s]; all of it when None.
         corrector: Turns reported positions into calibrated ones; without it all is measured at the motors, as the
             paper did.
+        gravity: Says what gravity is; what the plant says when None.
+        observers: Called with every tick of the motion itself, the way to its start and the settling left out.
 
     Raises:
         LimitError: The motion leaves the joint limits; nothing has moved.
@@ -57,10 +61,12 @@ def track(
         if tick.time >= begin - 1e-9 and tick.tau is not None:
             times.append(tick.time - begin)
             rows.append((tick.reference.q - tick.state.q, controller.feedback.copy(), tick.tau))
+            for observer in observers:
+                observer(tick)
 
     report = run_loop(
         plant, controller, whole, limits=arm.limits(), rate_hz=1.0 / plant.period,
-        corrector=corrector, observers=[observe],
+        corrector=corrector, gravity=gravity, observers=[observe],
     )  # fmt: skip
     time = np.array(times)
     counted = np.zeros(len(time))
