@@ -13,6 +13,7 @@ MODULES = {
     "calibration-table-1": "papers.calibration.table_1",
     "calibration-figure-5": "papers.calibration.figure_5",
     "calibration-figure-6": "papers.calibration.figure_6",
+    "calibration-figure-7": "papers.calibration.figure_7",
     "calibration-figure-8": "papers.calibration.figure_8",
     "calibration-table-2": "papers.calibration.table_2",
     "calibration-figure-9": "papers.calibration.figure_9",

@@ -241,7 +241,7 @@ def _picture(outcomes: Outcomes) -> Any:
                                 label=f"{training}, {inputs}" if (b, model) == (0, "network") else None,
                             )
         panel.set_xticks(range(len(BASES)), BASES, rotation=35, fontsize=8, ha="right")
-        panel.set_ylim(bottom=0.0)
+        panel.set_yscale("log")
         panel.set_title(f"{JOINTS[j]} [{UNITS[j]}]", fontsize=10)
     figure.legend(
         *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False, fontsize=8

@@ -1,5 +1,3 @@
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -41,12 +39,3 @@ def test_bad_arguments_are_refused(given: tuple[str, ...], word: str, capsys: An
         folder_and_robots("About.", USUAL, given)
     assert end.value.code == 2
     assert word in capsys.readouterr().err
-
-
-def test_a_script_names_itself_and_refuses_an_unknown_option(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "papers.gravity.static", str(tmp_path), "--nonsense"]
-    ended = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert ended.returncode == 2
-    assert "python -m papers.gravity.sustained" in ended.stderr
-    assert "--nonsense" in ended.stderr
-    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,160 @@
+"""Figure 7 of the calibration paper: examples of calibrated positions right after calibration, in hour 2 and in hour 5.
+
+The unloaded six hours of figure 6 on the nominal robot; models are trained at sparsity 1/6, networks once. Each section
+is a minute and a half from the beginning of its hour. The figure is an example: no claim rests on it.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.reports.page import Table
+from papers.calibration.recordings import BEST, JOINTS, NETWORK, UNITS, fitted, rows_of
+from papers.calibration.sessions import DENOMINATORS, HOUR, TEST_RATE, recorded
+from papers.calibration.six_hours import MODELS, OFFSET, fit_options, guarded, unguarded
+from papers.experiment import (
+    NOMINAL,
+    Case,
+    Experiment,
+    Outcomes,
+    Report,
+    Result,
+    Scope,
+    TitledPicture,
+    TitledTable,
+    run,
+)
+from papers.figures import METHOD_COLORS, panels
+from papers.gravity.raven_base import SHOWN
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+HOURS = (0, 2, 5)
+SECONDS = 90.0  # of a section
+DIGITS = 4  # of positions in deg and mm
+TRUTH = "external encoder"
+
+
+@run(revision=1)
+def sections(
+    seed: int | None,
+    training_set: str,
+    models: Sequence[str],
+    seconds: float,
+    zigzags: Sequence[int] = DENOMINATORS,
+    hour_seconds: float = HOUR,
+) -> Result:
+    """Return true and calibrated positions at the beginning of hours 0, 2 and 5, unloaded.
+
+    Args:
+        seed: The robot.
+        training_set: What models are trained on.
+        models: Names, of `six_hours`.
+        seconds: Length of a section.
+        zigzags: Denominators of the sparsities that are recorded.
+        hour_seconds: How long an hour takes.
+
+    Returns:
+        By hour, `time` [s] and by name, true positions and those of each model, rows of J1 [deg], J2 [deg], J3 [mm].
+    """
+    session = recorded(seed, "unloaded", zigzags=zigzags, hour_seconds=hour_seconds)
+    training = session.training(training_set)
+    fits = {model: fitted(training, fit_options(model, "error")) for model in (OFFSET, *models)}
+    found: dict[str, dict[str, list[float] | list[list[float]]]] = {}
+    for hour in HOURS:
+        log = session.test[hour]
+        count = round(seconds * TEST_RATE)
+        truth = np.asarray(log.q_encoder)[:count]
+        section = {"time": np.asarray(log.time)[:count], TRUTH: SHOWN * truth}
+        for name, model in fits.items():
+            left = (guarded if name == BEST else unguarded)(model, rows_of(model, log))[:count]
+            section[name] = SHOWN * (truth - left)
+        found[str(hour)] = {name: np.round(values, DIGITS).tolist() for name, values in section.items()}
+    return found
+
+
+def cases(scope: Scope) -> list[Case]:
+    """Return the nominal robot's case."""
+    few = {"zigzags": [2], "hour_seconds": 60.0} if scope.quick else {}
+    models = ("linear", NETWORK) if scope.quick else MODELS
+    return [
+        sections.case(
+            seed=NOMINAL,
+            training_set="1/2" if scope.quick else "1/6",
+            models=list(models),
+            seconds=30.0 if scope.quick else SECONDS,
+            **few,
+        )
+    ]
+
+
+def report(outcomes: Outcomes) -> Report:
+    """Return the sections' errors, their positions as the paper draws them, and what is left of the errors."""
+    (result,) = outcomes.of(sections)
+    names = [name for name in result["0"] if name not in ("time", TRUTH)]
+    rows = []
+    for name in names:
+        cells = [name]
+        for hour in HOURS:
+            left = _array(result, hour, TRUTH) - _array(result, hour, name)
+            cells += [f"{value:.3f}" for value in np.sqrt(np.mean(left**2, axis=0))]
+        rows.append(cells)
+    header = ["model"]
+    for hour in HOURS:
+        header += [f"hour {hour}, {joint} [{unit}]" for joint, unit in zip(JOINTS, UNITS, strict=True)]
+    return Report(
+        [TitledTable("RMSE of the sections that are drawn", Table(header, rows))],
+        [
+            TitledPicture(
+                "Calibrated positions beside the external encoders'", _picture(result, names, left=False)
+            ),
+            TitledPicture(
+                "What is left of the error in the same sections", _picture(result, names, left=True)
+            ),
+        ],
+    )
+
+
+def _array(result: Result, hour: int, name: str) -> Floats:
+    return np.array(result[str(hour)][name])
+
+
+def _picture(result: Result, names: Sequence[str], *, left: bool) -> "Figure":
+    """Draw positions, or true less calibrated positions, of joints by hours."""
+    figure, axes = panels(3, 6.0, rows=3, sharex=True, sharey="row" if left else False)
+    for place, panel in enumerate(axes):
+        j, hour = place // 3, HOURS[place % 3]
+        time, truth = _array(result, hour, "time"), _array(result, hour, TRUTH)[:, j]
+        if not left:
+            panel.plot(time, truth, color="black", linewidth=1.6, label=TRUTH)
+        for name in names:
+            calibrated = _array(result, hour, name)[:, j]
+            shown = truth - calibrated if left else calibrated
+            panel.plot(time, shown, color=METHOD_COLORS[name], linewidth=0.9, label=name)
+        if left:
+            panel.axhline(0.0, color="black", linewidth=0.6)
+        if j == 0:
+            panel.set_title(f"hour {hour}", fontsize=10)
+        if place % 3 == 0:
+            panel.set_ylabel(f"{JOINTS[j]} [{UNITS[j]}]")
+        if j == len(JOINTS) - 1:
+            panel.set_xlabel("time [s]")
+    handles = axes[0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", ncols=6, frameon=False, fontsize=9)
+    return figure
+
+
+EXPERIMENT = Experiment(
+    name="calibration-figure-7",
+    paper="calibration",
+    place="figure 7",
+    title="Calibrated positions in hours 0, 2 and 5",
+    about=(__doc__ or "").partition("\n")[2].strip(),
+    cases=cases,
+    report=report,
+    minutes=2.0,
+    drawn=0,
+)
