@@ -94,7 +94,6 @@ gravity-static: $(VENV)/.package
 	$(BIN)/python -m papers.gravity.static results
 
 gravity-figures: gravity-static
-	$(BIN)/python -m papers.gravity.joint_3 results
 	$(BIN)/python -m papers.gravity.passive results
 	$(BIN)/python -m papers.gravity.step results
 	$(BIN)/python -m papers.gravity.sustained results

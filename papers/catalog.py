@@ -25,6 +25,7 @@ MODULES = {
     "gravity-own-compensation": "papers.gravity.own_compensation",
     "gravity-figure-9": "papers.gravity.figure_9",
     "gravity-figure-10": "papers.gravity.figure_10",
+    "gravity-joint-3": "papers.gravity.joint_3",
     "regressor-figure-2": "papers.regressor.figure_2",
     "regressor-figure-4": "papers.regressor.figure_4",
     "regressor-figure-5": "papers.regressor.figure_5",
