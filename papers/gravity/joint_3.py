@@ -2,7 +2,8 @@
 
 Lewis and Hannaford 2014, section V-B: "Joint 3 had higher errors with gravity compensated control over PD-only
 control". Joint 3's numbers are taken far to either side, to see whether it is a matter of these: the Cartesian
-sinusoids of figure 9, one cycle along each axis, sent as joint references, base at 20 degrees, with either damping.
+sinusoids of figure 9, one cycle along each axis, sent as joint references, base at 20 degrees, an
+accelerometer in the loop, with either damping.
 With absolute damping, the robot's own, nearly all of joint 3's error is the lag kd / kp times its speed, which no
 gravity term touches; with damping relative to the reference there is none.
 """
@@ -196,7 +197,7 @@ EXPERIMENT = Experiment(
     about=(__doc__ or "").partition("\n")[2].strip(),
     cases=cases,
     report=report,
-    minutes=40.0,
+    minutes=24.0,
     claims=CLAIMS,
     drawn=2,
 )
