@@ -8,33 +8,46 @@ itself, for a pendulum that stands on its head does not drift either until it is
 1e-6 rad and m, and has to stay there, and pushed, and has to keep its kinetic energy: under exact compensation every
 pose is a neutral equilibrium.
 
-The base is turned about Z0, the axis of joint 1. Ideal sensors. Run it with `make gravity-figures`; it writes
-gravity_passive.json and .html and prints the tables.
+The base is turned about Z0, the axis of joint 1, to either side. Joints are put to the pose by PD and sensed gravity,
+then left to gravity compensation alone. Ideal sensors; joint positions are those that the robot reports. Drift is the
+largest distance from where the arm was left; a joint that fell lies at a stop or swings there.
 """
 
-import sys
-from collections.abc import Sequence
 from copy import deepcopy
-from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from catenary import CablePlant, Reference, gravity_torque, load_robot, mass_matrix
 from catenary.arrays import Floats
-from catenary.reports.page import Block, Picture, Table, Text, picture
+from catenary.reports.page import Table
 from catenary.spatial import LEVEL
 from catenary.workflows.gravity.controllers import make_hold
 from catenary.workflows.gravity.hold import hold
 from catenary.workflows.gravity.motions import HOLD_START
 from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm, rigid_arm
-from papers.arguments import folder_argument
+from papers.claims import NOT_MEASURED, by_count, mean_and_spread
+from papers.experiment import (
+    Case,
+    Claim,
+    Experiment,
+    Judgement,
+    Outcomes,
+    Report,
+    Result,
+    Run,
+    Scope,
+    TitledPicture,
+    TitledTable,
+    run,
+)
 from papers.figures import COLORS, panels
 from papers.gravity.raven_base import SHOWN, turned_base
-from papers.results import shown, write_results
 
-ANGLES_DEG = (0, 5, 10, 15, 25, 45, 90, 135, 180)
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ANGLES_DEG = (-150, -90, -45, -25, -20, -15, -10, -5, 0, 5, 10, 15, 20, 25, 45, 90, 135, 180)
 CONTROLLERS = ("dg", "sg")
 SECONDS = 10.0
 RIGID_SECONDS = 3.0  # without friction an arm falls at once; this is longer than it needs to reach a stop
@@ -43,68 +56,63 @@ DISPLACED = 1e-6  # [rad|m]
 PUSH = np.array([0.05, 0.02, 0.5])  # [Nm, Nm, N]
 PUSHED = 0.05  # [s]
 NEUTRAL_SECONDS = 1.0
+HELD = 1.0  # [deg, deg, mm] that an eye would not call drift
+FEW_DEG = 10  # "more than a few degrees"
+SEEN = 1e-6  # [deg] drift below it has no place on a logarithm's axis
 
 
-class Held(NamedTuple):
-    """How far each joint was from where it began, at most, and what the compensation lacked there."""
+@run(revision=1)
+def on_cables(*, seed: int | None, angle_deg: float, seconds: float) -> Result:
+    """Hold the simulated RAVEN-II, homed on a tilted base, by gravity compensation alone.
 
-    plant: str  # "cables" or "rigid"
-    angle_deg: int
-    controller: str
-    drift: tuple[float, ...]  # (n,) [deg, deg, mm]
-    missing: tuple[float, ...]  # (n,) [Nm, Nm, N] gravity that the compensation does not hold, at the start
-
-
-def on_cables(angle_deg: int, *, seed: int | None = None, seconds: float = SECONDS) -> list[Held]:
-    """Hold the simulated RAVEN-II, homed on a tilted base, by gravity compensation alone."""
-    base = turned_base(angle_deg)
-    plant = CablePlant(seed=seed, base=base)
+    Returns:
+        By controller the largest drift of each joint [deg, deg, mm], and "missing" [Nm, Nm, N], the gravity that SG
+        does not hold at the start.
+    """
+    plant = CablePlant(seed=seed, base=turned_base(angle_deg))
     plant.home()
-    return [
-        _held("cables", raven_arm(deepcopy(plant)), angle_deg, name, HOLD_START, seconds)
-        for name in CONTROLLERS
-    ]
+    return _held({name: raven_arm(deepcopy(plant)) for name in CONTROLLERS}, angle_deg, seconds)
 
 
-def as_rigid_bodies(angle_deg: int, *, seconds: float = RIGID_SECONDS) -> list[Held]:
-    """Hold the same arm's links without friction, springs and cables."""
+@run(revision=1)
+def as_rigid_bodies(*, angle_deg: float, seconds: float) -> Result:
+    """Hold the same arm's links without friction, springs and cables; returns as `on_cables`."""
     model = load_robot("raven2")
-    return [
-        _held("rigid", rigid_arm(model, base=turned_base(angle_deg)), angle_deg, name, HOLD_START, seconds)
-        for name in CONTROLLERS
-    ]
+    return _held(
+        {name: rigid_arm(model, base=turned_base(angle_deg)) for name in CONTROLLERS}, angle_deg, seconds
+    )
 
 
-def _held(kind: str, arm: SimulatedArm, angle_deg: int, name: str, q: ArrayLike, seconds: float) -> Held:
-    held = hold(arm, make_hold(name, arm), q, seconds)
-    missing: Floats = np.zeros(arm.model.n)
-    if name == "sg":
-        gravity = turned_base(angle_deg).sample(np.zeros(1)).gravity[0]
-        missing = gravity_torque(arm.model, q, gravity) - gravity_torque(arm.model, q, LEVEL)
-    drift = (held.drift * SHOWN).tolist()
-    return Held(kind, angle_deg, name, tuple(drift), tuple(missing.tolist()))
+def _held(arms: dict[str, SimulatedArm], angle_deg: float, seconds: float) -> Result:
+    drift = {
+        name: (hold(arm, make_hold(name, arm), HOLD_START, seconds).drift * SHOWN).tolist()
+        for name, arm in arms.items()
+    }
+    model, gravity = load_robot("raven2"), turned_base(angle_deg).sample(np.zeros(1)).gravity[0]
+    missing = gravity_torque(model, HOLD_START, gravity) - gravity_torque(model, HOLD_START, LEVEL)
+    return {**drift, "missing": missing.tolist()}
 
 
-class Neutral(NamedTuple):
-    """An arm of rigid bodies without friction under sensed gravity alone: is its pose a neutral equilibrium?"""
+@run(revision=1)
+def neutral(*, angle_deg: float, seconds: float) -> Result:
+    """Displace the rigid arm a little, then push it, under sensed gravity alone: is its pose a neutral equilibrium?
 
-    angle_deg: int
-    distance: float  # from where it was displaced to, at most, over the displacement
-    energy: float  # kinetic, at the end over just after a push
-
-
-def neutral(angle_deg: int, *, seconds: float = NEUTRAL_SECONDS) -> Neutral:
-    """Displace the arm a little, then push it, on a base turned about Z0."""
+    Returns:
+        "distance" from where it was displaced to, at most, over the displacement; "energy", kinetic, at the end over
+        just after the push.
+    """
     here = np.array(HOLD_START)
     rest, _ = _left_alone(angle_deg, here, np.zeros(3), seconds)
     moved, _ = _left_alone(angle_deg, here + DISPLACED, np.zeros(3), seconds)
-    distance = float(np.abs(moved - rest - DISPLACED).max() / DISPLACED)
     q, qd = _left_alone(angle_deg, here, PUSH, PUSHED + seconds)
     energy = 0.5 * np.einsum("ti,tij,tj->t", qd, mass_matrix(load_robot("raven2"), q), qd)
-    return Neutral(angle_deg, distance, float(energy[-1] / energy[round(PUSHED / TICK)]))
+    return {
+        "distance": float(np.abs(moved - rest - DISPLACED).max() / DISPLACED),
+        "energy": float(energy[-1] / energy[round(PUSHED / TICK)]),
+    }
 
 
-def _left_alone(angle_deg: int, start: Floats, push: Floats, seconds: float) -> tuple[Floats, Floats]:
+def _left_alone(angle_deg: float, start: Floats, push: Floats, seconds: float) -> tuple[Floats, Floats]:
     """Return positions and velocities (T, 3) of the rigid arm from a start at rest, pushed for PUSHED seconds."""
     arm = rigid_arm(load_robot("raven2"), base=turned_base(angle_deg), start=start)
     hold_still = make_hold("dg", arm)
@@ -119,100 +127,146 @@ def _left_alone(angle_deg: int, start: Floats, push: Floats, seconds: float) -> 
     return q, qd
 
 
-def neutral_table(rows: Sequence[Neutral]) -> Table:
-    """Return how far each base angle is from a neutral equilibrium."""
-    return Table(
-        ["base [deg]", "went on from there [of 1e-6 rad|m]", "kinetic energy kept [%]"],
-        [[f"{row.angle_deg}", f"{row.distance:.1e}", f"{100.0 * row.energy:.2f}"] for row in rows],
+def cases(scope: Scope) -> list[Case]:
+    """Return a case per robot and base, and per base those of the links without friction."""
+    angles, seconds = (
+        ((25,), (0.5, 0.2, 0.2)) if scope.quick else (ANGLES_DEG, (SECONDS, RIGID_SECONDS, NEUTRAL_SECONDS))
     )
+    return [
+        *(
+            on_cables.case(seed=seed, angle_deg=angle, seconds=seconds[0])
+            for seed in scope.robots
+            for angle in angles
+        ),
+        *(as_rigid_bodies.case(angle_deg=angle, seconds=seconds[1]) for angle in angles),
+        *(neutral.case(angle_deg=angle, seconds=seconds[2]) for angle in angles),
+    ]
 
 
-def drift_table(rows: Sequence[Held], kind: str) -> Table:
-    """Return the largest drift of every joint for each base angle, with DG and SG, and the torque that SG lacks."""
-    table = []
-    for angle in dict.fromkeys(row.angle_deg for row in rows if row.plant == kind):
-        dg, sg = (
-            next(r for r in rows if (r.plant, r.angle_deg, r.controller) == (kind, angle, name))
-            for name in CONTROLLERS
+def drifts(outcomes: Outcomes, function: Run, controller: str) -> dict[float, Floats]:
+    """Return the largest drift by base [deg], each (robots, 3) [deg, deg, mm]."""
+    angles = sorted({told["angle_deg"] for told, _ in outcomes.items(function)})
+    return {
+        angle: np.array([result[controller] for result in outcomes.of(function, angle_deg=angle)])
+        for angle in angles
+    }
+
+
+def report(outcomes: Outcomes) -> Report:
+    """Return drift by base with and without friction, and how neutral the equilibria are."""
+    tables = [
+        TitledTable(title, _drift_table(outcomes, function))
+        for title, function in (
+            (f"Simulated RAVEN-II, largest drift in {SECONDS:g} s", on_cables),
+            (f"Its links without friction, largest drift in {RIGID_SECONDS:g} s", as_rigid_bodies),
         )
-        table.append(
+        if outcomes.of(function)
+    ]
+    equilibria = sorted(outcomes.items(neutral), key=lambda item: item[0]["angle_deg"])
+    if equilibria:
+        rows = [
+            [f"{told['angle_deg']}", f"{result['distance']:.1e}", f"{100.0 * result['energy']:.2f}"]
+            for told, result in equilibria
+        ]
+        header = ["base [deg]", "went on, over its displacement", "kinetic energy kept [%]"]
+        title = f"Displaced by {DISPLACED:g} rad and m, and pushed: without friction, {NEUTRAL_SECONDS:g} s"
+        tables.append(TitledTable(title, Table(header, rows)))
+    caption = "Largest drift of joint 1 by gravity compensation alone; less than 1e-6 deg is drawn there"
+    return Report(tables, [TitledPicture(caption, _picture(outcomes))])
+
+
+def _drift_table(outcomes: Outcomes, function: Run) -> Table:
+    dg, sg = (drifts(outcomes, function, name) for name in CONTROLLERS)
+    rows = []
+    for angle in dg:
+        missing = outcomes.of(function, angle_deg=angle)[0]["missing"]
+        rows.append(
             [f"{angle}"]
-            + [" ".join(f"{d:.3f}" for d in row.drift) for row in (dg, sg)]
-            + [" ".join(f"{t:+.2f}" for t in sg.missing)]
+            + [mean_and_spread(dg[angle][:, joint]) for joint in range(3)]
+            + [mean_and_spread(sg[angle][:, joint], 1) for joint in range(3)]
+            + [" ".join(f"{torque:+.2f}" for torque in missing)]
         )
+    units = ("J1 [deg]", "J2 [deg]", "J3 [mm]")
     return Table(
-        ["base [deg]", "DG: J1 J2 J3 [deg deg mm]", "SG: J1 J2 J3 [deg deg mm]", "SG lacks [Nm Nm N]"], table
+        [
+            "base [deg]",
+            *(f"{name.upper()}, {unit}" for name in CONTROLLERS for unit in units),
+            "SG lacks [Nm Nm N]",
+        ],
+        rows,
     )
 
 
-def figure(rows: Sequence[Held]) -> Picture:
-    """Draw the drift of joint 1 over the base's angle."""
-    kinds = list(dict.fromkeys(row.plant for row in rows))
-    drawn, parts = panels(len(kinds), 3.2)
-    for axes, kind in zip(parts, kinds, strict=True):
+def _picture(outcomes: Outcomes) -> "Figure":
+    figure, both = panels(2, 3.6)
+    titles = ("simulated RAVEN-II, every robot", "its links, no friction")
+    for axes, function, title in zip(both, (on_cables, as_rigid_bodies), titles, strict=True):
         for name in CONTROLLERS:
-            of = [row for row in rows if (row.plant, row.controller) == (kind, name)]
-            # a drift of nothing at all has no place on a logarithm's axis
-            axes.semilogy(
-                [row.angle_deg for row in of],
-                [max(row.drift[0], 1e-6) for row in of],
-                "o-",
-                color=COLORS[name],
-                label=f"{name.upper()} alone",
-            )
-        axes.set_title({"cables": "simulated RAVEN-II", "rigid": "its links, no friction"}[kind], fontsize=10)
+            found = drifts(outcomes, function, name)
+            for k, drift in enumerate(np.array([each[:, 0] for each in found.values()]).T):
+                style = (
+                    {"linewidth": 2.0, "label": f"{name.upper()} alone"}
+                    if k == 0
+                    else {"linewidth": 0.7, "alpha": 0.5}
+                )
+                axes.semilogy(list(found), np.maximum(drift, SEEN), "o-", ms=3, color=COLORS[name], **style)
+        axes.set_title(title, fontsize=10)
         axes.set_xlabel("base about Z0 [deg]")
-    drawn.axes[0].set_ylabel("largest drift of joint 1 [deg]")
-    drawn.axes[0].legend(frameon=False, fontsize=8)
-    return picture(drawn, "Gravity compensation alone; drift below 0.000001 deg is drawn there.")
-
-
-def main(
-    folder: Path,
-    angles: tuple[int, ...] = ANGLES_DEG,
-    *,
-    seconds: float = SECONDS,
-    rigid_seconds: float = RIGID_SECONDS,
-) -> list[Held]:
-    """Hold at all angles, print the tables, write gravity_passive.json and .html."""
-    rows: list[Held] = []
-    equilibria = [neutral(angle) for angle in angles]
-    for angle in angles:
-        rows += on_cables(angle, seconds=seconds)
-        rows += as_rigid_bodies(angle, seconds=rigid_seconds)
-        print(f"  base at {angle} deg: done", file=sys.stderr, flush=True)
-    blocks: list[Block] = [figure(rows)]
-    blocks += shown(f"Simulated RAVEN-II, {seconds:g} s", drift_table(rows, "cables"))
-    blocks += shown(f"Its links without friction, {rigid_seconds:g} s", drift_table(rows, "rigid"))
-    blocks += shown(
-        f"Displaced, and pushed: without friction, {NEUTRAL_SECONDS:g} s", neutral_table(equilibria)
+    both[0].set_ylabel("largest drift of joint 1 [deg]")
+    figure.legend(
+        *both[0].get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False, fontsize=9
     )
-    blocks.append(
-        Text(
-            "Joints are put to the pose by PD and sensed gravity, then left to gravity compensation alone. Numbers are "
-            "the largest distance from where it began; a joint that fell lies at a stop or swings there."
-        )
-    )
-    write_results(
-        folder,
-        "gravity_passive",
-        "Passive hold on a tilted base, simulated",
-        "Gravity compensation without any PD; section V-A of Lewis and Hannaford 2014.",
-        blocks,
-        configuration={
-            "robot": "nominal",
-            "base_angles_deg": list(angles),
-            "pose": list(HOLD_START),
-            "seconds": seconds,
-            "rigid_seconds": rigid_seconds,
-        },
-        results={
-            "held": [row._asdict() for row in rows],
-            "neutral": [row._asdict() for row in equilibria],
-        },
-    )
-    return rows
+    return figure
 
 
-if __name__ == "__main__":
-    main(folder_argument(__doc__))
+def _sensed_holds(outcomes: Outcomes) -> Judgement:
+    found = drifts(outcomes, on_cables, "dg")
+    if not found:
+        return NOT_MEASURED
+    largest = np.max([drift.max(axis=0) for drift in found.values()], axis=0)
+    told = f"at most {largest[0]:.2f} deg, {largest[1]:.3f} deg, {largest[2]:.3f} mm"
+    return by_count([drift.max() < HELD for drift in found.values()], told)
+
+
+def _nominal_falls(outcomes: Outcomes) -> Judgement:
+    found = drifts(outcomes, on_cables, "sg")
+    level = [drift.max() < HELD for angle, drift in found.items() if angle == 0]
+    tilted = {
+        angle: float(drift.max(axis=1).min()) for angle, drift in found.items() if abs(angle) >= FEW_DEG
+    }
+    if not tilted:
+        return NOT_MEASURED
+    told = f"tilted by {FEW_DEG} deg or more, some joint by {min(tilted.values()):.1f} (deg, mm) at least"
+    return by_count([*level, *(drift > HELD for drift in tilted.values())], told)
+
+
+CLAIMS = (
+    Claim(
+        "DG alone holds any pose at every orientation of the base, upside down too",
+        "V-A",
+        "held, no number",
+        f"every joint of every robot stays within {HELD:g} deg and mm for {SECONDS:g} s at every angle; same "
+        "direction: at more than half of the angles",
+        _sensed_holds,
+    ),
+    Claim(
+        "SG alone holds only at or near horizontal",
+        "V-A",
+        "drifts when tipped by more than a few degrees",
+        f"on a level base as DG; at every angle from {FEW_DEG} deg to either side some joint of every robot drifts by "
+        f"more than {HELD:g} deg or mm; same direction: at more than half of these angles",
+        _nominal_falls,
+    ),
+)
+
+EXPERIMENT = Experiment(
+    name="gravity-passive",
+    paper="gravity",
+    place="section V-A",
+    title="Passive hold by gravity compensation alone",
+    about=(__doc__ or "").partition("\n")[2].strip(),
+    cases=cases,
+    report=report,
+    minutes=30.0,
+    claims=CLAIMS,
+)

@@ -13,55 +13,55 @@ Without the last, linear, x the motion of the reported joints and y that of the 
 
     D (Gc - Kp) x = delta g + G y        y = C*⁻¹ ((1 + R)⁻¹ C x - K⁻¹ C*⁻ᵀ (delta g + G y))
 
-Run it with `make gravity-figures`; it writes gravity_sustained.json and .html and prints the table.
+The acceleration of `events.py` on the nominal robot, as it is and with one thing taken away after the other. Ideal is
+the missing torque over kp. Friction may hold the joint that far from its place, before as after. The paper claims
+nothing of it.
 """
 
-import sys
 from collections.abc import Sequence
-from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from catenary import CablePlant, gravity_torque, load_robot
 from catenary.arrays import Floats
-from catenary.reports.page import Block, Picture, Table, Text, picture
+from catenary.reports.page import Table
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
 from catenary.spatial import LEVEL
 from catenary.transmission.coupling import winding_of
 from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import raven_gains
-from papers.arguments import folder_argument
+from papers.experiment import (
+    Case,
+    Experiment,
+    Outcomes,
+    Plain,
+    Report,
+    Result,
+    Scope,
+    TitledPicture,
+    TitledTable,
+    run,
+)
 from papers.figures import FOUR_COLORS, LABELS, panels
-from papers.gravity.step import ACCELERATION, ALONG, ONSET, CuedBase, Response, respond
+from papers.gravity.events import ACCELERATION, ALONG, ONSET, CuedBase, respond
 from papers.plant.targets import joint_1_friction
-from papers.results import shown, write_results
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 CONTROLLERS = ("sg", "pd")
 SLOW = 2.0  # [s] an onset that the arm follows without swinging
 FRICTION = ("rotor_friction", "rotor_load_friction", "link_friction", "link_load_friction")
 STEP = 1e-5  # [rad|m] of the finite differences of gravity
-
-
-class Case(NamedTuple):
-    """An arm, and how quickly the acceleration comes."""
-
-    name: str
-    arm: CableArm
-    onset: float  # [s]
-
-
-class Change(NamedTuple):
-    """By how much joint 1's error changed, and what is expected [deg]."""
-
-    case: str
-    onset: float  # [s]
-    controller: str
-    ideal: float  # delta g / kp
-    expected: float  # with the drives and gravity's own stiffness, without friction
-    band: float  # by which friction may keep a joint from its place, before as after, to either side
-    simulated: float
-    response: Response
+AS_IT_IS, NO_FRICTION, BELIEVED = "as it is", "no friction", "no friction, drives as believed"
+# the arm, and how quickly the acceleration comes [s]
+RUNS: tuple[tuple[str, float], ...] = (
+    (AS_IT_IS, ONSET),
+    (AS_IT_IS, SLOW),
+    (NO_FRICTION, ONSET),
+    (BELIEVED, ONSET),
+)
 
 
 def without_friction(arm: CableArm) -> CableArm:
@@ -76,12 +76,12 @@ def with_believed_drives(arm: CableArm) -> CableArm:
     )
 
 
-CASES = (
-    Case("as it is", load_cable_arm(), ONSET),
-    Case(f"as it is, in {SLOW:g} s", load_cable_arm(), SLOW),
-    Case("no friction", without_friction(load_cable_arm()), ONSET),
-    Case("no friction, drives as believed", with_believed_drives(without_friction(load_cable_arm())), ONSET),
-)
+def arm_of(name: str) -> CableArm:
+    """Return the nominal robot, as it is or with something taken away from it."""
+    arm = load_cable_arm()
+    if name == AS_IT_IS:
+        return arm
+    return with_believed_drives(without_friction(arm)) if name == BELIEVED else without_friction(arm)
 
 
 def missing() -> Floats:
@@ -127,19 +127,31 @@ def friction_band(arm: CableArm) -> float:
     return joint_1_friction(arm, float(abs(torque[0]))) / float(drive_gain(arm)[0, 0] * kp[0])
 
 
-def accelerated(case: Case, controllers: Sequence[str] = CONTROLLERS) -> list[Change]:
-    """Home the arm, and drive its base off under each controller."""
-    plant = CablePlant(case.arm, base=CuedBase(acceleration=ACCELERATION, onset=case.onset))
+@run(revision=1)
+def accelerated(*, robot: str, onset: float, controllers: Sequence[str]) -> Result:
+    """Home a robot, and drive its base off under each controller.
+
+    Returns:
+        By controller the change of joint 1's error [deg]: "ideal", delta g / kp; "expected", with the drives and
+        gravity's own stiffness, without friction; "band", by which friction may keep the joint from its place, before
+        as after, to either side; "simulated"; and "time" [s] with "change" for the picture.
+    """
+    arm = arm_of(robot)
+    plant = CablePlant(arm, base=CuedBase(acceleration=ACCELERATION, onset=onset))
     plant.home()
-    ideal = float(missing()[0] / raven_gains(case.arm.firmware).kp[0])
-    changes = []
+    ideal = float(np.rad2deg(missing()[0] / raven_gains(arm.firmware).kp[0]))
+    changes = {}
     for name in controllers:
         response = respond(plant, "drive", name)
-        expected = float(frictionless(case.arm, name)[0])
-        degrees = [float(np.rad2deg(value)) for value in (ideal, expected, friction_band(case.arm))]
-        changes.append(
-            Change(case.name, case.onset, name, degrees[0], degrees[1], degrees[2], response.final, response)
-        )
+        changes[name] = {
+            "ideal": ideal,
+            "expected": float(np.rad2deg(frictionless(arm, name)[0])),
+            "band": float(np.rad2deg(friction_band(arm))),
+            "simulated": response.final,
+            "largest": response.largest,
+            "time": response.time,
+            "change": [round(error - response.before, 5) for error in response.error],
+        }
     return changes
 
 
@@ -158,87 +170,79 @@ def _gravity_stiffness(gravity: Floats) -> Floats:
     return np.stack(columns, axis=1)
 
 
-def change_table(changes: Sequence[Change]) -> Table:
+def cases(scope: Scope) -> list[Case]:
+    """Return a case per robot and onset."""
+    runs, controllers = (RUNS[2:3], CONTROLLERS[:1]) if scope.quick else (RUNS, CONTROLLERS)
+    return [
+        accelerated.case(robot=robot, onset=onset, controllers=list(controllers)) for robot, onset in runs
+    ]
+
+
+def report(outcomes: Outcomes) -> Report:
     """Return the expected and the simulated change of joint 1's error, and both over delta g / kp."""
-    return Table(
+    rows = [
         [
-            "robot",
-            "controller",
-            "expected [deg]",
-            "friction [deg]",
-            "simulated [deg]",
-            "expected / ideal",
-            "simulated / ideal",
-        ],
-        [
-            [
-                change.case,
-                LABELS[change.controller],
-                f"{change.expected:+.4f}",
-                f"± {change.band:.4f}",
-                f"{change.simulated:+.4f}",
-                f"{change.expected / change.ideal:.3f}",
-                f"{change.simulated / change.ideal:.3f}",
-            ]
-            for change in changes
-        ],
+            f"{_named(told)}, {LABELS[name]}",
+            f"{change['expected']:+.4f}",
+            f"± {change['band']:.4f}",
+            f"{change['simulated']:+.4f}",
+            f"{change['expected'] / change['ideal']:.3f}",
+            f"{change['simulated'] / change['ideal']:.3f}",
+        ]
+        for told, result in outcomes.items(accelerated)
+        for name, change in result.items()
+    ]
+    if not rows:
+        return Report()
+    header = [
+        "robot, controller",
+        "expected [deg]",
+        "friction [deg]",
+        "simulated [deg]",
+        "expected / ideal",
+        "simulated / ideal",
+    ]
+    one = next(iter(outcomes.of(accelerated)[0].values()))
+    torque = missing()
+    remarks = [
+        f"While the base accelerates and the controller is not told, the joints lack {torque[0]:.3f} Nm, "
+        f"{torque[1]:.3f} Nm and {torque[2]:.3f} N; over kp, ideal, joint 1 changes by {one['ideal']:+.4f} deg. Of the "
+        f"torque asked of joint 1 it gets {drive_gain(load_cable_arm())[0, 0]:.3f}."
+    ]
+    caption = f"Base accelerating at {ACCELERATION:g} m/s2 along x; change of joint 1's error, {LABELS[CONTROLLERS[0]]}"
+    return Report(
+        [TitledTable("Change of joint 1's error", Table(header, rows))],
+        [TitledPicture(caption, _picture(outcomes))],
+        remarks,
     )
 
 
-def figure(changes: Sequence[Change]) -> Picture:
-    """Draw joint 1's change of error over time under the first controller, for each case."""
-    drawn, (axes,) = panels(1, 3.6)
-    first = [change for change in changes if change.controller == changes[0].controller]
-    for change, color in zip(first, FOUR_COLORS, strict=False):
-        error = np.array(change.response.error) - change.response.before
-        axes.plot(change.response.time, error, color=color, label=change.case)
-    axes.axhline(first[0].expected, color="#7a8699", lw=0.8, ls="--", label="expected without friction")
-    axes.axhline(first[0].ideal, color="#7a8699", lw=0.8, ls=":", label="missing torque / kp")
+def _named(told: dict[str, Plain]) -> str:
+    return str(told["robot"]) + (f", in {told['onset']:g} s" if told["onset"] != ONSET else "")
+
+
+def _picture(outcomes: Outcomes) -> "Figure":
+    figure, (axes,) = panels(1, 3.8)
+    found = [(told, result[CONTROLLERS[0]]) for told, result in outcomes.items(accelerated)]
+    for (told, change), color in zip(found, FOUR_COLORS, strict=False):
+        axes.plot(change["time"], change["change"], color=color, label=_named(told))
+    first = found[0][1]
+    axes.axhline(first["expected"], color="#7a8699", lw=0.8, ls="--", label="expected without friction")
+    axes.axhline(first["ideal"], color="#7a8699", lw=0.8, ls=":", label="missing torque / kp")
     axes.set_xlabel("time since the base drove off [s]")
     axes.set_ylabel("change of joint 1's error [deg]")
-    axes.legend(frameon=False, fontsize=8, ncols=3)
-    return picture(
-        drawn, f"Base accelerating at {ACCELERATION:g} m/s2 along x; {LABELS[first[0].controller]}."
-    )
+    figure.legend(loc="outside upper center", frameon=False, fontsize=8, ncols=3)
+    return figure
 
 
-def main(
-    folder: Path, cases: Sequence[Case] = CASES, controllers: Sequence[str] = CONTROLLERS
-) -> list[Change]:
-    """Run all cases, print the table, write gravity_sustained.json and .html."""
-    changes: list[Change] = []
-    for case in cases:
-        changes += accelerated(case, controllers)
-        print(f"  {case.name}: done", file=sys.stderr, flush=True)
-    blocks: list[Block] = [figure(changes)]
-    blocks += shown("Joint 1", change_table(changes))
-    blocks.append(
-        Text(
-            f"Ideal is the missing torque over kp, {changes[0].ideal:+.4f} deg. Expected has the drives' true ratios "
-            "and coupling and gravity's own stiffness in it, and no friction. Friction may hold the joint that far "
-            "from its place, before as after. The acceleration comes within "
-            f"{ONSET:g} s, where the row does not say otherwise. Errors are desired minus reported position."
-        )
-    )
-    write_results(
-        folder,
-        "gravity_sustained",
-        "Sustained acceleration of the base, simulated",
-        "How far joint 1 goes when its controller is not told, with and without friction, and what is expected.",
-        blocks,
-        configuration={
-            "robot": "nominal",
-            "pose": list(RAVEN_START),
-            "acceleration_m_s2": ACCELERATION,
-            "cases": [case.name for case in cases],
-            "controllers": list(controllers),
-            "onset_s": [case.onset for case in cases],
-            "missing_torque": missing().tolist(),
-        },
-        results=[{**change._asdict(), "response": change.response._asdict()} for change in changes],
-    )
-    return changes
-
-
-if __name__ == "__main__":
-    main(folder_argument(__doc__))
+EXPERIMENT = Experiment(
+    name="gravity-sustained",
+    paper="gravity",
+    place="section VII",
+    title="Sustained acceleration of the base",
+    about=(__doc__ or "").partition("\n")[2].strip(),
+    cases=cases,
+    report=report,
+    minutes=2.0,
+    drawn=0,
+)

@@ -214,5 +214,5 @@ EXPERIMENT = Experiment(
     about=(__doc__ or "").partition("\n")[2].strip(),
     cases=cases,
     report=report,
-    minutes=10.0,
+    minutes=2.0,
 )

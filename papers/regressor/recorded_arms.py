@@ -121,6 +121,8 @@ def replay(recording: str, rows: int | None, data: Path) -> Result:
         predicted["batch, full dynamics"] = whole
     later = slice(until, None)
     shown = np.linspace(0, len(samples) - 1, min(POINTS, len(samples))).astype(int)
+    if static:  # neighbouring poses differ: those about where the held-out part begins
+        shown = np.arange(max(0, until - POINTS // 2), min(len(samples), until + POINTS // 2))
     rms = {
         key: np.sqrt(np.mean((samples.tau - value)[later] ** 2, axis=0)) for key, value in predicted.items()
     }

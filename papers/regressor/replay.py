@@ -39,6 +39,7 @@ MOVING = tuple(name for name, (_, static) in RECORDINGS.items() if not static)
 LOADED_AXES = (1, 2)  # J2, J3 of the master: those that gravity loads most
 SHOWN = {STATIC[0]: (1, 2), MOVING[1]: (0, 1)}  # axes of pictures
 COLORS = {"measured": "#b8bfc9", "law, as it learns": "#d9622b", "least squares": "#4b6b94"}
+LABELS = {"least squares": "least squares, as learnt in the end"}
 HALF = 0.5
 
 
@@ -90,15 +91,16 @@ def _picture(result: Result, axes_shown: Sequence[int]) -> Any:
 
     figure, axes = panels(1, 2.3 * len(axes_shown), rows=len(axes_shown), sharex=True)
     for panel, k in zip(axes, axes_shown, strict=True):
-        panel.axvspan(0, result["rows"][1], color="#eef1f5", zorder=0)
+        panel.axvspan(result["row"][0], result["rows"][1], color="#eef1f5", zorder=0)
         for name, color in COLORS.items():
-            panel.plot(
-                result["row"], result["torque_Nm_or_N"][name][k], color=color, linewidth=1.1, label=name
-            )
+            torque = result["torque_Nm_or_N"][name][k]
+            width = 3.0 if name == "measured" else 1.1
+            label = LABELS.get(name, name)
+            panel.plot(result["row"], torque, color=color, linewidth=width, label=label)
         panel.set_ylabel(_axis(result, k))
         measured = np.array(result["torque_Nm_or_N"]["measured"][k])
-        reach = 1.6 * float(np.abs(measured).max())
-        panel.set_ylim(-reach, reach)
+        low, high = float(measured.min()), float(measured.max())
+        panel.set_ylim(low - 0.4 * (high - low), high + 0.4 * (high - low))
     axes[-1].set_xlabel("row")
     figure.legend(
         *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False, fontsize=8
@@ -164,7 +166,7 @@ EXPERIMENT = Experiment(
     about=(__doc__ or "").partition("\n")[2].strip(),
     cases=cases,
     report=report,
-    minutes=5.0,
+    minutes=2.0,
     claims=CLAIMS,
     drawn=0,
     simulated=False,

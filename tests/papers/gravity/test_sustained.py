@@ -1,15 +1,13 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.workflows.gravity.simulated_arm import raven_gains
+from papers.experiment import Outcomes, Scope
 from papers.gravity import sustained
 
 ARM = load_cable_arm()
-Driven = tuple[list[sustained.Change], Path]
 
 
 def test_drives_as_believed_give_what_was_asked_for() -> None:
@@ -43,30 +41,32 @@ def test_friction_that_is_none_keeps_a_joint_nowhere() -> None:
     assert sustained.friction_band(ARM) > 0.0
 
 
-@pytest.fixture(scope="module")
-def driven(tmp_path_factory: pytest.TempPathFactory) -> Driven:
-    folder = tmp_path_factory.mktemp("sustained")
-    return sustained.main(folder, (sustained.CASES[0], sustained.CASES[2]), ("sg",)), folder
+def test_report_has_a_row_for_every_run_and_controller() -> None:
+    change = {
+        "ideal": -0.1,
+        "expected": -0.11,
+        "band": 0.01,
+        "simulated": -0.12,
+        "time": [0.0, 1.0],
+        "change": [0.0, -0.12],
+    }
+    outcomes = Outcomes({case: {"sg": change, "pd": change} for case in sustained.cases(Scope())})
+    ((_, table),) = sustained.report(outcomes).tables
+    assert len(table.rows) == 2 * len(sustained.RUNS)
+    assert table.rows[2] == ["as it is, in 2 s, PD+SG", "-0.1100", "± 0.0100", "-0.1200", "1.100", "1.200"]
+    assert sustained.report(Outcomes({})).tables == ()
 
 
 @pytest.mark.slow
-def test_without_friction_the_simulated_arm_goes_where_it_is_expected(driven: Driven) -> None:
-    free = driven[0][1]
+def test_without_friction_the_simulated_arm_goes_where_it_is_expected() -> None:
+    free = sustained.accelerated(robot=sustained.NO_FRICTION, onset=sustained.ONSET, controllers=["sg"])["sg"]
     # expected is about the pose that is reported; the true one is 2 deg off
-    assert_allclose(free.simulated, free.expected, rtol=0.03)
-    assert free.simulated / free.ideal > 1.04  # by which the drives are weak
+    assert_allclose(free["simulated"], free["expected"], rtol=0.03)
+    assert free["simulated"] / free["ideal"] > 1.04  # by which the drives are weak
 
 
 @pytest.mark.slow
-def test_with_friction_it_comes_to_rest_within_what_friction_can_hold(driven: Driven) -> None:
-    held = driven[0][0]
-    assert abs(held.simulated - held.expected) < 2.0 * held.band  # at either rest
-    assert abs(held.simulated - held.response.largest) < 1e-3  # deg: it stays where it was carried
-
-
-@pytest.mark.slow
-def test_page_and_data_hold_every_case(driven: Driven, written) -> None:
-    changes, folder = driven
-    results, page = written(folder, "gravity_sustained")
-    assert [row["case"] for row in results] == [change.case for change in changes]
-    assert "no friction" in page
+def test_with_friction_it_comes_to_rest_within_what_friction_can_hold() -> None:
+    held = sustained.accelerated(robot=sustained.AS_IT_IS, onset=sustained.ONSET, controllers=["sg"])["sg"]
+    assert abs(held["simulated"] - held["expected"]) < 2.0 * held["band"]  # at either rest
+    assert abs(held["simulated"] - held["largest"]) < 1e-3  # deg: it stays where it was carried

@@ -1,5 +1,3 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -8,8 +6,29 @@ from catenary import gravity_torque, load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import raven_gains
+from papers.experiment import NOMINAL, Outcomes, Scope
+from papers.gravity.events import CuedBase, homed, respond
 from papers.gravity.raven_base import Z0
-from papers.gravity.step import CuedBase, Response, main
+from papers.gravity.steps import CONTROLLERS, cases, report
+
+
+def test_report_has_a_row_for_every_controller_and_event() -> None:
+    one = {
+        "before": 0.1,
+        "rise_time": 0.2,
+        "overshoot": 0.3,
+        "largest": 0.4,
+        "final": 0.5,
+        "last_error": 0.6,
+        "time": [0.0, 1.0],
+        "error": [0.1, 0.0],
+        "moved": [0.0, 0.1],
+    }
+    outcomes = Outcomes({case: dict.fromkeys(CONTROLLERS, one) for case in cases(Scope(robots=(NOMINAL, 1)))})
+    steps, bases = report(outcomes).tables
+    assert steps.table.rows[0] == ["PD", *(f"{x} ± 0.000" for x in ("0.100", "0.200", "0.300", "0.600"))]
+    assert len(bases.table.rows) == 2 * len(CONTROLLERS)
+    assert report(Outcomes({})).tables == []
 
 
 def test_a_cued_base_turns_as_its_rates_say() -> None:
@@ -31,29 +50,13 @@ def test_a_base_that_was_not_cued_stands_level() -> None:
     assert not motion.any()
 
 
-Driven = tuple[list[Response], Path]
-
-
-@pytest.fixture(scope="module")
-def driven(tmp_path_factory: pytest.TempPathFactory) -> Driven:
-    folder = tmp_path_factory.mktemp("step")
-    return main(folder, ("drive",), ("dg", "attitude")), folder
-
-
 @pytest.mark.slow
-def test_an_accelerometer_knows_sustained_acceleration_and_an_inclinometer_does_not(driven: Driven) -> None:
-    dg, attitude = driven[0]
+def test_an_accelerometer_knows_sustained_acceleration_and_an_inclinometer_does_not() -> None:
+    plant = homed("drive")
+    dg, attitude = (respond(plant, "drive", name) for name in ("dg", "attitude"))
     model = load_robot("raven2")
     missing = gravity_torque(model, RAVEN_START, [-2.0, 0.0, 0.0])[0]  # 2 m/s2 along x
     expected = np.rad2deg(missing / raven_gains(load_cable_arm().firmware).kp[0])
     # friction may hold a joint short of that place, or have held it before
     assert 0.5 < attitude.final / expected < 1.5
     assert abs(dg.final) < 0.25 * abs(attitude.final)
-
-
-@pytest.mark.slow
-def test_page_and_data_hold_every_response(driven: Driven, written) -> None:
-    rows, folder = driven
-    results, page = written(folder, "gravity_step")
-    assert [row["controller"] for row in results] == [row.controller for row in rows]
-    assert "drives off" in page
