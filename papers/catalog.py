@@ -31,6 +31,7 @@ MODULES = {
     "gravity-sustained": "papers.gravity.sustained",
     "gravity-joint-3": "papers.gravity.joint_3",
     "gravity-own-compensation": "papers.gravity.own_compensation",
+    "gravity-adaptive": "papers.gravity.adaptive",
     "gravity-frequency": "papers.gravity.frequency",
     "gravity-sensing": "papers.gravity.sensing",
     "gravity-faults": "papers.gravity.faults",
