@@ -229,6 +229,8 @@ CLAIMS = (
         "the closed loop has unstable roots with an accelerometer alone, on a base that weighs more than nothing "
         "beside the arm; same direction: only on a base without mass, or only with a gyroscope as well",
         _instability,
+        "With the accelerometer a heavier base is stable by small gain, or its phase leaves the roots on the left. The "
+        "gyroscope swings a light turning base up, as the estimator's lag at its natural frequency adds to the motion.",
     ),
 )
 
@@ -240,7 +242,7 @@ EXPERIMENT = Experiment(
     about=(__doc__ or "").partition("\n")[2].strip(),
     cases=cases,
     report=report,
-    minutes=1.0,
+    minutes=0.5,
     claims=CLAIMS,
     drawn=0,
 )

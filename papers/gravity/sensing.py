@@ -247,7 +247,7 @@ EXPERIMENT = Experiment(
     about=(__doc__ or "").strip(),
     cases=cases,
     report=report,
-    minutes=1.0,
+    minutes=0.3,
     claims=CLAIMS,
     drawn=0,
 )
