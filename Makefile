@@ -14,7 +14,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 
 
 .PHONY: demo test test-slow lint campaign campaign-short bench bench-ros1 bench-serving bench-bags clean help
-.PHONY: gravity-figures papers refit
+.PHONY: papers refit
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
@@ -29,7 +29,6 @@ help:
 	@echo "make bench-bags  six hours in a ROS 1 bag to Parquet, beside one object per message (5 GB of disk, 10 minutes)"
 	@echo "make papers      figures and tables of the papers with verdicts, into results/papers; goes on where it stopped (PAPER=calibration, QUICK=1 for ten minutes of everything)"
 	@echo "make refit       fit the simulated RAVEN-II to both papers' results again (5 minutes); rewrites its data file"
-	@echo "make gravity-figures the experiments of docs/gravity-moving-bases.md on the simulated robot, into results/"
 	@echo "make clean       remove .venv and everything made here"
 
 demo: $(VENV)/.package
@@ -88,11 +87,6 @@ papers: $(VENV)/.papers
 
 refit: $(VENV)/.package
 	$(BIN)/python -m papers.plant.refit src/catenary/simulation/data/raven2.toml
-
-gravity-figures: $(VENV)/.package
-	$(BIN)/python -m papers.gravity.coupling results
-	$(BIN)/python -m papers.gravity.sensing results
-	$(BIN)/python -m papers.gravity.faults results
 
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed: apt install python3 python3-venv"; exit 1; }

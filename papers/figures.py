@@ -15,7 +15,17 @@ LABELS = {
     "dg-imu": "PD+DG, IMU",
     "attitude": "PD+G of true attitude",
 }
-COLORS = {"pd": "#1c2430", "sg": "#4b6b94", "dg": "#d9622b", "dg-imu": "#2f8f6b", "attitude": "#2f8f6b"}
+COLORS = {
+    "pd": "#1c2430",
+    "sg": "#4b6b94",
+    "dg": "#d9622b",
+    "dg-imu": "#2f8f6b",
+    "attitude": "#2f8f6b",
+    "adaptive": "#c9a227",
+    "adaptive-dg": "#8a5a9c",
+    "recursive": "#b8bfc9",
+    "recursive-dg": "#7a2f2f",
+}
 FOUR_COLORS = ("#1c2430", "#4b6b94", "#d9622b", "#2f8f6b")
 METHOD_COLORS = {
     "raw": "#b8bfc9",

@@ -20,12 +20,9 @@ and the base is stable where |L| < 1 at all frequencies (small gain), for any ph
 `unstable_roots` counts the closed loop's roots to the right by the argument principle, without that margin. Gravity's
 own stiffness, a hundredth of the gains, is left out. The arm is RAVEN-II's links with its motors' inertia; the gains
 are its own. F of this package's estimator is measured by feeding it; a held sample is a formula.
-
-Run it with `make gravity-figures`; it writes gravity_coupling.json and .html and prints the tables.
 """
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,7 +30,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from catenary import BaseMotion, gravity_torque, inverse_dynamics, load_robot, mass_matrix
 from catenary.arrays import Floats
-from catenary.reports.page import Block, Picture, Table, Text, picture
 from catenary.sensing.checks import SensorRules
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mailbox import Mailbox
@@ -43,19 +39,13 @@ from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.sensors import SensorModel, SimulatedSensor
 from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import raven_gains, raven_motor_inertia
-from papers.arguments import folder_argument
-from papers.figures import FOUR_COLORS, panels
 from papers.gravity.raven_base import Z0, turned_base
-from papers.results import shown, write_results
 
 Complexes = NDArray[np.complexfloating[Any, Any]]
 Response = Callable[[Floats], Complexes]  # of frequencies (N,) [Hz]
 BASE_DEG = 15.0
-FREQUENCIES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)  # [Hz]
 LATENCY = 0.002  # [s]
 ZETA = 0.02  # damping ratio of a base, as of bolted steel
-BASE_HZ = (2.0, 5.0, 10.0, 20.0)
-ACCELERATIONS = (1.0, 2.0, 3.0)  # [m/s2] sustained
 SIZES = 80  # of a base, tried for whether it swings up
 GRID = np.geomspace(0.05, 60.0, 160)  # [Hz]
 
@@ -206,15 +196,15 @@ def estimator_response(hz: float, rate_hz: float = 200.0) -> tuple[complex, comp
     return complex(ratio[0]), complex(ratio[1])
 
 
-def estimator(rate_hz: float = 200.0) -> Sensing:
+def estimator(rate_hz: float = 200.0, points: int = 28) -> Sensing:
     """Return the response of SensedGravity with accelerometer and gyroscope, measured on a grid and interpolated."""
-    grid = np.geomspace(0.5, 60.0, 28)
+    grid = np.geomspace(0.5, 60.0, points)
     measured = np.array([estimator_response(hz, rate_hz) for hz in grid])
 
     def of(column: int) -> Response:
         values = np.concatenate([[1.0 + 0.0j], measured[:, column]])
-        points = np.concatenate([[0.0], grid])
-        return lambda hz: np.interp(hz, points, values.real) + 1j * np.interp(hz, points, values.imag)
+        known = np.concatenate([[0.0], grid])
+        return lambda hz: np.interp(hz, known, values.real) + 1j * np.interp(hz, known, values.imag)
 
     return Sensing(of(0), of(1))
 
@@ -226,130 +216,3 @@ def _lacking(arm: Linear, hz: Floats, sensing: Sensing) -> Complexes:
     told = turning if arm.t.any() else gravity
     lacking: Complexes = arm.h * s * s * (1.0 - told) + arm.t * (1.0 - gravity)
     return lacking
-
-
-def sustained_table() -> Table:
-    """Return the joint errors under a sustained acceleration along x, where it is sensed and where it is not."""
-    arm = raven_on("x")
-    rows = []
-    for a in ACCELERATIONS:
-        off = np.rad2deg(arm.h[:2] * a / arm.kp[:2]), 1e3 * arm.h[2] * a / arm.kp[2]
-        lacks = " ".join(f"{v:+.2f}" for v in arm.h * a)
-        rows.append([f"{a:g}", lacks, " ".join(f"{v:+.3f}" for v in (*off[0], off[1])), "0"])
-    return Table(
-        ["along x [m/s2]", "lacking [Nm Nm N]", "tilt only: J1 J2 J3 off [deg deg mm]", "accelerometer"], rows
-    )
-
-
-def response_table(ways: dict[str, Sensing], frequencies: tuple[float, ...]) -> Table:
-    """Return joint 1's error per angle of a base that turns about Z0."""
-    arm = raven_on("turn")
-    rows = [
-        [f"{hz:g}", *(f"{abs(joint_response(arm, hz, sensing)[0, 0]):.5f}" for sensing in ways.values())]
-        for hz in frequencies
-    ]
-    return Table(["rocking [Hz]", *(f"{name} [rad/rad]" for name in ways)], rows)
-
-
-def stability_table(ways: dict[str, Sensing]) -> Table:
-    """Return the smallest mass or inertia of a stable base, by the base's own frequency and the sensor."""
-    rows = []
-    for motion in ("x", "y", "z", "turn"):
-        arm, unit = raven_on(motion), "kg m2" if motion == "turn" else "kg"
-        for base_hz in BASE_HZ:
-            cells = [f"{smallest_base(arm, sensing, base_hz):.3g} {unit}" for sensing in ways.values()]
-            rows.append([f"{motion}, {base_hz:g} Hz", *cells])
-    return Table(["base", *ways], rows)
-
-
-def verdict_table(ways: dict[str, Sensing]) -> Table:
-    """Return the largest mass or inertia of an unstable base, by the base's own frequency and the sensor."""
-    rows = []
-    for motion in ("x", "y", "z", "turn"):
-        arm, unit = raven_on(motion), "kg m2" if motion == "turn" else "kg"
-        for base_hz in BASE_HZ:
-            largest = [largest_unstable_base(arm, sensing, base_hz) for sensing in ways.values()]
-            cells = [f"{size:.2g} {unit}" if size > 0.0 else "none" for size in largest]
-            rows.append([f"{motion}, {base_hz:g} Hz", *cells])
-    return Table(["base", *ways], rows)
-
-
-def figure(ways: dict[str, Sensing]) -> Picture:
-    """Draw joint 1's error per angle over frequency, and the loop gain of a swaying base of 50 kg."""
-    drawn, (left, right) = panels(2, 3.4)
-    turn, sway = raven_on("turn"), raven_on("x")
-    for (name, sensing), color in zip(ways.items(), FOUR_COLORS, strict=False):
-        kept = GRID[(GRID >= 0.1) & (GRID <= 20.0)]
-        # a held sample and the accelerometer through the estimator are nearly the same
-        style = "--" if name == "DG, accelerometer" else "-"
-        error = np.abs(joint_response(turn, kept, sensing)[:, 0])
-        left.loglog(kept, error, style, color=color, label=name)
-        near = np.unique(np.concatenate([GRID[GRID >= 0.5], np.linspace(9.0, 11.0, 101)]))
-        around = np.abs(loop(sway, near, sensing, 10.0)) / 50.0
-        # a base that sways does not turn: nothing for a gyroscope to add
-        right.loglog(near, around, ":" if name == "DG, IMU" else style, color=color)
-    left.set_xlabel("base rocks about Z0 [Hz]")
-    left.set_ylabel("joint 1's error per base angle [rad/rad]")
-    left.legend(frameon=False, fontsize=8)
-    right.axhline(1.0, color="#7a8699", lw=0.8)
-    right.annotate("stable below", (0.55, 0.45), fontsize=8, color="#4a5568")
-    right.set_xlabel("frequency [Hz]")
-    right.set_ylim(bottom=1e-9)
-    right.set_ylabel("gain around the loop [1]")
-    return picture(
-        drawn,
-        "Left: from a rocking base to joint 1. Right: around the loop of a base of 50 kg at 10 Hz, swaying along x; "
-        "below 1 it is stable.",
-    )
-
-
-def main(folder: Path, frequencies: tuple[float, ...] = FREQUENCIES) -> dict[str, Table]:
-    """Print the tables, write gravity_coupling.json and .html."""
-    sensed, held = estimator(), held_sample(100.0, 0.01)
-    ways = {
-        "PD, PD+SG": Sensing(blind, blind),
-        "DG, held sample 100 Hz": Sensing(held, blind),
-        "DG, accelerometer": Sensing(sensed.gravity, blind),
-        "DG, IMU": sensed,
-    }
-    tables = {
-        "Joint 1's error per angle of a rocking base": response_table(ways, frequencies),
-        "Smallest base that is stable by small gain": stability_table(ways),
-        "Largest base that swings up, by the count of unstable roots": verdict_table(ways),
-        "Sustained acceleration": sustained_table(),
-    }
-    blocks: list[Block] = [figure(ways)]
-    for title, table in tables.items():
-        blocks += shown(title, table)
-    blocks.append(
-        Text(
-            "Linear about a pose at rest, without friction, which only takes energy. Sizes are of base with arm. "
-            f"The base's damping ratio is {ZETA:g}; sizes go with its inverse. The column PD, PD+SG is the arm's own "
-            "reaction, which is physics and never unstable: small gain is sufficient, not necessary. What swings up is "
-            "counted by the argument principle, down to a base without mass, which leaves the arm's own "
-            f"{raven_on('x').own:.2g} kg, and {raven_on('turn').own:.2g} kg m2 about Z0."
-        )
-    )
-    write_results(
-        folder,
-        "gravity_coupling",
-        "From a base's motion to joint errors, and back",
-        "Frequency response and stability of PD with gravity; the future work of Lewis and Hannaford 2014.",
-        blocks,
-        configuration={
-            "robot": "nominal, linearised",
-            "pose": list(RAVEN_START),
-            "base_deg": BASE_DEG,
-            "damping_ratio": ZETA,
-            "sensor": "200 Hz, latency 2 ms; held sample 100 Hz, latency 10 ms",
-        },
-        results={
-            title: {"header": list(t.header), "rows": [list(r) for r in t.rows]}
-            for title, t in tables.items()
-        },
-    )
-    return tables
-
-
-if __name__ == "__main__":
-    main(folder_argument(__doc__))

@@ -1,22 +1,20 @@
 """Faults of the gravity sensor in mid-motion: how far does one move the arm, and what does a person read?
 
-The simulated RAVEN-II on a tilted base follows a motion with PD+DG; its inertial unit fails for a while. The measure is
+A RAVEN-II on a base at 20 degrees follows a motion with PD+DG; its inertial unit fails for a while. The measure is
 the largest distance between the true joint positions of this run and of the same run without the fault, over the fault
 and the time after it. With the fallback `stop` the loop ends and the robot is held and paused: the measure is then how
 far its joints go from where they were when it was stopped.
 
 Gains are the robot's own, 454 Nm/rad on joint 1: a vector that is wrong by delta moves joint 1 by delta g / kp at most,
 and so the fallback `static` on a base at 20 degrees moves it by a quarter of a degree. On softer gains all of it is
-larger in proportion. The sensor has noise, resolution and latency of the MPU-6050's class.
-
-Run it with `make gravity-figures`; it writes gravity_faults.json and .html and prints the table.
+larger in proportion. The sensor has noise, resolution and latency of the MPU-6050's class. The paper says nothing of
+sensors that fail: none of this is a claim of its own.
 """
 
 from collections.abc import Sequence
 from copy import deepcopy
 from functools import partial
-from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -25,7 +23,7 @@ from catenary.arrays import Floats
 from catenary.control.loop import Tick
 from catenary.control.report import GravityReport, LoopReport
 from catenary.errors import SensorError
-from catenary.reports.page import Block, Picture, Table, Text, picture
+from catenary.reports.page import Table
 from catenary.sensing.fallback import FALLBACKS
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mailbox import Mailbox
@@ -36,20 +34,34 @@ from catenary.workflows.gravity.controllers import make_controller
 from catenary.workflows.gravity.motions import RAVEN_START
 from catenary.workflows.gravity.simulated_arm import raven_arm
 from catenary.workflows.gravity.track import with_approach
-from papers.arguments import folder_argument
+from papers.claims import mean_and_spread
+from papers.experiment import (
+    Case,
+    Experiment,
+    Outcomes,
+    Report,
+    Result,
+    Scope,
+    TitledPicture,
+    TitledTable,
+    run,
+)
 from papers.figures import panels
 from papers.gravity.raven_base import SHOWN, turned_base
-from papers.results import shown, write_results
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 BASE_DEG = 20.0  # about Z0
 WARM, BEGIN, LASTS, SECONDS = 0.8, 0.5, 1.0, 2.0  # [s] sensor before the motion, fault in the motion, motion
 AFTER_STOP = 0.5  # [s] watched
 LIMIT_DEG = 0.5  # of a joint, because of a fault
+COLORS = {"hold": "#4b6b94", "fade": "#d9622b", "static": "#1c2430", "stop": "#2f8f6b"}
 # turning points of the motion about RAVEN_START, and its speeds [rad, rad, m]
 HALF, SPEED = np.array([0.25, 0.25, 0.03]), np.array([0.35, 0.35, 0.05])
 
 
-class Outcome(NamedTuple):
+class Moved(NamedTuple):
     """What one fault did under one fallback."""
 
     fault: str
@@ -81,7 +93,7 @@ def ready(*, seed: int | None = None, base_deg: float = BASE_DEG, motion_seed: i
     return Start(plant, base, motion_seed)
 
 
-def run(start: Start, fault: str | None, fallback: str) -> tuple[Floats, GravityReport, bool]:
+def follow(start: Start, fault: str | None, fallback: str) -> tuple[Floats, GravityReport, bool]:
     """Follow the motion, with a fault or none: true positions (T, 3), the report, whether it was stopped."""
     plant = deepcopy(start.plant)
     arm = raven_arm(plant)
@@ -111,9 +123,9 @@ def run(start: Start, fault: str | None, fallback: str) -> tuple[Floats, Gravity
     return np.array(true), _gravity(report), stopped
 
 
-def outcome(start: Start, fault: str, fallback: str, healthy: Floats) -> Outcome:
+def outcome(start: Start, fault: str, fallback: str, healthy: Floats) -> Moved:
     """Run with a fault, and compare with the run without it (T, 3)."""
-    true, report, stopped = run(start, fault, fallback)
+    true, report, stopped = follow(start, fault, fallback)
     if stopped:
         held = true[-round(AFTER_STOP * 1000) - 1 :]
         off = np.abs(held - held[0])
@@ -122,7 +134,7 @@ def outcome(start: Start, fault: str, fallback: str, healthy: Floats) -> Outcome
     else:
         off = np.abs(true - healthy)
     moved = (off.max(axis=0) * SHOWN).tolist()
-    return Outcome(
+    return Moved(
         fault,
         fallback,
         tuple(moved),
@@ -133,12 +145,27 @@ def outcome(start: Start, fault: str, fallback: str, healthy: Floats) -> Outcome
     )
 
 
-def outcomes(
-    start: Start, kinds: Sequence[str] = FAULT_KINDS, fallbacks: Sequence[str] = FALLBACKS
-) -> list[Outcome]:
-    """Run every fault under every fallback."""
-    healthy, _, _ = run(start, None, "fade")
-    return [outcome(start, kind, fallback, healthy) for fallback in fallbacks for kind in kinds]
+@run(revision=1)
+def break_sensor(seed: int | None, fallback: str, kinds: Sequence[str]) -> Result:
+    """Break the sensor of a robot in motion in every way, under one fallback.
+
+    Returns:
+        For each kind: how far joints moved because of it [deg, deg, mm], what gravity was, and what was said.
+    """
+    start = ready(seed=seed)
+    healthy, _, _ = follow(start, None, fallback)
+    return {kind: outcome(start, kind, fallback, healthy)._asdict() for kind in kinds}
+
+
+def cases(scope: Scope) -> list[Case]:
+    """Return a case for every robot and fallback."""
+    if scope.quick:
+        return [break_sensor.case(seed=None, fallback="fade", kinds=["drop_out"])]
+    return [
+        break_sensor.case(seed=seed, fallback=fallback, kinds=FAULT_KINDS)
+        for seed in scope.robots
+        for fallback in FALLBACKS
+    ]
 
 
 def _gravity(report: LoopReport) -> GravityReport:
@@ -161,87 +188,123 @@ def _motion(seed: int, seconds: float) -> SmoothedPath:
     )
 
 
-def fault_table(rows: Sequence[Outcome]) -> Table:
+def moved(outcomes: Outcomes, kind: str, fallback: str) -> Floats:
+    """Return how far a fault moved the joints under a fallback, (robots, 3) [deg, deg, mm]."""
+    found = outcomes.of(break_sensor, fallback=fallback)
+    return np.array([result[kind]["moved"] for result in found if kind in result]).reshape(-1, 3)
+
+
+def _shown(outcomes: Outcomes) -> tuple[list[str], list[str]]:
+    """Return kinds and fallbacks of which there are results."""
+    names = [name for name in FALLBACKS if outcomes.of(break_sensor, fallback=name)]
+    kinds = [kind for kind in FAULT_KINDS if any(kind in one for one in outcomes.of(break_sensor))]
+    return kinds, names
+
+
+def fault_table(outcomes: Outcomes) -> Table:
     """Return for each fault how far it moved the arm under each fallback, and how it was named."""
-    table = []
-    fallbacks = list(dict.fromkeys(row.fallback for row in rows))
-    for kind in dict.fromkeys(row.fault for row in rows):
-        of = [row for row in rows if row.fault == kind]
+    kinds, fallbacks = _shown(outcomes)
+    rows = []
+    for kind in kinds:
+        of = [one[kind] for one in outcomes.of(break_sensor) if kind in one]
         cells = []
         for name in fallbacks:
-            row = next(r for r in of if r.fallback == name)
-            mark = ", stopped" if row.stopped else ""
-            cells.append(f"{max(row.moved[:2]):.3f} deg {row.moved[2]:.3f} mm{mark}")
-        named = dict.fromkeys(name for row in of for name in row.faults)
-        seen = max((row.statuses for row in of if not row.stopped), key=len, default=("stop",))
-        table.append([kind, ", ".join(named) or "-", " ".join(seen), *cells])
-    return Table(["sensor", "named", "gravity was", *fallbacks], table)
+            off = moved(outcomes, kind, name)
+            stops = any(one["stopped"] for one in of if one["fallback"] == name)
+            told = f"{mean_and_spread(off[:, :2].max(axis=1))} deg, {mean_and_spread(off[:, 2])} mm"
+            cells.append(told + (", stopped" if stops else ""))
+        named = dict.fromkeys(name for one in of for name in one["faults"])
+        seen = max((one["statuses"] for one in of if not one["stopped"]), key=len, default=["stop"])
+        rows.append([kind, ", ".join(named) or "-", " ".join(seen), *cells])
+    return Table(["sensor", "named", "gravity was", *fallbacks], rows)
 
 
-def message_table(rows: Sequence[Outcome]) -> Table:
+def largest_table(outcomes: Outcomes) -> Table:
+    """Return for each fallback the fault that moved joint 1 or 2 most, and the next."""
+    kinds, fallbacks = _shown(outcomes)
+    rows = []
+    for name in fallbacks:
+        most = {kind: float(moved(outcomes, kind, name)[:, :2].max()) for kind in kinds}
+        order = sorted(kinds, key=most.__getitem__, reverse=True)
+        cells = [f"{most[kind]:.3f} deg, {kind}" for kind in order[:2]]
+        slid = max(float(moved(outcomes, kind, name)[:, 2].max()) for kind in kinds)
+        rows.append([name, *cells, *["-"] * (2 - len(cells)), f"{slid:.3f} mm"])
+    return Table(["fallback", "joint 1 or 2, at most", "next", "joint 3, at most"], rows)
+
+
+def message_table(outcomes: Outcomes) -> Table:
     """Return the message of each fault that was named."""
-    said = {name: text for row in rows for name, text in zip(row.faults, row.messages, strict=True)}
+    said = {
+        name: text
+        for result in outcomes.of(break_sensor)
+        for one in result.values()
+        for name, text in zip(one["faults"], one["messages"], strict=True)
+    }
     return Table(["fault", "message"], [[name, text] for name, text in said.items()])
 
 
-def figure(rows: Sequence[Outcome]) -> Picture:
-    """Draw how far each fault moved joint 1 or 2, by fallback."""
-    kinds = list(dict.fromkeys(row.fault for row in rows))
-    drawn, (axes,) = panels(1, 0.28 * len(kinds) + 1.0)
-    colors = {"hold": "#4b6b94", "fade": "#d9622b", "static": "#1c2430", "stop": "#2f8f6b"}
-    for name in dict.fromkeys(row.fallback for row in rows):
-        of = [row for row in rows if row.fallback == name]
-        axes.plot(
-            [max(row.moved[:2]) for row in of],
-            [kinds.index(row.fault) for row in of],
-            "o",
-            color=colors[name],
-            label=name,
-        )
+def picture(outcomes: Outcomes) -> "Figure":
+    """Draw how far each fault moved joint 1 or 2, robot by robot, by fallback."""
+    kinds, fallbacks = _shown(outcomes)
+    drawn, (axes,) = panels(1, 0.28 * len(kinds) + 1.2)
+    for k, name in enumerate(fallbacks):
+        points = [
+            (value, row + 0.18 * (k - 1.5))
+            for row, kind in enumerate(kinds)
+            for value in moved(outcomes, kind, name)[:, :2].max(axis=1)
+        ]
+        axes.plot(*zip(*points, strict=True), "o", ms=4, color=COLORS[name], label=name)
     axes.axvline(LIMIT_DEG, color="#b8c0cc", linewidth=1.0)
     axes.set_yticks(range(len(kinds)), kinds, fontsize=8)
     axes.invert_yaxis()
     axes.set_xlim(left=0.0)
     axes.set_xlabel("largest motion of joint 1 or 2 because of the fault [deg]")
-    axes.legend(frameon=False, fontsize=8)
-    return picture(drawn, f"Motion because of a sensor's fault, by fallback; the line is {LIMIT_DEG:g} deg.")
+    drawn.legend(frameon=False, fontsize=8, ncols=4, loc="outside lower center")
+    return drawn
 
 
-def main(
-    folder: Path, kinds: Sequence[str] = FAULT_KINDS, fallbacks: Sequence[str] = FALLBACKS
-) -> list[Outcome]:
-    """Run every fault under every fallback, print the table, write gravity_faults.json and .html."""
-    start = ready()
-    rows = outcomes(start, kinds, fallbacks)
-    blocks: list[Block] = [figure(rows)]
-    blocks += shown("Largest motion because of a fault", fault_table(rows))
-    blocks += shown("What is said", message_table(rows))
-    blocks.append(
-        Text(
-            f"The base stands at {BASE_DEG:g} deg about Z0, the arm is in motion with PD+DG and the robot's own gains; "
-            f"the fault lasts {LASTS:g} s. Angles are of joint 1 or 2, whichever moved more; distances of joint 3."
-        )
+def report(outcomes: Outcomes) -> Report:
+    """Return the largest motions, all of them, what was said, and the picture."""
+    kinds, fallbacks = _shown(outcomes)
+    unnamed = [
+        kind
+        for kind in kinds
+        if not any(one[kind]["faults"] for one in outcomes.of(break_sensor) if kind in one)
+    ]
+    worst = max(float(moved(outcomes, kind, name)[:, :2].max()) for kind in kinds for name in fallbacks)
+    over = "more" if worst > LIMIT_DEG else "less"
+    return Report(
+        [
+            TitledTable(
+                "Largest motion because of any fault, by fallback, of all robots", largest_table(outcomes)
+            ),
+            TitledTable(
+                "Largest motion because of a fault, mean and spread over robots", fault_table(outcomes)
+            ),
+            TitledTable("What is said", message_table(outcomes)),
+        ],
+        [
+            TitledPicture(
+                f"Motion because of a sensor's fault, by fallback; dots are robots, the line is {LIMIT_DEG:g} deg",
+                picture(outcomes),
+            )
+        ],
+        [
+            f"{len(kinds)} faults of {LASTS:g} s, under {len(fallbacks)} fallbacks. The largest motion of joint 1 or 2 "
+            f"is {worst:.3f} deg, {over} than {LIMIT_DEG:g} deg. "
+            f"Not named in the report: {', '.join(unnamed) or 'none'}."
+        ],
     )
-    write_results(
-        folder,
-        "gravity_faults",
-        "Faults of the gravity sensor in mid-motion, simulated",
-        "What the arm does while its sensor of gravity fails, against the same motion without the fault.",
-        blocks,
-        configuration={
-            "robot": "nominal",
-            "base_deg": BASE_DEG,
-            "kp": raven_arm(start.plant).gains.kp.tolist(),
-            "fault_seconds": LASTS,
-            "motion_seed": start.motion_seed,
-            "sensor_seed": 1,
-            "kinds": list(kinds),
-            "fallbacks": list(fallbacks),
-        },
-        results=[row._asdict() for row in rows],
-    )
-    return rows
 
 
-if __name__ == "__main__":
-    main(folder_argument(__doc__))
+EXPERIMENT = Experiment(
+    name="gravity-faults",
+    paper="gravity",
+    place="beyond the paper",
+    title="Faults of the gravity sensor in mid-motion",
+    about=(__doc__ or "").partition("\n")[2].strip(),
+    cases=cases,
+    report=report,
+    minutes=20.0,
+    drawn=2,
+)

@@ -10,6 +10,7 @@ stops smoothly. Beside the paper's way stand the same motion as joint references
 controller with either damping, on the nominal robot.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -110,9 +111,14 @@ def error_table(outcomes: Outcomes, bases: tuple[str, ...], way: str, names: tup
 
 def others_table(outcomes: Outcomes) -> Table:
     """Return every other controller with either damping, and better sensors, on the nominal robot."""
+    return others_of(outcomes, LAST, WAYS)
+
+
+def others_of(outcomes: Outcomes, base: str, ways: Sequence[str] = WAYS[1:]) -> Table:
+    """Return controllers beside the usual three on a base, on the nominal robot, sent in some ways."""
     rows = []
-    for way in WAYS:
-        for result in outcomes.of(follow_sinusoids, base=LAST, way=way, seed=None):
+    for way in ways:
+        for result in outcomes.of(follow_sinusoids, base=base, way=way, seed=None):
             for one in result.values():
                 if (one["controller"], one["damping"]) in USUAL:
                     continue

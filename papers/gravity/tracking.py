@@ -16,15 +16,18 @@ from numpy.typing import ArrayLike
 from catenary import CablePlant
 from catenary.arrays import Floats, as_array
 from catenary.control.controller import SplitController
+from catenary.control.gravity_pd import EstimatedGravityPD, GravityLearner
 from catenary.control.loop import GravitySource, Tick
 from catenary.control.pd import Damping
 from catenary.dynamics.kinematics import forward_kinematics, frame_poses
 from catenary.dynamics.raven_inverse_kinematics import raven_path
+from catenary.gravity.estimator import GravityEstimator
+from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
 from catenary.robots.model import RobotModel
 from catenary.sensing.faults import Fault
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mailbox import Mailbox
-from catenary.sensing.vector import GravityReading, ReadingStatus
+from catenary.sensing.vector import FixedGravity, GravityReading, ReadingStatus
 from catenary.simulation.base_motion import MovingBase
 from catenary.simulation.cable_parameters import CableArm
 from catenary.simulation.sensors import SensorModel, SimulatedSensor, ideal_sensor
@@ -62,7 +65,21 @@ CALLED = {
     "dg-filter": "PD+DG, our estimator",
     "dg-imu": "PD+DG, inertial unit",
     "dg-ideal": "PD+DG, ideal sensor",
+    "adaptive": "PD+adaptive, no sensor",
+    "adaptive-dg": "PD+adaptive",
+    "recursive": "PD+least squares, no sensor",
+    "recursive-dg": "PD+least squares",
 }
+# how gravity is learnt on the way, from nothing: by the pseudo-inverse law, or by recursive least squares; with
+# gravity's direction from the paper's accelerometer, or as of a level base
+ADAPTIVE = ("adaptive", "adaptive-dg", "recursive", "recursive-dg")
+# the laws are for arms at rest; here they learn in motion too, as adaptive control does [rad/s, rad/s, m/s]
+ANY_SPEED = 10.0
+FRICTION = (
+    0.5,
+    0.5,
+    2.0,
+)  # [Nm, Nm, N] of torques in motion, noise to least squares: about what the joints' is
 
 
 class Run(NamedTuple):
@@ -121,6 +138,8 @@ class LastSample:
 
 def gravity_source(name: str, plant: CablePlant) -> GravitySource | None:
     """Return what tells a controller of a name what gravity is; None for the plant's own, ideal and with rates."""
+    if name in ("adaptive", "recursive"):
+        return FixedGravity()
     if name == "dg-imu":
         model = SensorModel()
     elif name == "dg-ideal":
@@ -172,7 +191,7 @@ def _follow(plant: CablePlant, name: str, damping: Damping, motion: Trajectory) 
         seen.append((tick.reference.q, tick.state.q, arm.q_true()))
 
     controller = _controller(name, arm, damping)
-    source = gravity_source(name, plant) if name in SENSORS else None
+    source = gravity_source(name, plant) if name in (*SENSORS, *ADAPTIVE) else None
     result = track(arm, controller, motion, gravity=source, observers=[observe])
     wanted, reported, true = (frame_poses(arm.model, np.array(q))[1] for q in zip(*seen, strict=True))
     off = 1000.0 * (wanted - reported)
@@ -188,7 +207,19 @@ def _follow(plant: CablePlant, name: str, damping: Damping, motion: Trajectory) 
 
 
 def _controller(name: str, arm: SimulatedArm, damping: Damping) -> SplitController:
+    if name in ADAPTIVE:
+        return _adaptive(name, arm, damping)
     return make_controller("dg" if name in SENSORS else name, arm, damping=damping)
+
+
+def _adaptive(name: str, arm: SimulatedArm, damping: Damping) -> EstimatedGravityPD:
+    kp, kd = arm.gains
+    estimator: GravityLearner
+    if name.startswith("recursive"):
+        estimator = RecursiveGravityEstimator(arm.model, noise=FRICTION, max_speed=ANY_SPEED, settle=0.0)
+    else:
+        estimator = GravityEstimator(arm.model, kp, kd, max_speed=ANY_SPEED)
+    return EstimatedGravityPD(kp, kd, estimator, damping=damping)
 
 
 @run(revision=1)

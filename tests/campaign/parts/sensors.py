@@ -169,10 +169,10 @@ def _check_return(times: Any, readings: "list[GravityReading]", true: Any, gone:
 
 @functools.cache
 def _arm(base_deg: float) -> Any:
-    from papers.gravity.faults import ready, run
+    from papers.gravity.faults import follow, ready
 
     start = ready(base_deg=base_deg)
-    return start, run(start, None, "fade")[0]
+    return start, follow(start, None, "fade")[0]
 
 
 def loop(seed: int, folder: Path) -> None:

@@ -1,5 +1,3 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -104,14 +102,3 @@ def test_estimator_follows_slow_gravity_and_filters_fast_one() -> None:
     assert abs(gravity - 1.0) < 0.01
     assert abs(turning - 1.0) < 0.03
     assert abs(coupling.estimator_response(60.0)[0]) < 0.5
-
-
-@pytest.mark.slow
-def test_page_and_data_hold_the_tables(tmp_path: Path, written) -> None:
-    tables = coupling.main(tmp_path, (1.0,))
-    results, page = written(tmp_path, "gravity_coupling")
-    assert set(results) == set(tables)
-    row = next(iter(tables.values())).rows[0]
-    still, _, accelerometer, imu = (float(cell) for cell in row[1:])
-    assert imu < 0.1 * accelerometer < 0.1 * still
-    assert "future work" in page
