@@ -6,15 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from catenary.errors import CatenaryError
 from papers.catalog import MODULES, experiment, named
-from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Scope
 from papers.pages import publish
-from papers.results_files import markdown, told_of, write_results
-from papers.runner import Failure, run_cases
-from papers.store import Finished, Store
+from papers.sweep import plan, sweep
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 OUT = Path("results/papers")
@@ -65,93 +61,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         names = named(told.names)
     except CatenaryError as error:
         made.error(str(error))
-    failed = 0
-    try:
-        for name in names:
-            failed += run_experiment(
-                experiment(name),
-                seeds=told.seeds,
-                quick=told.quick,
-                data=told.data,
-                out=told.out,
-                workers=told.workers,
-                cluster=told.cluster,
-                console=console,
+    data = told.data if told.data.is_dir() else None
+    planned = []
+    for asked in map(experiment, names):
+        if asked.needs_data and data is None:
+            console.print(
+                f"{asked.name}: left out: no recordings in {told.data}; name their folder by --data"
             )
+        else:
+            planned.append(plan(asked, seeds=told.seeds, quick=told.quick, data=data))
+    try:
+        failed = sweep(
+            planned, told.out, workers=told.workers, cluster=told.cluster, data=data, console=console
+        )
     except CatenaryError as error:
         made.error(str(error))
     return 1 if failed else 0
-
-
-def run_experiment(
-    asked: Experiment,
-    *,
-    seeds: int | None,
-    quick: bool,
-    data: Path,
-    out: Path,
-    workers: int,
-    cluster: str | None,
-    console: Console,
-) -> int:
-    """Run an experiment's cases, write and print what they show; return how many failed."""
-    if asked.needs_data and not data.is_dir():
-        console.print(f"{asked.name}: left out: no recordings in {data}; name their folder by --data")
-        return 0
-    drawn = (
-        0
-        if quick
-        else asked.drawn
-        if seeds is None
-        else min(seeds, asked.drawn)
-        if not asked.drawn
-        else seeds
-    )
-    scope = Scope(
-        robots=(NOMINAL, *range(1, drawn + 1)),
-        networks=1 if quick else Scope.networks,
-        quick=quick,
-        data=data if data.is_dir() else None,
-    )
-    folder = out / "quick" if quick else out
-    store = Store(out)
-    cases = list(dict.fromkeys(asked.cases(scope)))
-    here = [case for case in cases if store.read(case) is None]
-    failures: list[Failure] = []
-    if here:
-        with Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            console=console,
-        ) as bar:
-            task = bar.add_task(asked.name, total=len(cases), completed=len(cases) - len(here))
-
-            def told(case: Case, ended: Finished | Failure) -> None:
-                if isinstance(ended, Failure):
-                    last = ended.told.strip().splitlines()[-1]
-                    console.print(f"failed: {case.label}: {last}", markup=False, soft_wrap=True)
-                bar.advance(task)
-
-            failures = run_cases(cases, store, workers=workers, cluster=cluster, data=scope.data, told=told)
-    kept = {case: finished for case in cases if (finished := store.read(case)) is not None}
-    if not kept:
-        console.print(f"{asked.name}: no case has a result; see {store.failures}")
-        return len(failures)
-    outcomes = Outcomes({case: finished.result for case, finished in kept.items()})
-    content = write_results(folder, asked, scope, outcomes, list(kept.values()), len(cases) - len(kept))
-    print(f"\n## {asked.title} ({asked.place})\n\n{told_of(content)}")
-    for table in content["tables"]:
-        print(f"\n{table['title']}\n\n{markdown(table)}")
-    for claim in content["claims"]:
-        print(
-            f"- {claim['verdict']}: {claim['says']}. Published: {claim['published']}. Here: {claim['measured']}."
-        )
-    print(f"\n{folder / f'{asked.name}.html'}", flush=True)
-    if failures:
-        console.print(f"{asked.name}: {len(failures)} of {len(cases)} cases failed; see {store.failures}")
-    return len(failures)
 
 
 def _list() -> None:

@@ -1,0 +1,117 @@
+"""Several experiments in one sweep: their cases together, each experiment shown as soon as its own have ended."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Scope
+from papers.results_files import markdown, told_of, write_results
+from papers.runner import Failure, run_cases
+from papers.store import Finished, Store
+
+
+@dataclass(frozen=True)
+class Planned:
+    """An experiment, how much of it is run, and the cases that takes."""
+
+    experiment: Experiment
+    scope: Scope
+    cases: tuple[Case, ...]
+
+
+def plan(asked: Experiment, *, seeds: int | None, quick: bool, data: Path | None) -> Planned:
+    """Return the cases that an experiment takes.
+
+    Args:
+        asked: The experiment.
+        seeds: Robots drawn beside the nominal one; the experiment's own number when None. Those that are about one
+            robot draw none.
+        quick: As little as shows that it runs.
+        data: Folder of recordings of real arms, where there is one.
+    """
+    drawn = 0 if quick or not asked.drawn else asked.drawn if seeds is None else seeds
+    robots = (NOMINAL, *range(1, drawn + 1))
+    scope = Scope(robots, networks=1 if quick else Scope.networks, quick=quick, data=data)
+    return Planned(asked, scope, tuple(dict.fromkeys(asked.cases(scope))))
+
+
+def sweep(
+    planned: Sequence[Planned],
+    out: Path,
+    *,
+    workers: int = 1,
+    cluster: str | None = None,
+    data: Path | None = None,
+    console: Console,
+) -> int:
+    """Run what has no result yet; write and print every experiment's tables as its last case ends.
+
+    Args:
+        planned: What is run.
+        out: Folder of results.
+        workers: Processes on this machine.
+        cluster: Address of a Dask scheduler in their place.
+        data: Folder of recordings of real arms.
+        console: For progress and failures.
+
+    Returns:
+        How many cases failed.
+
+    Raises:
+        InputError: A cluster that would give other numbers.
+    """
+    store = Store(out)
+    cases = list(dict.fromkeys(case for one in planned for case in one.cases))
+    waiting = {case for case in cases if store.read(case) is None}
+    unshown = list(planned)
+
+    def show_finished() -> None:
+        for one in [each for each in unshown if waiting.isdisjoint(each.cases)]:
+            unshown.remove(one)
+            show(one, store, out, console)
+
+    show_finished()
+    failures: list[Failure] = []
+    if waiting:
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+        with Progress(*columns, console=console) as bar:
+            task = bar.add_task("cases", total=len(cases), completed=len(cases) - len(waiting))
+
+            def told(case: Case, ended: Finished | Failure) -> None:
+                if isinstance(ended, Failure):
+                    last = ended.told.strip().splitlines()[-1]
+                    console.print(f"failed: {case.label}: {last}", markup=False, soft_wrap=True)
+                bar.advance(task)
+                waiting.discard(case)
+                show_finished()
+
+            failures = run_cases(cases, store, workers=workers, cluster=cluster, data=data, told=told)
+    if failures:
+        console.print(f"{len(failures)} of {len(cases)} cases failed; see {store.failures}", soft_wrap=True)
+    return len(failures)
+
+
+def show(planned: Planned, store: Store, out: Path, console: Console) -> None:
+    """Write and print what an experiment's cases show, as far as they have results."""
+    asked, cases = planned.experiment, planned.cases
+    kept = {case: finished for case in cases if (finished := store.read(case)) is not None}
+    if not kept:
+        console.print(f"{asked.name}: no case has a result; see {store.failures}", soft_wrap=True)
+        return
+    folder = out / "quick" if planned.scope.quick else out
+    outcomes = Outcomes({case: finished.result for case, finished in kept.items()})
+    missing = len(cases) - len(kept)
+    content = write_results(folder, asked, planned.scope, outcomes, list(kept.values()), missing)
+    print(f"\n## {asked.title} ({asked.place})\n\n{told_of(content)}")
+    for table in content["tables"]:
+        print(f"\n{table['title']}\n\n{markdown(table)}")
+    for claim in content["claims"]:
+        print(
+            f"- {claim['verdict']}: {claim['says']}. Published: {claim['published']}. Here: {claim['measured']}."
+        )
+    if missing:
+        print(f"\n{missing} of {len(cases)} cases are missing: no verdicts.")
+    print(f"\n{folder / f'{asked.name}.html'}", flush=True)
