@@ -137,8 +137,8 @@ CLAIMS = (
         "on the rocking base joint 1's RMS error is smaller with the accelerometer than without for the model (DG, "
         "SG) and for both adaptive terms, mean over robots; same direction: for two of three",
         _sensor_helps,
-        "A term that learns in motion takes up what the joints lack whatever it believes of gravity's direction: on the "
-        "nominal robot it follows better than DG without a sensor too, so a sensor has little left to add.",
+        "A term that learns in motion takes up what the joints lack whatever it believes of gravity's direction: on "
+        "the nominal robot it follows better than DG without a sensor too, so a sensor has little left to add.",
     ),
 )
 

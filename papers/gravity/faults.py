@@ -305,6 +305,6 @@ EXPERIMENT = Experiment(
     about=(__doc__ or "").partition("\n")[2].strip(),
     cases=cases,
     report=report,
-    minutes=20.0,
+    minutes=6.0,
     drawn=2,
 )
