@@ -2,9 +2,10 @@
 
 Seven-joint arms of the Panda's geometry with drawn masses learn their gravity in 20 to 40 poses at rest, by recursive
 least squares that know their links may take something up. Then a load of 0.1 to 2 kg hangs on any link, within 0.12 m
-along each axis of its frame, or, every fourth time, none. The estimator is told how large such loads are, 0.8 kg and
-0.06 kg m (root mean squares). Torques carry Gaussian noise of 0.1 Nm, as it is told, and in another condition twice
-that. What is believed is noted after 1, 2, 5, 10 and 20 poses.
+along each axis of its frame, or, every fourth time, none. Torques carry Gaussian noise of 0.1 Nm. Three conditions: the
+estimator as the package comes, which expects loads of 2 kg and 0.3 kg m; told how large these loads are, 0.8 kg and
+0.06 kg m (root mean squares); and as it comes, with twice the noise that it is told. What is believed is noted after 1,
+2, 5, 10 and 20 poses. The estimator's settings were chosen on the nominal arm with other loads and poses than these.
 
 A statement is calibrated if, of all that were made with a probability of 70 %, 70 % are right. The first joint stands
 upright: no torque tells what its own link carries. Beyond the gravity-regressor paper.
@@ -29,27 +30,35 @@ from papers.experiment import (
 )
 from papers.regressor.unknown_payload import LOOKED_AT, payload_trials
 
-RATIOS = {1.0: "noise as told", 2.0: "noise twice what is told"}
+# noise over what is told, and whether the loads' sizes are
+CONDITIONS = {
+    (1.0, False): "as the package comes",
+    (1.0, True): "told the loads' sizes",
+    (2.0, False): "noise twice what is told",
+}
+USUAL = (1.0, False)
 BINS = (0.0, 0.3, 0.5, 0.7, 0.9, 0.99, 1.0)
 MASSES = (0.1, 0.25, 0.5, 1.0, 2.0)
-COLORS = ("#4b6b94", "#d9622b")
+COLORS = ("#4b6b94", "#2f8f6b", "#d9622b")
 NOTICED = 0.5  # probability of no load below which it counts as noticed
 FEWEST = 5  # statements in a bin that is shown
 
 
 def cases(scope: Scope) -> Sequence[Case]:
-    """Return a case for every arm and noise."""
-    ratios, trials = ((1.0,), 8) if scope.quick else (RATIOS, 120)
+    """Return a case for every arm and condition."""
+    conditions, trials = ((USUAL,), 8) if scope.quick else (tuple(CONDITIONS), 120)
     return [
-        payload_trials.case(seed=seed, noise_ratio=ratio, trials=trials)
+        payload_trials.case(seed=seed, noise_ratio=ratio, told_sizes=told, trials=trials)
         for seed in scope.robots
-        for ratio in ratios
+        for ratio, told in conditions
     ]
 
 
-def trials_of(outcomes: Outcomes, ratio: float) -> list[Plain]:
-    """Return all trials of a noise."""
-    return [one for result in outcomes.of(payload_trials, noise_ratio=ratio) for one in result["trials"]]
+def trials_of(outcomes: Outcomes, condition: tuple[float, bool]) -> list[Plain]:
+    """Return all trials under a condition."""
+    ratio, told = condition
+    found = outcomes.of(payload_trials, noise_ratio=ratio, told_sizes=told)
+    return [one for result in found for one in result["trials"]]
 
 
 def after(trials: Sequence[Plain], poses: int) -> list[tuple[Plain, Plain]]:
@@ -69,18 +78,18 @@ def noticed(seen: Plain) -> bool:
 def report(outcomes: Outcomes) -> Report:
     """Return detection, links and masses by poses, by link and by mass, and how right stated probabilities are."""
     tables = []
-    for ratio, words in RATIOS.items():
-        trials = trials_of(outcomes, ratio)
+    for condition, words in CONDITIONS.items():
+        trials = trials_of(outcomes, condition)
         if trials:
             tables += [
                 TitledTable(f"By poses with the load, {words}", _by_poses(trials)),
                 TitledTable(f"Stated probability against share of right ones, {words}", _reliability(trials)),
             ]
-    told = trials_of(outcomes, 1.0)
-    if told:
+    usual = trials_of(outcomes, USUAL)
+    if usual:
         tables += [
-            TitledTable(f"By link, after {LOOKED_AT[-1]} poses, noise as told", _by_link(told)),
-            TitledTable(f"By mass, after {LOOKED_AT[-1]} poses, noise as told", _by_mass(told)),
+            TitledTable(f"By link, after {LOOKED_AT[-1]} poses, {CONDITIONS[USUAL]}", _by_link(usual)),
+            TitledTable(f"By mass, after {LOOKED_AT[-1]} poses, {CONDITIONS[USUAL]}", _by_mass(usual)),
         ]
     return Report(
         tables,
@@ -180,8 +189,8 @@ def _picture(outcomes: Outcomes) -> Any:
 
     figure, (left, right) = panels(2, 3.8)
     left.plot([0, 100], [0, 100], color="#b8bfc9", linewidth=1.0)
-    for (ratio, words), color in zip(RATIOS.items(), COLORS, strict=True):
-        trials = trials_of(outcomes, ratio)
+    for (condition, words), color in zip(CONDITIONS.items(), COLORS, strict=True):
+        trials = trials_of(outcomes, condition)
         if not trials:
             continue
         points = np.array(reliability(trials)).reshape(-1, 3)
@@ -214,5 +223,5 @@ EXPERIMENT = Experiment(
     about=(__doc__ or "").partition("\n")[2].strip(),
     cases=cases,
     report=report,
-    minutes=2.0,
+    minutes=15.0,
 )

@@ -4,6 +4,7 @@ import numpy as np
 
 from catenary import RobotModel, gravity_torque, load_robot
 from catenary.arrays import Floats
+from catenary.gravity.carriers import LOAD
 from catenary.gravity.payload import Payload
 from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
 from catenary.spatial import LEVEL
@@ -13,7 +14,7 @@ from papers.regressor.decomposition import with_bodies
 GEOMETRY = "panda"  # seven turning joints; masses are drawn
 LIGHTEST, HEAVIEST = 0.1, 2.0  # [kg]
 FURTHEST = 0.12  # [m] of the load from the origin of its link's frame, along each axis
-LOAD = (0.8, 0.06)  # [kg, kg m] root mean squares of these masses and moments, as the estimator is told
+SIZES = (0.8, 0.06)  # [kg, kg m] root mean squares of these masses and moments
 NOISE = 0.1  # [Nm] that the estimator is told
 POSES_BEFORE = (20, 40)  # poses at rest before the load comes, at the least and at most
 LOOKED_AT = (1, 2, 5, 10, 20)  # poses with the load, after which beliefs are noted
@@ -31,8 +32,23 @@ def poses(model: RobotModel, count: int, rng: np.random.Generator) -> Floats:
     return drawn
 
 
-def trial(model: RobotModel, rng: np.random.Generator, noise: float, *, loaded: bool) -> Result:
-    """Let an arm learn itself, take up a load, and go through more poses; return what was believed on the way."""
+def trial(
+    model: RobotModel,
+    rng: np.random.Generator,
+    noise: float,
+    *,
+    loaded: bool,
+    load: tuple[float, float] = LOAD,
+) -> Result:
+    """Let an arm learn itself, take up a load, and go through more poses; return what was believed on the way.
+
+    Args:
+        model: The arm.
+        rng: Draws the load, the poses and the noise.
+        noise: Standard deviation of the torques' noise [Nm].
+        loaded: A load comes.
+        load: What the estimator is told of loads: root mean squares of mass [kg] and moment [kg m].
+    """
     link = int(rng.integers(len(model.link_names)))
     mass = float(np.exp(rng.uniform(np.log(LIGHTEST), np.log(HEAVIEST))))
     place = rng.uniform(-FURTHEST, FURTHEST, 3)
@@ -40,7 +56,7 @@ def trial(model: RobotModel, rng: np.random.Generator, noise: float, *, loaded: 
     carrying = Payload(mass, name, place).on(model) if loaded else model
     estimator = RecursiveGravityEstimator(
         model, noise=NOISE, settle=0.0, interval=0.0, novelty=0.0, forgetting=1.0, margin=-1.0,
-        carriers=model.link_names, load=LOAD,
+        carriers=model.link_names, load=load,
     )  # fmt: skip
     before = int(rng.integers(*POSES_BEFORE, endpoint=True))
     q = poses(model, before + LOOKED_AT[-1], rng)
@@ -85,13 +101,23 @@ def trial(model: RobotModel, rng: np.random.Generator, noise: float, *, loaded: 
     }
 
 
-@run(revision=1)
-def payload_trials(seed: int | None, noise_ratio: float, trials: int) -> Result:
-    """Try loads on an arm, every fourth time none; the true noise is a multiple of what the estimator is told."""
+@run(revision=2)
+def payload_trials(seed: int | None, noise_ratio: float, told_sizes: bool, trials: int) -> Result:
+    """Try loads on an arm, every fourth time none.
+
+    Args:
+        seed: Of the arm.
+        noise_ratio: True noise over what the estimator is told.
+        told_sizes: The estimator is told how large these loads are; else it takes what the package comes with.
+        trials: How many.
+    """
     model = arm(seed)
-    rng = np.random.default_rng([0 if seed is None else seed + 1, round(10 * noise_ratio)])
+    load = SIZES if told_sizes else LOAD
+    # not the numbers on which the estimator's settings were chosen
+    rng = np.random.default_rng([20261123, 0 if seed is None else seed + 1])
     return {
         "trials": [
-            trial(model, rng, noise_ratio * NOISE, loaded=number % 4 != 3) for number in range(trials)
+            trial(model, rng, noise_ratio * NOISE, loaded=number % 4 != 3, load=load)
+            for number in range(trials)
         ],
     }

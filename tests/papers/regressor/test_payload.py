@@ -46,7 +46,7 @@ def made_up() -> Outcomes:
 
 
 def test_a_statement_is_counted_by_the_probability_it_was_made_with() -> None:
-    ((stated, right, count),) = payload.reliability(payload.trials_of(made_up(), 1.0))
+    ((stated, right, count),) = payload.reliability(payload.trials_of(made_up(), payload.USUAL))
     assert stated == pytest.approx(0.8)
     assert right == pytest.approx(0.8)
     assert count == 5 * len(LOOKED_AT)  # unloaded trials state no link
@@ -54,14 +54,14 @@ def test_a_statement_is_counted_by_the_probability_it_was_made_with() -> None:
 
 def test_report_tells_detection_links_and_masses() -> None:
     report = payload.report(made_up())
-    assert [len(one.table.rows) for one in report.tables] == [6, 1, 6, 1, 1, 4]
+    assert [len(one.table.rows) for one in report.tables] == [6, 1, 6, 1, 6, 1, 1, 4]
     first = report.tables[0].table.rows[0]
     assert first[:4] == ["1", "5", "100 %", "80 %"]
     assert report.tables[0].table.rows[-1][:3] == ["false alarms", "7", "0 %"]
     assert len(report.pictures) == 1
 
 
-def test_every_arm_runs_under_both_noises() -> None:
+def test_every_arm_runs_under_every_condition() -> None:
     cases = payload.cases(Scope())
-    assert len(cases) == 12
+    assert len(cases) == 18
     assert {case.function for case in cases} == {payload_trials.name}
