@@ -45,6 +45,10 @@ class RecursiveGravityEstimator(EstimatedGravity):
     Older torques count less by `forgetting` with each one taken. With `carriers`, a surprise is first looked for in
     what they carry. Works beside any controller, as an observer of
     `run_loop`; friction that holds a resting arm is noise to it.
+
+    Limitation: a surprise widens A + A_0, not A_0 itself, so that with `forgetting` f below 1 each torque adds
+    (1 - f) A_0 of certainty again. Where `spread` is very tight this holds a load at what its first poses told, and
+    later torques may be taken for another load, on a wrong carrier. Use f = 1 with a tight `spread`.
     """
 
     def __init__(

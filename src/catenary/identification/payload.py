@@ -81,6 +81,9 @@ def estimate_payload(
     second, and periods of the excitation once. "No payload" is said of an estimate below three standard deviations,
     or whose torque is less than a fifth of what stays unexplained (two fifths where its place was not given).
 
+    Limitation: the identified parameters are taken for exact, their uncertainty is not in the probabilities. With
+    joints that hardly move a wrong link may be named with high probability.
+
     Args:
         result: The identified dynamics.
         loaded: Recordings with the payload, prepared as those that were fitted.
