@@ -61,6 +61,28 @@ def test_report_tells_detection_links_and_masses() -> None:
     assert len(report.pictures) == 1
 
 
+def loads(right: int) -> list[dict[str, object]]:
+    return [
+        {"link": 2, "mass_kg": 0.3, "alarm": False, "seen": seen(0.95, number < right)} for number in range(5)
+    ]
+
+
+def test_a_remark_says_where_statements_are_overconfident() -> None:
+    (said,) = payload.overconfident(loads(3), "told")
+    assert said == "Overconfident, told: stated 95.0 % on average, right 60.0 % of 25."
+    assert not payload.overconfident(loads(5), "told")
+
+
+@pytest.mark.parametrize(("right", "verdict"), [(5, "reproduced"), (3, "not reproduced")])
+def test_claims_are_judged_on_the_estimator_as_it_comes(right: int, verdict: str) -> None:
+    results = {}
+    for case in payload.cases(Scope(robots=(None,))):
+        usual = (case.arguments["noise_ratio"], case.arguments["told_sizes"]) == payload.USUAL
+        results[case] = {"trials": loads(right if usual else 5 - right)}
+    assert [claim.judge(Outcomes(results)).verdict for claim in payload.CLAIMS] == [verdict] * 2
+    assert {claim.judge(Outcomes({})).verdict for claim in payload.CLAIMS} == {"not measured"}
+
+
 def test_every_arm_runs_under_every_condition() -> None:
     cases = payload.cases(Scope())
     assert len(cases) == 18
