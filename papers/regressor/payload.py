@@ -1,11 +1,12 @@
 """An unknown load anywhere and at any time: is it noticed, on which link is it, how heavy, and how sure may one be.
 
 Seven-joint arms of the Panda's geometry with drawn masses learn their gravity in 20 to 40 poses at rest, by recursive
-least squares that know their links may take something up. Then a load of 0.1 to 2 kg hangs on any link, within 0.12 m
-along each axis of its frame, or, every fourth time, none. Torques carry Gaussian noise of 0.1 Nm. Three conditions: the
-estimator as the package comes, which expects loads of 2 kg and 0.3 kg m; told how large these loads are, 0.8 kg and
-0.06 kg m (root mean squares); and as it comes, with twice the noise that it is told. What is believed is noted after 1,
-2, 5, 10 and 20 poses. The estimator's settings were chosen on the nominal arm with other loads and poses than these.
+least squares that know their links may take something up, and forget nothing. Then a load of 0.1 to 2 kg hangs on any
+link, within 0.12 m along each axis of its frame, or, every fourth time, none. Torques carry Gaussian noise of 0.1 Nm.
+Three conditions: the estimator expects loads of the package's default size, 2 kg and 0.3 kg m; it is told how large
+these loads are, 0.8 kg and 0.06 kg m (root mean squares); and the default with twice the noise that it is told. What
+is believed is noted after 1, 2, 5, 10 and 20 poses. The estimator's settings were chosen on the nominal arm with
+other loads and poses than these.
 
 A statement is calibrated if, of all that were made with a probability of 70 %, 70 % are right; where fewer are, it is
 overconfident, and a remark says so. The first joint stands upright: no torque tells what its own link carries. Beyond
@@ -36,7 +37,7 @@ from papers.regressor.unknown_payload import LOOKED_AT, payload_trials
 
 # noise over what is told, and whether the loads' sizes are
 CONDITIONS = {
-    (1.0, False): "as the package comes",
+    (1.0, False): "default size of loads",
     (1.0, True): "told the loads' sizes",
     (2.0, False): "noise twice what is told",
 }
