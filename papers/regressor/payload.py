@@ -253,14 +253,14 @@ CLAIMS = (
         "A link that is named with 90 % or more can be believed",
         "beyond the paper",
         "stated 90 %",
-        "at least 80 % of such statements right, all arms and poses together, as the package comes",
+        "at least 80 % of such statements right, all arms and poses together, with the default size of loads",
         _sure,
     ),
     Claim(
         "The link that carries the load is among the likely ones",
         "beyond the paper",
         "stated 95 %",
-        "in at least 85 % of the lists, all arms and poses together, as the package comes",
+        "in at least 85 % of the lists, all arms and poses together, with the default size of loads",
         _listed,
     ),
 )
