@@ -1,7 +1,7 @@
 """A feed-forward network while it is trained: its gradient by back-propagation, and Adam's steps, in single precision.
 
-Numbers are those of scikit-learn's MLPRegressor with the same seed, to the bit; that has no schedule of the learning
-rate for Adam.
+Numbers are those of scikit-learn's MLPRegressor with the same seed: of tanh units to the bit, of logistic ones to the
+rounding of the logistic function; that has no schedule of the learning rate for Adam.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit
 
 from catenary.calibration.predictors import Activation
 
@@ -29,6 +28,16 @@ class Penalties:
 
 
 NO_PENALTIES = Penalties()
+
+
+def logistic(x: Singles) -> Singles:
+    """Return 1 / (1 + exp(-x)), in the same array; three times as fast as SciPy's `expit` on single precision."""
+    np.negative(x, out=x)
+    with np.errstate(over="ignore"):  # exp(-x) beyond single precision: 0 is right
+        np.exp(x, out=x)
+    x += 1
+    np.reciprocal(x, out=x)
+    return x
 
 
 class TrainedNetwork:
@@ -72,9 +81,10 @@ class TrainedNetwork:
         """
         layers = [X]
         for weights, bias in zip(self.weights, self.biases, strict=True):
-            layer = layers[-1] @ weights + bias
+            layer = layers[-1] @ weights
+            layer += bias
             if len(layers) < len(self.weights):
-                layer = expit(layer) if self._logistic else np.tanh(layer)
+                layer = logistic(layer) if self._logistic else np.tanh(layer)
             layers.append(layer)
         rows, delta = len(X), layers.pop() - Y
         by_weights: list[Singles] = []
@@ -86,7 +96,9 @@ class TrainedNetwork:
                 delta = delta @ weights.T
                 if others.activity_l2:
                     delta += others.activity_l2 * Y.shape[1] * layer
-                delta = delta * layer * (1 - layer) if self._logistic else delta * (1 - layer**2)
+                if self._logistic:
+                    delta *= layer
+                delta *= 1 - layer if self._logistic else 1 - layer**2
         if others.l1:
             for slope, weights in zip(by_weights, self.weights, strict=True):
                 slope += 0.5 * others.l1 * Y.shape[1] * np.sign(weights)
