@@ -22,6 +22,13 @@ def by_count(holds: Iterable[bool], measured: str) -> Judgement:
     return Judgement(verdict, f"{measured} ({sum(parts)} of {len(parts)})" if len(parts) > 1 else measured)
 
 
+def graded(reproduced: bool | np.bool_, direction: bool | np.bool_, measured: str) -> Judgement:
+    """Judge a claim of one number: reproduced, or else of the paper's direction, or neither."""
+    return Judgement(
+        "reproduced" if reproduced else "same direction" if direction else "not reproduced", measured
+    )
+
+
 def within(
     reached: Mapping[str, float], published: Mapping[str, float], share: float, *, direction: Iterable[bool]
 ) -> Judgement:
@@ -39,8 +46,7 @@ def within(
     close = all(
         abs(value - published[name]) <= share * abs(published[name]) for name, value in reached.items()
     )
-    verdict: Verdict = "reproduced" if close else "same direction" if all(direction) else "not reproduced"
-    return Judgement(verdict, told)
+    return graded(close, all(direction), told)
 
 
 def mean_and_spread(values: Iterable[float], digits: int = 3) -> str:

@@ -202,6 +202,11 @@ class Report:
     remarks: Sequence[str] = ()
 
 
+def after_headline(docstring: str | None) -> str:
+    """Return a module's docstring without its first line: conditions and choices, which the page tells."""
+    return (docstring or "").partition("\n")[2].strip()
+
+
 @dataclass(frozen=True)
 class Experiment:
     """A figure or a table of a paper, or one that goes beyond them."""

@@ -43,3 +43,20 @@ def panels(columns: int, height: float, *, rows: int = 1, **options: Any) -> tup
 
     drawn = Figure(figsize=(10, height), layout="constrained")
     return drawn, list(np.atleast_1d(drawn.subplots(rows, columns, **options)).ravel())
+
+
+def legend_below(figure: "Figure", *panels: Any, columns: int | None = None) -> None:
+    """Draw one legend of what panels show below all of them, each label once.
+
+    Args:
+        figure: Drawn by `panels`.
+        panels: Whose labels are taken.
+        columns: Of the legend; all in one row when None.
+    """
+    handles: dict[str, Any] = {}
+    for panel in panels:
+        handles |= dict(zip(*panel.get_legend_handles_labels()[::-1], strict=True))
+    ncols = max(len(handles), 1) if columns is None else columns
+    figure.legend(
+        handles.values(), handles, loc="outside lower center", ncols=ncols, frameon=False, fontsize=8
+    )

@@ -1,7 +1,6 @@
 """What an experiment leaves: a table of results that is committed, a page, pictures; what is printed on the way."""
 
 import io
-import json
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -147,8 +146,3 @@ def svg(figure: Any) -> bytes:
     with matplotlib.rc_context({"svg.hashsalt": "catenary", "svg.fonttype": "none"}):
         figure.savefig(buffer, format="svg", metadata={"Date": None})
     return buffer.getvalue()
-
-
-def read_results(folder: Path) -> list[dict[str, Any]]:
-    """Return every table of results that a folder holds."""
-    return [json.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.json"))]

@@ -19,8 +19,17 @@ from papers.calibration.published import TABLE_3_OURS
 from papers.calibration.recordings import BEST, JOINTS, NETWORK, UNITS
 from papers.calibration.six_hours import OFFSET
 from papers.claims import mean_and_spread
-from papers.experiment import Case, Experiment, Outcomes, Report, Scope, TitledPicture, TitledTable
-from papers.figures import panels
+from papers.experiment import (
+    Case,
+    Experiment,
+    Outcomes,
+    Report,
+    Scope,
+    TitledPicture,
+    TitledTable,
+    after_headline,
+)
+from papers.figures import legend_below, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -132,9 +141,7 @@ def _picture(outcomes: Outcomes) -> "Figure":
         panel.set_ylim(0.0, 1.08 * max(ends))
         panel.set_xlabel("one correction [us]")
         panel.set_title(f"{JOINTS[j]} [{UNITS[j]}]", fontsize=10)
-    figure.legend(
-        *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False, fontsize=8
-    )
+    legend_below(figure, axes[0], columns=5)
     return figure
 
 
@@ -143,7 +150,7 @@ EXPERIMENT = Experiment(
     paper="beyond",
     place="beyond tables III and V",
     title="Accuracy, latency and drift of every method",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=2.0,  # beside table III's cases

@@ -25,8 +25,7 @@ from catenary.workflows.gravity.simulated_arm import SimulatedArm, raven_arm
 from catenary.workflows.gravity.track import with_approach
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from papers.beyond.bases import BASES, homed_level, put_on
-from papers.calibration.homings import unguarded
-from papers.calibration.recordings import calibration_log, draws, fitted
+from papers.calibration.recordings import calibration_log, draws, fitted, unguarded
 from papers.experiment import Result, run
 from papers.gravity.raven_base import SHOWN, turned_base
 

@@ -31,6 +31,7 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
 )
 
 CONTROL_BASES = (LEVEL_BASE, tilted.TILTED, ROCKING)
@@ -182,7 +183,7 @@ def _remarks(outcomes: Outcomes) -> list[str]:
 
 
 def _picture(outcomes: Outcomes) -> Any:
-    from papers.figures import panels
+    from papers.figures import legend_below, panels
 
     figure, (wrong, error, calibrated) = panels(3, 3.6)
     for panel, what in ((wrong, "gravity"), (error, "true")):
@@ -210,9 +211,7 @@ def _picture(outcomes: Outcomes) -> Any:
                 )
     calibrated.set_xticks(range(len(BASES)), BASES, rotation=35, fontsize=8, ha="right")
     calibrated.set_title("linear model, RMSE of J1 [deg]", fontsize=10)
-    shown = dict(zip(*error.get_legend_handles_labels()[::-1], strict=True))
-    shown |= dict(zip(*calibrated.get_legend_handles_labels()[::-1], strict=True))
-    figure.legend(shown.values(), shown, loc="outside lower center", ncols=4, frameon=False, fontsize=8)
+    legend_below(figure, error, calibrated, columns=4)
     return figure
 
 
@@ -221,7 +220,7 @@ EXPERIMENT = Experiment(
     paper="beyond",
     place="beyond both",
     title="Calibrated joints inside the gravity model, and gravity inside the calibration",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=40.0,

@@ -27,7 +27,6 @@ from catenary.trajectories.zigzag import (
 )
 from papers.beyond.designed_motion import designed
 from papers.calibration.figure_3 import reversals
-from papers.calibration.homings import unguarded
 from papers.calibration.recordings import (
     JOINTS,
     METHODS,
@@ -43,6 +42,7 @@ from papers.calibration.recordings import (
     random_log,
     rmse,
     rows_of,
+    unguarded,
 )
 from papers.claims import NOT_MEASURED, by_count, mean_and_spread
 from papers.experiment import (
@@ -56,9 +56,10 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
     run,
 )
-from papers.figures import panels
+from papers.figures import legend_below, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -266,10 +267,7 @@ def _picture(outcomes: Outcomes, lengths: Sequence[Sequence[float]]) -> "Figure"
             panel.set_title(f"{joint} [{unit}], {seconds_of(outcomes, length):.0f} s", fontsize=10)
             if row == len(lengths) - 1:
                 panel.set_xlabel(f"reversals of {joint}")
-    handles = dict(zip(*axes[0].get_legend_handles_labels()[::-1], strict=True))
-    figure.legend(
-        handles.values(), handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=8
-    )
+    legend_below(figure, axes[0])
     return figure
 
 
@@ -371,7 +369,7 @@ EXPERIMENT = Experiment(
     paper="beyond",
     place="beyond",
     title="Which path earns its minutes",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=75.0,

@@ -39,7 +39,7 @@ from papers.beyond.registration import (
     registration,
     registrations,
 )
-from papers.calibration.homings import Between, home_here, random_tests, unguarded
+from papers.calibration.homings import Between, home_here, random_tests
 from papers.calibration.recordings import (
     SPARSITIES,
     TEST_SECONDS,
@@ -50,6 +50,7 @@ from papers.calibration.recordings import (
     mean,
     rmse,
     rows_of,
+    unguarded,
 )
 from papers.claims import mean_and_spread
 from papers.experiment import (
@@ -62,6 +63,7 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
     run,
 )
 
@@ -308,7 +310,7 @@ def _remarks(outcomes: Outcomes) -> list[str]:
 
 
 def _picture(outcomes: Outcomes) -> Any:
-    from papers.figures import panels
+    from papers.figures import legend_below, panels
 
     figure, (homing, mechanism, cured) = panels(3, 3.4)
     for told, result in outcomes.items(registrations):
@@ -331,9 +333,7 @@ def _picture(outcomes: Outcomes) -> Any:
     cured.set_yscale("log")
     cured.set_xlabel("homings", fontsize=8)
     cured.set_title("RMSE of J2 [deg], linear", fontsize=10)
-    figure.legend(
-        *cured.get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False, fontsize=8
-    )
+    legend_below(figure, cured, columns=3)
     return figure
 
 
@@ -353,7 +353,7 @@ EXPERIMENT = Experiment(
     paper="beyond",
     place="beyond figure 9",
     title="Homing again, explained and cured",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=50.0,

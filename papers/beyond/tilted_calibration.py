@@ -19,7 +19,7 @@ from catenary.arrays import Floats
 from catenary.calibration.fit import FitOptions
 from catenary.reports.page import Table
 from papers.beyond.bases import BASES, DIFFERENCE, GRAVITY, LEVEL_BASE, homed_level, put_on, with_gravity
-from papers.calibration.homings import outside, unguarded
+from papers.calibration.homings import outside
 from papers.calibration.inputs import SIXTEEN
 from papers.calibration.recordings import (
     JOINTS,
@@ -31,6 +31,7 @@ from papers.calibration.recordings import (
     mean,
     rmse,
     rows_of,
+    unguarded,
 )
 from papers.claims import mean_and_spread
 from papers.experiment import (
@@ -42,6 +43,7 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
     run,
 )
 
@@ -221,7 +223,7 @@ def _remarks(outcomes: Outcomes) -> list[str]:
 
 
 def _picture(outcomes: Outcomes) -> Any:
-    from papers.figures import panels
+    from papers.figures import legend_below, panels
 
     figure, axes = panels(3, 3.8)
     for j, panel in enumerate(axes):
@@ -243,9 +245,7 @@ def _picture(outcomes: Outcomes) -> Any:
         panel.set_xticks(range(len(BASES)), BASES, rotation=35, fontsize=8, ha="right")
         panel.set_yscale("log")
         panel.set_title(f"{JOINTS[j]} [{UNITS[j]}]", fontsize=10)
-    figure.legend(
-        *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False, fontsize=8
-    )
+    legend_below(figure, axes[0], columns=3)
     return figure
 
 
@@ -254,7 +254,7 @@ EXPERIMENT = Experiment(
     paper="beyond",
     place="beyond II-G",
     title="Calibration on tilted and rocking bases",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=45.0,

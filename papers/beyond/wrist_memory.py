@@ -16,8 +16,17 @@ from catenary.reports.page import Table
 from papers.calibration import dvrk
 from papers.calibration.dvrk import JOINTS, RECURRENT, errors
 from papers.claims import mean_and_spread
-from papers.experiment import Case, Experiment, Outcomes, Report, Scope, TitledPicture, TitledTable
-from papers.figures import panels
+from papers.experiment import (
+    Case,
+    Experiment,
+    Outcomes,
+    Report,
+    Scope,
+    TitledPicture,
+    TitledTable,
+    after_headline,
+)
+from papers.figures import legend_below, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -124,9 +133,7 @@ def _picture(outcomes: Outcomes) -> "Figure":
         labels = [name.removesuffix("_train").replace("_", "\n") for name in present]
         panel.set_xticks(range(len(present)), labels, fontsize=8)
         panel.set_title(f"{JOINTS[WRIST[k]]} [deg]", fontsize=10)
-    figure.legend(
-        *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False, fontsize=8
-    )
+    legend_below(figure, axes[0], columns=5)
     return figure
 
 
@@ -135,7 +142,7 @@ EXPERIMENT = Experiment(
     paper="beyond",
     place="beyond II-K",
     title="Wrist memory on a real arm",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=1.0,  # the cases are calibration-dvrk's

@@ -33,8 +33,9 @@ from papers.calibration.recordings import (
     mean,
     random_log,
     rows_of,
+    unguarded,
 )
-from papers.calibration.six_hours import joint_rmse, unguarded
+from papers.calibration.six_hours import joint_rmse, left_by
 from papers.claims import NOT_MEASURED, by_count, mean_and_spread
 from papers.experiment import (
     Case,
@@ -47,9 +48,10 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
     run,
 )
-from papers.figures import METHOD_COLORS, panels
+from papers.figures import METHOD_COLORS, legend_below, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -138,7 +140,7 @@ def errors_left(model: CalibrationModel, log: MotionLog, *, shuffle: str | None 
         column = model.features.names.index(shuffle)
         X[:, column] = np.random.default_rng(0).permutation(X[:, column])
         data = replace(data, X=X)
-    return joint_rmse(unguarded(model, data))
+    return joint_rmse(left_by(unguarded(model), data))
 
 
 def cases(scope: Scope) -> list[Case]:
@@ -224,9 +226,7 @@ def _picture(outcomes: Outcomes) -> "Figure":
         panel.set_yticks(places, names, fontsize=8)
         panel.set_title(f"{JOINTS[j]} [{UNITS[j]}]", fontsize=10)
     axes[0].invert_yaxis()
-    figure.legend(
-        *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False, fontsize=8
-    )
+    legend_below(figure, axes[0], columns=2)
     return figure
 
 
@@ -300,7 +300,7 @@ EXPERIMENT = Experiment(
     paper="calibration",
     place="II-C, II-H, reference 44",
     title="Features left out and added",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=70.0,

@@ -15,9 +15,9 @@ from catenary.calibration.predictors import Network
 from catenary.calibration.regression import fit_polynomial
 from catenary.calibration.valid_range import standardisation
 from papers.calibration.networks import network_model, parameters
-from papers.calibration.recordings import JOINTS, fitted, rows_of
+from papers.calibration.recordings import JOINTS, SETS, fitted, rows_of, unguarded
 from papers.calibration.sessions import DENOMINATORS, HOUR, recorded
-from papers.calibration.six_hours import INPUTS, SETS, fit_options, joint_rmse, measured, unguarded
+from papers.calibration.six_hours import INPUTS, fit_options, joint_rmse, left_by, measured
 from papers.experiment import Outcomes, Result, run
 
 TOLERANCE = 1e-9  # of the largest singular value of the standardised inputs
@@ -77,7 +77,7 @@ def all_inputs(
         rank = int(np.linalg.matrix_rank(monomials - monomials.mean(axis=0)))
         found["ranks"][name] = [axes.shape[1], monomials.shape[1], rank]
         larger = network_model(training, settings, inputs=INPUTS[columns], seed=network)
-        found[LARGER][name] = [joint_rmse(unguarded(larger, test)) for test in tests]
+        found[LARGER][name] = [joint_rmse(left_by(unguarded(larger), test)) for test in tests]
     return found
 
 

@@ -34,9 +34,10 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
     run,
 )
-from papers.figures import panels
+from papers.figures import legend_below, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -216,9 +217,7 @@ def _picture(outcomes: Outcomes) -> "Figure":
     panel.axhline(100.0, color="#b8bfc9", linewidth=0.8)
     panel.set_xticks(range(len(JOINTS)), JOINTS)
     panel.set_ylabel("RMSE [% of fixed offset]")
-    figure.legend(
-        *panel.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False, fontsize=8
-    )
+    legend_below(figure, panel, columns=4)
     return figure
 
 
@@ -227,7 +226,7 @@ EXPERIMENT = Experiment(
     paper="calibration",
     place="II-K, on a real arm",
     title="Joint errors of a real dVRK arm, ours beside the methods that the paper names",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=22.0,

@@ -42,6 +42,7 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
     run,
 )
 from papers.figures import panels
@@ -325,7 +326,7 @@ EXPERIMENT = Experiment(
     paper="calibration",
     place="figure 3",
     title="Zig-zags in joint space",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=1.0,

@@ -20,13 +20,12 @@ from papers.calibration.published import (
     FIGURE_5_J2_POLYNOMIAL,
     FIGURE_5_J3,
 )
-from papers.calibration.recordings import JOINTS, NETWORK, TEST_SECONDS, UNITS
+from papers.calibration.recordings import JOINTS, NETWORK, SETS, TEST_SECONDS, UNITS
 from papers.calibration.sparsities import (
     LONG,
     MODELS,
     OFFSET,
     RECORDINGS,
-    SETS,
     SHORT,
     SHOWN,
     combinations,
@@ -37,7 +36,7 @@ from papers.calibration.sparsities import (
     short_and_long,
     sparsity_errors,
 )
-from papers.claims import NOT_MEASURED, by_count, mean_and_spread, within
+from papers.claims import NOT_MEASURED, by_count, graded, mean_and_spread, within
 from papers.experiment import (
     Case,
     Claim,
@@ -48,8 +47,9 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
 )
-from papers.figures import METHOD_COLORS, panels
+from papers.figures import METHOD_COLORS, legend_below, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -128,9 +128,7 @@ def _picture(outcomes: Outcomes, seconds: dict[str, float]) -> "Figure":
         panel.set_ylim(0.0, 1.3 * offset)
         panel.set_title(f"{JOINTS[j]} [{UNITS[j]}]", fontsize=10)
         panel.set_xlabel("recording time [s]")
-    figure.legend(
-        *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False, fontsize=8
-    )
+    legend_below(figure, axes[0], columns=4)
     return figure
 
 
@@ -173,10 +171,8 @@ def _polynomial_shortest(outcomes: Outcomes) -> Judgement:
         return NOT_MEASURED
     reached = {m: float(middle(outcomes, SHORTEST, m)[0]) for m in SHOWN}
     told = _told(reached)
-    if reached["polynomial"] >= NO_BETTER * reached[OFFSET]:
-        return Judgement("reproduced", told)
     worst = reached["polynomial"] > max(reached[m] for m in PAIR)
-    return Judgement("same direction" if worst else "not reproduced", told)
+    return graded(reached["polynomial"] >= NO_BETTER * reached[OFFSET], worst, told)
 
 
 def _joint_1_longest(outcomes: Outcomes) -> Judgement:
@@ -371,7 +367,7 @@ EXPERIMENT = Experiment(
     paper="calibration",
     place="figure 5",
     title="Calibration error by sparsity and recording time",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=170.0,

@@ -12,13 +12,12 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.reports.page import Table
 from papers.calibration import published
-from papers.calibration.recordings import BEST, JOINTS, NETWORK, UNITS, draws, homed, random_log
+from papers.calibration.recordings import BEST, JOINTS, NETWORK, SETS, UNITS, draws, homed, random_log
 from papers.calibration.sessions import CONDITIONS, HOUR, HOURS, PAYLOAD, Condition
 from papers.calibration.six_hours import (
     LONG,
     LONGEST,
     OFFSET,
-    SETS,
     SHORT,
     SHORTEST,
     cases_of,
@@ -36,6 +35,7 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
     run,
 )
 from papers.figures import METHOD_COLORS, panels
@@ -192,7 +192,7 @@ EXPERIMENT = Experiment(
     paper="calibration",
     place="figure 6",
     title="Six hours idle, unloaded and loaded",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=125.0,

@@ -11,9 +11,9 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.reports.page import Table
-from papers.calibration.recordings import BEST, JOINTS, NETWORK, UNITS, fitted, rows_of
+from papers.calibration.recordings import BEST, JOINTS, NETWORK, UNITS, fitted, rows_of, unguarded
 from papers.calibration.sessions import DENOMINATORS, HOUR, TEST_RATE, recorded
-from papers.calibration.six_hours import MODELS, OFFSET, fit_options, guarded, unguarded
+from papers.calibration.six_hours import MODELS, OFFSET, fit_options, left_by
 from papers.experiment import (
     NOMINAL,
     Case,
@@ -24,6 +24,7 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
     run,
 )
 from papers.figures import METHOD_COLORS, panels
@@ -70,7 +71,7 @@ def sections(
         truth = np.asarray(log.q_encoder)[:count]
         section = {"time": np.asarray(log.time)[:count], TRUTH: SHOWN * truth}
         for name, model in fits.items():
-            left = (guarded if name == BEST else unguarded)(model, rows_of(model, log))[:count]
+            left = left_by(model if name == BEST else unguarded(model), rows_of(model, log))[:count]
             section[name] = SHOWN * (truth - left)
         found[str(hour)] = {name: np.round(values, DIGITS).tolist() for name, values in section.items()}
     return found
@@ -152,7 +153,7 @@ EXPERIMENT = Experiment(
     paper="calibration",
     place="figure 7",
     title="Calibrated positions in hours 0, 2 and 5",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=2.0,

@@ -23,8 +23,8 @@ from catenary.calibration.neural import PAPER_LARGER
 from catenary.reports.page import Table
 from papers.calibration import published
 from papers.calibration.all_inputs import ALL, LARGER, all_inputs, by_set, sizes
-from papers.calibration.recordings import JOINTS, NETWORK, UNITS
-from papers.calibration.six_hours import LONGEST, OFFSET, SETS, SHORTEST, cases_of
+from papers.calibration.recordings import JOINTS, NETWORK, SETS, UNITS
+from papers.calibration.six_hours import LONGEST, OFFSET, SHORTEST, cases_of
 from papers.claims import NOT_MEASURED, by_count, mean_and_spread
 from papers.experiment import (
     Case,
@@ -36,6 +36,7 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
 )
 from papers.figures import METHOD_COLORS, panels
 
@@ -294,7 +295,7 @@ EXPERIMENT = Experiment(
     paper="calibration",
     place="figure 8",
     title="16 inputs or all 138",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=220.0,

@@ -29,7 +29,7 @@ from papers.calibration.homings import (
     homing_errors,
 )
 from papers.calibration.recordings import JOINTS, TEST_SECONDS, UNITS
-from papers.claims import NOT_MEASURED, by_count, mean_and_spread
+from papers.claims import NOT_MEASURED, by_count, graded, mean_and_spread
 from papers.experiment import (
     Case,
     Claim,
@@ -40,6 +40,7 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
 )
 
 HOMINGS = 5
@@ -129,7 +130,7 @@ def _remarks(outcomes: Outcomes) -> list[str]:
 
 
 def _picture(outcomes: Outcomes) -> Any:
-    from papers.figures import panels
+    from papers.figures import legend_below, panels
 
     figure, axes = panels(3, 5.4, rows=2, sharex=True)
     for row, method in enumerate(MODELS):
@@ -150,12 +151,7 @@ def _picture(outcomes: Outcomes) -> Any:
             panel.set_title(f"{method}, {JOINTS[j]} [{UNITS[j]}]", fontsize=10)
             if row == 1:
                 panel.set_xlabel("homings")
-    handles: dict[str, Any] = {}
-    for panel in axes:
-        handles |= dict(zip(*panel.get_legend_handles_labels()[::-1], strict=True))
-    figure.legend(
-        handles.values(), handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=8
-    )
+    legend_below(figure, *axes)
     return figure
 
 
@@ -205,9 +201,7 @@ def _joint_2(outcomes: Outcomes) -> Judgement:
     ends = {method: curve(outcomes, NONE, method)[[0, -1], 1] for method in MODELS}
     told = "; ".join(f"{method} {first:.3f} to {last:.3f}" for method, (first, last) in ends.items())
     ratio = min(last / first for first, last in ends.values())
-    return Judgement(
-        "reproduced" if ratio >= WORSE else "same direction" if ratio > 1.0 else "not reproduced", told
-    )
+    return graded(ratio >= WORSE, ratio > 1.0, told)
 
 
 def _one_seen(outcomes: Outcomes) -> Judgement:
@@ -216,10 +210,7 @@ def _one_seen(outcomes: Outcomes) -> Judgement:
     greatest = {m: [curve(outcomes, chain, m)[1:, 1].max() for chain in (NONE, ONE)] for m in MODELS}
     told = "; ".join(f"{method} {none:.3f}, {one:.3f}" for method, (none, one) in greatest.items())
     ratio = max(one / none for none, one in greatest.values())
-    return Judgement(
-        "reproduced" if ratio <= BETTER else "same direction" if ratio < 1.0 else "not reproduced",
-        f"greatest of five with none seen, one seen: {told}",
-    )
+    return graded(ratio <= BETTER, ratio < 1.0, f"greatest of five with none seen, one seen: {told}")
 
 
 def _joint_2_most(outcomes: Outcomes) -> Judgement:
@@ -283,7 +274,7 @@ EXPERIMENT = Experiment(
     paper="calibration",
     place="figure 9",
     title="Calibration after homing again",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=75.0,

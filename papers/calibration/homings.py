@@ -15,7 +15,6 @@ from catenary.arrays import Floats
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit import FitOptions
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.valid_range import ValidRange
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from papers.calibration.recordings import (
     BEST,
@@ -29,6 +28,7 @@ from papers.calibration.recordings import (
     random_log,
     rmse,
     rows_of,
+    unguarded,
 )
 from papers.experiment import Outcomes, Result, run
 
@@ -42,19 +42,6 @@ CHAINS = (BASELINE, NONE, ONE)
 POSITIONING = "linear, positioning joints"
 METHODS_SHOWN = (*MODELS, *GUARDED.values(), POSITIONING, BEST)
 TOOLS = ("roll", "wrist", "jaw1", "jaw2")
-_NOTHING = np.zeros(0)
-EVERYWHERE = ValidRange(_NOTHING, _NOTHING, _NOTHING, np.zeros((0, 0)), _NOTHING, _NOTHING)
-
-
-def unguarded(model: CalibrationModel) -> CalibrationModel:
-    """Return a model that is asked wherever the robot is, as the paper's are: no feature is watched.
-
-    Ours gives the fixed offset outside its valid range. The tool stands elsewhere after every homing, and a model that
-    takes its positions then is outside.
-    """
-    nothing = np.zeros(0, dtype=np.int64)
-    groups = tuple(replace(group, valid_range=EVERYWHERE, watched=nothing) for group in model.groups)
-    return replace(model, groups=groups)
 
 
 def home_here(plant: CablePlant) -> None:

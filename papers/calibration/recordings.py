@@ -5,6 +5,7 @@ motion; state at 30 Hz, encoders at 100 Hz (Peng et al., II-D, II-E, IV-B). Erro
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit import FitOptions, choose_inputs, fit
 from catenary.calibration.model import CalibrationModel
+from catenary.calibration.valid_range import ValidRange
+from catenary.simulation.cable_parameters import CableArm
 from catenary.trajectories.zigzag import Direction
 from catenary.workflows.project.calibrate import RAVEN_INPUTS
 from papers.calibration.inputs import SIXTEEN
@@ -22,6 +25,22 @@ JOINTS = ("J1", "J2", "J3")
 UNITS = ("deg", "deg", "mm")
 SPARSITIES = (1 / 2, 1 / 3, 1 / 4)  # 1013 s, of table I
 TEST_SECONDS = 1200.0
+# training sets of II-F to II-H: every combination of sparsities no longer than the last, the shortest first
+SETS = (
+    "1/2",
+    "1/3",
+    "1/4",
+    "1/2+1/3",
+    "1/5",
+    "1/2+1/4",
+    "1/3+1/4",
+    "1/2+1/5",
+    "1/6",
+    "1/3+1/5",
+    "1/2+1/3+1/4",
+)
+_NOTHING = np.zeros(0)
+EVERYWHERE = ValidRange(_NOTHING, _NOTHING, _NOTHING, np.zeros((0, 0)), _NOTHING, _NOTHING)
 START = (0.5, 1.5, 0.40)  # where the arm wakes up [rad, rad, m]
 NETWORK, BEST = "network", "network of ours"
 # the paper's methods, by the names of its tables, and ours
@@ -33,9 +52,15 @@ METHODS = {
 }
 
 
-def homed(seed: int | None, *, payload: float = 0.0) -> CablePlant:
-    """Return a simulated robot, homed: the nominal one, or one drawn by its seed; with a payload [kg]."""
-    plant = CablePlant(seed=seed, start=START, substeps=1, payload=payload)
+def homed(seed: int | None, *, arm: CableArm | None = None, payload: float = 0.0) -> CablePlant:
+    """Return a simulated robot, homed.
+
+    Args:
+        seed: Of a drawn robot; the nominal one when None.
+        arm: Its numbers, of which `seed` then draws; the package's when None.
+        payload: At the tool's wrist [kg].
+    """
+    plant = CablePlant(arm, seed=seed, start=START, substeps=1, payload=payload)
     plant.home()
     return plant
 
@@ -72,6 +97,17 @@ def fitted(logs: Sequence[MotionLog], options: FitOptions) -> CalibrationModel:
     """Fit a model to recordings."""
     inputs = choose_inputs(logs, options)
     return fit(calibration_data(logs, inputs.features), inputs, options)
+
+
+def unguarded(model: CalibrationModel) -> CalibrationModel:
+    """Return a model that is asked wherever the robot is, as the paper's are: no feature is watched.
+
+    Ours gives the fixed offset outside its valid range. The tool stands elsewhere after every homing, and a model that
+    takes its positions then is outside.
+    """
+    nothing = np.zeros(0, dtype=np.int64)
+    groups = tuple(replace(group, valid_range=EVERYWHERE, watched=nothing) for group in model.groups)
+    return replace(model, groups=groups)
 
 
 def rows_of(model: CalibrationModel, log: MotionLog) -> CalibrationData:

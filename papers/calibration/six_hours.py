@@ -27,25 +27,11 @@ from catenary.calibration.model import CalibrationModel, Target
 from catenary.dynamics.kinematics import frame_poses
 from catenary.robots.catalog import load_robot
 from papers.calibration.inputs import ALL_138, SIXTEEN, STAMPED_138
-from papers.calibration.recordings import BEST, METHODS, NETWORK, fitted, rows_of
+from papers.calibration.recordings import BEST, METHODS, NETWORK, SETS, fitted, rows_of, unguarded
 from papers.calibration.sessions import CONDITIONS, DENOMINATORS, HOUR, Condition, recorded
 from papers.experiment import Case, Outcomes, Plain, Result, Scope, run
 from papers.gravity.raven_base import SHOWN
 
-# the sparsities of II-F and their combinations, no longer than 1/2 + 1/3 + 1/4 takes: the shortest first
-SETS = (
-    "1/2",
-    "1/3",
-    "1/4",
-    "1/2+1/3",
-    "1/5",
-    "1/2+1/4",
-    "1/3+1/4",
-    "1/2+1/5",
-    "1/6",
-    "1/3+1/5",
-    "1/2+1/3+1/4",
-)
 SHORTEST, LONGEST = SETS[:3], SETS[-3:]  # of which the paper gives means
 SHORT = SETS[:3]  # below 500 s
 LONG = SETS[6:]  # above 800 s
@@ -64,20 +50,8 @@ def fit_options(model: str, target: Target, columns: str = "16") -> FitOptions:
     return found if columns == "16" or model == BEST else replace(found, inputs=INPUTS[columns])
 
 
-def unguarded(model: CalibrationModel, data: CalibrationData) -> Floats:
-    """Return what is left of the joints' errors where the model is asked everywhere, (N, n) [rad|m]."""
-    left = data.error.copy()
-    for group in model.groups:
-        joints = list(group.joints)
-        prediction = group.predictor.predict(np.ascontiguousarray(data.X[:, group.columns]))
-        if model.target == "position":
-            prediction -= data.q_nominal[:, joints]
-        left[:, joints] -= prediction
-    return left
-
-
-def guarded(model: CalibrationModel, data: CalibrationData) -> Floats:
-    """Return what is left of the joints' errors with the fixed offset outside the valid range, (N, n) [rad|m]."""
+def left_by(model: CalibrationModel, data: CalibrationData) -> Floats:
+    """Return what a model leaves of the joints' errors, (N, n) [rad|m]."""
     return data.error - model.correction(data.X, data.q_nominal)
 
 
@@ -115,8 +89,8 @@ def tested(fits: Sequence[CalibrationModel], log: MotionLog, *, guard: bool) -> 
     rows: list[list[float]] = []
     for model in fits:
         data = rows_of(model, log)
-        inside = guarded(model, data)
-        left = inside if guard else unguarded(model, data)
+        inside = left_by(model, data)
+        left = inside if guard else left_by(unguarded(model), data)
         outside = float(np.mean(~model.inside(data.X)))
         rows.append([*joint_rmse(left), *joint_rmse(inside), *tip_rmse(log, left), outside])
     mean = _plain(np.mean(np.array(rows), axis=0))

@@ -15,7 +15,7 @@ import numpy as np
 from catenary import MotionLog
 from catenary.arrays import Floats
 from catenary.calibration.model import CalibrationModel
-from papers.calibration.homings import outside, unguarded
+from papers.calibration.homings import outside
 from papers.calibration.recordings import (
     METHODS,
     NETWORK,
@@ -29,24 +29,11 @@ from papers.calibration.recordings import (
     random_log,
     rmse,
     rows_of,
+    unguarded,
 )
 from papers.experiment import Outcomes, Result, run
 
 RECORDINGS = {"1/2": 5, "1/3": 5, "1/4": 5, "1/5": 3, "1/6": 3}
-# every combination no longer than the last, by length
-SETS = (
-    "1/2",
-    "1/3",
-    "1/4",
-    "1/2+1/3",
-    "1/5",
-    "1/2+1/4",
-    "1/3+1/4",
-    "1/2+1/5",
-    "1/6",
-    "1/3+1/5",
-    "1/2+1/3+1/4",
-)
 MODELS = (NETWORK, "polynomial", "linear")
 OFFSET = "fixed offset"
 SHOWN = (*MODELS, OFFSET)

@@ -45,9 +45,10 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
     run,
 )
-from papers.figures import METHOD_COLORS, panels
+from papers.figures import METHOD_COLORS, legend_below, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -137,9 +138,7 @@ def _picture(outcomes: Outcomes, directions: Sequence[str]) -> "Figure":
                 panel.hlines(published, left - 0.1, left + 0.1, color="black", linewidth=1.2)
         panel.set_xticks(places, directions, rotation=60, fontsize=8)
         panel.set_title(f"{JOINTS[j]} [{UNITS[j]}]", fontsize=10)
-    figure.legend(
-        *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False, fontsize=8
-    )
+    legend_below(figure, axes[0], columns=4)
     return figure
 
 
@@ -207,7 +206,7 @@ EXPERIMENT = Experiment(
     paper="calibration",
     place="table I",
     title="Calibration error by direction of the zig-zags",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=100.0,

@@ -17,9 +17,9 @@ from catenary.reports.page import Table
 from papers.calibration import published
 from papers.calibration.inputs import SIXTEEN
 from papers.calibration.networks import network_model
-from papers.calibration.recordings import JOINTS, NETWORK, UNITS
+from papers.calibration.recordings import JOINTS, NETWORK, SETS, UNITS
 from papers.calibration.sessions import DENOMINATORS, HOUR, recorded
-from papers.calibration.six_hours import SETS, cases_of, measured, tested
+from papers.calibration.six_hours import cases_of, measured, tested
 from papers.claims import NOT_MEASURED, by_count, mean_and_spread
 from papers.experiment import (
     Case,
@@ -31,6 +31,7 @@ from papers.experiment import (
     Result,
     Scope,
     TitledTable,
+    after_headline,
     run,
 )
 
@@ -225,7 +226,7 @@ EXPERIMENT = Experiment(
     paper="calibration",
     place="table II",
     title="Trained on the error, or end to end",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=90.0,

@@ -18,8 +18,8 @@ from catenary.arrays import Floats
 from catenary.reports.page import Table
 from papers.calibration.peer_hours import PEERS, RECURRENT, UKF, UKF_TOLD, peer_cases, peer_errors, peer_hours
 from papers.calibration.published import TABLE_3_OTHERS, TABLE_3_OURS
-from papers.calibration.recordings import BEST, JOINTS, NETWORK, UNITS
-from papers.calibration.six_hours import MODELS, OFFSET, RAW, SETS, cases_of, measured
+from papers.calibration.recordings import BEST, JOINTS, NETWORK, SETS, UNITS
+from papers.calibration.six_hours import MODELS, OFFSET, RAW, cases_of, measured
 from papers.claims import NOT_MEASURED, by_count, within
 from papers.experiment import (
     Case,
@@ -31,8 +31,9 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
 )
-from papers.figures import METHOD_COLORS, panels
+from papers.figures import METHOD_COLORS, legend_below, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -155,9 +156,7 @@ def _picture(outcomes: Outcomes) -> "Figure":
         panel.set_ylim(bottom=0.0)
         panel.set_xlabel("hour")
         panel.set_title(f"{JOINTS[j]} [{UNITS[j]}]", fontsize=10)
-    figure.legend(
-        *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False, fontsize=8
-    )
+    legend_below(figure, axes[0], columns=5)
     return figure
 
 
@@ -218,7 +217,7 @@ EXPERIMENT = Experiment(
     paper="calibration",
     place="table III",
     title="Joint errors over six hours beside a Kalman filter and a recurrent network",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=30.0,  # beside figure 6's cases

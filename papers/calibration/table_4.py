@@ -15,8 +15,17 @@ from papers.calibration.recordings import BEST, NETWORK
 from papers.calibration.six_hours import OFFSET, RAW
 from papers.calibration.table_3 import COLORS, SHARE, cases, ends, hours, rows_of_ours
 from papers.claims import NOT_MEASURED, by_count, within
-from papers.experiment import Claim, Experiment, Judgement, Outcomes, Report, TitledPicture, TitledTable
-from papers.figures import panels
+from papers.experiment import (
+    Claim,
+    Experiment,
+    Judgement,
+    Outcomes,
+    Report,
+    TitledPicture,
+    TitledTable,
+    after_headline,
+)
+from papers.figures import legend_below, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -63,9 +72,7 @@ def _picture(outcomes: Outcomes) -> "Figure":
         panel.set_xlabel("hour")
         panel.set_title(f"{AXES[k]} [mm]", fontsize=10)
     axes[0].set_ylim(bottom=0.0)
-    figure.legend(
-        *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False, fontsize=8
-    )
+    legend_below(figure, axes[0], columns=5)
     return figure
 
 
@@ -139,7 +146,7 @@ EXPERIMENT = Experiment(
     paper="calibration",
     place="table IV",
     title="Errors of the tool's position over six hours, beside other methods",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=1.0,  # the cases are table III's

@@ -26,7 +26,7 @@ from papers.calibration.six_hours import LONGEST, SHORTEST, cases_of, measured
 from papers.calibration.speed import KINDS, speed
 from papers.calibration.table_2 import SHOWN as TABLE_2_MODELS
 from papers.calibration.table_2 import errors as table_2_errors
-from papers.claims import NOT_MEASURED, by_count
+from papers.claims import NOT_MEASURED, by_count, graded
 from papers.experiment import (
     Case,
     Claim,
@@ -37,6 +37,7 @@ from papers.experiment import (
     Result,
     Scope,
     TitledTable,
+    after_headline,
 )
 
 CONDITIONS: tuple[Condition, ...] = ("unloaded", "loaded")
@@ -197,10 +198,8 @@ def _inference(outcomes: Outcomes) -> Judgement:
         f"{framework[NETWORK]:.3g} us, linear {framework['linear']:.3g} us by a framework's call; "
         f"{deployed[NETWORK]:.3g} us and {deployed['linear']:.3g} us as deployed"
     )
-    if framework["linear"] <= SERVO < framework[NETWORK]:
-        return Judgement("reproduced", told)
     faster = framework["linear"] < framework[NETWORK] and deployed["linear"] < deployed[NETWORK]
-    return Judgement("same direction" if faster else "not reproduced", told)
+    return graded(framework["linear"] <= SERVO < framework[NETWORK], faster, told)
 
 
 def _irrelevant(outcomes: Outcomes) -> Judgement:
@@ -304,7 +303,7 @@ EXPERIMENT = Experiment(
     paper="calibration",
     place="table V",
     title="Network or linear regression",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=3.0,  # beside the cases of figure 6, table II and the ablation

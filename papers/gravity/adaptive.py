@@ -22,6 +22,7 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
 )
 from papers.gravity.figure_9 import LAST, USUAL, error_table, errors, others_of, picture
 from papers.gravity.figure_10 import SENSED
@@ -147,7 +148,7 @@ EXPERIMENT = Experiment(
     paper="gravity",
     place="reference [8]",
     title="Adaptive gravity compensation on tilted and rocking bases",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=11.0,

@@ -44,6 +44,7 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
     run,
 )
 from papers.figures import panels
@@ -302,7 +303,7 @@ EXPERIMENT = Experiment(
     paper="gravity",
     place="beyond the paper",
     title="Faults of the gravity sensor in mid-motion",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=6.0,

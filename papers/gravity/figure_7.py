@@ -13,8 +13,17 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.reports.page import Table
-from papers.claims import NOT_MEASURED, by_count, mean_and_spread
-from papers.experiment import Claim, Experiment, Judgement, Outcomes, Report, TitledPicture, TitledTable
+from papers.claims import NOT_MEASURED, by_count, graded, mean_and_spread
+from papers.experiment import (
+    Claim,
+    Experiment,
+    Judgement,
+    Outcomes,
+    Report,
+    TitledPicture,
+    TitledTable,
+    after_headline,
+)
 from papers.figures import COLORS, panels
 from papers.gravity.published import FIGURE_7_DEG
 from papers.gravity.static_poses import (
@@ -108,9 +117,7 @@ def _match(outcomes: Outcomes) -> Judgement:
         f"{term.upper()} off by {mean_and_spread(mean, 1)} %" for term, mean in zip(TERMS, means, strict=True)
     )
     largest = max(float(mean.mean()) for mean in means)
-    if largest <= MATCHED:
-        return Judgement("reproduced", told)
-    return Judgement("same direction" if largest <= NEAR else "not reproduced", told)
+    return graded(largest <= MATCHED, largest <= NEAR, told)
 
 
 def _diverge(outcomes: Outcomes) -> Judgement:
@@ -166,7 +173,7 @@ EXPERIMENT = Experiment(
     paper="gravity",
     place="figure 7",
     title="Calculated gravity terms beside the torque of PD",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=20.0,

@@ -13,8 +13,17 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.reports.page import Table
-from papers.claims import NOT_MEASURED, by_count, mean_and_spread
-from papers.experiment import Claim, Experiment, Judgement, Outcomes, Report, TitledPicture, TitledTable
+from papers.claims import NOT_MEASURED, by_count, graded, mean_and_spread
+from papers.experiment import (
+    Claim,
+    Experiment,
+    Judgement,
+    Outcomes,
+    Report,
+    TitledPicture,
+    TitledTable,
+    after_headline,
+)
 from papers.figures import COLORS, LABELS, panels
 from papers.gravity.published import LARGEST_BASE_DEG
 from papers.gravity.static_poses import (
@@ -119,9 +128,7 @@ def _contrast(outcomes: Outcomes) -> Judgement:
         return NOT_MEASURED
     told = f"SG {mean_and_spread(sg, 1)} %, DG {mean_and_spread(dg, 1)} %"
     ratio = float(sg.mean() / dg.mean())
-    if ratio >= CONTRAST:
-        return Judgement("reproduced", told)
-    return Judgement("same direction" if ratio > 1.0 else "not reproduced", told)
+    return graded(ratio >= CONTRAST, ratio > 1.0, told)
 
 
 CLAIMS = (
@@ -155,7 +162,7 @@ EXPERIMENT = Experiment(
     paper="gravity",
     place="figure 8",
     title="The PD term's share of the torque at static poses",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=20.0,

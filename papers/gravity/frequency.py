@@ -19,7 +19,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.reports.page import Table
-from papers.claims import NOT_MEASURED
+from papers.claims import NOT_MEASURED, graded
 from papers.experiment import (
     Case,
     Claim,
@@ -31,9 +31,10 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
     run,
 )
-from papers.figures import FOUR_COLORS, panels
+from papers.figures import FOUR_COLORS, legend_below, panels
 from papers.gravity.coupling import (
     GRID,
     Sensing,
@@ -196,9 +197,7 @@ def _picture(curves: Result) -> "Figure":
     right.set_xlabel("frequency [Hz]")
     right.set_ylim(1e-9, 10.0)
     right.set_ylabel("gain around the loop [1]")
-    drawn.legend(
-        *left.get_legend_handles_labels(), frameon=False, fontsize=8, ncols=4, loc="outside lower center"
-    )
+    legend_below(drawn, left, columns=4)
     return drawn
 
 
@@ -215,9 +214,8 @@ def _instability(outcomes: Outcomes) -> Judgement:
             f"{name}: {motion}, {hz:g} Hz, up to {size:.2g} {MOTIONS[motion]}{'' if heavier else ', the arm alone'}"
             for name, motion, hz, size, heavier in cases
         )
-        if any(heavier and name != UNIT for name, _, _, _, heavier in cases):
-            return Judgement("reproduced", told)
-        return Judgement("same direction" if cases else "not reproduced", told or "no base swings up")
+        heavy = any(heavier and name != UNIT for name, _, _, _, heavier in cases)
+        return graded(heavy, bool(cases), told or "no base swings up")
     return NOT_MEASURED
 
 
@@ -239,7 +237,7 @@ EXPERIMENT = Experiment(
     paper="gravity",
     place="future work",
     title="From a base's motion to joint errors, and back",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=0.5,

@@ -17,7 +17,7 @@ from catenary.arrays import Floats
 from catenary.control.pd import Damping
 from catenary.reports.page import Table
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
-from papers.claims import NOT_MEASURED, mean_and_spread
+from papers.claims import NOT_MEASURED, graded, mean_and_spread
 from papers.experiment import (
     Case,
     Claim,
@@ -29,6 +29,7 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
     run,
 )
 from papers.figures import COLORS, LABELS, panels
@@ -180,9 +181,7 @@ def _higher(outcomes: Outcomes) -> Judgement:
         return NOT_MEASURED
     told = ", ".join(f"{LABELS[name]} {mean_and_spread(found, 2)} %" for name, found in by_name.items())
     least = min(float(found.mean()) for found in by_name.values())
-    if least >= HIGHER:
-        return Judgement("reproduced", told)
-    return Judgement("same direction" if least > 0.0 else "not reproduced", told)
+    return graded(least >= HIGHER, least > 0.0, told)
 
 
 CLAIMS = (
@@ -203,7 +202,7 @@ EXPERIMENT = Experiment(
     paper="gravity",
     place="section V-B",
     title="Joint 3 with other friction and coupling",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=24.0,

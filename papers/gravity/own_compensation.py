@@ -19,9 +19,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from catenary import CablePlant, run_loop
+from catenary import CablePlant
 from catenary.arrays import Floats
-from catenary.control.loop import Tick
 from catenary.reports.page import Table
 from catenary.simulation.own_gravity import NOMINAL, grav_dir_of
 from catenary.trajectories.in_turn import Rest
@@ -38,19 +37,16 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
     run,
 )
 from papers.figures import panels
 from papers.gravity.raven_base import SHOWN, turned_base
+from papers.gravity.static_poses import ANGLES_DEG, POSES_DEG, QUICK_POSES_DEG, SETTLE, WATCHED, pose, stand
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ANGLES_DEG = (0, 5, 10, 15, 20, 25)  # about Z0
-POSES_DEG = (5.0, 21.0, 37.0, 53.0, 69.0, 85.0)  # of joint 1
-QUICK_POSES_DEG = (37.0,)
-HOME = (np.pi / 2, 0.40)  # joints 2 and 3 [rad, m]
-SETTLE, WATCHED = 1.0, 0.5  # [s] at a pose before it counts, and that count
 PD, LEVEL, TOLD, SG, DG = "firmware", "own, level", "own, told", "PD+SG", "PD+DG"
 LAWS = (PD, LEVEL, TOLD, SG, DG)
 LAW_COLORS = dict(zip(LAWS, ("#1c2430", "#c9a227", "#8a5a9e", "#4b6b94", "#d9622b"), strict=True))
@@ -89,35 +85,21 @@ def _firmware(plant: CablePlant, poses_deg: Sequence[float]) -> Floats:
     """Return the errors (K, 3) [rad, rad, m] of the firmware's own control."""
     rows = []
     for deg in poses_deg:
-        whole, _ = with_approach(raven_arm(plant), Rest(_pose(deg), SETTLE + WATCHED), 0.0)
+        whole, _ = with_approach(raven_arm(plant), Rest(pose(deg), SETTLE + WATCHED), 0.0)
         times = plant.period * np.arange(round(whole.duration / plant.period))
         setpoints = np.full((len(times), 7), np.nan)
         setpoints[:, :3] = whole.sample(times)[0]
         log = plant.run(setpoints)
         last = slice(-round(WATCHED / plant.period), None)
-        rows.append((_pose(deg) - log.joint[last, :3]).mean(axis=0))
+        rows.append((pose(deg) - log.joint[last, :3]).mean(axis=0))
     return np.array(rows)
 
 
 def _ours(name: str, plant: CablePlant, poses_deg: Sequence[float]) -> Floats:
     """Return the errors (K, 3) [rad, rad, m] of a controller that commands joint torques."""
     arm = raven_arm(plant)
-    controller, rows = make_controller(name, arm), []
-    for deg in poses_deg:
-        whole, begin = with_approach(arm, Rest(_pose(deg), SETTLE + WATCHED), 0.0)
-        seen: list[Floats] = []
-
-        def observe(tick: Tick, begin: float = begin, seen: list[Floats] = seen) -> None:
-            if tick.time >= begin + SETTLE - 1e-9:
-                seen.append(tick.reference.q - tick.state.q)
-
-        run_loop(arm.plant, controller, whole, limits=arm.limits(), observers=[observe])
-        rows.append(np.mean(seen, axis=0))
-    return np.array(rows)
-
-
-def _pose(deg: float) -> Floats:
-    return np.array([np.deg2rad(deg), *HOME])
+    controller = make_controller(name, arm)
+    return np.array([stand(arm, controller, pose(deg), move=True).error for deg in poses_deg])
 
 
 def cases(scope: Scope) -> list[Case]:
@@ -193,7 +175,7 @@ EXPERIMENT = Experiment(
     paper="gravity",
     place="beyond",
     title="The robot's own gravity compensation, PD+SG and PD+DG",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=4.0,

@@ -39,6 +39,7 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
     run,
 )
 from papers.figures import COLORS, panels
@@ -264,7 +265,7 @@ EXPERIMENT = Experiment(
     paper="gravity",
     place="section V-A",
     title="Passive hold by gravity compensation alone",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=30.0,

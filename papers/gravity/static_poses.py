@@ -93,7 +93,7 @@ def _driven(plant: CablePlant, poses_deg: Sequence[float]) -> dict[str, list[Sto
     for name in CONTROLLERS:
         arm = raven_arm(deepcopy(plant))
         controller = make_controller(name, arm)
-        stood[name] = [_stand(arm, controller, _pose(deg), move=True) for deg in poses_deg]
+        stood[name] = [stand(arm, controller, pose(deg), move=True) for deg in poses_deg]
     return stood
 
 
@@ -103,17 +103,17 @@ def _placed(plant: CablePlant, poses_deg: Sequence[float]) -> dict[str, list[Sto
     placing, free = make_controller("dg", arm), make_hold("dg", arm)
     for deg in poses_deg:
         limits = arm.limits()
-        whole, _ = with_approach(arm, Rest(_pose(deg), 0.0), SETTLE)
+        whole, _ = with_approach(arm, Rest(pose(deg), 0.0), SETTLE)
         run_loop(arm.plant, placing, whole, limits=limits)
-        run_loop(arm.plant, free, Rest(_pose(deg), RELEASE), limits=limits)
+        run_loop(arm.plant, free, Rest(pose(deg), RELEASE), limits=limits)
         for name in CONTROLLERS:  # each finds the arm as it was placed
             twin = raven_arm(deepcopy(plant))
             here = twin.plant.measured_js().q
-            stood[name].append(_stand(twin, make_controller(name, twin), here, move=False))
+            stood[name].append(stand(twin, make_controller(name, twin), here, move=False))
     return stood
 
 
-def _stand(arm: SimulatedArm, controller: SplitController, q: Floats, *, move: bool) -> Stood:
+def stand(arm: SimulatedArm, controller: SplitController, q: Floats, *, move: bool) -> Stood:
     """Stand at q, after going there or at once."""
     rest = Rest(q, SETTLE + WATCHED)
     whole, begin = with_approach(arm, rest, 0.0) if move else (rest, 0.0)
@@ -128,7 +128,8 @@ def _stand(arm: SimulatedArm, controller: SplitController, q: Floats, *, move: b
     return Stood(*(np.mean(column, axis=0) for column in zip(*seen, strict=True)))
 
 
-def _pose(deg: float) -> Floats:
+def pose(deg: float) -> Floats:
+    """Return where the arm stands with joint 1 at an angle [deg], (3,) [rad, rad, m]."""
     return np.array([np.deg2rad(deg), *HOME])
 
 

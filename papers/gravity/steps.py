@@ -22,6 +22,7 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
     run,
 )
 from papers.figures import COLORS, LABELS, panels
@@ -155,7 +156,7 @@ EXPERIMENT = Experiment(
     paper="gravity",
     place="section VII",
     title="Steps of the reference and of the base",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=6.0,

@@ -41,6 +41,7 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
     run,
 )
 from papers.figures import FOUR_COLORS, LABELS, panels
@@ -240,7 +241,7 @@ EXPERIMENT = Experiment(
     paper="gravity",
     place="section VII",
     title="Sustained acceleration of the base",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=2.0,

@@ -19,11 +19,11 @@ from catenary.trajectories.zigzag import DIRECTIONS, Direction
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from papers.calibration.inputs import SIXTEEN
 from papers.calibration.recordings import (
-    START,
     TEST_SECONDS,
     baselines,
     calibration_log,
     fitted,
+    homed,
     random_log,
     rmse,
     rows_of,
@@ -42,13 +42,6 @@ class Hour(NamedTuple):
     linear: Floats  # (3,) RMSE after the linear model
     offset: Floats  # (3,) after the fixed offset
     shift: Floats  # (3,) mean error after the linear model, with its sign
-
-
-def homed(arm: CableArm, payload: float = 0.0) -> CablePlant:
-    """Return the arm, homed, with a payload [kg]."""
-    plant = CablePlant(arm, start=START, substeps=1, payload=payload)
-    plant.home()
-    return plant
 
 
 def recordings(
@@ -72,7 +65,7 @@ def errors(train: MotionLog, test: MotionLog) -> dict[str, Floats]:
 
 def mean_errors(arm: CableArm, test_seconds: float = TEST_SECONDS) -> dict[str, Floats]:
     """Return errors of direction J2-J3, the mean over three test motions: one alone moves them by up to 12 %."""
-    plant = homed(arm)
+    plant = homed(None, arm=arm)
     train = calibration_log(plant, np.random.default_rng(SEED))
     tests = (random_log(deepcopy(plant), np.random.default_rng(60 + k), test_seconds) for k in range(TESTS))
     of_tests = [errors(train, test) for test in tests]
@@ -108,10 +101,10 @@ def six_hours(arm: CableArm, payload: float = 0.0, *, trained_loaded: bool = Tru
     (0.144 against 0.169 deg, 0.266 against 0.247 deg, 0.138 against 0.132 mm): so we take it that it was trained under
     load. It is no proof: here a model trained without (`trained_loaded` false) does as well at hour 0.
     """
-    plant = homed(arm, payload if trained_loaded else 0.0)
+    plant = homed(None, arm=arm, payload=payload if trained_loaded else 0.0)
     model = linear_model(recordings(plant)[0])
     if payload > 0.0 and not trained_loaded:
-        plant = homed(arm, payload)
+        plant = homed(None, arm=arm, payload=payload)
     log = random_log(plant, np.random.default_rng(9), SIX_HOURS)
     hour = len(log) // 6
     return _hour(model, log, slice(0, hour)), _hour(model, log, slice(5 * hour, None))
@@ -130,12 +123,12 @@ def direction_errors(
     arm: CableArm, direction: Direction, test_seconds: float = TEST_SECONDS
 ) -> dict[str, Floats]:
     """Return errors of a direction of the zig-zag on a robot just homed; the test motion is that of every direction."""
-    return errors(*recordings(homed(arm), direction, test_seconds=test_seconds))
+    return errors(*recordings(homed(None, arm=arm), direction, test_seconds=test_seconds))
 
 
 def errors_in_turn(arm: CableArm) -> dict[str, dict[str, Floats]]:
     """Return errors of every direction, one after another on one robot that wears, each with its own test motion."""
-    plant = homed(arm)
+    plant = homed(None, arm=arm)
     found: dict[str, dict[str, Floats]] = {}
     for k, direction in enumerate(DIRECTIONS):
         train = calibration_log(plant, np.random.default_rng(100 + k), direction)
@@ -145,7 +138,7 @@ def errors_in_turn(arm: CableArm) -> dict[str, dict[str, Floats]]:
 
 def homings(arm: CableArm, count: int = HOMINGS) -> list[Floats]:
     """Return the RMSE of a linear model before and after each of some homings from where a motion ended."""
-    plant = homed(arm)
+    plant = homed(None, arm=arm)
     model = linear_model(recordings(plant)[0])
     reached = [_random_errors(model, plant, 300.0, 40)]
     for k in range(1, count + 1):

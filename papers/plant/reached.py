@@ -23,13 +23,22 @@ from papers.calibration.published import (
     SIX_HOURS_OFFSET,
     TABLE_1,
 )
-from papers.calibration.recordings import TEST_SECONDS
-from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, TitledTable, run
+from papers.calibration.recordings import TEST_SECONDS, homed
+from papers.experiment import (
+    Case,
+    Experiment,
+    Outcomes,
+    Report,
+    Result,
+    Scope,
+    TitledTable,
+    after_headline,
+    run,
+)
 from papers.plant.evaluation import (
     HOMINGS,
     direction_errors,
     errors_in_turn,
-    homed,
     homings,
     mean_errors,
     offset_model,
@@ -64,7 +73,7 @@ def table_1(test_seconds: float) -> Result:
 def static_gravity(base_deg: float) -> Result:
     """Return PD's share of the holding torque [%] with sensed and level gravity, and with calibrated positions."""
     arm = load_cable_arm()
-    corrector = Corrector(offset_model(recordings(homed(arm))[0]))
+    corrector = Corrector(offset_model(recordings(homed(None, arm=arm))[0]))
     sensed, level = pd_share(arm, base_deg, sensed=True), pd_share(arm, base_deg, sensed=False)
     calibrated = pd_share(arm, base_deg, sensed=True, corrector=corrector)
     return {
@@ -231,7 +240,7 @@ EXPERIMENT = Experiment(
     paper="plant",
     place="targets of the fit",
     title="The simulated RAVEN-II: target against reached",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=10.0,

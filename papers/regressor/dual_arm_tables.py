@@ -110,7 +110,7 @@ def share_table(outcomes: Outcomes, conditions: Sequence[Condition]) -> Table:
 
 def errors_picture(outcomes: Outcomes, conditions: Sequence[Condition]) -> Any:
     """Draw the error of each joint over time of the first robot, a row of trunk, left and right arm per condition."""
-    from papers.figures import panels
+    from papers.figures import legend_below, panels
 
     figure, axes = panels(3, 2.3 * len(conditions) + 0.3, rows=len(conditions), sharex=True)
     for row, condition in enumerate(conditions):
@@ -130,7 +130,5 @@ def errors_picture(outcomes: Outcomes, conditions: Sequence[Condition]) -> Any:
             panel.set_ylim(-1.05 * level, 1.05 * level)
     for panel in axes[-3:]:
         panel.set_xlabel("time [s]")
-    figure.legend(
-        *axes[1].get_legend_handles_labels(), loc="outside lower center", ncols=8, frameon=False, fontsize=8
-    )
+    legend_below(figure, axes[1], columns=8)
     return figure

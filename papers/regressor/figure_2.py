@@ -28,6 +28,7 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
 )
 from papers.regressor.decomposition import NO_EFFECT, ZERO, decomposition
 from papers.regressor.published import COMPACT, FULL_BLOCK, PARAMETERS, PLACES
@@ -274,7 +275,7 @@ EXPERIMENT = Experiment(
     paper="regressor",
     place="figure 2",
     title="From the full gravity regressor to the compact one",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=1.0,

@@ -21,6 +21,7 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
 )
 from papers.regressor.dual_arm import LIMBS
 from papers.regressor.dual_arm_tables import (
@@ -103,7 +104,7 @@ EXPERIMENT = Experiment(
     paper="regressor",
     place="figure 4",
     title="19 joints under PD alone",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=2.0,

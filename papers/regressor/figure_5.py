@@ -26,6 +26,7 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
 )
 from papers.regressor.dual_arm import ALONE, LIMBS
 from papers.regressor.dual_arm_tables import (
@@ -203,7 +204,7 @@ EXPERIMENT = Experiment(
     paper="regressor",
     place="figure 5",
     title="19 joints learn their gravity",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=15.0,

@@ -28,6 +28,7 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
 )
 from papers.regressor.raven_identification import BELIEF, ON, POSITIONS, TRUE, identified
 
@@ -113,7 +114,7 @@ def report(outcomes: Outcomes) -> Report:
 
 
 def _picture(results: Sequence[Result]) -> Any:
-    from papers.figures import panels
+    from papers.figures import legend_below, panels
 
     figure, axes = panels(3, 3.0)
     places = np.arange(len(POSITIONS))
@@ -123,9 +124,7 @@ def _picture(results: Sequence[Result]) -> Any:
             panel.bar(places + (k - 1.5) * 0.2, values, 0.18, color=COLORS[k], label=source)
         panel.set_xticks(places, POSITIONS, fontsize=8)
         panel.set_title(AXES[j], fontsize=10)
-    figure.legend(
-        *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False, fontsize=8
-    )
+    legend_below(figure, axes[0], columns=4)
     return figure
 
 
@@ -134,7 +133,7 @@ EXPERIMENT = Experiment(
     paper="regressor",
     place="beyond the paper",
     title="Gravity parameters of a RAVEN-II from poses that it holds",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=13.0,

@@ -32,6 +32,7 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
 )
 from papers.regressor.unknown_payload import LOOKED_AT, payload_trials
 
@@ -270,7 +271,7 @@ EXPERIMENT = Experiment(
     paper="regressor",
     place="beyond the paper",
     title="An unknown load on any link, at any time",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=15.0,

@@ -30,6 +30,7 @@ from papers.experiment import (
     Scope,
     TitledPicture,
     TitledTable,
+    after_headline,
 )
 from papers.regressor.recorded_arms import RECORDINGS, replay
 
@@ -87,7 +88,7 @@ def _axis(result: Result, k: int) -> str:
 
 
 def _picture(result: Result, axes_shown: Sequence[int]) -> Any:
-    from papers.figures import panels
+    from papers.figures import legend_below, panels
 
     figure, axes = panels(1, 2.3 * len(axes_shown), rows=len(axes_shown), sharex=True)
     for panel, k in zip(axes, axes_shown, strict=True):
@@ -102,9 +103,7 @@ def _picture(result: Result, axes_shown: Sequence[int]) -> Any:
         low, high = float(measured.min()), float(measured.max())
         panel.set_ylim(low - 0.4 * (high - low), high + 0.4 * (high - low))
     axes[-1].set_xlabel("row")
-    figure.legend(
-        *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False, fontsize=8
-    )
+    legend_below(figure, axes[0], columns=3)
     return figure
 
 
@@ -163,7 +162,7 @@ EXPERIMENT = Experiment(
     paper="regressor",
     place="beyond the paper",
     title="The on-line law on recorded motions",
-    about=(__doc__ or "").partition("\n")[2].strip(),
+    about=after_headline(__doc__),
     cases=cases,
     report=report,
     minutes=2.0,

@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -53,6 +54,28 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
     return written
 
 
+def in_double_precision(network: TrainedNetwork) -> TrainedNetwork:
+    network.weights = [W.astype(np.float64) for W in network.weights]
+    network.biases = [b.astype(np.float64) for b in network.biases]
+    return network
+
+
+def assert_slopes_of(
+    loss: Callable[[], float], network: TrainedNetwork, gradient: list[np.ndarray], outputs: int
+) -> None:
+    """Compare a gradient, which is of the loss times outputs / 2, with central differences."""
+    h = 1e-6  # far below every weight's magnitude, where an L1 term has a slope
+    for values, slopes in zip((*network.weights, *network.biases), gradient, strict=True):
+        for place in np.ndindex(values.shape):
+            kept = values[place]
+            values[place] = kept + h
+            above = loss()
+            values[place] = kept - h
+            slope = (above - loss()) / (2.0 * h)
+            values[place] = kept
+            assert slopes[place] == pytest.approx(0.5 * outputs * slope, abs=1e-8)
+
+
 def predicted(network: TrainedNetwork, X: np.ndarray, activation: str) -> np.ndarray:
     none = np.zeros(X.shape[1])
     ends = np.zeros(len(network.biases[-1])), np.ones(len(network.biases[-1]))
@@ -66,24 +89,13 @@ def test_gradient_is_that_of_keras_loss(activation: Any, rows: int, outputs: int
     rng = np.random.default_rng(0)
     X, Y = rng.normal(size=(rows, 4)), rng.normal(size=(rows, outputs))
     l2 = 0.05  # large enough for the penalty to turn the step
-    network = TrainedNetwork((4, 6, 5, outputs), activation, 1)
-    network.weights = [W.astype(np.float64) for W in network.weights]
-    network.biases = [b.astype(np.float64) for b in network.biases]
+    network = in_double_precision(TrainedNetwork((4, 6, 5, outputs), activation, 1))
 
     def loss() -> float:
         penalty = l2 * sum(np.sum(W**2) for W in network.weights)
         return float(np.mean((predicted(network, X, activation) - Y) ** 2) + penalty)
 
-    h = 1e-6
-    for values, slopes in zip((*network.weights, *network.biases), network.gradient(X, Y, l2), strict=True):
-        for place in np.ndindex(values.shape):
-            kept = values[place]
-            values[place] = kept + h
-            above = loss()
-            values[place] = kept - h
-            slope = (above - loss()) / (2.0 * h)
-            values[place] = kept
-            assert slopes[place] == pytest.approx(0.5 * outputs * slope, abs=1e-8)  # central difference
+    assert_slopes_of(loss, network, network.gradient(X, Y, l2), outputs)
 
 
 @pytest.mark.parametrize("activation", ["logistic", "tanh"])
@@ -96,9 +108,7 @@ def test_gradient_of_further_penalties_is_that_of_keras_loss(activation: Any, ot
     rng = np.random.default_rng(0)
     rows, outputs, l2 = 11, 2, 0.05
     X, Y = rng.normal(size=(rows, 4)), rng.normal(size=(rows, outputs))
-    network = TrainedNetwork((4, 6, 5, outputs), activation, 1)
-    network.weights = [W.astype(np.float64) for W in network.weights]
-    network.biases = [b.astype(np.float64) for b in network.biases]
+    network = in_double_precision(TrainedNetwork((4, 6, 5, outputs), activation, 1))
 
     def loss() -> float:
         layer, activity = X, 0.0
@@ -111,17 +121,7 @@ def test_gradient_of_further_penalties_is_that_of_keras_loss(activation: Any, ot
         penalty += others.bias_l2 * sum(np.sum(b**2) for b in network.biases)
         return float(np.mean(errors**2) + penalty + others.activity_l2 * activity)
 
-    h = 1e-6  # far below every weight's magnitude, where the L1 term has a slope
-    slopes = network.gradient(X, Y, l2, others)
-    for values, found in zip((*network.weights, *network.biases), slopes, strict=True):
-        for place in np.ndindex(values.shape):
-            kept = values[place]
-            values[place] = kept + h
-            above = loss()
-            values[place] = kept - h
-            slope = (above - loss()) / (2.0 * h)
-            values[place] = kept
-            assert found[place] == pytest.approx(0.5 * outputs * slope, abs=1e-8)  # central difference
+    assert_slopes_of(loss, network, network.gradient(X, Y, l2, others), outputs)
 
 
 def test_larger_network_of_the_paper_has_its_size_and_penalties(steps: list[dict[str, Any]]) -> None:

@@ -30,10 +30,8 @@ from catenary.robots.model import RobotModel
 SURELY = 0.95  # what the carriers that are named together hold of all probability
 TELLING = 3.0  # standard deviations of torque by which carriers must differ for a pose to tell between them
 STEPS = (-0.8, -0.4, 0.4, 0.8)  # [rad], a fifth of it in m: how far a joint is thought to move
-LOAD = (
-    2.0,
-    0.3,
-)  # standard deviations of a load's mass [kg] and of its moment about the frame's origin [kg m]
+# standard deviations of a load's mass [kg] and of its moment about the frame's origin [kg m]
+LOAD = (2.0, 0.3)
 
 
 class CarrierBelief(NamedTuple):
@@ -51,9 +49,8 @@ class LoadBeliefs(NamedTuple):
 
     no_load: float  # probability that nothing changed
     carriers: tuple[CarrierBelief, ...]  # the likeliest first
-    telling_joint: str | None = (
-        None  # whose motion would tell between the two likeliest, where poses so far do not
-    )
+    # whose motion would tell between the two likeliest, where poses so far do not
+    telling_joint: str | None = None
 
     @property
     def likely(self) -> tuple[str, ...]:

@@ -47,9 +47,8 @@ class Serving:
     with_green: bool = False  # a green arm that moves, in place of a parked one
     homed: bool = False  # begin as after homing
     with_encoders: bool = True  # dialect raven: publish the gold arm's external encoders
-    grav_dir: tuple[int, int, int] | None = (
-        None  # [cm/s2] of the robot's own gravity compensation; None: without
-    )
+    # [cm/s2] of the robot's own gravity compensation; None: without
+    grav_dir: tuple[int, int, int] | None = None
 
     def __post_init__(self) -> None:
         if self.robot != "raven2":

@@ -94,9 +94,8 @@ class CablePlant(SimulatedPlant):
         self.control = ControlState(braked=True, guarded=True)
         self.encoders = ExternalEncoders(self.arm.rig)
         self._own_gravity = own_gravity(positioning.tree)
-        self._written_gravity = (
-            None if grav_dir is None else gravity_of(grav_dir)
-        )  # what its program begins with
+        # what its program begins with
+        self._written_gravity = None if grav_dir is None else gravity_of(grav_dir)
         self._work = Work()
         self._homing: Iterator[Floats] | None = None
         self._power_on(rng, start)

@@ -4,7 +4,8 @@ import pytest
 from papers.beyond import accuracy_latency_drift as picture
 from papers.beyond.latency import latencies
 from papers.calibration.peer_hours import PEERS, peer_hours
-from papers.calibration.six_hours import MODELS, OFFSET, RAW, SETS
+from papers.calibration.recordings import SETS
+from papers.calibration.six_hours import MODELS, OFFSET, RAW
 from papers.experiment import Outcomes, Plain, Scope
 
 

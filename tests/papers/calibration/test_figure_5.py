@@ -3,11 +3,11 @@ from numpy.testing import assert_allclose
 
 from papers.calibration import figure_5
 from papers.calibration.published import FIGURE_5_J1, FIGURE_5_J2, FIGURE_5_J3
+from papers.calibration.recordings import SETS
 from papers.calibration.sparsities import (
     LONG,
     OFFSET,
     RECORDINGS,
-    SETS,
     SHORT,
     SHOWN,
     Session,

@@ -19,9 +19,8 @@ from papers.calibration.homings import (
     random_tests,
     stay,
     tool_shift,
-    unguarded,
 )
-from papers.calibration.recordings import fitted, homed
+from papers.calibration.recordings import fitted, homed, unguarded
 from papers.experiment import NOMINAL, Outcomes, Scope
 
 SCOPE = Scope(robots=(NOMINAL, 1), networks=2)

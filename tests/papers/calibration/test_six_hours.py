@@ -11,20 +11,18 @@ from catenary.calibration.fit import FitOptions
 from catenary.calibration.model import Target
 from catenary.dynamics.kinematics import jacobian
 from catenary.robots.catalog import load_robot
-from papers.calibration.recordings import METHODS, NETWORK, fitted, rows_of
+from papers.calibration.recordings import METHODS, NETWORK, SETS, fitted, rows_of, unguarded
 from papers.calibration.sessions import CONDITIONS, HOURS, denominators
 from papers.calibration.six_hours import (
     GROUPS,
     LONG,
-    SETS,
     SHORT,
     cases_of,
-    guarded,
     joint_rmse,
+    left_by,
     measured,
     six_hours,
     tip_rmse,
-    unguarded,
 )
 from papers.experiment import Outcomes, Scope
 
@@ -71,8 +69,9 @@ def test_without_a_guard_a_model_is_its_predictor_and_with_it_the_same_where_it_
     known = model.inside(data.X).all(axis=1)
     assert known.any()
     # the made-up error is linear in the torques
-    assert_allclose(unguarded(model, data), 0.0, atol=1e-9)
-    assert_allclose(guarded(model, data)[known], unguarded(model, data)[known], atol=1e-12)
+    free = left_by(unguarded(model), data)
+    assert_allclose(free, 0.0, atol=1e-9)
+    assert_allclose(left_by(model, data)[known], free[known], atol=1e-12)
 
 
 def test_errors_are_in_degrees_and_millimetres() -> None:

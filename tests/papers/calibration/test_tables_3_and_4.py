@@ -3,7 +3,8 @@ import pytest
 from papers.calibration import table_3, table_4
 from papers.calibration.peer_hours import PEERS, PROCESS, UKF, peer_hours
 from papers.calibration.published import TABLE_3_OURS, TABLE_4_OURS
-from papers.calibration.six_hours import MODELS, OFFSET, RAW, SETS
+from papers.calibration.recordings import SETS
+from papers.calibration.six_hours import MODELS, OFFSET, RAW
 from papers.experiment import Outcomes, Plain, Scope
 
 FEW = Scope(robots=(None, 1))
