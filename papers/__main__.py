@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             _list()
             return 0
         if told.names[0] == "publish":
-            for path in publish(told.out, named(told.names[1:] or ["all"])):
+            for path in publish(told.out, named(told.names[1:]) if told.names[1:] else None):
                 print(path)
             return 0
         names = named(told.names)

@@ -7,7 +7,7 @@ written by `python -m papers publish`, and a test holds it against the committed
 
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,17 +24,24 @@ BLOCK = re.compile(r"(<!-- papers (?P<what>[^>]*?) -->\n).*?(\n?<!-- end -->)", 
 CLAIMS = ["claim", "published", "here", "verdict"]
 
 
-def publish(out: Path, names: Iterable[str]) -> list[Path]:
+def publish(out: Path, names: Sequence[str] | None = None) -> list[Path]:
     """Take finished results into the repository, and write the documents' blocks anew; return what was written.
 
+    Args:
+        out: Where they were run.
+        names: Of experiments; those that have not run are left as they are. All of them when None.
+
     Raises:
-        InputError: Results of which cases are missing.
+        InputError: None that is named has results, or cases of one are missing.
     """
     written: list[Path] = []
-    for name in names:
+    finished = [name for name in (MODULES if names is None else names) if (out / f"{name}.json").exists()]
+    if names and not finished:
+        raise InputError(
+            f"{out}: no results of {', '.join(names)}; run them first, or name their folder by --out"
+        )
+    for name in finished:
         source = out / f"{name}.json"
-        if not source.exists():
-            continue
         content = json.loads(source.read_text(encoding="utf-8"))
         if content["missing"]:
             raise InputError(f"{source}: {content['missing']} cases are missing; run {name} again")

@@ -95,7 +95,8 @@ def run_cases(
         The cases that failed.
 
     Raises:
-        InputError: The cluster has no worker, or one with another version of the package.
+        InputError: Dask is not installed, or the cluster is not reached, has no worker, or one with another version
+            of the package.
     """
     missing = [case for case in dict.fromkeys(cases) if store.read(case) is None]
     failures: list[Failure] = []
@@ -130,11 +131,21 @@ def _here(case: Case, data: Path | None) -> Finished | Failure:
 @contextmanager
 def _client(workers: int, cluster: str | None) -> Iterator[Any]:
     """Yield a Dask client of the cluster at an address, or of processes started here."""
-    import dask
-    from distributed import Client, LocalCluster
-
+    try:
+        import dask
+        from distributed import Client, LocalCluster
+    except ModuleNotFoundError as error:
+        raise InputError(
+            f"several workers and clusters need Dask, and {error.name} is not installed: pip install -e .[papers]"
+        ) from error
     if cluster is not None:
-        with Client(cluster) as client:
+        try:
+            connected = Client(cluster)
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"cluster {cluster}: no scheduler answers: {error}; expected an address as tcp://HOST:PORT"
+            ) from error
+        with connected as client:
             _require_same(client, cluster)
             yield client
         return

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from catenary import __version__
+from catenary.errors import InputError
 from catenary.files import json_text, write_atomically
 from papers.experiment import Case, Result, robots_digest
 
@@ -36,9 +37,19 @@ class Store:
     """A folder of results, a file each, named by what they were made from."""
 
     def __init__(self, folder: Path) -> None:
+        """Open the folder, which is created if it is missing.
+
+        Raises:
+            InputError: It cannot be created.
+        """
         self.folder = folder / "cases"
         self.failures = folder / "failures"
-        self.folder.mkdir(parents=True, exist_ok=True)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(
+                f"{folder}: cannot hold results: {error.strerror}; name another folder by --out"
+            ) from error
 
     def read(self, case: Case) -> Finished | None:
         """Return what a case left; None where it has not run, or its file is damaged: it runs again then."""

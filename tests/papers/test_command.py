@@ -1,5 +1,6 @@
 import json
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -122,6 +123,33 @@ def test_what_is_not_understood_is_refused(
         command.main(words)
     assert end.value.code == 2
     assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("out", ["a_file", "a_file/below"])
+def test_results_that_can_be_kept_nowhere_are_refused(
+    out: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a_file").write_text("mine")
+    with pytest.raises(SystemExit) as end:
+        command.main(["calibration-table-1", "--out", str(tmp_path / out)])
+    assert end.value.code == 2
+    assert "name another folder by --out" in capsys.readouterr().err
+    assert (tmp_path / "a_file").read_text() == "mine"
+
+
+def test_nothing_to_publish_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        command.main(["publish", "calibration-table-1", "--out", str(tmp_path)])
+    assert "run them first" in " ".join(capsys.readouterr().err.split())
+
+
+def test_workers_without_dask_say_what_to_install(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(SystemExit):
+        command.main(["calibration-table-1", "--workers", "2", "--out", str(tmp_path)])
+    assert "pip install" in capsys.readouterr().err
 
 
 def test_list_names_every_experiment(capsys: pytest.CaptureFixture[str]) -> None:
