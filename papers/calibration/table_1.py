@@ -2,7 +2,8 @@
 
 Each direction's zig-zags at 1/2, 1/3 and 1/4 train every model; an independent 20 minutes of random motion test it.
 Each direction starts from the robot just homed: the paper's came one after another on a robot that
-wears. The paper's network is the mean of five trainings, as there; ours is trained once.
+wears. The paper's network is the mean of five trainings, as there; ours is trained once. The paper's models are asked
+wherever the robot goes, as there; ours leaves joints at the fixed offset outside its valid range, as it ships.
 """
 
 from collections.abc import Sequence
@@ -32,6 +33,7 @@ from papers.calibration.recordings import (
     random_log,
     rmse,
     rows_of,
+    unguarded,
 )
 from papers.claims import NOT_MEASURED, by_count, mean_and_spread
 from papers.experiment import (
@@ -58,7 +60,7 @@ SHOWN = (BEST, *PAPERS)
 BEST_TWO = 2  # directions of each joint and model that the paper marks bold
 
 
-@run(revision=1)
+@run(revision=2)
 def direction_errors(
     seed: int | None,
     direction: Direction,
@@ -75,7 +77,8 @@ def direction_errors(
     for name, options in METHODS.items():
         seeds = {NETWORK: networks, BEST: networks[:1]}.get(name, (0,))
         models = [fitted([train], replace(options, seed=network)) for network in seeds]
-        reached[name] = mean([rmse(model, rows_of(model, test)) for model in models])
+        asked = models if name == BEST else [unguarded(model) for model in models]
+        reached[name] = mean([rmse(model, rows_of(model, test)) for model in asked])
         if name == "linear":
             reached |= baselines(models[0], rows_of(models[0], test))
     return reached
@@ -209,6 +212,7 @@ EXPERIMENT = Experiment(
     about=after_headline(__doc__),
     cases=cases,
     report=report,
-    minutes=100.0,
+    minutes=30.0,
     claims=CLAIMS,
+    drawn=2,
 )

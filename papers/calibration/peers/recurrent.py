@@ -15,7 +15,7 @@ from scipy.special import expit
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
-from catenary.calibration.backpropagation import EPSILON, MOMENTUM, SQUARES
+from catenary.calibration.backpropagation import Adam
 from catenary.calibration.valid_range import standardisation
 from papers.calibration.peers.rows import Places, Rows
 
@@ -159,17 +159,10 @@ def fit_recurrent(
     network = Lstm.drawn(rows.inputs.shape[1], units, rows.error.shape[1], rng, np.float32)
     model = Recurrent(network, mean, scale, out_mean, out_scale, previous, spacing)
     wanted = ((rows.error - out_mean) / out_scale).astype(np.float32)
-    means = [np.zeros_like(each) for each in network.parameters]
-    squares = [np.zeros_like(each) for each in network.parameters]
+    adam = Adam(network.parameters)
     with threadpool_limits(limits=1):
-        for step in range(1, iterations + 1):
+        for _ in range(iterations):
             batch = rng.choice(which, min(BATCH, len(which)), replace=False)
             slopes = network.gradient(model.sequences(rows, batch), wanted[batch])
-            rate = np.float32(RATE * np.sqrt(1 - SQUARES**step) / (1 - MOMENTUM**step))
-            for values, slope, average, square in zip(
-                network.parameters, slopes, means, squares, strict=True
-            ):
-                average += (1 - MOMENTUM) * (slope - average)
-                square += (1 - SQUARES) * (slope**2 - square)
-                values -= rate * average / (np.sqrt(square) + EPSILON)
+            adam.step(network.parameters, slopes, RATE)
     return model
