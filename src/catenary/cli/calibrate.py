@@ -227,7 +227,7 @@ def calibrate(
     Home, excite, record, extract, fit, evaluate, deploy, report; done steps are not repeated. Without recordings
     it drives a simulated RAVEN-II, or with --ros a real one; with them it fits every model to them and tests on --test.
     """
-    from catenary.workflows.fit import FitRun
+    from catenary.recording.logs import Reading
     from catenary.workflows.project.calibrate import calibrate_recordings, calibrate_robot
 
     if test and not train:
@@ -235,8 +235,8 @@ def calibrate(
     opened = open_project(project, arm, hours=hours, ros=access.ros)
     with _steps() as progress:
         if train:
-            run = FitRun(units=words(units) if units else None)
-            result = calibrate_recordings(opened, train, test or [], run, progress=progress)
+            reading = Reading(units=words(units) if units else None)
+            result = calibrate_recordings(opened, train, test or [], reading=reading, progress=progress)
         else:
             with robot_of(opened, access) as robot:
                 result = calibrate_robot(opened, robot, progress=progress)

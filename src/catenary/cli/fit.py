@@ -21,7 +21,7 @@ from catenary.cli.terminal import (
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.workflows.fit import FitResult
+    from catenary.calibration.fitting import FitResult
 
 Recordings = Annotated[
     list[Path],
@@ -104,8 +104,10 @@ def fit(
     """
     from catenary.calibration.files import card_path, save_model
     from catenary.calibration.fit import PLAY_SHARES, FitOptions
+    from catenary.calibration.fitting import FitRun
+    from catenary.recording.logs import Reading
     from catenary.robots.catalog import load_robot
-    from catenary.workflows.fit import FitRun, fit_calibration
+    from catenary.workflows.fit import fit_calibration
 
     options = FitOptions(
         kind=model,  # type: ignore[arg-type]  # FitOptions refuses what it does not know
@@ -119,9 +121,8 @@ def fit(
     )
     arm = None if robot is None else load_robot(robot)
     names, own_units = (None, None) if arm is None else (arm.joint_names, arm.joint_units)
+    reading = Reading(units=own_units if units is None else words(units), joint_names=names)
     run = FitRun(
-        units=own_units if units is None else words(units),
-        joint_names=names,
         robot=robot,
         max_error=_limits(max_error),
         held_out=held_out,
@@ -131,7 +132,7 @@ def fit(
     read = [*data, *([Path(robot)] if robot else [])]
     refuse_to_overwrite({"--out": out, "the card of --out": card_path(out), "--report": report}, read)
     with progress_bar(f"fitting {model}") as progress:
-        result = fit_calibration(data, options, run, progress=progress)
+        result = fit_calibration(data, options, run, reading=reading, progress=progress)
     save_model(result.model, result.card, out)
     if as_json:
         print_json(_fit_summary(out, card_path(out), result))

@@ -12,6 +12,7 @@ from catenary.archives import read_arrays
 from catenary.arrays import Floats
 from catenary.calibration.card_schema import check_card
 from catenary.calibration.files import load_model
+from catenary.calibration.fitting import outliers
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import FileFormatError
 from catenary.identification.files import load_identification
@@ -21,7 +22,6 @@ from catenary.reports.calibration import shortened
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
-from catenary.workflows.fit import outliers
 
 ROBOT_ENDINGS = (".toml", ".urdf", ".xml", ".mjcf")
 LONG_GAP = 10.0  # times the median step between stamps
