@@ -152,7 +152,7 @@ def fit(
     tau: ArrayLike | None = None,
     qd: ArrayLike | None = None,
     time: ArrayLike | None = None,
-    model: Kind = "linear",
+    model: Kind = "auto",
     preset: Preset | None = None,
     inputs: Sequence[str] | Mapping[str, Sequence[str]] | None = None,
     history: int = 0,
@@ -177,8 +177,9 @@ def fit(
         tau: (N, n) joint torques [Nm|N]; taken as inputs when given.
         qd: (N, n) joint velocities [rad/s|m/s]; taken when `inputs` says so.
         time: (N,) [s]; needed by `history` in a control loop, whose rate must be known.
-        model: "offset", "linear", "polynomial" or "neural".
-        preset: Of "neural": "paper" or "best".
+        model: "offset", "linear", "polynomial" or "neural"; "auto" chooses one of them for every joint, the simplest
+            that will do (choice.py).
+        preset: Of "neural": "paper" or "best", which is taken when None.
         inputs: Groups ("q", "tau", "qd"), signals ("q:J1"), or these per joint; positions and torques when None.
         history: How many previous positions are inputs.
         play: Half-widths of play states as shares of each joint's range; see FitOptions.

@@ -9,13 +9,15 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.card import model_card
+from catenary.calibration.choice import JointChoice, choose, composed, joined, tried
 from catenary.calibration.conformal import estimate_intervals, fewest_rows
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate
-from catenary.calibration.fit import SMALLEST_DATA, FitOptions, choose_inputs, fit
+from catenary.calibration.features import FeatureSet
+from catenary.calibration.fit import SMALLEST_DATA, FitOptions, Inputs, choose_inputs, fit
 from catenary.calibration.intervals import check_level
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.calibration.progress import Progress, silent
+from catenary.calibration.progress import Progress, part_of, silent
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.units import DISPLAY
@@ -53,6 +55,7 @@ class FitResult:
     spread: tuple[Spread, ...]
     held_out: Evaluation | None
     notes: tuple[str, ...]
+    choices: tuple[JointChoice, ...] = ()  # of model auto, one per joint
 
 
 def fit_logs(
@@ -74,24 +77,96 @@ def fit_logs(
         raise InputError(
             f"history: {options.history} previous commands, but the longest recording has {longest} rows"
         )
-    inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
-    everything = calibration_data(logs, inputs.features, max_error=error_limits(run.max_error, logs[0]))
-    notes = tuple(data_notes(logs, everything))
+    if options.kind == "auto":
+        if not run.folds:
+            raise InputError(
+                "model auto: is chosen by its errors on folds, which folds 0 leaves out; give a kind"
+            )
+        width = len(choose_inputs(logs, options, held_out=run.held_out or 0.0).features.names)
+        kinds = tried(options, width, sum(len(log) for log in logs))
+    else:
+        kinds = {options.kind: options}
+    attempts = {
+        name: _Attempt.prepared(logs, of_kind, run, part_of(progress, i, len(kinds)))
+        for i, (name, of_kind) in enumerate(kinds.items())
+    }
+    if options.kind == "auto":
+        validations = {name: attempt.validation for name, attempt in attempts.items() if attempt.validation}
+        choices = choose({name: each.spread for name, each in validations.items()})
+        needed = dict.fromkeys(choice.chosen for choice in choices)
+        model = composed({name: attempts[name].fitted(silent) for name in needed}, choices)
+        validation: CrossValidation | None = joined(validations, choices)
+    else:
+        choices, (attempt,) = (), attempts.values()
+        model, validation = attempt.fitted(progress), attempt.validation
+    return _concluded(logs, options, run, model, validation, choices)
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    """A kind of model on its rows, validated; it can be fitted to all of them."""
+
+    options: FitOptions
+    inputs: Inputs
+    data: CalibrationData
+    validation: CrossValidation | None
+
+    @classmethod
+    def prepared(
+        cls, logs: Sequence[MotionLog], options: FitOptions, run: FitRun, progress: Progress
+    ) -> "_Attempt":
+        """Validate a kind of model on blocks of what is not held out."""
+        inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
+        data, _, _ = _rows(logs, inputs.features, run)
+        validation: CrossValidation | None = None
+        if run.folds:
+            share = run.folds / (run.folds + 1.0)
+            validation = cross_validate(
+                data,
+                lambda rows, tell: fit(rows, inputs, options, progress=tell),
+                folds=run.folds,
+                progress=lambda done: progress(share * done),
+            )
+        return cls(options, inputs, data, validation)
+
+    def fitted(self, progress: Progress) -> CalibrationModel:
+        """Fit it to all rows."""
+        validated = 0.0 if self.validation is None else 0.8
+        return fit(
+            self.data,
+            self.inputs,
+            self.options,
+            progress=lambda done: progress(validated + (1.0 - validated) * done),
+        )
+
+
+def _rows(
+    logs: Sequence[MotionLog], features: FeatureSet, run: FitRun
+) -> tuple[CalibrationData, CalibrationData | None, CalibrationData]:
+    """Return the rows that are fitted to, those held out, and all of them.
+
+    Raises:
+        InputError: Too few for the smallest fit.
+    """
+    everything = calibration_data(logs, features, max_error=error_limits(run.max_error, logs[0]))
     data, late = everything, None
     if run.held_out is not None:
         data, late = everything.split_by_time(run.held_out)
-
     _require_rows(data, run.folds)
-    share = run.folds / (run.folds + 1.0)
-    validation: CrossValidation | None = None
-    if run.folds:
-        validation = cross_validate(
-            data,
-            lambda rows, tell: fit(rows, inputs, options, progress=tell),
-            folds=run.folds,
-            progress=lambda done: progress(share * done),
-        )
-    model = fit(data, inputs, options, progress=lambda done: progress(share + (1.0 - share) * done))
+    return data, late, everything
+
+
+def _concluded(
+    logs: Sequence[MotionLog],
+    options: FitOptions,
+    run: FitRun,
+    model: CalibrationModel,
+    validation: CrossValidation | None,
+    choices: tuple[JointChoice, ...],
+) -> FitResult:
+    """Return a fitted model with its intervals, errors and card."""
+    data, late, everything = _rows(logs, model.features, run)
+    notes = tuple(data_notes(logs, everything))
     intervals = None if validation is None else estimate_intervals(validation, level=run.coverage)
     model = replace(model, intervals=intervals)
     if intervals is None:
@@ -113,8 +188,9 @@ def fit_logs(
         spread=spread,
         held_out=held_out,
         notes=notes,
+        choices=choices,
     )
-    return FitResult(model, card, data, spread, held_out, notes)
+    return FitResult(model, card, data, spread, held_out, notes, choices)
 
 
 def _why_no_intervals(validation: CrossValidation | None, run: FitRun) -> str:

@@ -79,7 +79,7 @@ class CalibrationModel:
         InputError: Parts do not fit together.
     """
 
-    kind: str  # "offset", "linear", "polynomial" or "neural"
+    kind: str  # "offset", "linear", "polynomial", "neural", or "auto": each joint has its own
     preset: str | None
     joint_names: tuple[str, ...]
     joint_units: tuple[str, ...]

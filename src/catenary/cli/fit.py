@@ -42,13 +42,19 @@ MaxError = Annotated[
 
 def fit(
     data: Recordings,
-    model: Annotated[str, Option(metavar="KIND", help="offset, linear, polynomial or neural.")],
     out: Annotated[Path, Option(metavar="MODEL", help="File to write the model to, e.g. arm.npz.")],
+    model: Annotated[
+        str,
+        Option(
+            metavar="KIND",
+            help="offset, linear, polynomial, neural, or auto: for every joint the simplest of them that will do.",
+        ),
+    ] = "auto",
     preset: Annotated[
         str | None,
         Option(
             metavar="NAME",
-            help="Preset of a neural model: paper (Peng et al.'s network) or best (ours). [default: paper]",
+            help="Preset of a neural model: paper (Peng et al.'s network) or best (ours). [default: best]",
         ),
     ] = None,
     inputs: Annotated[
@@ -65,7 +71,7 @@ def fit(
         Option(
             metavar="SHARES",
             help="Also take play states (memory of a cable's slack) as wide as these shares of each joint's "
-            "motion: 0.01,0.05,0.2, 'on' for ours, 'off'. [default: off; on for preset best]",
+            "motion: 0.01,0.05,0.2, 'on' for ours, 'off'. [default: off; on for preset best without torques]",
         ),
     ] = None,
     target: Annotated[
@@ -105,7 +111,7 @@ def fit(
 ) -> None:
     """Fit a calibration model and print its error on unseen data.
 
-    Example: catenary fit run1.npz --model linear --history 6 --out arm.npz
+    Example: catenary fit run1.npz --out arm.npz
     """
     from catenary.calibration.files import card_path, save_model
     from catenary.calibration.fit import PLAY_SHARES, FitOptions
@@ -193,6 +199,8 @@ def _print_fit(out: Path, card: Path, result: "FitResult") -> None:
     from catenary.reports.calibration import error_table, spread_table
 
     print_notes(result.notes)
+    for choice in result.choices:
+        print(choice)
     if result.spread:
         print_table("RMSE on blocks of time that the fit did not see", *spread_table(result.spread))
     if result.held_out is not None:
@@ -215,6 +223,7 @@ def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
         "card": str(card),
         "kind": result.model.kind,
         "preset": result.model.preset,
+        "choice": [asdict(choice) for choice in result.choices] or None,
         "rows": len(result.data),
         "inputs": list(result.model.features.names),
         "cross_validation": [asdict(joint) for joint in result.spread],

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from catenary.calibration.choice import JointChoice
 from catenary.calibration.evaluate import Evaluation, Spread
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.files import json_text
@@ -125,6 +126,7 @@ def card_facts(card: Card) -> list[tuple[str, str]]:
     version = ", ".join(f"{name} {number}" for name, number in card["version"].items())
     return [
         ("kind", card["kind"] + (f", preset {card['preset']}" if card["preset"] else "")),
+        *(("chosen", str(JointChoice(**choice))) for choice in card.get("choice") or ()),
         ("target", f"joint {card['target']}"),
         ("inputs", shortened([entry["name"] for entry in card["inputs"]])),
         ("scaling", card["scaling"]),

@@ -18,6 +18,9 @@ from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.logs import Reading, read_log, read_logs
 
+WORSE = 1.01  # times the fixed offset's error: less is no harm
+OUTSIDE = 0.1  # share of rows outside the valid range that is worth a warning
+
 
 def fit_calibration(
     paths: Sequence[Path],
@@ -74,7 +77,25 @@ def evaluate_calibration(
     seen = tuple(source.name for source in data.sources if source.sha256 in trained_on)
     notes = data_notes(logs, data)
     notes += [f"{name}: the model was fitted to this recording; its error here is no test" for name in seen]
-    return EvaluationResult(model, card, evaluate(model, data, window=window), tuple(notes), seen)
+    found = evaluate(model, data, window=window)
+    return EvaluationResult(model, card, found, (*notes, *warnings_of(found)), seen)
+
+
+def warnings_of(evaluation: Evaluation) -> list[str]:
+    """Return in words where a model does harm, or could not be asked."""
+    warnings = []
+    for joint in evaluation.joints:
+        if joint.rmse > WORSE * joint.offset_rmse:
+            warnings.append(
+                f"{joint.name}: the model is worse than the fixed offset here, {joint.rmse:.3g} against "
+                f"{joint.offset_rmse:.3g} {joint.unit}: do not deploy it on this joint"
+            )
+        if joint.outside_valid_range > OUTSIDE:
+            warnings.append(
+                f"{joint.name}: {joint.outside_valid_range:.0%} of rows lie outside the model's valid range, where "
+                "it gives the fixed offset; train on motion that goes there"
+            )
+    return warnings
 
 
 def evaluation_summary(result: EvaluationResult) -> dict[str, Any]:

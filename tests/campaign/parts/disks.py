@@ -146,7 +146,7 @@ def pipeline(seed: int, folder: Path) -> None:
     shutil.copytree(recorded(), folder / "p")
     models = {
         name: FitOptions(kind="linear", inputs=("q:shoulder", "q:elbow", "q:insertion"))
-        for name in ("linear", calibrate.BEST)
+        for name in ("linear", calibrate.RECOMMENDED)
     }
 
     def opened() -> Project:

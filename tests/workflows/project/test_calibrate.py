@@ -8,7 +8,7 @@ from catenary.calibration.fit import FitOptions
 from catenary.errors import CatenaryError, InputError
 from catenary.reports.project import with_inputs
 from catenary.workflows.project import calibrate, simulated_robot
-from catenary.workflows.project.calibrate import BEST, CalibrationResult, calibrate_recordings
+from catenary.workflows.project.calibrate import RECOMMENDED, CalibrationResult, calibrate_recordings
 from catenary.workflows.project.folder import Project, ProjectSettings, fingerprint, project_settings
 from simulated_project import QUICK_MODELS, SHORT, calibrate_short
 
@@ -91,7 +91,13 @@ def test_results_are_written_and_said_to_be_simulated(finished: CalibrationResul
 @pytest.mark.slow
 def test_every_kind_of_model_is_fitted_to_a_robots_recordings(project_folder: Path) -> None:
     result = calibrate.calibrate_robot(Project(project_folder, SHORT))
-    assert list(result.evaluations) == ["linear", "polynomial", "neural_paper", BEST]
+    assert list(result.evaluations) == [
+        "linear",
+        "polynomial",
+        "neural_paper",
+        "neural_best",
+        RECOMMENDED,
+    ]
 
 
 def test_recordings_replace_a_robot_and_are_fitted_once(days: tuple[Path, Path], tmp_path: Path) -> None:
@@ -101,7 +107,7 @@ def test_recordings_replace_a_robot_and_are_fitted_once(days: tuple[Path, Path],
     assert result.repeated == FITS
     assert result.deployment is None
     assert result.page.is_file()
-    joints = result.evaluations[BEST].joints
+    joints = result.evaluations[RECOMMENDED].joints
     assert all(joint.rmse < 0.1 * joint.raw_rmse for joint in joints)
     # not fitted again to the same recordings, and again to changed ones
     assert calibrated(tmp_path / "project", [train], [days[1]]).repeated == ()

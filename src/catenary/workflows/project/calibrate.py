@@ -1,7 +1,7 @@
 """Calibrate a robot in one go, resumable at every step: home, excite, record, extract, fit, evaluate, deploy, page."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -40,11 +40,14 @@ RAVEN_INPUTS = {
     "elbow": POSITIONING_INPUTS,
     "insertion": (*POSITIONING_INPUTS, "tau:roll", "tau:wrist", "tau:jaw1", "tau:jaw2"),
 }
-BEST = "neural_best"
+RECOMMENDED = "recommended"
 
 
 def models_for(robot: str | None, seed: int) -> Mapping[str, FitOptions]:
-    """Return options for every kind of model, the best last; the paper's network has all of the paper's inputs."""
+    """Return options for every kind of model, and of what is chosen among them joint by joint, which is deployed.
+
+    The paper's network has all of the paper's inputs.
+    """
     everything = ("q", "tau") if robot is not None else None
     positioning = POSITIONING_INPUTS if robot is not None else None
     inputs = RAVEN_INPUTS if robot is not None else None
@@ -52,7 +55,8 @@ def models_for(robot: str | None, seed: int) -> Mapping[str, FitOptions]:
         "linear": FitOptions(kind="linear", inputs=positioning, seed=seed),
         "polynomial": FitOptions(kind="polynomial", inputs=positioning, seed=seed),
         "neural_paper": FitOptions(kind="neural", preset="paper", inputs=everything, seed=seed),
-        BEST: FitOptions(kind="neural", preset="best", inputs=inputs, seed=seed),
+        "neural_best": FitOptions(kind="neural", preset="best", inputs=inputs, seed=seed),
+        RECOMMENDED: FitOptions(kind="auto", inputs=inputs, seed=seed),
     }
 
 
@@ -142,17 +146,17 @@ def _calibrated(
     seed = 0 if project.settings.seed is None else project.settings.seed
     train, test = ([motion_log_path(project, name)] for name in (TRAIN, TEST))
     models = models_for(project.settings.robot, seed)
-    fit_models(project, train, models, FitRun(robot=project.settings.robot, folds=0), progress)
+    fit_models(project, train, models, FitRun(robot=project.settings.robot), progress)
 
     deployed = project.folder / "deployment.json"
 
     def deploy() -> None:
-        model, _ = load_model(model_path(project, BEST))
+        model, _ = load_model(model_path(project, RECOMMENDED))
         motion, _ = random_motion(project, DEPLOY_SECONDS, 1)
         write(deployed, robot.deploy(project, model, motion, after=TEST))
 
     progress("deploy")
-    made_from = [*map(project.fingerprint_of, (f"fit {BEST}", f"record {TEST}")), DEPLOY_SECONDS]
+    made_from = [*map(project.fingerprint_of, (f"fit {RECOMMENDED}", f"record {TEST}")), DEPLOY_SECONDS]
     project.run("deploy", made_from, [deployed], deploy)
     progress("report")
     return conclude(project, models, train, test, deployed)
@@ -180,7 +184,7 @@ def calibrate_recordings(
     project.ran.clear()
     models = models_for(None, 0)
     with project:
-        fit_models(project, train, models, FitRun(folds=0), progress, reading)
+        fit_models(project, train, models, FitRun(), progress, reading)
         progress("report")
         return conclude(project, models, train, test, None)
 
@@ -198,19 +202,23 @@ def fit_models(
     progress: Callable[[str], Progress],
     reading: Reading | None = None,
 ) -> None:
-    """Fit every model that has not been fitted to these recordings."""
+    """Fit every model that has not been fitted to these recordings; folds are run where a model is chosen by them."""
     (project.folder / "models").mkdir(exist_ok=True)
     hashes = _hashes(train)
     reading = reading if reading is not None else Reading()
     for name, options in models.items():
         path = model_path(project, name)
+        folds = run.folds if options.kind == "auto" else 0
+        of_kind = replace(run, folds=folds)
 
-        def work(options: FitOptions = options, path: Path = path, name: str = name) -> None:
+        def work(
+            options: FitOptions = options, path: Path = path, name: str = name, of_kind: FitRun = of_kind
+        ) -> None:
             tell = progress(f"fit {name.replace('_', ', preset ')}")
-            result = fit_calibration(list(train), options, run, reading=reading, progress=tell)
+            result = fit_calibration(list(train), options, of_kind, reading=reading, progress=tell)
             save_model(result.model, result.card, path)
 
-        made_from = [hashes, asdict(options), asdict(run), asdict(reading)]
+        made_from = [hashes, asdict(options), asdict(of_kind), asdict(reading)]
         project.run(f"fit {name}", made_from, [path, card_path(path)], work)
 
 
@@ -247,12 +255,12 @@ def conclude(
     page = project.folder / "report.html"
     concluded = CalibrationResult(
         page=page,
-        model_path=model_path(project, BEST),
+        model_path=model_path(project, RECOMMENDED),
         evaluations={name: result.evaluation for name, result in results.items()},
         deployment=deployment,
         repeated=tuple(VERBS.get(step, step) for step in project.ran),
     )
-    evaluation, best = project.folder / "evaluation.json", results[BEST]
+    evaluation, best = project.folder / "evaluation.json", results[RECOMMENDED]
 
     def work() -> None:
         write(evaluation, concluded.summary())
