@@ -17,6 +17,7 @@ _FUNCTIONS = {
     "excite": ("calibrate", "excite"),
     "record": ("calibrate", "record"),
     "extract": ("calibrate", "extract"),
+    "import": ("import_recording", "import_recording"),
     "fit": ("fit", "fit"),
     "evaluate": ("fit", "evaluate"),
     "deploy": ("calibrate", "deploy"),

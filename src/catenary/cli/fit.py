@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from catenary.cli.options import AsJsonNotTables, Report, Units
+from catenary.cli.options import AsJsonNotTables, MappingOptions, Report, Units
 from catenary.cli.terminal import (
     numbers,
     print_json,
@@ -27,7 +27,8 @@ Recordings = Annotated[
     list[Path],
     Argument(
         metavar="DATA",
-        help="Recordings: .npz with q_des, q_act, ok in rad and m, .parquet logs, or RAVEN-II's published .csv.",
+        help="Recordings: .npz with q_des, q_act, ok in rad and m, .parquet logs, RAVEN-II's published .csv; others "
+        "with --map.",
     ),
 ]
 LARGEST = sys.float_info.max
@@ -41,6 +42,7 @@ MaxError = Annotated[
 
 def fit(
     data: Recordings,
+    foreign: MappingOptions,
     model: Annotated[str, Option(metavar="KIND", help="offset, linear, polynomial or neural.")],
     out: Annotated[Path, Option(metavar="MODEL", help="File to write the model to, e.g. arm.npz.")],
     preset: Annotated[
@@ -119,8 +121,10 @@ def fit(
     )
     arm = None if robot is None else load_robot(robot)
     names, own_units = (None, None) if arm is None else (arm.joint_names, arm.joint_units)
+    mapping = foreign.read(units, robot=robot)
     run = FitRun(
-        units=own_units if units is None else words(units),
+        mapping=mapping,
+        units=own_units if units is None or mapping is not None else words(units),
         joint_names=names,
         robot=robot,
         max_error=_limits(max_error),

@@ -21,6 +21,8 @@ from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.plant import MotionLog
+from catenary.recording.foreign.mapping import RecordingMapping
+from catenary.recording.foreign.read import read_recording
 from catenary.recording.logs import read_log
 from catenary.units import DISPLAY
 
@@ -38,6 +40,7 @@ class FitRun:
     max_error: tuple[float, ...] | None = None  # per joint, deg and mm; rows beyond are left out
     held_out: float | None = None  # share at the end of each recording
     folds: int = FOLDS  # of the cross-validation; 0 for none
+    mapping: RecordingMapping | None = None  # of recordings of another make
 
     def __post_init__(self) -> None:
         if self.held_out is not None and not 0.0 < self.held_out < 1.0:
@@ -71,7 +74,7 @@ def fit_calibration(
         InputError: Recordings of different joints, unusable numbers, options that contradict each other.
     """
     run = run if run is not None else FitRun()
-    logs = [read_log(path, units=run.units, joint_names=run.joint_names) for path in paths]
+    logs = [read_recording(path, run.mapping, units=run.units, joint_names=run.joint_names) for path in paths]
     if not logs:
         raise InputError("data: expected at least one recording, got none")
     longest = max(len(log) for log in logs)
