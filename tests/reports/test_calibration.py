@@ -11,11 +11,12 @@ import pytest
 import simulated_arm
 from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.fit import FitOptions
+from catenary.calibration.fitting import FitResult, FitRun
 from catenary.reports import calibration
 from catenary.reports.calibration import error_table, percent, window_table, write_calibration_report
 from catenary.reports.joint_picture import joint_picture
 from catenary.reports.page import Picture
-from catenary.workflows.fit import FitResult, FitRun, fit_calibration
+from catenary.workflows.fit import fit_calibration
 
 NAME = "<b>J1</b> & co"
 Result = tuple[FitResult, Evaluation]

@@ -9,9 +9,10 @@ from numpy.testing import assert_allclose
 import simulated_arm
 from catenary.calibration.files import save_model
 from catenary.calibration.fit import FitOptions
+from catenary.calibration.fitting import FitRun
 from catenary.errors import InputError
 from catenary.recording.logs import write_parquet
-from catenary.workflows.fit import FitRun, evaluate_calibration, evaluation_summary, fit_calibration
+from catenary.workflows.fit import evaluate_calibration, evaluation_summary, fit_calibration
 from recordings import recording
 
 LINEAR = FitOptions(kind="linear")

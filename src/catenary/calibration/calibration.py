@@ -12,15 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.card import model_card
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.evaluate import evaluate as evaluate_rows
 from catenary.calibration.files import load_model as read_model
 from catenary.calibration.files import save_model
-from catenary.calibration.fit import FitOptions, Kind, Preset, choose_inputs
-from catenary.calibration.fit import fit as fit_rows
+from catenary.calibration.fit import FitOptions, Kind, Preset
+from catenary.calibration.fitting import FOLDS, FitRun, fit_logs
 from catenary.calibration.model import CalibrationModel, Card, Target
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
@@ -133,7 +132,10 @@ def fit(
     play: Sequence[float] | None = None,
     target: Target = "error",
     ridge: float | None = None,
+    max_error: Sequence[float] | None = None,
     held_out: float | None = None,
+    folds: int = FOLDS,
+    robot: str | None = None,
     seed: int = 0,
     progress: Progress = silent,
 ) -> Calibration:
@@ -154,7 +156,11 @@ def fit(
         play: Half-widths of play states as shares of each joint's range; see FitOptions.
         target: "error", or "position" for a model end to end.
         ridge: Weight on the squared coefficients of a regression.
+        max_error: Leave out rows with larger errors, per joint in deg and mm.
         held_out: Share at the end of each recording that is kept from the fit; the card then has the errors on it.
+        folds: Blocks of time that the card's errors are of, each predicted by a model of the others; 0 for none,
+            which takes a fraction of the time.
+        robot: Its name, for the card; the recordings' when None.
         seed: Of a network's training.
         progress: Called with the share done.
 
@@ -173,21 +179,11 @@ def fit(
         ridge=ridge,
         seed=seed,
     )
-    chosen = choose_inputs(logs, options, held_out=held_out or 0.0)
-    data, late = calibration_data(logs, chosen.features), None
-    if held_out is not None:
-        data, late = data.split_by_time(held_out)
-    fitted = fit_rows(data, chosen, options, progress=progress)
-    card = model_card(
-        fitted,
-        data,
-        options,
-        robot=data.robot,
-        command={"held_out": held_out},
-        spread=(),
-        held_out=None if late is None else evaluate_rows(fitted, late),
+    run = FitRun(
+        robot=robot, max_error=None if max_error is None else tuple(max_error), held_out=held_out, folds=folds
     )
-    return _with_card(fitted, card)
+    result = fit_logs(logs, options, run, progress=progress)
+    return _with_card(result.model, result.card)
 
 
 def evaluate(

@@ -21,7 +21,7 @@ from catenary.cli.terminal import (
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.workflows.fit import FitResult
+    from catenary.calibration.fitting import FitResult
 
 Recordings = Annotated[
     list[Path],
@@ -106,8 +106,10 @@ def fit(
     """
     from catenary.calibration.files import card_path, save_model
     from catenary.calibration.fit import PLAY_SHARES, FitOptions
+    from catenary.calibration.fitting import FitRun
+    from catenary.recording.foreign.read import Reading
     from catenary.robots.catalog import load_robot
-    from catenary.workflows.fit import FitRun, fit_calibration
+    from catenary.workflows.fit import fit_calibration
 
     options = FitOptions(
         kind=model,  # type: ignore[arg-type]  # FitOptions refuses what it does not know
@@ -122,10 +124,9 @@ def fit(
     arm = None if robot is None else load_robot(robot)
     names, own_units = (None, None) if arm is None else (arm.joint_names, arm.joint_units)
     mapping = foreign.read(units, robot=robot)
+    own = own_units if units is None or mapping is not None else words(units)
+    reading = Reading(units=own, joint_names=names, mapping=mapping)
     run = FitRun(
-        mapping=mapping,
-        units=own_units if units is None or mapping is not None else words(units),
-        joint_names=names,
         robot=robot,
         max_error=_limits(max_error),
         held_out=held_out,
@@ -135,7 +136,7 @@ def fit(
     read = [*data, *([Path(robot)] if robot else [])]
     refuse_to_overwrite({"--out": out, "the card of --out": card_path(out), "--report": report}, read)
     with progress_bar(f"fitting {model}") as progress:
-        result = fit_calibration(data, options, run, progress=progress)
+        result = fit_calibration(data, options, run, reading=reading, progress=progress)
     save_model(result.model, result.card, out)
     if as_json:
         print_json(_fit_summary(out, card_path(out), result))

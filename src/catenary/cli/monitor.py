@@ -58,10 +58,10 @@ def monitor(
     source = gravity.source(robot.ros)
     with ExitStack() as stack:
         if log is not None:
-            from catenary.recording.foreign.read import read_recording
+            from catenary.recording.foreign.read import Reading, read_recording
             from catenary.workflows.robot.watch import watch_log
 
-            played = read_recording(log, foreign.read())
+            played = read_recording(log, Reading(mapping=foreign.read()))
             name, samples = log.name, watch_log(played, model=model, every=1.0 / hertz, speed=speed)
         else:
             import numpy as np

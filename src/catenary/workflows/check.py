@@ -12,18 +12,18 @@ from catenary.archives import read_arrays
 from catenary.arrays import Floats
 from catenary.calibration.card_schema import check_card
 from catenary.calibration.files import load_model
+from catenary.calibration.fitting import outliers
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import FileFormatError
 from catenary.identification.files import load_identification
 from catenary.plant import MotionLog
 from catenary.recording.foreign.mapping import RecordingMapping
-from catenary.recording.foreign.read import read_recording
+from catenary.recording.foreign.read import Reading, read_recording
 from catenary.recording.logs import read_log
 from catenary.reports.calibration import shortened
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
-from catenary.workflows.fit import outliers
 
 ROBOT_ENDINGS = (".toml", ".urdf", ".xml", ".mjcf")
 LONG_GAP = 10.0  # times the median step between stamps
@@ -59,7 +59,7 @@ def check_file(
     """
     path = Path(source)
     if mapping is not None:
-        return check_recording(read_recording(path, mapping))
+        return check_recording(read_recording(path, Reading(mapping=mapping)))
     if source in robot_names():
         return check_robot(load_robot(source))
     if path.is_dir():

@@ -7,7 +7,6 @@ import simulated_arm
 from catenary.calibration.fit import FitOptions
 from catenary.errors import CatenaryError, InputError
 from catenary.reports.project import with_inputs
-from catenary.workflows.fit import FitRun
 from catenary.workflows.project import calibrate, simulated_robot
 from catenary.workflows.project.calibrate import BEST, CalibrationResult, calibrate_recordings
 from catenary.workflows.project.folder import Project, ProjectSettings, fingerprint, project_settings
@@ -31,7 +30,7 @@ def calibrated(
         patch.setattr(calibrate, "models_for", lambda *_: dict.fromkeys(QUICK_MODELS, linear))
         if not with_page:
             patch.setattr(calibrate, "write_project_report", lambda page, *_, **__: page.write_text("a page"))
-        return calibrate_recordings(Project(folder, ProjectSettings()), train, test, FitRun())
+        return calibrate_recordings(Project(folder, ProjectSettings()), train, test)
 
 
 @pytest.mark.parametrize(

@@ -1,38 +1,42 @@
 """The door for recordings: files of catenary and known layouts as they are, any other by its mapping."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from catenary.plant import MotionLog
-from catenary.recording.foreign.importer import import_sources
 from catenary.recording.foreign.mapping import RecordingMapping
-from catenary.recording.foreign.sources import Sources
 from catenary.recording.logs import read_log, read_torque_log
 from catenary.robots.model import RobotModel
 
 
-def read_recording(
-    path: str | Path,
-    mapping: RecordingMapping | None = None,
-    *,
-    units: Sequence[str] | None = None,
-    joint_names: Sequence[str] | None = None,
-) -> MotionLog:
-    """Read a recording: by a mapping, or as `read_log` does.
+@dataclass(frozen=True)
+class Reading:
+    """What files of recordings do not say of themselves."""
 
-    Args:
-        path: The file, or a bag's folder.
-        mapping: What is which quantity, of a recording of another make; it has its own units and names.
-        units: "rad" or "m" per joint, for a file that does not state them.
-        joint_names: Names of the joints, for a file that does not state them.
+    units: tuple[str, ...] | None = None  # "rad" or "m" per joint
+    joint_names: tuple[str, ...] | None = None
+    mapping: RecordingMapping | None = (
+        None  # of a recording of another make, which it then is; with its own units
+    )
+
+
+def read_logs(paths: Sequence[str | Path], reading: Reading | None = None) -> list[MotionLog]:
+    """Read recordings; see `read_recording`."""
+    return [read_recording(path, reading) for path in paths]
+
+
+def read_recording(path: str | Path, reading: Reading | None = None) -> MotionLog:
+    """Read a recording: by a mapping, or as `read_log` does.
 
     Raises:
         FileFormatError: As `read_log`, or the file cannot be read.
         InputError: As `read_log`, or what the mapping names is not there.
     """
-    if mapping is None:
-        return read_log(path, units=units, joint_names=joint_names)
-    return import_sources(Sources([Path(path)]), mapping)
+    reading = reading if reading is not None else Reading()
+    if reading.mapping is None:
+        return read_log(path, units=reading.units, joint_names=reading.joint_names)
+    return _by_mapping(Path(path), reading.mapping, None)
 
 
 def read_torque_recording(
@@ -44,6 +48,11 @@ def read_torque_recording(
         FileFormatError: As `read_torque_log`, or the file cannot be read.
         InputError: As `read_torque_log`, or what the mapping names is not there.
     """
-    if mapping is None:
-        return read_torque_log(path, model)
+    return read_torque_log(path, model) if mapping is None else _by_mapping(path, mapping, model)
+
+
+def _by_mapping(path: Path, mapping: RecordingMapping, model: RobotModel | None) -> MotionLog:
+    from catenary.recording.foreign.importer import import_sources
+    from catenary.recording.foreign.sources import Sources
+
     return import_sources(Sources([path]), mapping, model=model)

@@ -21,8 +21,8 @@ _NAMED = re.compile(
     re.IGNORECASE,
 )
 _WORDS = {"sec": "s", "msec": "ms", "usec": "us", "µs": "us", "nsec": "ns"}
-# [s] of a step between rows that is likely: 4 kHz to 2 Hz, and 500 Hz to 2 s where nothing else is
-_LIKELY = (0.00025, 0.5)
+# [s] of a step between rows: 2 kHz to 0.2 Hz, which is how slowly poses are taken one by one
+_LIKELY = (0.0005, 5.0)
 _EPOCH = (9.5e8, 4.2e9)  # [s] since 1970: the years 2000 to 2100
 _RATES = ("fs", "rate", "rate_hz", "sampling_rate", "sample_rate", "frequency")
 

@@ -1,7 +1,7 @@
 """Calibrate a robot in one go, resumable at every step: home, excite, record, extract, fit, evaluate, deploy, page."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +11,19 @@ from catenary import __version__
 from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.files import card_path, load_model, save_model
 from catenary.calibration.fit import FitOptions
+from catenary.calibration.fitting import FitRun
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.files import sha256_of
+from catenary.recording.foreign.read import Reading
 from catenary.reports.calibration import percent
 from catenary.reports.project import write_project_report
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import zigzag
-from catenary.workflows.fit import FitRun, evaluate_calibration, fit_calibration
+from catenary.workflows.fit import evaluate_calibration, fit_calibration
 from catenary.workflows.project.folder import Project, write
+from catenary.workflows.project.imported import import_recordings
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
 from catenary.workflows.project.robot import ProjectRobot
 from catenary.workflows.project.simulated_robot import SimulatedRobot
@@ -140,7 +143,7 @@ def _calibrated(
     seed = 0 if project.settings.seed is None else project.settings.seed
     train, test = ([motion_log_path(project, name)] for name in (TRAIN, TEST))
     models = models_for(project.settings.robot, seed)
-    fit_models(project, train, models, FitRun(robot=project.settings.robot), progress)
+    fit_models(project, train, models, FitRun(robot=project.settings.robot, folds=0), progress)
 
     deployed = project.folder / "deployment.json"
 
@@ -160,8 +163,8 @@ def calibrate_recordings(
     project: Project,
     train: Sequence[Path],
     test: Sequence[Path],
-    run_options: FitRun,
     *,
+    reading: Reading | None = None,
     progress: Callable[[str], Progress] = lambda _: silent,
 ) -> CalibrationResult:
     """Calibrate from recordings in place of a robot: fit every model to some, test on others.
@@ -171,16 +174,29 @@ def calibrate_recordings(
     """
     if not train or not test:
         raise InputError("calibrate: give recordings to train on, and others to test on with --test")
+    project.ran.clear()
+    models = models_for(None, 0)
+    mapping = None if reading is None else reading.mapping
+    with project:
+        if mapping is not None:
+            train, test = (import_recordings(project, paths, mapping) for paths in (train, test))
+            reading = None  # logs of ours state all
+        hashes = _hashes(train)
+        both = [str(path) for path, content in zip(test, _hashes(test), strict=True) if content in hashes]
+        if both:
+            raise InputError(
+                f"calibrate: {', '.join(both)}: a recording cannot be both trained and tested on"
+            )
+        fit_models(project, train, models, FitRun(folds=0), progress, reading)
+        progress("report")
+        return conclude(project, models, train, test, None)
+
+
+def _refuse_same(train: Sequence[Path], test: Sequence[Path]) -> None:
     hashes = _hashes(train)
     both = [str(path) for path, content in zip(test, _hashes(test), strict=True) if content in hashes]
     if both:
         raise InputError(f"calibrate: {', '.join(both)}: a recording cannot be both trained and tested on")
-    project.ran.clear()
-    models = models_for(None, 0)
-    with project:
-        fit_models(project, train, models, run_options, progress)
-        progress("report")
-        return conclude(project, models, train, test, None)
 
 
 def model_path(project: Project, name: str) -> Path:
@@ -192,22 +208,23 @@ def fit_models(
     project: Project,
     train: Sequence[Path],
     models: Mapping[str, FitOptions],
-    asked: FitRun,
+    run: FitRun,
     progress: Callable[[str], Progress],
+    reading: Reading | None = None,
 ) -> None:
-    """Fit every model that has not been fitted to these recordings; they are judged on others, not by folds."""
+    """Fit every model that has not been fitted to these recordings."""
     (project.folder / "models").mkdir(exist_ok=True)
     hashes = _hashes(train)
-    settings = replace(asked, held_out=None, folds=0)
+    reading = reading if reading is not None else Reading()
     for name, options in models.items():
         path = model_path(project, name)
 
         def work(options: FitOptions = options, path: Path = path, name: str = name) -> None:
             tell = progress(f"fit {name.replace('_', ', preset ')}")
-            result = fit_calibration(list(train), options, settings, progress=tell)
+            result = fit_calibration(list(train), options, run, reading=reading, progress=tell)
             save_model(result.model, result.card, path)
 
-        made_from = [hashes, asdict(options), asdict(settings)]
+        made_from = [hashes, asdict(options), asdict(run), asdict(reading)]
         project.run(f"fit {name}", made_from, [path, card_path(path)], work)
 
 

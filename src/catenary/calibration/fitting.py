@@ -1,0 +1,168 @@
+"""A whole fit: which rows it sees, the model, its error on data that it did not see, and its card."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.calibration.card import model_card
+from catenary.calibration.dataset import CalibrationData, calibration_data
+from catenary.calibration.evaluate import Evaluation, Spread, cross_validate, evaluate
+from catenary.calibration.fit import SMALLEST_DATA, FitOptions, choose_inputs, fit
+from catenary.calibration.model import CalibrationModel, Card
+from catenary.calibration.progress import Progress, silent
+from catenary.errors import InputError
+from catenary.plant import MotionLog
+from catenary.units import DISPLAY
+
+FOLDS = 5
+OUTLIER_SPREADS = 10.0  # robust standard deviations beyond which a measurement is suspected
+
+
+@dataclass(frozen=True)
+class FitRun:
+    """Options of a fit that do not belong to the model: which rows it sees, and how it is tested."""
+
+    robot: str | None = None
+    max_error: tuple[float, ...] | None = None  # per joint, deg and mm; rows beyond are left out
+    held_out: float | None = None  # share at the end of each recording
+    folds: int = FOLDS  # of the cross-validation; 0 for none
+
+    def __post_init__(self) -> None:
+        if self.held_out is not None and not 0.0 < self.held_out < 1.0:
+            raise InputError(f"held-out share: expected a number between 0 and 1, got {self.held_out}")
+        if self.folds < 0 or self.folds == 1:
+            raise InputError(f"folds: expected 2 or more, or 0 for no cross-validation, got {self.folds}")
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """A fitted model, its card and its errors on data that it did not see."""
+
+    model: CalibrationModel
+    card: Card
+    data: CalibrationData  # that it was fitted to
+    spread: tuple[Spread, ...]
+    held_out: Evaluation | None
+    notes: tuple[str, ...]
+
+
+def fit_logs(
+    logs: Sequence[MotionLog], options: FitOptions, run: FitRun | None = None, *, progress: Progress = silent
+) -> FitResult:
+    """Fit a calibration model to recordings and say how well it does on data that it did not see.
+
+    The model is fitted to all rows, or to those before the held-out part. Its error is estimated on contiguous
+    blocks of time, each predicted by a model fitted to the others, and on the held-out part.
+
+    Raises:
+        InputError: No recording, recordings of different joints, unusable numbers, options that contradict each other.
+    """
+    run = run if run is not None else FitRun()
+    if not logs:
+        raise InputError("data: expected at least one recording, got none")
+    longest = max(len(log) for log in logs)
+    if options.history >= longest:
+        raise InputError(
+            f"history: {options.history} previous commands, but the longest recording has {longest} rows"
+        )
+    inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
+    everything = calibration_data(logs, inputs.features, max_error=error_limits(run.max_error, logs[0]))
+    notes = tuple(data_notes(logs, everything))
+    data, late = everything, None
+    if run.held_out is not None:
+        data, late = everything.split_by_time(run.held_out)
+
+    _require_rows(data, run.folds)
+    share = run.folds / (run.folds + 1.0)
+    spread: tuple[Spread, ...] = ()
+    if run.folds:
+        spread = cross_validate(
+            data,
+            lambda rows, tell: fit(rows, inputs, options, progress=tell),
+            folds=run.folds,
+            progress=lambda done: progress(share * done),
+        )
+    model = fit(data, inputs, options, progress=lambda done: progress(share + (1.0 - share) * done))
+    held_out = None if late is None else evaluate(model, late)
+    card = model_card(
+        model,
+        data,
+        options,
+        robot=run.robot if run.robot is not None else data.robot,
+        command={
+            "held_out": run.held_out,
+            "folds": run.folds,
+            # JSON has no infinity: null is no limit
+            "max_error": run.max_error and [e if math.isfinite(e) else None for e in run.max_error],
+        },
+        spread=spread,
+        held_out=held_out,
+        notes=notes,
+    )
+    return FitResult(model, card, data, spread, held_out, notes)
+
+
+def _require_rows(data: CalibrationData, folds: int) -> None:
+    """Refuse data too few for the smallest fit of a run, before the longest one has run."""
+    rows = len(data)
+    if rows < SMALLEST_DATA:
+        raise InputError(f"data: {rows} usable rows, expected at least {SMALLEST_DATA}")
+    smallest = rows - math.ceil(rows / folds) if folds else rows
+    if smallest < SMALLEST_DATA:
+        raise InputError(
+            f"data: {rows} usable rows; with one of {folds} blocks left out {smallest} remain, expected at least "
+            f"{SMALLEST_DATA}; folds 0 is no cross-validation"
+        )
+
+
+def error_limits(max_error: tuple[float, ...] | None, log: MotionLog) -> Floats | None:
+    """Return the errors beyond which rows are left out, (n,) [rad|m], of those given in deg and mm.
+
+    Raises:
+        InputError: Not one positive number per joint.
+    """
+    if max_error is None:
+        return None
+    if len(max_error) != len(log.joint_names) or not all(limit > 0.0 for limit in max_error):
+        raise InputError(
+            f"max error: expected {len(log.joint_names)} positive numbers (deg, mm), one per joint, "
+            f"got {list(max_error)}"
+        )
+    return np.array([most / DISPLAY[unit][1] for most, unit in zip(max_error, log.joint_units, strict=True)])
+
+
+def outliers(errors: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """Return how many of N errors (N, n) lie beyond OUTLIER_SPREADS robust standard deviations, and these, (n,)."""
+    deviation = np.abs(errors - np.median(errors, axis=0))
+    spread: Floats = 1.4826 * np.median(deviation, axis=0)  # the standard deviation, if errors were normal
+    return (deviation > OUTLIER_SPREADS * np.maximum(spread, 1e-9)).sum(axis=0), spread
+
+
+def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
+    """Return what readers of recordings noted, what rows were left out, and what looks wrong in the others."""
+    notes = [f"{log.name}: {note}" for log in logs for note in log.notes]
+    for source in data.sources:
+        left_out = {
+            "without measurement": source.without_truth,
+            f"without {data.features.history} previous commands": source.without_history,
+            "beyond the error limit": source.dropped,
+        }
+        text = ", ".join(f"{count} {why}" for why, count in left_out.items() if count)
+        if text:
+            notes.append(f"{source.name}: left out {text}, of {source.rows} rows")
+        if source.leaps:
+            notes.append(f"{source.name}: play states did not follow {source.leaps} leaps of a joint")
+    for name, count in zip(data.joint_names, outliers(data.error)[0], strict=True):
+        if count:
+            notes.append(
+                f"{name}: {count} of {len(data)} errors lie beyond {OUTLIER_SPREADS:g} robust standard deviations; "
+                "if they are measurement failures, leave them out with --max-error"
+            )
+    still = [n for n, x in zip(data.joint_names, np.ptp(data.q_nominal, axis=0), strict=True) if x == 0.0]
+    if still:
+        notes.append(f"{', '.join(still)}: never moved; the model holds only where they stood")
+    return notes
