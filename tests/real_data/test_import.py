@@ -31,7 +31,9 @@ def test_raven_s_state_comes_in_si(recordings: Path) -> None:
     path = recordings / "raven2_recorded_state" / "raven_state_circle.npz"
     log = import_recording(path)
     published = np.load(path)["jpos"]
-    assert_allclose(np.unique(log.q_nominal, axis=0), np.unique(np.deg2rad(published[:, :3]), axis=0), atol=1e-9)
+    assert_allclose(
+        np.unique(log.q_nominal, axis=0), np.unique(np.deg2rad(published[:, :3]), axis=0), atol=1e-9
+    )
     assert log.joint_units == ("rad", "rad", "m")
     assert np.abs(log.q_nominal[:, 2]).max() < 0.6  # the insertion of a RAVEN-II [m]
 

@@ -90,7 +90,7 @@ class Bag:
     ) -> list[Stream]:
         connections = self._reader.connections
         columns = {
-            name: _Columns(connections[name].type, self.encoding, fields[name], wanted and wanted[name])
+            name: _TopicColumns(connections[name].type, self.encoding, fields[name], wanted and wanted[name])
             for name in fields
         }
         for name, stamp, data in self._reader.messages(list(fields)) if fields else ():
@@ -131,7 +131,7 @@ def _with_metadata(path: Path) -> Path:
 
 
 @dataclass
-class _Columns:
+class _TopicColumns:
     """Numbers of a topic's messages as they come."""
 
     type: str

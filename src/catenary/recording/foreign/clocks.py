@@ -19,7 +19,7 @@ APART = 1.0  # [s] between the clocks of two topics' stamps from which on they a
 _LOST = np.iinfo(np.int64).min  # stamp of a row without time
 
 
-class Stamps(NamedTuple):
+class StreamStamps(NamedTuple):
     """Stamps of streams on one clock."""
 
     stamp: dict[str, NDArray[np.int64]]  # [ns]
@@ -27,7 +27,7 @@ class Stamps(NamedTuple):
     notes: list[str]
 
 
-def stamps_of(streams: Mapping[str, Stream], mapping: RecordingMapping) -> Stamps:
+def stamps_of(streams: Mapping[str, Stream], mapping: RecordingMapping) -> StreamStamps:
     """Return the stamps to go by: a table's time, a message's header where it has one, or its arrival.
 
     Headers are left for arrivals in all topics when the headers of two differ by more than a second from the arrivals,
@@ -73,7 +73,7 @@ def stamps_of(streams: Mapping[str, Stream], mapping: RecordingMapping) -> Stamp
         stamp |= {name: came for name, came in arrival.items() if came is not None}
     elif mapping.stamps == "arrival" and offsets == {} and any(c is not None for c in arrival.values()):
         notes.append("arrival times were taken, as asked")
-    return Stamps(stamp, arrival, notes)
+    return StreamStamps(stamp, arrival, notes)
 
 
 class OneClock:

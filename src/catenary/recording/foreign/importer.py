@@ -29,7 +29,7 @@ _SIGNED = "-"
 
 
 @dataclass(frozen=True)
-class _Columns:
+class _Found:
     """Where the columns of a quantity are, and the sign of each."""
 
     places: list[Place]
@@ -43,7 +43,7 @@ class _Wanted:
     streams: Sequence[Stream]
     columns: dict[str, dict[str, None]] = field(default_factory=dict)
 
-    def of(self, references: Sequence[str], what: str) -> _Columns:
+    def of(self, references: Sequence[str], what: str) -> _Found:
         """Find references, and keep them to be read.
 
         Raises:
@@ -60,7 +60,7 @@ class _Wanted:
             places += found
             signs += [sign] * len(found)
         self.keep(places)
-        return _Columns(places, np.array(signs))
+        return _Found(places, np.array(signs))
 
     def keep(self, places: Sequence[Place]) -> None:
         for place in places:
@@ -189,7 +189,7 @@ def import_sources(
 
 
 def _ordered_by_name(
-    joints: dict[str, _Columns], mapping: RecordingMapping, streams: Sequence[Stream]
+    joints: dict[str, _Found], mapping: RecordingMapping, streams: Sequence[Stream]
 ) -> list[str]:
     """Put whole arrays, and parts of them, into the order of q_nominal's joints where both have names; say so."""
     order = recorded_joints(joints["q_nominal"].places, streams)
@@ -205,7 +205,7 @@ def _ordered_by_name(
             notes.append(f"{key}: joints are in another order than q_nominal's, as the mapping names them")
             continue
         index = [own.index(joint) for joint in order]
-        joints[key] = _Columns([columns.places[i] for i in index], columns.sign[index])
+        joints[key] = _Found([columns.places[i] for i in index], columns.sign[index])
         notes.append(f"{key}: has its joints in another order; they were taken by name")
     return notes
 
@@ -228,7 +228,7 @@ def _tracked(
     tracked: TrackedPose,
     model: RobotModel,
     pose: Sequence[Place],
-    nominal: _Columns,
+    nominal: _Found,
     scale: Floats,
     names: Sequence[str],
     notes: list[str],
