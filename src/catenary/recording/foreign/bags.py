@@ -96,7 +96,8 @@ class Bag:
                 read = sum(len(text) for _, text in self._parsed)
                 if read > MOST_DEFINED:
                     raise FileFormatError(
-                        f"{self.path}: topic {cut(topic)}: types before it have {read} characters, {MOST_DEFINED} are read"
+                        f"{self.path}: topic {cut(topic)}: types before it have {read} characters, "
+                        f"{MOST_DEFINED} are read"
                     )
                 self._parsed[key] = fields_by_definition(self.path, connection, self.encoding)
             self._known[topic] = self._parsed[key]
