@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
+from catenary.cli.completion import robots_beginning
 from catenary.cli.options import AsJsonNotTables, Report, Units
 from catenary.cli.terminal import (
     numbers,
@@ -77,7 +78,11 @@ def fit(
     units: Units = None,
     robot: Annotated[
         str | None,
-        Option(metavar="ROBOT", help="Catalogue name or file of the robot: joint names and units."),
+        Option(
+            metavar="ROBOT",
+            help="Catalogue name or file of the robot: joint names and units.",
+            autocompletion=robots_beginning,
+        ),
     ] = None,
     held_out: Annotated[
         float | None,

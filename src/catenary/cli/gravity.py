@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
+from catenary.cli.completion import robots_beginning
 from catenary.cli.joint_options import Q, QDeg, SameInDeg, beyond_limits, given_joints, joint_values
 from catenary.cli.options import AsJsonNotTables, Report, SimulatedSeed
 from catenary.cli.robots import Robot
@@ -25,6 +26,7 @@ Simulated = Annotated[
     Argument(
         metavar="ROBOT",
         help="raven2 or raven2_right, simulated with their cables, or any other robot, as rigid bodies.",
+        autocompletion=robots_beginning,
     ),
 ]
 

@@ -2,14 +2,17 @@
 
 import time
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.calibration.corrector import Corrector
+from catenary.calibration.corrector import Corrector, places_of
 from catenary.calibration.files import load_model
 from catenary.calibration.kernels import Flags
+from catenary.calibration.model import CalibrationModel
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.conversions import joint_values
 from catenary.crtk.latest import Latest
@@ -20,13 +23,13 @@ from catenary.plant import JointState, MotionLog, Plant
 from catenary.recording.synchronise import CALIBRATED
 from catenary.trajectories.reference import Trajectory
 from catenary.workflows.robot.motion import gentle_way
-from catenary.workflows.robot.operated_robot import OperatedRobot
+from catenary.workflows.robot.operated_robot import OperatedRobot, distance
 
 EVERY = 0.04  # [s] between two samples: 25 a second
 
 
 class _Calibrated:
-    """A model beside the states of a robot or a recording."""
+    """A model beside the states of a robot."""
 
     def __init__(self, model: Path, names: tuple[str, ...], units: tuple[str, ...], rate_hz: float) -> None:
         self._corrector = Corrector(load_model(model)[0], rate_hz=rate_hz)
@@ -137,16 +140,33 @@ def watch_robot(
         calibrated, inside = (None, None) if corrected is None else corrected.latest()
         yield Snapshot(
             state.time, plant.joint_names, plant.joint_units, state.q, setpoint,
-            calibrated, inside,
-            None, state.tau, robot.gravity_torque(state), state.gravity, state.gravity_age, operating,
-            plant.lower, plant.upper, states.hertz(now), late.within(now), silent, line,
+            calibrated, inside, tau=state.tau, gravity_tau=robot.gravity_torque(state), gravity=state.gravity,
+            gravity_age=state.gravity_age, operating=operating, lower=plant.lower, upper=plant.upper,
+            rate_hz=states.hertz(now), late=late.within(now), silent=silent, recording=line,
+            **_truth(robot, state.q, calibrated),
         )  # fmt: skip
+
+
+def _truth(robot: OperatedRobot, q: Floats, calibrated: Floats | None) -> dict[str, Any]:
+    """Return the snapshot's fields of the tip and, in a simulation, of what is true."""
+    tip, truth = robot.tip(q), robot.truth()
+    if truth is None:
+        return {"tip": tip}
+    known: dict[str, Any] = {
+        "tip": tip, "error": q[: len(truth.q)] - truth.q, "tip_error": distance(tip, robot.tip(truth.q)),
+    }  # fmt: skip
+    if truth.encoders is not None:
+        seen = robot.tip(truth.encoders)
+        known |= {"encoder": truth.encoders, "tip_from_encoders": distance(tip, seen)}
+        if calibrated is not None:
+            known["calibrated_from_encoders"] = distance(robot.tip(calibrated), seen)
+    return known
 
 
 def watch_log(
     log: MotionLog,
     *,
-    model: Path | None = None,
+    model: CalibrationModel | None = None,
     every: float = EVERY,
     speed: float = 1.0,
     clock: Callable[[], float] = time.monotonic,
@@ -163,20 +183,12 @@ def watch_log(
         raise InputError(f"--speed: expected more than 0, got {speed}")
     steps = np.diff(log.time)
     spacing = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
-    corrected = None if model is None else _Calibrated(model, log.joint_names, log.joint_units, 1.0 / spacing)
-    nothing = np.full(len(log.joint_names), np.nan)
+    calibrated, inside = (None, None) if model is None else _calibrated_log(model, log, 1.0 / spacing)
     begin, shown, played = clock(), -np.inf, 0.0
     for row in range(len(log)):
         if row:
             # another recording begins at once
             played += max(float(log.time[row] - log.time[row - 1]), 0.0) / speed
-        qd = nothing if log.qd is None else log.qd[row]
-        tau = nothing if log.tau is None else log.tau[row]
-        state = JointState(
-            float(log.time[row]), log.q_nominal[row], qd, tau, np.zeros(0), np.zeros(3), np.inf
-        )
-        if corrected is not None:
-            corrected.take(state)
         if played - shown < every and row < len(log) - 1:
             continue
         shown = played
@@ -185,10 +197,27 @@ def watch_log(
             sleep(ahead)
         encoder = None if log.q_encoder is None else np.where(log.ok[row], log.q_encoder[row], np.nan)
         yield Snapshot(
-            state.time, log.joint_names, log.joint_units, state.q, None,
-            *((None, None) if corrected is None else corrected.latest()),
-            encoder, None if log.tau is None else tau, rate_hz=1.0 / spacing,
+            float(log.time[row]), log.joint_names, log.joint_units, log.q_nominal[row], None,
+            None if calibrated is None else calibrated[row], None if inside is None else inside[row],
+            encoder, None if log.tau is None else log.tau[row], rate_hz=1.0 / spacing,
         )  # fmt: skip
+
+
+def _calibrated_log(model: CalibrationModel, log: MotionLog, rate_hz: float) -> tuple[Floats, Flags]:
+    """Return what a model in a loop of the recording's rate gives, (N, n) [rad|m], and what of it is trusted, (N, n).
+
+    Joints that the model is not of pass through. Inputs come from all that the recording holds.
+
+    Raises:
+        InputError: It lacks a joint or an input of the model, or was taken at a rate that does not fit its history.
+    """
+    places = places_of(model, log.joint_names, log.joint_units, whose=f'recording "{log.name}"')
+    corrector, signals = Corrector(model, rate_hz=rate_hz), model.features.signal_rows(log)
+    q, trusted = np.array(log.q_nominal), np.ones(log.q_nominal.shape, dtype=bool)
+    for first, last in pairwise([*log.starts, len(log)]):
+        rows = slice(first, last)
+        q[rows, places], trusted[rows, places] = corrector.run(log.q_nominal[rows][:, places], signals[rows])
+    return q, trusted
 
 
 class _ThereAndBack:
