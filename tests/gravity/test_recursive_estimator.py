@@ -102,6 +102,27 @@ def test_a_load_on_a_known_carrier_is_told_in_its_first_pose(rng: np.random.Gene
     assert off[()] > 5.0  # of some 17 Nm
 
 
+@pytest.mark.parametrize("forgetting", [1.0, 0.9])
+@pytest.mark.parametrize("spread", [10.0, 1e-2, 1e-5])
+def test_certainty_of_an_arm_does_not_hold_its_load(
+    spread: float, forgetting: float, rng: np.random.Generator
+) -> None:
+    model = load_robot("dual_arm_19")
+    loaded = Payload(2.0, "right_hand", (0.03, 0.0, -0.02)).on(model)
+    middle, half = 0.5 * (model.lower + model.upper), 0.3 * (model.upper - model.lower)
+    estimator = RecursiveGravityEstimator(
+        model, noise=0.05, s0=compact_regressor(model).parameters(), spread=spread, forgetting=forgetting,
+        settle=0.0, interval=0.0, novelty=0.0, carriers=("left_hand", "right_hand"),
+    )  # fmt: skip
+    turns = rng.uniform(-1.0, 1.0, size=(80, model.n))
+    turns[20:30] = turns[20]  # the load is taken up where a few poses alike tell little of it
+    for k, q in enumerate(middle + half * turns):
+        tau = torques(model if k < 20 else loaded, q, UPRIGHT, rng, 0.05)
+        estimator.update(q, np.zeros(model.n), tau, UPRIGHT, float(k))
+    held = [gravity_torque(loaded, q, UPRIGHT) - estimator.torque(q, UPRIGHT) for q in middle + half * turns]
+    assert np.sqrt(np.mean(np.square(held))) < 0.1  # of some 17 Nm; twice the noise
+
+
 def test_an_arm_that_is_not_yet_known_is_not_taken_for_a_load() -> None:
     model = load_robot("dual_arm_19")
     q = 0.5 * (model.lower + model.upper)
@@ -188,6 +209,7 @@ def test_state_gives_time_torque_and_gravity() -> None:
         ({"s0": [1.0]}, r"s0: expected shape \(3,\)"),
         ({"load": (0.0, 0.3)}, "load: expected more than 0"),
         ({"carriers": ("claw",)}, 'frame "claw"|claw'),
+        ({"spread": 1e-9}, "spread: expected at least 1e-06 kg m, kg, got 1e-09"),
         ({"forgetting": 0.0}, "forgetting: expected more than 0 and at most 1, got 0"),
         ({"forgetting": 1.1}, "forgetting: expected more than 0 and at most 1, got 1.1"),
         ({"settle": -1.0}, "settle: expected zero or more"),

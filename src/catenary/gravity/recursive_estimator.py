@@ -6,7 +6,8 @@ identification; A is the inverse of their P]. A_0 holds what is known beforehand
 it is not forgotten, so that what the data do not tell stays where it is, and A + A_0 can always be inverted.
 
 Where it is known which frames take things up, a torque three standard deviations off what noise and P = (A + A_0)^-1
-let expect widens P by what a load there would change, P + V Q V^T, as a Kalman filter does whose state may jump. So
+let expect widens P by what a load there would change, P + V Q V^T, as a Kalman filter does whose state may jump, and
+A_0^-1 alike: beforehand nothing is known of a load, and what is not forgotten must not hold it. So
 the payload is told in the first pose, from all the joints that feel it, and what was learnt of the arm itself stays.
 Which frame has it is told with probabilities (carriers.py): one pose seldom tells.
 """
@@ -27,6 +28,7 @@ SURPRISE = 3.0  # standard deviations of torque that say that the load has chang
 CHANGE = (
     1e-3  # probability that a load changes between two torques taken: of many, some stand out by noise alone
 )
+LEAST_SPREAD = 1e-6  # [kg m, kg] of a parameter: beside a load, less than that is lost in rounding
 ANOTHER = 5.0  # the same, once a load is looked for: noise alone exceeds three of them now and then
 
 
@@ -45,10 +47,6 @@ class RecursiveGravityEstimator(EstimatedGravity):
     Older torques count less by `forgetting` with each one taken. With `carriers`, a surprise is first looked for in
     what they carry. Works beside any controller, as an observer of
     `run_loop`; friction that holds a resting arm is noise to it.
-
-    Limitation: a surprise widens A + A_0, not A_0 itself, so that with `forgetting` f below 1 each torque adds
-    (1 - f) A_0 of certainty again. Where `spread` is very tight this holds a load at what its first poses told, and
-    later torques may be taken for another load, on a wrong carrier. Use f = 1 with a tight `spread`.
     """
 
     def __init__(
@@ -93,7 +91,10 @@ class RecursiveGravityEstimator(EstimatedGravity):
         self._noise = as_positive("noise", one_for_all(noise, n), (n,))
         from_stop = as_array("margin", one_for_all(margin, n), (n,))
         self._lower, self._upper = model.lower + from_stop, model.upper - from_stop
-        self._prior = np.diag(1.0 / as_positive("spread", one_for_all(spread, p), (p,)) ** 2)  # A_0
+        deviations = as_positive("spread", one_for_all(spread, p), (p,))
+        if deviations.min() < LEAST_SPREAD:
+            raise InputError(f"spread: expected at least {LEAST_SPREAD} kg m, kg, got {deviations.min()}")
+        self._prior = np.diag(1.0 / deviations**2)  # A_0
         for name, value in (("settle", settle), ("interval", interval), ("novelty", novelty)):
             if not 0.0 <= value < np.inf:
                 raise InputError(f"{name}: expected zero or more, got {value}")
@@ -102,6 +103,7 @@ class RecursiveGravityEstimator(EstimatedGravity):
         self._forgetting, self._settle, self._interval, self._novelty = forgetting, settle, interval, novelty
         self._hypotheses = LoadHypotheses(self.regressor, carriers, load)
         self._loads = self._hypotheses.directions  # V
+        self._prior_of_loaded = _widened(self._prior, self._loads)
         self._unloaded: Floats | None = None  # s_hat before the load changed
         self._last_pose = np.zeros(n), np.zeros(3)  # configuration and gravity of the last torque taken
         self._information = np.zeros((p, p))  # A
@@ -175,10 +177,10 @@ class RecursiveGravityEstimator(EstimatedGravity):
         return none_so_far or surprise > ANOTHER
 
     def _doubt_loads(self) -> None:
-        """Widen the covariance by V V^T: A <- A - B (1 + V^T B)^-1 B^T with B = (A + A_0) V [Woodbury]."""
-        V = self._loads
-        B = (self._information + self._prior) @ V
-        self._information -= B @ np.linalg.solve(np.eye(V.shape[1]) + V.T @ B, B.T)
+        """Widen the covariance by V V^T; from now on nothing is known beforehand of what a load changes."""
+        widened = _widened(self._information + self._prior, self._loads)
+        self._prior = self._prior_of_loaded
+        self._information = widened - self._prior
 
     def follow(self, state: JointState, q_desired: Floats) -> Floats:
         """Update from a robot's state and the torque it reports, and return the gravity torque (n,) [Nm|N] there."""
@@ -189,3 +191,10 @@ class RecursiveGravityEstimator(EstimatedGravity):
         """Observe a tick of the control loop."""
         if tick.tau is not None:
             self.update(tick.state.q, tick.state.qd, tick.tau, tick.state.gravity, tick.time)
+
+
+def _widened(information: Floats, directions: Floats) -> Floats:
+    """Return the inverse of a covariance widened by V V^T: A - B (1 + V^T B)^-1 B^T with B = A V [Woodbury]."""
+    B = information @ directions
+    widened: Floats = information - B @ np.linalg.solve(np.eye(directions.shape[1]) + directions.T @ B, B.T)
+    return widened
