@@ -6,8 +6,7 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from catenary.cli.completion import robots_beginning
-from catenary.cli.options import AsJson, Units
+from catenary.cli.options import AsJson, Units, robots_beginning
 from catenary.cli.terminal import print_fact, print_json, print_notes, print_table, words
 
 

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from catenary.cli.completion import robots_beginning
-from catenary.cli.options import AsJsonNotTables, Report, Units
+from catenary.cli.options import AsJsonNotTables, Report, Units, robots_beginning
 from catenary.cli.terminal import (
     numbers,
     print_json,

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 from catenary.cli.beside_robot import RobotAccess, TerminalGuide, robot_of
-from catenary.cli.completion import robots_beginning
-from catenary.cli.options import AsJson
+from catenary.cli.options import AsJson, robots_beginning
 from catenary.cli.project_options import ArmOptions, open_project
 from catenary.cli.robot_choice import PacedRobot, open_robot
 from catenary.cli.terminal import announce, print_json, print_table

@@ -5,8 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from catenary.cli.completion import robots_beginning
-from catenary.cli.options import AsJsonNotTables, Report
+from catenary.cli.options import AsJsonNotTables, Report, robots_beginning
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table, refuse_to_overwrite
 from catenary.errors import InputError
 

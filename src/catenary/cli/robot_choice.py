@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from catenary.cli import beside_robot
-from catenary.cli.completion import robots_beginning
+from catenary.cli.options import robots_beginning
 from catenary.cli.terminal import print_notes, roll_and_pitch
 from catenary.errors import InputError
 

@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from catenary.cli.completion import robots_beginning
 from catenary.cli.joint_options import (
     Q,
     QDeg,
@@ -13,7 +12,7 @@ from catenary.cli.joint_options import (
     given_joints,
     joint_values,
 )
-from catenary.cli.options import AsJsonNotTables
+from catenary.cli.options import AsJsonNotTables, robots_beginning
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table
 from catenary.errors import InputError
 from catenary.units import in_words

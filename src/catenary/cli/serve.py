@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Option
 
-from catenary.cli.completion import robots_beginning
-from catenary.cli.options import AsJson, Carrier, Duration, JsonLines, SimulatedSeed
+from catenary.cli.options import AsJson, Carrier, Duration, JsonLines, SimulatedSeed, robots_beginning
 from catenary.cli.terminal import print_json, print_json_line, print_notes, roll_and_pitch
 from catenary.errors import InputError
 
