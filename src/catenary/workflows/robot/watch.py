@@ -2,9 +2,8 @@
 
 import time
 from collections.abc import Callable, Iterator
-from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +27,14 @@ from catenary.workflows.robot.operated_robot import OperatedRobot, distance
 EVERY = 0.04  # [s] between two samples: 25 a second
 
 
+class _Corrected(NamedTuple):
+    """What a model makes of a state; None for what is not known."""
+
+    q: Floats | None = None  # (n,) [rad|m]
+    inside: Flags | None = None  # (n,) in the valid range
+    interval: Floats | None = None  # (n,) half-width about q [rad|m]
+
+
 class _Calibrated:
     """A model beside the states of a robot."""
 
@@ -36,12 +43,13 @@ class _Calibrated:
         self._corrector.prepare(names, units, rate_hz)
         self._q: Floats = np.full(len(names), np.nan)
         self._inside: Flags = np.zeros(len(names), dtype=bool)
+        self._interval: Floats = np.full(len(names), np.nan)
 
     def take(self, state: JointState) -> None:
-        self._corrector.correct_state(state, self._q, self._inside)
+        self._corrector.correct_state(state, self._q, self._inside, self._interval)
 
-    def latest(self) -> tuple[Floats | None, Flags | None]:
-        return self._q.copy(), self._inside.copy()
+    def latest(self) -> "_Corrected":
+        return _Corrected(self._q.copy(), self._inside.copy(), self._interval.copy())
 
 
 class _Deployed:
@@ -52,22 +60,31 @@ class _Deployed:
         self._names, self._patience = client.joint_names, client.stale_after
         self._positions = Latest(client.transport, f"{place}/measured_js", JOINT_STATE)
         self._valid = Latest(client.transport, f"{place}/is_valid", "std_msgs/Bool")
+        self._intervals = Latest(client.transport, f"{place}/interval", JOINT_STATE)
 
     def take(self, state: JointState) -> None:
         """Do nothing: the deployed model hears the robot itself."""
 
-    def latest(self) -> tuple[Floats | None, Flags | None]:
+    def latest(self) -> _Corrected:
         """Return calibrated joints, NaN once nothing comes any more, and which are trusted; None before any came."""
         message = self._positions.message()
         if message is None:
-            return None, None
+            return _Corrected()
         inside: Flags = np.ones(len(self._names), dtype=bool)
         if self._positions.age() > self._patience:
-            return np.full(len(self._names), np.nan), inside
+            return _Corrected(np.full(len(self._names), np.nan), inside)
         valid = self._valid.message()
         # the topic tells of the model's joints together; models are of the positioning joints
         inside[: len(CALIBRATED)] = valid is None or bool(valid.data)
-        return np.array(joint_values(message, self._names)), inside
+        return _Corrected(np.array(joint_values(message, self._names)), inside, self._half_widths())
+
+    def _half_widths(self) -> Floats | None:
+        """Return half-widths (n,) [rad|m], NaN for joints without; None where the model publishes none."""
+        message = self._intervals.message()
+        if message is None or self._intervals.age() > self._patience:
+            return None
+        widths = dict(zip(message.name, message.position, strict=False))
+        return np.array([widths.get(name, np.nan) for name in self._names], dtype=float)
 
 
 def _calibrated(plant: Plant, model: Path | None) -> "_Calibrated | _Deployed | None":
@@ -137,13 +154,13 @@ def watch_robot(
         if now < next_sample:
             continue
         next_sample = now + every
-        calibrated, inside = (None, None) if corrected is None else corrected.latest()
+        latest = _Corrected() if corrected is None else corrected.latest()
         yield Snapshot(
             state.time, plant.joint_names, plant.joint_units, state.q, setpoint,
-            calibrated, inside, tau=state.tau, gravity_tau=robot.gravity_torque(state), gravity=state.gravity,
-            gravity_age=state.gravity_age, operating=operating, lower=plant.lower, upper=plant.upper,
-            rate_hz=states.hertz(now), late=late.within(now), silent=silent, recording=line,
-            **_truth(robot, state.q, calibrated),
+            latest.q, latest.inside, latest.interval, tau=state.tau, gravity_tau=robot.gravity_torque(state),
+            gravity=state.gravity, gravity_age=state.gravity_age, operating=operating, lower=plant.lower,
+            upper=plant.upper, rate_hz=states.hertz(now), late=late.within(now), silent=silent, recording=line,
+            **_truth(robot, state.q, latest.q),
         )  # fmt: skip
 
 
@@ -183,12 +200,14 @@ def watch_log(
         raise InputError(f"--speed: expected more than 0, got {speed}")
     steps = np.diff(log.time)
     spacing = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
-    calibrated, inside = (None, None) if model is None else _calibrated_log(model, log, 1.0 / spacing)
+    corrected = None if model is None else _CalibratedLog(model, log, 1.0 / spacing)
     begin, shown, played = clock(), -np.inf, 0.0
     for row in range(len(log)):
         if row:
             # another recording begins at once
             played += max(float(log.time[row] - log.time[row - 1]), 0.0) / speed
+        if corrected is not None:
+            corrected.take(row)
         if played - shown < every and row < len(log) - 1:
             continue
         shown = played
@@ -198,26 +217,45 @@ def watch_log(
         encoder = None if log.q_encoder is None else np.where(log.ok[row], log.q_encoder[row], np.nan)
         yield Snapshot(
             float(log.time[row]), log.joint_names, log.joint_units, log.q_nominal[row], None,
-            None if calibrated is None else calibrated[row], None if inside is None else inside[row],
+            *(_Corrected() if corrected is None else corrected.latest()),
             encoder, None if log.tau is None else log.tau[row], rate_hz=1.0 / spacing,
         )  # fmt: skip
 
 
-def _calibrated_log(model: CalibrationModel, log: MotionLog, rate_hz: float) -> tuple[Floats, Flags]:
-    """Return what a model in a loop of the recording's rate gives, (N, n) [rad|m], and what of it is trusted, (N, n).
+class _CalibratedLog:
+    """A model in a loop of a recording's rate; inputs come from all that the recording holds."""
 
-    Joints that the model is not of pass through. Inputs come from all that the recording holds.
+    def __init__(self, model: CalibrationModel, log: MotionLog, rate_hz: float) -> None:
+        """Find the model's joints and inputs in the recording.
 
-    Raises:
-        InputError: It lacks a joint or an input of the model, or was taken at a rate that does not fit its history.
-    """
-    places = places_of(model, log.joint_names, log.joint_units, whose=f'recording "{log.name}"')
-    corrector, signals = Corrector(model, rate_hz=rate_hz), model.features.signal_rows(log)
-    q, trusted = np.array(log.q_nominal), np.ones(log.q_nominal.shape, dtype=bool)
-    for first, last in pairwise([*log.starts, len(log)]):
-        rows = slice(first, last)
-        q[rows, places], trusted[rows, places] = corrector.run(log.q_nominal[rows][:, places], signals[rows])
-    return q, trusted
+        Raises:
+            InputError: It lacks a joint or an input of the model, or its rate does not fit the model's history.
+        """
+        self._corrector, self._log, self._starts = (
+            Corrector(model, rate_hz=rate_hz),
+            log,
+            frozenset(log.starts),
+        )
+        whose = f'recording "{log.name}"'
+        self._places = places_of(model, log.joint_names, log.joint_units, whose=whose)
+        self._signals, n = model.features.signal_rows(log), len(self._places)
+        self._q, self._inside, self._interval = np.empty(n), np.empty(n, dtype=bool), np.empty(n)
+        self._row = 0
+
+    def take(self, row: int) -> None:
+        """Take the next row; joints that the model is not of pass through."""
+        if row in self._starts:
+            self._corrector.reset()
+        q = self._log.q_nominal[row, self._places]
+        self._corrector.correct(q, self._signals[row], self._q, self._inside, self._interval)
+        self._row = row
+
+    def latest(self) -> _Corrected:
+        q = self._log.q_nominal[self._row].copy()
+        inside, interval = np.ones(len(q), dtype=bool), np.full(len(q), np.nan)
+        places = self._places
+        q[places], inside[places], interval[places] = self._q, self._inside, self._interval
+        return _Corrected(q, inside, interval)
 
 
 class _ThereAndBack:
