@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from catenary.cli.gravity_source import GravityOptions
-from catenary.cli.options import Record, Units
+from catenary.cli.options import MappingOptions, Record, Units
 from catenary.cli.robot_choice import WatchedRobot, open_robot, recorded
 from catenary.cli.terminal import announce, print_json_line, words
 from catenary.errors import InputError
@@ -23,8 +23,10 @@ if TYPE_CHECKING:
 def monitor(
     robot: WatchedRobot,
     gravity: GravityOptions,
+    foreign: MappingOptions,
     log: Annotated[
-        Path | None, Option(metavar="FILE", help="Play a recording: .parquet, .npz or .csv.")
+        Path | None,
+        Option(metavar="FILE", help="Play a recording: .parquet, .npz or .csv; others with --map."),
     ] = None,
     model: Annotated[
         Path | None, Option(metavar="MODEL", help="Calibration model: calibrated joints, valid range.")
@@ -63,15 +65,17 @@ def monitor(
     with ExitStack() as stack:
         if log is not None:
             from catenary.calibration.files import load_model
-            from catenary.recording.logs import read_log
+            from catenary.recording.foreign.read import Reading, read_recording
             from catenary.workflows.fit import read_recording_of
             from catenary.workflows.robot.watch import watch_log
 
             loaded = None if model is None else load_model(model)[0]
-            if units is not None or loaded is None:
-                played = read_log(log, units=None if units is None else words(units))
-            else:
+            mapping = foreign.read(units)
+            if mapping is None and units is None and loaded is not None:
                 played = read_recording_of(loaded, log)
+            else:
+                given = None if units is None or mapping is not None else words(units)
+                played = read_recording(log, Reading(units=given, mapping=mapping))
             name, samples = log.name, watch_log(played, model=loaded, every=1.0 / hertz, speed=speed)
         else:
             import numpy as np

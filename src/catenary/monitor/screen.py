@@ -36,8 +36,10 @@ def monitor_lines(
     rate = "-" if shot.rate_hz is None else f"{shot.rate_hz:.0f} Hz"
     shown += [_fit(_left_right(f"time {shot.time:10.2f} s", f"states {rate:>8}", columns), columns), ""]
     heads = [head for head, (field, _) in _COLUMNS.items() if _is_known(getattr(shot, field), head)]
+    while heads and 14 + sum(_COLUMNS[head][1] for head in heads) > columns:
+        heads.pop()  # half a column tells nothing
     titles = "".join(head.rjust(_COLUMNS[head][1]) for head in heads)
-    has_room = 14 + len(titles) + 3 + BAR + 2 <= columns  # a bar cut off tells nothing
+    has_room = 14 + len(titles) + 3 + BAR + 2 <= columns
     shown.append(_fit(f"{'':<14}{titles}{'   range' if has_room else ''}", columns))
     for j, joint in enumerate(shot.joint_names):
         unit = "deg" if shot.joint_units[j] == "rad" else "mm"
