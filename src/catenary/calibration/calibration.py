@@ -25,6 +25,8 @@ from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
+from catenary.verdict.check import findings_of, robot_of
+from catenary.verdict.finding import Finding
 
 Recording = MotionLog | str | Path
 Motion = ArrayLike | Recording | Sequence[Recording]
@@ -137,6 +139,7 @@ def fit(
     folds: int = FOLDS,
     robot: str | None = None,
     seed: int = 0,
+    accept: Sequence[str] = (),
     progress: Progress = silent,
 ) -> Calibration:
     """Fit a calibration model: what to add to the reported joint positions.
@@ -162,9 +165,11 @@ def fit(
             which takes a fraction of the time.
         robot: Its name, for the card; the recordings' when None.
         seed: Of a network's training.
+        accept: What `check_data` finds wrong with the data and is gone on with all the same, by name.
         progress: Called with the share done.
 
     Raises:
+        DataError: Something is wrong with the data; the message says what, how it is mended, how it is accepted.
         InputError: Arrays that do not fit together, too few rows, or options that contradict each other.
         FileFormatError: A recording is missing or damaged.
     """
@@ -180,10 +185,49 @@ def fit(
         seed=seed,
     )
     run = FitRun(
-        robot=robot, max_error=None if max_error is None else tuple(max_error), held_out=held_out, folds=folds
+        robot=robot,
+        max_error=None if max_error is None else tuple(max_error),
+        held_out=held_out,
+        folds=folds,
+        accept=tuple(accept),
     )
     result = fit_logs(logs, options, run, progress=progress)
     return _with_card(result.model, result.card)
+
+
+def check_data(
+    q_nominal: Motion,
+    q_encoder: ArrayLike | None = None,
+    *,
+    units: Sequence[str] | None = None,
+    joint_names: Sequence[str] | None = None,
+    tau: ArrayLike | None = None,
+    qd: ArrayLike | None = None,
+    time: ArrayLike | None = None,
+    robot: str | None = None,
+) -> tuple[Finding, ...]:
+    """Return what is wrong with recordings, and what is worth knowing, before a model is made of them.
+
+    Args:
+        q_nominal: (N, n) reported positions [rad|m]; or recordings.
+        q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement.
+        units: As for `fit`; so are `joint_names`, `tau`, `qd` and `time`.
+        joint_names: Names of the joints.
+        tau: Joint torques.
+        qd: Joint velocities.
+        time: [s].
+        robot: Catalogue name or file of the robot, whose limits positions are held against.
+
+    Returns:
+        Findings; `fit` refuses those whose `refuses` is true, unless their `name` is accepted.
+
+    Raises:
+        InputError: Arrays that do not fit together.
+        FileFormatError: A recording is missing or damaged.
+    """
+    logs = _logs(q_nominal, joint_names, units, q_encoder=q_encoder, tau=tau, qd=qd, time=time)
+    model = robot_of(logs, robot)
+    return tuple(finding for log in logs for finding in findings_of(log, robot=model))
 
 
 def evaluate(

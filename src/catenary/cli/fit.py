@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from catenary.cli.options import AsJsonNotTables, Report, Units
+from catenary.cli.options import AsJsonNotTables, Report
 from catenary.cli.terminal import (
     numbers,
     print_json,
@@ -18,6 +18,7 @@ from catenary.cli.terminal import (
     refuse_unwritable,
     words,
 )
+from catenary.cli.verdict_options import Accept, MendOptions
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ MaxError = Annotated[
 
 def fit(
     data: Recordings,
+    mending: MendOptions,
     model: Annotated[str, Option(metavar="KIND", help="offset, linear, polynomial or neural.")],
     out: Annotated[Path, Option(metavar="MODEL", help="File to write the model to, e.g. arm.npz.")],
     preset: Annotated[
@@ -74,7 +76,6 @@ def fit(
             help="What to learn: error, the joint error, or position, the joint position end to end.",
         ),
     ] = "error",
-    units: Units = None,
     robot: Annotated[
         str | None,
         Option(metavar="ROBOT", help="Catalogue name or file of the robot: joint names and units."),
@@ -95,6 +96,7 @@ def fit(
         ),
     ] = None,
     seed: Seed = 0,
+    accept: Accept = None,
     report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
@@ -105,7 +107,6 @@ def fit(
     from catenary.calibration.files import card_path, save_model
     from catenary.calibration.fit import PLAY_SHARES, FitOptions
     from catenary.calibration.fitting import FitRun
-    from catenary.recording.logs import Reading
     from catenary.robots.catalog import load_robot
     from catenary.workflows.fit import fit_calibration
 
@@ -121,12 +122,13 @@ def fit(
     )
     arm = None if robot is None else load_robot(robot)
     names, own_units = (None, None) if arm is None else (arm.joint_names, arm.joint_units)
-    reading = Reading(units=own_units if units is None else words(units), joint_names=names)
+    reading = mending.reading(units=own_units, joint_names=names)
     run = FitRun(
         robot=robot,
         max_error=_limits(max_error),
         held_out=held_out,
         folds=folds,
+        accept=tuple(accept or ()),
     )
     refuse_unwritable("--out", out)
     read = [*data, *([Path(robot)] if robot else [])]
@@ -147,10 +149,12 @@ def fit(
 def evaluate(
     model: Annotated[Path, Argument(metavar="MODEL", help="A model that catenary fit wrote.")],
     data: Recordings,
+    mending: MendOptions,
     window: Annotated[
         float | None, Option(metavar="S", help="Length of a time window in s. [default: a tenth of the data]")
     ] = None,
     max_error: MaxError = None,
+    accept: Accept = None,
     report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
@@ -164,7 +168,14 @@ def evaluate(
     from catenary.workflows.fit import evaluate_calibration, evaluation_summary
 
     refuse_to_overwrite({"--report": report}, [model, *data])
-    result = evaluate_calibration(model, data, max_error=_limits(max_error), window=window)
+    result = evaluate_calibration(
+        model,
+        data,
+        mend=mending.mend(),
+        accept=tuple(accept or ()),
+        max_error=_limits(max_error),
+        window=window,
+    )
     if as_json:
         print_json(evaluation_summary(result))
     else:

@@ -11,7 +11,12 @@ from typer import Option
 AsJson = Annotated[bool, Option("--json", help="Print JSON.")]
 AsJsonNotTables = Annotated[bool, Option("--json", help="Print JSON instead of tables.")]
 Units = Annotated[
-    str | None, Option("--units", metavar="U,U,...", help="rad or m per joint, where recordings do not say.")
+    str | None,
+    Option(
+        "--units",
+        metavar="U,U,...",
+        help="Unit of each joint's numbers: rad, m, or deg, mm, cm; q_encoder:deg,... of measurements alone.",
+    ),
 ]
 Report = Annotated[Path | None, Option("--report", metavar="HTML", help="Also write a self-contained page.")]
 JsonLines = Annotated[bool, Option("--json", help="Print a JSON line a second, and one at the end.")]

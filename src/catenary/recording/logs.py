@@ -16,6 +16,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.files import damage, sha256_of, written_whole
 from catenary.plant import MotionLog
 from catenary.recording.importers import numbers_of, read_command_log
+from catenary.recording.mend import NOTHING, Mend
 from catenary.robots.model import RobotModel
 from catenary.units import TORQUE_UNIT
 
@@ -59,12 +60,14 @@ class Reading:
 
     units: tuple[str, ...] | None = None  # "rad" or "m" per joint
     joint_names: tuple[str, ...] | None = None
+    mend: Mend = NOTHING  # what to change of them
 
 
 def read_logs(paths: Sequence[str | Path], reading: Reading | None = None) -> list[MotionLog]:
-    """Read recordings; see `read_log`."""
+    """Read recordings, and mend them; see `read_log`."""
     reading = reading if reading is not None else Reading()
-    return [read_log(path, units=reading.units, joint_names=reading.joint_names) for path in paths]
+    read = (read_log(path, units=reading.units, joint_names=reading.joint_names) for path in paths)
+    return [reading.mend(log) for log in read]
 
 
 def write_parquet(log: MotionLog, path: str | Path) -> None:

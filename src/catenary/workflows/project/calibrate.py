@@ -15,12 +15,14 @@ from catenary.calibration.fitting import FitRun
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.files import sha256_of
-from catenary.recording.logs import Reading
+from catenary.recording.logs import Reading, read_logs
+from catenary.recording.mend import NOTHING
 from catenary.reports.calibration import percent
 from catenary.reports.project import write_project_report
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import zigzag
+from catenary.verdict.shared import require_apart
 from catenary.workflows.fit import evaluate_calibration, fit_calibration
 from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
@@ -164,11 +166,13 @@ def calibrate_recordings(
     test: Sequence[Path],
     *,
     reading: Reading | None = None,
+    accept: tuple[str, ...] = (),
     progress: Callable[[str], Progress] = lambda _: silent,
 ) -> CalibrationResult:
     """Calibrate from recordings in place of a robot: fit every model to some, test on others.
 
     Raises:
+        DataError: Something is wrong with a recording that `accept` does not name, or rows are in both.
         InputError: No recording to train on or to test on, or one that is in both.
     """
     if not train or not test:
@@ -177,12 +181,13 @@ def calibrate_recordings(
     both = [str(path) for path, content in zip(test, _hashes(test), strict=True) if content in hashes]
     if both:
         raise InputError(f"calibrate: {', '.join(both)}: a recording cannot be both trained and tested on")
+    require_apart(read_logs(train, reading), read_logs(test, reading), accept)
     project.ran.clear()
     models = models_for(None, 0)
     with project:
-        fit_models(project, train, models, FitRun(folds=0), progress, reading)
+        fit_models(project, train, models, FitRun(folds=0, accept=accept), progress, reading)
         progress("report")
-        return conclude(project, models, train, test, None)
+        return conclude(project, models, train, test, None, reading=reading, accept=accept)
 
 
 def model_path(project: Project, name: str) -> Path:
@@ -236,9 +241,16 @@ def conclude(
     train: Sequence[Path],
     test: Sequence[Path],
     deployed: Path | None,
+    *,
+    reading: Reading | None = None,
+    accept: tuple[str, ...] = (),
 ) -> CalibrationResult:
     """Evaluate every model and write evaluation.json and report.html, unless they hold just this already."""
-    results = {name: evaluate_calibration(model_path(project, name), list(test)) for name in models}
+    mend = NOTHING if reading is None else reading.mend
+    results = {
+        name: evaluate_calibration(model_path(project, name), list(test), mend=mend, accept=accept)
+        for name in models
+    }
     deployment = None
     if deployed is not None:
         deployment = read_state(
@@ -263,6 +275,7 @@ def conclude(
 
     recordings = [[path.name for path in paths] + _hashes(paths) for paths in (train, test)]
     fitted = [sha256_of(model_path(project, name)) for name in models]
-    made_from = [recordings, fitted, deployment, project.settings.connection, __version__]
+    mended = [] if reading is None and not accept else [None if reading is None else asdict(reading), accept]
+    made_from = [recordings, fitted, deployment, project.settings.connection, __version__, *mended]
     project.run("report", made_from, [evaluation, page], work)
     return concluded
