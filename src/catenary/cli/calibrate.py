@@ -10,10 +10,9 @@ from typer import Argument, Option
 
 from catenary.cli.beside_robot import RobotAccess, deploy_beside, record_others, robot_of
 from catenary.cli.gravity_source import GravityOptions
-from catenary.cli.options import AsJson
+from catenary.cli.options import Accept, AsJson, MappingOptions, MendOptions
 from catenary.cli.project_options import ExcitationOptions, Folder, Hours, Seed, open_project, require_project
 from catenary.cli.terminal import announce, print_json, print_notes, print_table, progress_bar
-from catenary.cli.verdict_options import Accept, MendOptions
 from catenary.errors import CatenaryError, InputError, InUseError
 
 if TYPE_CHECKING:
@@ -216,6 +215,7 @@ def calibrate(
     arm: ExcitationOptions,
     mending: MendOptions,
     access: RobotAccess,
+    foreign: MappingOptions,
     train: Annotated[
         list[Path] | None, Argument(metavar="[DATA...]", help="Recordings to train on, in place of a robot.")
     ] = None,
@@ -240,7 +240,7 @@ def calibrate(
                 opened,
                 train,
                 test or [],
-                reading=mending.reading(),
+                reading=mending.reading(foreign),
                 accept=tuple(accept or ()),
                 progress=progress,
             )

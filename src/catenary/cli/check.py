@@ -6,14 +6,14 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from catenary.cli.options import AsJson
+from catenary.cli.options import AsJson, MappingOptions, MendOptions
 from catenary.cli.terminal import print_fact, print_json, print_notes, print_table
-from catenary.cli.verdict_options import MendOptions
 
 
 def check(
     file: Annotated[str, Argument(metavar="FILE", help="A robot, a calibration model or a recording.")],
     mending: MendOptions,
+    foreign: MappingOptions,
     robot: Annotated[
         str | None,
         Option(metavar="ROBOT", help="Robot of a recording: its limits, and joints' names and units."),
@@ -33,7 +33,7 @@ def check(
 
     arm = None if robot is None else load_robot(robot)
     names, units = (None, None) if arm is None else (arm.joint_names, arm.joint_units)
-    finding = check_file(file, mending.reading(units=units, joint_names=names), robot=robot)
+    finding = check_file(file, mending.reading(foreign, units=units, joint_names=names), robot=robot)
     if as_json:
         print_json(finding.as_data())
     else:

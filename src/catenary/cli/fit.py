@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from catenary.cli.options import AsJsonNotTables, Report
+from catenary.cli.options import Accept, AsJsonNotTables, MappingOptions, MendOptions, Report
 from catenary.cli.terminal import (
     numbers,
     print_json,
@@ -18,17 +18,18 @@ from catenary.cli.terminal import (
     refuse_unwritable,
     words,
 )
-from catenary.cli.verdict_options import Accept, MendOptions
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
+    from catenary.calibration.evaluate import Evaluation
     from catenary.calibration.fitting import FitResult
 
 Recordings = Annotated[
     list[Path],
     Argument(
         metavar="DATA",
-        help="Recordings: .npz with q_des, q_act, ok in rad and m, .parquet logs, or RAVEN-II's published .csv.",
+        help="Recordings: .npz with q_des, q_act, ok in rad and m, .parquet logs, RAVEN-II's published .csv; others "
+        "with --map.",
     ),
 ]
 LARGEST = sys.float_info.max
@@ -43,6 +44,7 @@ MaxError = Annotated[
 def fit(
     data: Recordings,
     mending: MendOptions,
+    foreign: MappingOptions,
     model: Annotated[str, Option(metavar="KIND", help="offset, linear, polynomial or neural.")],
     out: Annotated[Path, Option(metavar="MODEL", help="File to write the model to, e.g. arm.npz.")],
     preset: Annotated[
@@ -85,6 +87,10 @@ def fit(
         Option(metavar="SHARE", help="Keep the last part of each recording, this share of it, for a test."),
     ] = None,
     folds: Annotated[int, Option(metavar="N", min=0, help="Blocks of the cross-validation; 0 for none.")] = 5,
+    coverage: Annotated[
+        float,
+        Option(metavar="SHARE", help="Share of errors that the intervals about corrected joints hold."),
+    ] = 0.9,
     max_error: MaxError = None,
     ridge: Annotated[
         float | None,
@@ -122,13 +128,14 @@ def fit(
     )
     arm = None if robot is None else load_robot(robot)
     names, own_units = (None, None) if arm is None else (arm.joint_names, arm.joint_units)
-    reading = mending.reading(units=own_units, joint_names=names)
+    reading = mending.reading(foreign, units=own_units, joint_names=names, robot=robot)
     run = FitRun(
         robot=robot,
         max_error=_limits(max_error),
         held_out=held_out,
         folds=folds,
         accept=tuple(accept or ()),
+        coverage=coverage,
     )
     refuse_unwritable("--out", out)
     read = [*data, *([Path(robot)] if robot else [])]
@@ -158,9 +165,9 @@ def evaluate(
     report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
-    """Print a model's error on recordings, before and after.
+    """Print a model's error on recordings, before and after, and whether its intervals hold.
 
-    RMSE and maximum per joint in deg and mm, and RMSE per window of time.
+    RMSE and maximum per joint in deg and mm, RMSE per window of time, share of errors within the intervals.
 
     Example: catenary evaluate arm.npz run2.npz --report run2.html
     """
@@ -181,6 +188,7 @@ def evaluate(
     else:
         print_notes(result.notes)
         print_table("RMSE and largest error per joint", *error_table(result.evaluation))
+        _print_coverage(result.evaluation)
         print_table("RMSE of the model over time", *window_table(result.evaluation))
     if report is not None:
         tested_on = ", ".join(source.name for source in result.evaluation.data.sources)
@@ -201,7 +209,15 @@ def _print_fit(out: Path, card: Path, result: "FitResult") -> None:
         print_table("RMSE on blocks of time that the fit did not see", *spread_table(result.spread))
     if result.held_out is not None:
         print_table("RMSE and largest error on the held-out part", *error_table(result.held_out))
+        _print_coverage(result.held_out)
     print(f"model: {out}\ncard:  {card}")
+
+
+def _print_coverage(evaluation: "Evaluation") -> None:
+    from catenary.reports.intervals import coverage_table, coverage_title
+
+    if evaluation.level is not None:
+        print_table(coverage_title(evaluation.level), *coverage_table(evaluation))
 
 
 def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:

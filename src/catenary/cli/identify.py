@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from catenary.cli.options import AsJsonNotTables, Report
+from catenary.cli.options import Accept, AsJsonNotTables, MappingOptions, MendOptions, Report
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table, refuse_to_overwrite
 from catenary.errors import InputError
 
@@ -13,7 +13,7 @@ Logs = Annotated[
     list[Path],
     Argument(
         metavar="LOG",
-        help="Recordings: .npz with q, dq, tau and fs or t in rad, m, s, Nm, N; or .parquet logs.",
+        help="Recordings: .npz with q, dq, tau and fs or t in rad, m, s, Nm, N; or .parquet logs; others with --map.",
     ),
 ]
 Gravity = Annotated[
@@ -28,6 +28,8 @@ CutOff = Annotated[
 
 def identify(
     logs: Logs,
+    mending: MendOptions,
+    foreign: MappingOptions,
     robot: Annotated[str, Option(metavar="ROBOT", help="Catalogue name or file; needs no inertia.")],
     out: Annotated[Path, Option(metavar="FILE", help="File to write the parameters to, e.g. arm.npz.")],
     test: Annotated[
@@ -55,6 +57,7 @@ def identify(
     ] = None,
     rows: Annotated[str | None, Option(metavar="A:B", help="Rows of LOG to fit. [default: all]")] = None,
     gravity: Gravity = None,
+    accept: Accept = None,
     urdf: Annotated[
         Path | None, Option(metavar="FILE", help="Also write the robot as URDF; needs --consistent.")
     ] = None,
@@ -84,7 +87,15 @@ def identify(
         raise InputError("--urdf: only a physically consistent fit gives links an inertia; add --consistent")
     outputs = {"--out": out, "the card of --out": card_path(out), "--report": report, "--urdf": urdf}
     refuse_to_overwrite(outputs, [*logs, *tests, Path(robot)])
-    result = identify_files(logs, robot, options, tests=tests, rows=_rows(rows))
+    result = identify_files(
+        logs,
+        robot,
+        options,
+        tests=tests,
+        rows=_rows(rows),
+        reading=mending.reading(foreign),
+        accept=tuple(accept or ()),
+    )
     found = result.identification
     save_identification(found, result.card, out)
     if urdf is not None:

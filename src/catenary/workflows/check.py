@@ -16,7 +16,7 @@ from catenary.calibration.model import CalibrationModel
 from catenary.errors import FileFormatError
 from catenary.identification.files import load_identification
 from catenary.plant import MotionLog
-from catenary.recording.logs import Reading, read_logs
+from catenary.recording.foreign.read import Reading, read_recording
 from catenary.reports.calibration import shortened
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
@@ -62,6 +62,8 @@ def check_file(source: str, reading: Reading | None = None, *, robot: str | None
         InputError: A recording or robot whose numbers cannot be used; the message says which.
     """
     path = Path(source)
+    if reading is not None and reading.mapping is not None:
+        return check_recording(read_recording(path, reading), robot=robot)
     if source in robot_names():
         return check_robot(load_robot(source))
     if path.is_dir():
@@ -72,15 +74,14 @@ def check_file(source: str, reading: Reading | None = None, *, robot: str | None
     if path.is_file() and is_zipfile(path) and "structure" in (arrays := read_arrays(path)):
         return _check_identification(path) if "combination" in arrays else _check_model(path)
     if path.suffix in (".npz", ".parquet", ".csv"):
-        (log,) = read_logs([path], reading)
-        return check_recording(log, robot=robot)
+        return check_recording(read_recording(path, reading), robot=robot)
     if not path.exists():
         raise FileFormatError(
             f"{source}: no such file, and no robot of that name; robots: {', '.join(robot_names())}"
         )
     raise FileFormatError(
         f'{source}: ending "{path.suffix}" is not one that catenary reads: robots ({", ".join(ROBOT_ENDINGS)}), '
-        "models (.npz), recordings (.npz, .parquet, .csv)"
+        "models (.npz), recordings (.npz, .parquet, .csv; of others `catenary import FILE` proposes a mapping)"
     )
 
 
