@@ -82,6 +82,7 @@ def model_card(
         f"{extrapolation(model.kind, features):.0%} of their range; outside it the fixed offset is used",
         "data": [asdict(source) for source in data.sources],
         "rows": len(data),
+        "recorded": data.last_date,
         "run": {"seed": options.seed, **command},
         "version": {"catenary": __version__, **{name: version(name) for name in LIBRARIES}},
         "errors": {

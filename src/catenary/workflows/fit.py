@@ -63,7 +63,7 @@ def evaluate_calibration(
         InputError: A recording is of other joints, or lacks an input of the model.
     """
     model, card = load_model(model_path)
-    logs = [_read_for(model, path) for path in paths]
+    logs = [read_for(model, path) for path in paths]
     if not logs:
         raise InputError("data: expected at least one recording, got none")
     for log in logs:
@@ -92,7 +92,7 @@ def evaluation_summary(result: EvaluationResult) -> dict[str, Any]:
     }
 
 
-def _read_for(model: CalibrationModel, path: Path) -> MotionLog:
+def read_for(model: CalibrationModel, path: Path) -> MotionLog:
     """Read a recording, taking the model's names and units where a bare command log does not state them.
 
     Raises:
