@@ -22,7 +22,9 @@ def card_of(log: Any = None, *, held_out: bool = True, folds: int = 3, **options
     inputs = choose_inputs([log], asked)
     early, late = calibration_data([log], inputs.features).split_by_time(0.2)
     model = fit(early, inputs, asked)
-    spread = cross_validate(early, lambda rows, _: fit(rows, inputs, asked), folds=folds) if folds else ()
+    spread = (
+        cross_validate(early, lambda rows, _: fit(rows, inputs, asked), folds=folds).spread if folds else ()
+    )
     return model_card(
         model,
         early,

@@ -114,7 +114,7 @@ class Shift:
     def prepare(self, joint_names: tuple[str, ...], joint_units: tuple[str, ...], rate_hz: float) -> None:
         self.rate = rate_hz
 
-    def correct_state(self, state: JointState, out: Floats, inside: Floats) -> None:
+    def correct_state(self, state: JointState, out: Floats, inside: Floats, interval: Floats) -> None:
         out[:] = state.q + self.shift
         inside[:] = [True, self.ticks % 2 == 0]
         self.ticks += 1

@@ -8,7 +8,7 @@ import pytest
 import simulated_arm
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
-from catenary.workflows.check import Finding, check_file, check_recording, check_robot
+from catenary.workflows.check import FileReport, check_file, check_recording, check_robot
 
 ARRAYS = simulated_arm.arrays()
 LOG = MotionLog(
@@ -62,7 +62,7 @@ def test_limits_the_wrong_way_round_are_a_fault() -> None:
 
 
 def test_a_finding_is_plain_data() -> None:
-    data = Finding("robot", [("a", "b")], ["fault"], ["remark"]).as_data()
+    data = FileReport("robot", [("a", "b")], ["fault"], ["remark"]).as_data()
     assert data == {"kind": "robot", "facts": {"a": "b"}, "faults": ["fault"], "remarks": ["remark"]}
 
 

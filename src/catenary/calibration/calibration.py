@@ -19,7 +19,7 @@ from catenary.calibration.evaluate import evaluate as evaluate_rows
 from catenary.calibration.files import load_model as read_model
 from catenary.calibration.files import save_model
 from catenary.calibration.fit import FitOptions, Kind, Preset
-from catenary.calibration.fitting import FOLDS, FitRun, fit_logs
+from catenary.calibration.fitting import COVERAGE, FOLDS, FitRun, fit_logs
 from catenary.calibration.model import CalibrationModel, Card, Target
 from catenary.calibration.progress import Progress, silent
 from catenary.calibration.upkeep.lineage import refreshed_card
@@ -63,6 +63,33 @@ class Calibration(CalibrationModel):
         """
         logs = _logs(q_nominal, self.joint_names, self.joint_units, tau=tau, qd=qd, time=time)
         return np.concatenate([self.calibrate(log) for log in logs])
+
+    def predict_interval(
+        self,
+        q_nominal: Motion,
+        *,
+        tau: ArrayLike | None = None,
+        qd: ArrayLike | None = None,
+        time: ArrayLike | None = None,
+    ) -> Floats:
+        """Return half-widths of intervals about what `predict` gives.
+
+        Args:
+            q_nominal: As for `predict`; so are the others.
+            tau: Joint torques.
+            qd: Joint velocities.
+            time: [s].
+
+        Returns:
+            (N, n) [rad|m]; a share of errors, `intervals.level`, is to lie within; wider outside the valid range,
+            NaN where the model has no intervals.
+
+        Raises:
+            InputError: As for `predict`.
+            FileFormatError: A recording is missing or damaged.
+        """
+        logs = _logs(q_nominal, self.joint_names, self.joint_units, tau=tau, qd=qd, time=time)
+        return np.concatenate([self.half_widths(log) for log in logs])
 
     def evaluate(
         self,
@@ -168,6 +195,7 @@ def fit(
     max_error: Sequence[float] | None = None,
     held_out: float | None = None,
     folds: int = FOLDS,
+    coverage: float = COVERAGE,
     robot: str | None = None,
     seed: int = 0,
     progress: Progress = silent,
@@ -192,7 +220,8 @@ def fit(
         max_error: Leave out rows with larger errors, per joint in deg and mm.
         held_out: Share at the end of each recording that is kept from the fit; the card then has the errors on it.
         folds: Blocks of time that the card's errors are of, each predicted by a model of the others; 0 for none,
-            which takes a fraction of the time.
+            which takes a fraction of the time, but leaves the model without intervals.
+        coverage: Share of errors that the intervals about calibrated positions are to hold.
         robot: Its name, for the card; the recordings' when None.
         seed: Of a network's training.
         progress: Called with the share done.
@@ -213,7 +242,11 @@ def fit(
         seed=seed,
     )
     run = FitRun(
-        robot=robot, max_error=None if max_error is None else tuple(max_error), held_out=held_out, folds=folds
+        robot=robot,
+        max_error=None if max_error is None else tuple(max_error),
+        held_out=held_out,
+        folds=folds,
+        coverage=coverage,
     )
     result = fit_logs(logs, options, run, progress=progress)
     return _with_card(result.model, result.card)

@@ -9,6 +9,7 @@ from catenary import __version__
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import Evaluation, JointErrors, Spread
 from catenary.calibration.fit import FitOptions, extrapolation
+from catenary.calibration.intervals import FARTHEST
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.neural import BEST, PAPER, NetworkSettings
 from catenary.units import DISPLAY
@@ -39,7 +40,7 @@ def model_card(
         held_out: Evaluation on the recordings' last part, when one was held out.
         notes: What was decided on the way.
     """
-    features = model.features
+    features, intervals = model.features, model.intervals
     ranges: dict[str, dict[str, float]] = {}
     names = features.names
     for group in model.groups:
@@ -59,6 +60,8 @@ def model_card(
                 "unit": unit,
                 "inputs": [names[c] for group in model.groups if j in group.joints for c in group.columns],
                 "fixed_offset": float(model.offset[j]),
+                "half_width": None if intervals is None else float(intervals.inside[j]),
+                "half_width_outside": None if intervals is None else float(intervals.outside[j]),
             }
             for j, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True))
         ],
@@ -80,6 +83,14 @@ def model_card(
         "settings": _settings(options),
         "valid_range": "box around the training inputs and box along their principal axes, each widened by "
         f"{extrapolation(model.kind, features):.0%} of their range; outside it the fixed offset is used",
+        "intervals": None
+        if intervals is None
+        else {
+            "coverage": intervals.level,
+            "how": "hierarchical conformal prediction on blocks of time, from the errors of the cross-validation",
+            "outside": "half_width_outside, times how many times farther from the middle of the valid range's box a "
+            f"watched input is than its edge, at most {FARTHEST:g}",
+        },
         "data": [asdict(source) for source in data.sources],
         "rows": len(data),
         "recorded": data.last_date,

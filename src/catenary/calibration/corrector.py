@@ -17,7 +17,7 @@ SOURCES = ("q", "qd", "tau")  # of a joint state, one after the other
 
 
 class Corrector:
-    """Calibrated joint positions and valid-range flags from the signals of each tick.
+    """Calibrated joint positions, valid-range flags and intervals from the signals of each tick.
 
     Gives what `CalibrationModel.calibrate` gives, bit for bit, whatever the kind of model. It keeps the previous
     positions and play states that the model takes. Until `history` of them have been seen, outside the valid range
@@ -50,9 +50,9 @@ class Corrector:
         self._memory = model.features.memory(self.decimation)
         n, signals = len(model.joint_names), len(model.features.signals)
         self._q, self._signals, self._out = np.zeros(n), np.zeros(signals), np.zeros(n)
-        self._inside = np.zeros(n, dtype=bool)
+        self._inside, self._interval = np.zeros(n, dtype=bool), np.zeros(n)
         self._shapes = ((n,), (signals,), (n,), (n,))
-        self._tick = self.bind(self._q, self._signals, self._out, self._inside)
+        self._tick = self._bound()
         # of no robot yet: no joint state has -1 joints
         self._robot_shapes = ((-1,),) * 5
         self._places, self._sources = np.arange(n), np.zeros(signals, dtype=np.int64)
@@ -63,9 +63,14 @@ class Corrector:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)  # a copy has arrays of its own, and so its call
-        self._tick = self.bind(self._q, self._signals, self._out, self._inside)
+        self._tick = self._bound()
 
-    def bind(self, q_nominal: Floats, signals: Floats, out: Floats, inside: Flags) -> Callable[[], None]:
+    def _bound(self) -> Callable[[], None]:
+        return self.bind(self._q, self._signals, self._out, self._inside, self._interval)
+
+    def bind(
+        self, q_nominal: Floats, signals: Floats, out: Floats, inside: Flags, interval: Floats | None = None
+    ) -> Callable[[], None]:
         """Return a call without arguments that takes one tick on these very arrays, which are checked once, now.
 
         Args:
@@ -73,27 +78,45 @@ class Corrector:
             signals: (S,) float64: current values of `model.features.signals`, in that order.
             out: (n,) float64: receives the calibrated positions [rad|m]; not the memory of `q_nominal`.
             inside: (n,) bool: receives whether each joint is inside the model's valid range.
+            interval: (n,) float64: receives half-widths of intervals about `out` [rad|m], NaN where the model has
+                none; without it they are not computed.
 
         Raises:
             InputError: An array has another shape, type or layout, or two share their memory.
         """
-        self._require_shapes(q_nominal, signals, out, inside)
+        self._require_shapes(q_nominal, signals, out, inside, interval)
         return bound(
             self.model.tick_steps(
-                self._memory, q_nominal[None], signals[None], out[None], inside[None], rate_hz=self.rate_hz
+                self._memory,
+                q_nominal[None],
+                signals[None],
+                out[None],
+                inside[None],
+                None if interval is None else interval[None],
+                rate_hz=self.rate_hz,
             )
         )
 
-    def _require_shapes(self, *arrays: ArrayLike) -> None:
-        shapes = tuple(np.shape(array) for array in arrays)
-        if shapes != self._shapes:
-            (n,), (signals,), *_ = self._shapes
+    def _require_shapes(
+        self, q: ArrayLike, signals: ArrayLike, out: Floats, inside: Flags, interval: Floats | None
+    ) -> None:
+        shapes = (np.shape(q), np.shape(signals), out.shape, inside.shape)
+        if shapes != self._shapes or (interval is not None and interval.shape != out.shape):
+            (n,), (inputs,), *_ = self._shapes
+            got = shapes if interval is None else (*shapes, interval.shape)
             raise InputError(
-                f"corrector: expected q_nominal ({n},), signals ({signals},), out ({n},), inside ({n},), "
-                f"got {', '.join(map(str, shapes))}"
+                f"corrector: expected q_nominal ({n},), signals ({inputs},), out ({n},), inside ({n},), "
+                f"interval ({n},) or none, got {', '.join(map(str, got))}"
             )
 
-    def correct(self, q_nominal: ArrayLike, signals: ArrayLike, out: Floats, inside: Flags) -> None:
+    def correct(
+        self,
+        q_nominal: ArrayLike,
+        signals: ArrayLike,
+        out: Floats,
+        inside: Flags,
+        interval: Floats | None = None,
+    ) -> None:
         """Take one tick.
 
         Args:
@@ -101,14 +124,17 @@ class Corrector:
             signals: (S,) current values of `model.features.signals`, in that order.
             out: (n,) receives the calibrated positions [rad|m]; may be `q_nominal`.
             inside: (n,) receives whether each joint is inside the model's valid range.
+            interval: (n,) receives half-widths of intervals about `out` [rad|m]; NaN where the model has none.
 
         Raises:
             InputError: An array has another shape.
         """
-        self._require_shapes(q_nominal, signals, out, inside)
+        self._require_shapes(q_nominal, signals, out, inside, interval)
         self._q[:], self._signals[:] = q_nominal, signals
         self._tick()
         out[:], inside[:] = self._out, self._inside
+        if interval is not None:
+            interval[:] = self._interval
 
     @property
     def leaps(self) -> dict[str, int]:
@@ -181,21 +207,24 @@ class Corrector:
         self._sources, self._still = np.array(sources, dtype=np.int64), np.array(still)
         self.reset()
 
-    def correct_state(self, state: JointState, out: Floats, inside: Flags) -> None:
+    def correct_state(
+        self, state: JointState, out: Floats, inside: Flags, interval: Floats | None = None
+    ) -> None:
         """Take one tick of the robot that `prepare` was told of.
 
         Args:
             state: What the robot reports.
             out: (n,) receives the calibrated positions [rad|m]; joints without a model pass through.
             inside: (n,) receives the flags; true for joints without a model.
+            interval: (n,) receives half-widths of intervals about `out` [rad|m]; NaN for joints without any.
 
         Raises:
             InputError: An array has another size than the robot's joints.
         """
         shapes = (state.q.shape, state.qd.shape, state.tau.shape, out.shape, inside.shape)
-        if shapes != self._robot_shapes:
+        if shapes != self._robot_shapes or (interval is not None and interval.shape != out.shape):
             raise InputError(
-                "corrector: q, qd, tau, out and inside are not of the robot that it was prepared for: "
+                "corrector: q, qd, tau, out, inside and interval are not of the robot that it was prepared for: "
                 + ", ".join(map(str, shapes))
             )
         self._signals[:] = np.concatenate((state.q, state.qd, state.tau, self._still))[self._sources]
@@ -204,6 +233,9 @@ class Corrector:
         out[:] = state.q
         inside[:] = True
         out[self._places], inside[self._places] = self._out, self._inside
+        if interval is not None:
+            interval[:] = np.nan
+            interval[self._places] = self._interval
 
 
 def trained_mean(model: CalibrationModel, signal: str) -> float:

@@ -2,16 +2,18 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.card import model_card
+from catenary.calibration.conformal import estimate_intervals, fewest_rows
 from catenary.calibration.dataset import CalibrationData, calibration_data
-from catenary.calibration.evaluate import Evaluation, Spread, cross_validate, evaluate
+from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate
 from catenary.calibration.fit import SMALLEST_DATA, FitOptions, choose_inputs, fit
+from catenary.calibration.intervals import check_level
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
@@ -19,6 +21,7 @@ from catenary.plant import MotionLog
 from catenary.units import DISPLAY
 
 FOLDS = 5
+COVERAGE = 0.9
 OUTLIER_SPREADS = 10.0  # robust standard deviations beyond which a measurement is suspected
 
 
@@ -30,12 +33,14 @@ class FitRun:
     max_error: tuple[float, ...] | None = None  # per joint, deg and mm; rows beyond are left out
     held_out: float | None = None  # share at the end of each recording
     folds: int = FOLDS  # of the cross-validation; 0 for none
+    coverage: float = COVERAGE  # share of errors that the model's intervals are to hold
 
     def __post_init__(self) -> None:
         if self.held_out is not None and not 0.0 < self.held_out < 1.0:
             raise InputError(f"held-out share: expected a number between 0 and 1, got {self.held_out}")
         if self.folds < 0 or self.folds == 1:
             raise InputError(f"folds: expected 2 or more, or 0 for no cross-validation, got {self.folds}")
+        check_level(self.coverage)
 
 
 @dataclass(frozen=True)
@@ -78,15 +83,20 @@ def fit_logs(
 
     _require_rows(data, run.folds)
     share = run.folds / (run.folds + 1.0)
-    spread: tuple[Spread, ...] = ()
+    validation: CrossValidation | None = None
     if run.folds:
-        spread = cross_validate(
+        validation = cross_validate(
             data,
             lambda rows, tell: fit(rows, inputs, options, progress=tell),
             folds=run.folds,
             progress=lambda done: progress(share * done),
         )
     model = fit(data, inputs, options, progress=lambda done: progress(share + (1.0 - share) * done))
+    intervals = None if validation is None else estimate_intervals(validation, level=run.coverage)
+    model = replace(model, intervals=intervals)
+    if intervals is None:
+        notes = (*notes, _why_no_intervals(validation, run))
+    spread = () if validation is None else validation.spread
     held_out = None if late is None else evaluate(model, late)
     card = model_card(
         model,
@@ -96,6 +106,7 @@ def fit_logs(
         command={
             "held_out": run.held_out,
             "folds": run.folds,
+            "coverage": run.coverage,
             # JSON has no infinity: null is no limit
             "max_error": run.max_error and [e if math.isfinite(e) else None for e in run.max_error],
         },
@@ -104,6 +115,16 @@ def fit_logs(
         notes=notes,
     )
     return FitResult(model, card, data, spread, held_out, notes)
+
+
+def _why_no_intervals(validation: CrossValidation | None, run: FitRun) -> str:
+    """Return in words why a model has no intervals, and what would give it some."""
+    if validation is None:
+        return "no intervals: they are estimated from the cross-validation, which folds 0 leaves out"
+    return (
+        f"no intervals: {len(validation.after_model)} rows are too few to hold {run.coverage:.0%} of errors; "
+        f"that takes {fewest_rows(run.coverage)}, or a lower coverage"
+    )
 
 
 def _require_rows(data: CalibrationData, folds: int) -> None:

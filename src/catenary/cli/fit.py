@@ -21,6 +21,7 @@ from catenary.cli.terminal import (
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
+    from catenary.calibration.evaluate import Evaluation
     from catenary.calibration.fitting import FitResult
 
 Recordings = Annotated[
@@ -84,6 +85,10 @@ def fit(
         Option(metavar="SHARE", help="Keep the last part of each recording, this share of it, for a test."),
     ] = None,
     folds: Annotated[int, Option(metavar="N", min=0, help="Blocks of the cross-validation; 0 for none.")] = 5,
+    coverage: Annotated[
+        float,
+        Option(metavar="SHARE", help="Share of errors that the intervals about corrected joints hold."),
+    ] = 0.9,
     max_error: MaxError = None,
     ridge: Annotated[
         float | None,
@@ -127,6 +132,7 @@ def fit(
         max_error=limits(max_error),
         held_out=held_out,
         folds=folds,
+        coverage=coverage,
     )
     refuse_unwritable("--out", out)
     read = [*data, *([Path(robot)] if robot else [])]
@@ -154,9 +160,9 @@ def evaluate(
     report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
-    """Print a model's error on recordings, before and after.
+    """Print a model's error on recordings, before and after, and whether its intervals hold.
 
-    RMSE and maximum per joint in deg and mm, and RMSE per window of time.
+    RMSE and maximum per joint in deg and mm, RMSE per window of time, share of errors within the intervals.
 
     Example: catenary evaluate arm.npz run2.npz --report run2.html
     """
@@ -170,6 +176,7 @@ def evaluate(
     else:
         print_notes(result.notes)
         print_table("RMSE and largest error per joint", *error_table(result.evaluation))
+        _print_coverage(result.evaluation)
         print_table("RMSE of the model over time", *window_table(result.evaluation))
     if report is not None:
         tested_on = ", ".join(source.name for source in result.evaluation.data.sources)
@@ -190,7 +197,15 @@ def _print_fit(out: Path, card: Path, result: "FitResult") -> None:
         print_table("RMSE on blocks of time that the fit did not see", *spread_table(result.spread))
     if result.held_out is not None:
         print_table("RMSE and largest error on the held-out part", *error_table(result.held_out))
+        _print_coverage(result.held_out)
     print(f"model: {out}\ncard:  {card}")
+
+
+def _print_coverage(evaluation: "Evaluation") -> None:
+    from catenary.reports.intervals import coverage_table, coverage_title
+
+    if evaluation.level is not None:
+        print_table(coverage_title(evaluation.level), *coverage_table(evaluation))
 
 
 def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:

@@ -11,6 +11,7 @@ BAR = 12  # characters of a joint's range
 _COLUMNS = {  # by heading: field of the snapshot, characters
     "reported": ("q", 10),
     "calibrated": ("calibrated", 11),
+    "+/-": ("interval", 8),
     "set": ("setpoint", 10),
     "encoder": ("encoder", 10),
     "torque": ("tau", 9),
@@ -33,7 +34,7 @@ def monitor_lines(
     shown = [_fit(_left_right(f"catenary monitor  {name}", _state(shot), columns), columns)]
     rate = "-" if shot.rate_hz is None else f"{shot.rate_hz:.0f} Hz"
     shown += [_fit(_left_right(f"time {shot.time:10.2f} s", f"states {rate:>8}", columns), columns), ""]
-    heads = [head for head, (field, _) in _COLUMNS.items() if getattr(shot, field) is not None]
+    heads = [head for head, (field, _) in _COLUMNS.items() if _is_known(getattr(shot, field), head)]
     titles = "".join(head.rjust(_COLUMNS[head][1]) for head in heads)
     shown.append(_fit(f"{'':<14}{titles}   range", columns))
     for j, joint in enumerate(shot.joint_names):
@@ -69,6 +70,11 @@ def _cell(shot: Snapshot, head: str, j: int) -> str:
         return f"{values[j]:.3f}".rjust(width)  # [Nm], [N]
     outside = head == "calibrated" and shot.inside is not None and not shot.inside[j]
     return f"{_human(values[j], shot.joint_units[j]):.2f}{'?' if outside else ''}".rjust(width)
+
+
+def _is_known(values: Floats | None, head: str) -> bool:
+    """Return whether a column is shown: intervals only of a model that has some."""
+    return values is not None and (head != "+/-" or not np.isnan(values).all())
 
 
 def _human(value: float, unit: str) -> float:

@@ -24,6 +24,7 @@ class Snapshot(NamedTuple):
     setpoint: Floats | None = None
     calibrated: Floats | None = None
     inside: NDArray[np.bool_] | None = None  # (n,) inside the model's valid range
+    interval: Floats | None = None  # (n,) half-width about `calibrated` [rad|m]; NaN for a joint without
     encoder: Floats | None = None  # (n,) true joint positions of a recording; NaN where there are none
     tau: Floats | None = None  # (n,) [Nm|N]
     gravity_tau: Floats | None = None  # (k,) what holds the first k joints still [Nm|N]
@@ -75,6 +76,7 @@ class Snapshot(NamedTuple):
             "q": self.q,
             "setpoint": self.setpoint,
             "q_calibrated": self.calibrated,
+            "q_interval": self.interval,
             "inside_valid_range": self.inside,
             "q_encoder": self.encoder,
             "tau": self.tau,

@@ -8,6 +8,7 @@ import numpy as np
 from catenary.calibration.evaluate import Evaluation, Spread
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.files import json_text
+from catenary.reports.intervals import coverage_blocks
 from catenary.reports.joint_picture import joint_picture
 from catenary.reports.page import Block, Facts, Heading, Listing, Remarks, Table, Text, write_page
 
@@ -49,6 +50,7 @@ def write_calibration_report(
             "outside the model's valid range, where it falls back to the fixed offset."
         ),
         *([Remarks(notes)] if notes else []),
+        *coverage_blocks(evaluation),
     ]
     if comparison is not None:
         blocks[:0] = [Heading("Every model"), Table(*comparison)]

@@ -99,7 +99,7 @@ def c_header(
             _correction_comment(calibration, corrector),
             c_correction(name, calibration, corrector.decimation, rate_hz),
         ]
-        functions += [f"{name}_reset", f"{name}_correct"]
+        functions += [f"{name}_reset", f"{name}_correct", f"{name}_interval"]
         known = set(zip(model.joint_names, model.joint_units, strict=True))
         calibrated = zip(calibration.joint_names, calibration.joint_units, strict=True)
         if missing := [joint for joint, unit in calibrated if (joint, unit) not in known]:
@@ -137,9 +137,19 @@ def _correction_comment(model: CalibrationModel, corrector: Corrector) -> str:
             f"/* Calibrated positions of {_joints(model.joint_names, model.joint_units)}, at {corrector.rate_hz:g} Hz:",
             f"   one call a tick. q[{n}]: reported positions; signals[{len(x)}]: {signals}.",
             f"   inside[{n}]: 0 where the model is asked outside of what it has seen; a fixed offset is added there.",
+            _interval_comment(model),
             f"   To check, after reset: q = {_values(q)}, signals = {_values(x)}",
             f"   gives {_values(out)}, inside {_values(inside.astype(float))}. */",
         ]
+    )
+
+
+def _interval_comment(model: CalibrationModel) -> str:
+    if model.intervals is None:
+        return "   The model has no intervals: ..._interval(state) gives NAN."
+    return (
+        f"   ..._interval(state)[{len(model.joint_names)}]: half-widths of the last tick's intervals, which hold "
+        f"{100.0 * model.intervals.level:g} per cent of errors."
     )
 
 

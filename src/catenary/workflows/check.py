@@ -28,7 +28,7 @@ LONG_GAP = 10.0  # times the median step between stamps
 
 
 @dataclass
-class Finding:
+class FileReport:
     """Kind, facts and faults of a file."""
 
     kind: str  # "robot", "calibration model", "identified dynamics" or "recording"
@@ -41,7 +41,7 @@ class Finding:
         return {"kind": self.kind, "facts": dict(self.facts), "faults": self.faults, "remarks": self.remarks}
 
 
-def check_file(source: str, *, units: Sequence[str] | None = None) -> Finding:
+def check_file(source: str, *, units: Sequence[str] | None = None) -> FileReport:
     """Find out what a file (or a catalogue name) is, and what is wrong with it.
 
     Args:
@@ -74,9 +74,9 @@ def check_file(source: str, *, units: Sequence[str] | None = None) -> Finding:
     )
 
 
-def check_robot(model: RobotModel) -> Finding:
+def check_robot(model: RobotModel) -> FileReport:
     """Check a robot: inertia, limits, what its file holds that the model leaves out."""
-    finding = Finding("robot")
+    finding = FileReport("robot")
     joints = []
     ranges = list(zip(model.joint_names, model.joint_units, model.lower, model.upper, strict=True))
     for name, unit, low, high in ranges:
@@ -116,9 +116,9 @@ def check_robot(model: RobotModel) -> Finding:
     return finding
 
 
-def check_recording(log: MotionLog) -> Finding:
+def check_recording(log: MotionLog) -> FileReport:
     """Check a recording: rows, rate, gaps, stamps, joints, errors."""
-    finding = Finding("recording")
+    finding = FileReport("recording")
     finding.facts = [
         ("rows", f"{len(log):,}, {int(log.ok.sum()):,} with a trusted measurement"),
         ("joints", _joints(log)),
@@ -154,7 +154,7 @@ def check_recording(log: MotionLog) -> Finding:
     return finding
 
 
-def _check_time(finding: Finding, time: Floats) -> None:
+def _check_time(finding: FileReport, time: Floats) -> None:
     steps = np.diff(time)
     forward = steps[steps > 0.0]
     repeated, back = int((steps == 0.0).sum()), int((steps < 0.0).sum())
@@ -172,9 +172,9 @@ def _check_time(finding: Finding, time: Floats) -> None:
         finding.faults.append(f"time goes back {back} times: stamps are shuffled, or recordings were joined")
 
 
-def _check_identification(path: Path) -> Finding:
+def _check_identification(path: Path) -> FileReport:
     result, card = load_identification(path)
-    finding = Finding("identified dynamics")
+    finding = FileReport("identified dynamics")
     finding.facts = [
         ("robot", result.model.name),
         ("terms", result.options.terms),
@@ -191,10 +191,10 @@ def _check_identification(path: Path) -> Finding:
     return finding
 
 
-def _check_model(path: Path) -> Finding:
+def _check_model(path: Path) -> FileReport:
     model, card = load_model(path)
     check_card(card, str(path))
-    finding = Finding("calibration model")
+    finding = FileReport("calibration model")
     finding.facts = [
         ("kind", model.kind + (f", preset {model.preset}" if model.preset else "")),
         ("robot", card["robot"] or "not stated"),

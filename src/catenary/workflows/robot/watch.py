@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +26,14 @@ from catenary.workflows.robot.operated_robot import OperatedRobot
 EVERY = 0.04  # [s] between two samples: 25 a second
 
 
+class _Corrected(NamedTuple):
+    """What a model makes of a state; None for what is not known."""
+
+    q: Floats | None = None  # (n,) [rad|m]
+    inside: Flags | None = None  # (n,) in the valid range
+    interval: Floats | None = None  # (n,) half-width about q [rad|m]
+
+
 class _Calibrated:
     """A model beside the states of a robot or a recording."""
 
@@ -33,12 +42,13 @@ class _Calibrated:
         self._corrector.prepare(names, units, rate_hz)
         self._q: Floats = np.full(len(names), np.nan)
         self._inside: Flags = np.zeros(len(names), dtype=bool)
+        self._interval: Floats = np.full(len(names), np.nan)
 
     def take(self, state: JointState) -> None:
-        self._corrector.correct_state(state, self._q, self._inside)
+        self._corrector.correct_state(state, self._q, self._inside, self._interval)
 
-    def latest(self) -> tuple[Floats | None, Flags | None]:
-        return self._q.copy(), self._inside.copy()
+    def latest(self) -> "_Corrected":
+        return _Corrected(self._q.copy(), self._inside.copy(), self._interval.copy())
 
 
 class _Deployed:
@@ -49,22 +59,31 @@ class _Deployed:
         self._names, self._patience = client.joint_names, client.stale_after
         self._positions = Latest(client.transport, f"{place}/measured_js", JOINT_STATE)
         self._valid = Latest(client.transport, f"{place}/is_valid", "std_msgs/Bool")
+        self._intervals = Latest(client.transport, f"{place}/interval", JOINT_STATE)
 
     def take(self, state: JointState) -> None:
         """Do nothing: the deployed model hears the robot itself."""
 
-    def latest(self) -> tuple[Floats | None, Flags | None]:
+    def latest(self) -> _Corrected:
         """Return calibrated joints, NaN once nothing comes any more, and which are trusted; None before any came."""
         message = self._positions.message()
         if message is None:
-            return None, None
+            return _Corrected()
         inside: Flags = np.ones(len(self._names), dtype=bool)
         if self._positions.age() > self._patience:
-            return np.full(len(self._names), np.nan), inside
+            return _Corrected(np.full(len(self._names), np.nan), inside)
         valid = self._valid.message()
         # the topic tells of the model's joints together; models are of the positioning joints
         inside[: len(CALIBRATED)] = valid is None or bool(valid.data)
-        return np.array(joint_values(message, self._names)), inside
+        return _Corrected(np.array(joint_values(message, self._names)), inside, self._half_widths())
+
+    def _half_widths(self) -> Floats | None:
+        """Return half-widths (n,) [rad|m], NaN for joints without; None where the model publishes none."""
+        message = self._intervals.message()
+        if message is None or self._intervals.age() > self._patience:
+            return None
+        widths = dict(zip(message.name, message.position, strict=False))
+        return np.array([widths.get(name, np.nan) for name in self._names], dtype=float)
 
 
 def _calibrated(plant: Plant, model: Path | None) -> "_Calibrated | _Deployed | None":
@@ -134,10 +153,10 @@ def watch_robot(
         if now < next_sample:
             continue
         next_sample = now + every
-        calibrated, inside = (None, None) if corrected is None else corrected.latest()
+        latest = _Corrected() if corrected is None else corrected.latest()
         yield Snapshot(
             state.time, plant.joint_names, plant.joint_units, state.q, setpoint,
-            calibrated, inside,
+            latest.q, latest.inside, latest.interval,
             None, state.tau, robot.gravity_torque(state), state.gravity, state.gravity_age, operating,
             plant.lower, plant.upper, states.hertz(now), late.within(now), silent, line,
         )  # fmt: skip
@@ -186,7 +205,7 @@ def watch_log(
         encoder = None if log.q_encoder is None else np.where(log.ok[row], log.q_encoder[row], np.nan)
         yield Snapshot(
             state.time, log.joint_names, log.joint_units, state.q, None,
-            *((None, None) if corrected is None else corrected.latest()),
+            *(_Corrected() if corrected is None else corrected.latest()),
             encoder, None if log.tau is None else tau, rate_hz=1.0 / spacing,
         )  # fmt: skip
 
