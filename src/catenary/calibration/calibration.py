@@ -282,7 +282,9 @@ def refresh(
 
 
 def _with_card(model: CalibrationModel, card: Card) -> Calibration:
-    return Calibration(**{each.name: getattr(model, each.name) for each in fields(model)}, card=card)
+    return Calibration(
+        **{each.name: getattr(model, each.name) for each in fields(CalibrationModel)}, card=card
+    )
 
 
 def _logs(

@@ -19,7 +19,7 @@ _FUNCTIONS = {
     "extract": ("calibrate", "extract"),
     "fit": ("fit", "fit"),
     "evaluate": ("fit", "evaluate"),
-    "refresh": ("refresh", "refresh"),
+    "refresh": ("upkeep.refresh", "refresh"),
     "deploy": ("calibrate", "deploy"),
     "goto": ("motion", "goto"),
     "random": ("motion", "random"),

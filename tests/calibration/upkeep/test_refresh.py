@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.fit import FitOptions, choose_inputs, fit
+from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.upkeep.last_layer import Adjustment, adjusted, layer_inputs
 from catenary.calibration.upkeep.refresh import LAYER, NOTHING, SCALE, ZERO, refresh_model
@@ -105,10 +106,8 @@ def test_an_adjusted_predictor_gives_the_sum_that_defines_it(
     group, rng = models[kind].groups[0], np.random.default_rng(5)
     X = rng.uniform(-1.0, 1.0, (50, len(group.columns)))
     layer = layer_inputs(group.predictor, X)
-    changes = [
-        Adjustment(s, b, rng.standard_normal(X.shape[1]), rng.standard_normal(layer.shape[1]))
-        for s, b in ((1.0, 0.3), (0.7, -0.2))
-    ]
+    slopes, weights = rng.normal(size=(2, X.shape[1])), rng.normal(size=(2, layer.shape[1]))
+    changes = [Adjustment(1.0, 0.3, slopes[0], weights[0]), Adjustment(0.7, -0.2, slopes[1], weights[1])]
     before, after = group.predictor.predict(X), adjusted(group.predictor, changes).predict(X)
     for k, change in enumerate(changes):
         expected = change.scale * before[:, k] + change.bias + X @ change.linear + layer @ change.layer
@@ -135,6 +134,16 @@ def test_rows_outside_leave_the_range_where_the_model_does_not_hold(
     refreshed = refresh_model(old, data)
     assert (refreshed.model.inside(data.X) == old.inside(data.X)).all()
     assert any("does not hold" in note for note in refreshed.notes)
+
+
+def test_intervals_are_the_wider_of_both_days(models: dict[str, CalibrationModel]) -> None:
+    edge = np.array([10.0 * NOISE, 20.0 * NOISE])
+    old = replace(models["linear"], intervals=Intervals(0.9, np.array([1e-6, 10.0 * NOISE]), edge))
+    new = refresh_model(old, rows_of(old, a_day(8, 1800))).model.intervals
+    assert new is not None
+    # 90 % of normal errors lie within 1.64 standard deviations; blocks differ by chance
+    assert NOISE < new.inside[0] < 2.5 * NOISE
+    assert new.inside[1] == 10.0 * NOISE
 
 
 def test_too_few_rows_are_refused(models: dict[str, CalibrationModel]) -> None:

@@ -22,8 +22,13 @@ def refreshed_card(card: Card, refreshed: Refreshed, data: CalibrationData, *, s
     """
     new = deepcopy(card)
     model = refreshed.model
-    for entry, offset in zip(new["joints"], model.offset, strict=True):
-        entry["fixed_offset"] = float(offset)
+    widths = model.intervals
+    for j, entry in enumerate(new["joints"]):
+        entry["fixed_offset"] = float(model.offset[j])
+        entry["half_width"] = None if widths is None else float(widths.inside[j])
+        entry["half_width_outside"] = None if widths is None else float(widths.outside[j])
+    if widths is None:
+        new["intervals"] = None
     names = model.features.names
     ranges = {
         names[column]: {"lower": float(low), "upper": float(high)}
@@ -73,7 +78,6 @@ def moved_in_words(changes: tuple[JointChange, ...], since: str | None) -> str:
     """Return what moved, by most of its remaining error first: "J5 +2.9 deg, J3 +0.98 mm since 14 May 2026"."""
     told = [
         f"{change.joint} {DISPLAY[change.unit][1] * change.moved:+.2g} {DISPLAY[change.unit][0]}"
-        + ("" if change.how == "zero" else f" ({change.how})")
         for change in sorted(changes, key=lambda each: -abs(each.moved) / max(each.after, 1e-12))
         if change.how != NOTHING
     ]

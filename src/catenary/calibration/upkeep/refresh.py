@@ -14,8 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
+from catenary.calibration.conformal import estimate_intervals
 from catenary.calibration.dataset import CalibrationData
+from catenary.calibration.evaluate import CrossValidation
 from catenary.calibration.features import joints_text
+from catenary.calibration.intervals import Intervals
 from catenary.calibration.kernels import Flags
 from catenary.calibration.model import CalibrationModel, JointGroup
 from catenary.calibration.upkeep.last_layer import Adjustment, adjusted, layer_inputs
@@ -25,6 +28,7 @@ from catenary.errors import InputError
 NOTHING, ZERO, SCALE, LAYER = "nothing", "zero", "zero and scale", "last layer"
 BLOCKS = 8  # of time, on which candidates are judged
 FEWEST_ROWS = 40  # five a block
+RESOLUTION = 1e-9  # [rad|m] differences that no encoder shows
 SCALE_RIDGE = 1e-3  # of the rows' own spread: correction and position may resemble each other
 # weight on the squared change of the last layer, over the mean square of its inputs: the most held first
 LAYER_RIDGES = (1.0, 0.1, 0.01, 1e-3, 1e-4)
@@ -64,7 +68,8 @@ def refresh_model(model: CalibrationModel, data: CalibrationData) -> Refreshed:
         data: Rows with the model's features.
 
     Returns:
-        A model of the same structure. Its fixed offset moves with the correction.
+        A model of the same structure. Its fixed offset moves with the correction; its intervals are the wider of the
+        old ones and those of the errors that were left on blocks, or none where the rows are too few to tell.
 
     Raises:
         InputError: Other joints or features, or fewer than FEWEST_ROWS rows.
@@ -93,6 +98,12 @@ def refresh_model(model: CalibrationModel, data: CalibrationData) -> Refreshed:
             offset[joint] += one.offset_moved[k]
             found[joint] = one.how[k]
     refreshed = replace(model, offset=offset, groups=tuple(groups))
+    if model.intervals is not None:
+        errors = CrossValidation((), data.error - offset, left, refreshed.inside(data.X), data.recording)
+        intervals = _widest(model.intervals, errors)
+        if intervals is None:
+            notes.append(f"no intervals any more: {len(data)} new rows are too few to say whether they hold")
+        refreshed = replace(refreshed, intervals=intervals)
     old = model.correction(data.X, data.q_nominal)
     moved = (refreshed.correction(data.X, data.q_nominal) - old).mean(axis=0)
     before, after = (np.sqrt(np.mean(np.square(e), axis=0)) for e in (data.error - old, left))
@@ -101,6 +112,15 @@ def refresh_model(model: CalibrationModel, data: CalibrationData) -> Refreshed:
         for j, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True))
     )
     return Refreshed(refreshed, changes, tuple(notes))
+
+
+def _widest(old: Intervals, errors: CrossValidation) -> Intervals | None:
+    """Return half-widths that hold both days' errors; minutes show where one is too narrow, not that it is too wide."""
+    new = estimate_intervals(errors, level=old.level)
+    if new is None:
+        return None
+    inside = np.maximum(old.inside, new.inside)
+    return Intervals(old.level, inside, np.maximum(inside, np.maximum(old.outside, new.outside)))
 
 
 @dataclass(frozen=True)
@@ -179,7 +199,7 @@ def first_within_one_error(left: Floats, block: NDArray[np.int64]) -> int:
     if len(rmse) < 2:
         return 0
     allowed = excess.std(axis=0, ddof=1) / np.sqrt(len(rmse))
-    return int(np.argmax(excess.mean(axis=0) <= allowed))
+    return int(np.argmax(excess.mean(axis=0) <= allowed + RESOLUTION))
 
 
 def _predictor_is_nearer(

@@ -1,4 +1,4 @@
-"""catenary refresh and drift: a model after the day of its fit."""
+"""catenary refresh: a model brought up to date."""
 
 from pathlib import Path
 from typing import Annotated
