@@ -10,7 +10,7 @@ from typer import Argument, Option
 
 from catenary.cli.beside_robot import RobotAccess, deploy_beside, record_others, robot_of
 from catenary.cli.gravity_source import GravityOptions
-from catenary.cli.options import AsJson, Units
+from catenary.cli.options import AsJson, MappingOptions, Units
 from catenary.cli.project_options import ExcitationOptions, Folder, Hours, Seed, open_project, require_project
 from catenary.cli.terminal import announce, print_json, print_notes, print_table, progress_bar, words
 from catenary.errors import CatenaryError, InputError, InUseError
@@ -214,6 +214,7 @@ def calibrate(
     project: Folder,
     arm: ExcitationOptions,
     access: RobotAccess,
+    foreign: MappingOptions,
     train: Annotated[
         list[Path] | None, Argument(metavar="[DATA...]", help="Recordings to train on, in place of a robot.")
     ] = None,
@@ -227,7 +228,7 @@ def calibrate(
     Home, excite, record, extract, fit, evaluate, deploy, report; done steps are not repeated. Without recordings
     it drives a simulated RAVEN-II, or with --ros a real one; with them it fits every model to them and tests on --test.
     """
-    from catenary.recording.logs import Reading
+    from catenary.recording.foreign.read import Reading
     from catenary.workflows.project.calibrate import calibrate_recordings, calibrate_robot
 
     if test and not train:
@@ -235,7 +236,8 @@ def calibrate(
     opened = open_project(project, arm, hours=hours, ros=access.ros)
     with _steps() as progress:
         if train:
-            reading = Reading(units=words(units) if units else None)
+            mapping = foreign.read(units)
+            reading = Reading(units=words(units) if units and mapping is None else None, mapping=mapping)
             result = calibrate_recordings(opened, train, test or [], reading=reading, progress=progress)
         else:
             with robot_of(opened, access) as robot:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from catenary.cli.options import AsJsonNotTables, Report
+from catenary.cli.options import AsJsonNotTables, MappingOptions, Report
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table, refuse_to_overwrite
 from catenary.errors import InputError
 
@@ -13,7 +13,7 @@ Logs = Annotated[
     list[Path],
     Argument(
         metavar="LOG",
-        help="Recordings: .npz with q, dq, tau and fs or t in rad, m, s, Nm, N; or .parquet logs.",
+        help="Recordings: .npz with q, dq, tau and fs or t in rad, m, s, Nm, N; or .parquet logs; others with --map.",
     ),
 ]
 Gravity = Annotated[
@@ -28,6 +28,7 @@ CutOff = Annotated[
 
 def identify(
     logs: Logs,
+    foreign: MappingOptions,
     robot: Annotated[str, Option(metavar="ROBOT", help="Catalogue name or file; needs no inertia.")],
     out: Annotated[Path, Option(metavar="FILE", help="File to write the parameters to, e.g. arm.npz.")],
     test: Annotated[
@@ -84,7 +85,8 @@ def identify(
         raise InputError("--urdf: only a physically consistent fit gives links an inertia; add --consistent")
     outputs = {"--out": out, "the card of --out": card_path(out), "--report": report, "--urdf": urdf}
     refuse_to_overwrite(outputs, [*logs, *tests, Path(robot)])
-    result = identify_files(logs, robot, options, tests=tests, rows=_rows(rows))
+    read = foreign.read()
+    result = identify_files(logs, robot, options, tests=tests, rows=_rows(rows), mapping=read)
     found = result.identification
     save_identification(found, result.card, out)
     if urdf is not None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from catenary.cli.gravity_source import GravityOptions
-from catenary.cli.options import Record
+from catenary.cli.options import MappingOptions, Record
 from catenary.cli.robot_choice import WatchedRobot, open_robot, recorded
 from catenary.cli.terminal import announce, print_json_line
 from catenary.errors import InputError
@@ -23,8 +23,10 @@ if TYPE_CHECKING:
 def monitor(
     robot: WatchedRobot,
     gravity: GravityOptions,
+    foreign: MappingOptions,
     log: Annotated[
-        Path | None, Option(metavar="FILE", help="Play a recording: .parquet, .npz or .csv.")
+        Path | None,
+        Option(metavar="FILE", help="Play a recording: .parquet, .npz or .csv; others with --map."),
     ] = None,
     model: Annotated[
         Path | None, Option(metavar="MODEL", help="Calibration model: calibrated joints, valid range.")
@@ -56,10 +58,11 @@ def monitor(
     source = gravity.source(robot.ros)
     with ExitStack() as stack:
         if log is not None:
-            from catenary.recording.logs import read_log
+            from catenary.recording.foreign.read import Reading, read_recording
             from catenary.workflows.robot.watch import watch_log
 
-            name, samples = log.name, watch_log(read_log(log), model=model, every=1.0 / hertz, speed=speed)
+            played = read_recording(log, Reading(mapping=foreign.read()))
+            name, samples = log.name, watch_log(played, model=model, every=1.0 / hertz, speed=speed)
         else:
             import numpy as np
 

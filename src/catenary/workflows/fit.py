@@ -16,7 +16,8 @@ from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.recording.logs import Reading, read_log, read_logs
+from catenary.recording.foreign.read import Reading, read_logs
+from catenary.recording.logs import read_log
 
 
 def fit_calibration(
