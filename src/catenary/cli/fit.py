@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from catenary.cli.options import AsJsonNotTables, MappingOptions, Report, Units
+from catenary.cli.options import AsJsonNotTables, MappingOptions, Report, Units, robots_beginning
 from catenary.cli.terminal import (
     numbers,
     print_json,
@@ -80,7 +80,11 @@ def fit(
     units: Units = None,
     robot: Annotated[
         str | None,
-        Option(metavar="ROBOT", help="Catalogue name or file of the robot: joint names and units."),
+        Option(
+            metavar="ROBOT",
+            help="Catalogue name or file of the robot: joint names and units.",
+            autocompletion=robots_beginning,
+        ),
     ] = None,
     held_out: Annotated[
         float | None,
@@ -164,7 +168,7 @@ def evaluate(
     report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
-    """Print a model's error on recordings, before and after, and whether its intervals hold.
+    """Print a model's error on recordings, before and after.
 
     RMSE and maximum per joint in deg and mm, RMSE per window of time, share of errors within the intervals.
 

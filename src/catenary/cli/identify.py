@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from catenary.cli.options import AsJsonNotTables, MappingOptions, Report
+from catenary.cli.options import AsJsonNotTables, MappingOptions, Report, robots_beginning
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table, refuse_to_overwrite
 from catenary.errors import InputError
 
@@ -29,7 +29,12 @@ CutOff = Annotated[
 def identify(
     logs: Logs,
     foreign: MappingOptions,
-    robot: Annotated[str, Option(metavar="ROBOT", help="Catalogue name or file; needs no inertia.")],
+    robot: Annotated[
+        str,
+        Option(
+            metavar="ROBOT", help="Catalogue name or file; needs no inertia.", autocompletion=robots_beginning
+        ),
+    ],
     out: Annotated[Path, Option(metavar="FILE", help="File to write the parameters to, e.g. arm.npz.")],
     test: Annotated[
         list[Path] | None, Option(metavar="LOG", help="A recording to judge the result by; may be repeated.")
@@ -129,7 +134,12 @@ def _rows(text: str | None) -> tuple[int, int] | None:
 
 
 def excitation(
-    robot: Annotated[str, Argument(metavar="ROBOT", help="Catalogue name or file; needs no inertia.")],
+    robot: Annotated[
+        str,
+        Argument(
+            metavar="ROBOT", help="Catalogue name or file; needs no inertia.", autocompletion=robots_beginning
+        ),
+    ],
     out: Annotated[Path, Option(metavar="FILE", help="File to write: .npz or .csv of t, q, dq, ddq.")],
     static: Annotated[int | None, Option(metavar="N", min=1, help="N poses to hold.")] = None,
     fourier: Annotated[bool, Option("--fourier", help="One period of a Fourier motion. [default]")] = False,

@@ -14,7 +14,7 @@ from catenary.calibration.upkeep.lineage import changes_shown, refreshed_card
 from catenary.calibration.upkeep.refresh import Refreshed, refresh_model
 from catenary.errors import InputError
 from catenary.files import sha256_of
-from catenary.workflows.fit import read_for
+from catenary.workflows.fit import read_recording_of
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def refresh_calibration(
     """
     model, card = load_model(model_path)
     check_card(card, str(model_path))
-    logs = [read_for(model, path) for path in paths]
+    logs = [read_recording_of(model, path) for path in paths]
     if not logs:
         raise InputError("data: expected at least one recording, got none")
     seen = {source["sha256"] for source in card["data"]} - {None}
