@@ -37,6 +37,14 @@ def test_every_command_has_help_in_80_columns_and_json(command: str, monkeypatch
     assert max(len(line) for line in outcome.out.split("\n")) <= 80
 
 
+@pytest.mark.parametrize("command", [(), *((name,) for name in COMMANDS)])
+def test_h_is_help(command: tuple[str, ...]) -> None:
+    short = catenary(*command, "-h")
+    assert short.code == 0
+    assert short.out == catenary(*command, "--help").out
+    assert "-h, --help" in short.out
+
+
 def test_help_shows_defaults_that_are_settled_later() -> None:
     text = " ".join(catenary("fit", "--help").out.split())
     assert "[default: paper]" in text

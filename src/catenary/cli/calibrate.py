@@ -58,20 +58,20 @@ def record(
         raise InputError(f'--name "{name}": expected letters, digits and _, and another name than {TRAIN}')
     if not no_motion:
         require_project(project)
-    opened = open_project(project, hours=hours, ros=access.ros)
-    seconds = 60.0 * opened.settings.test_minutes
-    if no_motion:
-        if opened.settings.connection == "simulation":
-            raise InputError("--no-motion: goes with --ros; only this command moves a simulated robot")
-        with _progress("record") as progress:
-            topics = record_others(opened, name, seconds, simulated=access.simulated, progress=progress)
-        what = f"recorded {seconds:.0f} s as {name}"
-        _say(opened, what, True, as_json, {"seconds": seconds, "topics": topics})
-        return
-    motion, what = random_motion(opened, seconds)
-    with robot_of(opened, access) as robot, _progress("record", opened) as progress:
-        was_run = robot.record(opened, name, motion, what, after=TRAIN, progress=progress)
-    _say(opened, f"recorded {seconds:.0f} s as {name}", was_run, as_json, {"seconds": seconds})
+    with open_project(project, hours=hours, ros=access.ros) as opened:
+        seconds = 60.0 * opened.settings.test_minutes
+        if no_motion:
+            if opened.settings.connection == "simulation":
+                raise InputError("--no-motion: goes with --ros; only this command moves a simulated robot")
+            with _progress("record") as progress:
+                topics = record_others(opened, name, seconds, simulated=access.simulated, progress=progress)
+            what = f"recorded {seconds:.0f} s as {name}"
+            _say(opened, what, True, as_json, {"seconds": seconds, "topics": topics})
+            return
+        motion, what = random_motion(opened, seconds)
+        with robot_of(opened, access) as robot, _progress("record", opened) as progress:
+            was_run = robot.record(opened, name, motion, what, after=TRAIN, progress=progress)
+        _say(opened, f"recorded {seconds:.0f} s as {name}", was_run, as_json, {"seconds": seconds})
 
 
 def extract(
@@ -234,7 +234,7 @@ def calibrate(
     if test and not train:
         raise InputError("--test: goes with recordings to train on; without them the robot records its own")
     opened = open_project(project, arm, hours=hours, ros=access.ros)
-    with _steps() as progress:
+    with opened, _steps() as progress:
         if train:
             result = calibrate_recordings(
                 opened,

@@ -6,12 +6,19 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from catenary.cli.options import AsJson, MappingOptions, MendOptions
+from catenary.cli.options import AsJson, MappingOptions, MendOptions, robots_beginning
 from catenary.cli.terminal import print_fact, print_json, print_notes, print_table
 
 
 def check(
-    file: Annotated[str, Argument(metavar="FILE", help="A robot, a calibration model or a recording.")],
+    file: Annotated[
+        str,
+        Argument(
+            metavar="FILE",
+            help="A robot, a calibration model or a recording.",
+            autocompletion=robots_beginning,
+        ),
+    ],
     mending: MendOptions,
     foreign: MappingOptions,
     robot: Annotated[

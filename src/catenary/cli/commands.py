@@ -20,6 +20,7 @@ _FUNCTIONS = {
     "import": ("exchange", "import_recording"),
     "fit": ("fit", "fit"),
     "evaluate": ("fit", "evaluate"),
+    "refresh": ("upkeep.refresh", "refresh"),
     "deploy": ("calibrate", "deploy"),
     "goto": ("motion", "goto"),
     "random": ("motion", "random"),
@@ -46,6 +47,7 @@ _FUNCTIONS = {
     "robots": ("robots", "robots"),
     "demo": ("calibrate", "demo"),
 }
+HELP_NAMES = {"help_option_names": ["--help", "-h"]}
 # run without arguments; others then show their help
 _COMPLETE = {"home", "teleop", "monitor", "serve", "button", "robots", "demo"}
 
@@ -61,7 +63,9 @@ class Commands(Mapping[str, Any]):
             module, function = _FUNCTIONS[name]
             app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
             command = getattr(import_module(f"catenary.cli.{module}"), function)
-            app.command(name, no_args_is_help=name not in _COMPLETE)(with_groups_apart(command))
+            app.command(name, no_args_is_help=name not in _COMPLETE, context_settings=HELP_NAMES)(
+                with_groups_apart(command)
+            )
             self._made[name] = typer.main.get_command(app)
         return self._made[name]
 
@@ -91,12 +95,13 @@ class CommandGroup(TyperGroup):
         except KeyboardInterrupt as interrupt:
             raise InterruptedCommand from interrupt
 
-    def get_help_option(self, ctx: Any) -> Any:
-        """Return the group's own --help, which is False where it is not given.
+    def get_params(self, ctx: Any) -> Any:
+        """Return the group's own options; flags such as --help and --show-completion are False where not given.
 
-        By default it is None then, and newer versions of typer import pydantic (0.2 s) to see that this is no bool.
+        By default they are None then, and newer versions of typer import pydantic (0.2 s) to see that this is no bool.
         """
-        option = super().get_help_option(ctx)
-        if option is not None:
-            option.default = False
-        return option
+        options = super().get_params(ctx)
+        for option in options:
+            if getattr(option, "is_flag", False) and option.default is None:
+                option.default = False
+        return options

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from catenary.cli.options import Accept, AsJsonNotTables, MappingOptions, MendOptions, Report
+from catenary.cli.options import (
+    Accept,
+    AsJsonNotTables,
+    MappingOptions,
+    MendOptions,
+    Report,
+    robots_beginning,
+)
 from catenary.cli.terminal import (
     numbers,
     print_json,
@@ -80,7 +87,11 @@ def fit(
     ] = "error",
     robot: Annotated[
         str | None,
-        Option(metavar="ROBOT", help="Catalogue name or file of the robot: joint names and units."),
+        Option(
+            metavar="ROBOT",
+            help="Catalogue name or file of the robot: joint names and units.",
+            autocompletion=robots_beginning,
+        ),
     ] = None,
     held_out: Annotated[
         float | None,
@@ -131,7 +142,7 @@ def fit(
     reading = mending.reading(foreign, units=own_units, joint_names=names, robot=robot)
     run = FitRun(
         robot=robot,
-        max_error=_limits(max_error),
+        max_error=limits(max_error),
         held_out=held_out,
         folds=folds,
         accept=tuple(accept or ()),
@@ -165,7 +176,7 @@ def evaluate(
     report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
-    """Print a model's error on recordings, before and after, and whether its intervals hold.
+    """Print a model's error on recordings, before and after.
 
     RMSE and maximum per joint in deg and mm, RMSE per window of time, share of errors within the intervals.
 
@@ -180,7 +191,7 @@ def evaluate(
         data,
         mend=mending.mend(),
         accept=tuple(accept or ()),
-        max_error=_limits(max_error),
+        max_error=limits(max_error),
         window=window,
     )
     if as_json:
@@ -249,7 +260,8 @@ def _write_fit_report(path: Path, result: "FitResult") -> None:
     )  # fmt: skip
 
 
-def _limits(max_error: str | None) -> tuple[float, ...] | None:
+def limits(max_error: str | None) -> tuple[float, ...] | None:
+    """Return the error limits that --max-error gives, deg and mm."""
     return None if max_error is None else numbers("--max-error", max_error)
 
 

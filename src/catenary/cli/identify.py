@@ -5,7 +5,14 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from catenary.cli.options import Accept, AsJsonNotTables, MappingOptions, MendOptions, Report
+from catenary.cli.options import (
+    Accept,
+    AsJsonNotTables,
+    MappingOptions,
+    MendOptions,
+    Report,
+    robots_beginning,
+)
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table, refuse_to_overwrite
 from catenary.errors import InputError
 
@@ -30,7 +37,12 @@ def identify(
     logs: Logs,
     mending: MendOptions,
     foreign: MappingOptions,
-    robot: Annotated[str, Option(metavar="ROBOT", help="Catalogue name or file; needs no inertia.")],
+    robot: Annotated[
+        str,
+        Option(
+            metavar="ROBOT", help="Catalogue name or file; needs no inertia.", autocompletion=robots_beginning
+        ),
+    ],
     out: Annotated[Path, Option(metavar="FILE", help="File to write the parameters to, e.g. arm.npz.")],
     test: Annotated[
         list[Path] | None, Option(metavar="LOG", help="A recording to judge the result by; may be repeated.")
@@ -138,7 +150,12 @@ def _rows(text: str | None) -> tuple[int, int] | None:
 
 
 def excitation(
-    robot: Annotated[str, Argument(metavar="ROBOT", help="Catalogue name or file; needs no inertia.")],
+    robot: Annotated[
+        str,
+        Argument(
+            metavar="ROBOT", help="Catalogue name or file; needs no inertia.", autocompletion=robots_beginning
+        ),
+    ],
     out: Annotated[Path, Option(metavar="FILE", help="File to write: .npz or .csv of t, q, dq, ddq.")],
     static: Annotated[int | None, Option(metavar="N", min=1, help="N poses to hold.")] = None,
     fourier: Annotated[bool, Option("--fourier", help="One period of a Fourier motion. [default]")] = False,

@@ -147,6 +147,13 @@ class MendOptions:
         return Reading(units=si_units(given) or units, joint_names=joint_names, mend=self.mend())
 
 
+def robots_beginning(incomplete: str) -> list[str]:
+    """Return names in the catalogue that begin with what was typed: a shell completes them, and files by itself."""
+    from catenary.robots.catalog import robot_names
+
+    return [name for name in robot_names() if name.startswith(incomplete)]
+
+
 def with_groups_apart(command: Callable[..., None]) -> Callable[..., None]:
     """Return a command with the options of its groups in place of the groups.
 

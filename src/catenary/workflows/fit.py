@@ -77,7 +77,7 @@ def evaluate_calibration(
         InputError: A recording is of other joints, or lacks an input of the model.
     """
     model, card = load_model(model_path)
-    logs = [mend(_read_for(model, path)) for path in paths]
+    logs = [mend(read_recording_of(model, path)) for path in paths]
     if not logs:
         raise InputError("data: expected at least one recording, got none")
     for log in logs:
@@ -109,8 +109,12 @@ def evaluation_summary(result: EvaluationResult) -> dict[str, Any]:
     }
 
 
-def _read_for(model: CalibrationModel, path: Path) -> MotionLog:
-    """Read a recording, taking the model's names and units where a bare command log does not state them.
+def read_recording_of(model: CalibrationModel | MotionLog, path: Path) -> MotionLog:
+    """Read a recording, taking a model's names and units where a bare command log does not state them.
+
+    Args:
+        model: The model, or a recording that one will be fitted to.
+        path: The recording.
 
     Raises:
         InputError: The recording has another number of joints.

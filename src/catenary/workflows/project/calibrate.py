@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from catenary import __version__
+from catenary.calibration.dataset import require_same_joints
 from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.files import card_path, load_model, save_model
 from catenary.calibration.fit import FitOptions
@@ -23,7 +24,7 @@ from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import zigzag
 from catenary.verdict.shared import require_apart
-from catenary.workflows.fit import evaluate_calibration, fit_calibration
+from catenary.workflows.fit import evaluate_calibration, fit_calibration, read_recording_of
 from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.imported import import_recordings
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
@@ -187,7 +188,11 @@ def calibrate_recordings(
             train, test = (import_recordings(project, paths, mapping) for paths in (train, test))
             reading = Reading(mend=reading.mend)  # logs of ours state all else
         _refuse_same(train, test)
-        require_apart(read_logs(train, reading), read_logs(test, reading), accept)
+        first, *others = fitted = read_logs(train, reading)
+        tested = [reading.mend(read_recording_of(first, path)) for path in test]
+        for other in (*others, *tested):  # before minutes of fits
+            require_same_joints(first, other)
+        require_apart(fitted, tested, accept)
         fit_models(project, train, models, FitRun(folds=0, accept=accept), progress, reading)
         progress("report")
         return conclude(project, models, train, test, None, reading=reading, accept=accept)
