@@ -137,7 +137,7 @@ def fit(
     reading = Reading(units=own, joint_names=names, mapping=mapping)
     run = FitRun(
         robot=robot,
-        max_error=_limits(max_error),
+        max_error=limits(max_error),
         held_out=held_out,
         folds=folds,
         coverage=coverage,
@@ -178,7 +178,7 @@ def evaluate(
     from catenary.workflows.fit import evaluate_calibration, evaluation_summary
 
     refuse_to_overwrite({"--report": report}, [model, *data])
-    result = evaluate_calibration(model, data, max_error=_limits(max_error), window=window)
+    result = evaluate_calibration(model, data, max_error=limits(max_error), window=window)
     if as_json:
         print_json(evaluation_summary(result))
     else:
@@ -245,7 +245,8 @@ def _write_fit_report(path: Path, result: "FitResult") -> None:
     )  # fmt: skip
 
 
-def _limits(max_error: str | None) -> tuple[float, ...] | None:
+def limits(max_error: str | None) -> tuple[float, ...] | None:
+    """Return the error limits that --max-error gives, deg and mm."""
     return None if max_error is None else numbers("--max-error", max_error)
 
 
