@@ -161,6 +161,7 @@ def fit(
 def evaluate(
     model: Annotated[Path, Argument(metavar="MODEL", help="A model that catenary fit wrote.")],
     data: Recordings,
+    foreign: MappingOptions,
     window: Annotated[
         float | None, Option(metavar="S", help="Length of a time window in s. [default: a tenth of the data]")
     ] = None,
@@ -178,7 +179,8 @@ def evaluate(
     from catenary.workflows.fit import evaluate_calibration, evaluation_summary
 
     refuse_to_overwrite({"--report": report}, [model, *data])
-    result = evaluate_calibration(model, data, max_error=limits(max_error), window=window)
+    mapping = foreign.read()
+    result = evaluate_calibration(model, data, max_error=limits(max_error), window=window, mapping=mapping)
     if as_json:
         print_json(evaluation_summary(result))
     else:
