@@ -47,6 +47,8 @@ from catenary.trajectories.point_to_point import go_to as go_to
 from catenary.trajectories.reference import Reference as Reference
 from catenary.trajectories.sinusoids import random_sinusoids as random_sinusoids
 from catenary.trajectories.zigzag import zigzag as zigzag
+from catenary.workflows.import_recording import import_recording as import_recording
+from catenary.workflows.import_recording import propose_mapping as propose_mapping
 from catenary.workflows.simulated_recording import record_simulated as record_simulated
 
 __version__: str

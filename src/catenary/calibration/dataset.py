@@ -103,7 +103,7 @@ def calibration_data(
     parts: list[tuple[Floats, ...]] = []
     sources: list[TrainingSource] = []
     for i, log in enumerate(logs):
-        _same_joints(first, log)
+        require_same_joints(first, log)
         if log.q_encoder is None:
             raise InputError(
                 f'recording "{log.name}": has no q_encoder; a calibration needs measured joint positions'
@@ -173,7 +173,12 @@ def _common_rate(logs: Sequence[MotionLog]) -> float | None:
     return float(np.median(rates)) if alike else None
 
 
-def _same_joints(a: MotionLog, b: MotionLog) -> None:
+def require_same_joints(a: MotionLog, b: MotionLog) -> None:
+    """Refuse recordings of two robots, or of other joints, names, units or order.
+
+    Raises:
+        InputError: They are.
+    """
     if a.robot is not None and b.robot is not None and a.robot != b.robot:
         raise InputError(f'recordings "{a.name}" and "{b.name}" are of two robots: {a.robot} and {b.robot}')
     if (a.joint_names, a.joint_units) != (b.joint_names, b.joint_units):

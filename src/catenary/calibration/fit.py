@@ -7,7 +7,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.calibration.dataset import CalibrationData, sampling_rate
+from catenary.calibration.dataset import CalibrationData, require_same_joints, sampling_rate
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.leaps import largest_step, room_of
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
@@ -100,11 +100,13 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
     """Choose the features for recordings, looking only at what comes before their held-out last part.
 
     Raises:
-        InputError: No recording, or an input or a joint that the recordings do not have.
+        InputError: No recording, recordings of different joints, or an input or a joint that they do not have.
     """
     if not logs:
         raise InputError("data: expected at least one recording, got none")
     log = logs[0]
+    for other in logs[1:]:
+        require_same_joints(log, other)
     if isinstance(options.inputs, Mapping):
         for joint in options.inputs:
             if joint not in log.joint_names:

@@ -6,12 +6,20 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from catenary.cli.options import AsJson, Units
+from catenary.cli.options import AsJson, MappingOptions, Units, robots_beginning
 from catenary.cli.terminal import print_fact, print_json, print_notes, print_table, words
 
 
 def check(
-    file: Annotated[str, Argument(metavar="FILE", help="A robot, a calibration model or a recording.")],
+    file: Annotated[
+        str,
+        Argument(
+            metavar="FILE",
+            help="A robot, a calibration model or a recording.",
+            autocompletion=robots_beginning,
+        ),
+    ],
+    foreign: MappingOptions,
     units: Units = None,
     as_json: AsJson = False,
 ) -> None:
@@ -22,7 +30,9 @@ def check(
     """
     from catenary.workflows.check import check_file
 
-    finding = check_file(file, units=None if units is None else words(units))
+    mapping = foreign.read(units)
+    own = None if units is None or mapping is not None else words(units)
+    finding = check_file(file, units=own, mapping=mapping)
     if as_json:
         print_json(finding.as_data())
     else:

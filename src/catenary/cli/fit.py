@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from catenary.cli.options import AsJsonNotTables, Report, Units
+from catenary.cli.options import AsJsonNotTables, MappingOptions, Report, Units, robots_beginning
 from catenary.cli.terminal import (
     numbers,
     print_json,
@@ -28,7 +28,8 @@ Recordings = Annotated[
     list[Path],
     Argument(
         metavar="DATA",
-        help="Recordings: .npz with q_des, q_act, ok in rad and m, .parquet logs, or RAVEN-II's published .csv.",
+        help="Recordings: .npz with q_des, q_act, ok in rad and m, .parquet logs, RAVEN-II's published .csv; others "
+        "with --map.",
     ),
 ]
 LARGEST = sys.float_info.max
@@ -42,6 +43,7 @@ MaxError = Annotated[
 
 def fit(
     data: Recordings,
+    foreign: MappingOptions,
     model: Annotated[str, Option(metavar="KIND", help="offset, linear, polynomial or neural.")],
     out: Annotated[Path, Option(metavar="MODEL", help="File to write the model to, e.g. arm.npz.")],
     preset: Annotated[
@@ -78,7 +80,11 @@ def fit(
     units: Units = None,
     robot: Annotated[
         str | None,
-        Option(metavar="ROBOT", help="Catalogue name or file of the robot: joint names and units."),
+        Option(
+            metavar="ROBOT",
+            help="Catalogue name or file of the robot: joint names and units.",
+            autocompletion=robots_beginning,
+        ),
     ] = None,
     held_out: Annotated[
         float | None,
@@ -110,7 +116,7 @@ def fit(
     from catenary.calibration.files import card_path, save_model
     from catenary.calibration.fit import PLAY_SHARES, FitOptions
     from catenary.calibration.fitting import FitRun
-    from catenary.recording.logs import Reading
+    from catenary.recording.foreign.read import Reading
     from catenary.robots.catalog import load_robot
     from catenary.workflows.fit import fit_calibration
 
@@ -126,7 +132,9 @@ def fit(
     )
     arm = None if robot is None else load_robot(robot)
     names, own_units = (None, None) if arm is None else (arm.joint_names, arm.joint_units)
-    reading = Reading(units=own_units if units is None else words(units), joint_names=names)
+    mapping = foreign.read(units, robot=robot)
+    own = own_units if units is None or mapping is not None else words(units)
+    reading = Reading(units=own, joint_names=names, mapping=mapping)
     run = FitRun(
         robot=robot,
         max_error=_limits(max_error),
@@ -160,7 +168,7 @@ def evaluate(
     report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
-    """Print a model's error on recordings, before and after, and whether its intervals hold.
+    """Print a model's error on recordings, before and after.
 
     RMSE and maximum per joint in deg and mm, RMSE per window of time, share of errors within the intervals.
 

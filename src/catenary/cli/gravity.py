@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from catenary.cli.joint_options import Q, QDeg, SameInDeg, beyond_limits, given_joints, joint_values
-from catenary.cli.options import AsJsonNotTables, Report, SimulatedSeed
+from catenary.cli.options import AsJsonNotTables, Report, SimulatedSeed, robots_beginning
 from catenary.cli.robots import Robot
 from catenary.cli.terminal import print_json, print_notes, print_table, refuse_unwritable, words
 from catenary.errors import InputError
@@ -25,6 +25,7 @@ Simulated = Annotated[
     Argument(
         metavar="ROBOT",
         help="raven2 or raven2_right, simulated with their cables, or any other robot, as rigid bodies.",
+        autocompletion=robots_beginning,
     ),
 ]
 

@@ -1,12 +1,15 @@
 """Options that commands of several families have, and groups of them that a command takes as one argument."""
 
 from collections.abc import Callable
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
+
+if TYPE_CHECKING:
+    from catenary.recording.foreign.mapping import RecordingMapping
 
 AsJson = Annotated[bool, Option("--json", help="Print JSON.")]
 AsJsonNotTables = Annotated[bool, Option("--json", help="Print JSON instead of tables.")]
@@ -30,6 +33,45 @@ SimulatedSeed = Annotated[
     ),
 ]  # fmt: skip
 Hanging = Annotated[bool, Option("--hanging", help="The base may hang upside down.")]
+
+
+@dataclass(frozen=True)
+class MappingOptions:
+    """How a recording of another make is read: which of its columns are which quantity."""
+
+    map: Annotated[
+        list[str] | None,
+        Option(
+            "--map",
+            metavar="QUANTITY=COLUMNS",
+            help="Of a recording of another make: q_nominal, q_encoder, qd, tau, ok, time or signal:NAME; may be "
+            "repeated. Example: q_encoder=/optitrack/joints.position[0:6]@deg",
+        ),
+    ] = None
+    mapping: Annotated[
+        Path | None,
+        Option("--mapping", metavar="TOML", help="The same from a file; catenary import proposes one."),
+    ] = None
+
+    def read(self, units: str | None = None, **settings: object) -> "RecordingMapping | None":
+        """Return the mapping; None where none is given.
+
+        Args:
+            units: Of q_nominal and q_encoder, where the mapping has none.
+            settings: Further keys of the mapping, such as robot; None for what is not given.
+        """
+        if not self.map and self.mapping is None:
+            return None
+        from catenary.recording.foreign.mapping import mapping_of
+
+        return mapping_of(self.map or (), file=self.mapping, units=units, settings=settings)
+
+
+def robots_beginning(incomplete: str) -> list[str]:
+    """Return names in the catalogue that begin with what was typed: a shell completes them, and files by itself."""
+    from catenary.robots.catalog import robot_names
+
+    return [name for name in robot_names() if name.startswith(incomplete)]
 
 
 def with_groups_apart(command: Callable[..., None]) -> Callable[..., None]:

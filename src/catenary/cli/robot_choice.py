@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from catenary.cli import beside_robot
+from catenary.cli.options import robots_beginning
 from catenary.cli.terminal import print_notes, roll_and_pitch
 from catenary.errors import InputError
 
@@ -22,7 +23,12 @@ class WatchedRobot:
     """Options of a robot that is only read: which, and where it is."""
 
     robot: Annotated[
-        str, Option(metavar="ROBOT", help="raven2, raven2_right, another of the catalogue, or a robot file.")
+        str,
+        Option(
+            metavar="ROBOT",
+            help="raven2, raven2_right, another of the catalogue, or a robot file.",
+            autocompletion=robots_beginning,
+        ),
     ] = "raven2"
     ros: Annotated[
         int | None, Option(metavar="1|2", help="The robot is on ROS 1 or 2. [default: simulated here]")

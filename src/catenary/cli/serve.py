@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Option
 
-from catenary.cli.options import AsJson, Carrier, Duration, JsonLines, SimulatedSeed
+from catenary.cli.options import AsJson, Carrier, Duration, JsonLines, SimulatedSeed, robots_beginning
 from catenary.cli.terminal import print_json, print_json_line, print_notes, roll_and_pitch
 from catenary.errors import InputError
 
@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 
 def serve(
-    robot: Annotated[str, Option(metavar="NAME", help="Robot to simulate.")] = "raven2",
+    robot: Annotated[
+        str, Option(metavar="NAME", help="Robot to simulate.", autocompletion=robots_beginning)
+    ] = "raven2",
     dialect: Annotated[
         str, Option(metavar="raven|crtk", help="Topics of the RAVEN-II, or the present CRTK.")
     ] = "raven",

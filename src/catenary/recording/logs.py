@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -50,21 +50,10 @@ def read_log(
         log = read_raven_csv(path).log
         _require_same(path, log.joint_names, log.joint_units, units, joint_names)
         return replace(log, sha256=sha256_of(path))
-    raise FileFormatError(f'{path}: ending "{path.suffix}": expected a recording, .npz, .parquet or .csv')
-
-
-@dataclass(frozen=True)
-class Reading:
-    """What files of recordings do not say of themselves."""
-
-    units: tuple[str, ...] | None = None  # "rad" or "m" per joint
-    joint_names: tuple[str, ...] | None = None
-
-
-def read_logs(paths: Sequence[str | Path], reading: Reading | None = None) -> list[MotionLog]:
-    """Read recordings; see `read_log`."""
-    reading = reading if reading is not None else Reading()
-    return [read_log(path, units=reading.units, joint_names=reading.joint_names) for path in paths]
+    raise FileFormatError(
+        f'{path}: ending "{path.suffix}": expected a recording, .npz, .parquet or .csv; '
+        f"`catenary import {path}` proposes how to read others"
+    )
 
 
 def write_parquet(log: MotionLog, path: str | Path) -> None:

@@ -17,6 +17,8 @@ from catenary.calibration.model import CalibrationModel
 from catenary.errors import FileFormatError
 from catenary.identification.files import load_identification
 from catenary.plant import MotionLog
+from catenary.recording.foreign.mapping import RecordingMapping
+from catenary.recording.foreign.read import Reading, read_recording
 from catenary.recording.logs import read_log
 from catenary.reports.calibration import shortened
 from catenary.robots.catalog import load_robot, robot_names
@@ -41,18 +43,23 @@ class FileReport:
         return {"kind": self.kind, "facts": dict(self.facts), "faults": self.faults, "remarks": self.remarks}
 
 
-def check_file(source: str, *, units: Sequence[str] | None = None) -> FileReport:
+def check_file(
+    source: str, *, units: Sequence[str] | None = None, mapping: RecordingMapping | None = None
+) -> FileReport:
     """Find out what a file (or a catalogue name) is, and what is wrong with it.
 
     Args:
         source: A file, or a robot's name in the catalogue.
         units: "rad" or "m" per joint, for a recording that does not state them.
+        mapping: Of a recording of another make.
 
     Raises:
         FileFormatError: No such file, unknown kind, or it cannot be read at all; the message says why.
         InputError: A recording or robot whose numbers cannot be used; the message says which.
     """
     path = Path(source)
+    if mapping is not None:
+        return check_recording(read_recording(path, Reading(mapping=mapping)))
     if source in robot_names():
         return check_robot(load_robot(source))
     if path.is_dir():
@@ -70,7 +77,7 @@ def check_file(source: str, *, units: Sequence[str] | None = None) -> FileReport
         )
     raise FileFormatError(
         f'{source}: ending "{path.suffix}" is not one that catenary reads: robots ({", ".join(ROBOT_ENDINGS)}), '
-        "models (.npz), recordings (.npz, .parquet, .csv)"
+        "models (.npz), recordings (.npz, .parquet, .csv; of others `catenary import FILE` proposes a mapping)"
     )
 
 

@@ -17,7 +17,8 @@ from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.recording.logs import Reading, read_log, read_logs
+from catenary.recording.foreign.read import Reading, read_logs
+from catenary.recording.logs import read_log
 
 
 def fit_calibration(
@@ -64,7 +65,7 @@ def evaluate_calibration(
         InputError: A recording is of other joints, or lacks an input of the model.
     """
     model, card = load_model(model_path)
-    logs = [_read_for(model, path) for path in paths]
+    logs = [read_recording_of(model, path) for path in paths]
     if not logs:
         raise InputError("data: expected at least one recording, got none")
     for log in logs:
@@ -112,8 +113,12 @@ def interval_summary(evaluation: Evaluation) -> dict[str, Any] | None:
     }
 
 
-def _read_for(model: CalibrationModel, path: Path) -> MotionLog:
-    """Read a recording, taking the model's names and units where a bare command log does not state them.
+def read_recording_of(model: CalibrationModel | MotionLog, path: Path) -> MotionLog:
+    """Read a recording, taking a model's names and units where a bare command log does not state them.
+
+    Args:
+        model: The model, or a recording that one will be fitted to.
+        path: The recording.
 
     Raises:
         InputError: The recording has another number of joints.

@@ -17,7 +17,8 @@ from catenary.identification.options import IdentifyOptions, filter_of
 from catenary.identification.samples import Samples, alternate_blocks, prepare
 from catenary.identification.swapped import swapped_axes
 from catenary.plant import MotionLog
-from catenary.recording.logs import read_torque_log
+from catenary.recording.foreign.mapping import RecordingMapping
+from catenary.recording.foreign.read import read_torque_recording
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 
@@ -58,6 +59,7 @@ def identify_files(
     *,
     tests: Sequence[Path] = (),
     rows: tuple[int, int] | None = None,
+    mapping: RecordingMapping | None = None,
 ) -> IdentifyResult:
     """Identify a robot from recordings, and judge it on others.
 
@@ -67,6 +69,7 @@ def identify_files(
         options: What to choose otherwise than the robot's file.
         tests: Recordings to judge by.
         rows: First row, and the one after the last, of the recordings to fit; all when None.
+        mapping: Of recordings of another make.
 
     Raises:
         FileFormatError: A file is missing, damaged or of another kind.
@@ -74,10 +77,10 @@ def identify_files(
         ExcitationError: The recordings do not show all base parameters.
     """
     model = load_robot(robot)
-    read = [read_torque_log(path, model) for path in logs]
+    read = [read_torque_recording(path, model, mapping) for path in logs]
     if rows is not None:
         read = [part_of(log, rows) for log in read]
-    read_tests = [read_torque_log(path, model) for path in tests]
+    read_tests = [read_torque_recording(path, model, mapping) for path in tests]
     training = [prepare(log, model, options) for log in read]
     held_out = [prepare(log, model, options) for log in read_tests]
     if options.blocks is not None:

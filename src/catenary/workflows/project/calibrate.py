@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from catenary import __version__
+from catenary.calibration.dataset import require_same_joints
 from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.files import card_path, load_model, save_model
 from catenary.calibration.fit import FitOptions
@@ -15,14 +16,15 @@ from catenary.calibration.fitting import FitRun
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.files import sha256_of
-from catenary.recording.logs import Reading
+from catenary.recording.foreign.read import Reading, read_logs
 from catenary.reports.calibration import percent
 from catenary.reports.project import write_project_report
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import zigzag
-from catenary.workflows.fit import evaluate_calibration, fit_calibration
+from catenary.workflows.fit import evaluate_calibration, fit_calibration, read_recording_of
 from catenary.workflows.project.folder import Project, write
+from catenary.workflows.project.imported import import_recordings
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
 from catenary.workflows.project.robot import ProjectRobot
 from catenary.workflows.project.simulated_robot import SimulatedRobot
@@ -173,16 +175,27 @@ def calibrate_recordings(
     """
     if not train or not test:
         raise InputError("calibrate: give recordings to train on, and others to test on with --test")
+    project.ran.clear()
+    models = models_for(None, 0)
+    mapping = None if reading is None else reading.mapping
+    with project:
+        if mapping is not None:
+            train, test = (import_recordings(project, paths, mapping) for paths in (train, test))
+            reading = None  # logs of ours state all
+        _refuse_same(train, test)
+        first, *others = read_logs(train, reading)
+        for other in (*others, *(read_recording_of(first, path) for path in test)):  # before minutes of fits
+            require_same_joints(first, other)
+        fit_models(project, train, models, FitRun(folds=0), progress, reading)
+        progress("report")
+        return conclude(project, models, train, test, None)
+
+
+def _refuse_same(train: Sequence[Path], test: Sequence[Path]) -> None:
     hashes = _hashes(train)
     both = [str(path) for path, content in zip(test, _hashes(test), strict=True) if content in hashes]
     if both:
         raise InputError(f"calibrate: {', '.join(both)}: a recording cannot be both trained and tested on")
-    project.ran.clear()
-    models = models_for(None, 0)
-    with project:
-        fit_models(project, train, models, FitRun(folds=0), progress, reading)
-        progress("report")
-        return conclude(project, models, train, test, None)
 
 
 def model_path(project: Project, name: str) -> Path:

@@ -3,14 +3,15 @@
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.calibration.corrector import Corrector
+from catenary.calibration.corrector import Corrector, places_of
 from catenary.calibration.files import load_model
 from catenary.calibration.kernels import Flags
+from catenary.calibration.model import CalibrationModel
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.conversions import joint_values
 from catenary.crtk.latest import Latest
@@ -21,7 +22,7 @@ from catenary.plant import JointState, MotionLog, Plant
 from catenary.recording.synchronise import CALIBRATED
 from catenary.trajectories.reference import Trajectory
 from catenary.workflows.robot.motion import gentle_way
-from catenary.workflows.robot.operated_robot import OperatedRobot
+from catenary.workflows.robot.operated_robot import OperatedRobot, distance
 
 EVERY = 0.04  # [s] between two samples: 25 a second
 
@@ -35,7 +36,7 @@ class _Corrected(NamedTuple):
 
 
 class _Calibrated:
-    """A model beside the states of a robot or a recording."""
+    """A model beside the states of a robot."""
 
     def __init__(self, model: Path, names: tuple[str, ...], units: tuple[str, ...], rate_hz: float) -> None:
         self._corrector = Corrector(load_model(model)[0], rate_hz=rate_hz)
@@ -156,16 +157,33 @@ def watch_robot(
         latest = _Corrected() if corrected is None else corrected.latest()
         yield Snapshot(
             state.time, plant.joint_names, plant.joint_units, state.q, setpoint,
-            latest.q, latest.inside, latest.interval,
-            None, state.tau, robot.gravity_torque(state), state.gravity, state.gravity_age, operating,
-            plant.lower, plant.upper, states.hertz(now), late.within(now), silent, line,
+            latest.q, latest.inside, latest.interval, tau=state.tau, gravity_tau=robot.gravity_torque(state),
+            gravity=state.gravity, gravity_age=state.gravity_age, operating=operating, lower=plant.lower,
+            upper=plant.upper, rate_hz=states.hertz(now), late=late.within(now), silent=silent, recording=line,
+            **_truth(robot, state.q, latest.q),
         )  # fmt: skip
+
+
+def _truth(robot: OperatedRobot, q: Floats, calibrated: Floats | None) -> dict[str, Any]:
+    """Return the snapshot's fields of the tip and, in a simulation, of what is true."""
+    tip, truth = robot.tip(q), robot.truth()
+    if truth is None:
+        return {"tip": tip}
+    known: dict[str, Any] = {
+        "tip": tip, "error": q[: len(truth.q)] - truth.q, "tip_error": distance(tip, robot.tip(truth.q)),
+    }  # fmt: skip
+    if truth.encoders is not None:
+        seen = robot.tip(truth.encoders)
+        known |= {"encoder": truth.encoders, "tip_from_encoders": distance(tip, seen)}
+        if calibrated is not None:
+            known["calibrated_from_encoders"] = distance(robot.tip(calibrated), seen)
+    return known
 
 
 def watch_log(
     log: MotionLog,
     *,
-    model: Path | None = None,
+    model: CalibrationModel | None = None,
     every: float = EVERY,
     speed: float = 1.0,
     clock: Callable[[], float] = time.monotonic,
@@ -182,20 +200,14 @@ def watch_log(
         raise InputError(f"--speed: expected more than 0, got {speed}")
     steps = np.diff(log.time)
     spacing = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
-    corrected = None if model is None else _Calibrated(model, log.joint_names, log.joint_units, 1.0 / spacing)
-    nothing = np.full(len(log.joint_names), np.nan)
+    corrected = None if model is None else _CalibratedLog(model, log, 1.0 / spacing)
     begin, shown, played = clock(), -np.inf, 0.0
     for row in range(len(log)):
         if row:
             # another recording begins at once
             played += max(float(log.time[row] - log.time[row - 1]), 0.0) / speed
-        qd = nothing if log.qd is None else log.qd[row]
-        tau = nothing if log.tau is None else log.tau[row]
-        state = JointState(
-            float(log.time[row]), log.q_nominal[row], qd, tau, np.zeros(0), np.zeros(3), np.inf
-        )
         if corrected is not None:
-            corrected.take(state)
+            corrected.take(row)
         if played - shown < every and row < len(log) - 1:
             continue
         shown = played
@@ -204,10 +216,46 @@ def watch_log(
             sleep(ahead)
         encoder = None if log.q_encoder is None else np.where(log.ok[row], log.q_encoder[row], np.nan)
         yield Snapshot(
-            state.time, log.joint_names, log.joint_units, state.q, None,
+            float(log.time[row]), log.joint_names, log.joint_units, log.q_nominal[row], None,
             *(_Corrected() if corrected is None else corrected.latest()),
-            encoder, None if log.tau is None else tau, rate_hz=1.0 / spacing,
+            encoder, None if log.tau is None else log.tau[row], rate_hz=1.0 / spacing,
         )  # fmt: skip
+
+
+class _CalibratedLog:
+    """A model in a loop of a recording's rate; inputs come from all that the recording holds."""
+
+    def __init__(self, model: CalibrationModel, log: MotionLog, rate_hz: float) -> None:
+        """Find the model's joints and inputs in the recording.
+
+        Raises:
+            InputError: It lacks a joint or an input of the model, or its rate does not fit the model's history.
+        """
+        self._corrector, self._log, self._starts = (
+            Corrector(model, rate_hz=rate_hz),
+            log,
+            frozenset(log.starts),
+        )
+        whose = f'recording "{log.name}"'
+        self._places = places_of(model, log.joint_names, log.joint_units, whose=whose)
+        self._signals, n = model.features.signal_rows(log), len(self._places)
+        self._q, self._inside, self._interval = np.empty(n), np.empty(n, dtype=bool), np.empty(n)
+        self._row = 0
+
+    def take(self, row: int) -> None:
+        """Take the next row; joints that the model is not of pass through."""
+        if row in self._starts:
+            self._corrector.reset()
+        q = self._log.q_nominal[row, self._places]
+        self._corrector.correct(q, self._signals[row], self._q, self._inside, self._interval)
+        self._row = row
+
+    def latest(self) -> _Corrected:
+        q = self._log.q_nominal[self._row].copy()
+        inside, interval = np.ones(len(q), dtype=bool), np.full(len(q), np.nan)
+        places = self._places
+        q[places], inside[places], interval[places] = self._q, self._inside, self._interval
+        return _Corrected(q, inside, interval)
 
 
 class _ThereAndBack:
