@@ -17,6 +17,7 @@ from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.plant import MotionLog
+from catenary.recording.foreign.mapping import RecordingMapping
 from catenary.recording.foreign.read import Reading, read_logs
 from catenary.recording.logs import read_log
 
@@ -55,8 +56,9 @@ def evaluate_calibration(
     *,
     max_error: tuple[float, ...] | None = None,
     window: float | None = None,
+    mapping: RecordingMapping | None = None,
 ) -> EvaluationResult:
-    """Evaluate a model on recordings.
+    """Evaluate a model on recordings, those of another make read by their mapping.
 
     Recordings that do not state their joints' names or units are read with the model's.
 
@@ -65,7 +67,10 @@ def evaluate_calibration(
         InputError: A recording is of other joints, or lacks an input of the model.
     """
     model, card = load_model(model_path)
-    logs = [read_recording_of(model, path) for path in paths]
+    if mapping is not None:
+        logs = read_logs(paths, Reading(mapping=mapping))
+    else:
+        logs = [read_recording_of(model, path) for path in paths]
     if not logs:
         raise InputError("data: expected at least one recording, got none")
     for log in logs:
