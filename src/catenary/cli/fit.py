@@ -219,6 +219,8 @@ def _print_coverage(evaluation: "Evaluation") -> None:
 
 
 def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
+    from catenary.workflows.fit import interval_summary
+
     held_out = result.held_out
     return {
         "model": str(out),
@@ -229,6 +231,7 @@ def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
         "inputs": list(result.model.features.names),
         "cross_validation": [asdict(joint) for joint in result.spread],
         "held_out": None if held_out is None else [asdict(joint) for joint in held_out.joints],
+        "intervals": None if held_out is None else interval_summary(held_out),
         "notes": list(result.notes),
     }
 

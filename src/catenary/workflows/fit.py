@@ -7,6 +7,7 @@ from typing import Any
 
 from catenary.archives import read_arrays
 from catenary.calibration.card_schema import check_card
+from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import Evaluation, evaluate
 from catenary.calibration.files import load_model
@@ -93,8 +94,27 @@ def evaluation_summary(result: EvaluationResult) -> dict[str, Any]:
         "joints": [asdict(joint) for joint in evaluation.joints],
         "window_unit": evaluation.window_unit,
         "windows": [asdict(window) for window in evaluation.windows],
+        "intervals": interval_summary(evaluation),
         "seen_in_training": list(result.seen_in_training),
         "notes": list(result.notes),
+    }
+
+
+def interval_summary(evaluation: Evaluation) -> dict[str, Any] | None:
+    """Return whether a model's intervals hold, as plain data, in deg and mm; None for a model without."""
+    if evaluation.level is None:
+        return None
+    return {
+        "coverage_asked": evaluation.level,
+        "joints": [
+            {
+                "name": joint.name,
+                "half_width": joint.half_width,
+                "coverage": joint.coverage,
+                "verdict": verdict,
+            }
+            for joint, verdict in zip(evaluation.joints, coverage_verdicts(evaluation), strict=True)
+        ],
     }
 
 
