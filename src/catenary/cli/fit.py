@@ -168,6 +168,7 @@ def evaluate(
     model: Annotated[Path, Argument(metavar="MODEL", help="A model that catenary fit wrote.")],
     data: Recordings,
     mending: MendOptions,
+    foreign: MappingOptions,
     window: Annotated[
         float | None, Option(metavar="S", help="Length of a time window in s. [default: a tenth of the data]")
     ] = None,
@@ -186,13 +187,15 @@ def evaluate(
     from catenary.workflows.fit import evaluate_calibration, evaluation_summary
 
     refuse_to_overwrite({"--report": report}, [model, *data])
+    reading = mending.reading(foreign)
     result = evaluate_calibration(
         model,
         data,
-        mend=mending.mend(),
+        mend=reading.mend,
         accept=tuple(accept or ()),
         max_error=limits(max_error),
         window=window,
+        mapping=reading.mapping,
     )
     if as_json:
         print_json(evaluation_summary(result))
@@ -232,6 +235,8 @@ def _print_coverage(evaluation: "Evaluation") -> None:
 
 
 def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
+    from catenary.workflows.fit import interval_summary
+
     held_out = result.held_out
     return {
         "model": str(out),
@@ -242,6 +247,7 @@ def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
         "inputs": list(result.model.features.names),
         "cross_validation": [asdict(joint) for joint in result.spread],
         "held_out": None if held_out is None else [asdict(joint) for joint in held_out.joints],
+        "intervals": None if held_out is None else interval_summary(held_out),
         "notes": list(result.notes),
     }
 
