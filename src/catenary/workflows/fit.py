@@ -73,6 +73,7 @@ def evaluate_calibration(
         accept: Findings about them to go on with, by name.
         max_error: Per joint, deg and mm; rows with larger errors are left out.
         window: Length of a time window [s]; a tenth of the data when None.
+        mapping: Of recordings of another make.
 
     Raises:
         DataError: Something is wrong with a recording that `accept` does not name.
