@@ -1,9 +1,11 @@
 """The names that `import catenary` offers, and where each lives: read by type checkers and by `__init__.py` alike."""
 
 from catenary.calibration.calibration import Calibration as Calibration
+from catenary.calibration.calibration import check_data as check_data
 from catenary.calibration.calibration import evaluate as evaluate
 from catenary.calibration.calibration import fit as fit
 from catenary.calibration.calibration import load_model as load_model
+from catenary.calibration.calibration import refresh as refresh
 from catenary.calibration.corrector import Corrector as Corrector
 from catenary.control.elastic import ElasticPD as ElasticPD
 from catenary.control.gravity_pd import EstimatedGravityPD as EstimatedGravityPD

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.card import model_card
@@ -21,10 +20,10 @@ from catenary.calibration.progress import Progress, part_of, silent
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.units import DISPLAY
+from catenary.verdict.check import robot_of, verdict
 
 FOLDS = 5
 COVERAGE = 0.9
-OUTLIER_SPREADS = 10.0  # robust standard deviations beyond which a measurement is suspected
 
 
 @dataclass(frozen=True)
@@ -35,6 +34,7 @@ class FitRun:
     max_error: tuple[float, ...] | None = None  # per joint, deg and mm; rows beyond are left out
     held_out: float | None = None  # share at the end of each recording
     folds: int = FOLDS  # of the cross-validation; 0 for none
+    accept: tuple[str, ...] = ()  # findings about the data to go on with, by name
     coverage: float = COVERAGE  # share of errors that the model's intervals are to hold
 
     def __post_init__(self) -> None:
@@ -67,6 +67,7 @@ def fit_logs(
     blocks of time, each predicted by a model fitted to the others, and on the held-out part.
 
     Raises:
+        DataError: Something is wrong with a recording that `run.accept` does not name.
         InputError: No recording, recordings of different joints, unusable numbers, options that contradict each other.
     """
     run = run if run is not None else FitRun()
@@ -77,13 +78,16 @@ def fit_logs(
         raise InputError(
             f"history: {options.history} previous commands, but the longest recording has {longest} rows"
         )
+    if options.kind == "auto" and not run.folds:
+        raise InputError(
+            "model auto: is chosen by its errors on folds, which folds 0 leaves out; give a kind"
+        )
+    inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
+    data, _, _ = _rows(logs, inputs.features, run)
+    limits = error_limits(run.max_error, logs[0])
+    found = verdict(logs, accept=run.accept, robot=robot_of(logs, run.robot), max_error=limits)
     if options.kind == "auto":
-        if not run.folds:
-            raise InputError(
-                "model auto: is chosen by its errors on folds, which folds 0 leaves out; give a kind"
-            )
-        width = len(choose_inputs(logs, options, held_out=run.held_out or 0.0).features.names)
-        kinds = tried(options, width, sum(len(log) for log in logs))
+        kinds = tried(options, len(inputs.features.names), len(data))
     else:
         kinds = {options.kind: options}
     attempts = {
@@ -99,7 +103,7 @@ def fit_logs(
     else:
         choices, (attempt,) = (), attempts.values()
         model, validation = attempt.fitted(progress), attempt.validation
-    return _concluded(logs, options, run, model, validation, choices)
+    return _concluded(logs, options, run, model, validation, choices, found)
 
 
 @dataclass(frozen=True)
@@ -163,10 +167,11 @@ def _concluded(
     model: CalibrationModel,
     validation: CrossValidation | None,
     choices: tuple[JointChoice, ...],
+    found: Sequence[str],
 ) -> FitResult:
     """Return a fitted model with its intervals, errors and card."""
     data, late, everything = _rows(logs, model.features, run)
-    notes = tuple(data_notes(logs, everything))
+    notes = (*data_notes(logs, everything), *found)
     intervals = None if validation is None else estimate_intervals(validation, level=run.coverage)
     model = replace(model, intervals=intervals)
     if intervals is None:
@@ -181,6 +186,7 @@ def _concluded(
         command={
             "held_out": run.held_out,
             "folds": run.folds,
+            "accept": list(run.accept),
             "coverage": run.coverage,
             # JSON has no infinity: null is no limit
             "max_error": run.max_error and [e if math.isfinite(e) else None for e in run.max_error],
@@ -232,15 +238,8 @@ def error_limits(max_error: tuple[float, ...] | None, log: MotionLog) -> Floats 
     return np.array([most / DISPLAY[unit][1] for most, unit in zip(max_error, log.joint_units, strict=True)])
 
 
-def outliers(errors: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """Return how many of N errors (N, n) lie beyond OUTLIER_SPREADS robust standard deviations, and these, (n,)."""
-    deviation = np.abs(errors - np.median(errors, axis=0))
-    spread: Floats = 1.4826 * np.median(deviation, axis=0)  # the standard deviation, if errors were normal
-    return (deviation > OUTLIER_SPREADS * np.maximum(spread, 1e-9)).sum(axis=0), spread
-
-
 def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
-    """Return what readers of recordings noted, what rows were left out, and what looks wrong in the others."""
+    """Return what readers of recordings noted, and what rows were left out."""
     notes = [f"{log.name}: {note}" for log in logs for note in log.notes]
     for source in data.sources:
         left_out = {
@@ -253,13 +252,4 @@ def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
             notes.append(f"{source.name}: left out {text}, of {source.rows} rows")
         if source.leaps:
             notes.append(f"{source.name}: play states did not follow {source.leaps} leaps of a joint")
-    for name, count in zip(data.joint_names, outliers(data.error)[0], strict=True):
-        if count:
-            notes.append(
-                f"{name}: {count} of {len(data)} errors lie beyond {OUTLIER_SPREADS:g} robust standard deviations; "
-                "if they are measurement failures, leave them out with --max-error"
-            )
-    still = [n for n, x in zip(data.joint_names, np.ptp(data.q_nominal, axis=0), strict=True) if x == 0.0]
-    if still:
-        notes.append(f"{', '.join(still)}: never moved; the model holds only where they stood")
     return notes
