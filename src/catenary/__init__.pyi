@@ -4,6 +4,7 @@ from catenary.calibration.calibration import Calibration as Calibration
 from catenary.calibration.calibration import evaluate as evaluate
 from catenary.calibration.calibration import fit as fit
 from catenary.calibration.calibration import load_model as load_model
+from catenary.calibration.calibration import refresh as refresh
 from catenary.calibration.corrector import Corrector as Corrector
 from catenary.control.elastic import ElasticPD as ElasticPD
 from catenary.control.gravity_pd import EstimatedGravityPD as EstimatedGravityPD

@@ -61,7 +61,7 @@ def test_the_card_holds_the_held_out_errors(recording_path: Path) -> None:
     result = fit_calibration([recording_path], LINEAR, FitRun(held_out=0.25))
     assert result.held_out is not None
     assert result.card["errors"]["held_out"] == [asdict(joint) for joint in result.held_out.joints]
-    assert result.card["run"] == {"seed": 0, "held_out": 0.25, "folds": 5, "max_error": None}
+    assert result.card["run"] == {"seed": 0, "held_out": 0.25, "folds": 5, "coverage": 0.9, "max_error": None}
 
 
 def test_several_recordings_are_fitted_together(recording_path: Path, tmp_path: Path) -> None:

@@ -22,6 +22,8 @@ from catenary.calibration.fit import FitOptions, Kind, Preset
 from catenary.calibration.fitting import COVERAGE, FOLDS, FitRun, fit_logs
 from catenary.calibration.model import CalibrationModel, Card, Target
 from catenary.calibration.progress import Progress, silent
+from catenary.calibration.upkeep.lineage import refreshed_card
+from catenary.calibration.upkeep.refresh import refresh_model
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
@@ -119,6 +121,37 @@ class Calibration(CalibrationModel):
         for log in logs:
             self.require_joints(log)
         return evaluate_rows(self, calibration_data(logs, self.features), window=window)
+
+    def refresh(
+        self,
+        q_nominal: Motion,
+        q_encoder: ArrayLike | None = None,
+        *,
+        tau: ArrayLike | None = None,
+        qd: ArrayLike | None = None,
+        time: ArrayLike | None = None,
+    ) -> "Calibration":
+        """Return the model brought up to date with minutes of a new day; its card says what moved.
+
+        Args:
+            q_nominal: As for `evaluate`; so are the others.
+            q_encoder: True positions.
+            tau: Joint torques.
+            qd: Joint velocities.
+            time: [s].
+
+        Raises:
+            InputError: As for `evaluate`, or too few rows.
+            FileFormatError: A recording is missing or damaged.
+        """
+        logs = _logs(
+            q_nominal, self.joint_names, self.joint_units, q_encoder=q_encoder, tau=tau, qd=qd, time=time
+        )
+        for log in logs:
+            self.require_joints(log)
+        data = calibration_data(logs, self.features)
+        refreshed = refresh_model(self, data)
+        return _with_card(refreshed.model, refreshed_card(self.card, refreshed, data, sha256=None))
 
     def corrector(self, *, rate_hz: float = 1000.0, decimation: int | None = None) -> Corrector:
         """Return the model for a control loop; see `Corrector`."""
@@ -234,8 +267,24 @@ def evaluate(
     return loaded.evaluate(q_nominal, q_encoder, tau=tau, qd=qd, time=time, window=window)
 
 
+def refresh(
+    model: Calibration | str | Path,
+    q_nominal: Motion,
+    q_encoder: ArrayLike | None = None,
+    *,
+    tau: ArrayLike | None = None,
+    qd: ArrayLike | None = None,
+    time: ArrayLike | None = None,
+) -> Calibration:
+    """Return a model brought up to date with minutes of a new day: `Calibration.refresh`, also of a model's file."""
+    loaded = model if isinstance(model, Calibration) else load_model(model)
+    return loaded.refresh(q_nominal, q_encoder, tau=tau, qd=qd, time=time)
+
+
 def _with_card(model: CalibrationModel, card: Card) -> Calibration:
-    return Calibration(**{each.name: getattr(model, each.name) for each in fields(model)}, card=card)
+    return Calibration(
+        **{each.name: getattr(model, each.name) for each in fields(CalibrationModel)}, card=card
+    )
 
 
 def _logs(

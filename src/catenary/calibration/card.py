@@ -93,6 +93,7 @@ def model_card(
         },
         "data": [asdict(source) for source in data.sources],
         "rows": len(data),
+        "recorded": data.last_date,
         "run": {"seed": options.seed, **command},
         "version": {"catenary": __version__, **{name: version(name) for name in LIBRARIES}},
         "errors": {

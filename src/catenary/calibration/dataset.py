@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,8 @@ from catenary.calibration.features import FeatureSet, joints_text
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 
+# [s since 1970] time stamps within are a calendar's, smaller ones those of a clock of its own
+FIRST_DATE, LAST_DATE = 1e9, 1e10
 RATE_TOLERANCE = 0.03  # recordings whose rates differ by more were not taken at one rate
 
 
@@ -48,6 +51,12 @@ class CalibrationData:
 
     def __len__(self) -> int:
         return len(self.X)
+
+    @property
+    def last_date(self) -> str | None:
+        """Day of the last row (ISO 8601, UTC); None where time stamps are not a calendar's."""
+        last = float(self.time.max()) if self.has_time and len(self) else 0.0
+        return datetime.fromtimestamp(last, UTC).date().isoformat() if FIRST_DATE < last < LAST_DATE else None
 
     def rows(self, mask: NDArray[np.bool_]) -> "CalibrationData":
         """Return the rows where `mask` (N,) is set."""

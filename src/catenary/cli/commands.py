@@ -20,6 +20,7 @@ _FUNCTIONS = {
     "import": ("exchange", "import_recording"),
     "fit": ("fit", "fit"),
     "evaluate": ("fit", "evaluate"),
+    "refresh": ("upkeep.refresh", "refresh"),
     "deploy": ("calibrate", "deploy"),
     "goto": ("motion", "goto"),
     "random": ("motion", "random"),

@@ -137,7 +137,7 @@ def fit(
     reading = Reading(units=own, joint_names=names, mapping=mapping)
     run = FitRun(
         robot=robot,
-        max_error=_limits(max_error),
+        max_error=limits(max_error),
         held_out=held_out,
         folds=folds,
         coverage=coverage,
@@ -161,6 +161,7 @@ def fit(
 def evaluate(
     model: Annotated[Path, Argument(metavar="MODEL", help="A model that catenary fit wrote.")],
     data: Recordings,
+    foreign: MappingOptions,
     window: Annotated[
         float | None, Option(metavar="S", help="Length of a time window in s. [default: a tenth of the data]")
     ] = None,
@@ -178,7 +179,8 @@ def evaluate(
     from catenary.workflows.fit import evaluate_calibration, evaluation_summary
 
     refuse_to_overwrite({"--report": report}, [model, *data])
-    result = evaluate_calibration(model, data, max_error=_limits(max_error), window=window)
+    mapping = foreign.read()
+    result = evaluate_calibration(model, data, max_error=limits(max_error), window=window, mapping=mapping)
     if as_json:
         print_json(evaluation_summary(result))
     else:
@@ -217,6 +219,8 @@ def _print_coverage(evaluation: "Evaluation") -> None:
 
 
 def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
+    from catenary.workflows.fit import interval_summary
+
     held_out = result.held_out
     return {
         "model": str(out),
@@ -227,6 +231,7 @@ def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
         "inputs": list(result.model.features.names),
         "cross_validation": [asdict(joint) for joint in result.spread],
         "held_out": None if held_out is None else [asdict(joint) for joint in held_out.joints],
+        "intervals": None if held_out is None else interval_summary(held_out),
         "notes": list(result.notes),
     }
 
@@ -245,7 +250,8 @@ def _write_fit_report(path: Path, result: "FitResult") -> None:
     )  # fmt: skip
 
 
-def _limits(max_error: str | None) -> tuple[float, ...] | None:
+def limits(max_error: str | None) -> tuple[float, ...] | None:
+    """Return the error limits that --max-error gives, deg and mm."""
     return None if max_error is None else numbers("--max-error", max_error)
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from catenary.archives import read_arrays
 from catenary.calibration.card_schema import check_card
+from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import Evaluation, evaluate
 from catenary.calibration.files import load_model
@@ -16,6 +17,7 @@ from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.plant import MotionLog
+from catenary.recording.foreign.mapping import RecordingMapping
 from catenary.recording.foreign.read import Reading, read_logs
 from catenary.recording.logs import read_log
 
@@ -54,8 +56,9 @@ def evaluate_calibration(
     *,
     max_error: tuple[float, ...] | None = None,
     window: float | None = None,
+    mapping: RecordingMapping | None = None,
 ) -> EvaluationResult:
-    """Evaluate a model on recordings.
+    """Evaluate a model on recordings, those of another make read by their mapping.
 
     Recordings that do not state their joints' names or units are read with the model's.
 
@@ -64,7 +67,10 @@ def evaluate_calibration(
         InputError: A recording is of other joints, or lacks an input of the model.
     """
     model, card = load_model(model_path)
-    logs = [read_recording_of(model, path) for path in paths]
+    if mapping is not None:
+        logs = read_logs(paths, Reading(mapping=mapping))
+    else:
+        logs = [read_recording_of(model, path) for path in paths]
     if not logs:
         raise InputError("data: expected at least one recording, got none")
     for log in logs:
@@ -88,8 +94,27 @@ def evaluation_summary(result: EvaluationResult) -> dict[str, Any]:
         "joints": [asdict(joint) for joint in evaluation.joints],
         "window_unit": evaluation.window_unit,
         "windows": [asdict(window) for window in evaluation.windows],
+        "intervals": interval_summary(evaluation),
         "seen_in_training": list(result.seen_in_training),
         "notes": list(result.notes),
+    }
+
+
+def interval_summary(evaluation: Evaluation) -> dict[str, Any] | None:
+    """Return whether a model's intervals hold, as plain data, in deg and mm; None for a model without."""
+    if evaluation.level is None:
+        return None
+    return {
+        "coverage_asked": evaluation.level,
+        "joints": [
+            {
+                "name": joint.name,
+                "half_width": joint.half_width,
+                "coverage": joint.coverage,
+                "verdict": verdict,
+            }
+            for joint, verdict in zip(evaluation.joints, coverage_verdicts(evaluation), strict=True)
+        ],
     }
 
 

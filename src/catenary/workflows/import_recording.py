@@ -8,7 +8,7 @@ from catenary.config import parse_settings
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.foreign.importer import import_sources
-from catenary.recording.foreign.layouts import Layout, layout_of_file, read_layout
+from catenary.recording.foreign.layouts import Layout, layout_of_files, read_layout
 from catenary.recording.foreign.mapping import RecordingMapping, load_mapping, mapping_of
 from catenary.recording.foreign.proposal import Proposal, propose
 from catenary.recording.foreign.sources import Sources
@@ -55,7 +55,7 @@ def import_recording(
     found = _known(paths, robot)
     if found is not None:
         listed = None if units is None else [unit.strip() for unit in units.split(",")]
-        return read_layout(paths[0], found, model=None if robot is None else load_robot(robot), units=listed)
+        return read_layout(paths, found, model=None if robot is None else load_robot(robot), units=listed)
     opened = Sources(paths)
     proposal = propose(opened, robot=robot, units=units)
     if not accept_proposal:
@@ -83,7 +83,7 @@ def propose_mapping(
 
 
 def known_layout(paths: Sequence[Path], *, robot: str | None = None) -> str | None:
-    """Return the layout of a file that needs no mapping, in words; None for others, and for several files.
+    """Return the layout of a file that needs no mapping, in words; None for others.
 
     Raises:
         FileFormatError: It is damaged.
@@ -93,7 +93,7 @@ def known_layout(paths: Sequence[Path], *, robot: str | None = None) -> str | No
 
 
 def _known(paths: Sequence[Path], robot: str | None) -> Layout | None:
-    found = layout_of_file(paths[0]) if len(paths) == 1 else None
+    found = layout_of_files(paths)
     return None if found is None or (found.needs_robot and robot is None) else found
 
 

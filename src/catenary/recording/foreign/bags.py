@@ -22,6 +22,7 @@ from catenary.recording.topics import SECOND
 
 SAMPLED = 1000  # messages of a topic, evenly over the bag, from which its columns, rate and range are told
 LONGEST = 65_536  # [B] of a message that is looked at for a proposal: images and clouds are longer
+MOST_DEFINED = 1_000_000  # characters of all definitions that differ: reading them takes time
 _BATCH = 4096
 _MOST_JOINTS = 1000
 _NAMES = ("name", "names", "joint_names")  # fields that name the elements of the arrays beside them
@@ -43,6 +44,8 @@ class Bag:
         else:
             self._reader = _ros2(_with_metadata(path))
         self.encoding: Encoding = self._reader.encoding
+        self._known: dict[str, FieldsOf] = {}  # by topic
+        self._parsed: dict[tuple[str, str], FieldsOf] = {}  # by type and definition
         self.counts = {name: count for name, count in self._reader.counts.items() if count}
 
     @property
@@ -67,7 +70,12 @@ class Bag:
                 readable[name] = self._fields(name)
             except FileFormatError as error:
                 streams.append(Stream(name, kind, {}, self.counts[name], notes=(str(error),)))
-        streams += self._streams(readable, None, chosen)
+        for name, columns in self._collected(readable, None, chosen).items():
+            try:
+                streams.append(self._stream(name, columns))
+            except FileFormatError as error:  # harms no other topic
+                kind = self._reader.connections[name].type
+                streams.append(Stream(name, kind, {}, self.counts[name], notes=(str(error),)))
         return [s for name in self.counts for s in streams if s.name == name]
 
     def read(self, wanted: Mapping[str, Collection[str]]) -> list[Stream]:
@@ -77,17 +85,33 @@ class Bag:
             FileFormatError: A message is not of its type.
         """
         fields = {name: self._fields(name) for name in wanted}
-        return self._streams(fields, wanted, lambda topic, data: True)
+        collected = self._collected(fields, wanted, lambda topic, data: True)
+        return [self._stream(name, columns) for name, columns in collected.items()]
 
     def _fields(self, topic: str) -> FieldsOf:
-        return fields_by_definition(self.path, self._reader.connections[topic], self.encoding)
+        if topic not in self._known:
+            connection = self._reader.connections[topic]
+            key = (connection.type, connection.definition)
+            if key not in self._parsed:
+                read = sum(len(text) for _, text in self._parsed)
+                if read > MOST_DEFINED:
+                    raise FileFormatError(
+                        f"{self.path}: topic {cut(topic)}: types before it have {read} characters, "
+                        f"{MOST_DEFINED} are read"
+                    )
+                self._parsed[key] = fields_by_definition(self.path, connection, self.encoding)
+            self._known[topic] = self._parsed[key]
+        return self._known[topic]
 
-    def _streams(
+    def _stream(self, name: str, columns: "_TopicColumns") -> Stream:
+        return columns.stream(name, self.counts[name], f"{self.path}: topic {cut(name)}")
+
+    def _collected(
         self,
         fields: Mapping[str, FieldsOf],
         wanted: Mapping[str, Collection[str]] | None,
         chosen: Callable[[str, bytes], bool],
-    ) -> list[Stream]:
+    ) -> dict[str, "_TopicColumns"]:
         connections = self._reader.connections
         columns = {
             name: _TopicColumns(connections[name].type, self.encoding, fields[name], wanted and wanted[name])
@@ -96,10 +120,7 @@ class Bag:
         for name, stamp, data in self._reader.messages(list(fields)) if fields else ():
             if chosen(name, data):
                 columns[name].add(stamp, data)
-        return [
-            each.stream(name, self.counts[name], f"{self.path}: topic {cut(name)}")
-            for name, each in columns.items()
-        ]
+        return columns
 
 
 def _ros2(path: Path) -> "BagStream | McapReader":

@@ -7,7 +7,7 @@ from pathlib import Path
 from rosbags.interfaces.typing import Typesdict
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 
-from catenary.documents import cut
+from catenary.documents import cut, shortened
 from catenary.errors import FileFormatError
 from catenary.recording.bag_stream import BagConnection
 from catenary.recording.layout import Encoding
@@ -72,7 +72,7 @@ def _types(where: str, connection: BagConnection, encoding: Encoding) -> Typesdi
     except (
         TypesysError, ValueError, LookupError, TypeError, RecursionError, AssertionError, AttributeError,
     ) as error:  # fmt: skip
-        raise FileFormatError(f"{where}: its definition cannot be read: {cut(str(error))}") from error
+        raise FileFormatError(f"{where}: its definition cannot be read: {shortened(str(error))}") from error
     return _of_ros(encoding) | found
 
 

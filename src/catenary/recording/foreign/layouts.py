@@ -2,18 +2,23 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from catenary.archives import read_arrays
 from catenary.errors import FileFormatError
 from catenary.plant import MotionLog
+from catenary.recording.extract import extract
 from catenary.recording.foreign.importer import import_sources
 from catenary.recording.foreign.mapping import Quantity, RecordingMapping, Signal
-from catenary.recording.foreign.sources import Sources
+from catenary.recording.foreign.sources import Sources, is_bag
 from catenary.recording.logs import read_log, read_torque_log
 from catenary.recording.parquet_files import open_parquet
 from catenary.recording.raven_csv import WIDTH, WIDTH_WITH_FORCE
+from catenary.recording.source import open_recordings
+from catenary.recording.synchronise import ROBOT, SynchroniseOptions, synchronise
+from catenary.recording.topics import EXT_JPOS, RAVENSTATE, RAVENSTATE_100HZ, Arm
 from catenary.robots.model import RobotModel
 
 _STATE_ARRAYS = {"t", "jpos", "jpos_d", "pos", "pos_d"}
@@ -47,7 +52,24 @@ MOTION_LOG = Layout("catenary's motion log")
 RAVEN_CSV = Layout("RAVEN-II's published CSV")
 COMMAND_LOG = Layout("commanded and measured joints (q_des, q_act, ok)")
 TORQUE_LOG = Layout("positions and torques (q, tau, and dq, fs or t)", needs_robot=True)
+RAVEN_BAG = Layout("RAVEN-II's topics: raven_state and the external encoders")
 RAVEN_STATE = Layout("RAVEN-II's recorded state (jpos, jpos_d, pos, pos_d)")
+
+
+def layout_of_files(paths: Sequence[Path]) -> Layout | None:
+    """Return which known layout the files of a recording have; None for another, which needs a mapping.
+
+    Raises:
+        FileFormatError: A file is damaged.
+    """
+    if not paths or not all(is_bag(path) and path.exists() for path in paths):
+        return layout_of_file(paths[0]) if len(paths) == 1 else None
+    try:
+        topics = {topic.name for source in open_recordings(paths, salvage=True) for topic in source.topics}
+    except FileFormatError:  # of other types under these names, say
+        return None
+    state = topics & {RAVENSTATE.name, RAVENSTATE_100HZ.name}
+    return RAVEN_BAG if len(state) == 1 and EXT_JPOS.name in topics else None
 
 
 def layout_of_file(path: Path) -> Layout | None:
@@ -75,17 +97,17 @@ def layout_of_file(path: Path) -> Layout | None:
 
 
 def read_layout(
-    path: Path,
+    paths: Sequence[Path],
     layout: Layout,
     *,
     model: RobotModel | None = None,
     units: Sequence[str] | None = None,
     joint_names: Sequence[str] | None = None,
 ) -> MotionLog:
-    """Read a file of a known layout.
+    """Read a recording of a known layout.
 
     Args:
-        path: The file.
+        paths: The file; bags may be several.
         layout: Which one it has.
         model: The robot, where the layout needs one.
         units: "rad" or "m" per joint, for a file that does not state them.
@@ -95,6 +117,13 @@ def read_layout(
         FileFormatError: Damaged, or the robot is not given though it is needed.
         InputError: The numbers are not a log, or units or names contradict the file's.
     """
+    path = paths[0]
+    if layout is RAVEN_BAG:
+        arm: Arm = "green" if model is not None and model.name == ROBOT["green"] else "gold"
+        with TemporaryDirectory() as folder:
+            extraction = extract(paths, Path(folder) / path.stem, salvage=True)
+            log = synchronise(extraction.folder, SynchroniseOptions(arm=arm)).log
+        return replace(log, notes=(*log.notes, *extraction.problems))
     if layout is TORQUE_LOG:
         if model is None:
             raise FileFormatError(

@@ -23,7 +23,7 @@ ENDINGS = (".csv", ".txt", ".parquet", ".npz", ".npy", ".mat")
 def read_table_file(path: Path) -> list[Stream]:
     """Read a file as streams without stamps: which column holds the time is for the mapping to say.
 
-    Arrays of another number of rows than most are streams of their own, called `FILE#ROWS`.
+    Arrays of another number of rows are streams of their own, called `FILE#ROWS`.
 
     Raises:
         FileFormatError: No such file, another kind, damaged, or nothing in it is a column of numbers.
@@ -68,7 +68,7 @@ def _table(
 
 
 def _of_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> list[Stream]:
-    """Return arrays by their number of rows, the most common one first; wide ones as `name[0]`, `name[1]`, ..."""
+    """Return arrays by their number of rows, that of most numbers first; wide ones as `name[0]`, `name[1]`, ..."""
     plain = {name: np.squeeze(a) for name, a in arrays.items() if a.dtype.kind in "biuf" and a.size}
     constants = {name: float(a) for name, a in plain.items() if a.ndim == 0}
     plain = {name: a for name, a in plain.items() if a.ndim in (1, 2)}
@@ -76,8 +76,10 @@ def _of_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> list[Stream]:
         raise FileFormatError(
             f"{path}: holds no array of numbers of one or two dimensions; it has {_named(arrays)}"
         )
-    lengths = Counter(size for a in plain.values() for size in set(a.shape))
-    rows = max(lengths, key=lambda size: (lengths[size], size))
+    numbers = Counter[int]()
+    for a in plain.values():
+        numbers[max(a.shape)] += a.size
+    rows = max(numbers, key=lambda size: (numbers[size], size))
     groups: dict[int, dict[str, NDArray[Any]]] = {rows: {}}
     notes: list[str] = []
     for name, a in plain.items():
