@@ -12,6 +12,7 @@ import simulated_arm
 from catenary.cli.main import main
 from catenary.reports import calibration
 from catenary.reports.page import Picture
+from catenary.robots.catalog import load_robot
 from command_line import catenary, refusal
 
 DISPLAY = np.array([180.0 / np.pi, 180.0 / np.pi, 1000.0])  # rad, rad, m to deg, deg, mm
@@ -118,8 +119,8 @@ def test_evaluate_says_which_recording_the_model_was_fitted_to(model: Path, run:
 
 
 def test_units_of_the_option_are_taken(tmp_path: Path) -> None:
-    four = np.zeros((50, 4))
-    path = simulated_arm.write(tmp_path / "four.npz", rows=50, q_des=four, q_act=four + 0.001, units=None)
+    four = np.random.default_rng(0).uniform(-0.3, 0.3, (200, 4))
+    path = simulated_arm.write(tmp_path / "four.npz", rows=200, q_des=four, q_act=four + 0.001, units=None)
     content = fit_json(path, "--model", "offset", "--units", "m,rad,rad,m")
     assert [joint["unit"] for joint in content["cross_validation"]] == ["mm", "deg", "deg", "mm"]
 
@@ -162,7 +163,11 @@ def test_rows_beyond_the_error_limit_are_left_out(tmp_path: Path) -> None:
 
 
 def test_robot_gives_names_and_units(tmp_path: Path) -> None:
-    path = simulated_arm.write(tmp_path / "run.npz", units=None)
+    arm, arrays = load_robot("raven2"), simulated_arm.arrays()
+    middle = 0.5 * (arm.lower + arm.upper)
+    arrays["q_des"] += middle - arrays["q_des"].mean(axis=0)
+    path = tmp_path / "run.npz"
+    np.savez(path, **{**arrays, "q_act": arrays["q_des"] + 0.001})
     content = fit_json(path, "--model", "offset", "--robot", "raven2")
     found = [(j["joint"], j["unit"]) for j in content["cross_validation"]]
     assert found == [("shoulder", "deg"), ("elbow", "deg"), ("insertion", "mm")]

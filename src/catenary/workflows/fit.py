@@ -20,6 +20,8 @@ from catenary.plant import MotionLog
 from catenary.recording.foreign.mapping import RecordingMapping
 from catenary.recording.foreign.read import Reading, read_logs
 from catenary.recording.logs import read_log
+from catenary.recording.mend import NOTHING, Mend
+from catenary.verdict.check import robot_of, verdict
 
 
 def fit_calibration(
@@ -54,6 +56,8 @@ def evaluate_calibration(
     model_path: Path,
     paths: Sequence[Path],
     *,
+    mend: Mend = NOTHING,
+    accept: tuple[str, ...] = (),
     max_error: tuple[float, ...] | None = None,
     window: float | None = None,
     mapping: RecordingMapping | None = None,
@@ -62,24 +66,37 @@ def evaluate_calibration(
 
     Recordings that do not state their joints' names or units are read with the model's.
 
+    Args:
+        model_path: The model's file.
+        paths: The recordings.
+        mend: What to change of the recordings.
+        accept: Findings about them to go on with, by name.
+        max_error: Per joint, deg and mm; rows with larger errors are left out.
+        window: Length of a time window [s]; a tenth of the data when None.
+        mapping: Of recordings of another make.
+
     Raises:
+        DataError: Something is wrong with a recording that `accept` does not name.
         FileFormatError: The model or a recording is missing or damaged.
         InputError: A recording is of other joints, or lacks an input of the model.
     """
     model, card = load_model(model_path)
     if mapping is not None:
-        logs = read_logs(paths, Reading(mapping=mapping))
+        logs = read_logs(paths, Reading(mapping=mapping, mend=mend))
     else:
-        logs = [read_recording_of(model, path) for path in paths]
+        logs = [mend(read_recording_of(model, path)) for path in paths]
     if not logs:
         raise InputError("data: expected at least one recording, got none")
     for log in logs:
         model.require_joints(log)
-    data = calibration_data(logs, model.features, max_error=error_limits(max_error, logs[0]))
+    limits = error_limits(max_error, logs[0])
+    data = calibration_data(logs, model.features, max_error=limits)
     check_card(card, str(model_path))
     trained_on = {source["sha256"] for source in card["data"]}
     seen = tuple(source.name for source in data.sources if source.sha256 in trained_on)
+    robot = robot_of(logs, card["robot"])
     notes = data_notes(logs, data)
+    notes += verdict(logs, accept=accept, robot=robot, max_error=limits, testing=True)
     notes += [f"{name}: the model was fitted to this recording; its error here is no test" for name in seen]
     return EvaluationResult(model, card, evaluate(model, data, window=window), tuple(notes), seen)
 
