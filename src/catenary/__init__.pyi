@@ -1,6 +1,7 @@
 """The names that `import catenary` offers, and where each lives: read by type checkers and by `__init__.py` alike."""
 
 from catenary.calibration.calibration import Calibration as Calibration
+from catenary.calibration.calibration import check_data as check_data
 from catenary.calibration.calibration import evaluate as evaluate
 from catenary.calibration.calibration import fit as fit
 from catenary.calibration.calibration import load_model as load_model

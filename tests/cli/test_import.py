@@ -55,6 +55,8 @@ def test_commands_take_the_source_with_its_mapping_as_they_take_the_log(bag: Pat
     assert [one.code for one in fitted] == [0, 0]
     first, second = (json.loads(one.out) for one in fitted)
     assert first["cross_validation"] == second["cross_validation"]
+    judged = catenary("evaluate", models[0], bag, "--map", f"{MAP[1]}@rad,rad,m", "--map", MAP[3], "--json")
+    assert judged.code == 0
     checked = catenary("check", bag, *MAP, *UNITS, "--json")
     assert json.loads(checked.out)["kind"] == "recording"
     shown = catenary("monitor", "--log", bag, *MAP, "--speed", "1000", "--json")

@@ -27,6 +27,8 @@ from catenary.calibration.upkeep.refresh import refresh_model
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
+from catenary.verdict.check import findings_of, robot_of
+from catenary.verdict.finding import Finding
 
 Recording = MotionLog | str | Path
 Motion = ArrayLike | Recording | Sequence[Recording]
@@ -198,6 +200,7 @@ def fit(
     coverage: float = COVERAGE,
     robot: str | None = None,
     seed: int = 0,
+    accept: Sequence[str] = (),
     progress: Progress = silent,
 ) -> Calibration:
     """Fit a calibration model: what to add to the reported joint positions.
@@ -224,9 +227,11 @@ def fit(
         coverage: Share of errors that the intervals about calibrated positions are to hold.
         robot: Its name, for the card; the recordings' when None.
         seed: Of a network's training.
+        accept: What `check_data` finds wrong with the data and is gone on with all the same, by name.
         progress: Called with the share done.
 
     Raises:
+        DataError: Something is wrong with the data; the message says what, how it is mended, how it is accepted.
         InputError: Arrays that do not fit together, too few rows, or options that contradict each other.
         FileFormatError: A recording is missing or damaged.
     """
@@ -246,10 +251,46 @@ def fit(
         max_error=None if max_error is None else tuple(max_error),
         held_out=held_out,
         folds=folds,
+        accept=tuple(accept),
         coverage=coverage,
     )
     result = fit_logs(logs, options, run, progress=progress)
     return _with_card(result.model, result.card)
+
+
+def check_data(
+    q_nominal: Motion,
+    q_encoder: ArrayLike | None = None,
+    *,
+    units: Sequence[str] | None = None,
+    joint_names: Sequence[str] | None = None,
+    tau: ArrayLike | None = None,
+    qd: ArrayLike | None = None,
+    time: ArrayLike | None = None,
+    robot: str | None = None,
+) -> tuple[Finding, ...]:
+    """Return what is wrong with recordings, and what is worth knowing, before a model is made of them.
+
+    Args:
+        q_nominal: (N, n) reported positions [rad|m]; or recordings.
+        q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement.
+        units: As for `fit`; so are `joint_names`, `tau`, `qd` and `time`.
+        joint_names: Names of the joints.
+        tau: Joint torques.
+        qd: Joint velocities.
+        time: [s].
+        robot: Catalogue name or file of the robot, whose limits positions are held against.
+
+    Returns:
+        Findings; `fit` refuses those whose `refuses` is true, unless their `name` is accepted.
+
+    Raises:
+        InputError: Arrays that do not fit together.
+        FileFormatError: A recording is missing or damaged.
+    """
+    logs = _logs(q_nominal, joint_names, units, q_encoder=q_encoder, tau=tau, qd=qd, time=time)
+    model = robot_of(logs, robot)
+    return tuple(finding for log in logs for finding in findings_of(log, robot=model))
 
 
 def evaluate(

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.calibration.evaluate import CrossValidation
+from catenary.calibration.evaluate import CrossValidation, Evaluation
 from catenary.calibration.intervals import Intervals, check_level
 
 BEYOND = 5  # blocks' worth of errors that may lie outside: the block to come then adds a fifth to what is left free
@@ -108,6 +108,14 @@ def time_blocks(recording: Integers, *, level: float) -> Integers:
         block[part] = first + np.arange(len(part)) * count // max(1, len(part))
         first += count
     return block
+
+
+def coverage_verdicts(evaluation: Evaluation) -> tuple[Verdict, ...]:
+    """Return in words, per joint, whether a model's intervals hold; none for a model without."""
+    if evaluation.level is None:
+        return ()
+    recording, level = evaluation.data.recording, evaluation.level
+    return tuple(coverage_verdict(held, recording, level) for held in evaluation.held.T)
 
 
 def coverage_verdict(held: NDArray[np.bool_], recording: Integers, level: float) -> Verdict:

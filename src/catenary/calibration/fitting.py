@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.card import model_card
@@ -19,10 +18,10 @@ from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.units import DISPLAY
+from catenary.verdict.check import robot_of, verdict
 
 FOLDS = 5
 COVERAGE = 0.9
-OUTLIER_SPREADS = 10.0  # robust standard deviations beyond which a measurement is suspected
 
 
 @dataclass(frozen=True)
@@ -33,6 +32,7 @@ class FitRun:
     max_error: tuple[float, ...] | None = None  # per joint, deg and mm; rows beyond are left out
     held_out: float | None = None  # share at the end of each recording
     folds: int = FOLDS  # of the cross-validation; 0 for none
+    accept: tuple[str, ...] = ()  # findings about the data to go on with, by name
     coverage: float = COVERAGE  # share of errors that the model's intervals are to hold
 
     def __post_init__(self) -> None:
@@ -64,6 +64,7 @@ def fit_logs(
     blocks of time, each predicted by a model fitted to the others, and on the held-out part.
 
     Raises:
+        DataError: Something is wrong with a recording that `run.accept` does not name.
         InputError: No recording, recordings of different joints, unusable numbers, options that contradict each other.
     """
     run = run if run is not None else FitRun()
@@ -75,13 +76,15 @@ def fit_logs(
             f"history: {options.history} previous commands, but the longest recording has {longest} rows"
         )
     inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
-    everything = calibration_data(logs, inputs.features, max_error=error_limits(run.max_error, logs[0]))
-    notes = tuple(data_notes(logs, everything))
+    limits = error_limits(run.max_error, logs[0])
+    everything = calibration_data(logs, inputs.features, max_error=limits)
     data, late = everything, None
     if run.held_out is not None:
         data, late = everything.split_by_time(run.held_out)
 
     _require_rows(data, run.folds)
+    found = verdict(logs, accept=run.accept, robot=robot_of(logs, run.robot), max_error=limits)
+    notes = (*data_notes(logs, everything), *found)
     share = run.folds / (run.folds + 1.0)
     validation: CrossValidation | None = None
     if run.folds:
@@ -106,6 +109,7 @@ def fit_logs(
         command={
             "held_out": run.held_out,
             "folds": run.folds,
+            "accept": list(run.accept),
             "coverage": run.coverage,
             # JSON has no infinity: null is no limit
             "max_error": run.max_error and [e if math.isfinite(e) else None for e in run.max_error],
@@ -156,15 +160,8 @@ def error_limits(max_error: tuple[float, ...] | None, log: MotionLog) -> Floats 
     return np.array([most / DISPLAY[unit][1] for most, unit in zip(max_error, log.joint_units, strict=True)])
 
 
-def outliers(errors: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """Return how many of N errors (N, n) lie beyond OUTLIER_SPREADS robust standard deviations, and these, (n,)."""
-    deviation = np.abs(errors - np.median(errors, axis=0))
-    spread: Floats = 1.4826 * np.median(deviation, axis=0)  # the standard deviation, if errors were normal
-    return (deviation > OUTLIER_SPREADS * np.maximum(spread, 1e-9)).sum(axis=0), spread
-
-
 def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
-    """Return what readers of recordings noted, what rows were left out, and what looks wrong in the others."""
+    """Return what readers of recordings noted, and what rows were left out."""
     notes = [f"{log.name}: {note}" for log in logs for note in log.notes]
     for source in data.sources:
         left_out = {
@@ -177,13 +174,4 @@ def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
             notes.append(f"{source.name}: left out {text}, of {source.rows} rows")
         if source.leaps:
             notes.append(f"{source.name}: play states did not follow {source.leaps} leaps of a joint")
-    for name, count in zip(data.joint_names, outliers(data.error)[0], strict=True):
-        if count:
-            notes.append(
-                f"{name}: {count} of {len(data)} errors lie beyond {OUTLIER_SPREADS:g} robust standard deviations; "
-                "if they are measurement failures, leave them out with --max-error"
-            )
-    still = [n for n, x in zip(data.joint_names, np.ptp(data.q_nominal, axis=0), strict=True) if x == 0.0]
-    if still:
-        notes.append(f"{', '.join(still)}: never moved; the model holds only where they stood")
     return notes

@@ -10,9 +10,9 @@ from typer import Argument, Option
 
 from catenary.cli.beside_robot import RobotAccess, deploy_beside, record_others, robot_of
 from catenary.cli.gravity_source import GravityOptions
-from catenary.cli.options import AsJson, MappingOptions, Units
+from catenary.cli.options import Accept, AsJson, MappingOptions, MendOptions
 from catenary.cli.project_options import ExcitationOptions, Folder, Hours, Seed, open_project, require_project
-from catenary.cli.terminal import announce, print_json, print_notes, print_table, progress_bar, words
+from catenary.cli.terminal import announce, print_json, print_notes, print_table, progress_bar
 from catenary.errors import CatenaryError, InputError, InUseError
 
 if TYPE_CHECKING:
@@ -213,14 +213,15 @@ def deploy(
 def calibrate(
     project: Folder,
     arm: ExcitationOptions,
+    mending: MendOptions,
     access: RobotAccess,
     foreign: MappingOptions,
     train: Annotated[
         list[Path] | None, Argument(metavar="[DATA...]", help="Recordings to train on, in place of a robot.")
     ] = None,
     test: Annotated[list[Path] | None, Option(metavar="DATA", help="Test recording; repeatable.")] = None,
-    units: Units = None,
     hours: Hours = None,
+    accept: Accept = None,
     as_json: AsJson = False,
 ) -> None:
     """Calibrate a robot in one go, from homing to a report.
@@ -228,7 +229,6 @@ def calibrate(
     Home, excite, record, extract, fit, evaluate, deploy, report; done steps are not repeated. Without recordings
     it drives a simulated RAVEN-II, or with --ros a real one; with them it fits every model to them and tests on --test.
     """
-    from catenary.recording.foreign.read import Reading
     from catenary.workflows.project.calibrate import calibrate_recordings, calibrate_robot
 
     if test and not train:
@@ -236,9 +236,14 @@ def calibrate(
     opened = open_project(project, arm, hours=hours, ros=access.ros)
     with opened, _steps() as progress:
         if train:
-            mapping = foreign.read(units)
-            reading = Reading(units=words(units) if units and mapping is None else None, mapping=mapping)
-            result = calibrate_recordings(opened, train, test or [], reading=reading, progress=progress)
+            result = calibrate_recordings(
+                opened,
+                train,
+                test or [],
+                reading=mending.reading(foreign),
+                accept=tuple(accept or ()),
+                progress=progress,
+            )
         else:
             with robot_of(opened, access) as robot:
                 result = calibrate_robot(opened, robot, progress=progress)

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from catenary.cli.options import AsJsonNotTables, MappingOptions, Report, Units, robots_beginning
+from catenary.cli.options import (
+    Accept,
+    AsJsonNotTables,
+    MappingOptions,
+    MendOptions,
+    Report,
+    robots_beginning,
+)
 from catenary.cli.terminal import (
     numbers,
     print_json,
@@ -43,6 +50,7 @@ MaxError = Annotated[
 
 def fit(
     data: Recordings,
+    mending: MendOptions,
     foreign: MappingOptions,
     model: Annotated[str, Option(metavar="KIND", help="offset, linear, polynomial or neural.")],
     out: Annotated[Path, Option(metavar="MODEL", help="File to write the model to, e.g. arm.npz.")],
@@ -77,7 +85,6 @@ def fit(
             help="What to learn: error, the joint error, or position, the joint position end to end.",
         ),
     ] = "error",
-    units: Units = None,
     robot: Annotated[
         str | None,
         Option(
@@ -106,6 +113,7 @@ def fit(
         ),
     ] = None,
     seed: Seed = 0,
+    accept: Accept = None,
     report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
@@ -116,7 +124,6 @@ def fit(
     from catenary.calibration.files import card_path, save_model
     from catenary.calibration.fit import PLAY_SHARES, FitOptions
     from catenary.calibration.fitting import FitRun
-    from catenary.recording.foreign.read import Reading
     from catenary.robots.catalog import load_robot
     from catenary.workflows.fit import fit_calibration
 
@@ -132,14 +139,13 @@ def fit(
     )
     arm = None if robot is None else load_robot(robot)
     names, own_units = (None, None) if arm is None else (arm.joint_names, arm.joint_units)
-    mapping = foreign.read(units, robot=robot)
-    own = own_units if units is None or mapping is not None else words(units)
-    reading = Reading(units=own, joint_names=names, mapping=mapping)
+    reading = mending.reading(foreign, units=own_units, joint_names=names, robot=robot)
     run = FitRun(
         robot=robot,
         max_error=limits(max_error),
         held_out=held_out,
         folds=folds,
+        accept=tuple(accept or ()),
         coverage=coverage,
     )
     refuse_unwritable("--out", out)
@@ -161,10 +167,13 @@ def fit(
 def evaluate(
     model: Annotated[Path, Argument(metavar="MODEL", help="A model that catenary fit wrote.")],
     data: Recordings,
+    mending: MendOptions,
+    foreign: MappingOptions,
     window: Annotated[
         float | None, Option(metavar="S", help="Length of a time window in s. [default: a tenth of the data]")
     ] = None,
     max_error: MaxError = None,
+    accept: Accept = None,
     report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
@@ -178,7 +187,16 @@ def evaluate(
     from catenary.workflows.fit import evaluate_calibration, evaluation_summary
 
     refuse_to_overwrite({"--report": report}, [model, *data])
-    result = evaluate_calibration(model, data, max_error=limits(max_error), window=window)
+    reading = mending.reading(foreign)
+    result = evaluate_calibration(
+        model,
+        data,
+        mend=reading.mend,
+        accept=tuple(accept or ()),
+        max_error=limits(max_error),
+        window=window,
+        mapping=reading.mapping,
+    )
     if as_json:
         print_json(evaluation_summary(result))
     else:
@@ -217,6 +235,8 @@ def _print_coverage(evaluation: "Evaluation") -> None:
 
 
 def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
+    from catenary.workflows.fit import interval_summary
+
     held_out = result.held_out
     return {
         "model": str(out),
@@ -227,6 +247,7 @@ def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
         "inputs": list(result.model.features.names),
         "cross_validation": [asdict(joint) for joint in result.spread],
         "held_out": None if held_out is None else [asdict(joint) for joint in held_out.joints],
+        "intervals": None if held_out is None else interval_summary(held_out),
         "notes": list(result.notes),
     }
 

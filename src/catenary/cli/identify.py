@@ -5,7 +5,14 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from catenary.cli.options import AsJsonNotTables, MappingOptions, Report, robots_beginning
+from catenary.cli.options import (
+    Accept,
+    AsJsonNotTables,
+    MappingOptions,
+    MendOptions,
+    Report,
+    robots_beginning,
+)
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table, refuse_to_overwrite
 from catenary.errors import InputError
 
@@ -28,6 +35,7 @@ CutOff = Annotated[
 
 def identify(
     logs: Logs,
+    mending: MendOptions,
     foreign: MappingOptions,
     robot: Annotated[
         str,
@@ -61,6 +69,7 @@ def identify(
     ] = None,
     rows: Annotated[str | None, Option(metavar="A:B", help="Rows of LOG to fit. [default: all]")] = None,
     gravity: Gravity = None,
+    accept: Accept = None,
     urdf: Annotated[
         Path | None, Option(metavar="FILE", help="Also write the robot as URDF; needs --consistent.")
     ] = None,
@@ -90,8 +99,15 @@ def identify(
         raise InputError("--urdf: only a physically consistent fit gives links an inertia; add --consistent")
     outputs = {"--out": out, "the card of --out": card_path(out), "--report": report, "--urdf": urdf}
     refuse_to_overwrite(outputs, [*logs, *tests, Path(robot)])
-    read = foreign.read()
-    result = identify_files(logs, robot, options, tests=tests, rows=_rows(rows), mapping=read)
+    result = identify_files(
+        logs,
+        robot,
+        options,
+        tests=tests,
+        rows=_rows(rows),
+        reading=mending.reading(foreign),
+        accept=tuple(accept or ()),
+    )
     found = result.identification
     save_identification(found, result.card, out)
     if urdf is not None:

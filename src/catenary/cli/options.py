@@ -1,7 +1,7 @@
 """Options that commands of several families have, and groups of them that a command takes as one argument."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,11 +10,18 @@ from typer import Option
 
 if TYPE_CHECKING:
     from catenary.recording.foreign.mapping import RecordingMapping
+    from catenary.recording.foreign.read import Reading
+    from catenary.recording.mend import Mend
 
 AsJson = Annotated[bool, Option("--json", help="Print JSON.")]
 AsJsonNotTables = Annotated[bool, Option("--json", help="Print JSON instead of tables.")]
 Units = Annotated[
-    str | None, Option("--units", metavar="U,U,...", help="rad or m per joint, where recordings do not say.")
+    str | None,
+    Option(
+        "--units",
+        metavar="U,U,...",
+        help="Unit of each joint's numbers: rad, m, or deg, mm, cm; q_encoder:deg,... of measurements alone.",
+    ),
 ]
 Report = Annotated[Path | None, Option("--report", metavar="HTML", help="Also write a self-contained page.")]
 JsonLines = Annotated[bool, Option("--json", help="Print a JSON line a second, and one at the end.")]
@@ -33,6 +40,12 @@ SimulatedSeed = Annotated[
     ),
 ]  # fmt: skip
 Hanging = Annotated[bool, Option("--hanging", help="The base may hang upside down.")]
+
+
+Accept = Annotated[
+    list[str] | None,
+    Option("--accept", metavar="NAME", help="Go on though this was found wrong with the data; repeatable."),
+]
 
 
 @dataclass(frozen=True)
@@ -65,6 +78,73 @@ class MappingOptions:
         from catenary.recording.foreign.mapping import mapping_of
 
         return mapping_of(self.map or (), file=self.mapping, units=units, settings=settings)
+
+
+@dataclass(frozen=True)
+class MendOptions:
+    """How recordings are mended before they are used."""
+
+    units: Units = None
+    swap: Annotated[
+        list[str] | None,
+        Option(metavar="J,J", help="These measured columns stand in each other's place; tau:J,J of torques."),
+    ] = None
+    sign: Annotated[
+        list[str] | None,
+        Option(metavar="J", help="This measured column has the wrong sign; tau:J of torques."),
+    ] = None
+    scale: Annotated[
+        list[str] | None, Option(metavar="J=F", help="Multiply this measured column; tau:J=F of torques.")
+    ] = None
+    shift: Annotated[
+        int, Option(metavar="ROWS", help="Rows by which measurements lie behind the commands.")
+    ] = 0
+    time_unit: Annotated[
+        str, Option(metavar="UNIT", help="Unit of the stamps: s, ms, us, ns, min or ks.")
+    ] = "s"
+    leave_out: Annotated[
+        list[str] | None, Option(metavar="A:B", help="Do not trust measured rows A to before B; repeatable.")
+    ] = None
+
+    def mend(self) -> "Mend":
+        """Return what to change of recordings."""
+        from catenary.recording.mend import Mend
+
+        return Mend(
+            units=(self.units,) if self.units else (),
+            swap=tuple(self.swap or ()),
+            sign=tuple(self.sign or ()),
+            scale=tuple(self.scale or ()),
+            shift=self.shift,
+            time_unit=self.time_unit,
+            leave_out=tuple(self.leave_out or ()),
+        )
+
+    def reading(
+        self,
+        foreign: MappingOptions,
+        *,
+        units: tuple[str, ...] | None = None,
+        joint_names: tuple[str, ...] | None = None,
+        robot: str | None = None,
+    ) -> "Reading":
+        """Return how to read recordings.
+
+        Args:
+            foreign: Mapping of recordings of another make; `--units` then are those of its columns.
+            units: Of the robot's joints, where `--units` says none.
+            joint_names: Of the robot's joints.
+            robot: Its name.
+        """
+        from catenary.recording.foreign.read import Reading
+        from catenary.recording.mend import si_units, units_of
+
+        array, given = (None, ()) if self.units is None else units_of(self.units)
+        mapping = foreign.read(self.units if array is None else None, robot=robot)
+        if mapping is not None:
+            mend = self.mend() if array is not None else replace(self.mend(), units=())
+            return Reading(joint_names=joint_names, mapping=mapping, mend=mend)
+        return Reading(units=si_units(given) or units, joint_names=joint_names, mend=self.mend())
 
 
 def robots_beginning(incomplete: str) -> list[str]:

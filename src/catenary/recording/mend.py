@@ -46,7 +46,7 @@ class Mend:
         Raises:
             InputError: An option names a joint, an array or a unit that there is not.
         """
-        if self == Mend():
+        if self == NOTHING:
             return log
         notes = []
         for name, apply in _STEPS.items():
@@ -57,6 +57,9 @@ class Mend:
                     notes.append(f"--{name.replace('_', '-')} {one}")
                 log = changed
         return replace(log, notes=(*log.notes, *([f"mended by {' '.join(notes)}"] if notes else [])))
+
+
+NOTHING = Mend()
 
 
 def si_units(units: Sequence[str]) -> tuple[str, ...]:

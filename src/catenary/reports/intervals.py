@@ -1,6 +1,6 @@
 """Whether a model's intervals hold: the share of errors within them, and how wide they are, joint by joint."""
 
-from catenary.calibration.conformal import coverage_verdict
+from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.evaluate import Evaluation
 from catenary.reports.page import Block, Heading, Table, Text
 
@@ -12,17 +12,9 @@ def coverage_title(level: float) -> str:
 
 def coverage_table(evaluation: Evaluation) -> Table:
     """Return width and coverage of the intervals per joint, and whether they hold; for a model that has some."""
-    held, level = evaluation.held, evaluation.level
-    recording = evaluation.data.recording
     rows = [
-        [
-            joint.name,
-            joint.unit,
-            f"{joint.half_width:.3f}",
-            _percent(joint.coverage),
-            "-" if level is None else coverage_verdict(held[:, j], recording, level),
-        ]
-        for j, joint in enumerate(evaluation.joints)
+        [joint.name, joint.unit, f"{joint.half_width:.3f}", _percent(joint.coverage), verdict]
+        for joint, verdict in zip(evaluation.joints, coverage_verdicts(evaluation), strict=True)
     ]
     return Table(["joint", "unit", "half-width", "held", "verdict"], rows)
 

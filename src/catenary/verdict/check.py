@@ -2,11 +2,13 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from catenary.arrays import Floats
 from catenary.plant import MotionLog
+from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.verdict.correspondence import correspondence_findings, joints_in_place
 from catenary.verdict.extent import extent_findings
@@ -16,6 +18,8 @@ from catenary.verdict.pairs import Pairs, pairs_of
 from catenary.verdict.sensors import outlier_findings, sensor_findings, zero_findings
 from catenary.verdict.stamps import stamp_findings
 from catenary.verdict.units_and_scale import offset_findings, range_findings, slope_findings
+
+NEEDED_TO_LEARN = ("short", "constant")  # what a test does well without
 
 
 def findings_of(
@@ -63,12 +67,22 @@ def _relation(pairs: Pairs, wrong: Collection[str]) -> list[Finding]:
     return [*swapped, *single, *slopes, *still]
 
 
+def robot_of(logs: Sequence[MotionLog], robot: str | None = None) -> RobotModel | None:
+    """Return the robot that recordings are of: the one of that name, or of theirs in the catalogue; None unknown."""
+    if robot is not None and (robot in robot_names() or Path(robot).is_file()):
+        return load_robot(robot)
+    named = {log.robot for log in logs}
+    name = named.pop() if len(named) == 1 else None
+    return load_robot(name) if name in robot_names() and name is not None else None
+
+
 def verdict(
     logs: Sequence[MotionLog],
     *,
     accept: Collection[str] = (),
     robot: RobotModel | None = None,
     max_error: Floats | None = None,
+    testing: bool = False,
 ) -> list[str]:
     """Refuse recordings that no model should be made from; return notes on what is worth knowing.
 
@@ -77,11 +91,17 @@ def verdict(
         accept: Names of findings to go on with.
         robot: As for `findings_of`.
         max_error: As for `findings_of`.
+        testing: Nothing is learnt from them: they may be short, and their joints may rest.
 
     Raises:
         DataError: What was found in which recording, its likely cause, and the options that mend or accept it.
         InputError: An unknown name to accept.
     """
     require_names(accept)
-    found = [(log.name, each) for log in logs for each in findings_of(log, robot=robot, max_error=max_error)]
+    found = [
+        (log.name, each)
+        for log in logs
+        for each in findings_of(log, robot=robot, max_error=max_error)
+        if not (testing and each.name in NEEDED_TO_LEARN)
+    ]
     return judge(found, accept)

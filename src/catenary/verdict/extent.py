@@ -18,12 +18,12 @@ def extent_findings(log: MotionLog) -> list[Finding]:
     findings = []
     measured = int(log.ok.sum()) if log.q_encoder is not None else len(log)
     if log.q_encoder is not None and not measured:
-        return [Finding("short", (), "no row has a trusted measurement (ok is set on none)")]
+        return [Finding("short", (), "ok is set on no row: nothing was measured")]
     if measured < FEWEST_ROWS:
         says = f"{measured} measured rows, expected at least {FEWEST_ROWS}"
         findings.append(Finding("short", (), says, "a recording that was cut off"))
     seconds = _seconds(log)
-    if seconds is not None and seconds < SHORTEST:
+    if seconds is not None and 0.0 < seconds < SHORTEST:
         says = f"{seconds:.3g} s, expected at least {SHORTEST:g}"
         findings.append(Finding("short", (), says, "a recording that was cut off, or stamps in another unit"))
     scale = scales(log)

@@ -39,7 +39,7 @@ def stamp_findings(log: MotionLog, *, in_si: bool = True) -> list[Finding]:
             says = f"time goes back {back} times, every {np.median(lengths):.0f} rows; expected it to rise"
             culprit = "rows that were shuffled, or merged from two clocks"
             findings.append(Finding("stamps", (), says, culprit))
-    return [*findings, *_unit_findings(log)] if in_si else findings
+    return [*findings, *_unit_findings(log)] if in_si and not findings else findings
 
 
 def _unit_findings(log: MotionLog) -> list[Finding]:

@@ -1,6 +1,6 @@
 """Report what a file is and what is wrong with it: robot, calibration model, or recording."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,18 +12,17 @@ from catenary.archives import read_arrays
 from catenary.arrays import Floats
 from catenary.calibration.card_schema import check_card
 from catenary.calibration.files import load_model
-from catenary.calibration.fitting import outliers
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import FileFormatError
 from catenary.identification.files import load_identification
 from catenary.plant import MotionLog
-from catenary.recording.foreign.mapping import RecordingMapping
 from catenary.recording.foreign.read import Reading, read_recording
-from catenary.recording.logs import read_log
 from catenary.reports.calibration import shortened
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
+from catenary.verdict.check import findings_of, robot_of
+from catenary.verdict.finding import Finding
 
 ROBOT_ENDINGS = (".toml", ".urdf", ".xml", ".mjcf")
 LONG_GAP = 10.0  # times the median step between stamps
@@ -37,29 +36,34 @@ class FileReport:
     facts: list[tuple[str, str]] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)  # make it unfit for its use, or its numbers doubtful
     remarks: list[str] = field(default_factory=list)  # worth knowing
+    findings: tuple[Finding, ...] = ()  # about a recording; in words they are faults, or remarks
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data."""
-        return {"kind": self.kind, "facts": dict(self.facts), "faults": self.faults, "remarks": self.remarks}
+        return {
+            "kind": self.kind,
+            "facts": dict(self.facts),
+            "faults": self.faults,
+            "remarks": self.remarks,
+            "findings": [finding.as_data() for finding in self.findings],
+        }
 
 
-def check_file(
-    source: str, *, units: Sequence[str] | None = None, mapping: RecordingMapping | None = None
-) -> FileReport:
+def check_file(source: str, reading: Reading | None = None, *, robot: str | None = None) -> FileReport:
     """Find out what a file (or a catalogue name) is, and what is wrong with it.
 
     Args:
         source: A file, or a robot's name in the catalogue.
-        units: "rad" or "m" per joint, for a recording that does not state them.
-        mapping: Of a recording of another make.
+        reading: What a recording does not say of itself, and how it is mended.
+        robot: Catalogue name or file of the robot that a recording is of; its own when None.
 
     Raises:
         FileFormatError: No such file, unknown kind, or it cannot be read at all; the message says why.
         InputError: A recording or robot whose numbers cannot be used; the message says which.
     """
     path = Path(source)
-    if mapping is not None:
-        return check_recording(read_recording(path, Reading(mapping=mapping)))
+    if reading is not None and reading.mapping is not None:
+        return check_recording(read_recording(path, reading), robot=robot)
     if source in robot_names():
         return check_robot(load_robot(source))
     if path.is_dir():
@@ -70,7 +74,7 @@ def check_file(
     if path.is_file() and is_zipfile(path) and "structure" in (arrays := read_arrays(path)):
         return _check_identification(path) if "combination" in arrays else _check_model(path)
     if path.suffix in (".npz", ".parquet", ".csv"):
-        return check_recording(read_log(path, units=units))
+        return check_recording(read_recording(path, reading), robot=robot)
     if not path.exists():
         raise FileFormatError(
             f"{source}: no such file, and no robot of that name; robots: {', '.join(robot_names())}"
@@ -123,8 +127,8 @@ def check_robot(model: RobotModel) -> FileReport:
     return finding
 
 
-def check_recording(log: MotionLog) -> FileReport:
-    """Check a recording: rows, rate, gaps, stamps, joints, errors."""
+def check_recording(log: MotionLog, *, robot: str | None = None) -> FileReport:
+    """Check a recording: rows, rate, gaps, joints, errors, and the verdict that a fit begins with."""
     finding = FileReport("recording")
     finding.facts = [
         ("rows", f"{len(log):,}, {int(log.ok.sum()):,} with a trusted measurement"),
@@ -142,29 +146,21 @@ def check_recording(log: MotionLog) -> FileReport:
         if log.q_encoder is not None and log.ok.any():
             error = scale * (log.q_encoder - log.q_nominal)[log.ok, j]
             fact += f", error RMS {np.sqrt(np.mean(error**2)):.3f}, largest {np.abs(error).max():.2f} {shown}"
-            (wild,), (spread,) = outliers(error[:, None])
-            if wild:
-                finding.faults.append(
-                    f"{name}: {wild} errors lie beyond 10 robust standard deviations ({10 * spread:.2g} {shown}): "
-                    "measurement failures?"
-                )
         finding.facts.append((name, fact))
-        if q.min() == q.max():
-            finding.remarks.append(f"{name} never moves")
     if log.q_encoder is None:
         finding.faults.append("no measured joint positions (q_encoder): it cannot be calibrated from")
-    elif not log.ok.any():
-        finding.faults.append("ok is set on no row: it cannot be calibrated from")
-    elif not log.ok.all():
+    elif log.ok.any() and not log.ok.all():
         finding.remarks.append(f"{(~log.ok).sum()} rows without a trusted measurement serve as history only")
     finding.remarks += log.notes
+    finding.findings = findings_of(log, robot=robot_of([log], robot))
+    for found in finding.findings:
+        (finding.faults if found.refuses else finding.remarks).append(f"{found.name}: {found}")
     return finding
 
 
 def _check_time(finding: FileReport, time: Floats) -> None:
     steps = np.diff(time)
     forward = steps[steps > 0.0]
-    repeated, back = int((steps == 0.0).sum()), int((steps < 0.0).sum())
     if len(forward):
         median = float(np.median(forward))
         finding.facts.append(("duration", f"{forward.sum():.1f} s, median step {median:.4g} s"))
@@ -173,10 +169,6 @@ def _check_time(finding: FileReport, time: Floats) -> None:
             finding.remarks.append(
                 f"{gaps} gaps longer than {LONG_GAP:g} median steps, the longest {forward.max():.3g} s"
             )
-    if repeated:
-        finding.faults.append(f"{repeated} repeated time stamps")
-    if back > 3:
-        finding.faults.append(f"time goes back {back} times: stamps are shuffled, or recordings were joined")
 
 
 def _check_identification(path: Path) -> FileReport:

@@ -7,6 +7,7 @@ from typing import Any
 
 from catenary.archives import read_arrays
 from catenary.calibration.card_schema import check_card
+from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import Evaluation, evaluate
 from catenary.calibration.files import load_model
@@ -16,8 +17,11 @@ from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.plant import MotionLog
+from catenary.recording.foreign.mapping import RecordingMapping
 from catenary.recording.foreign.read import Reading, read_logs
 from catenary.recording.logs import read_log
+from catenary.recording.mend import NOTHING, Mend
+from catenary.verdict.check import robot_of, verdict
 
 
 def fit_calibration(
@@ -52,28 +56,47 @@ def evaluate_calibration(
     model_path: Path,
     paths: Sequence[Path],
     *,
+    mend: Mend = NOTHING,
+    accept: tuple[str, ...] = (),
     max_error: tuple[float, ...] | None = None,
     window: float | None = None,
+    mapping: RecordingMapping | None = None,
 ) -> EvaluationResult:
-    """Evaluate a model on recordings.
+    """Evaluate a model on recordings, those of another make read by their mapping.
 
     Recordings that do not state their joints' names or units are read with the model's.
 
+    Args:
+        model_path: The model's file.
+        paths: The recordings.
+        mend: What to change of the recordings.
+        accept: Findings about them to go on with, by name.
+        max_error: Per joint, deg and mm; rows with larger errors are left out.
+        window: Length of a time window [s]; a tenth of the data when None.
+        mapping: Of recordings of another make.
+
     Raises:
+        DataError: Something is wrong with a recording that `accept` does not name.
         FileFormatError: The model or a recording is missing or damaged.
         InputError: A recording is of other joints, or lacks an input of the model.
     """
     model, card = load_model(model_path)
-    logs = [read_recording_of(model, path) for path in paths]
+    if mapping is not None:
+        logs = read_logs(paths, Reading(mapping=mapping, mend=mend))
+    else:
+        logs = [mend(read_recording_of(model, path)) for path in paths]
     if not logs:
         raise InputError("data: expected at least one recording, got none")
     for log in logs:
         model.require_joints(log)
-    data = calibration_data(logs, model.features, max_error=error_limits(max_error, logs[0]))
+    limits = error_limits(max_error, logs[0])
+    data = calibration_data(logs, model.features, max_error=limits)
     check_card(card, str(model_path))
     trained_on = {source["sha256"] for source in card["data"]}
     seen = tuple(source.name for source in data.sources if source.sha256 in trained_on)
+    robot = robot_of(logs, card["robot"])
     notes = data_notes(logs, data)
+    notes += verdict(logs, accept=accept, robot=robot, max_error=limits, testing=True)
     notes += [f"{name}: the model was fitted to this recording; its error here is no test" for name in seen]
     return EvaluationResult(model, card, evaluate(model, data, window=window), tuple(notes), seen)
 
@@ -88,8 +111,27 @@ def evaluation_summary(result: EvaluationResult) -> dict[str, Any]:
         "joints": [asdict(joint) for joint in evaluation.joints],
         "window_unit": evaluation.window_unit,
         "windows": [asdict(window) for window in evaluation.windows],
+        "intervals": interval_summary(evaluation),
         "seen_in_training": list(result.seen_in_training),
         "notes": list(result.notes),
+    }
+
+
+def interval_summary(evaluation: Evaluation) -> dict[str, Any] | None:
+    """Return whether a model's intervals hold, as plain data, in deg and mm; None for a model without."""
+    if evaluation.level is None:
+        return None
+    return {
+        "coverage_asked": evaluation.level,
+        "joints": [
+            {
+                "name": joint.name,
+                "half_width": joint.half_width,
+                "coverage": joint.coverage,
+                "verdict": verdict,
+            }
+            for joint, verdict in zip(evaluation.joints, coverage_verdicts(evaluation), strict=True)
+        ],
     }
 
 

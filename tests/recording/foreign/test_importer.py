@@ -179,6 +179,7 @@ def test_a_dvrk_s_joints_follow_from_a_tracked_marker(kind: Kind, tmp_path: Path
     assert_allclose(log.q_encoder[log.ok], true_q(log.time[log.ok]) + error, atol=0.7 / 40**2 / 8 + 5e-5)
 
 
+@pytest.mark.slow  # as above
 def test_the_proposal_asks_what_a_tracked_pose_is(tmp_path: Path) -> None:
     bag, _ = dvrk_bag(tmp_path / "psm", "ros1", np.zeros(3))
     with pytest.raises(InputError, match=r"leaves open: .*/ndi/marker\.pose") as refused:

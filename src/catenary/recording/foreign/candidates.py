@@ -27,8 +27,8 @@ _KINDS: dict[Kind, frozenset[str]] = {
 }
 _ROLES: dict[Role, frozenset[str]] = {
     "measured outside": _set(
-        "encoder encoders ext external optitrack opti vicon mocap truth gt ground camera cam tracker tracked aurora "
-        "ndi polaris laser zivid marker markers"
+        "encoder encoders enc ext external optitrack opti vicon mocap truth gt ground camera cam tracker tracked "
+        "aurora ndi polaris laser zivid marker markers"
     ),
     "commanded": _set(
         "cmd cmds command commands commanded setpoint setpoints sp desired des goal goals target targets servo ref"

@@ -7,6 +7,7 @@ from pathlib import Path
 from catenary.plant import MotionLog
 from catenary.recording.foreign.mapping import RecordingMapping
 from catenary.recording.logs import read_log, read_torque_log
+from catenary.recording.mend import NOTHING, Mend
 from catenary.robots.model import RobotModel
 
 
@@ -19,6 +20,7 @@ class Reading:
     mapping: RecordingMapping | None = (
         None  # of a recording of another make, which it then is; with its own units
     )
+    mend: Mend = NOTHING  # what to change of them
 
 
 def read_logs(paths: Sequence[str | Path], reading: Reading | None = None) -> list[MotionLog]:
@@ -27,7 +29,7 @@ def read_logs(paths: Sequence[str | Path], reading: Reading | None = None) -> li
 
 
 def read_recording(path: str | Path, reading: Reading | None = None) -> MotionLog:
-    """Read a recording: by a mapping, or as `read_log` does.
+    """Read a recording, by a mapping or as `read_log` does, and mend it.
 
     Raises:
         FileFormatError: As `read_log`, or the file cannot be read.
@@ -35,20 +37,21 @@ def read_recording(path: str | Path, reading: Reading | None = None) -> MotionLo
     """
     reading = reading if reading is not None else Reading()
     if reading.mapping is None:
-        return read_log(path, units=reading.units, joint_names=reading.joint_names)
-    return _by_mapping(Path(path), reading.mapping, None)
+        return reading.mend(read_log(path, units=reading.units, joint_names=reading.joint_names))
+    return reading.mend(_by_mapping(Path(path), reading.mapping, None))
 
 
-def read_torque_recording(
-    path: Path, model: RobotModel, mapping: RecordingMapping | None = None
-) -> MotionLog:
-    """Read a recording of a robot for identification: by a mapping, or as `read_torque_log` does.
+def read_torque_recording(path: Path, model: RobotModel, reading: Reading | None = None) -> MotionLog:
+    """Read a recording of a robot for identification, by a mapping or as `read_torque_log` does, and mend it.
 
     Raises:
         FileFormatError: As `read_torque_log`, or the file cannot be read.
         InputError: As `read_torque_log`, or what the mapping names is not there.
     """
-    return read_torque_log(path, model) if mapping is None else _by_mapping(path, mapping, model)
+    reading = reading if reading is not None else Reading()
+    if reading.mapping is None:
+        return reading.mend(read_torque_log(path, model))
+    return reading.mend(_by_mapping(path, reading.mapping, model))
 
 
 def _by_mapping(path: Path, mapping: RecordingMapping, model: RobotModel | None) -> MotionLog:

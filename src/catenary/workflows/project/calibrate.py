@@ -17,11 +17,13 @@ from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.files import sha256_of
 from catenary.recording.foreign.read import Reading, read_logs
+from catenary.recording.mend import NOTHING
 from catenary.reports.calibration import percent
 from catenary.reports.project import write_project_report
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import zigzag
+from catenary.verdict.shared import require_apart
 from catenary.workflows.fit import evaluate_calibration, fit_calibration, read_recording_of
 from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.imported import import_recordings
@@ -166,29 +168,34 @@ def calibrate_recordings(
     test: Sequence[Path],
     *,
     reading: Reading | None = None,
+    accept: tuple[str, ...] = (),
     progress: Callable[[str], Progress] = lambda _: silent,
 ) -> CalibrationResult:
     """Calibrate from recordings in place of a robot: fit every model to some, test on others.
 
     Raises:
+        DataError: Something is wrong with a recording that `accept` does not name, or rows are in both.
         InputError: No recording to train on or to test on, or one that is in both.
     """
     if not train or not test:
         raise InputError("calibrate: give recordings to train on, and others to test on with --test")
     project.ran.clear()
     models = models_for(None, 0)
-    mapping = None if reading is None else reading.mapping
+    reading = reading if reading is not None else Reading()
+    mapping = reading.mapping
     with project:
         if mapping is not None:
             train, test = (import_recordings(project, paths, mapping) for paths in (train, test))
-            reading = None  # logs of ours state all
+            reading = Reading(mend=reading.mend)  # logs of ours state all else
         _refuse_same(train, test)
-        first, *others = read_logs(train, reading)
-        for other in (*others, *(read_recording_of(first, path) for path in test)):  # before minutes of fits
+        first, *others = fitted = read_logs(train, reading)
+        tested = [reading.mend(read_recording_of(first, path)) for path in test]
+        for other in (*others, *tested):  # before minutes of fits
             require_same_joints(first, other)
-        fit_models(project, train, models, FitRun(folds=0), progress, reading)
+        require_apart(fitted, tested, accept)
+        fit_models(project, train, models, FitRun(folds=0, accept=accept), progress, reading)
         progress("report")
-        return conclude(project, models, train, test, None)
+        return conclude(project, models, train, test, None, reading=reading, accept=accept)
 
 
 def _refuse_same(train: Sequence[Path], test: Sequence[Path]) -> None:
@@ -249,9 +256,16 @@ def conclude(
     train: Sequence[Path],
     test: Sequence[Path],
     deployed: Path | None,
+    *,
+    reading: Reading | None = None,
+    accept: tuple[str, ...] = (),
 ) -> CalibrationResult:
     """Evaluate every model and write evaluation.json and report.html, unless they hold just this already."""
-    results = {name: evaluate_calibration(model_path(project, name), list(test)) for name in models}
+    mend = NOTHING if reading is None else reading.mend
+    results = {
+        name: evaluate_calibration(model_path(project, name), list(test), mend=mend, accept=accept)
+        for name in models
+    }
     deployment = None
     if deployed is not None:
         deployment = read_state(
@@ -276,6 +290,7 @@ def conclude(
 
     recordings = [[path.name for path in paths] + _hashes(paths) for paths in (train, test)]
     fitted = [sha256_of(model_path(project, name)) for name in models]
-    made_from = [recordings, fitted, deployment, project.settings.connection, __version__]
+    mended = [] if reading is None and not accept else [None if reading is None else asdict(reading), accept]
+    made_from = [recordings, fitted, deployment, project.settings.connection, __version__, *mended]
     project.run("report", made_from, [evaluation, page], work)
     return concluded
