@@ -21,6 +21,7 @@ _FUNCTIONS = {
     "fit": ("fit", "fit"),
     "evaluate": ("fit", "evaluate"),
     "refresh": ("upkeep.refresh", "refresh"),
+    "drift": ("upkeep.drift", "drift"),
     "deploy": ("calibrate", "deploy"),
     "goto": ("motion", "goto"),
     "random": ("motion", "random"),
