@@ -20,7 +20,7 @@ def drift(
     ] = 2.0,
     as_json: AsJsonNotTables = False,
 ) -> None:
-    """Print a model's error over days and homings, and since when it is beyond what it promised.
+    """Print a model's error over days and homings.
 
     Recordings come in the order of time. The exit code is 1 where a joint is beyond at the end.
 
