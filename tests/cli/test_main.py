@@ -7,7 +7,7 @@ from catenary import __version__
 from command_line import catenary
 
 COMMANDS = [
-    "calibrate", "home", "excite", "record", "extract", "import", "fit", "evaluate", "refresh", "deploy", "goto", "random", "follow", "teleop",
+    "calibrate", "home", "excite", "record", "extract", "import", "fit", "evaluate", "refresh", "drift", "deploy", "goto", "random", "follow", "teleop",
     "monitor", "gravity", "track", "hold", "export", "recover", "serve", "button", "identify", "excitation", "payload", "check",
     "fk", "ik", "regressor", "sense", "encoders", "gravity-node", "robots", "demo",
 ]  # fmt: skip

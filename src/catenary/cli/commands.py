@@ -7,7 +7,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from catenary.cli.options import with_groups_apart
+from catenary.cli.options import refuse_former_spelling, with_groups_apart
 from catenary.cli.signals import signals_interrupt
 
 # module of this package and function; in the order in which `catenary --help` lists them
@@ -21,6 +21,7 @@ _FUNCTIONS = {
     "fit": ("fit", "fit"),
     "evaluate": ("fit", "evaluate"),
     "refresh": ("upkeep.refresh", "refresh"),
+    "drift": ("upkeep.drift", "drift"),
     "deploy": ("calibrate", "deploy"),
     "goto": ("motion", "goto"),
     "random": ("motion", "random"),
@@ -86,6 +87,12 @@ class CommandGroup(TyperGroup):
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
         self.commands: Any = Commands()
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the command that is meant, its name and its arguments, unless they are spelled as once they were."""
+        name, command, rest = super().resolve_command(ctx, args)
+        refuse_former_spelling(name or "", rest)
+        return name, command, rest
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command; SIGTERM and SIGHUP interrupt it as Ctrl-C does."""

@@ -5,17 +5,21 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from catenary.cli.options import AsJson, MappingOptions
+from catenary.cli.options import AsJson, MappingOptions, robots_beginning
 from catenary.cli.terminal import print_fact, print_json, print_notes, refuse_to_overwrite, refuse_unwritable
 from catenary.errors import InputError
 
 
 def export(
     what: Annotated[
-        str,
-        Argument(metavar="WHAT", help="With --c a robot, as fk takes it; with --onnx a calibration model."),
-    ],
-    c: Annotated[Path | None, Option(metavar="OUT", help="C header of a robot to write, e.g. arm.h.")] = None,
+        str | None,
+        Argument(
+            metavar="[WHAT]",
+            help="With --c a robot, as fk takes it, or none with --model; with --onnx a calibration model.",
+            autocompletion=robots_beginning,
+        ),
+    ] = None,
+    c: Annotated[Path | None, Option(metavar="OUT", help="C header to write, e.g. arm.h.")] = None,
     onnx: Annotated[Path | None, Option(metavar="OUT", help="ONNX graph to write, e.g. arm.onnx.")] = None,
     model: Annotated[Path | None, Option(metavar="CALIBRATION", help="Calibration for the C header.")] = None,
     rate_hz: Annotated[
@@ -30,29 +34,33 @@ def export(
     """Write a robot as C, or a model as an ONNX graph.
 
     The header holds gravity torque, its regressor and joint correction, for loops in C and C++: no library, no
-    memory. The graph computes in float64; what the model remembers goes in and out as tensors.
+    memory; without a robot, or with one whose links have no inertia, the correction alone. The graph computes in
+    float64; what the model remembers goes in and out as tensors.
 
-    Example: catenary export raven2 --c raven2.h
+    Example: catenary export --model arm.npz --c arm.h
     """
     from catenary.errors import InputError
 
     if (c is None) == (onnx is None):
         raise InputError("export: expected one of --c OUT for a robot, --onnx OUT for a calibration model")
+    if what is None and (c is None or model is None):
+        needed = "a robot, or --model for its correction alone" if c is not None else "the calibration model"
+        raise InputError(f"export: expected {needed}")
     if c is not None:
         _c(what, c, model, 1000.0 if rate_hz is None else rate_hz, as_json)
-    elif onnx is not None:
+    elif onnx is not None and what is not None:
         if model is not None:
             raise InputError(f"export: --onnx writes WHAT, {what}, which is the model; leave --model out")
         _onnx(Path(what), onnx, rate_hz, as_json)
 
 
-def _c(robot: str, out: Path, model: Path | None, rate_hz: float, as_json: bool) -> None:
+def _c(robot: str | None, out: Path, model: Path | None, rate_hz: float, as_json: bool) -> None:
     from catenary.calibration.files import load_model
     from catenary.robots.catalog import load_robot
     from catenary.workflows.c_header import c_header, write_header
 
     calibration = None if model is None else load_model(model)[0]
-    header = c_header(load_robot(robot), calibration, rate_hz=rate_hz)
+    header = c_header(None if robot is None else load_robot(robot), calibration, rate_hz=rate_hz)
     write_header(header, out)
     print_notes(header.notes)
     if as_json:

@@ -1,12 +1,14 @@
 """Options that commands of several families have, and groups of them that a command takes as one argument."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
+
+from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.recording.foreign.mapping import RecordingMapping
@@ -145,6 +147,49 @@ class MendOptions:
             mend = self.mend() if array is not None else replace(self.mend(), units=())
             return Reading(joint_names=joint_names, mapping=mapping, mend=mend)
         return Reading(units=si_units(given) or units, joint_names=joint_names, mend=self.mend())
+
+
+BaseTilt = Annotated[
+    str | None,
+    Option(
+        "--base-tilt-deg", metavar="R,P",
+        help="Turn the base by R about x, then by P about its own y (of raven2 the axis of joint 1, reversed).",
+    ),
+]  # fmt: skip
+# how options were written before, per command, and now
+_FORMER = {
+    ("gravity", "--tilt-deg"): "--base-tilt-deg",
+    ("sense", "--tilt-deg"): "--base-tilt-deg",
+    ("gravity", "--tilt"): "--base-tilt-deg",
+    ("sense", "--tilt"): "--base-tilt-deg",
+}
+_LISTS = {"--base-tilt-deg": "R,P", "--rock-deg": "FROM,TO", "--gravity": "X,Y,Z"}
+
+
+def refuse_former_spelling(command: str, arguments: Sequence[str]) -> None:
+    """Refuse what was written otherwise once, saying how it is written now: names, and lists without commas.
+
+    Raises:
+        InputError: Such an argument.
+    """
+    for k, word in enumerate(arguments):
+        name = word.partition("=")[0]
+        now = _FORMER.get((command, name))
+        if now is not None:
+            raise InputError(f"{name}: is {now} {_LISTS[now]} now, as for every command: {now} 0,20")
+        following = arguments[k + 1 : k + 3]
+        if word in _LISTS and len(following) == 2 and all(map(_is_number, following)):
+            raise InputError(
+                f"{word}: expected {_LISTS[word]} with commas, got {' '.join(following)} with spaces"
+            )
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def robots_beginning(incomplete: str) -> list[str]:

@@ -10,7 +10,7 @@ from typer import Option
 
 from catenary.cli import beside_robot
 from catenary.cli.options import robots_beginning
-from catenary.cli.terminal import print_notes, roll_and_pitch
+from catenary.cli.terminal import base_tilt, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def open_robot(
             raise InputError(
                 "--dialect, --namespace, --simulated and --yes go with --ros; this robot is simulated here"
             )
-        angles = (0.0, 0.0) if tilt is None else roll_and_pitch("--base-tilt-deg", tilt)
+        angles = base_tilt(tilt)
         yield simulated_robot(robot, seed=seed, base_tilt_deg=angles, homed=homed, real_time=not fast)
         return
     if tilt is not None or seed is not None or fast:

@@ -10,7 +10,7 @@ import typer
 from typer import Option
 
 from catenary.cli.options import AsJson, Carrier, Duration, JsonLines, SimulatedSeed, robots_beginning
-from catenary.cli.terminal import print_json, print_json_line, print_notes, roll_and_pitch
+from catenary.cli.terminal import base_tilt, print_json, print_json_line, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def serve(
 
     if dialect not in ("raven", "crtk"):
         raise InputError(f'--dialect "{dialect}": expected raven or crtk')
-    tilt = roll_and_pitch("--base-tilt-deg", base_tilt_deg)
+    tilt = base_tilt(base_tilt_deg)
     by = None if grav_dir is None else _whole_numbers(grav_dir)
     # what it reports is in the status, which is shown; Python would print it a second time
     logging.getLogger("catenary.crtk.serving.reports").addHandler(logging.NullHandler())

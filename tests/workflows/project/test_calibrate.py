@@ -116,9 +116,12 @@ def test_recordings_replace_a_robot_and_are_fitted_once(days: tuple[Path, Path],
 
 
 def test_an_error_of_nothing_is_a_dash_in_the_table(tmp_path: Path) -> None:
-    q = simulated_arm.arrays(seed=2)["q_des"]
-    perfect = simulated_arm.write(tmp_path / "perfect.npz", q_act=q)
-    exact = simulated_arm.write(tmp_path / "exact.npz", q_act=q, seed=3)
+    perfect, exact = (
+        simulated_arm.write(
+            tmp_path / f"{seed}.npz", seed=seed, q_act=simulated_arm.arrays(seed=seed)["q_des"]
+        )
+        for seed in (2, 3)
+    )
     _, rows = calibrated(tmp_path / "project", [perfect], [exact]).table()
     assert not any("nan" in cell for row in rows for cell in row)
 
