@@ -16,7 +16,7 @@ SHORT = ProjectSettings(seed=1, sparsities=(1.0,), test_minutes=0.25)
 POSITIONS = ("q:shoulder", "q:elbow", "q:insertion")
 QUICK_MODELS = {
     "linear": FitOptions(kind="linear", inputs=POSITIONS),
-    calibrate.BEST: FitOptions(kind="linear", inputs=POSITIONS, ridge=1.0),
+    calibrate.RECOMMENDED: FitOptions(kind="linear", inputs=POSITIONS, ridge=1.0),
 }
 
 

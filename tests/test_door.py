@@ -73,7 +73,7 @@ def test_a_model_is_fitted_to_arrays() -> None:
 def test_rows_without_a_measurement_are_nan() -> None:
     truth = LOG.q_encoder.copy()
     truth[::2, 1] = np.nan
-    model = catenary.fit(LOG.q_nominal, truth, units=UNITS)
+    model = catenary.fit(LOG.q_nominal, truth, units=UNITS, model="linear")
     assert model.card["rows"] == 100
     assert {joint.n for joint in catenary.evaluate(model, LOG.q_nominal, truth).joints} == {100}
 
@@ -83,9 +83,9 @@ def test_a_log_a_path_and_arrays_give_one_model(tmp_path: Path) -> None:
     catenary.write_parquet(LOG, path)
     assert len(catenary.read_log(path)) == 200
     models = [
-        catenary.fit(LOG, history=2),
-        catenary.fit([path], history=2),
-        catenary.fit(LOG.q_nominal, LOG.q_encoder, units=UNITS, time=LOG.time, history=2),
+        catenary.fit(LOG, history=2, model="linear"),
+        catenary.fit([path], history=2, model="linear"),
+        catenary.fit(LOG.q_nominal, LOG.q_encoder, units=UNITS, time=LOG.time, history=2, model="linear"),
     ]
     expected = models[0].predict(LOG)
     for model in models:
@@ -105,7 +105,7 @@ def test_a_saved_model_is_loaded_by_a_string(tmp_path: Path) -> None:
 
 
 def test_a_model_corrects_in_a_loop() -> None:
-    model = catenary.fit(LOG)
+    model = catenary.fit(LOG, model="linear")
     out, inside = np.empty(3), np.empty(3, dtype=bool)
     for corrector in (model.corrector(), catenary.Corrector(model)):
         corrector.correct(LOG.q_nominal[7], LOG.q_nominal[7], out, inside)
@@ -115,7 +115,9 @@ def test_a_model_corrects_in_a_loop() -> None:
 def test_torques_are_inputs_where_they_are_given() -> None:
     tau = RNG.normal(size=LOG.q_nominal.shape)
     true = LOG.q_nominal + 0.01 * tau
-    model = catenary.fit(LOG.q_nominal, true, units=UNITS, tau=tau, joint_names=["a", "b", "c"])
+    model = catenary.fit(
+        LOG.q_nominal, true, units=UNITS, tau=tau, joint_names=["a", "b", "c"], model="linear"
+    )
     assert model.features.signals[-1] == "tau:c"
     assert_allclose(model.predict(LOG.q_nominal, tau=tau), true, atol=1e-12)
     with pytest.raises(InputError, match='has no input "tau:a"'):

@@ -106,5 +106,5 @@ def _believed_position(plant: CablePlant, corrector: StateCorrector | None) -> F
         return state.q
     q, inside = np.empty(len(state.q)), np.empty(len(state.q), dtype=bool)
     corrector.prepare(plant.joint_names, plant.joint_units, 1.0 / plant.period)
-    corrector.correct_state(state, q, inside)
+    corrector.correct_state(state, q, inside, np.empty(len(q)))
     return q

@@ -1,9 +1,11 @@
 """The names that `import catenary` offers, and where each lives: read by type checkers and by `__init__.py` alike."""
 
 from catenary.calibration.calibration import Calibration as Calibration
+from catenary.calibration.calibration import check_data as check_data
 from catenary.calibration.calibration import evaluate as evaluate
 from catenary.calibration.calibration import fit as fit
 from catenary.calibration.calibration import load_model as load_model
+from catenary.calibration.calibration import refresh as refresh
 from catenary.calibration.corrector import Corrector as Corrector
 from catenary.control.elastic import ElasticPD as ElasticPD
 from catenary.control.gravity_pd import EstimatedGravityPD as EstimatedGravityPD
@@ -47,6 +49,8 @@ from catenary.trajectories.point_to_point import go_to as go_to
 from catenary.trajectories.reference import Reference as Reference
 from catenary.trajectories.sinusoids import random_sinusoids as random_sinusoids
 from catenary.trajectories.zigzag import zigzag as zigzag
+from catenary.workflows.import_recording import import_recording as import_recording
+from catenary.workflows.import_recording import propose_mapping as propose_mapping
 from catenary.workflows.simulated_recording import record_simulated as record_simulated
 
 __version__: str

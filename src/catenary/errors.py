@@ -14,6 +14,18 @@ class InputError(CatenaryError, ValueError):
     """An argument has the wrong shape, unit, range, or holds NaN or infinity."""
 
 
+class DataError(InputError):
+    """A recording is refused before a model is made from it: its numbers cannot be what they are said to be.
+
+    Attributes:
+        names: Of the findings that refuse it, as `accept` takes them.
+    """
+
+    def __init__(self, message: str, names: Sequence[str]) -> None:
+        self.names = tuple(names)
+        super().__init__(message)
+
+
 class FileFormatError(CatenaryError, ValueError):
     """A file is missing, damaged, of another kind, or lacks something that it must hold."""
 

@@ -26,6 +26,8 @@ TRANSITIONS: Mapping[StateCommand, Mapping[StateName, StateName]] = {
 }
 AT_REST = frozen(np.zeros((2, 3)))  # base_rates of a base that stands still, or whose motion nobody measures
 
+NO_INTERVAL = frozen(np.zeros(0))  # q_interval of a state whose positions nobody has corrected
+
 
 class OperatingState(NamedTuple):
     """CRTK's operating state."""
@@ -47,6 +49,8 @@ class JointState(NamedTuple):
     gravity_age: float  # [s] since it was measured; inf when it is nominal
     # (2, 3) angular velocity and acceleration of the base, in its axes [rad/s, rad/s2]
     base_rates: Floats = AT_REST
+    # (n,) half-width of an interval about q_calibrated [rad|m], NaN for a joint without; empty without corrector
+    q_interval: Floats = NO_INTERVAL
 
 
 class Column(NamedTuple):

@@ -22,7 +22,9 @@ def card_of(log: Any = None, *, held_out: bool = True, folds: int = 3, **options
     inputs = choose_inputs([log], asked)
     early, late = calibration_data([log], inputs.features).split_by_time(0.2)
     model = fit(early, inputs, asked)
-    spread = cross_validate(early, lambda rows, _: fit(rows, inputs, asked), folds=folds) if folds else ()
+    spread = (
+        cross_validate(early, lambda rows, _: fit(rows, inputs, asked), folds=folds).spread if folds else ()
+    )
     return model_card(
         model,
         early,
@@ -57,7 +59,7 @@ def test_card_of_every_kind_is_plain_json(options: dict[str, Any]) -> None:
 def test_card_says_what_was_not_estimated_and_describes_the_network() -> None:
     log = recording(np.random.default_rng(0), rows=60, error=np.zeros_like)
     assert [joint["percent_of_offset"] for joint in card_of(log)["errors"]["held_out"]] == [None] * 3
-    card = card_of(kind="neural", folds=0, held_out=False)
+    card = card_of(kind="neural", preset="paper", folds=0, held_out=False)
     assert (card["errors"]["cross_validation"], card["errors"]["held_out"]) == (None, None)
     network = card["settings"]["network"]
     assert (network["hidden"], network["activation"], network["epochs"]) == ((100, 100), "logistic", 200)

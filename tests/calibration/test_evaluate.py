@@ -182,7 +182,7 @@ def test_no_fold_is_fitted_to_the_block_that_it_predicts_and_all_recordings_have
 
 def test_spread_over_blocks_is_that_of_their_errors_about_the_others_mean() -> None:
     errors = np.random.default_rng(9).normal(size=(60, 2))
-    spread = cross_validate(data_of(off_by(errors)), offset_fit(off_by(errors)), folds=4)
+    spread = cross_validate(data_of(off_by(errors)), offset_fit(off_by(errors)), folds=4).spread
     expected = []
     for block in np.split(np.arange(60), 4):
         others = np.delete(errors[:, 1], block).mean()

@@ -152,7 +152,7 @@ def test_play_states_do_not_narrow_the_valid_range() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"kind": "cubic"}, 'model "cubic": expected one of offset, linear, polynomial, neural'),
+        ({"kind": "cubic"}, 'model "cubic": expected one of auto, offset, linear, polynomial, neural'),
         ({"kind": "linear", "preset": "best"}, 'preset "best" of model "linear": only neural has presets'),
         ({"kind": "neural", "preset": "worst"}, "paper and best"),
         ({"target": "torque"}, 'target "torque": expected one of error, position'),
@@ -205,3 +205,18 @@ def test_progress_ends_at_one(kind: str) -> None:
     fit(calibration_data([log(rows=40)], inputs.features), inputs, FitOptions(kind), progress=told.append)
     assert told == sorted(told)
     assert told[-1] == 1.0
+
+
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("play", [None, (0.1,)])
+def test_recordings_of_different_joints_are_refused_before_their_inputs_are_chosen(
+    first: int, play: tuple[float, ...] | None
+) -> None:
+    three = log()
+    two = replace(
+        three, name="short", joint_names=three.joint_names[:2], joint_units=three.joint_units[:2],
+        q_nominal=three.q_nominal[:, :2], q_encoder=three.q_encoder[:, :2],
+    )  # fmt: skip
+    logs = [three, two] if first == 0 else [two, three]
+    with pytest.raises(InputError, match=r"are not of the same joints: J1 \[rad\], J2 \[rad\].* against J1"):
+        choose_inputs(logs, FitOptions(kind="linear", play=play))

@@ -14,6 +14,7 @@ from numpy.testing import assert_allclose
 
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
+from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.onnx import OPSET, save_onnx, to_onnx
 from catenary.errors import FileFormatError, InputError, MissingPackageError
@@ -167,3 +168,25 @@ def test_what_cannot_be_written_is_refused(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setitem(sys.modules, "onnx", None)  # what Python itself puts there to forbid an import
     with pytest.raises(MissingPackageError, match=r"pip install catenary\[onnx\]"):
         to_onnx(model, CARD)
+
+
+@pytest.mark.parametrize("target", ["error", "position"])
+def test_half_widths_are_those_of_the_model_also_far_outside_and_where_an_input_is_missing(
+    target: Any,
+) -> None:
+    rng = np.random.default_rng(7)
+    signals = rng.normal(size=(200, 5))
+    made = random_model("linear", signals, rng, joints=3, torques=2, per_joint=True, target=target)
+    made = replace(made, intervals=Intervals(0.9, np.array([0.1, 0.2, 0.3]), np.array([0.4, 0.2, 0.7])))
+    rows = signals * rng.choice([0.1, 1.0, 5.0, 300.0], size=(200, 1))
+    rows[rng.integers(0, 200, 40), rng.integers(3, 5, 40)] = np.nan
+    given = {"q_nominal": rows[:, :3]} if target == "position" else {}
+    found = run(session_of(made), signals=rows, **given)["interval"]
+    assert_allclose(found, made.interval(rows, rows[:, :3]), **CLOSE)
+
+
+def test_a_model_without_intervals_has_no_such_output() -> None:
+    rng = np.random.default_rng(8)
+    signals = rng.normal(size=(50, 3))
+    outputs = session_of(random_model("linear", signals, rng, joints=3)).get_outputs()
+    assert [output.name for output in outputs] == ["correction", "inside"]

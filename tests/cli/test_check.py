@@ -29,12 +29,14 @@ def test_a_sound_recording_ends_with_0(run: Path) -> None:
 
 
 def test_a_faulty_recording_ends_with_1(tmp_path: Path) -> None:
-    path = simulated_arm.write(tmp_path / "run.npz", t=np.zeros(400))
+    path = simulated_arm.write(tmp_path / "run.npz", t=np.arange(400) // 200 * 100.0)
     outcome, plain = catenary("check", path), catenary("check", path, "--json")
     assert outcome.code == plain.code == 1
-    for words in ("WRONG:", "399 repeated time stamps", "1 fault(s) found"):
+    for words in ("WRONG:", "398 repeated time stamps", "1 fault(s) found"):
         assert words in outcome.out
-    assert (plain.json["kind"], plain.json["faults"]) == ("recording", ["399 repeated time stamps"])
+    assert plain.json["kind"] == "recording"
+    (found,) = plain.json["findings"]
+    assert (found["name"], found["refuses"]) == ("stamps", True)
     assert plain.json["facts"]["rows"].startswith("400")
 
 

@@ -12,6 +12,7 @@ import simulated_arm
 from catenary.cli.main import main
 from catenary.reports import calibration
 from catenary.reports.page import Picture
+from catenary.robots.catalog import load_robot
 from command_line import catenary, refusal
 
 DISPLAY = np.array([180.0 / np.pi, 180.0 / np.pi, 1000.0])  # rad, rad, m to deg, deg, mm
@@ -58,6 +59,35 @@ def test_evaluate_as_json_has_the_documented_keys(model: Path, run: Path) -> Non
         assert joint["n"] == 400
 
 
+def test_evaluate_tells_whether_intervals_hold(tmp_path: Path, model: Path) -> None:
+    other = simulated_arm.write(tmp_path / "other.npz", seed=1)
+    intervals = evaluate_json(model, other)["intervals"]
+    assert intervals["coverage_asked"] == 0.9
+    before = intervals["joints"]
+    assert all((joint["verdict"] == "held") == (joint["coverage"] >= 0.85) for joint in before)
+    out = catenary("evaluate", model, other).out
+    assert "Errors within the model's intervals, which are to hold 90 %" in out
+    arrays = simulated_arm.arrays(seed=1)
+    arrays["q_act"][:, 0] += np.deg2rad(30.0)  # a cable has slipped
+    np.savez(tmp_path / "slipped.npz", **arrays)
+    slipped, *others = evaluate_json(model, tmp_path / "slipped.npz")["intervals"]["joints"]
+    assert (slipped["coverage"], slipped["verdict"]) == (0.0, "too narrow")
+    assert others == before[1:]
+    assert "too narrow" in catenary("evaluate", model, tmp_path / "slipped.npz").out
+
+
+def test_a_coverage_is_asked_for_and_without_folds_there_is_none(tmp_path: Path, run: Path) -> None:
+    here = Path(copy(run, tmp_path))
+    fit_json(here, "--model", "linear", "--coverage", "0.8")
+    assert json.loads((tmp_path / "out.card.json").read_text())["intervals"]["coverage"] == 0.8
+    content = fit_json(here, "--model", "linear", "--folds", "0")
+    assert any(note.startswith("no intervals") for note in content["notes"])
+    assert evaluate_json(tmp_path / "out.npz", run)["intervals"] is None
+    refused = catenary("fit", run, "--model", "linear", "--out", tmp_path / "o.npz", "--coverage", "90")
+    assert refused.code != 0
+    assert "expected a share between 0 and 1" in refused.err
+
+
 def test_evaluate_tells_the_error_that_the_arm_has(tmp_path: Path, model: Path) -> None:
     arrays = simulated_arm.arrays(seed=1)
     np.savez(tmp_path / "other.npz", **arrays)
@@ -89,8 +119,8 @@ def test_evaluate_says_which_recording_the_model_was_fitted_to(model: Path, run:
 
 
 def test_units_of_the_option_are_taken(tmp_path: Path) -> None:
-    four = np.zeros((50, 4))
-    path = simulated_arm.write(tmp_path / "four.npz", rows=50, q_des=four, q_act=four + 0.001, units=None)
+    four = np.random.default_rng(0).uniform(-0.3, 0.3, (200, 4))
+    path = simulated_arm.write(tmp_path / "four.npz", rows=200, q_des=four, q_act=four + 0.001, units=None)
     content = fit_json(path, "--model", "offset", "--units", "m,rad,rad,m")
     assert [joint["unit"] for joint in content["cross_validation"]] == ["mm", "deg", "deg", "mm"]
 
@@ -133,7 +163,11 @@ def test_rows_beyond_the_error_limit_are_left_out(tmp_path: Path) -> None:
 
 
 def test_robot_gives_names_and_units(tmp_path: Path) -> None:
-    path = simulated_arm.write(tmp_path / "run.npz", units=None)
+    arm, arrays = load_robot("raven2"), simulated_arm.arrays()
+    middle = 0.5 * (arm.lower + arm.upper)
+    arrays["q_des"] += middle - arrays["q_des"].mean(axis=0)
+    path = tmp_path / "run.npz"
+    np.savez(path, **{**arrays, "q_act": arrays["q_des"] + 0.001})
     content = fit_json(path, "--model", "offset", "--robot", "raven2")
     found = [(j["joint"], j["unit"]) for j in content["cross_validation"]]
     assert found == [("shoulder", "deg"), ("elbow", "deg"), ("insertion", "mm")]

@@ -22,8 +22,8 @@ TILTED = Rotation.from_euler("XY", [20.0, -50.0], degrees=True).inv().apply(DOWN
     ("options", "gravity"),
     [
         ((), DOWN),
-        (("--gravity", "1", "-2", "-3.5"), [1.0, -2.0, -3.5]),
-        (("--tilt-deg", "20", "-50"), TILTED),  # rolled about x, then pitched about the base's own y
+        (("--gravity", "1,-2,-3.5"), [1.0, -2.0, -3.5]),
+        (("--base-tilt-deg", "20,-50"), TILTED),  # rolled about x, then pitched about the base's own y
     ],
 )
 def test_gravity_gives_torques_with_their_units(options: tuple[str, ...], gravity: np.ndarray) -> None:
@@ -40,7 +40,7 @@ def test_gravity_takes_degrees_and_millimetres() -> None:
 
 
 def test_table_shows_the_difference_to_a_level_base() -> None:
-    out = catenary("gravity", *POSE, "--tilt-deg", "0", "20").out
+    out = catenary("gravity", *POSE, "--base-tilt-deg", "0,20").out
     shoulder = next(line for line in out.splitlines() if "shoulder" in line).split()
     assert shoulder[-1] == "Nm"
     assert float(shoulder[3]) == pytest.approx(float(shoulder[1]) - float(shoulder[2]), abs=2e-4)
@@ -49,7 +49,7 @@ def test_table_shows_the_difference_to_a_level_base() -> None:
 def test_gravity_takes_a_file(tmp_path: Path) -> None:
     path = tmp_path / "arm.toml"
     path.write_text(simulated_arm.DH_TABLE)
-    content = catenary("gravity", path, "--q", "0,0.1", "--gravity", "0", "-9.81", "0", "--json").json
+    content = catenary("gravity", path, "--q", "0,0.1", "--gravity", "0,-9.81,0", "--json").json
     assert_allclose(content["tau"], [0.2 * 9.81, 0.0], rtol=1e-12)  # 1 kg, 0.2 m along x
 
 
@@ -80,7 +80,7 @@ def test_track_tells_error_and_pd_share_and_writes_a_page(tmp_path: Path) -> Non
 
 
 def test_hold_tells_the_drift_of_every_joint() -> None:
-    tilted = ("--q-deg", "50,90,400", "--seconds", "0.5", "--base-tilt-deg", "0", "-25")
+    tilted = ("--q-deg", "50,90,400", "--seconds", "0.5", "--base-tilt-deg", "0,-25")
     content = catenary("hold", "raven2", *tilted, "--json").json
     assert content["seconds"] == 0.5
     assert content["joints"][0]["drift"] < 0.1
@@ -89,7 +89,7 @@ def test_hold_tells_the_drift_of_every_joint() -> None:
 
 def test_any_other_robot_is_held_as_rigid_bodies(tmp_path: Path) -> None:
     page = tmp_path / "hold.html"
-    line = ("hold", "two_link", "--q-deg", "30,40", "--seconds", "0.2", "--base-tilt-deg", "0", "90")
+    line = ("hold", "two_link", "--q-deg", "30,40", "--seconds", "0.2", "--base-tilt-deg", "0,90")
     assert str(page) in catenary(*line, "--report", page).out
     assert "Distance of every joint from where it began" in page.read_text()
     assert "0, 90" in page.read_text()  # the base's tilt

@@ -7,7 +7,7 @@ from catenary import __version__
 from command_line import catenary
 
 COMMANDS = [
-    "calibrate", "home", "excite", "record", "extract", "fit", "evaluate", "deploy", "goto", "random", "follow", "teleop",
+    "calibrate", "home", "excite", "record", "extract", "import", "fit", "evaluate", "refresh", "drift", "deploy", "goto", "random", "follow", "teleop",
     "monitor", "gravity", "track", "hold", "export", "recover", "serve", "button", "identify", "excitation", "payload", "check",
     "fk", "ik", "regressor", "sense", "encoders", "gravity-node", "robots", "demo",
 ]  # fmt: skip
@@ -35,6 +35,14 @@ def test_every_command_has_help_in_80_columns_and_json(command: str, monkeypatch
     assert "--json" in outcome.out
     assert "Usage: catenary" in outcome.out
     assert max(len(line) for line in outcome.out.split("\n")) <= 80
+
+
+@pytest.mark.parametrize("command", [(), *((name,) for name in COMMANDS)])
+def test_h_is_help(command: tuple[str, ...]) -> None:
+    short = catenary(*command, "-h")
+    assert short.code == 0
+    assert short.out == catenary(*command, "--help").out
+    assert "-h, --help" in short.out
 
 
 def test_help_shows_defaults_that_are_settled_later() -> None:

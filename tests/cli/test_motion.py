@@ -1,8 +1,13 @@
+import re
 from pathlib import Path
 
 import numpy as np
 from numpy.testing import assert_allclose
 
+from catenary.dynamics.kinematics import forward_kinematics
+from catenary.robots.catalog import load_robot
+from catenary.workflows.robot.operated_robot import OperatedRobot, simulated_robot
+from catenary.workflows.robot.operator_motion import go_to_joints
 from command_line import catenary
 
 
@@ -29,3 +34,38 @@ def test_a_file_is_followed(tmp_path: Path) -> None:
     outcome = catenary("follow", path, "--fast", "--json")
     assert outcome.code == 0, outcome
     assert outcome.json["duration_s"] > 1.0
+
+
+def test_goto_tells_joints_in_the_units_they_were_asked_in_and_the_tip() -> None:
+    in_si = catenary("goto", "--robot", "two_link", "--q", "0.3,0.4", "--fast").out
+    assert "0.3000 rad" in in_si
+    assert "deg" not in in_si
+    in_deg = catenary("goto", "--robot", "two_link", "--q-deg", "30,40", "--fast").out
+    assert "30.000 deg" in in_deg
+    assert " rad" not in in_deg
+    assert "tip (hand): " in in_deg
+    x, y, z = forward_kinematics(load_robot("two_link"), np.deg2rad([30.0, 40.0])).position
+    assert f"{1000 * x:.1f}, {1000 * y:.1f}, {1000 * z:.1f} mm in the base frame" in in_deg
+
+
+def test_goto_a_place_says_how_far_from_it_the_tip_ended() -> None:
+    out = catenary("goto", "--position-mm", "19,-7.4,-67", "--fast").out
+    left = float(re.search(r"from where it was sent: ([0-9.]+) mm", out).group(1))
+    assert 0.0 < left < 2.0  # the control error of a robot at rest, at its tip
+
+
+def test_a_simulation_tells_the_true_error_of_joints_and_tip() -> None:
+    told = catenary("goto", "--q-deg", "33,88,395", "--fast", "--json").json
+    plant = simulated_robot("raven2", real_time=False).plant
+    go_to_joints(
+        OperatedRobot("raven2", plant, load_robot("raven2"), lambda: 0), np.array([0.57596, 1.53589, 0.395])
+    )
+    true = plant.telemetry()["q_true"]
+    error = [joint["true_error"] for joint in told["joints"]]
+    assert_allclose(
+        error[:3], plant.measured_js().q[:3] - true, atol=1e-4
+    )  # another arrival, to a hundredth of a degree
+    assert error[3:] == [None] * 4
+    model = load_robot("raven2")
+    apart = [forward_kinematics(model, q).position for q in (plant.measured_js().q[:3], true)]
+    assert_allclose(told["tip"]["true_error"], np.linalg.norm(apart[0] - apart[1]), atol=1e-4)

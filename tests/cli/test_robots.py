@@ -16,7 +16,18 @@ HOME = "30,90,400,0,0,0"  # deg and mm
 def test_robots_lists_the_catalogue_with_its_units() -> None:
     content = catenary("robots", "--json").json
     assert [robot["name"] for robot in content] == list(robot_names())
-    assert "shoulder [rad], elbow [rad], insertion [m]" in catenary("robots").out
+    assert [robot["units"] for robot in content if robot["name"] == "raven2"] == [["rad", "rad", "m"]]
+
+
+def test_robots_prints_one_line_a_robot_that_fits_into_a_terminal() -> None:
+    lines = catenary("robots").out.splitlines()
+    assert max(map(len, lines)) <= 80
+    for name in robot_names():
+        (line,) = [line for line in lines if line.split()[:1] == [name]]
+        model = load_robot(name)
+        assert model.tip in line
+        assert model.joint_names[0] in line
+        assert model.joint_names[-1] in line
 
 
 def test_fk_gives_the_pose_in_metres_and_as_a_quaternion() -> None:

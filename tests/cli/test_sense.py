@@ -22,7 +22,7 @@ def board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Simulated
 
 
 def test_a_simulated_sensor_is_shown_with_its_tilt():
-    outcome = catenary("sense", "--simulated", "--tilt-deg", "10", "-5", "--duration", "2")
+    outcome = catenary("sense", "--simulated", "--base-tilt-deg", "10,-5", "--duration", "2")
     assert outcome.code == 0
     lines = outcome.out.split("\n")
     assert "0.0 s  gravity" in lines[0]
@@ -32,7 +32,7 @@ def test_a_simulated_sensor_is_shown_with_its_tilt():
 
 
 def test_json_is_one_summary():
-    data = catenary("sense", "--simulated", "--tilt-deg", "20", "0", "--duration", "2", "--json").json
+    data = catenary("sense", "--simulated", "--base-tilt-deg", "20,0", "--duration", "2", "--json").json
     assert data["status"] == "live"
     assert data["tilt_deg"]["roll"] == pytest.approx(20.0, abs=1.0)
     assert data["magnitude"] == pytest.approx(9.81, abs=0.15)
@@ -41,7 +41,7 @@ def test_json_is_one_summary():
 
 
 def test_a_base_that_hangs_must_be_told_of():
-    hanging = ("sense", "--simulated", "--tilt-deg", "0", "180", "--duration", "1")
+    hanging = ("sense", "--simulated", "--base-tilt-deg", "0,180", "--duration", "1")
     outcome = catenary(*hanging)
     assert outcome.code == 1
     assert "upside_down" in outcome.out

@@ -1,6 +1,7 @@
 import gc
 import os
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
+from catenary.calibration.intervals import Intervals
 from catenary.control.limits import TorqueLimits
 from catenary.control.loop import Tick, run_loop
 from catenary.control.pd import JointPD
@@ -114,7 +116,7 @@ class Shift:
     def prepare(self, joint_names: tuple[str, ...], joint_units: tuple[str, ...], rate_hz: float) -> None:
         self.rate = rate_hz
 
-    def correct_state(self, state: JointState, out: Floats, inside: Floats) -> None:
+    def correct_state(self, state: JointState, out: Floats, inside: Floats, interval: Floats) -> None:
         out[:] = state.q + self.shift
         inside[:] = [True, self.ticks % 2 == 0]
         self.ticks += 1
@@ -133,12 +135,16 @@ def test_controller_sees_calibrated_positions() -> None:
 def test_a_deployed_model_corrects_in_the_loop() -> None:
     signals = 0.1 * np.random.default_rng(0).normal(size=(400, 4))
     model = random_model("linear", signals, np.random.default_rng(1), joints=2, torques=2, plays=1)
+    model = replace(model, intervals=Intervals(0.9, np.array([0.1, 0.2]), np.array([0.3, 0.4])))
     seen: list[Tick] = []
     run_loop(MassPlant(ZERO), None, Swing(0.5), corrector=Corrector(model), observers=[seen.append])
     q = np.array([tick.q_nominal for tick in seen])
     expected, inside = Corrector(model).run(q, np.hstack([q, 0.0 * q]))
     assert_array_equal([tick.state.q for tick in seen], expected)
     assert_array_equal([tick.inside for tick in seen], inside)
+    widths = np.array([tick.state.q_interval for tick in seen])
+    assert_array_equal(widths[inside], np.broadcast_to([0.1, 0.2], inside.shape)[inside])
+    assert (widths[~inside] >= 0.3).all()
 
 
 def test_a_slower_loop_lets_the_robot_take_several_of_its_ticks() -> None:

@@ -33,6 +33,15 @@ def test_seven_joints_with_a_model_fit_into_80_columns() -> None:
     assert all(any(joint in line for line in lines) for joint in JOINTS)
 
 
+def test_half_widths_stand_beside_calibrated_joints_of_a_model_that_has_them() -> None:
+    shown = sample(calibrated=np.zeros(7), interval=np.array([np.deg2rad(1.5), *[np.nan] * 6]))
+    lines = monitor_lines("raven2", shown, 90)
+    assert "calibrated     +/-" in lines[3]
+    assert "0.00    1.50" in lines[4]
+    assert "0.00       -" in lines[5]
+    assert "+/-" not in monitor_lines("raven2", shown._replace(interval=np.full(7, np.nan)), 90)[3]
+
+
 def test_nothing_jumps_when_numbers_change() -> None:
     before, after = monitor_lines("raven2", sample()), monitor_lines("raven2", sample(q=-sample().q))
     header = before[3]

@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -6,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.arrays import Floats
+from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.conversions import joint_values, pose_of
@@ -52,7 +54,8 @@ class Deployed:
         self.topics = CalibratedTopics(self.client, model, **options)
         listener = Loopback("listener", self.robot.network)
         types = {"measured_js": "sensor_msgs/JointState", "measured_cp": "geometry_msgs/TransformStamped",
-                 "is_valid": "std_msgs/Bool", "gravity_torque": "sensor_msgs/JointState"}  # fmt: skip
+                 "is_valid": "std_msgs/Bool", "interval": "sensor_msgs/JointState",
+                 "gravity_torque": "sensor_msgs/JointState"}  # fmt: skip
         self.heard = {
             verb: listener.subscribe(f"/arm1/calibrated/{verb}", kind) for verb, kind in types.items()
         }
@@ -84,6 +87,18 @@ def test_each_message_of_the_robot_is_corrected_once_with_pose_and_gravity_torqu
     assert_allclose(pose.rotation, expected.rotation, atol=1e-6)
     torque = joint_values(deployed.heard["gravity_torque"].take()[-1].message, JOINTS[:3], "effort")
     assert_allclose(torque, gravity_torque(load_robot("raven2"), corrected, [0.0, 0.0, -9.81]), atol=1e-5)
+
+
+def test_half_widths_are_published_for_the_joints_of_a_model_that_has_them(model: CalibrationModel) -> None:
+    without = Deployed(model)
+    without.ticks(2)
+    assert not without.heard["interval"].take()
+    widths = np.array([0.01, 0.02, 0.001])
+    deployed = Deployed(replace(model, intervals=Intervals(0.9, widths, 2.0 * widths)))
+    deployed.ticks(2)
+    message = deployed.heard["interval"].take()[-1].message
+    assert tuple(message.name) == model.joint_names
+    assert_allclose(message.position, widths)
 
 
 def test_positions_outside_the_valid_range_are_flagged(model: CalibrationModel) -> None:

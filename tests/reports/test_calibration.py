@@ -1,6 +1,7 @@
 import base64
 import io
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +10,14 @@ import numpy as np
 import pytest
 
 import simulated_arm
-from catenary.calibration.evaluate import Evaluation
+from catenary.calibration.evaluate import Evaluation, evaluate
 from catenary.calibration.fit import FitOptions
+from catenary.calibration.fitting import FitResult, FitRun
 from catenary.reports import calibration
 from catenary.reports.calibration import error_table, percent, window_table, write_calibration_report
 from catenary.reports.joint_picture import joint_picture
 from catenary.reports.page import Picture
-from catenary.workflows.fit import FitResult, FitRun, fit_calibration
+from catenary.workflows.fit import fit_calibration
 
 NAME = "<b>J1</b> & co"
 Result = tuple[FitResult, Evaluation]
@@ -48,6 +50,19 @@ def page(result: Result, tmp_path_factory: pytest.TempPathFactory) -> str:
 def drawn(png: str) -> bool:
     """Whether something can be seen on a picture."""
     return bool(matplotlib.image.imread(io.BytesIO(base64.b64decode(png, validate=True))).std() > 0.01)
+
+
+def test_the_page_says_what_intervals_hold_and_a_model_without_says_so(
+    result: Result, page: str, tmp_path: Path
+) -> None:
+    fit, evaluation = result
+    assert "Intervals" in page
+    assert "half-width" in page
+    assert f"it holds {100.0 * evaluation.joints[0].coverage:.1f} %" in page
+    without = replace(fit, model=replace(fit.model, intervals=None))
+    text = page_of(without, evaluate(without.model, evaluation.data), tmp_path / "without.html")
+    assert "The model has no intervals" in text
+    assert "Dashed" not in text
 
 
 def test_the_page_needs_nothing_else_and_has_a_picture_of_every_joint(page: str) -> None:

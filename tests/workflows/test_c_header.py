@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 from catenary.calibration.c_source import c_correction
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.files import save_model
+from catenary.calibration.intervals import Intervals
 from catenary.calibration.kernels import Step
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.errors import InputError, MissingInertiaError
@@ -114,15 +115,27 @@ def calibration_of(kind: str, rng: np.random.Generator) -> tuple[CalibrationMode
     width = 3 + CASES[kind].get("torques", 0)
     signals = np.cumsum(0.1 * rng.normal(size=(STATES, width)), axis=0)
     model = random_model(kind, signals[: STATES // 2], rng, joints=3, rate_hz=500.0, **CASES[kind])
+    if kind != "constant":  # which has none: NaN
+        model = replace(model, intervals=Intervals(0.9, np.array([0.1, 0.2, 0.3]), np.array([0.3, 0.2, 0.7])))
     signals[rng.integers(0, STATES, 50), rng.integers(0, width, 50)] = np.nan
     return model, signals
+
+
+def half_widths(model: CalibrationModel, q: np.ndarray, signals: np.ndarray) -> np.ndarray:
+    """Take the ticks of a corrector, which give half-widths of intervals."""
+    corrector, widths = Corrector(model, rate_hz=1000.0), np.empty(q.shape)
+    out, inside = np.empty(q.shape[1]), np.empty(q.shape[1], dtype=bool)
+    for k in range(len(q)):
+        corrector.correct(q[k], signals[k], out, inside, widths[k])
+    return widths
 
 
 def corrected(header: str, rows: np.ndarray, n: int, folder: Path, language: str) -> np.ndarray:
     name = prefix_of(header)
     body = (
         f"  double out[{n}];\n  int inside[{n}];\n  {name}_state state;\n  {name}_reset(&state);\n"
-        f"LOOP  {name}_correct(&state, r, r + {n}, out, inside);\n" + puts(out=n, inside=n)
+        f"LOOP  {name}_correct(&state, r, r + {n}, out, inside);\n"
+        f"  const double *interval = {name}_interval(&state);\n" + puts(out=n, inside=n, interval=n)
     )
     return output_of(header, body, rows, folder, language)
 
@@ -137,7 +150,10 @@ def test_the_correction_in_c_is_the_correctors(kind: str, language: str, tmp_pat
     expected, inside = Corrector(model, rate_hz=1000.0).run(q, signals)
     assert inside.any()
     assert not inside.all()
-    assert (given[:, 3:] == inside).all()
+    assert (given[:, 3:6] == inside).all()
+    assert_allclose(
+        given[:, 6:], half_widths(model, q, signals), rtol=1e-14
+    )  # division before or after a product
     # networks of random weights: outputs of order ten
     assert_allclose(given[:, :3], expected, rtol=1e-12, atol=1e-12)
 
@@ -204,7 +220,7 @@ def test_the_command_writes_the_header(tmp_path: Path) -> None:
     save_model(model, Card(), tmp_path / "model.npz")
     out = tmp_path / "raven2.h"
     outcome = catenary("export", "raven2", "--model", tmp_path / "model.npz", "--c", out, "--json")
-    functions = [f"raven2_{name}" for name in (*QUANTITIES, "reset", "correct")]
+    functions = [f"raven2_{name}" for name in (*QUANTITIES, "reset", "correct", "interval")]
     assert outcome.json == {"file": str(out), "functions": functions}
     assert "side by side" in outcome.err
     assert out.read_text() == c_header(load_robot("raven2"), model).text

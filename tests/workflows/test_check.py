@@ -8,13 +8,14 @@ import pytest
 import simulated_arm
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
-from catenary.workflows.check import Finding, check_file, check_recording, check_robot
+from catenary.workflows.check import FileReport, check_file, check_recording, check_robot
 
 ARRAYS = simulated_arm.arrays()
 LOG = MotionLog(
     "run", ("J1", "J2", "J3"), ("rad", "rad", "m"), ARRAYS["q_des"], ARRAYS["ok"],
     q_encoder=ARRAYS["q_act"], time=ARRAYS["t"],
 )  # fmt: skip
+AT_2 = (slice(None), 1)
 STAMPS = np.arange(400) / 30.0
 
 
@@ -34,12 +35,19 @@ def test_ranges_and_errors_are_told_in_deg_and_mm() -> None:
     ("changes", "faults", "remarks"),
     [
         ({}, [], []),
-        ({"time": np.random.default_rng(0).permutation(STAMPS)}, ["time goes back"], None),
+        ({"time": np.random.default_rng(0).permutation(STAMPS)}, ["stamps: time goes back 199 times"], None),
         ({"time": STAMPS + 60.0 * (STAMPS > 6.0)}, [], ["1 gaps longer than"]),
-        ({"q_encoder": changed(ARRAYS["q_act"], (7, 0), 2.0)}, ["J1: 1 errors lie beyond 10 robust standard"], []),
+        ({"q_encoder": changed(ARRAYS["q_act"], (7, 0), 2.0)}, [], ["outliers: J1: 1 of 400 errors lie beyond 10 robust"]),
         ({"q_encoder": None}, ["no measured joint positions (q_encoder): it cannot be calibrated from"], []),
-        ({"ok": np.zeros(400, dtype=bool)}, ["ok is set on no row: it cannot be calibrated from"], []),
-        ({"q_nominal": changed(ARRAYS["q_des"], (slice(None), 1), 0.3)}, [], ["J2 never moves"]),
+        ({"ok": np.zeros(400, dtype=bool)}, ["short: ok is set on no row"], []),
+        (
+            {"q_nominal": changed(ARRAYS["q_des"], AT_2, 0.3), "q_encoder": changed(ARRAYS["q_act"], AT_2, 0.31)},
+            [], ["constant: J2: never moved"],
+        ),
+        (
+            {"q_nominal": changed(ARRAYS["q_des"], AT_2, 0.3)},
+            ["constant: J2: every command is the same"], ["constant: J2: never moved"],
+        ),
     ],
 )  # fmt: skip
 def test_findings_of_a_recording(changes: dict[str, Any], faults: list[str], remarks: Any) -> None:
@@ -62,8 +70,14 @@ def test_limits_the_wrong_way_round_are_a_fault() -> None:
 
 
 def test_a_finding_is_plain_data() -> None:
-    data = Finding("robot", [("a", "b")], ["fault"], ["remark"]).as_data()
-    assert data == {"kind": "robot", "facts": {"a": "b"}, "faults": ["fault"], "remarks": ["remark"]}
+    data = FileReport("robot", [("a", "b")], ["fault"], ["remark"]).as_data()
+    assert data == {
+        "kind": "robot",
+        "facts": {"a": "b"},
+        "faults": ["fault"],
+        "remarks": ["remark"],
+        "findings": [],
+    }
 
 
 def test_a_robot_that_is_there_to_be_identified_has_no_fault() -> None:

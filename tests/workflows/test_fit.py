@@ -9,9 +9,10 @@ from numpy.testing import assert_allclose
 import simulated_arm
 from catenary.calibration.files import save_model
 from catenary.calibration.fit import FitOptions
+from catenary.calibration.fitting import FitRun
 from catenary.errors import InputError
 from catenary.recording.logs import write_parquet
-from catenary.workflows.fit import FitRun, evaluate_calibration, evaluation_summary, fit_calibration
+from catenary.workflows.fit import evaluate_calibration, evaluation_summary, fit_calibration
 from recordings import recording
 
 LINEAR = FitOptions(kind="linear")
@@ -60,7 +61,8 @@ def test_the_card_holds_the_held_out_errors(recording_path: Path) -> None:
     result = fit_calibration([recording_path], LINEAR, FitRun(held_out=0.25))
     assert result.held_out is not None
     assert result.card["errors"]["held_out"] == [asdict(joint) for joint in result.held_out.joints]
-    assert result.card["run"] == {"seed": 0, "held_out": 0.25, "folds": 5, "max_error": None}
+    expected = {"seed": 0, "held_out": 0.25, "folds": 5, "max_error": None, "accept": [], "coverage": 0.9}
+    assert result.card["run"] == expected
 
 
 def test_several_recordings_are_fitted_together(recording_path: Path, tmp_path: Path) -> None:
@@ -81,13 +83,14 @@ def test_progress_ends_at_one(recording_path: Path) -> None:
     ("key", "place", "value", "note"),
     [
         ("ok", slice(10, 30), False, "run: left out 20 without measurement, 3 without 3 previous commands, of 400 rows"),
-        ("q_act", (5, 1), 3.0, "J2: 1 of 397 errors lie beyond 10 robust standard deviations"),
-        ("q_des", (slice(None), 2), 0.1, "J3: never moved; the model holds only where they stood"),
+        ("q_act", (5, 1), 3.0, "run: J2: 1 of 400 errors lie beyond 10 robust standard deviations"),
+        (("q_des", "q_act"), (slice(None), 2), 0.1, "run: J3: never moved; a model holds only where it stood"),
     ],
 )  # fmt: skip
-def test_what_looks_wrong_is_noted(tmp_path: Path, key: str, place: Any, value: float, note: str) -> None:
+def test_what_looks_wrong_is_noted(tmp_path: Path, key: Any, place: Any, value: float, note: str) -> None:
     arrays = simulated_arm.arrays()
-    arrays[key][place] = value
+    for each in (key,) if isinstance(key, str) else key:
+        arrays[each][place] = value
     np.savez(tmp_path / "run.npz", **arrays)
     notes = fit_calibration([tmp_path / "run.npz"], FitOptions(kind="linear", history=3)).notes
     assert any(said.startswith(note) for said in notes)

@@ -1,8 +1,12 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from catenary.errors import DataError
 from catenary.identification.options import IdentifyOptions
+from catenary.recording.foreign.read import Reading
+from catenary.recording.mend import Mend
 from catenary.reports.identification import excitation_facts, parameter_table, residual_table
 from catenary.robots.catalog import load_robot
 from catenary.workflows.identify import identify_files
@@ -30,5 +34,24 @@ def test_card_notes_and_tables_hold_what_was_fitted_and_tested(moving_arm_logs: 
 def test_swapped_torques_in_what_is_fitted_are_noticed(tmp_path: Path) -> None:
     log = recorded(load_robot("raven2"), 0, noise=0.1)
     write_npz(log, tmp_path / "mixed.npz", tau=np.array(log.tau)[:, [1, 0, 2]])
-    notes = identify_files([tmp_path / "mixed.npz"], "raven2", IdentifyOptions()).notes
-    assert "mixed: axes shoulder and elbow look swapped" in notes
+    with pytest.raises(DataError, match=r"axes shoulder and elbow look swapped.*--swap tau:shoulder,elbow"):
+        identify_files([tmp_path / "mixed.npz"], "raven2", IdentifyOptions())
+    mend = Reading(mend=Mend(swap=("tau:shoulder,elbow",)))
+    mended = identify_files([tmp_path / "mixed.npz"], "raven2", IdentifyOptions(), reading=mend)
+    assert not any("swapped" in note for note in mended.notes)
+    notes = identify_files([tmp_path / "mixed.npz"], "raven2", IdentifyOptions(), accept=("swapped",)).notes
+    assert any("accepted swapped" in note for note in notes)
+
+
+def test_a_torque_of_the_wrong_sign_is_refused(tmp_path: Path) -> None:
+    log = recorded(load_robot("raven2"), 0, noise=0.1)
+    write_npz(log, tmp_path / "turned.npz", tau=np.array(log.tau) * [1.0, -1.0, 1.0])
+    with pytest.raises(DataError, match="--sign tau:elbow"):
+        identify_files([tmp_path / "turned.npz"], "raven2", IdentifyOptions())
+
+
+def test_currents_read_as_torques_are_refused(tmp_path: Path) -> None:
+    log = recorded(load_robot("raven2"), 0, noise=0.1)
+    write_npz(log, tmp_path / "currents.npz", tau=0.05 * np.array(log.tau))
+    with pytest.raises(DataError, match=r"motor currents.*--scale tau:"):
+        identify_files([tmp_path / "currents.npz"], "raven2", IdentifyOptions())

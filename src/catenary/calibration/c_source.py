@@ -60,6 +60,21 @@ for (k = 0; k < joints_size; ++k) {
   correction[joint] = trusted ? prediction[k] : offset[joint];
   inside[joint] = trusted;
 }""",
+    "fill": _each("Y", "Y[k] = number[0];"),
+    "distance": """\
+int k;
+far[0] = 1.0;
+for (k = 0; k < lower_size; ++k) {
+  const double reach = 0.5 * (upper[k] - lower[k]);
+  const double away = fabs(X[k] - (lower[k] + reach));
+  if (away > far[0] * reach) far[0] = away < farthest[0] * reach ? away / reach : farthest[0];
+}""",
+    "widen": """\
+int k;
+for (k = 0; k < joints_size; ++k) {
+  const int joint = joints[k];
+  interval[joint] = inside[joint] ? near[joint] : PREFIX_is_finite(q[joint]) ? edge[joint] * far[0] : NAN;
+}""",
     "without_leaps": """\
 int j;
 for (j = 0; j < joints_size; ++j) {
@@ -129,6 +144,7 @@ typedef struct {{
   double play[{play}];
   double seen[{seen}];
   double rejected[{rejected}]; /* leaps of the joints that play states follow */
+  double interval[{interval}]; /* half-widths about the calibrated positions of the last tick */
 }} PREFIX_state;
 
 /* Forget earlier ticks: another motion begins. To be called once before the first tick. */
@@ -139,6 +155,12 @@ static inline void PREFIX_reset(PREFIX_state *state) {{
   for (i = 0; i < {play}; ++i) state->play[i] = NAN;
   for (i = 0; i < {seen}; ++i) state->seen[i] = i % 4 < 2 ? NAN : 0.0;
   for (i = 0; i < {rejected}; ++i) state->rejected[i] = 0.0;
+  for (i = 0; i < {interval}; ++i) state->interval[i] = NAN;
+}}
+
+/* Half-widths [rad, m] of the intervals about the calibrated positions of the last tick; NAN where there are none. */
+static inline const double *PREFIX_interval(const PREFIX_state *state) {{
+  return state->interval;
 }}
 """
 CORRECT = """\
@@ -148,6 +170,8 @@ static inline void PREFIX_correct(PREFIX_state *state, const double *q, const do
 
 def c_correction(prefix: str, model: CalibrationModel, decimation: int, rate_hz: float | None = None) -> str:
     """Return C that defines `PREFIX_correct(state, q, signals, q_calibrated, inside)` and `PREFIX_reset(state)`.
+
+    `PREFIX_interval(state)` gives the half-widths of the last tick's intervals.
 
     Args:
         prefix: Begins every name.
@@ -161,8 +185,10 @@ def c_correction(prefix: str, model: CalibrationModel, decimation: int, rate_hz:
     n, memory = len(model.joint_names), model.features.memory(decimation)
     q, signals = np.empty((1, n)), np.empty((1, len(model.features.signals)))
     out, inside = np.empty((1, n)), np.empty((1, n), dtype=bool)
-    steps = model.tick_steps(memory, q, signals, out, inside, rate_hz=rate_hz)
+    interval = np.empty((1, n))
+    steps = model.tick_steps(memory, q, signals, out, inside, interval, rate_hz=rate_hz)
     names = {id(q): "q", id(signals): "signals", id(out): "q_calibrated", id(inside): "inside"}
+    names[id(interval)] = "state->interval"
     names |= {id(array): f"state->{name}" for name, array in memory._asdict().items()}
     declared: list[str] = []
     calls: list[str] = []
@@ -174,7 +200,7 @@ def c_correction(prefix: str, model: CalibrationModel, decimation: int, rate_hz:
                 declared.append(_declared(names[id(array)], array, constant=not written))
         calls.append(_call(step, names))
     functions = {step.function.__name__: _function(step) for step in steps}
-    sizes = {name: max(1, array.size) for name, array in memory._asdict().items()}
+    sizes = {name: max(1, array.size) for name, array in memory._asdict().items()} | {"interval": n}
     state = STATE.format(**sizes)
     text = [HELPERS, *functions.values(), state, CORRECT, *declared, *calls, "}", ""]
     return "\n".join(text).replace("PREFIX", prefix)
@@ -217,6 +243,6 @@ def _declared(name: str, array: NDArray[Any], *, constant: bool) -> str:
     size = max(1, array.size)
     if not constant:
         return f"  {_kind(array)} {name}[{size}];"
-    items = [repr(value) for value in array.ravel().tolist()] or ["0"]
+    items = ["NAN" if value != value else repr(value) for value in array.ravel().tolist()] or ["0"]
     rows = [", ".join(items[k : k + 8]) for k in range(0, len(items), 8)]
     return f"  static const {_kind(array)} {name}[{size}] = {{\n    " + ",\n    ".join(rows) + "};"

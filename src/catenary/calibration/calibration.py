@@ -12,20 +12,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.card import model_card
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.evaluate import evaluate as evaluate_rows
 from catenary.calibration.files import load_model as read_model
 from catenary.calibration.files import save_model
-from catenary.calibration.fit import FitOptions, Kind, Preset, choose_inputs
-from catenary.calibration.fit import fit as fit_rows
+from catenary.calibration.fit import FitOptions, Kind, Preset
+from catenary.calibration.fitting import COVERAGE, FOLDS, FitRun, fit_logs
 from catenary.calibration.model import CalibrationModel, Card, Target
 from catenary.calibration.progress import Progress, silent
+from catenary.calibration.upkeep.lineage import refreshed_card
+from catenary.calibration.upkeep.refresh import refresh_model
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
+from catenary.verdict.check import findings_of, robot_of
+from catenary.verdict.finding import Finding
 
 Recording = MotionLog | str | Path
 Motion = ArrayLike | Recording | Sequence[Recording]
@@ -63,6 +66,33 @@ class Calibration(CalibrationModel):
         logs = _logs(q_nominal, self.joint_names, self.joint_units, tau=tau, qd=qd, time=time)
         return np.concatenate([self.calibrate(log) for log in logs])
 
+    def predict_interval(
+        self,
+        q_nominal: Motion,
+        *,
+        tau: ArrayLike | None = None,
+        qd: ArrayLike | None = None,
+        time: ArrayLike | None = None,
+    ) -> Floats:
+        """Return half-widths of intervals about what `predict` gives.
+
+        Args:
+            q_nominal: As for `predict`; so are the others.
+            tau: Joint torques.
+            qd: Joint velocities.
+            time: [s].
+
+        Returns:
+            (N, n) [rad|m]; a share of errors, `intervals.level`, is to lie within; wider outside the valid range,
+            NaN where the model has no intervals.
+
+        Raises:
+            InputError: As for `predict`.
+            FileFormatError: A recording is missing or damaged.
+        """
+        logs = _logs(q_nominal, self.joint_names, self.joint_units, tau=tau, qd=qd, time=time)
+        return np.concatenate([self.half_widths(log) for log in logs])
+
     def evaluate(
         self,
         q_nominal: Motion,
@@ -93,6 +123,37 @@ class Calibration(CalibrationModel):
         for log in logs:
             self.require_joints(log)
         return evaluate_rows(self, calibration_data(logs, self.features), window=window)
+
+    def refresh(
+        self,
+        q_nominal: Motion,
+        q_encoder: ArrayLike | None = None,
+        *,
+        tau: ArrayLike | None = None,
+        qd: ArrayLike | None = None,
+        time: ArrayLike | None = None,
+    ) -> "Calibration":
+        """Return the model brought up to date with minutes of a new day; its card says what moved.
+
+        Args:
+            q_nominal: As for `evaluate`; so are the others.
+            q_encoder: True positions.
+            tau: Joint torques.
+            qd: Joint velocities.
+            time: [s].
+
+        Raises:
+            InputError: As for `evaluate`, or too few rows.
+            FileFormatError: A recording is missing or damaged.
+        """
+        logs = _logs(
+            q_nominal, self.joint_names, self.joint_units, q_encoder=q_encoder, tau=tau, qd=qd, time=time
+        )
+        for log in logs:
+            self.require_joints(log)
+        data = calibration_data(logs, self.features)
+        refreshed = refresh_model(self, data)
+        return _with_card(refreshed.model, refreshed_card(self.card, refreshed, data, sha256=None))
 
     def corrector(self, *, rate_hz: float = 1000.0, decimation: int | None = None) -> Corrector:
         """Return the model for a control loop; see `Corrector`."""
@@ -126,15 +187,20 @@ def fit(
     tau: ArrayLike | None = None,
     qd: ArrayLike | None = None,
     time: ArrayLike | None = None,
-    model: Kind = "linear",
+    model: Kind = "auto",
     preset: Preset | None = None,
     inputs: Sequence[str] | Mapping[str, Sequence[str]] | None = None,
     history: int = 0,
     play: Sequence[float] | None = None,
     target: Target = "error",
     ridge: float | None = None,
+    max_error: Sequence[float] | None = None,
     held_out: float | None = None,
+    folds: int = FOLDS,
+    coverage: float = COVERAGE,
+    robot: str | None = None,
     seed: int = 0,
+    accept: Sequence[str] = (),
     progress: Progress = silent,
 ) -> Calibration:
     """Fit a calibration model: what to add to the reported joint positions.
@@ -147,18 +213,26 @@ def fit(
         tau: (N, n) joint torques [Nm|N]; taken as inputs when given.
         qd: (N, n) joint velocities [rad/s|m/s]; taken when `inputs` says so.
         time: (N,) [s]; needed by `history` in a control loop, whose rate must be known.
-        model: "offset", "linear", "polynomial" or "neural".
-        preset: Of "neural": "paper" or "best".
+        model: "offset", "linear", "polynomial" or "neural"; "auto" chooses one of them for every joint, the simplest
+            that will do (choice.py).
+        preset: Of "neural": "paper" or "best", which is taken when None.
         inputs: Groups ("q", "tau", "qd"), signals ("q:J1"), or these per joint; positions and torques when None.
         history: How many previous positions are inputs.
         play: Half-widths of play states as shares of each joint's range; see FitOptions.
         target: "error", or "position" for a model end to end.
         ridge: Weight on the squared coefficients of a regression.
+        max_error: Leave out rows with larger errors, per joint in deg and mm.
         held_out: Share at the end of each recording that is kept from the fit; the card then has the errors on it.
+        folds: Blocks of time that the card's errors are of, each predicted by a model of the others; 0 for none,
+            which takes a fraction of the time, but leaves the model without intervals.
+        coverage: Share of errors that the intervals about calibrated positions are to hold.
+        robot: Its name, for the card; the recordings' when None.
         seed: Of a network's training.
+        accept: What `check_data` finds wrong with the data and is gone on with all the same, by name.
         progress: Called with the share done.
 
     Raises:
+        DataError: Something is wrong with the data; the message says what, how it is mended, how it is accepted.
         InputError: Arrays that do not fit together, too few rows, or options that contradict each other.
         FileFormatError: A recording is missing or damaged.
     """
@@ -173,21 +247,51 @@ def fit(
         ridge=ridge,
         seed=seed,
     )
-    chosen = choose_inputs(logs, options, held_out=held_out or 0.0)
-    data, late = calibration_data(logs, chosen.features), None
-    if held_out is not None:
-        data, late = data.split_by_time(held_out)
-    fitted = fit_rows(data, chosen, options, progress=progress)
-    card = model_card(
-        fitted,
-        data,
-        options,
-        robot=data.robot,
-        command={"held_out": held_out},
-        spread=(),
-        held_out=None if late is None else evaluate_rows(fitted, late),
+    run = FitRun(
+        robot=robot,
+        max_error=None if max_error is None else tuple(max_error),
+        held_out=held_out,
+        folds=folds,
+        accept=tuple(accept),
+        coverage=coverage,
     )
-    return _with_card(fitted, card)
+    result = fit_logs(logs, options, run, progress=progress)
+    return _with_card(result.model, result.card)
+
+
+def check_data(
+    q_nominal: Motion,
+    q_encoder: ArrayLike | None = None,
+    *,
+    units: Sequence[str] | None = None,
+    joint_names: Sequence[str] | None = None,
+    tau: ArrayLike | None = None,
+    qd: ArrayLike | None = None,
+    time: ArrayLike | None = None,
+    robot: str | None = None,
+) -> tuple[Finding, ...]:
+    """Return what is wrong with recordings, and what is worth knowing, before a model is made of them.
+
+    Args:
+        q_nominal: (N, n) reported positions [rad|m]; or recordings.
+        q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement.
+        units: As for `fit`; so are `joint_names`, `tau`, `qd` and `time`.
+        joint_names: Names of the joints.
+        tau: Joint torques.
+        qd: Joint velocities.
+        time: [s].
+        robot: Catalogue name or file of the robot, whose limits positions are held against.
+
+    Returns:
+        Findings; `fit` refuses those whose `refuses` is true, unless their `name` is accepted.
+
+    Raises:
+        InputError: Arrays that do not fit together.
+        FileFormatError: A recording is missing or damaged.
+    """
+    logs = _logs(q_nominal, joint_names, units, q_encoder=q_encoder, tau=tau, qd=qd, time=time)
+    model = robot_of(logs, robot)
+    return tuple(finding for log in logs for finding in findings_of(log, robot=model))
 
 
 def evaluate(
@@ -205,8 +309,24 @@ def evaluate(
     return loaded.evaluate(q_nominal, q_encoder, tau=tau, qd=qd, time=time, window=window)
 
 
+def refresh(
+    model: Calibration | str | Path,
+    q_nominal: Motion,
+    q_encoder: ArrayLike | None = None,
+    *,
+    tau: ArrayLike | None = None,
+    qd: ArrayLike | None = None,
+    time: ArrayLike | None = None,
+) -> Calibration:
+    """Return a model brought up to date with minutes of a new day: `Calibration.refresh`, also of a model's file."""
+    loaded = model if isinstance(model, Calibration) else load_model(model)
+    return loaded.refresh(q_nominal, q_encoder, tau=tau, qd=qd, time=time)
+
+
 def _with_card(model: CalibrationModel, card: Card) -> Calibration:
-    return Calibration(**{each.name: getattr(model, each.name) for each in fields(model)}, card=card)
+    return Calibration(
+        **{each.name: getattr(model, each.name) for each in fields(CalibrationModel)}, card=card
+    )
 
 
 def _logs(

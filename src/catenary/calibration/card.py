@@ -6,9 +6,12 @@ from importlib.metadata import version
 from typing import Any
 
 from catenary import __version__
+from catenary.calibration.choice import JointChoice
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import Evaluation, JointErrors, Spread
+from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit import FitOptions, extrapolation
+from catenary.calibration.intervals import FARTHEST
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.neural import BEST, PAPER, NetworkSettings
 from catenary.units import DISPLAY
@@ -26,6 +29,7 @@ def model_card(
     spread: tuple[Spread, ...],
     held_out: Evaluation | None,
     notes: tuple[str, ...] = (),
+    choices: tuple[JointChoice, ...] = (),
 ) -> Card:
     """Describe a fitted model and how it came to be.
 
@@ -38,8 +42,9 @@ def model_card(
         spread: Errors of the cross-validation over blocks of time, empty when it was not run.
         held_out: Evaluation on the recordings' last part, when one was held out.
         notes: What was decided on the way.
+        choices: Of a model of kind "auto", by which errors each joint's kind was chosen.
     """
-    features = model.features
+    features, intervals = model.features, model.intervals
     ranges: dict[str, dict[str, float]] = {}
     names = features.names
     for group in model.groups:
@@ -47,6 +52,7 @@ def model_card(
             group.watched, group.valid_range.lower, group.valid_range.upper, strict=True
         ):
             ranges[names[column]] = {"lower": float(low), "upper": float(high)}
+    kinds = {choice.chosen for choice in choices} or {model.kind}
     mean, spread_of = data.X.mean(axis=0), data.X.std(axis=0)
     return {
         "robot": robot,
@@ -57,8 +63,11 @@ def model_card(
             {
                 "name": name,
                 "unit": unit,
+                "kind": choices[j].chosen if choices else model.kind,
                 "inputs": [names[c] for group in model.groups if j in group.joints for c in group.columns],
                 "fixed_offset": float(model.offset[j]),
+                "half_width": None if intervals is None else float(intervals.inside[j]),
+                "half_width_outside": None if intervals is None else float(intervals.outside[j]),
             }
             for j, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True))
         ],
@@ -76,12 +85,22 @@ def model_card(
         "rate_hz": model.rate_hz,
         "target": model.target,
         "output": "correction added to q_nominal, in rad and m",
-        "scaling": _scaling(model.kind),
+        "scaling": _scaling(kinds),
+        "choice": [asdict(choice) for choice in choices] or None,
         "settings": _settings(options),
         "valid_range": "box around the training inputs and box along their principal axes, each widened by "
-        f"{extrapolation(model.kind, features):.0%} of their range; outside it the fixed offset is used",
+        f"{_widened_by(kinds, features)} of their range; outside it the fixed offset is used",
+        "intervals": None
+        if intervals is None
+        else {
+            "coverage": intervals.level,
+            "how": "hierarchical conformal prediction on blocks of time, from the errors of the cross-validation",
+            "outside": "half_width_outside, times how many times farther from the middle of the valid range's box a "
+            f"watched input is than its edge, at most {FARTHEST:g}",
+        },
         "data": [asdict(source) for source in data.sources],
         "rows": len(data),
+        "recorded": data.last_date,
         "run": {"seed": options.seed, **command},
         "version": {"catenary": __version__, **{name: version(name) for name in LIBRARIES}},
         "errors": {
@@ -106,11 +125,15 @@ def _errors(joint: JointErrors) -> dict[str, Any]:
     return {key: None if value != value else value for key, value in asdict(joint).items()}
 
 
-def _scaling(kind: str) -> str:
-    if kind == "offset":
+def _widened_by(kinds: set[str], features: FeatureSet) -> str:
+    return " or ".join(sorted({f"{extrapolation(kind, features):.0%}" for kind in kinds}))
+
+
+def _scaling(kinds: set[str]) -> str:
+    if kinds == {"offset"}:
         return "none"
     inputs = "inputs standardised by mean and standard deviation of the training rows"
-    return f"{inputs}; targets standardised too" if kind == "neural" else inputs
+    return f"{inputs}; targets of networks standardised too" if "neural" in kinds else inputs
 
 
 def _settings(options: FitOptions) -> dict[str, Any]:
@@ -123,6 +146,6 @@ def _settings(options: FitOptions) -> dict[str, Any]:
         "ridge": options.ridge_used,
     }
     if options.kind == "neural":
-        chosen: NetworkSettings = BEST if options.preset == "best" else PAPER
+        chosen: NetworkSettings = BEST if options.network == "best" else PAPER
         settings["network"] = asdict(chosen)
     return settings

@@ -4,10 +4,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.calibration.dataset import RATE_TOLERANCE
+from catenary.calibration.features import joints_text
 from catenary.calibration.kernels import Flags, blocks, bound, run
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
@@ -17,7 +18,7 @@ SOURCES = ("q", "qd", "tau")  # of a joint state, one after the other
 
 
 class Corrector:
-    """Calibrated joint positions and valid-range flags from the signals of each tick.
+    """Calibrated joint positions, valid-range flags and intervals from the signals of each tick.
 
     Gives what `CalibrationModel.calibrate` gives, bit for bit, whatever the kind of model. It keeps the previous
     positions and play states that the model takes. Until `history` of them have been seen, outside the valid range
@@ -50,9 +51,9 @@ class Corrector:
         self._memory = model.features.memory(self.decimation)
         n, signals = len(model.joint_names), len(model.features.signals)
         self._q, self._signals, self._out = np.zeros(n), np.zeros(signals), np.zeros(n)
-        self._inside = np.zeros(n, dtype=bool)
+        self._inside, self._interval = np.zeros(n, dtype=bool), np.zeros(n)
         self._shapes = ((n,), (signals,), (n,), (n,))
-        self._tick = self.bind(self._q, self._signals, self._out, self._inside)
+        self._tick = self._bound()
         # of no robot yet: no joint state has -1 joints
         self._robot_shapes = ((-1,),) * 5
         self._places, self._sources = np.arange(n), np.zeros(signals, dtype=np.int64)
@@ -63,9 +64,14 @@ class Corrector:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)  # a copy has arrays of its own, and so its call
-        self._tick = self.bind(self._q, self._signals, self._out, self._inside)
+        self._tick = self._bound()
 
-    def bind(self, q_nominal: Floats, signals: Floats, out: Floats, inside: Flags) -> Callable[[], None]:
+    def _bound(self) -> Callable[[], None]:
+        return self.bind(self._q, self._signals, self._out, self._inside, self._interval)
+
+    def bind(
+        self, q_nominal: Floats, signals: Floats, out: Floats, inside: Flags, interval: Floats | None = None
+    ) -> Callable[[], None]:
         """Return a call without arguments that takes one tick on these very arrays, which are checked once, now.
 
         Args:
@@ -73,27 +79,45 @@ class Corrector:
             signals: (S,) float64: current values of `model.features.signals`, in that order.
             out: (n,) float64: receives the calibrated positions [rad|m]; not the memory of `q_nominal`.
             inside: (n,) bool: receives whether each joint is inside the model's valid range.
+            interval: (n,) float64: receives half-widths of intervals about `out` [rad|m], NaN where the model has
+                none; without it they are not computed.
 
         Raises:
             InputError: An array has another shape, type or layout, or two share their memory.
         """
-        self._require_shapes(q_nominal, signals, out, inside)
+        self._require_shapes(q_nominal, signals, out, inside, interval)
         return bound(
             self.model.tick_steps(
-                self._memory, q_nominal[None], signals[None], out[None], inside[None], rate_hz=self.rate_hz
+                self._memory,
+                q_nominal[None],
+                signals[None],
+                out[None],
+                inside[None],
+                None if interval is None else interval[None],
+                rate_hz=self.rate_hz,
             )
         )
 
-    def _require_shapes(self, *arrays: ArrayLike) -> None:
-        shapes = tuple(np.shape(array) for array in arrays)
-        if shapes != self._shapes:
-            (n,), (signals,), *_ = self._shapes
+    def _require_shapes(
+        self, q: ArrayLike, signals: ArrayLike, out: Floats, inside: Flags, interval: Floats | None
+    ) -> None:
+        shapes = (np.shape(q), np.shape(signals), out.shape, inside.shape)
+        if shapes != self._shapes or (interval is not None and interval.shape != out.shape):
+            (n,), (inputs,), *_ = self._shapes
+            got = shapes if interval is None else (*shapes, interval.shape)
             raise InputError(
-                f"corrector: expected q_nominal ({n},), signals ({signals},), out ({n},), inside ({n},), "
-                f"got {', '.join(map(str, shapes))}"
+                f"corrector: expected q_nominal ({n},), signals ({inputs},), out ({n},), inside ({n},), "
+                f"interval ({n},) or none, got {', '.join(map(str, got))}"
             )
 
-    def correct(self, q_nominal: ArrayLike, signals: ArrayLike, out: Floats, inside: Flags) -> None:
+    def correct(
+        self,
+        q_nominal: ArrayLike,
+        signals: ArrayLike,
+        out: Floats,
+        inside: Flags,
+        interval: Floats | None = None,
+    ) -> None:
         """Take one tick.
 
         Args:
@@ -101,14 +125,17 @@ class Corrector:
             signals: (S,) current values of `model.features.signals`, in that order.
             out: (n,) receives the calibrated positions [rad|m]; may be `q_nominal`.
             inside: (n,) receives whether each joint is inside the model's valid range.
+            interval: (n,) receives half-widths of intervals about `out` [rad|m]; NaN where the model has none.
 
         Raises:
             InputError: An array has another shape.
         """
-        self._require_shapes(q_nominal, signals, out, inside)
+        self._require_shapes(q_nominal, signals, out, inside, interval)
         self._q[:], self._signals[:] = q_nominal, signals
         self._tick()
         out[:], inside[:] = self._out, self._inside
+        if interval is not None:
+            interval[:] = self._interval
 
     @property
     def leaps(self) -> dict[str, int]:
@@ -151,13 +178,7 @@ class Corrector:
                 velocity or torque of its joints; or the model has history and the loop runs at another rate.
         """
         model, robot = self.model, ", ".join(joint_names)
-        for name, unit in zip(model.joint_names, model.joint_units, strict=True):
-            if name not in joint_names:
-                raise InputError(f'corrector: the robot has no joint "{name}"; it has {robot}')
-            if joint_units[joint_names.index(name)] != unit:
-                raise InputError(
-                    f'corrector: joint "{name}" is in {joint_units[joint_names.index(name)]}, the model in {unit}'
-                )
+        places = places_of(model, joint_names, joint_units, whose="corrector: the robot")
         if model.features.history > 0 and abs(rate_hz / self.rate_hz - 1.0) > RATE_TOLERANCE:
             raise InputError(
                 f"corrector: made for {self.rate_hz:g} Hz, the loop runs at {rate_hz:g} Hz; the model's previous "
@@ -177,25 +198,28 @@ class Corrector:
                 )
             sources.append(SOURCES.index(group) * size + joint_names.index(joint))
         self._robot_shapes = ((size,),) * 5
-        self._places = np.array([joint_names.index(name) for name in model.joint_names], dtype=np.int64)
+        self._places = places
         self._sources, self._still = np.array(sources, dtype=np.int64), np.array(still)
         self.reset()
 
-    def correct_state(self, state: JointState, out: Floats, inside: Flags) -> None:
+    def correct_state(
+        self, state: JointState, out: Floats, inside: Flags, interval: Floats | None = None
+    ) -> None:
         """Take one tick of the robot that `prepare` was told of.
 
         Args:
             state: What the robot reports.
             out: (n,) receives the calibrated positions [rad|m]; joints without a model pass through.
             inside: (n,) receives the flags; true for joints without a model.
+            interval: (n,) receives half-widths of intervals about `out` [rad|m]; NaN for joints without any.
 
         Raises:
             InputError: An array has another size than the robot's joints.
         """
         shapes = (state.q.shape, state.qd.shape, state.tau.shape, out.shape, inside.shape)
-        if shapes != self._robot_shapes:
+        if shapes != self._robot_shapes or (interval is not None and interval.shape != out.shape):
             raise InputError(
-                "corrector: q, qd, tau, out and inside are not of the robot that it was prepared for: "
+                "corrector: q, qd, tau, out, inside and interval are not of the robot that it was prepared for: "
                 + ", ".join(map(str, shapes))
             )
         self._signals[:] = np.concatenate((state.q, state.qd, state.tau, self._still))[self._sources]
@@ -204,6 +228,29 @@ class Corrector:
         out[:] = state.q
         inside[:] = True
         out[self._places], inside[self._places] = self._out, self._inside
+        if interval is not None:
+            interval[:] = np.nan
+            interval[self._places] = self._interval
+
+
+def places_of(
+    model: CalibrationModel, joint_names: Sequence[str], joint_units: Sequence[str], *, whose: str
+) -> NDArray[np.int64]:
+    """Return where each joint of a model is among others' joints, by name, (n,); there may be further ones.
+
+    Raises:
+        InputError: A joint of the model is not there, or in another unit; the message begins with `whose`.
+    """
+    others = joints_text(joint_names, joint_units)
+    for name, unit in zip(model.joint_names, model.joint_units, strict=True):
+        if name not in joint_names:
+            raise InputError(
+                f'{whose} has no joint "{name}", which the model corrects; it has {others}, '
+                f"the model is for {joints_text(model.joint_names, model.joint_units)}"
+            )
+        if (other := joint_units[joint_names.index(name)]) != unit:
+            raise InputError(f'{whose} has joint "{name}" in {other}, the model in {unit}')
+    return np.array([joint_names.index(name) for name in model.joint_names], dtype=np.int64)
 
 
 def trained_mean(model: CalibrationModel, signal: str) -> float:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,8 @@ from catenary.calibration.features import FeatureSet, joints_text
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 
+# [s since 1970] time stamps within are a calendar's, smaller ones those of a clock of its own
+FIRST_DATE, LAST_DATE = 1e9, 1e10
 RATE_TOLERANCE = 0.03  # recordings whose rates differ by more were not taken at one rate
 
 
@@ -48,6 +51,12 @@ class CalibrationData:
 
     def __len__(self) -> int:
         return len(self.X)
+
+    @property
+    def last_date(self) -> str | None:
+        """Day of the last row (ISO 8601, UTC); None where time stamps are not a calendar's."""
+        last = float(self.time.max()) if self.has_time and len(self) else 0.0
+        return datetime.fromtimestamp(last, UTC).date().isoformat() if FIRST_DATE < last < LAST_DATE else None
 
     def rows(self, mask: NDArray[np.bool_]) -> "CalibrationData":
         """Return the rows where `mask` (N,) is set."""
@@ -103,7 +112,7 @@ def calibration_data(
     parts: list[tuple[Floats, ...]] = []
     sources: list[TrainingSource] = []
     for i, log in enumerate(logs):
-        _same_joints(first, log)
+        require_same_joints(first, log)
         if log.q_encoder is None:
             raise InputError(
                 f'recording "{log.name}": has no q_encoder; a calibration needs measured joint positions'
@@ -173,7 +182,12 @@ def _common_rate(logs: Sequence[MotionLog]) -> float | None:
     return float(np.median(rates)) if alike else None
 
 
-def _same_joints(a: MotionLog, b: MotionLog) -> None:
+def require_same_joints(a: MotionLog, b: MotionLog) -> None:
+    """Refuse recordings of two robots, or of other joints, names, units or order.
+
+    Raises:
+        InputError: They are.
+    """
     if a.robot is not None and b.robot is not None and a.robot != b.robot:
         raise InputError(f'recordings "{a.name}" and "{b.name}" are of two robots: {a.robot} and {b.robot}')
     if (a.joint_names, a.joint_units) != (b.joint_names, b.joint_units):

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData
@@ -31,6 +32,8 @@ class JointErrors:
     max: float
     percent_of_offset: float  # 100 rmse / offset_rmse, as the paper's table I
     outside_valid_range: float  # share of rows
+    coverage: float = math.nan  # share of rows whose error the model's interval holds; NaN where it has none
+    half_width: float = math.nan  # of the interval, median over the rows
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,13 @@ class Evaluation:
     after_offset: Floats  # (N, n)
     after_model: Floats  # (N, n)
     inside: Flags  # (N, n)
+    interval: Floats  # (N, n) half-width about the calibrated position; NaN where the model has none
+    level: float | None  # share of errors that the interval is to hold
+
+    @property
+    def held(self) -> Flags:
+        """Whether each error lies within its interval, (N, n)."""
+        return np.asarray(np.abs(self.after_model) <= self.interval)
 
     def __str__(self) -> str:
         """Return RMS errors per joint: as reported, after the fixed offset, after the model."""
@@ -96,21 +106,27 @@ def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | 
         )
     if window is not None and not 0.0 < window < math.inf:
         raise InputError(f"window: expected a positive length, got {window}")
-    inside = model.inside(data.X)
-    corrected = data.error - model.correction(data.X, data.q_nominal)
+    correction, inside, interval = model.correct(data.X, data.q_nominal)
+    corrected = data.error - correction
     errors = (data.error, data.error - model.offset, corrected)
     scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])
     shown = tuple(scale * each for each in errors)
     rmse = np.array([_rmse_per_joint(each) for each in shown])
     largest = np.array([np.abs(each).max(axis=0) for each in shown])
     percent = 100.0 * np.divide(rmse[2], rmse[1], where=rmse[1] > 0.0, out=np.full(len(scale), np.nan))
-    columns = np.vstack([rmse, largest, percent, np.mean(~inside, axis=0)]).T.tolist()
+    without = model.intervals is None
+    coverage = np.where(without, np.nan, np.mean(np.abs(corrected) <= interval, axis=0))
+    half_width = scale * np.median(interval, axis=0)
+    columns = np.vstack([rmse, largest, percent, np.mean(~inside, axis=0), coverage, half_width]).T.tolist()
     joints = tuple(
         JointErrors(name, DISPLAY[unit][0], len(data), *numbers)
         for name, unit, numbers in zip(model.joint_names, model.joint_units, columns, strict=True)
     )
     windows = tuple(_windows(data, shown, window))
-    return Evaluation(joints, windows, "s" if data.has_time else "rows", data, *errors, inside)
+    level = None if model.intervals is None else model.intervals.level
+    return Evaluation(
+        joints, windows, "s" if data.has_time else "rows", data, *errors, inside, interval, level
+    )
 
 
 def rms(values: Floats) -> float:
@@ -131,13 +147,24 @@ class Spread:
     offset_rmse_sd: float
 
 
+@dataclass(frozen=True)
+class CrossValidation:
+    """Errors on every row of N by models that did not see its block of time, and their spread over the blocks."""
+
+    spread: tuple[Spread, ...]
+    after_offset: Floats  # (N, n) [rad|m]
+    after_model: Floats  # (N, n) [rad|m]
+    inside: Flags  # (N, n) in the valid range of the model that did not see the row
+    recording: NDArray[np.int64]  # (N,) of the rows
+
+
 def cross_validate(
     data: CalibrationData,
     fit: Callable[[CalibrationData, Progress], CalibrationModel],
     *,
     folds: int,
     progress: Progress = silent,
-) -> tuple[Spread, ...]:
+) -> CrossValidation:
     """Return errors on contiguous blocks of time, each left out of the fit in turn; rows are never shuffled.
 
     Args:
@@ -156,15 +183,20 @@ def cross_validate(
     if len(present) < 2:
         raise InputError(f"folds: {folds} blocks leave no rows to fit to, {len(data)} rows in all")
     results = []
+    after_offset, after_model = np.empty_like(data.error), np.empty_like(data.error)
+    inside = np.empty(data.error.shape, dtype=bool)
     for i, k in enumerate(present):
         model = fit(data.rows(block != k), part_of(progress, i, len(present)))
-        results.append(evaluate(model, data.rows(block == k)).joints)
+        left = evaluate(model, data.rows(block == k))
+        results.append(left.joints)
+        after_offset[block == k], after_model[block == k] = left.after_offset, left.after_model
+        inside[block == k] = left.inside
     spreads = []
     for joint, *of_folds in zip(results[0], *results, strict=True):
         errors = np.array([(fold.rmse, fold.offset_rmse) for fold in of_folds])
         of_both = np.column_stack([errors.mean(axis=0), errors.std(axis=0, ddof=1)])
         spreads.append(Spread(joint.name, joint.unit, len(results), *of_both.ravel().tolist()))
-    return tuple(spreads)
+    return CrossValidation(tuple(spreads), after_offset, after_model, inside, data.recording)
 
 
 def _windows(data: CalibrationData, errors: tuple[Floats, ...], window: float | None) -> list[Window]:

@@ -131,6 +131,19 @@ class FeatureSet:
         Raises:
             InputError: As for `matrix`.
         """
+        signals = self.signal_rows(log)
+        X, memory, room = np.empty((len(log), len(self.names))), self.memory(), room_of(log, self.period)
+        for first, last in pairwise([*log.starts, len(log)]):
+            memory.clear()
+            run(self.row_steps(signals[first:last], memory, X[first:last], room[first:last]))
+        return X, self.leaps(memory)
+
+    def signal_rows(self, log: MotionLog) -> Floats:
+        """Return the signals of every row, (N, S).
+
+        Raises:
+            InputError: The log lacks a signal, holds NaN in one, or has it in another unit.
+        """
         known, columns = signals_of(log), []
         for name, expected in zip(self.signals, self.units, strict=True):
             if name not in known:
@@ -143,12 +156,7 @@ class FeatureSet:
             if unit != expected:
                 raise InputError(f'{what} in "{unit}", expected "{expected}"')
             columns.append(values)
-        signals = np.column_stack(columns)
-        X, memory, room = np.empty((len(log), len(self.names))), self.memory(), room_of(log, self.period)
-        for first, last in pairwise([*log.starts, len(log)]):
-            memory.clear()
-            run(self.row_steps(signals[first:last], memory, X[first:last], room[first:last]))
-        return X, self.leaps(memory)
+        return np.column_stack(columns)
 
     def leaps(self, memory: Memory) -> dict[str, int]:
         """Return how many leaps of each position a memory has counted."""

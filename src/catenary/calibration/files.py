@@ -11,6 +11,7 @@ from pydantic import Field
 
 from catenary.archives import read_arrays
 from catenary.calibration.features import FeatureSet
+from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel, Card, JointGroup, Target
 from catenary.calibration.predictors import Constant, Linear, Network, Predictor, Quadratic
 from catenary.calibration.valid_range import ValidRange
@@ -22,6 +23,7 @@ from catenary.robots.plausible import FARTHEST, check_different, check_names, ch
 
 FORMAT = "catenary.calibration.1"
 SIMPLE: dict[str, type[Predictor]] = {each.kind: each for each in (Constant, Linear, Quadratic)}
+INTERVAL_ARRAYS = ("inside", "outside")
 NETWORK_ARRAYS = ("mean", "scale", "out_mean", "out_scale")
 Arrays = dict[str, NDArray[Any]]
 Many = Field(max_length=10_000)  # of anything that a model has several of
@@ -51,6 +53,7 @@ class ModelStructure(Recorded):
     target: Target
     rate_hz: Annotated[float, Field(gt=0.0)] | None = None
     groups: Annotated[tuple[GroupStructure, ...], Many]
+    coverage: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None  # of the intervals, where there are some
 
 
 def card_path(path: Path) -> Path:
@@ -80,6 +83,7 @@ def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
         "period": model.features.period,
         "target": model.target,
         "rate_hz": model.rate_hz,
+        "coverage": None if model.intervals is None else model.intervals.level,
         "groups": [{"joints": group.joints, "predictor": _kind(group.predictor)} for group in model.groups],
     }
     text = json.dumps(card, indent=2, ensure_ascii=False) + "\n"
@@ -88,6 +92,8 @@ def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
         "card": np.array(text),
         "offset": model.offset,
     }
+    if model.intervals is not None:
+        arrays |= {f"interval.{key}": getattr(model.intervals, key) for key in INTERVAL_ARRAYS}
     for i, group in enumerate(model.groups):
         arrays |= {f"{i}.columns": group.columns, f"{i}.watched": group.watched}
         arrays |= {f"{i}.range.{key}": values for key, values in vars(group.valid_range).items()}
@@ -147,6 +153,7 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
             offset=arrays["offset"],
             groups=tuple(_group(arrays, i, entry) for i, entry in enumerate(structure.groups)),
             rate_hz=structure.rate_hz,
+            intervals=_intervals(arrays, structure.coverage),
         )
         card = json_table(str(arrays["card"]), "card", finite=False)
         return model, card
@@ -155,6 +162,15 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
             raise
         why = str(error) if isinstance(error, CatenaryError) else repr(error)
         raise FileFormatError(damage(path, f"is no calibration model: {cut(why)}", remedy)) from error
+
+
+def _intervals(arrays: Arrays, level: float | None) -> Intervals | None:
+    if level is None:
+        return None
+    widths = {key: arrays[f"interval.{key}"] for key in INTERVAL_ARRAYS}
+    for key, values in widths.items():
+        check_within(f"interval {key}", values, FARTHEST, "rad or m")
+    return Intervals(level, **widths)
 
 
 def _group(arrays: Arrays, i: int, entry: GroupStructure) -> JointGroup:

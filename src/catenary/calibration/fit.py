@@ -7,7 +7,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.calibration.dataset import CalibrationData, sampling_rate
+from catenary.calibration.dataset import CalibrationData, require_same_joints, sampling_rate
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.leaps import largest_step, room_of
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
@@ -19,7 +19,7 @@ from catenary.calibration.valid_range import fit_valid_range
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 
-Kind = Literal["offset", "linear", "polynomial", "neural"]
+Kind = Literal["auto", "offset", "linear", "polynomial", "neural"]
 Preset = Literal["paper", "best"]
 KINDS: tuple[str, ...] = get_args(Kind)
 PRESETS: tuple[str, ...] = get_args(Preset)
@@ -39,14 +39,15 @@ class FitOptions:
     """Options of a fit.
 
     `inputs` names signals or groups of signals, for all joints or per joint; None takes the positions and, if
-    recorded, the torques. `play` adds play states of the positions, as shares of each joint's range of motion;
-    None means none, except for the neural preset `best` where no torque is recorded: torque, too, tells on which
-    side of its slack a cable lies, and then play states only add what can be over-fitted. `ridge` None means 0, or
-    10 for regressions on features with memory. A fixed offset is one of the error, whatever the target.
+    recorded, the torques. Kind "auto" is chosen for every joint from the others (choice.py). `play` adds play
+    states of the positions, as shares of each joint's range of motion; None means none, except for the neural
+    preset `best` where no torque is recorded: torque, too, tells on which side of its slack a cable lies, and
+    then play states only add what can be over-fitted. `ridge` None means 0, or 10 for regressions on features
+    with memory. A fixed offset is one of the error, whatever the target.
     """
 
     kind: Kind = "linear"
-    preset: Preset | None = None  # of kind neural; "paper" when None
+    preset: Preset | None = None  # of kind neural; "best" when None
     inputs: Sequence[str] | Mapping[str, Sequence[str]] | None = None
     history: int = 0
     play: tuple[float, ...] | None = None
@@ -69,15 +70,24 @@ class FitOptions:
             raise InputError(f"play: expected shares of the range of motion between 0 and 1, got {self.play}")
         if self.ridge is not None and not self.ridge >= 0.0:
             raise InputError(f"ridge: expected zero or more, got {self.ridge}")
-        if self.ridge is not None and self.kind not in ("linear", "polynomial"):
+        if self.ridge is not None and self.kind not in ("auto", "linear", "polynomial"):
             raise InputError(f"ridge {self.ridge} of model {self.kind}: only linear and polynomial take one")
+        if self.kind == "auto" and self.target != "error":
+            raise InputError(
+                f'target "{self.target}": models of it are not chosen; give a kind in place of auto'
+            )
 
     def play_shares(self, signals: Sequence[str]) -> tuple[float, ...]:
         """Return shares of each joint's range of motion that the play states take beside the given signals."""
         if self.play is not None:
             return self.play
         torque = any(name.startswith("tau:") for name in signals)
-        return PLAY_SHARES if self.preset == "best" and not torque else ()
+        return PLAY_SHARES if self.network == "best" and not torque else ()
+
+    @property
+    def network(self) -> Preset | None:
+        """The preset that a network is trained by; None for other kinds."""
+        return (self.preset or "best") if self.kind == "neural" else None
 
     @property
     def ridge_used(self) -> float | None:
@@ -100,11 +110,13 @@ def choose_inputs(logs: Sequence[MotionLog], options: FitOptions, *, held_out: f
     """Choose the features for recordings, looking only at what comes before their held-out last part.
 
     Raises:
-        InputError: No recording, or an input or a joint that the recordings do not have.
+        InputError: No recording, recordings of different joints, or an input or a joint that they do not have.
     """
     if not logs:
         raise InputError("data: expected at least one recording, got none")
     log = logs[0]
+    for other in logs[1:]:
+        require_same_joints(log, other)
     if isinstance(options.inputs, Mapping):
         for joint in options.inputs:
             if joint not in log.joint_names:
@@ -163,6 +175,8 @@ def fit(
         raise InputError(
             f"data: holds {', '.join(data.features.names)}; the inputs are {', '.join(inputs.features.names)}"
         )
+    if options.kind == "auto":
+        raise InputError("model auto: is chosen from whole recordings; fit one kind to rows")
     if len(data) < SMALLEST_DATA:
         raise InputError(f"data: {len(data)} usable rows, expected at least {SMALLEST_DATA}")
     offset = fit_offset(data.error).value
@@ -191,7 +205,7 @@ def fit(
         report(1.0)
     return CalibrationModel(
         kind=options.kind,
-        preset=(options.preset or "paper") if options.kind == "neural" else None,
+        preset=options.network,
         joint_names=data.joint_names,
         joint_units=data.joint_units,
         features=inputs.features,
@@ -208,7 +222,7 @@ def _fit_predictor(
     if options.kind == "offset":
         return fit_offset(Y)
     if options.kind == "neural":
-        settings = BEST if options.preset == "best" else PAPER
+        settings = BEST if options.network == "best" else PAPER
         return fit_neural(X, Y, settings, seed=options.seed, late=late, progress=progress)
     regression = fit_linear if options.kind == "linear" else fit_polynomial
     return regression(X, Y, ridge=options.ridge_used or 0.0)

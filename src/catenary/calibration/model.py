@@ -8,6 +8,7 @@ import numpy as np
 from catenary.arrays import Floats, as_array
 from catenary.calibration import kernels
 from catenary.calibration.features import FeatureSet, Memory, joints_text
+from catenary.calibration.intervals import FARTHEST, Intervals, distance, no_intervals, widen
 from catenary.calibration.kernels import Flags, Integers, Step
 from catenary.calibration.predictors import Predictor
 from catenary.calibration.valid_range import ValidRange
@@ -46,20 +47,23 @@ class JointGroup:
                 f"the predictor takes {inputs} and gives {outputs}, the valid range is of {watched}"
             )
 
-    def steps(self, X: Floats, known: Flags, prediction: Floats) -> list[Step]:
+    def steps(self, X: Floats, known: Flags, prediction: Floats, far: Floats | None = None) -> list[Step]:
         """Return the compiled steps from rows of all features X (N, F) to predictions.
 
         Args:
             X: (N, F) features.
             known: (N,) receives whether rows are complete and in the valid range.
             prediction: (N, m) receives the predictor's outputs.
+            far: (N,) receives how far outside the valid range rows are; see intervals.py.
         """
         taken, watched = np.empty((len(X), len(self.columns))), np.empty((len(X), len(self.watched)))
+        limits = (self.valid_range.lower, self.valid_range.upper, np.array([FARTHEST]))
         return [
             Step(kernels.take, (X, self.columns), (taken,)),
             Step(kernels.finite, (taken,), (known,)),
             Step(kernels.take, (X, self.watched), (watched,)),
             *self.valid_range.steps(watched, known),
+            *([] if far is None else [Step(distance, (watched, *limits), (far,))]),
             *self.predictor.steps(taken, prediction),
         ]
 
@@ -75,7 +79,7 @@ class CalibrationModel:
         InputError: Parts do not fit together.
     """
 
-    kind: str  # "offset", "linear", "polynomial" or "neural"
+    kind: str  # "offset", "linear", "polynomial", "neural", or "auto": each joint has its own
     preset: str | None
     joint_names: tuple[str, ...]
     joint_units: tuple[str, ...]
@@ -84,6 +88,7 @@ class CalibrationModel:
     offset: Floats  # (n,) mean error of the training data [rad|m]
     groups: tuple[JointGroup, ...]
     rate_hz: float | None = None  # of the training rows, at which `history` counts; None where not known
+    intervals: Intervals | None = None  # how far off corrections may be; None where that was not estimated
 
     def __post_init__(self) -> None:
         n, width = len(self.joint_names), len(self.features.names)
@@ -102,10 +107,12 @@ class CalibrationModel:
                     f"model: joints {group.joints} take features beyond the {width} that there are"
                 )
         object.__setattr__(self, "offset", as_array("offset", self.offset, (n,)))
+        if self.intervals is not None and len(self.intervals.inside) != n:
+            raise InputError(f"model: expected intervals of its {n} joints, got {len(self.intervals.inside)}")
 
     def inside(self, X: Floats) -> Flags:
         """Return whether features (N, F) lie in the valid range of each joint, (N, n); NaN does not."""
-        return self._correct(X, np.zeros((len(X), len(self.joint_names))))[1]
+        return self.correct(X, np.zeros((len(X), len(self.joint_names))))[1]
 
     def correction(self, X: Floats, q_nominal: Floats) -> Floats:
         """Return what to add to q_nominal (N, n), (N, n) [rad|m]; NaN features count as outside the valid range.
@@ -113,17 +120,34 @@ class CalibrationModel:
         Raises:
             InputError: X is not (N, F), or q_nominal not (N, n).
         """
-        return self._correct(X, q_nominal)[0]
+        return self.correct(X, q_nominal)[0]
 
-    def _correct(self, X: Floats, q_nominal: Floats) -> tuple[Floats, Flags]:
+    def interval(self, X: Floats, q_nominal: Floats) -> Floats:
+        """Return half-widths of intervals about calibrated positions, (N, n) [rad|m]; what they hold: `intervals`.
+
+        NaN where the model has none, and where q_nominal (N, n) is not finite.
+
+        Raises:
+            InputError: X is not (N, F), or q_nominal not (N, n).
+        """
+        return self.correct(X, q_nominal)[2]
+
+    def correct(self, X: Floats, q_nominal: Floats) -> tuple[Floats, Flags, Floats]:
+        """Return `correction`, `inside` and `interval` of features (N, F) and reported positions (N, n).
+
+        Raises:
+            InputError: X is not (N, F), or q_nominal not (N, n).
+        """
         X = as_array("features", X, (None, len(self.features.names)), finite=False)
         q = as_array("q_nominal", q_nominal, (len(X), len(self.joint_names)), finite=False)
-        correction, inside = np.empty_like(q), np.empty(q.shape, dtype=bool)
+        correction, inside, interval = np.empty_like(q), np.empty(q.shape, dtype=bool), np.empty_like(q)
         for rows in kernels.blocks(len(X)):
-            kernels.run(self.steps(X[rows], q[rows], correction[rows], inside[rows]))
-        return correction, inside
+            kernels.run(self.steps(X[rows], q[rows], correction[rows], inside[rows], interval[rows]))
+        return correction, inside, interval
 
-    def steps(self, X: Floats, q: Floats, correction: Floats, inside: Flags) -> list[Step]:
+    def steps(
+        self, X: Floats, q: Floats, correction: Floats, inside: Flags, interval: Floats | None = None
+    ) -> list[Step]:
         """Return the compiled steps from features to corrections.
 
         Args:
@@ -131,16 +155,21 @@ class CalibrationModel:
             q: (N, n) reported positions [rad|m]; the correction of one that is not finite is the fixed offset.
             correction: (N, n) receives what to add [rad|m].
             inside: (N, n) receives whether each comes from a predictor, inside its valid range.
+            interval: (N, n) receives half-widths [rad|m]; without it they are not computed.
         """
-        steps: list[Step] = []
+        steps = [] if interval is None or self.intervals is not None else no_intervals(interval)
         for group in self.groups:
             joints = np.array(group.joints, dtype=np.int64)
             known, prediction = np.empty(len(X), dtype=bool), np.empty((len(X), len(joints)))
-            steps += group.steps(X, known, prediction)
+            far = None if interval is None or self.intervals is None else np.empty(len(X))
+            steps += group.steps(X, known, prediction, far)
             if self.target == "position":
                 steps.append(Step(kernels.errors_of_positions, (q, joints), (prediction,)))
             chosen_from = (prediction, known, q, joints, self.offset)
             steps.append(Step(kernels.choose, chosen_from, (correction, inside)))
+            if far is not None and interval is not None and self.intervals is not None:
+                widths = (self.intervals.inside, self.intervals.outside)
+                steps.append(Step(widen, (far, inside, q, joints, *widths), (interval,)))
         return steps
 
     def tick_steps(
@@ -150,6 +179,7 @@ class CalibrationModel:
         signals: Floats,
         calibrated: Floats,
         inside: Flags,
+        interval: Floats | None = None,
         *,
         rate_hz: float | None = None,
     ) -> list[Step]:
@@ -161,6 +191,7 @@ class CalibrationModel:
             signals: (N, S) values of `features.signals`.
             calibrated: (N, n) receives the calibrated positions [rad|m].
             inside: (N, n) receives the flags of `steps`.
+            interval: (N, n) receives the half-widths of `steps`.
             rate_hz: Of the rows; None where it is that of the training rows, or a higher one.
         """
         period = self.features.period
@@ -168,7 +199,7 @@ class CalibrationModel:
         X, correction = np.empty((len(q), len(self.features.names))), np.empty(q.shape)
         return [
             *self.features.row_steps(signals, memory, X, np.full(len(q), slower)),
-            *self.steps(X, q, correction, inside),
+            *self.steps(X, q, correction, inside, interval),
             Step(kernels.total, (q, correction), (calibrated,)),
         ]
 
@@ -180,6 +211,15 @@ class CalibrationModel:
         """
         self.require_joints(log)
         return log.q_nominal + self.correction(self.features.matrix(log), log.q_nominal)
+
+    def half_widths(self, log: MotionLog) -> Floats:
+        """Return half-widths of intervals about `calibrate`, (N, n) [rad|m]; NaN where the model has none.
+
+        Raises:
+            InputError: The recording is of other joints, or lacks an input.
+        """
+        self.require_joints(log)
+        return self.interval(self.features.matrix(log), log.q_nominal)
 
     def require_joints(self, log: MotionLog) -> None:
         """Refuse a recording of other joints.

@@ -37,6 +37,7 @@ def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
     Outputs:
         correction (rows, n): what to add to q_nominal [rad|m]; outside the valid range the fixed offset.
         inside (rows, n): bool, whether each joint is in its valid range.
+        interval (rows, n): half-width about the calibrated position [rad|m]; only where the model has intervals.
         previous_next, play_next: what to give as `previous` and `play` at the next step.
 
     Before the first step `previous` and `play` are NaN: rows are outside the valid range until the history is full, and
@@ -63,20 +64,27 @@ def to_onnx(model: CalibrationModel, card: Card, *, decimation: int = 1) -> Any:
         graph.input("q_nominal", n, text=f"positions of {', '.join(model.joint_names)}")
     X, q = np.empty((1, len(features.names))), np.empty((1, n))
     graph.names |= {id(X): _features(graph, features, decimation), id(q): "q_nominal"}
-    corrections, insides = [], []
-    for step in model.steps(X, q, np.empty((1, n)), np.empty((1, n), dtype=bool)):
+    interval = None if model.intervals is None else np.empty((1, n))
+    wanted = ("correction", "inside") if interval is None else ("correction", "inside", "interval")
+    parts_of: dict[str, list[str]] = {name: [] for name in wanted}
+    for step in model.steps(X, q, np.empty((1, n)), np.empty((1, n), dtype=bool), interval):
         if step.function.__name__ == "choose":
             correction, inside = _choice(graph, step, model)
-            corrections.append(correction)
-            insides.append(inside)
+            parts_of["correction"].append(correction)
+            parts_of["inside"].append(inside)
+        elif step.function.__name__ == "widen":
+            parts_of["interval"].append(_half_widths(graph, step, parts_of["inside"][-1]))
         else:
             graph.names[id(step.outputs[0])] = _written(graph, step)
     order = np.argsort([j for group in model.groups for j in group.joints])
-    for name, parts in (("correction", corrections), ("inside", insides)):
+    for name, parts in parts_of.items():
         together = graph.add("Concat", *parts, axis=1)
         graph.add("Gather", together, graph.constant(order), axis=1, name=name)
     graph.output("correction", n, text="to be added to q_nominal, in rad and m")
     graph.output("inside", n, boolean=True, text="whether each joint is in the model's valid range")
+    if model.intervals is not None:
+        held = f"{100.0 * model.intervals.level:g} % of errors"
+        graph.output("interval", n, text=f"half-width that is to hold {held}, in rad and m")
     about = {
         "format": FORMAT,
         "kind": model.kind,
@@ -240,6 +248,8 @@ def _written(graph: _Graph, step: Step) -> str:
         case "between":
             above, below = add("GreaterOrEqual", *given[:2]), add("LessOrEqual", given[0], given[2])
             return add("And", before, graph.all(add("And", above, below)))
+        case "distance":
+            return _distance(graph, step)
         case "errors_of_positions":
             return add("Sub", before, add("Gather", *given, axis=1))
         case name:
@@ -253,3 +263,24 @@ def _choice(graph: _Graph, step: Step, model: CalibrationModel) -> tuple[str, st
     if model.target == "position":
         inside = graph.add("And", inside, graph.finite(graph.take(graph.tensor(q), joints)))
     return graph.add("Where", inside, graph.tensor(prediction), graph.constant(offset[joints])), inside
+
+
+def _distance(graph: _Graph, step: Step) -> str:
+    """Write how far outside its box each row is, (rows, 1); see intervals.py."""
+    X, lower, upper, farthest = step.inputs
+    if not len(lower):
+        return graph.constant(np.ones((1, 1)))
+    reach, add = 0.5 * (upper - lower), graph.add
+    away = add("Abs", add("Sub", graph.tensor(X), graph.constant(lower + reach)))
+    times = add("Div", away, graph.constant(reach))
+    one = graph.constant(np.ones(1))
+    known = add("Where", add("IsNaN", times), one, times)
+    bounded = add("Min", add("Max", known, one), graph.constant(farthest))
+    return add("ReduceMax", bounded, axes=[1], keepdims=1)
+
+
+def _half_widths(graph: _Graph, step: Step, inside: str) -> str:
+    """Write the half-widths of a group's joints, (rows, m), from its flags."""
+    far, _, _, joints, near, edge = step.inputs
+    wider = graph.add("Mul", graph.tensor(far), graph.constant(edge[None, joints]))
+    return graph.add("Where", inside, graph.constant(near[None, joints]), wider)

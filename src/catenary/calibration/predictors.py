@@ -5,8 +5,8 @@ neural.py. Arrays that do not fit together, or hold NaN or infinity, are refused
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import ClassVar, Literal, get_args
 
@@ -33,6 +33,10 @@ class Predictor(ABC):
     @abstractmethod
     def steps(self, X: Floats, Y: Floats) -> list[Step]:
         """Return the compiled steps that write the outputs Y (N, m) for features X (N, F)."""
+
+    @abstractmethod
+    def of(self, outputs: Sequence[int]) -> "Predictor":
+        """Return the function that gives only some of the outputs, each to the bit as before."""
 
     def predict(self, X: Floats) -> Floats:
         """Return outputs (N, m) for features (N, F).
@@ -69,6 +73,9 @@ class Constant(Predictor):
     def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
         return [Step(kernels.repeat, (self.value,), (Y,))]
 
+    def of(self, outputs: Sequence[int]) -> "Constant":  # noqa: D102
+        return Constant(self.value[list(outputs)])
+
 
 @dataclass(frozen=True)
 class Linear(Predictor):
@@ -87,6 +94,9 @@ class Linear(Predictor):
 
     def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
         return [Step(kernels.dense, (X, self.weights, self.bias), (Y,))]
+
+    def of(self, outputs: Sequence[int]) -> "Linear":  # noqa: D102
+        return Linear(self.weights[:, list(outputs)], self.bias[list(outputs)])
 
 
 @dataclass(frozen=True)
@@ -118,6 +128,12 @@ class Quadratic(Predictor):
             Step(kernels.monomials, (Z,), (P,)),
             Step(kernels.dense, (P, weights, self.bias), (Y,)),
         ]
+
+    def of(self, outputs: Sequence[int]) -> "Quadratic":  # noqa: D102
+        taken = list(outputs)
+        return replace(
+            self, linear=self.linear[:, taken], quadratic=self.quadratic[:, taken], bias=self.bias[taken]
+        )
 
 
 @dataclass(frozen=True)
@@ -170,3 +186,14 @@ class Network(Predictor):
         if self.skip is not None:
             steps += [*self.skip.steps(X, of_skip), Step(kernels.total, (of_layers, of_skip), (Y,))]
         return steps
+
+    def of(self, outputs: Sequence[int]) -> "Network":  # noqa: D102
+        taken = list(outputs)
+        return replace(
+            self,
+            weights=(*self.weights[:-1], self.weights[-1][:, taken]),
+            biases=(*self.biases[:-1], self.biases[-1][taken]),
+            out_mean=self.out_mean[taken],
+            out_scale=self.out_scale[taken],
+            skip=None if self.skip is None else self.skip.of(outputs),
+        )

@@ -10,9 +10,9 @@ from typer import Argument, Option
 
 from catenary.cli.beside_robot import RobotAccess, deploy_beside, record_others, robot_of
 from catenary.cli.gravity_source import GravityOptions
-from catenary.cli.options import AsJson, Units
+from catenary.cli.options import Accept, AsJson, MappingOptions, MendOptions
 from catenary.cli.project_options import ExcitationOptions, Folder, Hours, Seed, open_project, require_project
-from catenary.cli.terminal import announce, print_json, print_notes, print_table, progress_bar, words
+from catenary.cli.terminal import announce, print_json, print_notes, print_table, progress_bar
 from catenary.errors import CatenaryError, InputError, InUseError
 
 if TYPE_CHECKING:
@@ -58,20 +58,20 @@ def record(
         raise InputError(f'--name "{name}": expected letters, digits and _, and another name than {TRAIN}')
     if not no_motion:
         require_project(project)
-    opened = open_project(project, hours=hours, ros=access.ros)
-    seconds = 60.0 * opened.settings.test_minutes
-    if no_motion:
-        if opened.settings.connection == "simulation":
-            raise InputError("--no-motion: goes with --ros; only this command moves a simulated robot")
-        with _progress("record") as progress:
-            topics = record_others(opened, name, seconds, simulated=access.simulated, progress=progress)
-        what = f"recorded {seconds:.0f} s as {name}"
-        _say(opened, what, True, as_json, {"seconds": seconds, "topics": topics})
-        return
-    motion, what = random_motion(opened, seconds)
-    with robot_of(opened, access) as robot, _progress("record", opened) as progress:
-        was_run = robot.record(opened, name, motion, what, after=TRAIN, progress=progress)
-    _say(opened, f"recorded {seconds:.0f} s as {name}", was_run, as_json, {"seconds": seconds})
+    with open_project(project, hours=hours, ros=access.ros) as opened:
+        seconds = 60.0 * opened.settings.test_minutes
+        if no_motion:
+            if opened.settings.connection == "simulation":
+                raise InputError("--no-motion: goes with --ros; only this command moves a simulated robot")
+            with _progress("record") as progress:
+                topics = record_others(opened, name, seconds, simulated=access.simulated, progress=progress)
+            what = f"recorded {seconds:.0f} s as {name}"
+            _say(opened, what, True, as_json, {"seconds": seconds, "topics": topics})
+            return
+        motion, what = random_motion(opened, seconds)
+        with robot_of(opened, access) as robot, _progress("record", opened) as progress:
+            was_run = robot.record(opened, name, motion, what, after=TRAIN, progress=progress)
+        _say(opened, f"recorded {seconds:.0f} s as {name}", was_run, as_json, {"seconds": seconds})
 
 
 def extract(
@@ -213,13 +213,15 @@ def deploy(
 def calibrate(
     project: Folder,
     arm: ExcitationOptions,
+    mending: MendOptions,
     access: RobotAccess,
+    foreign: MappingOptions,
     train: Annotated[
         list[Path] | None, Argument(metavar="[DATA...]", help="Recordings to train on, in place of a robot.")
     ] = None,
     test: Annotated[list[Path] | None, Option(metavar="DATA", help="Test recording; repeatable.")] = None,
-    units: Units = None,
     hours: Hours = None,
+    accept: Accept = None,
     as_json: AsJson = False,
 ) -> None:
     """Calibrate a robot in one go, from homing to a report.
@@ -227,16 +229,21 @@ def calibrate(
     Home, excite, record, extract, fit, evaluate, deploy, report; done steps are not repeated. Without recordings
     it drives a simulated RAVEN-II, or with --ros a real one; with them it fits every model to them and tests on --test.
     """
-    from catenary.workflows.fit import FitRun
     from catenary.workflows.project.calibrate import calibrate_recordings, calibrate_robot
 
     if test and not train:
         raise InputError("--test: goes with recordings to train on; without them the robot records its own")
     opened = open_project(project, arm, hours=hours, ros=access.ros)
-    with _steps() as progress:
+    with opened, _steps() as progress:
         if train:
-            run = FitRun(units=words(units) if units else None)
-            result = calibrate_recordings(opened, train, test or [], run, progress=progress)
+            result = calibrate_recordings(
+                opened,
+                train,
+                test or [],
+                reading=mending.reading(foreign),
+                accept=tuple(accept or ()),
+                progress=progress,
+            )
         else:
             with robot_of(opened, access) as robot:
                 result = calibrate_robot(opened, robot, progress=progress)

@@ -6,23 +6,41 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from catenary.cli.options import AsJson, Units
-from catenary.cli.terminal import print_fact, print_json, print_notes, print_table, words
+from catenary.cli.options import AsJson, MappingOptions, MendOptions, robots_beginning
+from catenary.cli.terminal import print_fact, print_json, print_notes, print_table
 
 
 def check(
-    file: Annotated[str, Argument(metavar="FILE", help="A robot, a calibration model or a recording.")],
-    units: Units = None,
+    file: Annotated[
+        str,
+        Argument(
+            metavar="FILE",
+            help="A robot, a calibration model or a recording.",
+            autocompletion=robots_beginning,
+        ),
+    ],
+    mending: MendOptions,
+    foreign: MappingOptions,
+    robot: Annotated[
+        str | None,
+        Option(metavar="ROBOT", help="Robot of a recording: its limits, and joints' names and units."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Say what a file is and what is wrong with it.
 
     The exit code is 1 when something is wrong. Robots are catalogue names, .toml, .urdf, .xml and .mjcf files;
-    models are .npz; recordings .npz, .parquet or RAVEN-II's published .csv.
+    models are .npz; recordings .npz, .parquet or RAVEN-II's published .csv. A recording gets the verdict that
+    catenary fit begins with, mended by the same options.
+
+    Example: catenary check run1.npz --swap J1,J2
     """
+    from catenary.robots.catalog import load_robot
     from catenary.workflows.check import check_file
 
-    finding = check_file(file, units=None if units is None else words(units))
+    arm = None if robot is None else load_robot(robot)
+    names, units = (None, None) if arm is None else (arm.joint_names, arm.joint_units)
+    finding = check_file(file, mending.reading(foreign, units=units, joint_names=names), robot=robot)
     if as_json:
         print_json(finding.as_data())
     else:

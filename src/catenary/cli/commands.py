@@ -7,7 +7,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from catenary.cli.options import with_groups_apart
+from catenary.cli.options import refuse_former_spelling, with_groups_apart
 from catenary.cli.signals import signals_interrupt
 
 # module of this package and function; in the order in which `catenary --help` lists them
@@ -17,8 +17,11 @@ _FUNCTIONS = {
     "excite": ("calibrate", "excite"),
     "record": ("calibrate", "record"),
     "extract": ("calibrate", "extract"),
+    "import": ("exchange", "import_recording"),
     "fit": ("fit", "fit"),
     "evaluate": ("fit", "evaluate"),
+    "refresh": ("upkeep.refresh", "refresh"),
+    "drift": ("upkeep.drift", "drift"),
     "deploy": ("calibrate", "deploy"),
     "goto": ("motion", "goto"),
     "random": ("motion", "random"),
@@ -38,13 +41,14 @@ _FUNCTIONS = {
     "sense": ("sense", "sense"),
     "encoders": ("nodes", "encoders"),
     "gravity-node": ("nodes", "gravity_node"),
-    "export": ("export", "export"),
+    "export": ("exchange", "export"),
     "recover": ("check", "recover"),
     "serve": ("serve", "serve"),
     "button": ("serve", "button"),
     "robots": ("robots", "robots"),
     "demo": ("calibrate", "demo"),
 }
+HELP_NAMES = {"help_option_names": ["--help", "-h"]}
 # run without arguments; others then show their help
 _COMPLETE = {"home", "teleop", "monitor", "serve", "button", "robots", "demo"}
 
@@ -60,7 +64,9 @@ class Commands(Mapping[str, Any]):
             module, function = _FUNCTIONS[name]
             app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
             command = getattr(import_module(f"catenary.cli.{module}"), function)
-            app.command(name, no_args_is_help=name not in _COMPLETE)(with_groups_apart(command))
+            app.command(name, no_args_is_help=name not in _COMPLETE, context_settings=HELP_NAMES)(
+                with_groups_apart(command)
+            )
             self._made[name] = typer.main.get_command(app)
         return self._made[name]
 
@@ -82,6 +88,12 @@ class CommandGroup(TyperGroup):
         super().__init__(**settings)
         self.commands: Any = Commands()
 
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the command that is meant, its name and its arguments, unless they are spelled as once they were."""
+        name, command, rest = super().resolve_command(ctx, args)
+        refuse_former_spelling(name or "", rest)
+        return name, command, rest
+
     def invoke(self, ctx: Any) -> Any:
         """Run the command; SIGTERM and SIGHUP interrupt it as Ctrl-C does."""
         try:
@@ -90,12 +102,13 @@ class CommandGroup(TyperGroup):
         except KeyboardInterrupt as interrupt:
             raise InterruptedCommand from interrupt
 
-    def get_help_option(self, ctx: Any) -> Any:
-        """Return the group's own --help, which is False where it is not given.
+    def get_params(self, ctx: Any) -> Any:
+        """Return the group's own options; flags such as --help and --show-completion are False where not given.
 
-        By default it is None then, and newer versions of typer import pydantic (0.2 s) to see that this is no bool.
+        By default they are None then, and newer versions of typer import pydantic (0.2 s) to see that this is no bool.
         """
-        option = super().get_help_option(ctx)
-        if option is not None:
-            option.default = False
-        return option
+        options = super().get_params(ctx)
+        for option in options:
+            if getattr(option, "is_flag", False) and option.default is None:
+                option.default = False
+        return options

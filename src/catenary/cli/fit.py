@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from catenary.cli.options import AsJsonNotTables, Report, Units
+from catenary.cli.options import (
+    Accept,
+    AsJsonNotTables,
+    MappingOptions,
+    MendOptions,
+    Report,
+    robots_beginning,
+)
 from catenary.cli.terminal import (
     numbers,
     print_json,
@@ -21,13 +28,15 @@ from catenary.cli.terminal import (
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from catenary.workflows.fit import FitResult
+    from catenary.calibration.evaluate import Evaluation
+    from catenary.calibration.fitting import FitResult
 
 Recordings = Annotated[
     list[Path],
     Argument(
         metavar="DATA",
-        help="Recordings: .npz with q_des, q_act, ok in rad and m, .parquet logs, or RAVEN-II's published .csv.",
+        help="Recordings: .npz with q_des, q_act, ok in rad and m, .parquet logs, RAVEN-II's published .csv; others "
+        "with --map.",
     ),
 ]
 LARGEST = sys.float_info.max
@@ -41,13 +50,21 @@ MaxError = Annotated[
 
 def fit(
     data: Recordings,
-    model: Annotated[str, Option(metavar="KIND", help="offset, linear, polynomial or neural.")],
+    mending: MendOptions,
+    foreign: MappingOptions,
     out: Annotated[Path, Option(metavar="MODEL", help="File to write the model to, e.g. arm.npz.")],
+    model: Annotated[
+        str,
+        Option(
+            metavar="KIND",
+            help="offset, linear, polynomial, neural, or auto: for every joint the simplest of them that will do.",
+        ),
+    ] = "auto",
     preset: Annotated[
         str | None,
         Option(
             metavar="NAME",
-            help="Preset of a neural model: paper (Peng et al.'s network) or best (ours). [default: paper]",
+            help="Preset of a neural model: paper (Peng et al.'s network) or best (ours). [default: best]",
         ),
     ] = None,
     inputs: Annotated[
@@ -64,7 +81,7 @@ def fit(
         Option(
             metavar="SHARES",
             help="Also take play states (memory of a cable's slack) as wide as these shares of each joint's "
-            "motion: 0.01,0.05,0.2, 'on' for ours, 'off'. [default: off; on for preset best]",
+            "motion: 0.01,0.05,0.2, 'on' for ours, 'off'. [default: off; on for preset best without torques]",
         ),
     ] = None,
     target: Annotated[
@@ -74,16 +91,23 @@ def fit(
             help="What to learn: error, the joint error, or position, the joint position end to end.",
         ),
     ] = "error",
-    units: Units = None,
     robot: Annotated[
         str | None,
-        Option(metavar="ROBOT", help="Catalogue name or file of the robot: joint names and units."),
+        Option(
+            metavar="ROBOT",
+            help="Catalogue name or file of the robot: joint names and units.",
+            autocompletion=robots_beginning,
+        ),
     ] = None,
     held_out: Annotated[
         float | None,
         Option(metavar="SHARE", help="Keep the last part of each recording, this share of it, for a test."),
     ] = None,
     folds: Annotated[int, Option(metavar="N", min=0, help="Blocks of the cross-validation; 0 for none.")] = 5,
+    coverage: Annotated[
+        float,
+        Option(metavar="SHARE", help="Share of errors that the intervals about corrected joints hold."),
+    ] = 0.9,
     max_error: MaxError = None,
     ridge: Annotated[
         float | None,
@@ -95,17 +119,19 @@ def fit(
         ),
     ] = None,
     seed: Seed = 0,
+    accept: Accept = None,
     report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
     """Fit a calibration model and print its error on unseen data.
 
-    Example: catenary fit run1.npz --model linear --history 6 --out arm.npz
+    Example: catenary fit run1.npz --out arm.npz
     """
     from catenary.calibration.files import card_path, save_model
     from catenary.calibration.fit import PLAY_SHARES, FitOptions
+    from catenary.calibration.fitting import FitRun
     from catenary.robots.catalog import load_robot
-    from catenary.workflows.fit import FitRun, fit_calibration
+    from catenary.workflows.fit import fit_calibration
 
     options = FitOptions(
         kind=model,  # type: ignore[arg-type]  # FitOptions refuses what it does not know
@@ -119,19 +145,20 @@ def fit(
     )
     arm = None if robot is None else load_robot(robot)
     names, own_units = (None, None) if arm is None else (arm.joint_names, arm.joint_units)
+    reading = mending.reading(foreign, units=own_units, joint_names=names, robot=robot)
     run = FitRun(
-        units=own_units if units is None else words(units),
-        joint_names=names,
         robot=robot,
-        max_error=_limits(max_error),
+        max_error=limits(max_error),
         held_out=held_out,
         folds=folds,
+        accept=tuple(accept or ()),
+        coverage=coverage,
     )
     refuse_unwritable("--out", out)
     read = [*data, *([Path(robot)] if robot else [])]
     refuse_to_overwrite({"--out": out, "the card of --out": card_path(out), "--report": report}, read)
     with progress_bar(f"fitting {model}") as progress:
-        result = fit_calibration(data, options, run, progress=progress)
+        result = fit_calibration(data, options, run, reading=reading, progress=progress)
     save_model(result.model, result.card, out)
     if as_json:
         print_json(_fit_summary(out, card_path(out), result))
@@ -146,16 +173,19 @@ def fit(
 def evaluate(
     model: Annotated[Path, Argument(metavar="MODEL", help="A model that catenary fit wrote.")],
     data: Recordings,
+    mending: MendOptions,
+    foreign: MappingOptions,
     window: Annotated[
         float | None, Option(metavar="S", help="Length of a time window in s. [default: a tenth of the data]")
     ] = None,
     max_error: MaxError = None,
+    accept: Accept = None,
     report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
     """Print a model's error on recordings, before and after.
 
-    RMSE and maximum per joint in deg and mm, and RMSE per window of time.
+    RMSE and maximum per joint in deg and mm, RMSE per window of time, share of errors within the intervals.
 
     Example: catenary evaluate arm.npz run2.npz --report run2.html
     """
@@ -163,12 +193,22 @@ def evaluate(
     from catenary.workflows.fit import evaluate_calibration, evaluation_summary
 
     refuse_to_overwrite({"--report": report}, [model, *data])
-    result = evaluate_calibration(model, data, max_error=_limits(max_error), window=window)
+    reading = mending.reading(foreign)
+    result = evaluate_calibration(
+        model,
+        data,
+        mend=reading.mend,
+        accept=tuple(accept or ()),
+        max_error=limits(max_error),
+        window=window,
+        mapping=reading.mapping,
+    )
     if as_json:
         print_json(evaluation_summary(result))
     else:
         print_notes(result.notes)
         print_table("RMSE and largest error per joint", *error_table(result.evaluation))
+        _print_coverage(result.evaluation)
         print_table("RMSE of the model over time", *window_table(result.evaluation))
     if report is not None:
         tested_on = ", ".join(source.name for source in result.evaluation.data.sources)
@@ -185,24 +225,38 @@ def _print_fit(out: Path, card: Path, result: "FitResult") -> None:
     from catenary.reports.calibration import error_table, spread_table
 
     print_notes(result.notes)
+    for choice in result.choices:
+        print(choice)
     if result.spread:
         print_table("RMSE on blocks of time that the fit did not see", *spread_table(result.spread))
     if result.held_out is not None:
         print_table("RMSE and largest error on the held-out part", *error_table(result.held_out))
+        _print_coverage(result.held_out)
     print(f"model: {out}\ncard:  {card}")
 
 
+def _print_coverage(evaluation: "Evaluation") -> None:
+    from catenary.reports.intervals import coverage_table, coverage_title
+
+    if evaluation.level is not None:
+        print_table(coverage_title(evaluation.level), *coverage_table(evaluation))
+
+
 def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
+    from catenary.workflows.fit import interval_summary
+
     held_out = result.held_out
     return {
         "model": str(out),
         "card": str(card),
         "kind": result.model.kind,
         "preset": result.model.preset,
+        "choice": [asdict(choice) for choice in result.choices] or None,
         "rows": len(result.data),
         "inputs": list(result.model.features.names),
         "cross_validation": [asdict(joint) for joint in result.spread],
         "held_out": None if held_out is None else [asdict(joint) for joint in held_out.joints],
+        "intervals": None if held_out is None else interval_summary(held_out),
         "notes": list(result.notes),
     }
 
@@ -221,7 +275,8 @@ def _write_fit_report(path: Path, result: "FitResult") -> None:
     )  # fmt: skip
 
 
-def _limits(max_error: str | None) -> tuple[float, ...] | None:
+def limits(max_error: str | None) -> tuple[float, ...] | None:
+    """Return the error limits that --max-error gives, deg and mm."""
     return None if max_error is None else numbers("--max-error", max_error)
 
 

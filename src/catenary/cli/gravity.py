@@ -8,9 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from catenary.cli.joint_options import Q, QDeg, SameInDeg, beyond_limits, given_joints, joint_values
-from catenary.cli.options import AsJsonNotTables, Report, SimulatedSeed
+from catenary.cli.options import AsJsonNotTables, BaseTilt, Report, SimulatedSeed, robots_beginning
 from catenary.cli.robots import Robot
-from catenary.cli.terminal import print_json, print_notes, print_table, refuse_unwritable, words
+from catenary.cli.terminal import (
+    base_tilt,
+    numbers,
+    print_json,
+    print_notes,
+    print_table,
+    refuse_unwritable,
+    words,
+)
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -25,6 +33,7 @@ Simulated = Annotated[
     Argument(
         metavar="ROBOT",
         help="raven2 or raven2_right, simulated with their cables, or any other robot, as rigid bodies.",
+        autocompletion=robots_beginning,
     ),
 ]
 
@@ -33,16 +42,10 @@ Simulated = Annotated[
 class Conditions:
     """Options of a simulated arm: its base, its payload, its seed."""
 
-    base_tilt_deg: Annotated[
-        tuple[float, float] | None,
-        Option(
-            metavar="R P",
-            help="Turn the base by R about x, then by P about its own y (of raven2 the axis of joint 1, reversed).",
-        ),
-    ] = None
+    base_tilt_deg: BaseTilt = None
     rock_deg: Annotated[
-        tuple[float, float] | None,
-        Option(metavar="FROM TO", help="Rock the base about its y axis between these angles, once tilted."),
+        str | None,
+        Option(metavar="FROM,TO", help="Rock the base about its y axis between these angles, once tilted."),
     ] = None
     rock_hz: Annotated[float, Option(metavar="F", min=0.0, help="Frequency of the rocking.")] = 1.0
     payload: Annotated[
@@ -53,12 +56,15 @@ class Conditions:
     def as_data(self) -> dict[str, Any]:
         """Return plain data, for the JSON and the page."""
         return {
-            "base_tilt_deg": self.base_tilt_deg or (0.0, 0.0),
-            "rock_deg": self.rock_deg,
+            "base_tilt_deg": base_tilt(self.base_tilt_deg),
+            "rock_deg": self._rocking(),
             "rock_hz": None if self.rock_deg is None else self.rock_hz,
             "payload": self.payload,
             "seed": self.seed,
         }
+
+    def _rocking(self) -> tuple[float, ...] | None:
+        return None if self.rock_deg is None else numbers("--rock-deg", self.rock_deg, 2)
 
     def arm(self, robot: str) -> "SimulatedArm":
         """Return the robot on its base."""
@@ -67,13 +73,14 @@ class Conditions:
         from catenary.simulation.base_motion import FixedBase, RockingBase
         from catenary.workflows.gravity.simulated_arm import simulated_arm
 
-        for name in ("base_tilt_deg", "rock_deg", "rock_hz"):
-            _require_finite(f"--{name.replace('_', '-')}", getattr(self, name))
-        roll, pitch = np.deg2rad(self.base_tilt_deg or (0.0, 0.0))
+        rocking = self._rocking()
+        _require_finite("--rock-deg", rocking)
+        _require_finite("--rock-hz", self.rock_hz)
+        roll, pitch = np.deg2rad(base_tilt(self.base_tilt_deg))
         start = FixedBase(float(roll), float(pitch))
         base: MovingBase = start
-        if self.rock_deg is not None:
-            first, last = np.deg2rad(self.rock_deg)
+        if rocking is not None:
+            first, last = np.deg2rad(rocking)
             middle, reach = float(first + last) / 2.0, float(last - first) / 2.0
             base = RockingBase(middle, reach, self.rock_hz, axis=(0.0, 1.0, 0.0), start=start)
         return simulated_arm(robot, base=base, payload=self.payload, seed=self.seed)
@@ -83,13 +90,10 @@ def gravity(
     robot: Robot,
     q: Q = None,
     q_deg: QDeg = None,
-    tilt_deg: Annotated[
-        tuple[float, float] | None,
-        Option(metavar="R P", help="Turn the base by R about x, then by P about its own y."),
-    ] = None,
+    base_tilt_deg: BaseTilt = None,
     vector: Annotated[
-        tuple[float, float, float] | None,
-        Option("--gravity", metavar="X Y Z", help="Gravity vector in base axes, z up, in m/s2."),
+        str | None,
+        Option("--gravity", metavar="X,Y,Z", help="Gravity vector in base axes, z up, in m/s2."),
     ] = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
@@ -97,7 +101,7 @@ def gravity(
 
     On a base that is tilted, or under any vector; beside it the torques on a level base.
 
-    Example: catenary gravity raven2 --q 0,1.57,0.32 --tilt-deg 0 20
+    Example: catenary gravity raven2 --q 0,1.57,0.32 --base-tilt-deg 0,20
     """
     import numpy as np
 
@@ -108,15 +112,14 @@ def gravity(
     from catenary.spatial import LEVEL
     from catenary.units import TORQUE_UNIT
 
-    if tilt_deg is not None and vector is not None:
-        raise InputError("gravity: give one of --tilt-deg and --gravity")
+    if base_tilt_deg is not None and vector is not None:
+        raise InputError("gravity: give one of --base-tilt-deg and --gravity")
     model = load_robot(robot)
     model.require_inertia()
     values = joint_values(model, q, q_deg)
-    down: ArrayLike = LEVEL if vector is None else vector
-    if tilt_deg is not None:
-        _require_finite("--tilt-deg", tilt_deg)
-        roll, pitch = np.deg2rad(tilt_deg)
+    down: ArrayLike = LEVEL if vector is None else numbers("--gravity", vector, 3)
+    if base_tilt_deg is not None:
+        roll, pitch = np.deg2rad(base_tilt(base_tilt_deg))
         down = tilted_gravity(float(roll), float(pitch))
     gravity = as_array("gravity", down, (3,))
     torques, on_level = (gravity_torque(model, values, vector).tolist() for vector in (gravity, LEVEL))
@@ -177,7 +180,7 @@ def track(
 
     Prints the joint errors and the PD term's share of the torque.
 
-    Example: catenary track raven2 --controller sg --base-tilt-deg 0 20 --motion poses
+    Example: catenary track raven2 --controller sg --base-tilt-deg 0,20 --motion poses
     """
     import numpy as np
 
@@ -215,7 +218,7 @@ def hold(
 
     A simulated one; prints how far each joint drifts.
 
-    Example: catenary hold raven2 --base-tilt-deg 0 180 --seconds 2
+    Example: catenary hold raven2 --base-tilt-deg 0,180 --seconds 2
     """
     from catenary.workflows.gravity.controllers import make_hold
     from catenary.workflows.gravity.hold import hold as run

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 from catenary.cli.beside_robot import RobotAccess, TerminalGuide, robot_of
-from catenary.cli.options import AsJson
+from catenary.cli.options import AsJson, robots_beginning
 from catenary.cli.project_options import ArmOptions, open_project
 from catenary.cli.robot_choice import PacedRobot, open_robot
 from catenary.cli.terminal import announce, print_json, print_table
@@ -26,7 +26,12 @@ def home(
         Argument(metavar="PROJECT", help="Folder of the robot's project; made if it is not there."),
     ] = None,
     robot: Annotated[
-        str | None, Option(metavar="ROBOT", help="Without a project: which one. [default: raven2]")
+        str | None,
+        Option(
+            metavar="ROBOT",
+            help="Without a project: which one. [default: raven2]",
+            autocompletion=robots_beginning,
+        ),
     ] = None,
     dialect: Annotated[
         str | None, Option(help="Without a project, with --ros: raven or crtk. [default: raven]")
@@ -76,7 +81,7 @@ def home(
 
 def _home_project(folder: Path, arm: ArmOptions, access: RobotAccess, as_json: bool) -> None:
     opened = open_project(folder, arm, ros=access.ros)
-    with robot_of(opened, access) as robot:
+    with opened, robot_of(opened, access) as robot:
         announce("homing ...")
         was_run = robot.home(opened)
     if as_json:

@@ -5,7 +5,14 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from catenary.cli.options import AsJsonNotTables, Report
+from catenary.cli.options import (
+    Accept,
+    AsJsonNotTables,
+    MappingOptions,
+    MendOptions,
+    Report,
+    robots_beginning,
+)
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table, refuse_to_overwrite
 from catenary.errors import InputError
 
@@ -13,7 +20,7 @@ Logs = Annotated[
     list[Path],
     Argument(
         metavar="LOG",
-        help="Recordings: .npz with q, dq, tau and fs or t in rad, m, s, Nm, N; or .parquet logs.",
+        help="Recordings: .npz with q, dq, tau and fs or t in rad, m, s, Nm, N; or .parquet logs; others with --map.",
     ),
 ]
 Gravity = Annotated[
@@ -28,7 +35,14 @@ CutOff = Annotated[
 
 def identify(
     logs: Logs,
-    robot: Annotated[str, Option(metavar="ROBOT", help="Catalogue name or file; needs no inertia.")],
+    mending: MendOptions,
+    foreign: MappingOptions,
+    robot: Annotated[
+        str,
+        Option(
+            metavar="ROBOT", help="Catalogue name or file; needs no inertia.", autocompletion=robots_beginning
+        ),
+    ],
     out: Annotated[Path, Option(metavar="FILE", help="File to write the parameters to, e.g. arm.npz.")],
     test: Annotated[
         list[Path] | None, Option(metavar="LOG", help="A recording to judge the result by; may be repeated.")
@@ -55,6 +69,7 @@ def identify(
     ] = None,
     rows: Annotated[str | None, Option(metavar="A:B", help="Rows of LOG to fit. [default: all]")] = None,
     gravity: Gravity = None,
+    accept: Accept = None,
     urdf: Annotated[
         Path | None, Option(metavar="FILE", help="Also write the robot as URDF; needs --consistent.")
     ] = None,
@@ -84,7 +99,15 @@ def identify(
         raise InputError("--urdf: only a physically consistent fit gives links an inertia; add --consistent")
     outputs = {"--out": out, "the card of --out": card_path(out), "--report": report, "--urdf": urdf}
     refuse_to_overwrite(outputs, [*logs, *tests, Path(robot)])
-    result = identify_files(logs, robot, options, tests=tests, rows=_rows(rows))
+    result = identify_files(
+        logs,
+        robot,
+        options,
+        tests=tests,
+        rows=_rows(rows),
+        reading=mending.reading(foreign),
+        accept=tuple(accept or ()),
+    )
     found = result.identification
     save_identification(found, result.card, out)
     if urdf is not None:
@@ -127,7 +150,12 @@ def _rows(text: str | None) -> tuple[int, int] | None:
 
 
 def excitation(
-    robot: Annotated[str, Argument(metavar="ROBOT", help="Catalogue name or file; needs no inertia.")],
+    robot: Annotated[
+        str,
+        Argument(
+            metavar="ROBOT", help="Catalogue name or file; needs no inertia.", autocompletion=robots_beginning
+        ),
+    ],
     out: Annotated[Path, Option(metavar="FILE", help="File to write: .npz or .csv of t, q, dq, ddq.")],
     static: Annotated[int | None, Option(metavar="N", min=1, help="N poses to hold.")] = None,
     fourier: Annotated[bool, Option("--fourier", help="One period of a Fourier motion. [default]")] = False,

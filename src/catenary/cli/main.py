@@ -9,7 +9,7 @@ from typing import TextIO, cast
 import typer
 
 from catenary import __version__
-from catenary.cli.commands import CommandGroup, InterruptedCommand
+from catenary.cli.commands import HELP_NAMES, CommandGroup, InterruptedCommand
 from catenary.cli.signals import exit_code
 from catenary.visible import VisibleStream
 
@@ -20,7 +20,7 @@ app = typer.Typer(
     cls=CommandGroup,
     help="Make an arm's low-level model true: where cable-driven joints really are, what gravity asks of them.",
     no_args_is_help=True,
-    add_completion=False,
+    context_settings=HELP_NAMES,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # plain help: nothing is cut, and it comes in half the time
 )

@@ -15,6 +15,7 @@ from catenary.errors import InputError
 from catenary.units import in_words
 
 if TYPE_CHECKING:
+    from catenary.arrays import Floats
     from catenary.workflows.robot.operator_motion import MotionSummary
 
 AsJson = Annotated[bool, Option("--json", help="Print JSON, in rad and m.")]
@@ -36,8 +37,11 @@ def goto(
 ) -> None:
     """Move a robot to a place.
 
-    It goes gently, all joints arriving together. Ctrl-C stops it there. However it ends, the robot holds and
-    is paused. A robot that is not homed and enabled is refused.
+    It goes gently, all joints arriving together, and prints where joints and tip ended, in the units that were asked
+    in; of a robot simulated here also how far they really are from what is reported. Ctrl-C stops it there. However
+    it ends, the robot holds and is paused. A robot that is not homed and enabled is refused.
+
+    Example: catenary goto --fast --q-deg 33,88,395
     """
     import numpy as np
 
@@ -47,17 +51,16 @@ def goto(
         raise InputError("goto: give one of --q-deg, --q and --position-mm")
     if position_mm is not None and joints is not None:
         raise InputError("goto: --joints goes with --q-deg or --q")
+    place = None if position_mm is None else np.array(numbers("--position-mm", position_mm, 3)) / 1000.0
     with open_robot(robot) as opened:
         names = None if joints is None else words(joints)
-        if position_mm is not None:
-            goal = joints_at(
-                opened, np.array(numbers("--position-mm", position_mm)) / 1000.0, rng=np.random.default_rng(0)
-            )
+        if place is not None:
+            goal = joints_at(opened, place, rng=np.random.default_rng(0))
         else:
             goal, names = some_joint_values(opened.plant, q, q_deg, names)
         with progress_bar("goto") as tell:
             summary = go_to_joints(opened, goal, joints=names, speed=speed, progress=tell)
-    _say(summary, as_json, "arrived")
+    _say(summary, as_json, "arrived", si=q is not None, asked=place)
 
 
 def random(
@@ -120,8 +123,18 @@ def follow(
     _say(summary, as_json, "followed to its end")
 
 
-def _say(summary: "MotionSummary", as_json: bool, what: str) -> None:
-    """Print how a motion went; one that was ended before its end exits as `exit_code` says."""
+def _say(
+    summary: "MotionSummary", as_json: bool, what: str, *, si: bool = False, asked: "Floats | None" = None
+) -> None:
+    """Print how a motion went; one that was ended before its end exits as `exit_code` says.
+
+    Args:
+        summary: What is told.
+        as_json: As JSON, in rad and m.
+        what: The robot did when it came to the motion's end.
+        si: Joints in rad and m, as they were asked for, not in deg and mm.
+        asked: (3,) [m] where the tip was to go, if it was.
+    """
     if as_json:
         print_json(summary.as_data())
     else:
@@ -131,16 +144,39 @@ def _say(summary: "MotionSummary", as_json: bool, what: str) -> None:
             f"{summary.robot}: {done} after {summary.duration:.1f} s; {state.state}"
             f"{'' if state.is_homed else ', not homed'}\n"
         )
-        rows = [
-            [name, in_words(at, unit, 2), in_words(largest, unit, 3), in_words(rms, unit, 3)]
-            for name, unit, at, largest, rms in zip(
-                summary.joint_names, summary.joint_units, summary.q, summary.max_error, summary.rms_error,
-                strict=True,
-            )
-        ]  # fmt: skip
-        print_table("Joints", ["joint", "now", "largest error", "rms error"], rows)
+        _print_joints(summary, si=si)
+        _print_tip(summary, si=si, asked=asked)
         if summary.late_ticks:
             print_notes([f"{summary.late_ticks} ticks were late: each delayed the motion by as much"])
     if summary.ended_by is not None:
         sys.stdout.flush()
         raise typer.Exit(exit_code(summary.ended_by))
+
+
+def _print_joints(summary: "MotionSummary", *, si: bool) -> None:
+    header = ["joint", "now", "largest error", "rms error"]
+    columns = [summary.q, summary.max_error, summary.rms_error]
+    if summary.true_error is not None:
+        header.append("true error")
+        columns.append(summary.true_error)
+    rows = []
+    for j, (name, unit) in enumerate(zip(summary.joint_names, summary.joint_units, strict=True)):
+        values = [_in_units(column[j], unit, si) if j < len(column) else "" for column in columns]
+        rows.append([name, *values])
+    print_table("Joints: errors against what was commanded, as reported", header, rows)
+
+
+def _print_tip(summary: "MotionSummary", *, si: bool, asked: "Floats | None") -> None:
+    import numpy as np
+
+    digits, scale, unit = (4, 1.0, "m") if si else (1, 1000.0, "mm")
+    x, y, z = (f"{scale * value:.{digits}f}" for value in summary.tip)
+    print(f"tip ({summary.tip_name}): {x}, {y}, {z} {unit} in the base frame, by reported joints")
+    if asked is not None:
+        print(f"from where it was sent: {1000.0 * float(np.linalg.norm(summary.tip - asked)):.2f} mm")
+    if summary.tip_error is not None:
+        print(f"true error of the tip, which only a simulation knows: {1000.0 * summary.tip_error:.2f} mm")
+
+
+def _in_units(value: float, unit: str, si: bool) -> str:
+    return f"{value:.4f} {unit}" if si else in_words(value, unit, 3)

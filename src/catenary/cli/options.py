@@ -1,17 +1,29 @@
 """Options that commands of several families have, and groups of them that a command takes as one argument."""
 
-from collections.abc import Callable
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
+
+from catenary.errors import InputError
+
+if TYPE_CHECKING:
+    from catenary.recording.foreign.mapping import RecordingMapping
+    from catenary.recording.foreign.read import Reading
+    from catenary.recording.mend import Mend
 
 AsJson = Annotated[bool, Option("--json", help="Print JSON.")]
 AsJsonNotTables = Annotated[bool, Option("--json", help="Print JSON instead of tables.")]
 Units = Annotated[
-    str | None, Option("--units", metavar="U,U,...", help="rad or m per joint, where recordings do not say.")
+    str | None,
+    Option(
+        "--units",
+        metavar="U,U,...",
+        help="Unit of each joint's numbers: rad, m, or deg, mm, cm; q_encoder:deg,... of measurements alone.",
+    ),
 ]
 Report = Annotated[Path | None, Option("--report", metavar="HTML", help="Also write a self-contained page.")]
 JsonLines = Annotated[bool, Option("--json", help="Print a JSON line a second, and one at the end.")]
@@ -30,6 +42,161 @@ SimulatedSeed = Annotated[
     ),
 ]  # fmt: skip
 Hanging = Annotated[bool, Option("--hanging", help="The base may hang upside down.")]
+
+
+Accept = Annotated[
+    list[str] | None,
+    Option("--accept", metavar="NAME", help="Go on though this was found wrong with the data; repeatable."),
+]
+
+
+@dataclass(frozen=True)
+class MappingOptions:
+    """How a recording of another make is read: which of its columns are which quantity."""
+
+    map: Annotated[
+        list[str] | None,
+        Option(
+            "--map",
+            metavar="QUANTITY=COLUMNS",
+            help="Of a recording of another make: q_nominal, q_encoder, qd, tau, ok, time or signal:NAME; may be "
+            "repeated. Example: q_encoder=/optitrack/joints.position[0:6]@deg",
+        ),
+    ] = None
+    mapping: Annotated[
+        Path | None,
+        Option("--mapping", metavar="TOML", help="The same from a file; catenary import proposes one."),
+    ] = None
+
+    def read(self, units: str | None = None, **settings: object) -> "RecordingMapping | None":
+        """Return the mapping; None where none is given.
+
+        Args:
+            units: Of q_nominal and q_encoder, where the mapping has none.
+            settings: Further keys of the mapping, such as robot; None for what is not given.
+        """
+        if not self.map and self.mapping is None:
+            return None
+        from catenary.recording.foreign.mapping import mapping_of
+
+        return mapping_of(self.map or (), file=self.mapping, units=units, settings=settings)
+
+
+@dataclass(frozen=True)
+class MendOptions:
+    """How recordings are mended before they are used."""
+
+    units: Units = None
+    swap: Annotated[
+        list[str] | None,
+        Option(metavar="J,J", help="These measured columns stand in each other's place; tau:J,J of torques."),
+    ] = None
+    sign: Annotated[
+        list[str] | None,
+        Option(metavar="J", help="This measured column has the wrong sign; tau:J of torques."),
+    ] = None
+    scale: Annotated[
+        list[str] | None, Option(metavar="J=F", help="Multiply this measured column; tau:J=F of torques.")
+    ] = None
+    shift: Annotated[
+        int, Option(metavar="ROWS", help="Rows by which measurements lie behind the commands.")
+    ] = 0
+    time_unit: Annotated[
+        str, Option(metavar="UNIT", help="Unit of the stamps: s, ms, us, ns, min or ks.")
+    ] = "s"
+    leave_out: Annotated[
+        list[str] | None, Option(metavar="A:B", help="Do not trust measured rows A to before B; repeatable.")
+    ] = None
+
+    def mend(self) -> "Mend":
+        """Return what to change of recordings."""
+        from catenary.recording.mend import Mend
+
+        return Mend(
+            units=(self.units,) if self.units else (),
+            swap=tuple(self.swap or ()),
+            sign=tuple(self.sign or ()),
+            scale=tuple(self.scale or ()),
+            shift=self.shift,
+            time_unit=self.time_unit,
+            leave_out=tuple(self.leave_out or ()),
+        )
+
+    def reading(
+        self,
+        foreign: MappingOptions,
+        *,
+        units: tuple[str, ...] | None = None,
+        joint_names: tuple[str, ...] | None = None,
+        robot: str | None = None,
+    ) -> "Reading":
+        """Return how to read recordings.
+
+        Args:
+            foreign: Mapping of recordings of another make; `--units` then are those of its columns.
+            units: Of the robot's joints, where `--units` says none.
+            joint_names: Of the robot's joints.
+            robot: Its name.
+        """
+        from catenary.recording.foreign.read import Reading
+        from catenary.recording.mend import si_units, units_of
+
+        array, given = (None, ()) if self.units is None else units_of(self.units)
+        mapping = foreign.read(self.units if array is None else None, robot=robot)
+        if mapping is not None:
+            mend = self.mend() if array is not None else replace(self.mend(), units=())
+            return Reading(joint_names=joint_names, mapping=mapping, mend=mend)
+        return Reading(units=si_units(given) or units, joint_names=joint_names, mend=self.mend())
+
+
+BaseTilt = Annotated[
+    str | None,
+    Option(
+        "--base-tilt-deg", metavar="R,P",
+        help="Turn the base by R about x, then by P about its own y (of raven2 the axis of joint 1, reversed).",
+    ),
+]  # fmt: skip
+# how options were written before, per command, and now
+_FORMER = {
+    ("gravity", "--tilt-deg"): "--base-tilt-deg",
+    ("sense", "--tilt-deg"): "--base-tilt-deg",
+    ("gravity", "--tilt"): "--base-tilt-deg",
+    ("sense", "--tilt"): "--base-tilt-deg",
+}
+_LISTS = {"--base-tilt-deg": "R,P", "--rock-deg": "FROM,TO", "--gravity": "X,Y,Z"}
+
+
+def refuse_former_spelling(command: str, arguments: Sequence[str]) -> None:
+    """Refuse what was written otherwise once, saying how it is written now: names, and lists without commas.
+
+    Raises:
+        InputError: Such an argument.
+    """
+    for k, word in enumerate(arguments):
+        name = word.partition("=")[0]
+        now = _FORMER.get((command, name))
+        if now is not None:
+            raise InputError(f"{name}: is {now} {_LISTS[now]} now, as for every command: {now} 0,20")
+        following = arguments[k + 1 : k + 3]
+        if word in _LISTS and len(following) == 2 and all(map(_is_number, following)):
+            raise InputError(
+                f"{word}: expected {_LISTS[word]} with commas, got {' '.join(following)} with spaces"
+            )
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def robots_beginning(incomplete: str) -> list[str]:
+    """Return names in the catalogue that begin with what was typed: a shell completes them, and files by itself."""
+    from catenary.robots.catalog import robot_names
+
+    return [name for name in robot_names() if name.startswith(incomplete)]
 
 
 def with_groups_apart(command: Callable[..., None]) -> Callable[..., None]:

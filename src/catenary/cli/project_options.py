@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from catenary.cli.terminal import roll_and_pitch, words
+from catenary.cli.terminal import base_tilt, words
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def open_project(
                 changes["sparsities"] = tuple(_fraction(word) for word in words(arm.sparsity))
         changes |= {key: value for key, value in typed.items() if value is not None}
         if arm.base_tilt_deg is not None:
-            changes["base_tilt_deg"] = roll_and_pitch("--base-tilt-deg", arm.base_tilt_deg)
+            changes["base_tilt_deg"] = base_tilt(arm.base_tilt_deg)
     return Project(folder, replace(project_settings(folder) or ProjectSettings(), **changes))
 
 

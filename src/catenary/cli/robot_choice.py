@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from catenary.cli import beside_robot
-from catenary.cli.terminal import print_notes, roll_and_pitch
+from catenary.cli.options import robots_beginning
+from catenary.cli.terminal import base_tilt, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,7 +23,12 @@ class WatchedRobot:
     """Options of a robot that is only read: which, and where it is."""
 
     robot: Annotated[
-        str, Option(metavar="ROBOT", help="raven2, raven2_right, another of the catalogue, or a robot file.")
+        str,
+        Option(
+            metavar="ROBOT",
+            help="raven2, raven2_right, another of the catalogue, or a robot file.",
+            autocompletion=robots_beginning,
+        ),
     ] = "raven2"
     ros: Annotated[
         int | None, Option(metavar="1|2", help="The robot is on ROS 1 or 2. [default: simulated here]")
@@ -82,7 +88,7 @@ def open_robot(
             raise InputError(
                 "--dialect, --namespace, --simulated and --yes go with --ros; this robot is simulated here"
             )
-        angles = (0.0, 0.0) if tilt is None else roll_and_pitch("--base-tilt-deg", tilt)
+        angles = base_tilt(tilt)
         yield simulated_robot(robot, seed=seed, base_tilt_deg=angles, homed=homed, real_time=not fast)
         return
     if tilt is not None or seed is not None or fast:

@@ -11,19 +11,25 @@ from catenary.cli.joint_options import (
     beyond_limits,
     given_joints,
     joint_values,
-    names_and_units,
 )
-from catenary.cli.options import AsJsonNotTables
+from catenary.cli.options import AsJsonNotTables, robots_beginning
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table
 from catenary.errors import InputError
 from catenary.units import in_words
 
 if TYPE_CHECKING:
     from catenary.dynamics.inverse_kinematics import Match
+    from catenary.robots.model import RobotModel
     from catenary.spatial import Pose
 
+ROOM_FOR_NAMES = 30  # characters, so that a robot's line fits into a terminal of 80
 Robot = Annotated[
-    str, Argument(metavar="ROBOT", help="Catalogue name (see catenary robots) or a URDF, MJCF or TOML file.")
+    str,
+    Argument(
+        metavar="ROBOT",
+        help="Catalogue name (see catenary robots) or a URDF, MJCF or TOML file.",
+        autocompletion=robots_beginning,
+    ),
 ]
 AsJson = Annotated[bool, Option("--json", help="Print JSON: m, rad, quaternions (w, x, y, z).")]
 FrameName = Annotated[
@@ -42,8 +48,20 @@ def robots(as_json: AsJsonNotTables = False) -> None:
             [{"name": m.name, "joints": m.joint_names, "units": m.joint_units, "tip": m.tip} for m in models]
         )
         return
-    rows = [[m.name, m.tip, names_and_units(m)] for m in models]
-    print_table("Robots", ["name", "tip", "joints"], rows, left=3)
+    rows = [[m.name, _kinds(m), m.tip, _names_in_brief(m)] for m in models]
+    print_table("Robots", ["name", "joints", "tip", "joint names"], rows, left=4)
+    print("catenary check ROBOT names a robot's joints, with their limits")
+
+
+def _kinds(model: "RobotModel") -> str:
+    turning = model.joint_units.count("rad")
+    counts = ((turning, "turn"), (model.n - turning, "slide"))
+    return ", ".join(f"{count} {verb}" for count, verb in counts if count)
+
+
+def _names_in_brief(model: "RobotModel") -> str:
+    names = ", ".join(model.joint_names)
+    return names if len(names) <= ROOM_FOR_NAMES else f"{model.joint_names[0]} ... {model.joint_names[-1]}"
 
 
 def fk(

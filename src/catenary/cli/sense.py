@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Option
 
-from catenary.cli.options import Baud, Hanging, MountingFile
-from catenary.cli.terminal import print_fact, print_json, print_notes
+from catenary.cli.options import BaseTilt, Baud, Hanging, MountingFile
+from catenary.cli.terminal import base_tilt, print_fact, print_json, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,9 +27,7 @@ _LINE_EVERY = 1.0  # [s] in a file or pipe
 def sense(
     port: Annotated[str | None, Option(metavar="PORT", help="Serial port, as /dev/ttyACM0.")] = None,
     simulated: Annotated[bool, Option("--simulated", help="Use a simulated sensor.")] = False,
-    tilt_deg: Annotated[
-        tuple[float, float] | None, Option(metavar="R P", help="Roll, then pitch, of the simulated base.")
-    ] = None,
+    base_tilt_deg: BaseTilt = None,
     rate: Annotated[
         float | None, Option(metavar="HZ", help="Sample rate of the simulated sensor. [default: 200]")
     ] = None,
@@ -54,18 +52,18 @@ def sense(
 
     The exit code is 1 when nothing that can be believed was measured, or a tumble found a fault.
 
-    Example: catenary sense --simulated --tilt-deg 10 5 --duration 2
+    Example: catenary sense --simulated --base-tilt-deg 10,5 --duration 2
     """
     from catenary.sensing.mounting import Mounting, load_mounting
 
     if (port is None) is not simulated:
         raise InputError("sense: give one of --port and --simulated")
-    if not simulated and (tilt_deg is not None or rate is not None):
-        raise InputError("sense: --tilt-deg and --rate go with --simulated, not with --port")
+    if not simulated and (base_tilt_deg is not None or rate is not None):
+        raise InputError("sense: --base-tilt-deg and --rate go with --simulated, not with --port")
     if out is not None and not tumble:
         raise InputError("sense: --out is where --tumble writes; add --tumble")
     told = Mounting() if mounting is None else load_mounting(mounting)
-    hertz, tilt = 200.0 if rate is None else rate, tilt_deg or (0.0, 0.0)
+    hertz, tilt = 200.0 if rate is None else rate, base_tilt(base_tilt_deg)
     with _opened(port, told, tilt, hertz, seed, baud, tumble) as (feed, known):
         if tumble or feed is None:
             _tumble(feed, known, hertz, seed, out or Path("mounting.toml"), as_json)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Option
 
-from catenary.cli.options import AsJson, Carrier, Duration, JsonLines, SimulatedSeed
-from catenary.cli.terminal import print_json, print_json_line, print_notes, roll_and_pitch
+from catenary.cli.options import AsJson, Carrier, Duration, JsonLines, SimulatedSeed, robots_beginning
+from catenary.cli.terminal import base_tilt, print_json, print_json_line, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 
 def serve(
-    robot: Annotated[str, Option(metavar="NAME", help="Robot to simulate.")] = "raven2",
+    robot: Annotated[
+        str, Option(metavar="NAME", help="Robot to simulate.", autocompletion=robots_beginning)
+    ] = "raven2",
     dialect: Annotated[
         str, Option(metavar="raven|crtk", help="Topics of the RAVEN-II, or the present CRTK.")
     ] = "raven",
@@ -65,7 +67,7 @@ def serve(
 
     if dialect not in ("raven", "crtk"):
         raise InputError(f'--dialect "{dialect}": expected raven or crtk')
-    tilt = roll_and_pitch("--base-tilt-deg", base_tilt_deg)
+    tilt = base_tilt(base_tilt_deg)
     by = None if grav_dir is None else _whole_numbers(grav_dir)
     # what it reports is in the status, which is shown; Python would print it a second time
     logging.getLogger("catenary.crtk.serving.reports").addHandler(logging.NullHandler())

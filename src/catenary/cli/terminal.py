@@ -5,6 +5,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from math import isfinite
 from pathlib import Path
 from shutil import get_terminal_size
 from textwrap import fill
@@ -34,15 +35,15 @@ def numbers(option: str, text: str, count: int | None = None) -> tuple[float, ..
     return tuple(values)
 
 
-def roll_and_pitch(option: str, text: str) -> tuple[float, float]:
-    """Read the two angles of a base.
+def base_tilt(text: str | None) -> tuple[float, float]:
+    """Read roll and pitch of a base [deg] from --base-tilt-deg; a level one when None.
 
     Raises:
-        InputError: Not two numbers; the message names the option.
+        InputError: Not two finite numbers.
     """
-    angles = numbers(option, text)
-    if len(angles) != 2:
-        raise InputError(f"{option}: expected roll and pitch in degrees, got {text!r}")
+    angles = (0.0, 0.0) if text is None else numbers("--base-tilt-deg", text)
+    if len(angles) != 2 or not all(map(isfinite, angles)):
+        raise InputError(f"--base-tilt-deg: expected roll and pitch in degrees, as 0,20; got {text!r}")
     return angles[0], angles[1]
 
 

@@ -32,8 +32,8 @@ class StateCorrector(Protocol):
         """Get ready for a robot, or raise; forget all previous ticks."""
         ...
 
-    def correct_state(self, state: JointState, out: Floats, inside: Flags) -> None:
-        """Write calibrated positions (n,) [rad|m], and whether each joint is inside the valid range (n,)."""
+    def correct_state(self, state: JointState, out: Floats, inside: Flags, interval: Floats) -> None:
+        """Write calibrated positions (n,) [rad|m], whether each is inside the valid range, and half-widths [rad|m]."""
         ...
 
 
@@ -163,9 +163,9 @@ def run_loop(
             state = plant.measured_js()
             q_nominal = state.q
             if corrector is not None:
-                q, inside = np.empty(n), np.empty(n, dtype=bool)
-                corrector.correct_state(state, q, inside)
-                state = JointState(state.time, q, *state[2:])
+                q, inside, interval = np.empty(n), np.empty(n, dtype=bool), np.empty(n)
+                corrector.correct_state(state, q, inside, interval)
+                state = JointState(state.time, q, *state[2:8], interval)
             if gravity is not None and sensed is not None:
                 reading = gravity.read(state.time)
                 sensed.add(reading)
@@ -173,7 +173,9 @@ def run_loop(
                     raise SensorError(
                         f"gravity is not known: {reading.faults.message or 'the sensor is lost'}"
                     )
-                state = JointState(*state[:5], reading.gravity, reading.age, reading.base_rates)
+                state = JointState(
+                    *state[:5], reading.gravity, reading.age, reading.base_rates, state.q_interval
+                )
             reference = trajectory(number * dt)
             tau = None
             if controller is None:

@@ -11,10 +11,12 @@ BAR = 12  # characters of a joint's range
 _COLUMNS = {  # by heading: field of the snapshot, characters
     "reported": ("q", 10),
     "calibrated": ("calibrated", 11),
+    "+/-": ("interval", 8),
     "set": ("setpoint", 10),
     "encoder": ("encoder", 10),
-    "torque": ("tau", 9),
-    "gravity": ("gravity_tau", 9),
+    "error": ("error", 8),
+    "torque": ("tau", 8),
+    "gravity": ("gravity_tau", 8),
 }
 
 
@@ -33,14 +35,19 @@ def monitor_lines(
     shown = [_fit(_left_right(f"catenary monitor  {name}", _state(shot), columns), columns)]
     rate = "-" if shot.rate_hz is None else f"{shot.rate_hz:.0f} Hz"
     shown += [_fit(_left_right(f"time {shot.time:10.2f} s", f"states {rate:>8}", columns), columns), ""]
-    heads = [head for head, (field, _) in _COLUMNS.items() if getattr(shot, field) is not None]
+    heads = [head for head, (field, _) in _COLUMNS.items() if _is_known(getattr(shot, field), head)]
+    while heads and 14 + sum(_COLUMNS[head][1] for head in heads) > columns:
+        heads.pop()  # half a column tells nothing
     titles = "".join(head.rjust(_COLUMNS[head][1]) for head in heads)
-    shown.append(_fit(f"{'':<14}{titles}   range", columns))
+    has_room = 14 + len(titles) + 3 + BAR + 2 <= columns
+    shown.append(_fit(f"{'':<14}{titles}{'   range' if has_room else ''}", columns))
     for j, joint in enumerate(shot.joint_names):
         unit = "deg" if shot.joint_units[j] == "rad" else "mm"
         cells = "".join(_cell(shot, head, j) for head in heads)
-        shown.append(_fit(f"{joint[:9]:<10}{unit:<4}{cells}   {_bar(shot, j)}", columns))
+        shown.append(_fit(f"{joint[:9]:<10}{unit:<4}{cells}   {_bar(shot, j) if has_room else ''}", columns))
     shown += ["", _fit(_gravity(shot), columns)]
+    if shot.tip is not None:
+        shown.append(_fit(tip_line(shot), columns))
     warnings = shot.warnings()
     shown += [_fit(shot.recording, columns), ""] if shot.recording is not None else [""]
     shown += [_warned(_fit(f"! {text}", columns), colour) for text in warnings] or ["no warnings"]
@@ -56,8 +63,27 @@ def plain_line(shot: Snapshot) -> str:
         f"{joint}={_human(value, unit):.2f}{'deg' if unit == 'rad' else 'mm'}"
         for joint, value, unit in zip(shot.joint_names, shot.q, shot.joint_units, strict=True)
     )
+    if shot.tip_error is not None:
+        values += f"  tip {_tip_errors(shot)}"
     warnings = "; ".join(shot.warnings())
     return f"{shot.time:.2f} s  {_state(shot)}  {values}" + (f"  ! {warnings}" if warnings else "")
+
+
+def tip_line(shot: Snapshot) -> str:
+    """Return where the tip is by reported joints and, in a simulation, how far from where it is [mm]."""
+    if shot.tip is None:
+        return ""
+    x, y, z = 1e3 * shot.tip
+    place = f"tip {x:.1f} {y:.1f} {z:.1f} mm"
+    return place if shot.tip_error is None else f"{place}  {_tip_errors(shot)}"
+
+
+def _tip_errors(shot: Snapshot) -> str:
+    text = f"error {1e3 * (shot.tip_error or 0.0):.2f} mm"
+    calibrated, reported = shot.calibrated_from_encoders, shot.tip_from_encoders
+    if calibrated is None or reported is None:
+        return text
+    return f"{text}; by encoders {1e3 * reported:.2f}, calibrated {1e3 * calibrated:.2f} mm"
 
 
 def _cell(shot: Snapshot, head: str, j: int) -> str:
@@ -69,6 +95,11 @@ def _cell(shot: Snapshot, head: str, j: int) -> str:
         return f"{values[j]:.3f}".rjust(width)  # [Nm], [N]
     outside = head == "calibrated" and shot.inside is not None and not shot.inside[j]
     return f"{_human(values[j], shot.joint_units[j]):.2f}{'?' if outside else ''}".rjust(width)
+
+
+def _is_known(values: Floats | None, head: str) -> bool:
+    """Return whether a column is shown: intervals only of a model that has some."""
+    return values is not None and (head != "+/-" or not np.isnan(values).all())
 
 
 def _human(value: float, unit: str) -> float:

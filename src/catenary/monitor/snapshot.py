@@ -24,7 +24,8 @@ class Snapshot(NamedTuple):
     setpoint: Floats | None = None
     calibrated: Floats | None = None
     inside: NDArray[np.bool_] | None = None  # (n,) inside the model's valid range
-    encoder: Floats | None = None  # (n,) true joint positions of a recording; NaN where there are none
+    interval: Floats | None = None  # (n,) half-width about `calibrated` [rad|m]; NaN for a joint without
+    encoder: Floats | None = None  # (n,) external encoders, or a recording's truth; NaN: none
     tau: Floats | None = None  # (n,) [Nm|N]
     gravity_tau: Floats | None = None  # (k,) what holds the first k joints still [Nm|N]
     gravity: Floats | None = None  # (3,) [m/s2] in the base frame
@@ -36,6 +37,13 @@ class Snapshot(NamedTuple):
     late: int = 0  # ticks late within the last second
     silent: str | None = None  # the error that the robot's silence raised
     recording: str | None = None  # state of a recording made at the same time
+    error: Floats | None = (
+        None  # (k,) reported less true position of the first k joints; None but in a simulation
+    )
+    tip: Floats | None = None  # (3,) [m] in the base frame, by reported joints
+    tip_error: float | None = None  # [m] from where the tip really is; None but in a simulation
+    tip_from_encoders: float | None = None  # [m] from where external encoders say that it is
+    calibrated_from_encoders: float | None = None  # [m] the same, by calibrated joints
 
     def warnings(self) -> list[str]:
         """Return what deserves a warning, the worst first."""
@@ -75,6 +83,7 @@ class Snapshot(NamedTuple):
             "q": self.q,
             "setpoint": self.setpoint,
             "q_calibrated": self.calibrated,
+            "q_interval": self.interval,
             "inside_valid_range": self.inside,
             "q_encoder": self.encoder,
             "tau": self.tau,
@@ -85,6 +94,11 @@ class Snapshot(NamedTuple):
             "rate_hz": self.rate_hz,
             "late_ticks": self.late,
             "recording": self.recording,
+            "true_error": self.error,
+            "tip": self.tip,
+            "tip_error": self.tip_error,
+            "tip_from_encoders": self.tip_from_encoders,
+            "calibrated_tip_from_encoders": self.calibrated_from_encoders,
             "warnings": self.warnings(),
         }
 

@@ -28,6 +28,7 @@ class CalibratedMessages:
         *,
         pose_type: str,
         positioning: RobotModel | None = None,
+        with_intervals: tuple[str, ...] = (),
     ) -> None:
         """Begin to publish.
 
@@ -38,6 +39,7 @@ class CalibratedMessages:
             robot: Its kinematics; both jaws may be one joint of it.
             pose_type: PoseStamped or TransformStamped.
             positioning: Arm of the first joints whose gravity torques are published; None publishes none.
+            with_intervals: Joints whose intervals are published; none publishes none.
 
         Raises:
             InputError: The kinematics are not those of the arm.
@@ -49,6 +51,10 @@ class CalibratedMessages:
         self._positioning = names[: 0 if positioning is None else positioning.n]
         self._gravity = None if positioning is None else gravity_kernel(positioning)
         types = {"measured_js": JOINT_STATE, "measured_cp": pose_type, "is_valid": _BOOL}
+        self._with_intervals = with_intervals
+        self._places = [names.index(name) for name in with_intervals]
+        if with_intervals:
+            types["interval"] = JOINT_STATE
         if positioning is not None:
             types["gravity_torque"] = JOINT_STATE
         self._publishers = {
@@ -59,12 +65,13 @@ class CalibratedMessages:
         self._tool.pose(rest)
         self._torque(rest, rest[:3])
 
-    def publish(self, stamp: int, q: Floats, state: JointState, *, is_valid: bool) -> None:
+    def publish(self, stamp: int, q: Floats, interval: Floats, state: JointState, *, is_valid: bool) -> None:
         """Publish a state.
 
         Args:
             stamp: [ns] the robot's.
             q: (n,) corrected positions [rad|m].
+            interval: (n,) half-widths of intervals about them [rad|m].
             state: What the robot reported: velocities and torques, NaN where it reports none, and gravity.
             is_valid: Whether the model knows such positions.
         """
@@ -73,6 +80,9 @@ class CalibratedMessages:
         publishers["measured_js"].publish(joint_state(header(stamp), self._names, q, qd, tau))
         publishers["measured_cp"].publish(pose_message(self._tool.pose(q), stamp, "base", child=self._child))
         publishers["is_valid"].publish(message_class(_BOOL)(is_valid))
+        if self._with_intervals:
+            widths = interval[self._places]
+            publishers["interval"].publish(joint_state(header(stamp), self._with_intervals, widths))
         if self._gravity is not None:
             torque = self._torque(q, state.gravity)
             publishers["gravity_torque"].publish(joint_state(header(stamp), self._positioning, effort=torque))

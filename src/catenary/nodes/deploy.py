@@ -6,6 +6,7 @@ Published below the arm's namespace (/arm1 gold, /arm2 green; never swapped), `c
 - `measured_cp`: where the tool's tip then is, in the dialect's type;
 - `is_valid` (std_msgs/Bool): whether all of the model's joints are inside its valid range. Where one is not, its fixed
   offset has been added in place of the model's correction;
+- `interval` (sensor_msgs/JointState, position), where the model has intervals: their half-widths, for its joints;
 - `gravity_torque` (sensor_msgs/JointState, effort) on request: what holds the positioning joints still.
 
 Nothing is published while the robot is not homed: its joint positions mean nothing then. Nor is anything of a message
@@ -118,12 +119,16 @@ class CalibratedTopics:
             load_robot(f"raven2_full{right}"),
             pose_type=TRANSFORM if client.dialect == "raven" else POSE,
             positioning=load_robot(f"raven2{right}") if gravity_torque else None,
+            with_intervals=() if model.intervals is None else model.joint_names,
         )
         n = len(JOINTS)
-        self._out, self._inside = np.empty(n), np.empty(n, dtype=bool)
+        self._out, self._inside, self._interval = np.empty(n), np.empty(n, dtype=bool), np.empty(n)
         rest = np.zeros(n)
         self._corrector.correct_state(
-            JointState(0.0, rest, rest, rest, rest, np.zeros(3), np.inf), self._out, self._inside
+            JointState(0.0, rest, rest, rest, rest, np.zeros(3), np.inf),
+            self._out,
+            self._inside,
+            self._interval,
         )
         self._corrector.reset()
         self._latency = Durations()
@@ -210,13 +215,13 @@ class CalibratedTopics:
             return
         first, _, count = self._stamps if self._stamps is not None else (stamp, stamp, -1)
         self._stamps = (first, stamp, count + 1)
-        self._corrector.correct_state(state, self._out, self._inside)
+        self._corrector.correct_state(state, self._out, self._inside, self._interval)
         if not is_newest and now() - received.time > LATE * SECOND:
             self._late += 1
             return
         inside = self._inside[self._places]
         self._outside += ~inside
-        self._publisher.publish(stamp, self._out, state, is_valid=bool(inside.all()))
+        self._publisher.publish(stamp, self._out, self._interval, state, is_valid=bool(inside.all()))
         self._published += 1
         self._latency.add(max(0, now() - received.time) / SECOND)
 

@@ -80,13 +80,16 @@ class BagStream:
     is damaged. `problems` says where that was; a bag without its index has one, too.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, foreign: bool = False) -> None:
         """Read the file once, to find its topics.
+
+        With `foreign`, types that bear the names of ours may differ from them.
 
         Raises:
             FileFormatError: No such kind of file, or message types that are not ours.
         """
         self.path = path
+        self._foreign = foreign
         self.problems: list[str] = []
         self.damage, self.holes, self.ends_early = self.problems, list[Hole](), False
         self.connections: dict[str, BagConnection] = {}  # by topic, once the file was read
@@ -289,7 +292,8 @@ class BagStream:
             field_of(about, b"md5sum").decode(),
             field_of(about, b"message_definition").decode(errors="replace"),
         )
-        check_ros1_type(self.path, name, kind, md5, text)
+        if not self._foreign:
+            check_ros1_type(self.path, name, kind, md5, text)
         self._keep(number, BagConnection(name, kind, md5, text))
 
     def _keep(self, number: int, connection: BagConnection) -> None:
@@ -300,7 +304,7 @@ class BagStream:
         known = self._types.setdefault(name, kind)
         if known != kind:
             raise FileFormatError(
-                f"{self.path}: topic {name}: is of type {known} and of {cut(connection.type)}"
+                f"{self.path}: topic {cut(name)}: is of type {cut(known)} and of {cut(connection.type)}"
             )
         self._names[number] = name
         self.connections.setdefault(name, connection)
@@ -376,7 +380,8 @@ class BagStream:
         elif kind == _CHANNEL:
             name, _ = text_at(data, 4)
             schema, text = schemas[_U16.unpack_from(data, 2)[0]]
-            check_ros2_type(self.path, name, schema, text)
+            if not self._foreign:
+                check_ros2_type(self.path, name, schema, text)
             self._keep(number, BagConnection(name, schema, "", text))
         elif kind == _MCAP_MESSAGE:
             name, arrival = self._names[number], _U64.unpack_from(data, 6)[0]

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from catenary.errors import FileFormatError
 from catenary.recording.bag_chunks import Block
-from catenary.recording.messages import MESSAGES, NUMBERS, TIMES, current_name, fields
+from catenary.recording.messages import NUMBERS, TIMES, Field, current_name, fields
 
 Encoding = Literal["ros1", "cdr"]
 CDR_HEADER = 4  # bytes before the message; alignment counts from behind them
 COUNT = "#"  # before the name of a string or a sequence: the field that holds its length
-MAX_ELEMENTS = 100_000  # of one sequence; more is taken for damage
+MAX_ELEMENTS = 100_000  # of one sequence, and parts of one message; more is taken for damage
+FieldsOf = Callable[[str], tuple[Field, ...]]  # name of a message type -> its fields
 
 
 @dataclass
@@ -25,12 +26,17 @@ class _Walk:
     encoding: Encoding
     size_of: Callable[[str, int], int]  # path and offset of a length field -> number of elements
     offset: int = 0
+    fields_of: FieldsOf = fields
+    parts: int = 0
     names: list[str] = field(default_factory=list)
     formats: list[Any] = field(default_factory=list)
     offsets: list[int] = field(default_factory=list)
 
     def message(self, name: str, prefix: str = "") -> None:
-        for item in fields(name):
+        self.parts += 1
+        if self.parts > MAX_ELEMENTS:
+            raise FileFormatError(f"message: more than {MAX_ELEMENTS} messages within one")
+        for item in self.fields_of(name):
             if self.encoding == "cdr" and current_name(name) == "std_msgs/Header" and item.name == "seq":
                 continue  # ROS 2 has none
             path = prefix + item.name
@@ -43,17 +49,17 @@ class _Walk:
                     self._one(item.type, f"{path}.{i}")
 
     def _one(self, kind: str, path: str) -> None:
-        if kind in MESSAGES:
-            self.message(kind, f"{path}.")
-        elif kind in TIMES:
+        if kind in TIMES:
             # ROS 1's time counts without a sign, its duration with; ROS 2's with, and without in nanoseconds
             signed = kind == "duration" or self.encoding == "cdr"
             self._number("<i4" if signed else "<u4", f"{path}.sec")
             self._number("<i4" if kind == "duration" and self.encoding == "ros1" else "<u4", f"{path}.nsec")
         elif kind == "string":
             self._place(path, f"V{self._length(path)}", 1)
-        else:
+        elif kind in NUMBERS:
             self._number(NUMBERS[kind], path)
+        else:
+            self.message(kind, f"{path}.")
 
     def _number(self, number: str, path: str) -> None:
         self._place(path, number, np.dtype(number).itemsize)
@@ -90,7 +96,7 @@ class _Walk:
         return np.dtype(layout)  # type: ignore[call-overload, no-any-return]
 
 
-def layout_of(name: str, data: bytes, encoding: Encoding) -> np.dtype[np.void]:
+def layout_of(name: str, data: bytes, encoding: Encoding, fields_of: FieldsOf = fields) -> np.dtype[np.void]:
     """Return the structured type that reads this message and all others with strings and sequences of the same lengths.
 
     Field names are paths such as `header.stamp.sec` or `position`; `#position` is the length that is stored.
@@ -99,6 +105,7 @@ def layout_of(name: str, data: bytes, encoding: Encoding) -> np.dtype[np.void]:
         name: Message type.
         data: One serialised message.
         encoding: ROS 1's own, or CDR with its four bytes in front, little-endian.
+        fields_of: What the types hold; those that catenary knows by default.
 
     Raises:
         FileFormatError: The bytes are not such a message.
@@ -113,7 +120,7 @@ def layout_of(name: str, data: bytes, encoding: Encoding) -> np.dtype[np.void]:
         raise FileFormatError(
             f"{name}: expected little-endian CDR, whose first bytes are 0, 1; got {list(data[:2])}"
         )
-    walk = _Walk(encoding, size_of, CDR_HEADER if encoding == "cdr" else 0)
+    walk = _Walk(encoding, size_of, CDR_HEADER if encoding == "cdr" else 0, fields_of)
     walk.message(name)
     padding = len(data) - walk.offset
     if not 0 <= padding <= (3 if encoding == "cdr" else 0):
@@ -123,9 +130,11 @@ def layout_of(name: str, data: bytes, encoding: Encoding) -> np.dtype[np.void]:
 
 
 def read_messages(
-    name: str, messages: Sequence[bytes] | Block, encoding: Encoding
+    name: str, messages: Sequence[bytes] | Block, encoding: Encoding, fields_of: FieldsOf = fields
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.void]]]:
     """Yield messages as structured arrays, one for each shape that occurs, with the positions they came from.
+
+    `fields_of` as in `layout_of`.
 
     Raises:
         FileFormatError: A message is not of this type.
@@ -133,7 +142,7 @@ def read_messages(
     block = messages if isinstance(messages, Block) else Block.of(messages)
     left = np.arange(len(block))
     while len(left):
-        layout = layout_of(name, block[left[0]], encoding)
+        layout = layout_of(name, block[left[0]], encoding, fields_of)
         same_length = left[block.lengths[left] == layout.itemsize]
         whole = len(same_length) == len(block)
         data = block.data.data if whole else b"".join([block[i] for i in same_length])

@@ -50,7 +50,10 @@ def read_log(
         log = read_raven_csv(path).log
         _require_same(path, log.joint_names, log.joint_units, units, joint_names)
         return replace(log, sha256=sha256_of(path))
-    raise FileFormatError(f'{path}: ending "{path.suffix}": expected a recording, .npz, .parquet or .csv')
+    raise FileFormatError(
+        f'{path}: ending "{path.suffix}": expected a recording, .npz, .parquet or .csv; '
+        f"`catenary import {path}` proposes how to read others"
+    )
 
 
 def write_parquet(log: MotionLog, path: str | Path) -> None:

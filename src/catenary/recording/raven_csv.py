@@ -195,7 +195,8 @@ def _read_numbers(path: Path) -> Floats:
         head = file.readline(100_000).decode(errors="replace").strip().split(",")
     if len(head) not in (WIDTH, WIDTH_WITH_FORCE):
         raise FileFormatError(
-            f"{path}: {len(head)} columns, expected RAVEN-II's {WIDTH}, or {WIDTH_WITH_FORCE} with force"
+            f"{path}: {len(head)} columns, expected RAVEN-II's {WIDTH}, or {WIDTH_WITH_FORCE} with force; "
+            f"`catenary import {path}` proposes how to read others"
         )
     names = [str(i) for i in range(len(head))]
     try:

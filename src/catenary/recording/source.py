@@ -13,7 +13,7 @@ from catenary.archives import unpacked
 from catenary.documents import cut, shortened
 from catenary.errors import FileFormatError
 from catenary.recording.bag_checks import MOST_DEFINITIONS, MOST_TOPICS, check_bag, unpacked_at_most
-from catenary.recording.bag_stream import BagStream, about_of
+from catenary.recording.bag_stream import BagConnection, BagStream, about_of
 from catenary.recording.journal import About, JournalTopic
 from catenary.recording.journal_reader import JournalReader
 from catenary.recording.layout import Encoding
@@ -50,8 +50,8 @@ class McapReader:
 
     encoding: Encoding = "cdr"
 
-    def __init__(self, path: Path) -> None:
-        """Read the topics, and check their types against ours.
+    def __init__(self, path: Path, *, foreign: bool = False) -> None:
+        """Read the topics, and check their types against ours, but not with `foreign`.
 
         Raises:
             FileFormatError: No such file, cut off (the message says what can be saved), another kind of file, or
@@ -66,6 +66,8 @@ class McapReader:
         )  # one that opens is whole
         self.about: About | None = None
         self._is_checked = False
+        self.connections: dict[str, BagConnection] = {}  # by topic
+        self.counts: dict[str, int] = {}  # of messages
         types: dict[str, str] = {}
         with self._open() as reader:
             if len(reader.connections) > MOST_TOPICS:
@@ -75,11 +77,16 @@ class McapReader:
                 for connection in reader.connections
                 if current_name(connection.msgtype) in MESSAGES
             }
-            if len(definitions) > MOST_DEFINITIONS:
+            if len(definitions) > MOST_DEFINITIONS and not foreign:
                 raise FileFormatError(f"{path}: {len(definitions)} definitions of types that are ours")
             for connection in reader.connections:
                 name, kind = connection.topic, connection.msgtype
-                check_ros2_type(path, name, kind, connection.msgdef.data)
+                if not foreign:
+                    check_ros2_type(path, name, kind, connection.msgdef.data)
+                found = BagConnection(name, kind, "", connection.msgdef.data)
+                if self.connections.setdefault(name, found).type != kind:
+                    raise FileFormatError(f"{path}: topic {cut(name)}: is of two types, {cut(kind)} is one")
+                self.counts[name] = self.counts.get(name, 0) + connection.msgcount
                 if name != ABOUT_TOPIC:
                     types.setdefault(name, current_name(kind))
             own = [connection for connection in reader.connections if connection.topic == ABOUT_TOPIC]

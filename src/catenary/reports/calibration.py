@@ -5,9 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
+from catenary.calibration.choice import JointChoice
 from catenary.calibration.evaluate import Evaluation, Spread
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.files import json_text
+from catenary.reports.intervals import coverage_blocks
 from catenary.reports.joint_picture import joint_picture
 from catenary.reports.page import Block, Facts, Heading, Listing, Remarks, Table, Text, write_page
 
@@ -49,6 +51,7 @@ def write_calibration_report(
             "outside the model's valid range, where it falls back to the fixed offset."
         ),
         *([Remarks(notes)] if notes else []),
+        *coverage_blocks(evaluation),
     ]
     if comparison is not None:
         blocks[:0] = [Heading("Every model"), Table(*comparison)]
@@ -123,6 +126,7 @@ def card_facts(card: Card) -> list[tuple[str, str]]:
     version = ", ".join(f"{name} {number}" for name, number in card["version"].items())
     return [
         ("kind", card["kind"] + (f", preset {card['preset']}" if card["preset"] else "")),
+        *(("chosen", str(JointChoice(**choice))) for choice in card.get("choice") or ()),
         ("target", f"joint {card['target']}"),
         ("inputs", shortened([entry["name"] for entry in card["inputs"]])),
         ("scaling", card["scaling"]),

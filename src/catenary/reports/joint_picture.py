@@ -15,7 +15,7 @@ from catenary.units import DISPLAY
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-RAW, OFFSET, MODEL = "#b8c0cc", "#4b6b94", "#d9622b"
+RAW, OFFSET, MODEL, INTERVAL = "#b8c0cc", "#4b6b94", "#d9622b", "#2a7f4f"
 MOST_POINTS = 2_000  # drawn one by one; more lines would hide each other
 STRETCHES = 300  # of a longer recording, each drawn as the range and the median of its errors
 
@@ -42,10 +42,12 @@ def joint_picture(evaluation: Evaluation, model: CalibrationModel, j: int) -> Pi
     figure = Figure(figsize=(10, 3.1), layout="constrained")
     over_time, histogram = figure.subplots(1, 2, width_ratios=[2.6, 1])
     _draw_over_time(over_time, evaluation, series)
+    if evaluation.level is not None:
+        _draw_interval(over_time, evaluation, scale * evaluation.interval[:, j])
     over_time.set_ylabel(f"error of {model.joint_names[j]} [{unit}]")
     _draw_histograms(histogram, series[1:], unit)
     handles, labels = over_time.get_legend_handles_labels()
-    legend = figure.legend(handles, labels, loc="outside upper right", ncols=3, frameon=False, fontsize=9)
+    legend = figure.legend(handles, labels, loc="outside upper right", ncols=4, frameon=False, fontsize=9)
     for handle in legend.get_lines():
         handle.set_linewidth(3.0)
     joint = evaluation.joints[j]
@@ -55,6 +57,11 @@ def joint_picture(evaluation: Evaluation, model: CalibrationModel, j: int) -> Pi
     )
     if len(evaluation.data) > MOST_POINTS:
         caption += f" Lines: the median over each of about {STRETCHES} stretches; bands: all errors in them."
+    if evaluation.level is not None:
+        caption += (
+            f" Dashed: the model's interval, which is to hold {100.0 * evaluation.level:g} % of its errors; it holds "
+            f"{100.0 * joint.coverage:.1f} %."
+        )
     return picture(figure, caption)
 
 
@@ -83,6 +90,19 @@ def _draw_over_time(axes: "Axes", evaluation: Evaluation, series: Sequence[Error
     unit = "time [s]" if evaluation.window_unit == "s" else "row"
     axes.set_xlabel(f"{unit}, {len(breaks) + 1} recordings one after the other" if len(breaks) else unit)
     axes.margins(x=0.01)
+
+
+def _draw_interval(axes: "Axes", evaluation: Evaluation, half_width: Floats) -> None:
+    """Draw the interval about zero error as a band; of a stretch of rows the median."""
+    x, breaks = _running_time(evaluation)
+    stretches = _stretches(len(x), breaks)
+    middle = np.array([np.median(half_width[rows]) for rows in stretches])
+    first = np.array([rows[0] for rows in stretches])
+    gaps = np.flatnonzero(np.isin(first, breaks))
+    at, width = (np.insert(values, gaps, np.nan) for values in (x[first], middle))
+    axes.fill_between(at, -width, width, color=INTERVAL, alpha=0.12, linewidth=0.0, zorder=0)
+    for edge, label in ((width, f"interval, {100.0 * (evaluation.level or 0.0):g} %"), (-width, None)):
+        axes.plot(at, edge, color=INTERVAL, linewidth=0.9, linestyle="--", label=label)
 
 
 def _stretches(rows: int, breaks: np.ndarray) -> list[np.ndarray]:

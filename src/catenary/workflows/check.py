@@ -1,6 +1,6 @@
 """Report what a file is and what is wrong with it: robot, calibration model, or recording."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,43 +16,54 @@ from catenary.calibration.model import CalibrationModel
 from catenary.errors import FileFormatError
 from catenary.identification.files import load_identification
 from catenary.plant import MotionLog
-from catenary.recording.logs import read_log
+from catenary.recording.foreign.read import Reading, read_recording
 from catenary.reports.calibration import shortened
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
-from catenary.workflows.fit import outliers
+from catenary.verdict.check import findings_of, robot_of
+from catenary.verdict.finding import Finding
 
 ROBOT_ENDINGS = (".toml", ".urdf", ".xml", ".mjcf")
 LONG_GAP = 10.0  # times the median step between stamps
 
 
 @dataclass
-class Finding:
+class FileReport:
     """Kind, facts and faults of a file."""
 
     kind: str  # "robot", "calibration model", "identified dynamics" or "recording"
     facts: list[tuple[str, str]] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)  # make it unfit for its use, or its numbers doubtful
     remarks: list[str] = field(default_factory=list)  # worth knowing
+    findings: tuple[Finding, ...] = ()  # about a recording; in words they are faults, or remarks
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data."""
-        return {"kind": self.kind, "facts": dict(self.facts), "faults": self.faults, "remarks": self.remarks}
+        return {
+            "kind": self.kind,
+            "facts": dict(self.facts),
+            "faults": self.faults,
+            "remarks": self.remarks,
+            "findings": [finding.as_data() for finding in self.findings],
+        }
 
 
-def check_file(source: str, *, units: Sequence[str] | None = None) -> Finding:
+def check_file(source: str, reading: Reading | None = None, *, robot: str | None = None) -> FileReport:
     """Find out what a file (or a catalogue name) is, and what is wrong with it.
 
     Args:
         source: A file, or a robot's name in the catalogue.
-        units: "rad" or "m" per joint, for a recording that does not state them.
+        reading: What a recording does not say of itself, and how it is mended.
+        robot: Catalogue name or file of the robot that a recording is of; its own when None.
 
     Raises:
         FileFormatError: No such file, unknown kind, or it cannot be read at all; the message says why.
         InputError: A recording or robot whose numbers cannot be used; the message says which.
     """
     path = Path(source)
+    if reading is not None and reading.mapping is not None:
+        return check_recording(read_recording(path, reading), robot=robot)
     if source in robot_names():
         return check_robot(load_robot(source))
     if path.is_dir():
@@ -63,20 +74,20 @@ def check_file(source: str, *, units: Sequence[str] | None = None) -> Finding:
     if path.is_file() and is_zipfile(path) and "structure" in (arrays := read_arrays(path)):
         return _check_identification(path) if "combination" in arrays else _check_model(path)
     if path.suffix in (".npz", ".parquet", ".csv"):
-        return check_recording(read_log(path, units=units))
+        return check_recording(read_recording(path, reading), robot=robot)
     if not path.exists():
         raise FileFormatError(
             f"{source}: no such file, and no robot of that name; robots: {', '.join(robot_names())}"
         )
     raise FileFormatError(
         f'{source}: ending "{path.suffix}" is not one that catenary reads: robots ({", ".join(ROBOT_ENDINGS)}), '
-        "models (.npz), recordings (.npz, .parquet, .csv)"
+        "models (.npz), recordings (.npz, .parquet, .csv; of others `catenary import FILE` proposes a mapping)"
     )
 
 
-def check_robot(model: RobotModel) -> Finding:
+def check_robot(model: RobotModel) -> FileReport:
     """Check a robot: inertia, limits, what its file holds that the model leaves out."""
-    finding = Finding("robot")
+    finding = FileReport("robot")
     joints = []
     ranges = list(zip(model.joint_names, model.joint_units, model.lower, model.upper, strict=True))
     for name, unit, low, high in ranges:
@@ -116,9 +127,9 @@ def check_robot(model: RobotModel) -> Finding:
     return finding
 
 
-def check_recording(log: MotionLog) -> Finding:
-    """Check a recording: rows, rate, gaps, stamps, joints, errors."""
-    finding = Finding("recording")
+def check_recording(log: MotionLog, *, robot: str | None = None) -> FileReport:
+    """Check a recording: rows, rate, gaps, joints, errors, and the verdict that a fit begins with."""
+    finding = FileReport("recording")
     finding.facts = [
         ("rows", f"{len(log):,}, {int(log.ok.sum()):,} with a trusted measurement"),
         ("joints", _joints(log)),
@@ -135,29 +146,21 @@ def check_recording(log: MotionLog) -> Finding:
         if log.q_encoder is not None and log.ok.any():
             error = scale * (log.q_encoder - log.q_nominal)[log.ok, j]
             fact += f", error RMS {np.sqrt(np.mean(error**2)):.3f}, largest {np.abs(error).max():.2f} {shown}"
-            (wild,), (spread,) = outliers(error[:, None])
-            if wild:
-                finding.faults.append(
-                    f"{name}: {wild} errors lie beyond 10 robust standard deviations ({10 * spread:.2g} {shown}): "
-                    "measurement failures?"
-                )
         finding.facts.append((name, fact))
-        if q.min() == q.max():
-            finding.remarks.append(f"{name} never moves")
     if log.q_encoder is None:
         finding.faults.append("no measured joint positions (q_encoder): it cannot be calibrated from")
-    elif not log.ok.any():
-        finding.faults.append("ok is set on no row: it cannot be calibrated from")
-    elif not log.ok.all():
+    elif log.ok.any() and not log.ok.all():
         finding.remarks.append(f"{(~log.ok).sum()} rows without a trusted measurement serve as history only")
     finding.remarks += log.notes
+    finding.findings = findings_of(log, robot=robot_of([log], robot))
+    for found in finding.findings:
+        (finding.faults if found.refuses else finding.remarks).append(f"{found.name}: {found}")
     return finding
 
 
-def _check_time(finding: Finding, time: Floats) -> None:
+def _check_time(finding: FileReport, time: Floats) -> None:
     steps = np.diff(time)
     forward = steps[steps > 0.0]
-    repeated, back = int((steps == 0.0).sum()), int((steps < 0.0).sum())
     if len(forward):
         median = float(np.median(forward))
         finding.facts.append(("duration", f"{forward.sum():.1f} s, median step {median:.4g} s"))
@@ -166,15 +169,11 @@ def _check_time(finding: Finding, time: Floats) -> None:
             finding.remarks.append(
                 f"{gaps} gaps longer than {LONG_GAP:g} median steps, the longest {forward.max():.3g} s"
             )
-    if repeated:
-        finding.faults.append(f"{repeated} repeated time stamps")
-    if back > 3:
-        finding.faults.append(f"time goes back {back} times: stamps are shuffled, or recordings were joined")
 
 
-def _check_identification(path: Path) -> Finding:
+def _check_identification(path: Path) -> FileReport:
     result, card = load_identification(path)
-    finding = Finding("identified dynamics")
+    finding = FileReport("identified dynamics")
     finding.facts = [
         ("robot", result.model.name),
         ("terms", result.options.terms),
@@ -191,10 +190,10 @@ def _check_identification(path: Path) -> Finding:
     return finding
 
 
-def _check_model(path: Path) -> Finding:
+def _check_model(path: Path) -> FileReport:
     model, card = load_model(path)
     check_card(card, str(path))
-    finding = Finding("calibration model")
+    finding = FileReport("calibration model")
     finding.facts = [
         ("kind", model.kind + (f", preset {model.preset}" if model.preset else "")),
         ("robot", card["robot"] or "not stated"),

@@ -10,16 +10,18 @@ import numpy as np
 
 from catenary.errors import FileFormatError, InputError
 from catenary.files import write_atomically
+from catenary.identification.doubts import torque_findings
 from catenary.identification.excitation import Excitation
 from catenary.identification.files import Card, identification_card, residual_record
 from catenary.identification.identification import Identification, identify_samples
 from catenary.identification.options import IdentifyOptions, filter_of
 from catenary.identification.samples import Samples, alternate_blocks, prepare
-from catenary.identification.swapped import swapped_axes
 from catenary.plant import MotionLog
-from catenary.recording.logs import read_torque_log
+from catenary.recording.foreign.read import Reading, read_torque_recording
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
+from catenary.verdict.finding import Finding, judge, require_names
+from catenary.verdict.stamps import stamp_findings
 
 POOR = 0.6  # relative residual from which on it is asked whether two axes are swapped
 
@@ -58,6 +60,8 @@ def identify_files(
     *,
     tests: Sequence[Path] = (),
     rows: tuple[int, int] | None = None,
+    reading: Reading | None = None,
+    accept: tuple[str, ...] = (),
 ) -> IdentifyResult:
     """Identify a robot from recordings, and judge it on others.
 
@@ -67,17 +71,22 @@ def identify_files(
         options: What to choose otherwise than the robot's file.
         tests: Recordings to judge by.
         rows: First row, and the one after the last, of the recordings to fit; all when None.
+        reading: What the recordings do not say of themselves, and how they are mended.
+        accept: Findings about them to go on with, by name.
 
     Raises:
+        DataError: Torques of the wrong sign, of other axes or in another unit, that `accept` does not name.
         FileFormatError: A file is missing, damaged or of another kind.
         InputError: A recording is not of this robot, in other units, or too short.
         ExcitationError: The recordings do not show all base parameters.
     """
     model = load_robot(robot)
-    read = [read_torque_log(path, model) for path in logs]
+    read = [read_torque_recording(path, model, reading) for path in logs]
     if rows is not None:
         read = [part_of(log, rows) for log in read]
-    read_tests = [read_torque_log(path, model) for path in tests]
+    require_names(accept)
+    read_tests = [read_torque_recording(path, model, reading) for path in tests]
+    stamps = [(log.name, each) for log in (*read, *read_tests) for each in stamp_findings(log)]
     training = [prepare(log, model, options) for log in read]
     held_out = [prepare(log, model, options) for log in read_tests]
     if options.blocks is not None:
@@ -91,6 +100,8 @@ def identify_files(
     notes += [f"{name}: is one of the recordings that were fitted: no test" for name in again]
     notes += filter_notes(model, options)
     notes += _doubts(result, training, held_out)
+    notes += judge(stamps, accept)
+    notes += judge(_findings(result, training, held_out), accept)
     uses = [*((log, "fitted") for log in read), *((log, "tested") for log in read_tests)]
     data = [{"log": log.name, "sha256": log.sha256, "rows": len(log), "use": use} for log, use in uses]
     card = identification_card(result, data, tuple(notes))
@@ -146,6 +157,15 @@ def part_of(log: MotionLog, rows: tuple[int, int]) -> MotionLog:
     return replace(log, **chosen, signals=signals, notes=notes)
 
 
+def _findings(
+    result: Identification, training: Sequence[Samples], tests: Sequence[Samples]
+) -> list[tuple[str, Finding]]:
+    parts = [*((part, True) for part in training), *((part, False) for part in tests)]
+    return [
+        (part.name, each) for part, fitted in parts for each in torque_findings(result, part, fitted=fitted)
+    ]
+
+
 def _doubts(result: Identification, training: Sequence[Samples], tests: Sequence[Samples]) -> list[str]:
     notes = []
     names = result.model.joint_names
@@ -158,8 +178,4 @@ def _doubts(result: Identification, training: Sequence[Samples], tests: Sequence
                     f"{samples.name}: little of the torque of {', '.join(names[i] for i in poor)} is explained "
                     f"({', '.join(f'{residual.relative_rms[i]:.2f}' for i in poor)} of it is left)"
                 )
-            if len(poor) or residual.verdict not in (None, "holds"):
-                pair = swapped_axes(result, samples, refit=of is result.training)
-                if pair is not None:
-                    notes.append(f"{samples.name}: axes {names[pair[0]]} and {names[pair[1]]} look swapped")
     return notes

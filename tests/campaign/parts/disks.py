@@ -135,8 +135,8 @@ def pipeline(seed: int, folder: Path) -> None:
     import warnings
 
     from catenary.calibration.fit import FitOptions
+    from catenary.calibration.fitting import FitRun
     from catenary.recording.raven_csv import write_raven_csv
-    from catenary.workflows.fit import FitRun
     from catenary.workflows.project import calibrate
     from catenary.workflows.project.folder import Project, ProjectSettings
     from catenary.workflows.project.recordings import extract_recording, motion_log_path, write_bags
@@ -146,7 +146,7 @@ def pipeline(seed: int, folder: Path) -> None:
     shutil.copytree(recorded(), folder / "p")
     models = {
         name: FitOptions(kind="linear", inputs=("q:shoulder", "q:elbow", "q:insertion"))
-        for name in ("linear", calibrate.BEST)
+        for name in ("linear", calibrate.RECOMMENDED)
     }
 
     def opened() -> Project:
@@ -156,7 +156,9 @@ def pipeline(seed: int, folder: Path) -> None:
         return [motion_log_path(opened(), "train")], [motion_log_path(opened(), "test")]
 
     def fit() -> None:
-        calibrate.fit_models(opened(), logs()[0], models, FitRun(robot="raven2"), lambda _: lambda _: None)
+        calibrate.fit_models(
+            opened(), logs()[0], models, FitRun(robot="raven2", folds=0), lambda _: lambda _: None
+        )
 
     def conclude() -> None:
         calibrate.conclude(opened(), models, *logs(), None)

@@ -7,9 +7,8 @@ import simulated_arm
 from catenary.calibration.fit import FitOptions
 from catenary.errors import CatenaryError, InputError
 from catenary.reports.project import with_inputs
-from catenary.workflows.fit import FitRun
 from catenary.workflows.project import calibrate, simulated_robot
-from catenary.workflows.project.calibrate import BEST, CalibrationResult, calibrate_recordings
+from catenary.workflows.project.calibrate import RECOMMENDED, CalibrationResult, calibrate_recordings
 from catenary.workflows.project.folder import Project, ProjectSettings, fingerprint, project_settings
 from simulated_project import QUICK_MODELS, SHORT, calibrate_short
 
@@ -31,7 +30,7 @@ def calibrated(
         patch.setattr(calibrate, "models_for", lambda *_: dict.fromkeys(QUICK_MODELS, linear))
         if not with_page:
             patch.setattr(calibrate, "write_project_report", lambda page, *_, **__: page.write_text("a page"))
-        return calibrate_recordings(Project(folder, ProjectSettings()), train, test, FitRun())
+        return calibrate_recordings(Project(folder, ProjectSettings()), train, test)
 
 
 @pytest.mark.parametrize(
@@ -92,7 +91,13 @@ def test_results_are_written_and_said_to_be_simulated(finished: CalibrationResul
 @pytest.mark.slow
 def test_every_kind_of_model_is_fitted_to_a_robots_recordings(project_folder: Path) -> None:
     result = calibrate.calibrate_robot(Project(project_folder, SHORT))
-    assert list(result.evaluations) == ["linear", "polynomial", "neural_paper", BEST]
+    assert list(result.evaluations) == [
+        "linear",
+        "polynomial",
+        "neural_paper",
+        "neural_best",
+        RECOMMENDED,
+    ]
 
 
 def test_recordings_replace_a_robot_and_are_fitted_once(days: tuple[Path, Path], tmp_path: Path) -> None:
@@ -102,7 +107,7 @@ def test_recordings_replace_a_robot_and_are_fitted_once(days: tuple[Path, Path],
     assert result.repeated == FITS
     assert result.deployment is None
     assert result.page.is_file()
-    joints = result.evaluations[BEST].joints
+    joints = result.evaluations[RECOMMENDED].joints
     assert all(joint.rmse < 0.1 * joint.raw_rmse for joint in joints)
     # not fitted again to the same recordings, and again to changed ones
     assert calibrated(tmp_path / "project", [train], [days[1]]).repeated == ()
@@ -111,9 +116,12 @@ def test_recordings_replace_a_robot_and_are_fitted_once(days: tuple[Path, Path],
 
 
 def test_an_error_of_nothing_is_a_dash_in_the_table(tmp_path: Path) -> None:
-    q = simulated_arm.arrays(seed=2)["q_des"]
-    perfect = simulated_arm.write(tmp_path / "perfect.npz", q_act=q)
-    exact = simulated_arm.write(tmp_path / "exact.npz", q_act=q, seed=3)
+    perfect, exact = (
+        simulated_arm.write(
+            tmp_path / f"{seed}.npz", seed=seed, q_act=simulated_arm.arrays(seed=seed)["q_des"]
+        )
+        for seed in (2, 3)
+    )
     _, rows = calibrated(tmp_path / "project", [perfect], [exact]).table()
     assert not any("nan" in cell for row in rows for cell in row)
 

@@ -337,3 +337,52 @@ def test_a_state_file_that_holds_something_else_is_refused(tmp_path: Path, schem
     path.write_text(content)
     with pytest.raises(ConfigError, match=r"state\.json: damaged: .*; delete it"):
         read_state(path, schema, "delete it")
+
+
+def test_what_is_refused_before_anything_is_there_leaves_no_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "project"
+
+    def begin() -> None:
+        with Project(folder, ProjectSettings()) as begun:
+            (folder / "models").mkdir()
+            begun.run("fit", 1, [folder / "m.npz"], refused)
+
+    with pytest.raises(InputError):
+        begin()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("what", ["file", "step", "project", "folder"])
+def test_what_was_there_before_a_refusal_stays(what: str, tmp_path: Path) -> None:
+    folder = tmp_path / "project"
+    if what == "folder":
+        folder.mkdir()
+    if what == "project":
+        Project(folder, ProjectSettings())
+
+    def begin() -> None:
+        with Project(folder, ProjectSettings()) as begun:
+            if what == "step":
+                begun.run("home", 1, [], lambda: None)
+            if what == "file":
+                (folder / "journal").write_bytes(b"recorded")
+            begun.run("fit", 1, [folder / "m.npz"], refused)
+
+    with pytest.raises(InputError):
+        begin()
+    stay = {
+        "file": {"settings.json", "journal"},
+        "step": {"settings.json", "steps.json"},
+        "project": {"settings.json"},
+    }
+    assert {path.name for path in folder.iterdir()} - {".lock"} == stay.get(what, set())
+
+
+def test_a_fault_of_ours_or_ctrl_c_takes_nothing_away(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt), Project(tmp_path / "project", ProjectSettings()):
+        raise KeyboardInterrupt
+    assert (tmp_path / "project" / "settings.json").is_file()
+
+
+def refused() -> None:
+    raise InputError("not these recordings")

@@ -14,7 +14,7 @@ from catenary.recording.logs import read_log
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.waypoints import follow_waypoints
 from catenary.workflows.project import calibrate
-from catenary.workflows.project.calibrate import BEST, TRAIN, calibrate_robot
+from catenary.workflows.project.calibrate import RECOMMENDED, TRAIN, calibrate_robot
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
 from catenary.workflows.project.robot import set_aside
@@ -32,7 +32,7 @@ SWING = np.array([0.1, 0.15, 0.01])
 def short_motion(seed: int = 0) -> Trajectory:
     """Some seconds around START."""
     rng = np.random.default_rng(seed)
-    points = np.array(START[:3]) + SWING * rng.uniform(-1.0, 1.0, (6, 3))
+    points = np.array(START[:3]) + SWING * rng.uniform(-1.0, 1.0, (9, 3))
     return follow_waypoints(points, speed=[0.3, 0.3, 0.02])
 
 
@@ -160,7 +160,7 @@ def test_whole_calibration_runs_as_on_a_simulated_one(tmp_path, monkeypatch) -> 
     result = calibrate_robot(opened, robot)
     fits = tuple(f"fit {name}" for name in QUICK_MODELS)
     assert result.repeated == ("home", "excite", "record", "extract train", "extract test", *fits, "deploy")
-    for joint in result.evaluations[BEST].joints:
+    for joint in result.evaluations[RECOMMENDED].joints:
         assert joint.rmse < 0.2 * joint.raw_rmse
     assert result.deployment is not None
     assert all(joint["rmse"] < joint["raw_rmse"] for joint in result.deployment["joints"])

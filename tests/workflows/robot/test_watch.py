@@ -102,5 +102,9 @@ def test_joints_that_a_model_deployed_beside_calibrates_are_shown() -> None:
         shown = next(samples)
         assert_allclose(shown.calibrated, q)
         assert shown.inside.tolist() == [False] * 3 + [True] * 4
+        assert shown.interval is None
+        intervals = other.publisher("/arm1/calibrated/interval", JOINT_STATE)
+        intervals.publish(joint_state_message(client.joint_names[:3], 2, np.array([0.01, 0.02, 0.001])))
+        assert_allclose(next(samples).interval, [0.01, 0.02, 0.001, *[np.nan] * 4])
         silent = list(islice(samples, 250))[-1]  # ticks of 1 ms, in which nobody publishes
     assert np.isnan(silent.calibrated).all()

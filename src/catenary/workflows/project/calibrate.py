@@ -8,19 +8,25 @@ from typing import Any
 import numpy as np
 
 from catenary import __version__
+from catenary.calibration.dataset import require_same_joints
 from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.files import card_path, load_model, save_model
 from catenary.calibration.fit import FitOptions
+from catenary.calibration.fitting import FitRun
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.files import sha256_of
+from catenary.recording.foreign.read import Reading, read_logs
+from catenary.recording.mend import NOTHING
 from catenary.reports.calibration import percent
 from catenary.reports.project import write_project_report
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import zigzag
-from catenary.workflows.fit import FitRun, evaluate_calibration, fit_calibration
+from catenary.verdict.shared import require_apart
+from catenary.workflows.fit import evaluate_calibration, fit_calibration, read_recording_of
 from catenary.workflows.project.folder import Project, write
+from catenary.workflows.project.imported import import_recordings
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
 from catenary.workflows.project.robot import ProjectRobot
 from catenary.workflows.project.simulated_robot import SimulatedRobot
@@ -38,11 +44,14 @@ RAVEN_INPUTS = {
     "elbow": POSITIONING_INPUTS,
     "insertion": (*POSITIONING_INPUTS, "tau:roll", "tau:wrist", "tau:jaw1", "tau:jaw2"),
 }
-BEST = "neural_best"
+RECOMMENDED = "recommended"
 
 
 def models_for(robot: str | None, seed: int) -> Mapping[str, FitOptions]:
-    """Return options for every kind of model, the best last; the paper's network has all of the paper's inputs."""
+    """Return options for every kind of model, and of what is chosen among them joint by joint, which is deployed.
+
+    The paper's network has all of the paper's inputs.
+    """
     everything = ("q", "tau") if robot is not None else None
     positioning = POSITIONING_INPUTS if robot is not None else None
     inputs = RAVEN_INPUTS if robot is not None else None
@@ -50,7 +59,8 @@ def models_for(robot: str | None, seed: int) -> Mapping[str, FitOptions]:
         "linear": FitOptions(kind="linear", inputs=positioning, seed=seed),
         "polynomial": FitOptions(kind="polynomial", inputs=positioning, seed=seed),
         "neural_paper": FitOptions(kind="neural", preset="paper", inputs=everything, seed=seed),
-        BEST: FitOptions(kind="neural", preset="best", inputs=inputs, seed=seed),
+        "neural_best": FitOptions(kind="neural", preset="best", inputs=inputs, seed=seed),
+        RECOMMENDED: FitOptions(kind="auto", inputs=inputs, seed=seed),
     }
 
 
@@ -145,12 +155,12 @@ def _calibrated(
     deployed = project.folder / "deployment.json"
 
     def deploy() -> None:
-        model, _ = load_model(model_path(project, BEST))
+        model, _ = load_model(model_path(project, RECOMMENDED))
         motion, _ = random_motion(project, DEPLOY_SECONDS, 1)
         write(deployed, robot.deploy(project, model, motion, after=TEST))
 
     progress("deploy")
-    made_from = [*map(project.fingerprint_of, (f"fit {BEST}", f"record {TEST}")), DEPLOY_SECONDS]
+    made_from = [*map(project.fingerprint_of, (f"fit {RECOMMENDED}", f"record {TEST}")), DEPLOY_SECONDS]
     project.run("deploy", made_from, [deployed], deploy)
     progress("report")
     return conclude(project, models, train, test, deployed)
@@ -160,27 +170,43 @@ def calibrate_recordings(
     project: Project,
     train: Sequence[Path],
     test: Sequence[Path],
-    run_options: FitRun,
     *,
+    reading: Reading | None = None,
+    accept: tuple[str, ...] = (),
     progress: Callable[[str], Progress] = lambda _: silent,
 ) -> CalibrationResult:
     """Calibrate from recordings in place of a robot: fit every model to some, test on others.
 
     Raises:
+        DataError: Something is wrong with a recording that `accept` does not name, or rows are in both.
         InputError: No recording to train on or to test on, or one that is in both.
     """
     if not train or not test:
         raise InputError("calibrate: give recordings to train on, and others to test on with --test")
+    project.ran.clear()
+    models = models_for(None, 0)
+    reading = reading if reading is not None else Reading()
+    mapping = reading.mapping
+    with project:
+        if mapping is not None:
+            train, test = (import_recordings(project, paths, mapping) for paths in (train, test))
+            reading = Reading(mend=reading.mend)  # logs of ours state all else
+        _refuse_same(train, test)
+        first, *others = fitted = read_logs(train, reading)
+        tested = [reading.mend(read_recording_of(first, path)) for path in test]
+        for other in (*others, *tested):  # before minutes of fits
+            require_same_joints(first, other)
+        require_apart(fitted, tested, accept)
+        fit_models(project, train, models, FitRun(accept=accept), progress, reading)
+        progress("report")
+        return conclude(project, models, train, test, None, reading=reading, accept=accept)
+
+
+def _refuse_same(train: Sequence[Path], test: Sequence[Path]) -> None:
     hashes = _hashes(train)
     both = [str(path) for path, content in zip(test, _hashes(test), strict=True) if content in hashes]
     if both:
         raise InputError(f"calibrate: {', '.join(both)}: a recording cannot be both trained and tested on")
-    project.ran.clear()
-    models = models_for(None, 0)
-    with project:
-        fit_models(project, train, models, run_options, progress)
-        progress("report")
-        return conclude(project, models, train, test, None)
 
 
 def model_path(project: Project, name: str) -> Path:
@@ -192,22 +218,27 @@ def fit_models(
     project: Project,
     train: Sequence[Path],
     models: Mapping[str, FitOptions],
-    asked: FitRun,
+    run: FitRun,
     progress: Callable[[str], Progress],
+    reading: Reading | None = None,
 ) -> None:
-    """Fit every model that has not been fitted to these recordings; they are judged on others, not by folds."""
+    """Fit every model that has not been fitted to these recordings; folds are run where a model is chosen by them."""
     (project.folder / "models").mkdir(exist_ok=True)
     hashes = _hashes(train)
-    settings = replace(asked, held_out=None, folds=0)
+    reading = reading if reading is not None else Reading()
     for name, options in models.items():
         path = model_path(project, name)
+        folds = run.folds if options.kind == "auto" else 0
+        of_kind = replace(run, folds=folds)
 
-        def work(options: FitOptions = options, path: Path = path, name: str = name) -> None:
+        def work(
+            options: FitOptions = options, path: Path = path, name: str = name, of_kind: FitRun = of_kind
+        ) -> None:
             tell = progress(f"fit {name.replace('_', ', preset ')}")
-            result = fit_calibration(list(train), options, settings, progress=tell)
+            result = fit_calibration(list(train), options, of_kind, reading=reading, progress=tell)
             save_model(result.model, result.card, path)
 
-        made_from = [hashes, asdict(options), asdict(settings)]
+        made_from = [hashes, asdict(options), asdict(of_kind), asdict(reading)]
         project.run(f"fit {name}", made_from, [path, card_path(path)], work)
 
 
@@ -233,9 +264,16 @@ def conclude(
     train: Sequence[Path],
     test: Sequence[Path],
     deployed: Path | None,
+    *,
+    reading: Reading | None = None,
+    accept: tuple[str, ...] = (),
 ) -> CalibrationResult:
     """Evaluate every model and write evaluation.json and report.html, unless they hold just this already."""
-    results = {name: evaluate_calibration(model_path(project, name), list(test)) for name in models}
+    mend = NOTHING if reading is None else reading.mend
+    results = {
+        name: evaluate_calibration(model_path(project, name), list(test), mend=mend, accept=accept)
+        for name in models
+    }
     deployment = None
     if deployed is not None:
         deployment = read_state(
@@ -244,12 +282,12 @@ def conclude(
     page = project.folder / "report.html"
     concluded = CalibrationResult(
         page=page,
-        model_path=model_path(project, BEST),
+        model_path=model_path(project, RECOMMENDED),
         evaluations={name: result.evaluation for name, result in results.items()},
         deployment=deployment,
         repeated=tuple(VERBS.get(step, step) for step in project.ran),
     )
-    evaluation, best = project.folder / "evaluation.json", results[BEST]
+    evaluation, best = project.folder / "evaluation.json", results[RECOMMENDED]
 
     def work() -> None:
         write(evaluation, concluded.summary())
@@ -260,6 +298,7 @@ def conclude(
 
     recordings = [[path.name for path in paths] + _hashes(paths) for paths in (train, test)]
     fitted = [sha256_of(model_path(project, name)) for name in models]
-    made_from = [recordings, fitted, deployment, project.settings.connection, __version__]
+    mended = [] if reading is None and not accept else [None if reading is None else asdict(reading), accept]
+    made_from = [recordings, fitted, deployment, project.settings.connection, __version__, *mended]
     project.run("report", made_from, [evaluation, page], work)
     return concluded

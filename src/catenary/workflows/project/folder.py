@@ -14,7 +14,7 @@ from typing import Any, Self
 
 from catenary import __version__
 from catenary.config import parse_settings
-from catenary.errors import ConfigError, FileFormatError, InputError, InUseError
+from catenary.errors import CatenaryError, ConfigError, FileFormatError, InputError, InUseError
 from catenary.files import PARTIAL, damage, fingerprint, json_text, write_atomically
 from catenary.recording.synchronise import state_columns
 from catenary.trajectories.sinusoids import TURN_TIME
@@ -78,7 +78,8 @@ class Project:
     """A folder and what has been done in it.
 
     What it writes it writes under the folder's lock: for one step, or as a context manager from the first step that
-    has to be done until the end.
+    has to be done until the end. A folder that it began goes away again when what is done in it is refused before
+    anything is there.
     """
 
     def __init__(self, folder: Path, settings: ProjectSettings) -> None:
@@ -96,6 +97,7 @@ class Project:
         self.folder, self.settings = folder, settings
         self.ran: list[str] = []  # steps that were run since it was opened; all others had been done
         self._lock, self._depth = FolderLock(folder), 0
+        self._made = [path for path in (folder, *folder.parents) if not path.exists()]  # the deepest first
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -103,6 +105,7 @@ class Project:
         names = {path.name for path in folder.iterdir() if path.suffix != PARTIAL} - {LOCK}
         if names and not is_project(folder):
             raise FileFormatError(f"{folder}: is neither empty nor a project; give a new or an empty folder")
+        self._is_new = not names
         self._steps = self._read_steps()
         if not self._has_settings():
             with self:
@@ -201,11 +204,29 @@ class Project:
         self._depth += 1
         return self
 
-    def __exit__(self, *_: object) -> None:
-        """Give the lock back."""
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Give the lock back; what was begun for something that is refused goes away."""
         self._depth -= 1
         if self._depth == 0:
-            self._lock.release()
+            try:
+                if self._is_new and kind is not None and issubclass(kind, CatenaryError):
+                    self._leave_nothing()
+            finally:
+                self._lock.release()
+
+    def _leave_nothing(self) -> None:
+        """Remove the settings and the folders made for them, unless another file or another process is there."""
+        ours = {self.folder / SETTINGS, self.folder / LOCK}
+        below = sorted(self.folder.rglob("*"), reverse=True)
+        if any(path not in ours and not path.is_dir() for path in below):
+            return
+        with contextlib.suppress(OSError, InUseError, FileFormatError):
+            if not self._lock.is_held:
+                self._lock.take()
+            for path in [*below, self.folder / LOCK]:
+                path.rmdir() if path.is_dir() else path.unlink(missing_ok=True)
+            for path in self._made:
+                path.rmdir()
 
     @contextlib.contextmanager
     def writing(self) -> Iterator[None]:

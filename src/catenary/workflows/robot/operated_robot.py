@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from catenary.crtk.joints import model_joints
 from catenary.crtk.latest import ImuTopic
 from catenary.crtk.names import Dialect
 from catenary.crtk.transport import Transport
+from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.plant import JointState, Plant
 from catenary.recording.topics import Arm
@@ -22,7 +23,21 @@ from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.mujoco_plant import MujocoPlant
 
+TRUE, ENCODERS = "q_true", "ext_jpos"  # columns of a simulated robot's telemetry
 DIALECTS: tuple[Dialect, ...] = ("raven", "crtk")
+
+
+class Truth(NamedTuple):
+    """Where the joints of a simulated robot are.
+
+    External encoders find their zero at the stops while the robot homes: on RAVEN-II 7.5 deg (elbow) and 10 mm
+    (insertion) from the robot's own (docs/plant.md). A calibration model gives positions in the encoders' sense.
+    """
+
+    q: Floats  # (n,) [rad|m] of the joints themselves
+    encoders: (
+        Floats | None
+    )  # (n,) [rad|m] as external encoders tell it, where there are any; NaN before it homes
 
 
 @dataclass(frozen=True)
@@ -39,6 +54,21 @@ class OperatedRobot:
         """Names of the model's joints."""
         return self.plant.joint_names[: self.model.n]
 
+    def truth(self) -> "Truth | None":
+        """Return where the model's joints really are; None but in a simulation, which alone knows."""
+        if not any(column.name == TRUE for column in self.plant.columns):
+            return None
+        told, n = self.plant.telemetry(), self.model.n
+        encoders = told.get(ENCODERS)
+        return Truth(np.asarray(told[TRUE][:n]), None if encoders is None else np.asarray(encoders[:n]))
+
+    def tip(self, q: Floats) -> Floats:
+        """Return where the model's tip is at joints (n,) or more [rad|m], (3,) [m] in the base frame; NaN at NaN."""
+        joints = q[: self.model.n]
+        if not np.isfinite(joints).all():
+            return np.full(3, np.nan)
+        return forward_kinematics(self.model, joints).position
+
     def gravity_torque(self, state: JointState) -> Floats | None:
         """Return torques that hold the model's joints still (n,) [Nm|N]; None for a model without inertia."""
         from catenary.errors import MissingInertiaError
@@ -48,6 +78,11 @@ class OperatedRobot:
             return np.asarray(gravity_torque(self.model, state.q[: self.model.n], state.gravity))
         except MissingInertiaError:
             return None
+
+
+def distance(a: Floats, b: Floats) -> float:
+    """Return how far one place (3,) is from another [m]."""
+    return float(np.linalg.norm(a - b))
 
 
 class PacedPlant:

@@ -24,7 +24,7 @@ from catenary.trajectories.zigzag import BLEND
 from catenary.units import in_words
 from catenary.workflows.robot.followed_file import FollowedFile
 from catenary.workflows.robot.motion import GENTLE_VELOCITY, check_motion, move_to, run_trajectory
-from catenary.workflows.robot.operated_robot import OperatedRobot
+from catenary.workflows.robot.operated_robot import OperatedRobot, distance
 from catenary.workflows.robot.rest import at_rest_afterwards
 
 # a fifth of what a RAVEN-II's firmware lets pass, 2.5 rad/s and 0.05 m/s: a faster file was likely not meant for it
@@ -51,6 +51,12 @@ class MotionSummary:
     state: OperatingState  # at the end
     late_ticks: int
     ended_by: str | None  # Ctrl-C or a signal's name, before the motion's end: the robot holds where it is
+    tip_name: str
+    tip: Floats  # (3,) [m] in the base frame at the end, by reported joints
+    true_error: Floats | None = (
+        None  # (k,) [rad|m] reported less true, of the first k joints; None but in a simulation
+    )
+    tip_error: float | None = None  # [m] between the tip and where it really is
 
     @property
     def interrupted(self) -> bool:
@@ -61,6 +67,8 @@ class MotionSummary:
         """Return plain data, SI."""
         arrays = self.q.tolist(), self.max_error.tolist(), self.rms_error.tolist()
         columns = self.joint_names, self.joint_units, *arrays
+        true_error = [] if self.true_error is None else self.true_error.tolist()
+        unknown = [None] * (len(self.q) - len(true_error))
         return {
             "robot": self.robot,
             "simulated": self.simulated,
@@ -69,9 +77,17 @@ class MotionSummary:
             "ended_by": self.ended_by,
             "late_ticks": self.late_ticks,
             "state": self.state._asdict(),
+            "tip": {"frame": self.tip_name, "position": self.tip.tolist(), "true_error": self.tip_error},
             "joints": [
-                {"name": name, "unit": unit, "q": q, "max_error": largest, "rms_error": rms}
-                for name, unit, q, largest, rms in zip(*columns, strict=True)
+                {
+                    "name": name,
+                    "unit": unit,
+                    "q": q,
+                    "max_error": largest,
+                    "rms_error": rms,
+                    "true_error": error,
+                }
+                for name, unit, q, largest, rms, error in zip(*columns, [*true_error, *unknown], strict=True)
             ],
         }
 
@@ -238,10 +254,14 @@ def _watched(
         if getattr(stop, "__notes__", ()):
             raise  # the robot does not hold, or is not paused
         ended_by = str(stop) or "Ctrl-C"
-    end = plant.measured_js()
+    end, truth = plant.measured_js(), robot.truth()
+    tip = robot.tip(end.q)
     return MotionSummary(
         robot.name, plant.simulated, end.time - begin, plant.joint_names, plant.joint_units,
         largest, np.sqrt(squares / max(count, 1)), end.q, plant.operating_state(), robot.late() - late, ended_by,
+        robot.model.tip, tip,
+        None if truth is None else end.q[: len(truth.q)] - truth.q,
+        None if truth is None else distance(tip, robot.tip(truth.q)),
     )  # fmt: skip
 
 

@@ -3,13 +3,15 @@
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.calibration.corrector import Corrector
+from catenary.calibration.corrector import Corrector, places_of
 from catenary.calibration.files import load_model
 from catenary.calibration.kernels import Flags
+from catenary.calibration.model import CalibrationModel
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.conversions import joint_values
 from catenary.crtk.latest import Latest
@@ -20,25 +22,34 @@ from catenary.plant import JointState, MotionLog, Plant
 from catenary.recording.synchronise import CALIBRATED
 from catenary.trajectories.reference import Trajectory
 from catenary.workflows.robot.motion import gentle_way
-from catenary.workflows.robot.operated_robot import OperatedRobot
+from catenary.workflows.robot.operated_robot import OperatedRobot, distance
 
 EVERY = 0.04  # [s] between two samples: 25 a second
 
 
+class _Corrected(NamedTuple):
+    """What a model makes of a state; None for what is not known."""
+
+    q: Floats | None = None  # (n,) [rad|m]
+    inside: Flags | None = None  # (n,) in the valid range
+    interval: Floats | None = None  # (n,) half-width about q [rad|m]
+
+
 class _Calibrated:
-    """A model beside the states of a robot or a recording."""
+    """A model beside the states of a robot."""
 
     def __init__(self, model: Path, names: tuple[str, ...], units: tuple[str, ...], rate_hz: float) -> None:
         self._corrector = Corrector(load_model(model)[0], rate_hz=rate_hz)
         self._corrector.prepare(names, units, rate_hz)
         self._q: Floats = np.full(len(names), np.nan)
         self._inside: Flags = np.zeros(len(names), dtype=bool)
+        self._interval: Floats = np.full(len(names), np.nan)
 
     def take(self, state: JointState) -> None:
-        self._corrector.correct_state(state, self._q, self._inside)
+        self._corrector.correct_state(state, self._q, self._inside, self._interval)
 
-    def latest(self) -> tuple[Floats | None, Flags | None]:
-        return self._q.copy(), self._inside.copy()
+    def latest(self) -> "_Corrected":
+        return _Corrected(self._q.copy(), self._inside.copy(), self._interval.copy())
 
 
 class _Deployed:
@@ -49,22 +60,31 @@ class _Deployed:
         self._names, self._patience = client.joint_names, client.stale_after
         self._positions = Latest(client.transport, f"{place}/measured_js", JOINT_STATE)
         self._valid = Latest(client.transport, f"{place}/is_valid", "std_msgs/Bool")
+        self._intervals = Latest(client.transport, f"{place}/interval", JOINT_STATE)
 
     def take(self, state: JointState) -> None:
         """Do nothing: the deployed model hears the robot itself."""
 
-    def latest(self) -> tuple[Floats | None, Flags | None]:
+    def latest(self) -> _Corrected:
         """Return calibrated joints, NaN once nothing comes any more, and which are trusted; None before any came."""
         message = self._positions.message()
         if message is None:
-            return None, None
+            return _Corrected()
         inside: Flags = np.ones(len(self._names), dtype=bool)
         if self._positions.age() > self._patience:
-            return np.full(len(self._names), np.nan), inside
+            return _Corrected(np.full(len(self._names), np.nan), inside)
         valid = self._valid.message()
         # the topic tells of the model's joints together; models are of the positioning joints
         inside[: len(CALIBRATED)] = valid is None or bool(valid.data)
-        return np.array(joint_values(message, self._names)), inside
+        return _Corrected(np.array(joint_values(message, self._names)), inside, self._half_widths())
+
+    def _half_widths(self) -> Floats | None:
+        """Return half-widths (n,) [rad|m], NaN for joints without; None where the model publishes none."""
+        message = self._intervals.message()
+        if message is None or self._intervals.age() > self._patience:
+            return None
+        widths = dict(zip(message.name, message.position, strict=False))
+        return np.array([widths.get(name, np.nan) for name in self._names], dtype=float)
 
 
 def _calibrated(plant: Plant, model: Path | None) -> "_Calibrated | _Deployed | None":
@@ -134,19 +154,36 @@ def watch_robot(
         if now < next_sample:
             continue
         next_sample = now + every
-        calibrated, inside = (None, None) if corrected is None else corrected.latest()
+        latest = _Corrected() if corrected is None else corrected.latest()
         yield Snapshot(
             state.time, plant.joint_names, plant.joint_units, state.q, setpoint,
-            calibrated, inside,
-            None, state.tau, robot.gravity_torque(state), state.gravity, state.gravity_age, operating,
-            plant.lower, plant.upper, states.hertz(now), late.within(now), silent, line,
+            latest.q, latest.inside, latest.interval, tau=state.tau, gravity_tau=robot.gravity_torque(state),
+            gravity=state.gravity, gravity_age=state.gravity_age, operating=operating, lower=plant.lower,
+            upper=plant.upper, rate_hz=states.hertz(now), late=late.within(now), silent=silent, recording=line,
+            **_truth(robot, state.q, latest.q),
         )  # fmt: skip
+
+
+def _truth(robot: OperatedRobot, q: Floats, calibrated: Floats | None) -> dict[str, Any]:
+    """Return the snapshot's fields of the tip and, in a simulation, of what is true."""
+    tip, truth = robot.tip(q), robot.truth()
+    if truth is None:
+        return {"tip": tip}
+    known: dict[str, Any] = {
+        "tip": tip, "error": q[: len(truth.q)] - truth.q, "tip_error": distance(tip, robot.tip(truth.q)),
+    }  # fmt: skip
+    if truth.encoders is not None:
+        seen = robot.tip(truth.encoders)
+        known |= {"encoder": truth.encoders, "tip_from_encoders": distance(tip, seen)}
+        if calibrated is not None:
+            known["calibrated_from_encoders"] = distance(robot.tip(calibrated), seen)
+    return known
 
 
 def watch_log(
     log: MotionLog,
     *,
-    model: Path | None = None,
+    model: CalibrationModel | None = None,
     every: float = EVERY,
     speed: float = 1.0,
     clock: Callable[[], float] = time.monotonic,
@@ -163,20 +200,14 @@ def watch_log(
         raise InputError(f"--speed: expected more than 0, got {speed}")
     steps = np.diff(log.time)
     spacing = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
-    corrected = None if model is None else _Calibrated(model, log.joint_names, log.joint_units, 1.0 / spacing)
-    nothing = np.full(len(log.joint_names), np.nan)
+    corrected = None if model is None else _CalibratedLog(model, log, 1.0 / spacing)
     begin, shown, played = clock(), -np.inf, 0.0
     for row in range(len(log)):
         if row:
             # another recording begins at once
             played += max(float(log.time[row] - log.time[row - 1]), 0.0) / speed
-        qd = nothing if log.qd is None else log.qd[row]
-        tau = nothing if log.tau is None else log.tau[row]
-        state = JointState(
-            float(log.time[row]), log.q_nominal[row], qd, tau, np.zeros(0), np.zeros(3), np.inf
-        )
         if corrected is not None:
-            corrected.take(state)
+            corrected.take(row)
         if played - shown < every and row < len(log) - 1:
             continue
         shown = played
@@ -185,10 +216,46 @@ def watch_log(
             sleep(ahead)
         encoder = None if log.q_encoder is None else np.where(log.ok[row], log.q_encoder[row], np.nan)
         yield Snapshot(
-            state.time, log.joint_names, log.joint_units, state.q, None,
-            *((None, None) if corrected is None else corrected.latest()),
-            encoder, None if log.tau is None else tau, rate_hz=1.0 / spacing,
+            float(log.time[row]), log.joint_names, log.joint_units, log.q_nominal[row], None,
+            *(_Corrected() if corrected is None else corrected.latest()),
+            encoder, None if log.tau is None else log.tau[row], rate_hz=1.0 / spacing,
         )  # fmt: skip
+
+
+class _CalibratedLog:
+    """A model in a loop of a recording's rate; inputs come from all that the recording holds."""
+
+    def __init__(self, model: CalibrationModel, log: MotionLog, rate_hz: float) -> None:
+        """Find the model's joints and inputs in the recording.
+
+        Raises:
+            InputError: It lacks a joint or an input of the model, or its rate does not fit the model's history.
+        """
+        self._corrector, self._log, self._starts = (
+            Corrector(model, rate_hz=rate_hz),
+            log,
+            frozenset(log.starts),
+        )
+        whose = f'recording "{log.name}"'
+        self._places = places_of(model, log.joint_names, log.joint_units, whose=whose)
+        self._signals, n = model.features.signal_rows(log), len(self._places)
+        self._q, self._inside, self._interval = np.empty(n), np.empty(n, dtype=bool), np.empty(n)
+        self._row = 0
+
+    def take(self, row: int) -> None:
+        """Take the next row; joints that the model is not of pass through."""
+        if row in self._starts:
+            self._corrector.reset()
+        q = self._log.q_nominal[row, self._places]
+        self._corrector.correct(q, self._signals[row], self._q, self._inside, self._interval)
+        self._row = row
+
+    def latest(self) -> _Corrected:
+        q = self._log.q_nominal[self._row].copy()
+        inside, interval = np.ones(len(q), dtype=bool), np.full(len(q), np.nan)
+        places = self._places
+        q[places], inside[places], interval[places] = self._q, self._inside, self._interval
+        return _Corrected(q, inside, interval)
 
 
 class _ThereAndBack:

@@ -1,0 +1,142 @@
+"""Half-widths that hold a stated share of a model's errors, from errors that it left on blocks of time; and a check.
+
+The scores are absolute errors on blocks of time, each predicted by a model that was not fitted to it (cross-conformal
+prediction: Vovk, Annals of Mathematics and AI 74, 2015; Barber et al., Predictive inference with the jackknife+,
+Annals of Statistics 49, 2021). Errors within a block depend on each other strongly, so rows are not exchangeable;
+blocks nearly are. The half-width is that of hierarchical conformal prediction (Lee, Barber and Willett,
+Distribution-free inference with hierarchical data, arXiv 2306.06342; Dunn, Wasserman and Ramdas, Distribution-free
+prediction sets for two-layer hierarchical models, JASA 118, 2023): the quantile of the scores in which each of K blocks
+weighs 1 / (K + 1), shared by its rows, and 1 / (K + 1) lies at infinity, for the block to come.
+
+What it guarantees: were blocks exchangeable and the model that of the scores, a row of a new block would lie within the
+half-width with at least the stated probability, whatever the errors' distribution and whatever depends on what in a
+block. What it does not: blocks of one recording are exchangeable only as far as the arm does not drift and blocks are
+long beside its memory (Oliveira et al., JMLR 25, 2024, bound what dependence costs); the final model is fitted to all
+blocks, the scores are of models of fewer, whose errors are rather larger; and it is a statement on all rows together,
+not on each pose.
+"""
+
+import math
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.calibration.evaluate import CrossValidation, Evaluation
+from catenary.calibration.intervals import Intervals, check_level
+
+BEYOND = 5  # blocks' worth of errors that may lie outside: the block to come then adds a fifth to what is left free
+FEWEST_BLOCKS = 10
+FEWEST_ROWS = 4  # of a block
+CHANCE = 0.05  # a coverage that is less likely than this under the stated one is not laid to chance
+LENIENCE = 0.5  # share of what may lie outside by which a coverage may miss: 85 % of 90 %
+
+Integers = NDArray[np.int64]
+Verdict = Literal["held", "below, which may be chance", "too narrow"]
+
+
+def estimate_intervals(errors: CrossValidation, *, level: float = 0.9) -> Intervals | None:
+    """Return half-widths for a model from the errors of its cross-validation.
+
+    Inside the valid range they are of the rows inside the ranges of the fold's models; outside, of the fixed offset on
+    all rows. Where hardly a block has rows inside, that of the offset counts inside too.
+
+    Args:
+        errors: Errors that models left on blocks which they did not see.
+        level: Share of errors to hold.
+
+    Returns:
+        The half-widths; None where there are too few rows for the level.
+
+    Raises:
+        InputError: The level is not between 0 and 1.
+    """
+    check_level(level)
+    block = time_blocks(errors.recording, level=level)
+    inside, outside = [], []
+    for j in range(errors.after_model.shape[1]):
+        known = errors.inside[:, j]
+        near = block_quantile(np.abs(errors.after_model[known, j]), block[known], level)
+        far = block_quantile(np.abs(errors.after_offset[:, j]), block, level)
+        if not math.isfinite(far):
+            return None
+        near = near if math.isfinite(near) else far
+        inside.append(near)
+        outside.append(max(near, far))
+    return Intervals(level, np.array(inside), np.array(outside))
+
+
+def block_quantile(scores: Floats, block: Integers, level: float) -> float:
+    """Return the half-width that holds a share of the scores of a new block; infinity where there are too few blocks.
+
+    Args:
+        scores: (N,) absolute errors.
+        block: (N,) which block each is of.
+        level: Share of the scores of a block to come.
+    """
+    names, of_row, rows = np.unique(block, return_inverse=True, return_counts=True)
+    if len(names) < FEWEST_BLOCKS:
+        return math.inf
+    order = np.argsort(scores, kind="stable")
+    held = np.cumsum(1.0 / ((len(names) + 1.0) * rows[of_row[order]]))
+    place = int(np.searchsorted(held, level * (1.0 - 1e-12)))  # rounding of the sum
+    return float(scores[order[place]]) if place < len(scores) else math.inf
+
+
+def fewest_rows(level: float) -> int:
+    """Return how many rows a half-width takes: blocks enough that a block to come fits beside the share outside."""
+    return FEWEST_ROWS * max(FEWEST_BLOCKS, math.ceil(level / (1.0 - level) - 1e-9))
+
+
+def time_blocks(recording: Integers, *, level: float) -> Integers:
+    """Return the number of the block of time that each row lies in, (N,); no block is of two recordings.
+
+    There are so many blocks that BEYOND of them are a share of 1 - level, at most one for FEWEST_ROWS rows.
+
+    Args:
+        recording: (N,) number of the recording of each row, in the order of time.
+        level: Share of errors that an interval is to hold.
+    """
+    rows = len(recording)
+    wanted = max(FEWEST_BLOCKS, math.ceil(BEYOND / (1.0 - level) - 1e-9))
+    wanted = max(1, min(wanted, rows // FEWEST_ROWS))
+    block, first = np.zeros(rows, dtype=np.int64), 0
+    starts = np.flatnonzero(np.diff(recording)) + 1
+    for part in np.split(np.arange(rows), starts):
+        count = max(1, round(wanted * len(part) / max(1, rows)))
+        block[part] = first + np.arange(len(part)) * count // max(1, len(part))
+        first += count
+    return block
+
+
+def coverage_verdicts(evaluation: Evaluation) -> tuple[Verdict, ...]:
+    """Return in words, per joint, whether a model's intervals hold; none for a model without."""
+    if evaluation.level is None:
+        return ()
+    recording, level = evaluation.data.recording, evaluation.level
+    return tuple(coverage_verdict(held, recording, level) for held in evaluation.held.T)
+
+
+def coverage_verdict(held: NDArray[np.bool_], recording: Integers, level: float) -> Verdict:
+    """Return in words whether intervals hold what they are to hold, on rows that their model has not seen.
+
+    Rows depend on each other, so blocks of time are counted: the share of rows held, averaged over K blocks, is
+    compared with that of K blocks that are held or not as a whole, a binomial. Of all shares of a block with the same
+    mean these vary most, so the check is lenient rather than strict (Hoeffding, JASA 58, 1963).
+
+    Args:
+        held: (N,) whether each row's error lies within its interval.
+        recording: (N,) as for `time_blocks`.
+        level: Share that the intervals are to hold.
+    """
+    from scipy.stats import binom
+
+    block = time_blocks(recording, level=level)
+    rows = np.bincount(block)
+    shares = np.bincount(block, weights=held)[rows > 0] / rows[rows > 0]
+    # a coverage within the lenience is what an interval of this kind can be expected to reach
+    if held.mean() >= level - LENIENCE * (1.0 - level) - 1e-9:
+        return "held"
+    chance = float(binom.cdf(math.ceil(shares.sum() - 1e-9), len(shares), level))
+    return "too narrow" if chance < CHANCE else "below, which may be chance"

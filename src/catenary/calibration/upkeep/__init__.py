@@ -1,0 +1,1 @@
+"""A model after the day of its fit: whether it still holds, and brought up to date."""

@@ -1,0 +1,185 @@
+"""catenary import and export: recordings of other makes in, robots and models out to other programs."""
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
+
+from catenary.cli.options import AsJson, MappingOptions, robots_beginning
+from catenary.cli.terminal import print_fact, print_json, print_notes, refuse_to_overwrite, refuse_unwritable
+from catenary.errors import InputError
+
+
+def export(
+    what: Annotated[
+        str | None,
+        Argument(
+            metavar="[WHAT]",
+            help="With --c a robot, as fk takes it, or none with --model; with --onnx a calibration model.",
+            autocompletion=robots_beginning,
+        ),
+    ] = None,
+    c: Annotated[Path | None, Option(metavar="OUT", help="C header to write, e.g. arm.h.")] = None,
+    onnx: Annotated[Path | None, Option(metavar="OUT", help="ONNX graph to write, e.g. arm.onnx.")] = None,
+    model: Annotated[Path | None, Option(metavar="CALIBRATION", help="Calibration for the C header.")] = None,
+    rate_hz: Annotated[
+        float | None,
+        Option(
+            metavar="HZ",
+            help="Rate of the loop that the model will run in. [default: 1000 in C, the training rows' in ONNX]",
+        ),
+    ] = None,
+    as_json: Annotated[bool, Option("--json", help="Print JSON instead of text.")] = False,
+) -> None:
+    """Write a robot as C, or a model as an ONNX graph.
+
+    The header holds gravity torque, its regressor and joint correction, for loops in C and C++: no library, no
+    memory; without a robot, or with one whose links have no inertia, the correction alone. The graph computes in
+    float64; what the model remembers goes in and out as tensors.
+
+    Example: catenary export --model arm.npz --c arm.h
+    """
+    from catenary.errors import InputError
+
+    if (c is None) == (onnx is None):
+        raise InputError("export: expected one of --c OUT for a robot, --onnx OUT for a calibration model")
+    if what is None and (c is None or model is None):
+        needed = "a robot, or --model for its correction alone" if c is not None else "the calibration model"
+        raise InputError(f"export: expected {needed}")
+    if c is not None:
+        _c(what, c, model, 1000.0 if rate_hz is None else rate_hz, as_json)
+    elif onnx is not None and what is not None:
+        if model is not None:
+            raise InputError(f"export: --onnx writes WHAT, {what}, which is the model; leave --model out")
+        _onnx(Path(what), onnx, rate_hz, as_json)
+
+
+def _c(robot: str | None, out: Path, model: Path | None, rate_hz: float, as_json: bool) -> None:
+    from catenary.calibration.files import load_model
+    from catenary.robots.catalog import load_robot
+    from catenary.workflows.c_header import c_header, write_header
+
+    calibration = None if model is None else load_model(model)[0]
+    header = c_header(None if robot is None else load_robot(robot), calibration, rate_hz=rate_hz)
+    write_header(header, out)
+    print_notes(header.notes)
+    if as_json:
+        print_json({"file": str(out), "functions": header.functions})
+        return
+    print_fact("written", str(out), width=9)
+    print_fact("functions", ", ".join(header.functions), width=9)
+
+
+def _onnx(model: Path, out: Path, rate_hz: float | None, as_json: bool) -> None:
+    from catenary.workflows.onnx_file import export_onnx
+
+    summary = export_onnx(model, out, rate_hz=rate_hz)
+    if as_json:
+        print_json(summary)
+        return
+    print_notes(summary["notes"])
+    for name in ("file", "kind", "inputs", "outputs", "signals", "joints"):
+        value = summary[name]
+        if isinstance(value, dict):
+            value = [f"{tensor} ({', '.join(map(str, shape))})" for tensor, shape in value.items()]
+        print_fact(name, value if isinstance(value, str) else ", ".join(value), width=7)
+
+
+def import_recording(
+    sources: Annotated[
+        list[Path],
+        Argument(
+            metavar="SOURCE...",
+            help="The files of one recording: ROS 1 bags, ROS 2 bags, .mcap, headed .csv, .parquet, .npz, .npy, .mat.",
+        ),
+    ],
+    foreign: MappingOptions,
+    out: Annotated[
+        Path | None, Option("--out", metavar="LOG", help="Motion log to write, LOG.parquet.")
+    ] = None,
+    units: Annotated[
+        str | None,
+        Option(
+            metavar="U,U,...", help="rad, deg, m or mm per joint, or one for all, where a mapping has none."
+        ),
+    ] = None,
+    robot: Annotated[
+        str | None, Option(metavar="ROBOT", help="Catalogue name or file: names and units of the joints.")
+    ] = None,
+    yes: Annotated[
+        bool, Option("--yes", help="Take the proposed mapping, if nothing in it is open.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Bring a recording of any make into a motion log.
+
+    Every command reads that log. Without a mapping it prints the one that it proposes, as TOML to edit; files of a
+    known layout need none.
+
+    Example: catenary import lab.bag --map q_nominal=/arm/joint_cmd.position --map q_encoder=/camera/joints.position@deg
+    --units deg,deg,mm --out lab.parquet
+    """
+    from catenary.workflows.import_recording import import_recording as read
+    from catenary.workflows.import_recording import known_layout, propose_mapping
+
+    if out is not None:
+        if out.suffix != ".parquet":
+            raise InputError(f"--out {out}: expected a name that ends in .parquet")
+        refuse_unwritable("--out", out)
+        refuse_to_overwrite({"--out": out}, sources)
+    mapping = foreign.read(units, robot=robot)
+    layout = known_layout(sources, robot=robot)
+    if mapping is None and layout is None and not (yes and out is not None):
+        proposal = propose_mapping(sources, units=units, robot=robot)
+        if as_json:
+            print_json(
+                {"proposal": proposal.toml, "decisions": proposal.decisions, "questions": proposal.questions}
+            )
+        else:
+            print(proposal.toml, end="")
+            _say_how_to_go_on(sources, is_open=bool(proposal.questions))
+        if out is not None:
+            raise InputError(f"--out {out}: nothing was written: there is no mapping yet")
+        return
+    if out is None:
+        raise InputError("--out: where does the log go? expected --out LOG.parquet")
+    log = read(sources, mapping, units=units, robot=robot, accept_proposal=yes)
+    from catenary.recording.logs import write_parquet
+
+    write_parquet(log, out)
+    seconds = None if log.time is None else float(log.time.max() - log.time.min())
+    measured = int(log.ok.sum()) if log.q_encoder is not None else None
+    if as_json:
+        facts = {
+            "log": str(out),
+            "layout": layout,
+            "rows": len(log),
+            "seconds": seconds,
+            "measured": measured,
+        }
+        joints = dict(zip(log.joint_names, log.joint_units, strict=True))
+        print_json({**facts, "joints": joints, "notes": log.notes})
+        return
+    print_notes(log.notes)
+    joints_in_words = ", ".join(
+        f"{name} [{unit}]" for name, unit in zip(log.joint_names, log.joint_units, strict=True)
+    )
+    print(f"joints: {joints_in_words}")
+    print(f"rows:   {len(log)}{'' if seconds is None else f', {seconds:.1f} s'}")
+    if measured is not None:
+        print(f"        {measured} of them with q_encoder")
+    print(f"log:    {out}")
+
+
+def _say_how_to_go_on(sources: list[Path], *, is_open: bool) -> None:
+    import shlex
+
+    files = " ".join(shlex.quote(str(source)) for source in sources)
+    print_notes(
+        [
+            "this is a proposal; nothing was imported. Write it to a file, "
+            + ("answer what is marked OPEN, " if is_open else "check it, ")
+            + f"and: catenary import {files} --mapping FILE.toml --out LOG.parquet"
+            + ("" if is_open else ", or take it as it is: --yes --out LOG.parquet")
+        ]
+    )

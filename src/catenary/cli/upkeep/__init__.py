@@ -1,0 +1,1 @@
+"""Commands for a model after the day of its fit."""

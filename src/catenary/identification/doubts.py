@@ -1,0 +1,145 @@
+"""Torques that cannot be those of the motion: of the wrong sign, of other axes, or no torques but currents."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.dynamics.inverse_dynamics import inverse_dynamics
+from catenary.identification.identification import Identification
+from catenary.identification.least_squares import solve, triangles
+from catenary.identification.samples import Samples
+from catenary.identification.swapped import swapped_axes
+from catenary.verdict.finding import Finding
+
+# Friction of real arms takes 8 to 170 % of a recording's mean torque times its mean speed, 2 to 70 standard deviations
+# above zero; an axis whose torque has the wrong sign seems to drive itself as strongly.
+SURE = 3.0  # standard deviations below zero of the power that friction takes
+NOTABLE = 0.05  # of the mean torque times the mean speed
+MENDED = 0.35  # of the mean square residual: at most this is left when one axis's sign is turned back
+DOUBTFUL = 0.3  # relative residual from which on it is asked whether axes are swapped or turned
+ROWS = 600  # that are looked at
+EXPLAINED = 0.8  # least correlation of measured torques with the model's own, to speak of their ratio
+RATIO = (0.4, 2.5)  # of a torque to the model's own: assumed masses are wrong by less
+
+
+def torque_findings(result: Identification, samples: Samples, *, fitted: bool) -> list[Finding]:
+    """Find torques of the wrong sign, of swapped axes, or in another unit.
+
+    Args:
+        result: What was identified.
+        samples: A recording.
+        fitted: It is one of those that were fitted.
+    """
+    findings = _currents(result, samples)
+    own = result.training if fitted else result.tests
+    residual = next(r for r in own if r.log == samples.name)
+    with np.errstate(invalid="ignore"):
+        doubtful = bool(np.any(residual.relative_rms > DOUBTFUL)) or residual.verdict not in (None, "holds")
+    pair = swapped_axes(result, samples, refit=fitted) if doubtful else None
+    if pair is not None:
+        names = result.model.joint_names
+        a, b = names[pair[0]], names[pair[1]]
+        return [
+            *findings,
+            Finding(
+                "swapped",
+                (a, b),
+                f"axes {a} and {b} look swapped: exchanged, their torques fit",
+                "columns in another order",
+                f"--swap tau:{a},{b}, or where positions are exchanged too, --swap q_nominal:{a},{b} --swap qd:{a},{b} "
+                f"--swap tau:{a},{b}",
+            ),
+        ]
+    turned = _driven(result, samples) if fitted else set()
+    if doubtful and not turned:
+        turned = _turned(result, samples, fitted)
+    return findings + [
+        Finding(
+            "sign",
+            (result.model.joint_names[i],),
+            "its friction seems to drive it (Coulomb and viscous friction below zero), or its torque fits turned round",
+            "a torque that is counted the other way than the position, or the load's instead of the motor's",
+            f"--sign tau:{result.model.joint_names[i]}",
+        )
+        for i in sorted(turned)
+    ]
+
+
+def _driven(result: Identification, samples: Samples) -> set[int]:
+    """Return axes whose friction gives power, beyond its uncertainty."""
+    parameters = result.base.parameters
+    first = len(parameters.links) * parameters.per_link
+    place = {int(column): k for k, column in enumerate(result.base.columns)}
+    driven = set()
+    power: dict[tuple[float, ...], list[tuple[int, float]]] = {}
+    for k, term in enumerate(parameters.actuation):
+        if term.kind in ("coulomb", "viscous") and first + k in place:
+            speed = samples.qd @ term.combination
+            weight = float(np.mean(np.abs(speed) if term.kind == "coulomb" else speed**2))
+            power.setdefault(tuple(term.combination), []).append((place[first + k], weight))
+    for combination, parts in power.items():
+        columns, weights = [column for column, _ in parts], np.array([weight for _, weight in parts])
+        taken = float(weights @ result.beta[columns])
+        spread = float(np.sqrt(weights @ result.covariance[np.ix_(columns, columns)] @ weights))
+        along = np.array(combination)
+        axis = int(np.argmax(np.abs(along)))
+        size = float(np.mean(np.abs(samples.tau[:, axis])) * np.mean(np.abs(samples.qd[:, axis])))
+        if taken < -SURE * spread and taken < -NOTABLE * size and np.count_nonzero(along) == 1:
+            driven.add(axis)
+    return driven
+
+
+def _turned(result: Identification, samples: Samples, refit: bool) -> set[int]:
+    """Return the axis whose torque, turned round, leaves clearly less residual on all axes together, if any."""
+    some = np.zeros(len(samples), dtype=bool)
+    some[np.unique(np.linspace(0, len(samples) - 1, min(len(samples), ROWS)).astype(np.int64))] = True
+    rows = samples.rows(some, samples.name)
+    gravity = np.array(result.options.gravity)
+
+    def left(part: Samples) -> float:
+        reduced = triangles(result.base, gravity, [part])
+        beta = solve(reduced.stacked(result.weights)) if refit else result.beta
+        relative = reduced.residual_rms(beta) / np.maximum(np.sqrt(np.mean(part.tau**2, axis=0)), 1e-9)
+        return float((np.minimum(relative, 2.0) ** 2).sum())
+
+    before, best, axis = left(rows), np.inf, -1
+    for i in range(samples.tau.shape[1]):
+        sign = np.ones(samples.tau.shape[1])
+        sign[i] = -1.0
+        # what is known beforehand was subtracted with its own sign
+        turned = replace(rows, tau=(rows.tau + rows.known) * sign - rows.known)
+        after = left(turned)
+        if after < best:
+            best, axis = after, i
+    return {axis} if best < MENDED * before else set()
+
+
+def _currents(result: Identification, samples: Samples) -> list[Finding]:
+    """Find axes whose torque is many times the model's own, where the robot's file has masses."""
+    model = result.model
+    if model.missing_inertia:
+        return []
+    own: Floats = inverse_dynamics(model, samples.q, samples.qd, samples.qdd, gravity=result.options.gravity)
+    found = []
+    for i in range(model.n):
+        # friction and offsets beside the model's own torque
+        columns = np.column_stack([own[:, i], np.sign(samples.qd[:, i]), samples.qd[:, i], np.ones(len(own))])
+        if not np.ptp(own[:, i]) > 0.0:
+            continue
+        ratio = float(np.linalg.lstsq(columns, samples.tau[:, i], rcond=None)[0][0])
+        correlation = float(np.corrcoef(own[:, i], samples.tau[:, i])[0, 1])
+        if abs(correlation) > EXPLAINED and not RATIO[0] < abs(ratio) < RATIO[1]:
+            found.append((model.joint_names[i], ratio))
+    if not found:
+        return []
+    ratios = ", ".join(f"{name} {ratio:.3g}" for name, ratio in found)
+    return [
+        Finding(
+            "torques",
+            tuple(name for name, _ in found),
+            f"torques over those of the robot's own masses are {ratios}, expected {RATIO[0]:g} to {RATIO[1]:g}",
+            "motor currents, or torques at the motor, read as joint torques",
+            " ".join(f"--scale tau:{name}={1.0 / ratio:.4g}" for name, ratio in found),
+        )
+    ]

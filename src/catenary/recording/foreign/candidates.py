@@ -1,0 +1,207 @@
+"""Groups of columns that may be one quantity of all joints, told by their names, types and ranges."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.recording.foreign.stream import Stream, arrays_of, natural
+from catenary.recording.foreign.table_time import time_columns
+from catenary.recording.topics import SECOND
+
+Kind = Literal["position", "velocity", "effort", "current"]
+Role = Literal["measured outside", "actual", "reported", "commanded", "unknown"]
+
+
+def _set(words: str) -> frozenset[str]:
+    return frozenset(words.split())
+
+
+_KINDS: dict[Kind, frozenset[str]] = {
+    "velocity": _set("velocity velocities vel vels qd dq qdot speed jvel mvel"),
+    "effort": _set("effort efforts tau torque torques jf"),
+    "current": _set("current currents cur amps amp dac"),
+}
+_ROLES: dict[Role, frozenset[str]] = {
+    "measured outside": _set(
+        "encoder encoders enc ext external optitrack opti vicon mocap truth gt ground camera cam tracker tracked "
+        "aurora ndi polaris laser zivid marker markers"
+    ),
+    "commanded": _set(
+        "cmd cmds command commands commanded setpoint setpoints sp desired des goal goals target targets servo ref"
+    ),
+    "actual": _set("actual act true real"),
+    "reported": _set(
+        "measured meas state states joint joints jpos pos position positions q js motor motors feedback fb nominal"
+    ),
+}
+_OK = _set("ok valid tracked visible good")
+_NO_JOINTS = _set(
+    "header covariance orientation quaternion translation rotation seq stamp cp cv twist wrench linear angular pose "
+    "points intensities ranges color colors"
+)
+_UNITS = _set("deg degree degrees rad mm m nm n")
+_UNIT = re.compile(r"[\[( _](?P<unit>deg|degree|degrees|rad|mm|m)[\])]?(?:\[?\d+\]?)?\Z", re.IGNORECASE)
+_UNIT_WORDS = {"degree": "deg", "degrees": "deg"}
+MOST_JOINTS = 64
+_WHOLE = 0.95  # share of rows that a quantity is taken from, at least: the others are lost with it
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Columns of one stream that may be one quantity."""
+
+    stream: Stream
+    columns: tuple[str, ...]
+    kind: Kind
+    role: Role
+    joints: tuple[str, ...]  # names, or "" where the recording has none
+
+    @property
+    def name(self) -> str:
+        """What the columns have in common, for a reader."""
+        first = self.columns[0]
+        base = first[: first.rfind("[")] if first.endswith("]") else first
+        where = f"{self.stream.name}." if self.stream.type != "table" else ""
+        more = f" ... {self.columns[-1]}" if base == first and len(self.columns) > 1 else ""
+        return f"{where}{base}{more}"
+
+    @property
+    def references(self) -> list[str]:
+        """The columns as a mapping names them."""
+        if self.stream.type == "table":
+            return list(self.columns)
+        return [f"{self.stream.name}.{column}" for column in self.columns]
+
+    @property
+    def ranges(self) -> list[tuple[float, float]]:
+        """Least and largest finite number of each column; NaN for none."""
+        return [_range(self.stream.columns[column]) for column in self.columns]
+
+    @property
+    def moves(self) -> bool:
+        """Whether any column is more than one number."""
+        return any(high > low for low, high in self.ranges)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether nearly every row has a number in each column."""
+        return all(
+            np.isfinite(self.stream.columns[c].astype(np.float64)).mean() > _WHOLE for c in self.columns
+        )
+
+    @property
+    def rate(self) -> float:
+        """Rows a second [Hz]; NaN where there is no time."""
+        arrival = self.stream.arrival
+        if arrival is None or len(arrival) < 2 or arrival[-1] <= arrival[0]:
+            return float("nan")
+        return (self.stream.rows - 1) * SECOND / float(arrival[-1] - arrival[0])
+
+    def part(self, columns: Sequence[str]) -> "Candidate":
+        """Return it with some of its columns."""
+        joints = dict(zip(self.columns, self.joints, strict=True))
+        return Candidate(self.stream, tuple(columns), self.kind, self.role, tuple(joints[c] for c in columns))
+
+    def stated_units(self) -> tuple[str, ...] | None:
+        """Return the units that the columns' names end in; None where one has none."""
+        found = [_UNIT.search(re.sub(r"\[\d+\]\Z", "", column)) for column in self.columns]
+        if not all(found):
+            return None
+        units = [one["unit"].lower() for one in found if one]
+        return tuple(_UNIT_WORDS.get(unit, unit) for unit in units)
+
+
+def candidates_of(streams: Sequence[Stream]) -> list[Candidate]:
+    """Return the groups of columns that may be a quantity of the joints."""
+    return [
+        one
+        for stream in streams
+        for one in (_of_table(stream) if stream.type == "table" else _of_topic(stream))
+    ]
+
+
+def ok_columns(stream: Stream) -> list[str]:
+    """Return columns of a table that say by name and content where a measurement can be trusted."""
+    return [
+        name
+        for name, values in stream.columns.items()
+        if set(_words(name)) & _OK and bool(np.isin(values, (0, 1)).all())
+    ]
+
+
+def pose_references(stream: Stream) -> list[str]:
+    """Return the poses and transforms in a topic, but the robot's own of its tool (cp)."""
+    if set(_words(stream.name)) & {"cp"}:
+        return []
+    ends = (".orientation.w", ".rotation.w")
+    return [
+        f"{stream.name}.{name[: -len(end)]}" for end in ends for name in stream.columns if name.endswith(end)
+    ]
+
+
+def _of_topic(stream: Stream) -> list[Candidate]:
+    found = []
+    for base, columns in arrays_of(stream).items():
+        columns = [column for column in columns if column in stream.columns]
+        words = _words(base)
+        if not 2 <= len(columns) <= MOST_JOINTS or set(words) & _NO_JOINTS or "." in base.rpartition("[")[2]:
+            continue
+        joints = tuple(column[len(base) + 1 : -1] if base in stream.joints else "" for column in columns)
+        found.append(
+            Candidate(stream, tuple(columns), _kind(words), _role([*_words(stream.name), *words]), joints)
+        )
+    return found
+
+
+def _of_table(stream: Stream) -> list[Candidate]:
+    times = {*time_columns(stream), *ok_columns(stream)}
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name in stream.columns:
+        words = _words(name)
+        if name in times or set(words) & _NO_JOINTS:
+            continue
+        numbered = re.sub(r"[\[_. ]?\d+\]?", "#", name)
+        own = tuple(w for w in words if any(w in names for names in (*_KINDS.values(), *_ROLES.values())))
+        key = ("#", numbered) if "#" in numbered else (("words", *own) if own else ("alone", name))
+        groups.setdefault(key, []).append(name)
+    found = []
+    for (how, *rest), columns in groups.items():
+        key = tuple(rest)
+        if how == "alone" or not 1 <= len(columns) <= MOST_JOINTS:
+            continue
+        ordered = sorted(columns, key=natural) if how == "#" else columns
+        words = _words(columns[0]) if how == "#" else list(key)
+        named = [
+            "_".join(w for w in re.findall(r"[a-z]+\d*", column.lower()) if w not in key and w not in _UNITS)
+            for column in ordered
+        ]
+        joints = (
+            tuple(named)
+            if how == "words" and all(named) and len(set(named)) == len(named)
+            else ("",) * len(named)
+        )
+        found.append(Candidate(stream, tuple(ordered), _kind(words), _role(words), joints))
+    return found
+
+
+def _words(name: str) -> list[str]:
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
+    return re.findall(r"[a-z]+", apart.lower())
+
+
+def _kind(words: Sequence[str]) -> Kind:
+    return next((kind for kind, names in _KINDS.items() if set(words) & names), "position")
+
+
+def _role(words: Sequence[str]) -> Role:
+    return next((role for role, names in _ROLES.items() if set(words) & names), "unknown")
+
+
+def _range(values: NDArray[np.generic]) -> tuple[float, float]:
+    numbers = values.astype(np.float64)
+    finite = numbers[np.isfinite(numbers)]
+    return (float(finite.min()), float(finite.max())) if len(finite) else (float("nan"), float("nan"))

@@ -1,0 +1,285 @@
+"""A recording of any make into a MotionLog, by a mapping."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.documents import cut
+from catenary.errors import InputError
+from catenary.files import sha256_of
+from catenary.plant import MotionLog
+from catenary.recording.foreign.clocks import OneClock
+from catenary.recording.foreign.joints import factors, joint_names_of, joint_units_of, recorded_joints
+from catenary.recording.foreign.mapping import Quantity, RecordingMapping, TrackedPose
+from catenary.recording.foreign.pose import joints_from_poses, pose_places
+from catenary.recording.foreign.sources import Sources
+from catenary.recording.foreign.stream import Place, Stream, places_of
+from catenary.recording.foreign.table_rows import TableRows
+from catenary.recording.series import Series, interpolate, stopped_encoders
+from catenary.recording.synchronise import SynchroniseOptions
+from catenary.robots.catalog import load_robot
+from catenary.robots.model import RobotModel
+
+MOVED = {"rad": 0.02, "m": 0.001}  # by which a motor moves at least while its encoder is said to stand still
+_SIGNED = "-"
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Where the columns of a quantity are, and the sign of each."""
+
+    places: list[Place]
+    sign: Floats
+
+
+@dataclass
+class _Wanted:
+    """Columns that are to be read, by stream."""
+
+    streams: Sequence[Stream]
+    columns: dict[str, dict[str, None]] = field(default_factory=dict)
+
+    def of(self, references: Sequence[str], what: str) -> _Found:
+        """Find references, and keep them to be read.
+
+        Raises:
+            InputError: One is not there.
+        """
+        places, signs = list[Place](), list[float]()
+        for reference in references:
+            try:
+                found, sign = places_of(reference, self.streams), 1.0
+            except InputError as error:
+                if not reference.startswith(_SIGNED):
+                    raise InputError(f"{what}: {error}") from error
+                found, sign = places_of(reference[1:], self.streams), -1.0
+            places += found
+            signs += [sign] * len(found)
+        self.keep(places)
+        return _Found(places, np.array(signs))
+
+    def keep(self, places: Sequence[Place]) -> None:
+        for place in places:
+            self.columns.setdefault(place.stream, {})[place.column] = None
+
+
+def import_sources(
+    sources: Sources, mapping: RecordingMapping, *, model: RobotModel | None = None
+) -> MotionLog:
+    """Read a recording by a mapping, on one clock.
+
+    Rows are the samples of q_nominal; other streams are interpolated between their two neighbours in time, and `ok` is
+    cleared where q_encoder has none within the gap. Rows that lack q_nominal, qd, tau or a signal are left out. A table
+    alone keeps its rows.
+
+    Args:
+        sources: The files.
+        mapping: Which column is what.
+        model: The robot; the mapping's when None.
+
+    Raises:
+        FileFormatError: A file cannot be read.
+        InputError: A column is not there, numbers of columns or units contradict each other, or no row is left.
+    """
+    where = ", ".join(path.name for path in sources.paths)
+    wanted = _Wanted(sources.streams)
+    joints = {
+        key: wanted.of(quantity.columns, key)
+        for key in ("q_nominal", "q_encoder", "qd", "tau")
+        if (quantity := getattr(mapping, key)) is not None and quantity.columns
+    }
+    valid = wanted.of(mapping.ok, "ok")
+    signals = {key: wanted.of(signal.columns, f"signal {key}") for key, signal in mapping.signals.items()}
+    tracked = mapping.q_encoder.pose if mapping.q_encoder is not None else None
+    pose = pose_places(tracked, sources.streams) if tracked is not None else []
+    wanted.keep(pose)
+
+    n = len(joints["q_nominal"].places)
+    for key, columns in joints.items():
+        if len(columns.places) != n:
+            raise InputError(
+                f"{where}: {key} has {len(columns.places)} columns, q_nominal {n}; expected as many"
+            )
+    if model is None and mapping.robot is not None:
+        model = load_robot(mapping.robot)
+    notes = _ordered_by_name(joints, mapping, sources.streams)
+    base = joints["q_nominal"].places[0]
+    names, said = joint_names_of(mapping, model, joints["q_nominal"].places, sources.streams)
+    notes += said
+    units, assumed, said = joint_units_of(mapping, model, base, sources.streams, names)
+    notes += said
+    streams = sources.read({stream: list(columns) for stream, columns in wanted.columns.items()})
+    for stream in streams.values():
+        notes += [f"{stream.name}: {note}" for note in stream.notes]
+    columns_of = {stream: tuple(columns) for stream, columns in wanted.columns.items()}
+    alone = len(streams) == 1 and streams[base.stream].arrival is None
+    clock: TableRows | OneClock
+    if alone:
+        clock = TableRows(streams[base.stream], mapping)
+    else:
+        clock = OneClock(streams, columns_of, base.stream, mapping)
+
+    scaled = {}
+    for key, columns in joints.items():
+        stated, factor = factors(key, getattr(mapping, key), units, n)
+        if key == "q_encoder" and stated is None:
+            notes.append(f"q_encoder: its units were not stated; taken in {', '.join(units)}")
+        scaled[key] = factor * columns.sign
+    rows = {key: clock.rows(columns.places) * scaled[key] for key, columns in joints.items()}
+    further = {
+        key: clock.rows(columns.places) * mapping.signals[key].scale * columns.sign
+        for key, columns in signals.items()
+    }
+    whole = _whole_rows({**rows, **further}, notes)
+    if not whole.any():
+        raise InputError(f"{where}: no row has all of {', '.join([*rows, *further])}; {'; '.join(notes)}")
+    ok = np.ones(len(whole), dtype=bool)
+    encoder: Series | None = None
+    if isinstance(clock, OneClock) and "q_encoder" in joints:
+        found = clock.samples(joints["q_encoder"].places)
+        encoder = found and Series(found.stamp, found.values * scaled["q_encoder"], found.report)
+    if tracked is not None and model is not None:
+        encoder = _tracked(
+            clock, tracked, model, pose, joints["q_nominal"], scaled["q_nominal"], names, notes
+        )
+        rows["q_encoder"] = interpolate(encoder, clock.stamp, _gap(clock, pose))[0]
+    if "q_encoder" in rows:
+        ok &= np.isfinite(rows["q_encoder"]).all(axis=1)
+    if valid.places:
+        ok &= (clock.rows(valid.places) > 0.5).all(axis=1)
+    if encoder is not None:
+        stopped = stopped_encoders(
+            encoder, clock.stamp, rows["q_nominal"], names,
+            stopped_after=SynchroniseOptions().stopped_after, moved=[MOVED[unit] for unit in units],
+        )  # fmt: skip
+        for stop in stopped:
+            ok &= ~((clock.stamp > stop.start_ns) & (clock.stamp < stop.end_ns))
+            notes.append(stop.note())
+    if "q_encoder" in rows and not ok.any():
+        raise InputError(f"{where}: q_encoder is measured on no row of q_nominal; {'; '.join(clock.notes)}")
+    notes += [f"{int((~ok[whole]).sum())} of {int(whole.sum())} rows have no q_encoder"] * bool(
+        (~ok[whole]).any()
+    )
+    signal_columns, signal_units = _signals(further, mapping, whole)
+    time = clock.time
+    return MotionLog(
+        name=sources.paths[0].stem,
+        joint_names=names,
+        joint_units=units,
+        q_nominal=rows["q_nominal"][whole],
+        q_encoder=rows["q_encoder"][whole] if "q_encoder" in rows else None,
+        ok=ok[whole],
+        time=None if time is None else time[whole] - time[whole][0],
+        qd=rows["qd"][whole] if "qd" in rows else None,
+        tau=rows["tau"][whole] if "tau" in rows else None,
+        signals=signal_columns,
+        signal_units=signal_units,
+        robot=None if model is None else model.name,
+        sha256=_sha256(sources.paths),
+        units_assumed=assumed,
+        notes=(
+            f"imported from {where}: {_told(mapping)}",
+            *dict.fromkeys([*sources.notes, *clock.notes, *notes]),
+        ),
+    )
+
+
+def _ordered_by_name(
+    joints: dict[str, _Found], mapping: RecordingMapping, streams: Sequence[Stream]
+) -> list[str]:
+    """Put whole arrays, and parts of them, into the order of q_nominal's joints where both have names; say so."""
+    order = recorded_joints(joints["q_nominal"].places, streams)
+    notes = []
+    for key, columns in joints.items():
+        own = recorded_joints(columns.places, streams)
+        if own == order or not own or set(own) != set(order):
+            continue
+        if all(
+            reference.endswith(tuple(f"[{joint}]" for joint in own))
+            for reference in getattr(mapping, key).columns
+        ):
+            notes.append(f"{key}: joints are in another order than q_nominal's, as the mapping names them")
+            continue
+        index = [own.index(joint) for joint in order]
+        joints[key] = _Found([columns.places[i] for i in index], columns.sign[index])
+        notes.append(f"{key}: has its joints in another order; they were taken by name")
+    return notes
+
+
+def _whole_rows(rows: dict[str, Floats], notes: list[str]) -> NDArray[np.bool_]:
+    """Return the rows that have all that a log must have on each; say what others lack."""
+    whole = np.ones(len(rows["q_nominal"]), dtype=bool)
+    for key, values in rows.items():
+        if key == "q_encoder":
+            continue
+        there = np.asarray(np.isfinite(values).all(axis=1))
+        if not there.all():
+            notes.append(f"{int((whole & ~there).sum())} of {len(there)} rows without {key} were left out")
+        whole &= there
+    return whole
+
+
+def _tracked(
+    clock: TableRows | OneClock,
+    tracked: TrackedPose,
+    model: RobotModel,
+    pose: Sequence[Place],
+    nominal: _Found,
+    scale: Floats,
+    names: Sequence[str],
+    notes: list[str],
+) -> Series:
+    """Return the joints that poses stand for, at the poses' own stamps."""
+    poses, q = clock.samples(pose), clock.samples(nominal.places)
+    if poses is None or q is None:
+        raise InputError("a pose, and q_nominal beside it, must each be of one topic or table")
+    near = interpolate(Series(q.stamp, q.values * scale, q.report), poses.stamp, _gap(clock, nominal.places))[
+        0
+    ]
+    chosen = [
+        model.joint_names.index(name) if name in model.joint_names else i for i, name in enumerate(names)
+    ]
+    start = np.tile(np.clip(0.0, model.lower, model.upper), (len(near), 1))
+    start[:, chosen] = near
+    found = joints_from_poses(model, tracked, poses.values, start)
+    lost = int(np.isnan(found).any(axis=1).sum() - np.isnan(start).any(axis=1).sum())
+    if lost > 0:
+        notes.append(
+            f"{lost} of {len(found)} poses are not finite or out of the robot's reach, and were left out"
+        )
+    return Series(poses.stamp, found[:, chosen], poses.report)
+
+
+def _gap(clock: TableRows | OneClock, places: Sequence[Place]) -> float:
+    return clock.gap(places[0].stream)
+
+
+def _signals(
+    further: dict[str, Floats], mapping: RecordingMapping, whole: NDArray[np.bool_]
+) -> tuple[dict[str, Floats], dict[str, str]]:
+    columns, units = dict[str, Floats](), dict[str, str]()
+    for key, values in further.items():
+        names = [key] if values.shape[1] == 1 else [f"{key}[{i}]" for i in range(values.shape[1])]
+        columns |= {name: values[whole, i] for i, name in enumerate(names)}
+        units |= dict.fromkeys(names, mapping.signals[key].units)
+    return columns, units
+
+
+def _told(mapping: RecordingMapping) -> str:
+    """Return a mapping in a line."""
+    parts = []
+    for key in ("q_nominal", "q_encoder", "qd", "tau"):
+        quantity: Quantity | None = getattr(mapping, key)
+        if quantity is not None:
+            source = quantity.columns if quantity.pose is None else (f"pose {quantity.pose.columns[0]}",)
+            units = f" [{', '.join(quantity.units)}]" if quantity.units else ""
+            parts.append(f"{key} = {cut(', '.join(source))}{units}")
+    return "; ".join(parts)
+
+
+def _sha256(paths: Sequence[Path]) -> str | None:
+    return sha256_of(paths[0]) if len(paths) == 1 and paths[0].is_file() else None

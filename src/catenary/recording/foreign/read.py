@@ -1,0 +1,61 @@
+"""The door for recordings: files of catenary and known layouts as they are, any other by its mapping."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from catenary.plant import MotionLog
+from catenary.recording.foreign.mapping import RecordingMapping
+from catenary.recording.logs import read_log, read_torque_log
+from catenary.recording.mend import NOTHING, Mend
+from catenary.robots.model import RobotModel
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What files of recordings do not say of themselves."""
+
+    units: tuple[str, ...] | None = None  # "rad" or "m" per joint
+    joint_names: tuple[str, ...] | None = None
+    mapping: RecordingMapping | None = (
+        None  # of a recording of another make, which it then is; with its own units
+    )
+    mend: Mend = NOTHING  # what to change of them
+
+
+def read_logs(paths: Sequence[str | Path], reading: Reading | None = None) -> list[MotionLog]:
+    """Read recordings; see `read_recording`."""
+    return [read_recording(path, reading) for path in paths]
+
+
+def read_recording(path: str | Path, reading: Reading | None = None) -> MotionLog:
+    """Read a recording, by a mapping or as `read_log` does, and mend it.
+
+    Raises:
+        FileFormatError: As `read_log`, or the file cannot be read.
+        InputError: As `read_log`, or what the mapping names is not there.
+    """
+    reading = reading if reading is not None else Reading()
+    if reading.mapping is None:
+        return reading.mend(read_log(path, units=reading.units, joint_names=reading.joint_names))
+    return reading.mend(_by_mapping(Path(path), reading.mapping, None))
+
+
+def read_torque_recording(path: Path, model: RobotModel, reading: Reading | None = None) -> MotionLog:
+    """Read a recording of a robot for identification, by a mapping or as `read_torque_log` does, and mend it.
+
+    Raises:
+        FileFormatError: As `read_torque_log`, or the file cannot be read.
+        InputError: As `read_torque_log`, or what the mapping names is not there.
+    """
+    reading = reading if reading is not None else Reading()
+    if reading.mapping is None:
+        return reading.mend(read_torque_log(path, model))
+    return reading.mend(_by_mapping(path, reading.mapping, model))
+
+
+def _by_mapping(path: Path, mapping: RecordingMapping, model: RobotModel | None) -> MotionLog:
+    from catenary.recording.foreign.importer import import_sources
+    from catenary.recording.foreign.sources import Sources
+
+    return import_sources(Sources([path]), mapping, model=model)

@@ -1,0 +1,1 @@
+"""What is wrong with a recording, judged before anything is fitted to it."""

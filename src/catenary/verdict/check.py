@@ -1,0 +1,107 @@
+"""The verdict on recordings of which a calibration model is to be made: every check, in order."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from catenary.arrays import Floats
+from catenary.plant import MotionLog
+from catenary.robots.catalog import load_robot, robot_names
+from catenary.robots.model import RobotModel
+from catenary.verdict.correspondence import correspondence_findings, joints_in_place
+from catenary.verdict.extent import extent_findings
+from catenary.verdict.finding import Finding, judge, require_names
+from catenary.verdict.lag import lag_findings
+from catenary.verdict.pairs import Pairs, pairs_of
+from catenary.verdict.sensors import outlier_findings, sensor_findings, zero_findings
+from catenary.verdict.stamps import stamp_findings
+from catenary.verdict.units_and_scale import offset_findings, range_findings, slope_findings
+
+NEEDED_TO_LEARN = ("short", "constant")  # what a test does well without
+
+
+def findings_of(
+    log: MotionLog, *, robot: RobotModel | None = None, max_error: Floats | None = None
+) -> tuple[Finding, ...]:
+    """Return what is wrong with a recording, and what is worth knowing, the gravest first.
+
+    Args:
+        log: The recording.
+        robot: Whose limits positions are held against, by the names of joints.
+        max_error: (n,) [rad|m]; rows with larger errors are left out, as a fit leaves them out.
+    """
+    if max_error is not None and log.q_encoder is not None:
+        with np.errstate(invalid="ignore"):
+            within = (np.abs(log.q_encoder - log.q_nominal) <= max_error).all(axis=1)
+        log = replace(log, ok=log.ok & within)
+    ranges = range_findings(log, robot)
+    findings = [*extent_findings(log), *stamp_findings(log, in_si=not ranges), *ranges]
+    pairs = pairs_of(log)
+    if pairs is not None:
+        findings += _relation(pairs, {joint for each in findings if each.refuses for joint in each.joints})
+        findings += zero_findings(log)
+        if not any(
+            each.refuses for each in findings
+        ):  # what is wrong everywhere is far from the rest somewhere
+            findings += [*offset_findings(pairs), *outlier_findings(log)]
+    return tuple(sorted(findings, key=lambda each: not each.refuses))
+
+
+def _relation(pairs: Pairs, wrong: Collection[str]) -> list[Finding]:
+    """Find what is wrong between measurements and commands, each thing once, under its first cause.
+
+    Args:
+        pairs: Rows.
+        wrong: Joints of which something is known to be wrong; they may stand still for that.
+    """
+    place = joints_in_place(pairs)
+    late = lag_findings(pairs, place)
+    swapped, single = correspondence_findings(pairs, place)
+    if any(each.refuses for each in late):  # rows out of step follow nothing, and their slopes mean nothing
+        return [*swapped, *late]
+    slopes = slope_findings(pairs, place)
+    wrong = {*wrong, *(joint for each in (*single, *slopes) for joint in each.joints)}
+    still = [each for each in sensor_findings(pairs, place) if not wrong & set(each.joints)]
+    return [*swapped, *single, *slopes, *still]
+
+
+def robot_of(logs: Sequence[MotionLog], robot: str | None = None) -> RobotModel | None:
+    """Return the robot that recordings are of: the one of that name, or of theirs in the catalogue; None unknown."""
+    if robot is not None and (robot in robot_names() or Path(robot).is_file()):
+        return load_robot(robot)
+    named = {log.robot for log in logs}
+    name = named.pop() if len(named) == 1 else None
+    return load_robot(name) if name in robot_names() and name is not None else None
+
+
+def verdict(
+    logs: Sequence[MotionLog],
+    *,
+    accept: Collection[str] = (),
+    robot: RobotModel | None = None,
+    max_error: Floats | None = None,
+    testing: bool = False,
+) -> list[str]:
+    """Refuse recordings that no model should be made from; return notes on what is worth knowing.
+
+    Args:
+        logs: The recordings.
+        accept: Names of findings to go on with.
+        robot: As for `findings_of`.
+        max_error: As for `findings_of`.
+        testing: Nothing is learnt from them: they may be short, and their joints may rest.
+
+    Raises:
+        DataError: What was found in which recording, its likely cause, and the options that mend or accept it.
+        InputError: An unknown name to accept.
+    """
+    require_names(accept)
+    found = [
+        (log.name, each)
+        for log in logs
+        for each in findings_of(log, robot=robot, max_error=max_error)
+        if not (testing and each.name in NEEDED_TO_LEARN)
+    ]
+    return judge(found, accept)

@@ -1,0 +1,84 @@
+"""What a check of a recording found, and what becomes of it: refused, accepted by name, or a note."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from catenary.errors import DataError, InputError
+
+# names that findings have, with what they are about; `--accept` takes them
+NAMES = {
+    "units": "numbers in other units than stated",
+    "range": "positions outside the robot's limits",
+    "scale": "a measurement that moves more, or less, than a cable lets it",
+    "swapped": "columns of joints in each other's place",
+    "sign": "a measurement, or a torque, of the wrong sign",
+    "unrelated": "a measurement that follows no command",
+    "shift": "rows of the measurement shifted against the commands",
+    "clock": "two clocks that run apart",
+    "stamps": "time stamps that repeat, go back, or are in another unit than seconds",
+    "stuck": "a measurement that stands still while its joint is moved",
+    "zeros": "rows of zeros marked as measured",
+    "constant": "columns that never change",
+    "offset": "a measurement far from the command everywhere",
+    "outliers": "single measurements far from all others",
+    "short": "too little to learn from",
+    "torques": "torques of another unit, such as motor currents",
+    "tested": "recordings both fitted to and tested on",
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong, or worth knowing, about a recording."""
+
+    name: str  # of NAMES
+    joints: tuple[str, ...]  # that it is about; none for the whole recording
+    says: str  # what was got, and what was expected
+    culprit: str = ""  # what most likely happened
+    remedy: str = ""  # the option that mends it
+    refuses: bool = True  # a model must not be made from it as it is; otherwise it is a note
+
+    def __str__(self) -> str:
+        where = f"{', '.join(self.joints)}: " if self.joints else ""
+        likely = f"; likely {self.culprit}" if self.culprit else ""
+        mend = f"; mend it with {self.remedy}" if self.remedy else ""
+        return f"{where}{self.says}{likely}{mend}"
+
+    def as_data(self) -> dict[str, Any]:
+        """Return plain data."""
+        return asdict(self)
+
+
+def require_names(accept: Collection[str]) -> None:
+    """Refuse names to accept that no finding has.
+
+    Raises:
+        InputError: The message lists the names.
+    """
+    unknown = sorted(set(accept) - set(NAMES))
+    if unknown:
+        raise InputError(f"accept: no finding is called {', '.join(unknown)}; choices: {', '.join(NAMES)}")
+
+
+def judge(findings: Sequence[tuple[str, Finding]], accept: Collection[str] = ()) -> list[str]:
+    """Refuse recordings with a finding that nobody accepted; return notes on all others.
+
+    Args:
+        findings: Each with the name of its recording.
+        accept: Names of findings to go on with.
+
+    Raises:
+        DataError: What was found in which recording, how it is mended, and how it is accepted.
+        InputError: An unknown name to accept.
+    """
+    require_names(accept)
+    refused = [(where, each) for where, each in findings if each.refuses and each.name not in accept]
+    if refused:
+        names = sorted({each.name for _, each in refused})
+        lines = [f'recording "{where}": {each}' for where, each in refused]
+        go_on = " ".join(f"--accept {name}" for name in names)
+        raise DataError("\n".join([*lines, f"nothing was fitted; to go on all the same: {go_on}"]), names)
+    return [
+        f"{where}: {'accepted ' + each.name + ': ' if each.refuses else ''}{each}" for where, each in findings
+    ]

@@ -1,0 +1,78 @@
+"""Trusted rows of a recording, and how each measured joint goes with each command."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.plant import MotionLog
+from catenary.units import DISPLAY
+
+OUTLIER_SPREADS = 10.0  # robust standard deviations beyond which a measurement is suspected
+MOVED = 1.0  # [deg, mm] least range of a joint that counts as moved: below it, encoders and cameras see noise
+
+
+def scales(log: MotionLog) -> Floats:
+    """Return what makes joint positions deg and mm, (n,)."""
+    return np.array([DISPLAY[unit][1] for unit in log.joint_units])
+
+
+def outliers(errors: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """Return how many of N errors (N, n) lie beyond OUTLIER_SPREADS robust standard deviations, and these, (n,)."""
+    far, spread = _far(errors, 1e-9)
+    return far.sum(axis=0), spread
+
+
+def _far(errors: Floats, least: float) -> tuple[NDArray[np.bool_], Floats]:
+    deviation = np.abs(errors - np.median(errors, axis=0))
+    spread: Floats = 1.4826 * np.median(deviation, axis=0)  # the standard deviation, if errors were normal
+    return deviation > OUTLIER_SPREADS * np.maximum(spread, least), spread
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Commands and measurements of the trusted rows, in deg and mm, and their correlations.
+
+    Correlations and slopes leave single outliers out, row by row of each measured joint.
+    """
+
+    log: MotionLog
+    q: Floats  # (N, n) commands
+    m: Floats  # (N, n) measurements
+    likely: NDArray[np.bool_]  # (N, n) no outlier
+    correlation: Floats  # (n, n) of measurement i with command j; zero where either stands still
+    slope: Floats  # (n, n) of measurement i on command j; zero where either stands still
+    moved: NDArray[np.bool_]  # (n,) joints whose command moved
+    seen_moving: NDArray[np.bool_]  # (n,) joints whose measurement moved
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return self.log.joint_names
+
+    def unit(self, joint: int) -> str:
+        """Return the unit that a joint is shown in."""
+        return DISPLAY[self.log.joint_units[joint]][0]
+
+
+def pairs_of(log: MotionLog) -> Pairs | None:
+    """Pair commands and measurements; None of a recording with fewer than three rows of both."""
+    if log.q_encoder is None or log.ok.sum() < 3:
+        return None
+    scale = scales(log)
+    q, m = scale * log.q_nominal[log.ok], scale * log.q_encoder[log.ok]
+    likely = ~_far(m - q, MOVED)[0]
+    moved = np.ptp(q, axis=0) > MOVED
+    n = len(scale)
+    correlation, slope, seen_moving = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n, dtype=bool)
+    for i in range(n):
+        rows = likely[:, i]
+        command, measured = q[rows] - q[rows].mean(axis=0), m[rows, i] - m[rows, i].mean()
+        size, own = np.linalg.norm(command, axis=0), float(np.linalg.norm(measured))
+        seen_moving[i] = np.ptp(m[rows, i]) > MOVED * 1e-3 if rows.any() else False
+        both = moved & (size > 0.0) & (own > 0.0)
+        product = command.T @ measured
+        correlation[i, both] = product[both] / size[both] / own
+        slope[i, both] = product[both] / size[both] ** 2
+    return Pairs(log, q, m, likely, correlation, slope, moved, seen_moving)

@@ -1,0 +1,158 @@
+"""Did the sensors measure? Encoders that stand still, rows of zeros, single wild measurements."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.plant import MotionLog
+from catenary.units import DISPLAY
+from catenary.verdict.finding import Finding
+from catenary.verdict.pairs import OUTLIER_SPREADS, Pairs, outliers
+
+# Slack keeps a joint still while its command moves by a fifth of a wrist's range at most, and a camera or an encoder
+# never gives the same number twice for long.
+SHARE_OF_RANGE = 0.25  # of a command's range, passed while the measurement repeats itself to the last bit
+FEWEST_ROWS = 10  # of such a stretch
+LEAST_RANGE = 5.0  # [deg, mm] of a command from which on a measurement must move with it
+FROZEN_SHARE = 0.6  # of a command's range, passed while the measurement all but stands
+FROZEN = 0.03  # of the command's motion that counts as standing: no slack takes 97 % of so long a way
+WINDOWS = (20, 100, 400)  # rows
+# of the rows: fewer that stand still are, like outliers, no reason to refuse the others; a real arm stalled on 1.8 %
+FEW = 0.02
+SAME = 0.5  # of the rows, on which joints stand still together
+MOST_SHOWN = 4  # stretches that a message lists
+
+
+def sensor_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
+    """Find measurements that stand still while their joint is moved.
+
+    Args:
+        pairs: Rows.
+        place: (n,) which command each measurement follows.
+    """
+    stuck: list[
+        tuple[list[int], NDArray[np.bool_]]
+    ] = []  # joints that stand still on the same rows, these rows
+    for i in range(len(pairs.names)):
+        command, measured = pairs.q[:, place[i]], pairs.m[:, i]
+        reach = float(np.ptp(np.percentile(command, [1.0, 99.0])))
+        if reach < LEAST_RANGE:
+            continue
+        still = _repeated(command, measured, SHARE_OF_RANGE * reach)
+        still |= _frozen(command, measured, FROZEN_SHARE * reach)
+        if not still.any():
+            continue
+        for joints, rows in stuck:
+            if (still & rows).sum() > SAME * (still | rows).sum():
+                joints.append(i)
+                rows |= still
+                break
+        else:
+            stuck.append(([i], still))
+    return [_stuck(pairs, joints, rows) for joints, rows in stuck]
+
+
+def _stuck(pairs: Pairs, joints: list[int], still: NDArray[np.bool_]) -> Finding:
+    measured_rows = np.flatnonzero(pairs.log.ok)
+    stretches = [(measured_rows[a], measured_rows[b - 1] + 1) for a, b in _stretches(still)]
+    shown = ", ".join(f"{a} to {b - 1}" for a, b in stretches[:MOST_SHOWN])
+    more = f" and {len(stretches) - MOST_SHOWN} more" if len(stretches) > MOST_SHOWN else ""
+    culprit = (
+        "a stuck or unplugged encoder"
+        if len(joints) == 1
+        else "a camera that held its last picture, or an arm that stopped"
+    )
+    return Finding(
+        "stuck",
+        tuple(pairs.names[i] for i in joints),
+        f"the measurement stands still on {int(still.sum())} of {len(still)} measured rows ({shown}{more}), while the "
+        "commands move",
+        culprit,
+        f"--leave-out {','.join(f'{a}:{b}' for a, b in stretches)}" if len(stretches) <= MOST_SHOWN else "",
+        refuses=bool(still.mean() > FEW),
+    )
+
+
+def _stretches(rows: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return first rows and the ones after the last of stretches that are set."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], rows.astype(np.int8), [0]])))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+
+
+def _repeated(command: Floats, measured: Floats, least: float) -> NDArray[np.bool_]:
+    """Return rows of stretches with the same measurement during which the command moved by `least`."""
+    still = np.zeros(len(measured), dtype=bool)
+    bounds = np.flatnonzero(np.diff(measured) != 0.0) + 1
+    edges = np.concatenate([[0], bounds, [len(measured)]])
+    long = np.flatnonzero(np.diff(edges) >= FEWEST_ROWS)
+    for first, last in zip(edges[long], edges[long + 1], strict=True):
+        if np.ptp(command[first:last]) >= least:
+            still[first:last] = True
+    return still
+
+
+def _frozen(command: Floats, measured: Floats, least: float) -> NDArray[np.bool_]:
+    """Return rows of windows in which the measurement hardly moves while the command moves by `least`."""
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+    frozen = np.zeros(len(command), dtype=bool)
+    for width in (w for w in WINDOWS if w < len(command)):
+        # windows from row k on, as the filters' are about row k + width // 2
+        inside = slice(width // 2, len(command) - (width - 1) // 2)
+        ranges = [
+            (maximum_filter1d(x, width) - minimum_filter1d(x, width))[inside] for x in (command, measured)
+        ]
+        begins = np.flatnonzero((ranges[0] >= least) & (ranges[1] < FROZEN * ranges[0]))
+        edges = np.zeros(len(command) + 1, dtype=np.int64)
+        np.add.at(edges, begins, 1)
+        np.add.at(edges, begins + width, -1)
+        frozen |= np.cumsum(edges[:-1]) > 0
+    return frozen
+
+
+def zero_findings(log: MotionLog) -> list[Finding]:
+    """Find rows whose measurement is zero on every joint, though they are said to be measured."""
+    if log.q_encoder is None:
+        return []
+    zero = log.ok & (log.q_encoder == 0.0).all(axis=1) & (log.q_nominal != 0.0).any(axis=1)
+    count = int(zero.sum())
+    if not count:
+        return []
+    says = (
+        f"{count} of {int(log.ok.sum())} measured rows are zero on every joint, the first at row "
+        f"{int(np.flatnonzero(zero)[0])}; expected ok to be false where nothing was measured"
+    )
+    return [Finding("zeros", (), says, "a sensor that saw nothing", _max_error(log, ~zero & log.ok))]
+
+
+def outlier_findings(log: MotionLog) -> list[Finding]:
+    """Note measurements far from all others, with limits that would leave them out."""
+    if log.q_encoder is None or log.ok.sum() < 3:
+        return []
+    scale = np.array([DISPLAY[unit][1] for unit in log.joint_units])
+    errors = scale * (log.q_encoder - log.q_nominal)[log.ok]
+    counts, spreads = outliers(errors)
+    return [
+        Finding(
+            "outliers",
+            (name,),
+            f"{count} of {len(errors)} errors lie beyond {OUTLIER_SPREADS:g} robust standard deviations "
+            f"({OUTLIER_SPREADS * spread:.2g} {DISPLAY[unit][0]})",
+            "measurement failures",
+            _max_error(log, log.ok),
+            refuses=False,
+        )
+        for name, unit, count, spread in zip(log.joint_names, log.joint_units, counts, spreads, strict=True)
+        if count
+    ]
+
+
+def _max_error(log: MotionLog, rows: NDArray[np.bool_]) -> str:
+    """Return limits beyond which errors are no errors of these rows: OUTLIER_SPREADS about each joint's median."""
+    assert log.q_encoder is not None
+    if not rows.any():
+        return "--max-error"
+    scale = np.array([DISPLAY[unit][1] for unit in log.joint_units])
+    errors = scale * (log.q_encoder - log.q_nominal)[rows]
+    far = np.abs(np.median(errors, axis=0)) + OUTLIER_SPREADS * np.maximum(outliers(errors)[1], 0.1)
+    return f"--max-error {','.join(f'{limit:.2g}' for limit in far)}"

@@ -1,0 +1,80 @@
+"""Are time stamps in seconds, each once, and rising?"""
+
+import numpy as np
+
+from catenary.plant import MotionLog
+from catenary.verdict.finding import Finding
+from catenary.verdict.pairs import scales
+
+MOVED = 5.0  # [deg, mm] range from which on a joint's speed is looked at
+SLOWEST = 600.0  # [s] for the fastest joint to cross its range at its median speed; slow real ones need 10
+LONGEST_STEP = 60.0  # [s] a median step that no recording has
+FASTEST = {"rad": 3000.0, "m": 10000.0}  # [deg/s, mm/s] that no arm reaches; RAVEN-II's tool turns at 500
+FEWEST_ROWS = 20  # median length of the parts between stamps that go back: joined recordings are longer
+FEWEST_STEPS_BACK = 4  # from which on that is asked: a clock may be set once or twice
+
+
+def stamp_findings(log: MotionLog, *, in_si: bool = True) -> list[Finding]:
+    """Find stamps that repeat or are shuffled, and stamps in ms or other units.
+
+    Args:
+        log: The recording.
+        in_si: Positions are in rad and m, so that speeds mean something.
+    """
+    if log.time is None or len(log) < 3:
+        return []
+    findings = []
+    steps = np.diff(log.time)
+    repeated, back = int((steps == 0.0).sum()), int((steps < 0.0).sum())
+    if repeated:
+        at = int(np.flatnonzero(steps == 0.0)[0]) + 1
+        says = (
+            f"{repeated} repeated time stamps, the first at row {at}; expected every row at a time of its own"
+        )
+        culprit = "rows written twice, a sensor slower than the recorder, or a clock of coarse steps"
+        findings.append(Finding("stamps", (), says, culprit))
+    if back >= FEWEST_STEPS_BACK:
+        lengths = np.diff([*log.starts, len(log)])
+        if np.median(lengths) < FEWEST_ROWS:
+            says = f"time goes back {back} times, every {np.median(lengths):.0f} rows; expected it to rise"
+            culprit = "rows that were shuffled, or merged from two clocks"
+            findings.append(Finding("stamps", (), says, culprit))
+    return [*findings, *_unit_findings(log)] if in_si and not findings else findings
+
+
+def _unit_findings(log: MotionLog) -> list[Finding]:
+    assert log.time is not None
+    steps = np.diff(log.time)
+    rising = steps > 0.0
+    moved = np.abs(np.diff(scales(log) * log.q_nominal, axis=0))
+    ranges = np.ptp(scales(log) * log.q_nominal, axis=0)
+    if not rising.any():
+        return []
+    median = float(np.median(steps[rising]))
+    speed = moved[rising] / steps[rising][:, None]  # [deg/s, mm/s]
+    crossing, quick = [], []
+    for j, unit in enumerate(log.joint_units):
+        going = speed[moved[rising][:, j] > 0.0, j]
+        if ranges[j] > MOVED and len(going):
+            crossing.append(float(ranges[j] / np.median(going)))
+            quick.append(float(np.median(going)) / FASTEST[unit])
+    if not crossing:
+        return []
+    if median > LONGEST_STEP or min(crossing) > SLOWEST:
+        says = (
+            f"a median step of {median:.4g} s, and {min(crossing):.4g} s for the fastest joint to cross its range; "
+            f"expected less than {LONGEST_STEP:g} s and {SLOWEST:g} s"
+        )
+        return [Finding("stamps", (), says, "stamps in ms, us or ns", "--time-unit ms")]
+    if max(quick) > 1.0:
+        says = f"a median step of {median:.4g} s makes joints {max(quick):.3g} times faster than any arm"
+        return [
+            Finding(
+                "stamps",
+                (),
+                says,
+                "stamps in another unit than s (minutes, thousands of s)",
+                "--time-unit min",
+            )
+        ]
+    return []

@@ -1,0 +1,162 @@
+"""Are the numbers in rad and m? Slopes of measurements on commands, and positions against what a robot can reach."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catenary.arrays import Floats
+from catenary.plant import MotionLog
+from catenary.robots.model import RobotModel
+from catenary.verdict.finding import Finding
+from catenary.verdict.pairs import Pairs, scales
+
+FOLLOWS = 0.5  # correlation from which on a slope means something
+# Slopes of measurements on commands reach down to 0.52 on a hysteretic wrist and up to 1.09 on a simulated arm whose
+# weight stretches its cables: a unit's factor within a factor of 2.5 is that unit.
+NEAR_FACTOR = 2.5
+MOST = 1.15  # slope: no cable makes a joint move farther than this for its motor
+LEAST = 0.4  # slope: the most hysteretic wrist loses half of its motion
+# slack that takes motion away also loosens the relation: a slope this low with a correlation this high is no slack
+TIGHT_LEAST, TIGHT = 0.85, 0.999
+MARGIN = 0.25  # of its range by which a joint may leave its limits
+LARGEST = {"rad": 6.0 * np.pi, "m": 5.0}  # beyond these a joint without limits is in no rad and no m
+CABLE_LARGEST = {"rad": 4.0 * np.pi, "m": 2.0}  # the same of an arm driven by cables, which wind up on drums
+FARTHEST = {"rad": 45.0, "m": 50.0}  # [deg, mm] offset that is worth a word: camera and homing leave some 20
+# what one rad or m becomes in other units that people record, by name
+FACTORS = {"rad": {"deg": np.rad2deg(1.0)}, "m": {"mm": 1e3, "cm": 1e2, "mdeg": np.rad2deg(1.0)}}
+SPOKEN = {
+    "deg": "degrees",
+    "mm": "millimetres",
+    "cm": "centimetres",
+    "mdeg": "metres times 180/pi (as RAVEN-II's firmware writes every joint)",
+}
+
+
+def slope_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
+    """Find measurements, or commands, in another unit or of another scale.
+
+    Args:
+        pairs: Rows.
+        place: (n,) which command each measurement follows.
+    """
+    wrong: dict[tuple[str, str], list[int]] = {}
+    findings = []
+    for i in np.flatnonzero(pairs.moved[place]):
+        r, slope = float(pairs.correlation[i, place[i]]), abs(float(pairs.slope[i, place[i]]))
+        if abs(r) < FOLLOWS:
+            continue
+        # both were scaled to deg and mm; what counts is the ratio of the raw numbers
+        si = slope * scales(pairs.log)[place[i]] / scales(pairs.log)[i]
+        unit = pairs.log.joint_units[place[i]]
+        said = _unit_of(si, unit)
+        if said is not None:
+            wrong.setdefault(said, []).append(int(i))
+        elif not LEAST < si < MOST or (si < TIGHT_LEAST and abs(r) > TIGHT):
+            expected = f"{TIGHT_LEAST:g} to {MOST:g}" if abs(r) > TIGHT else f"{LEAST:g} to {MOST:g}"
+            findings.append(
+                Finding(
+                    "scale",
+                    (pairs.names[i],),
+                    f"the measurement moves {si:.3g} times as far as the command (expected {expected})",
+                    "a transmission ratio or an encoder's counts per turn",
+                    f"--scale {pairs.names[i]}={1.0 / si:.4g}",
+                )
+            )
+    for (array, unit), joints in wrong.items():
+        of = "measurement" if array == "q_encoder" else "command"
+        names = tuple(pairs.names[i] for i in joints)
+        slopes = ", ".join(f"{abs(float(pairs.slope[i, place[i]])):.3g}" for i in joints)
+        findings.append(
+            Finding(
+                "units",
+                names,
+                f"the measurement moves {slopes} times as far as the command (expected {LEAST:g} to {MOST:g})",
+                f"the {of} in {SPOKEN[unit]}",
+                _units_option(pairs.log, dict.fromkeys(joints, unit), array),
+            )
+        )
+    return findings
+
+
+def _unit_of(slope: float, unit: str) -> tuple[str, str] | None:
+    """Return which array is in which unit if a slope tells it: the factor nearest to it by its logarithm."""
+    best, distance = None, np.log(NEAR_FACTOR)
+    for name, factor in FACTORS[unit].items():
+        for array, expected in (("q_encoder", factor), ("q_nominal", 1.0 / factor)):
+            off = abs(np.log(slope / expected)) if slope > 0.0 else np.inf
+            if off < distance:
+                best, distance = (array, name), off
+    return best
+
+
+def _units_option(log: MotionLog, units: dict[int, str], array: str | None = None) -> str:
+    given = ",".join(units.get(j, unit) for j, unit in enumerate(log.joint_units))
+    return f"--units {array + ':' if array else ''}{given}"
+
+
+def limits_of(log: MotionLog, robot: RobotModel | None, largest: dict[str, float]) -> tuple[Floats, Floats]:
+    """Return the least and largest positions of a log's joints that are believed, each (n,) [rad|m].
+
+    A joint that the robot has by the same name and unit gets its limits, MARGIN of its range wider.
+    """
+    high = np.array([largest[unit] for unit in log.joint_units])
+    low = -high
+    if robot is None:
+        return low, high
+    for i, (name, unit) in enumerate(zip(log.joint_names, log.joint_units, strict=True)):
+        if name in robot.joint_names:
+            j = robot.joint_names.index(name)
+            if robot.joint_units[j] == unit and np.isfinite(robot.upper[j] - robot.lower[j]):
+                slack = MARGIN * (robot.upper[j] - robot.lower[j])
+                low[i], high[i] = robot.lower[j] - slack, robot.upper[j] + slack
+    return low, high
+
+
+def range_findings(
+    log: MotionLog, robot: RobotModel | None = None, *, largest: dict[str, float] = CABLE_LARGEST
+) -> list[Finding]:
+    """Find commanded positions that the robot cannot reach, or no robot can where it is not known."""
+    low, high = limits_of(log, robot, largest)
+    units: dict[int, str] = {}
+    beyond = []
+    # single rows may be transmission errors of the robot's own messages
+    least, most = np.percentile(log.q_nominal, [0.5, 99.5], axis=0)
+    for i, unit in enumerate(log.joint_units):
+        if low[i] <= least[i] and most[i] <= high[i]:
+            continue
+        fits = [
+            name
+            for name, factor in FACTORS[unit].items()
+            if low[i] <= least[i] / factor and most[i] / factor <= high[i]
+        ]
+        beyond.append(i)
+        if fits:
+            units[i] = fits[0]
+    if not beyond:
+        return []
+    kinds = {unit for i, unit in enumerate(log.joint_units) if i in units}
+    if len(units) == len(beyond):
+        # joints whose numbers are small in any unit are in the unit of their kin
+        kin = {log.joint_units[i]: name for i, name in units.items()}
+        units |= {j: kin[unit] for j, unit in enumerate(log.joint_units) if unit in kinds}
+    says = ", ".join(
+        f"{log.joint_names[i]} from {least[i]:.4g} to {most[i]:.4g}, expected {log.joint_units[i]} between "
+        f"{low[i]:.4g} and {high[i]:.4g}"
+        for i in beyond
+    )
+    names = tuple(log.joint_names[i] for i in beyond)
+    if len(units) < len(beyond):
+        return [Finding("range", names, says, "another joint's column, another robot, or another zero")]
+    spoken = " and ".join(sorted({SPOKEN[name] for name in units.values()}))
+    return [Finding("units", names, says, f"numbers in {spoken}", _units_option(log, units))]
+
+
+def offset_findings(pairs: Pairs) -> list[Finding]:
+    """Note measurements that stand far from their commands everywhere."""
+    findings = []
+    for i, name in enumerate(pairs.names):
+        away = float(np.median(pairs.m[:, i] - pairs.q[:, i]))
+        if abs(away) > FARTHEST[pairs.log.joint_units[i]]:
+            says = f"the measurement stands {away:.4g} {pairs.unit(i)} from the command everywhere"
+            culprit = "another zero of the two kinematics, which a calibration takes away"
+            findings.append(Finding("offset", (name,), says, culprit, refuses=False))
+    return findings

@@ -1,0 +1,117 @@
+"""Recordings of any make into a MotionLog: by a mapping, by a known layout, or by the proposal."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from catenary.config import parse_settings
+from catenary.errors import InputError
+from catenary.plant import MotionLog
+from catenary.recording.foreign.importer import import_sources
+from catenary.recording.foreign.layouts import Layout, layout_of_files, read_layout
+from catenary.recording.foreign.mapping import RecordingMapping, load_mapping, mapping_of
+from catenary.recording.foreign.proposal import Proposal, propose
+from catenary.recording.foreign.sources import Sources
+from catenary.robots.catalog import load_robot
+
+PathLike = str | Path
+MappingLike = RecordingMapping | Mapping[str, Any] | Sequence[str] | PathLike
+
+
+def import_recording(
+    sources: PathLike | Sequence[PathLike],
+    mapping: MappingLike | None = None,
+    *,
+    units: str | None = None,
+    robot: str | None = None,
+    accept_proposal: bool = False,
+) -> MotionLog:
+    """Read a recording of any make: bags of ROS 1 and 2, MCAP, CSV, Parquet, NumPy and MATLAB files.
+
+    Rows are the samples of q_nominal; what has another clock is brought onto it, and what was lost, repeated or out of
+    order is in the log's notes. Files of a known layout need no mapping.
+
+    Args:
+        sources: A file, or the files of one recording, such as a bag per topic.
+        mapping: What is which quantity: options such as ["q_nominal=/arm/state.position", "q_encoder=a,b,c@deg"], a
+            TOML file, its content, or a `RecordingMapping`.
+        units: For q_nominal and q_encoder where the mapping has none, such as "deg,deg,mm".
+        robot: Catalogue name or file: names, units and limits of the joints.
+        accept_proposal: Without a mapping, take the one that is proposed if nothing in it is open.
+
+    Raises:
+        FileFormatError: A file cannot be read.
+        ConfigError: The mapping is none.
+        InputError: There is no mapping, and the layout is not a known one: the message holds the proposal. A column
+            is not there, units contradict the joints', or no row is left.
+
+    Example:
+        log = import_recording("lab.bag", ["q_nominal=/PSM1/measured_js.position[0:3]"], robot="dvrk_psm")
+    """
+    paths = [Path(sources)] if isinstance(sources, str | Path) else [Path(source) for source in sources]
+    chosen = _as_mapping(mapping, units, robot)
+    if chosen is not None:
+        return import_sources(Sources(paths), chosen)
+    found = _known(paths, robot)
+    if found is not None:
+        listed = None if units is None else [unit.strip() for unit in units.split(",")]
+        return read_layout(paths, found, model=None if robot is None else load_robot(robot), units=listed)
+    opened = Sources(paths)
+    proposal = propose(opened, robot=robot, units=units)
+    if not accept_proposal:
+        raise InputError(
+            f"{', '.join(map(str, paths))}: give a mapping, or accept the proposed one:\n{proposal.toml}"
+        )
+    return import_sources(opened, proposal.accepted())
+
+
+def propose_mapping(
+    sources: PathLike | Sequence[PathLike], *, units: str | None = None, robot: str | None = None
+) -> Proposal:
+    """Propose what of a recording is which quantity, by type, name, rate and range; `toml` is its text to edit.
+
+    Args:
+        sources: A file, or the files of one recording.
+        units: As for `import_recording`.
+        robot: Catalogue name or file.
+
+    Raises:
+        FileFormatError: A file cannot be read.
+    """
+    paths = [sources] if isinstance(sources, str | Path) else sources
+    return propose(Sources([Path(path) for path in paths]), robot=robot, units=units)
+
+
+def known_layout(paths: Sequence[Path], *, robot: str | None = None) -> str | None:
+    """Return the layout of a file that needs no mapping, in words; None for others.
+
+    Raises:
+        FileFormatError: It is damaged.
+    """
+    found = _known(paths, robot)
+    return None if found is None else found.name
+
+
+def _known(paths: Sequence[Path], robot: str | None) -> Layout | None:
+    found = layout_of_files(paths)
+    return None if found is None or (found.needs_robot and robot is None) else found
+
+
+def _as_mapping(mapping: MappingLike | None, units: str | None, robot: str | None) -> RecordingMapping | None:
+    settings = {"robot": robot}
+    if mapping is None:
+        return None
+    if isinstance(mapping, RecordingMapping):
+        content: Any = mapping.model_dump(mode="json", exclude_unset=True)
+    elif isinstance(mapping, Mapping):
+        content = dict(mapping)
+    elif isinstance(mapping, str | Path) and "=" not in str(mapping):
+        content = load_mapping(Path(mapping)).model_dump(mode="json", exclude_unset=True)
+    else:
+        options = [str(mapping)] if isinstance(mapping, str | Path) else list(mapping)
+        return mapping_of(options, units=units, settings=settings)
+    if units is not None:
+        content.setdefault("q_nominal", {}).setdefault("units", units.split(","))
+        if content.get("q_encoder", {}).get("columns"):
+            content["q_encoder"].setdefault("units", units.split(","))
+    return parse_settings({**content, **({"robot": robot} if robot else {})}, RecordingMapping, "mapping")

@@ -1,0 +1,99 @@
+"""The simplest kind that will do, joint by joint, and a model put together of several kinds."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
+
+import simulated_arm
+from catenary.calibration.choice import CLOSE, choose
+from catenary.calibration.evaluate import Spread
+from catenary.calibration.files import load_model, save_model
+from catenary.calibration.fit import FitOptions
+from catenary.calibration.fitting import FitResult, FitRun, fit_logs
+from catenary.errors import InputError
+from catenary.plant import MotionLog
+from catenary.recording.logs import read_log
+from recordings import short_training
+
+short_networks = pytest.fixture(short_training, scope="module", autouse=True)
+KINDS = ("offset", "linear", "polynomial", "neural")
+
+
+def spread(error: float, sd: float) -> Spread:
+    return Spread("J1", "deg", 5, error, sd, 1.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("errors", "sd", "chosen"),
+    [
+        ((1.0, 1.02, 1.01, 1.0), 0.5, "offset"),  # nothing helps
+        ((1.0, 0.5, 0.495, 0.49), 0.5, "linear"),  # within 3 % of the best
+        ((1.0, 0.5, 0.495, 0.49), 0.001, "neural"),  # but not within a standard error
+        ((1.0, 0.52, 0.5, 0.6), 0.5, "polynomial"),
+    ],
+)
+def test_the_simplest_that_will_do_is_chosen(errors: Any, sd: float, chosen: str) -> None:
+    (choice,) = choose({kind: [spread(error, sd)] for kind, error in zip(KINDS, errors, strict=True)})
+    assert choice.chosen == chosen
+    assert str(choice).startswith(f"J1: {chosen}, ")
+
+
+@given(st.lists(st.tuples(st.floats(0.01, 10.0), st.floats(0.0, 5.0)), min_size=4, max_size=4))
+def test_no_choice_is_far_from_the_best_and_no_simpler_one_is_as_close(found: list[Any]) -> None:
+    spreads = {kind: [spread(*each)] for kind, each in zip(KINDS, found, strict=True)}
+    (choice,) = choose(spreads)
+    best, errors = min(error for error, _ in found), choice.errors
+    assert errors[choice.chosen] <= CLOSE * best * (1.0 + 1e-12)
+    for simpler in KINDS[: KINDS.index(choice.chosen)]:
+        assert errors[simpler] > best
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> MotionLog:
+    """An arm whose first joint is off by a constant, and whose others bend as simulated cables do."""
+    whole = read_log(simulated_arm.write(tmp_path_factory.mktemp("data") / "day.npz", seed=1))
+    assert whole.q_encoder is not None
+    truth = whole.q_encoder.copy()
+    truth[:, 0] = whole.q_nominal[:, 0] + 0.02 + 1e-4 * np.random.default_rng(0).normal(size=len(truth))
+    return replace(whole, q_encoder=truth)
+
+
+@pytest.fixture(scope="module")
+def chosen(log: MotionLog) -> FitResult:
+    return fit_logs([log], FitOptions(kind="auto"), FitRun(held_out=0.2))
+
+
+def test_each_joint_gets_the_bits_of_its_kind(log: MotionLog, chosen: FitResult) -> None:
+    kinds = [choice.chosen for choice in chosen.choices]
+    assert kinds[0] == "offset"
+    assert len(set(kinds)) > 1
+    corrected = chosen.model.calibrate(log)
+    for j, kind in enumerate(kinds):
+        alone = fit_logs([log], FitOptions(kind=kind), FitRun(held_out=0.2, folds=0)).model  # type: ignore[arg-type]
+        assert_array_equal(corrected[:, j], alone.calibrate(log)[:, j])
+
+
+def test_its_errors_on_blocks_are_those_of_the_kinds(chosen: FitResult) -> None:
+    for choice, of_joint in zip(chosen.choices, chosen.spread, strict=True):
+        assert choice.errors[choice.chosen] == of_joint.rmse_mean
+    assert chosen.model.intervals is not None
+
+
+def test_it_is_saved_with_its_reasons(chosen: FitResult, log: MotionLog, tmp_path: Any) -> None:
+    save_model(chosen.model, chosen.card, tmp_path / "arm.npz")
+    model, card = load_model(tmp_path / "arm.npz")
+    assert [joint["kind"] for joint in card["joints"]] == [choice.chosen for choice in chosen.choices]
+    assert card["choice"][0]["errors"].keys() == set(KINDS)
+    assert_array_equal(model.calibrate(log), chosen.model.calibrate(log))
+
+
+def test_without_blocks_nothing_is_chosen(log: MotionLog) -> None:
+    with pytest.raises(InputError, match="model auto: is chosen by its errors on folds"):
+        fit_logs([log], FitOptions(kind="auto"), FitRun(folds=0))
+    with pytest.raises(InputError, match='target "position"'):
+        FitOptions(kind="auto", target="position")

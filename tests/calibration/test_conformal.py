@@ -1,0 +1,154 @@
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from catenary.calibration.conformal import (
+    FEWEST_ROWS,
+    block_quantile,
+    coverage_verdict,
+    estimate_intervals,
+    fewest_rows,
+    time_blocks,
+)
+from catenary.calibration.evaluate import CrossValidation
+from catenary.errors import InputError
+
+BLOCKS, ROWS = 50, 20
+
+
+def dependent_blocks(rng: np.random.Generator, blocks: int) -> np.ndarray:
+    """Absolute errors (blocks, ROWS): each block has its own mean and spread, heavy-tailed."""
+    mean, spread = rng.standard_t(3, size=(2, blocks, 1))
+    return np.abs(mean + np.abs(spread) * rng.normal(size=(blocks, ROWS)))
+
+
+@pytest.mark.parametrize(("blocks", "level"), [(50, 0.9), (10, 0.9), (25, 0.8), (30, 0.95)])
+def test_rows_of_a_new_block_lie_within_as_often_as_stated_whatever_depends_in_a_block(
+    blocks: int, level: float
+) -> None:
+    rng = np.random.default_rng(1)
+    number, shares = np.repeat(np.arange(blocks), ROWS), []
+    for _ in range(2000):
+        errors = dependent_blocks(rng, blocks + 1)
+        width = block_quantile(errors[:-1].ravel(), number, level)
+        shares.append(np.mean(errors[-1] <= width))
+    # the guarantee, within three standard deviations of the mean of 2000 draws
+    assert np.mean(shares) >= level - 3.0 * np.std(shares) / math.sqrt(2000)
+    # and no more than what is left for the block to come and the coarseness of a step
+    assert np.mean(shares) <= level + 2.0 / (blocks + 1) + 3.0 * np.std(shares) / math.sqrt(2000)
+
+
+@given(
+    st.lists(st.lists(st.integers(0, 50), min_size=1, max_size=6), min_size=10, max_size=14),
+    st.integers(1, 90),
+)
+def test_the_quantile_is_that_of_exact_weights(errors: list[list[int]], per_cent: int) -> None:
+    level = Fraction(per_cent, 100)
+    scores = np.array([e for block in errors for e in block], dtype=float)
+    block = np.array([k for k, of in enumerate(errors) for _ in of])
+    weight = Fraction(1, len(errors) + 1)
+
+    def held(width: float) -> Fraction:
+        return sum((weight * Fraction(sum(e <= width for e in of), len(of)) for of in errors), Fraction(0))
+
+    enough = [width for width in sorted(set(scores)) if held(width) >= level]
+    assert block_quantile(scores, block, per_cent / 100) == (enough[0] if enough else math.inf)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(1e-3, 1e3))
+def test_half_widths_grow_with_the_level_and_with_the_unit(seed: int, unit: float) -> None:
+    rng = np.random.default_rng(seed)
+    scores, block = rng.exponential(size=300), np.arange(300) // 5
+    widths = [block_quantile(scores, block, level) for level in (0.5, 0.7, 0.9, 0.95, 0.98)]
+    assert widths == sorted(widths)
+    assert block_quantile(unit * scores, block, 0.9) == unit * widths[2]
+
+
+def test_nine_blocks_are_too_few_and_a_level_takes_its_blocks() -> None:
+    assert block_quantile(np.ones(90), np.arange(90) // 10, 0.5) == math.inf
+    assert block_quantile(np.ones(100), np.arange(100) // 10, 0.9) == 1.0
+    assert block_quantile(np.ones(180), np.arange(180) // 10, 0.95) == math.inf
+    assert fewest_rows(0.9) == 10 * FEWEST_ROWS
+    assert fewest_rows(0.95) == 19 * FEWEST_ROWS
+
+
+@given(st.lists(st.integers(1, 400), min_size=1, max_size=5), st.sampled_from([0.5, 0.8, 0.9, 0.99]))
+def test_blocks_of_time_are_contiguous_and_of_one_recording(lengths: list[int], level: float) -> None:
+    recording = np.repeat(np.arange(len(lengths)), lengths)
+    block = time_blocks(recording, level=level)
+    assert ((np.diff(block) == 0) | (np.diff(block) == 1)).all()
+    assert (np.diff(block)[np.diff(recording) != 0] == 1).all()
+
+
+def validation(rows: int, **changes: np.ndarray) -> CrossValidation:
+    """One joint whose model leaves 1 and whose offset leaves 2, as many rows as wanted."""
+    fields = {
+        "after_offset": np.full((rows, 1), -2.0),
+        "after_model": np.ones((rows, 1)),
+        "inside": np.ones((rows, 1), dtype=bool),
+        "recording": np.zeros(rows, dtype=np.int64),
+    }
+    return CrossValidation((), **(fields | changes))
+
+
+def test_half_widths_are_the_models_inside_and_the_offsets_outside_or_the_larger() -> None:
+    found = estimate_intervals(validation(400))
+    assert found is not None
+    assert (found.level, found.inside.tolist(), found.outside.tolist()) == (0.9, [1.0], [2.0])
+    worse = estimate_intervals(validation(400, after_offset=np.full((400, 1), 0.5)))
+    assert worse is not None
+    assert worse.outside.tolist() == [1.0]
+
+
+def test_a_joint_whose_folds_were_hardly_inside_has_the_offsets_half_width() -> None:
+    inside = np.zeros((400, 1), dtype=bool)
+    inside[:30] = True
+    found = estimate_intervals(validation(400, inside=inside))
+    assert found is not None
+    assert found.inside.tolist() == [2.0]
+
+
+def test_too_few_rows_give_no_intervals() -> None:
+    assert estimate_intervals(validation(fewest_rows(0.9) - 1)) is None
+    assert estimate_intervals(validation(fewest_rows(0.9))) is not None
+    assert estimate_intervals(validation(fewest_rows(0.9)), level=0.95) is None
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0, 90.0, math.nan])
+def test_a_coverage_that_is_no_share_is_refused(level: float) -> None:
+    with pytest.raises(InputError, match=r"expected a share between 0 and 1, such as 0\.9"):
+        estimate_intervals(validation(400), level=level)
+
+
+def shares_held(blocks: int, rows: int, share: float) -> np.ndarray:
+    held = np.zeros((rows, blocks), dtype=bool)
+    held[: round(share * rows)] = True
+    return held.T.ravel()
+
+
+@pytest.mark.parametrize(
+    ("blocks", "share", "verdict"),
+    [
+        (50, 0.95, "held"),
+        (50, 0.85, "held"),
+        (50, 0.7, "too narrow"),
+        (10, 0.8, "below, which may be chance"),
+    ],
+)
+def test_coverage_is_judged_by_blocks(blocks: int, share: float, verdict: str) -> None:
+    rows = ROWS if blocks == BLOCKS else FEWEST_ROWS
+    held = shares_held(blocks, rows, share if rows == ROWS else 0.75)
+    assert coverage_verdict(held, np.zeros(len(held), dtype=np.int64), 0.9) == verdict
+
+
+def test_intervals_that_hold_are_seldom_called_too_narrow() -> None:
+    rng = np.random.default_rng(2)
+    verdicts = []
+    for _ in range(1000):
+        held = np.repeat(rng.uniform(size=BLOCKS) < 0.9, ROWS)  # whole blocks, the worst case
+        verdicts.append(coverage_verdict(held, np.zeros(len(held), dtype=np.int64), 0.9))
+    assert verdicts.count("too narrow") <= 50 + 3 * math.sqrt(50)

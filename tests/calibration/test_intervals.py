@@ -1,0 +1,163 @@
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from catenary.calibration.corrector import Corrector
+from catenary.calibration.files import load_model, save_model
+from catenary.calibration.fit import FitOptions
+from catenary.calibration.fitting import FitResult, FitRun, fit_logs
+from catenary.calibration.intervals import FARTHEST, Intervals
+from catenary.calibration.model import CalibrationModel
+from catenary.errors import InputError
+from catenary.plant import JointState
+from oracles.calibration_models import random_model
+from recordings import recording
+
+RNG = np.random.default_rng(0)
+SIGNALS = np.cumsum(0.2 * RNG.normal(size=(300, 5)), axis=0)  # three positions, two torques
+WIDTHS = Intervals(0.9, np.array([0.1, 0.2, 0.3]), np.array([0.3, 0.2, 0.7]))
+WITH_MEMORY = {"history": 2, "plays": 1, "rate_hz": 1000.0}
+
+
+def model(**options: Any) -> CalibrationModel:
+    made = random_model("linear", SIGNALS[:150], np.random.default_rng(1), joints=3, torques=2, **options)
+    return replace(made, intervals=WIDTHS)
+
+
+def half_widths(at: CalibrationModel, X: np.ndarray) -> np.ndarray:
+    return at.interval(X, X[:, :3])
+
+
+def test_half_widths_are_constant_inside_and_grow_outside_to_a_bound() -> None:
+    made = model()
+    box = made.groups[0].valid_range
+    middle, reach = 0.5 * (box.upper + box.lower), 0.5 * (box.upper - box.lower)
+    times = np.array([0.0, 1.5, 3.0, 9.0, 100.0])
+    X = np.tile(box.mean, (5, 1))
+    X[1:, 0] = (middle + reach * times[:, None])[1:, 0]
+    expected = [WIDTHS.inside, *(np.minimum(t, FARTHEST) * WIDTHS.outside for t in times[1:])]
+    assert_allclose(half_widths(made, X), expected, rtol=1e-12)
+
+
+@given(st.integers(0, 4), st.floats(1.0, 1e6), st.floats(1.0, 1e6))
+def test_half_widths_never_shrink_on_the_way_out(feature: int, near: float, far: float) -> None:
+    made = model()
+    box = made.groups[0].valid_range
+    X = np.tile(box.mean, (2, 1))
+    X[:, feature] = box.mean[feature] + np.sort([near, far]) * (box.upper - box.lower)[feature]
+    nearer, farther = half_widths(made, X)
+    assert (nearer >= WIDTHS.inside).all()
+    assert (farther >= nearer).all()
+
+
+def test_an_unknown_input_has_the_offsets_half_width_and_an_unknown_position_none() -> None:
+    X = np.tile(np.median(SIGNALS[:150], axis=0), (2, 1))
+    q = X[:, :3].copy()
+    X[0, 4] = np.nan
+    q[1, 2] = np.nan
+    assert_array_equal(model().interval(X, q), [WIDTHS.outside, [WIDTHS.inside[0], WIDTHS.inside[1], np.nan]])
+
+
+def test_a_model_without_intervals_gives_nan() -> None:
+    assert np.isnan(half_widths(replace(model(), intervals=None), SIGNALS[:, :5])).all()
+
+
+@pytest.mark.parametrize("options", [{}, WITH_MEMORY])
+def test_ticks_give_the_half_widths_of_the_batch_to_the_bit(options: Any) -> None:
+    made = model(**options)
+    q, widths = SIGNALS[:, :3], np.empty((300, 3))
+    memory, out, inside = made.features.memory(1), np.empty((300, 3)), np.empty((300, 3), dtype=bool)
+    corrector = Corrector(made)
+    for step in made.tick_steps(memory, q, SIGNALS, out, inside, widths):
+        step.function(*step.inputs, *step.outputs)
+    position, flags, width = np.empty(3), np.empty(3, dtype=bool), np.empty(3)
+    for k in range(300):
+        corrector.correct(q[k], SIGNALS[k], position, flags, width)
+        assert_array_equal(width, widths[k])
+    assert {False, True} == set(inside.ravel())
+
+
+def test_a_joint_state_has_the_half_widths_of_the_models_joints_and_nan_for_others() -> None:
+    corrector = Corrector(model())
+    corrector.prepare(["wrist", "j2", "j0", "j1"], ["rad", "m", "rad", "rad"], 1000.0)
+    row = np.median(SIGNALS[:150], axis=0)
+    q, tau = np.array([7.0, row[2], row[0], row[1]]), np.array([9.0, 0.0, row[3], row[4]])
+    state = JointState(0.0, q, np.zeros(4), tau, np.zeros(0), np.zeros(3), 0.0)
+    out, inside, width = np.empty(4), np.empty(4, dtype=bool), np.empty(4)
+    corrector.correct_state(state, out, inside, width)
+    assert_array_equal(width, [np.nan, 0.3, 0.1, 0.2])
+    with pytest.raises(InputError, match="inside and interval are not of the robot"):
+        corrector.correct_state(state, out, inside, np.empty(3))
+
+
+def test_a_saved_model_keeps_its_intervals_and_one_without_has_none(tmp_path) -> None:
+    path = tmp_path / "model.npz"
+    save_model(model(), {}, path)
+    kept = load_model(path)[0].intervals
+    assert kept is not None
+    assert (kept.level, kept.inside.tolist(), kept.outside.tolist()) == (
+        0.9,
+        [0.1, 0.2, 0.3],
+        [0.3, 0.2, 0.7],
+    )
+    save_model(replace(model(), intervals=None), {}, path)
+    assert load_model(path)[0].intervals is None
+
+
+@pytest.mark.parametrize(
+    ("level", "inside", "outside"),
+    [
+        (1.0, [0.1], [0.1]),
+        (0.9, [-0.1], [0.1]),
+        (0.9, [0.2], [0.1]),
+        (0.9, [np.nan], [0.1]),
+        (0.9, [0.1], [0.1, 0.1]),
+    ],
+)
+def test_impossible_intervals_are_refused(level: float, inside: list[float], outside: list[float]) -> None:
+    with pytest.raises(InputError):
+        Intervals(level, np.array(inside), np.array(outside))
+
+
+def run(rows: int = 600, **changes: Any) -> FitResult:
+    rng = np.random.default_rng(3)
+    return fit_logs([recording(rng, rows=rows)], FitOptions(kind="linear"), FitRun(**changes))
+
+
+def test_a_fit_has_intervals_that_hold_on_what_it_has_not_seen() -> None:
+    result = run(rows=3000, held_out=0.3)
+    assert result.held_out is not None
+    assert result.card["intervals"]["coverage"] == 0.9
+    for joint in result.held_out.joints:
+        assert (
+            0.87 <= joint.coverage <= 0.97
+        )  # independent errors, 900 rows: three standard deviations and K + 1
+    scale = np.array([180.0 / np.pi, 180.0 / np.pi, 1000.0])
+    widths = [joint.half_width for joint in result.held_out.joints]
+    # noise of 0.01 rad and 1 mm: 90 % lie within 1.64 standard deviations
+    assert_allclose(widths, 1.645 * np.array([0.01, 0.01, 0.001]) * scale, rtol=0.15)
+
+
+def test_a_fit_that_cannot_know_its_intervals_says_why() -> None:
+    without = run(folds=0)
+    assert without.model.intervals is None
+    assert without.card["intervals"] is None
+    assert any("no intervals: they are estimated from the cross-validation" in note for note in without.notes)
+    assert any(
+        "39 rows are too few to hold 90% of errors; that takes 40" in note
+        for note in run(39, accept=("short",)).notes
+    )
+    wide, narrow = run(coverage=0.95).model.intervals, run(coverage=0.5).model.intervals
+    assert wide is not None
+    assert narrow is not None
+    assert (wide.inside > narrow.inside).all()
+
+
+def test_a_coverage_that_is_no_share_is_refused() -> None:
+    with pytest.raises(InputError, match="coverage: expected a share"):
+        FitRun(coverage=90.0)

@@ -1,0 +1,113 @@
+"""catenary import, and the commands that take its log or, with --map, its source."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from catenary.recording.logs import read_log
+from command_line import catenary
+from foreign_bags import two_topics
+
+MAP = ("--map", "q_nominal=/raven/joint_cmd.position", "--map", "q_encoder=/optitrack/joints.position")
+UNITS = ("--units", "rad,rad,m")
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return two_topics(tmp_path_factory.mktemp("lab") / "lab", "ros1", seconds=12.0)
+
+
+def test_a_proposal_is_printed_edited_and_imported(bag: Path, tmp_path: Path) -> None:
+    proposed = catenary("import", bag)
+    assert proposed.code == 0
+    assert "--mapping FILE.toml --out LOG.parquet" in " ".join(proposed.err.split())
+    mapping = tmp_path / "mapping.toml"
+    mapping.write_text(proposed.out)
+    log = tmp_path / "lab.parquet"
+    done = catenary("import", bag, "--mapping", mapping, "--out", log)
+    assert done.code == 0
+    assert "outer_insertion [m]" in done.out
+    accepted = tmp_path / "accepted.parquet"
+    assert catenary("import", bag, "--yes", "--out", accepted).code == 0
+    assert_allclose(read_log(log).q_nominal, read_log(accepted).q_nominal)
+    assert catenary("check", log).code == 0
+
+
+def test_without_a_mapping_nothing_is_written(bag: Path, tmp_path: Path) -> None:
+    done = catenary("import", bag, "--out", tmp_path / "lab.parquet")
+    assert done.code != 0
+    assert "[q_nominal]" in done.out
+    assert "nothing was written" in done.err
+    assert not (tmp_path / "lab.parquet").exists()
+
+
+def test_commands_take_the_source_with_its_mapping_as_they_take_the_log(bag: Path, tmp_path: Path) -> None:
+    log = tmp_path / "lab.parquet"
+    assert catenary("import", bag, *MAP, *UNITS, "--out", log).code == 0
+    models = [tmp_path / "of_log.npz", tmp_path / "of_bag.npz"]
+    fitted = [
+        catenary("fit", log, "--model", "offset", "--out", models[0], "--json"),
+        catenary("fit", bag, *MAP, *UNITS, "--model", "offset", "--out", models[1], "--json"),
+    ]
+    assert [one.code for one in fitted] == [0, 0]
+    first, second = (json.loads(one.out) for one in fitted)
+    assert first["cross_validation"] == second["cross_validation"]
+    judged = catenary("evaluate", models[0], bag, "--map", f"{MAP[1]}@rad,rad,m", "--map", MAP[3], "--json")
+    assert judged.code == 0
+    checked = catenary("check", bag, *MAP, *UNITS, "--json")
+    assert json.loads(checked.out)["kind"] == "recording"
+    shown = catenary("monitor", "--log", bag, *MAP, "--speed", "1000", "--json")
+    assert shown.code == 0
+    assert json.loads(shown.out.splitlines()[0])["joints"][0] == "outer_yaw"
+
+
+def test_a_project_is_calibrated_from_bags(bag: Path, tmp_path: Path) -> None:
+    from catenary.recording.foreign.mapping import mapping_of
+    from catenary.workflows.project.folder import Project, ProjectSettings
+    from catenary.workflows.project.imported import import_recordings
+
+    project = Project(tmp_path / "project", ProjectSettings())
+    mapping = mapping_of(MAP[1::2], units=UNITS[1])
+    assert mapping is not None
+    with project:
+        (log,) = import_recordings(project, [bag], mapping)
+        written = log.stat().st_mtime_ns
+        assert import_recordings(project, [bag], mapping) == [log]
+    assert log.stat().st_mtime_ns == written  # once
+    assert read_log(log).joint_names == ("outer_yaw", "outer_pitch", "outer_insertion")
+
+
+@pytest.mark.slow  # compiles the robot's quantities
+def test_identification_takes_a_csv_of_positions_and_torques(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    t = np.arange(0.0, 20.0, 0.01)
+    phases = rng.uniform(0.0, 6.0, (2, 3))
+    q = np.stack(
+        [sum(0.5 / (k + 1) * np.sin((k + 1) * t + phases[j, k]) for k in range(3)) for j in range(2)], 1
+    )
+    from catenary.dynamics.inverse_dynamics import inverse_dynamics
+    from catenary.robots.catalog import load_robot
+
+    model = load_robot("two_link")
+    qd, qdd = np.gradient(q, t, axis=0), np.gradient(np.gradient(q, t, axis=0), t, axis=0)
+    tau = np.array(
+        [inverse_dynamics(model, *row, np.array([0, 0, -9.81])) for row in zip(q, qd, qdd, strict=True)]
+    )
+    table = tmp_path / "arm.csv"
+    rows = "\n".join(",".join(f"{v:.9f}" for v in row) for row in np.column_stack([t, np.rad2deg(q), tau]))
+    table.write_text("time,pos1_deg,pos2_deg,tau1,tau2\n" + rows + "\n")
+    options = ("--map", "q_nominal=pos1_deg,pos2_deg@deg", "--map", "tau=tau1,tau2")
+    log = tmp_path / "arm.parquet"
+    assert catenary("import", table, *options, "--robot", "two_link", "--out", log).code == 0
+    outcomes = []
+    for source, how in ((table, options), (log, ())):
+        done = catenary(
+            "identify", source, *how, "--robot", "two_link", "--out", tmp_path / "id.npz", "--json"
+        )
+        assert done.code == 0, done.err
+        outcomes.append(json.loads(done.out)["training"])
+    for of_table, of_log in zip(*outcomes, strict=True):
+        assert {**of_table, "recording": ""} == {**of_log, "recording": ""}

@@ -1,0 +1,60 @@
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from catenary.plant import MotionLog
+from catenary.recording.logs import write_parquet
+from command_line import catenary
+
+MAY_14, DAY = 1778716800.0, 86400.0  # [s since 1970] midnight of 14 May 2026, UTC
+
+
+def a_day(number: int, zero: float) -> MotionLog:
+    rng = np.random.default_rng(number)
+    t = np.arange(1800) / 30.0
+    q = np.column_stack([np.sin(0.7 * t), 0.1 * np.cos(1.3 * t)])
+    error = np.column_stack([0.03 * q[:, 0], zero + 0.02 * q[:, 1]]) + 1e-4 * rng.standard_normal(q.shape)
+    time = MAY_14 + DAY * number + t
+    return MotionLog(f"day {number}", ("J1", "J2"), ("rad", "m"), q, np.ones(len(q), bool), q + error, time)
+
+
+def written(log: MotionLog, path: Path) -> str:
+    write_parquet(log, path)
+    return str(path)
+
+
+@pytest.mark.parametrize("folds", ["5", "0"])
+def test_the_date_since_when_a_joint_drifts_is_told(tmp_path: Path, folds: str) -> None:
+    days = [written(a_day(k, 1e-3 * (k >= 2)), tmp_path / f"{k}.parquet") for k in range(4)]
+    model = str(tmp_path / "arm.npz")
+    fitted = ("fit", days[0], "--model", "linear", "--folds", folds, "--held-out", "0.2", "--out", model)
+    assert catenary(*fitted).code == 0
+    result = catenary("drift", model, *days[1:], "--json")
+    assert result.code == 1
+    found = json.loads(result.out)
+    assert found["beyond_since"] == {"J1": None, "J2": 1}
+    assert found["in_words"] == ["J2: beyond since 2026-05-16"]
+    assert catenary("drift", model, days[1]).code == 0
+
+
+def test_a_homing_cuts_a_recording(tmp_path: Path) -> None:
+    model = str(tmp_path / "arm.npz")
+    assert (
+        catenary(
+            "fit", written(a_day(0, 0.0), tmp_path / "0.parquet"), "--model", "linear", "--out", model
+        ).code
+        == 0
+    )
+    log = a_day(1, 0.0)
+    homed = np.arange(len(log)) >= 900
+    assert log.q_encoder is not None
+    shifted = log.q_encoder + np.column_stack([np.zeros(len(log)), 1e-3 * homed])
+    log = replace(log, q_encoder=shifted, signals={"encoffsets:elbow": 7.0 * homed})
+    found = json.loads(catenary("drift", model, written(log, tmp_path / "1.parquet"), "--json").out)
+    assert [(s["homing"], s["rows"], s["beyond"]) for s in found["stretches"]] == [
+        (0, 900, [False, False]),
+        (1, 900, [False, True]),
+    ]

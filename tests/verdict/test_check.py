@@ -1,0 +1,138 @@
+"""Spoilt copies of a recording are refused or named; whole ones pass."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from catenary.errors import DataError, InputError
+from catenary.plant import MotionLog
+from catenary.recording.mend import Mend
+from catenary.robots.catalog import load_robot
+from catenary.verdict.check import findings_of, verdict
+from catenary.verdict.finding import NAMES
+from spoilt import BOTH, MEASURED, SPOILS, Spoil, in_deg_and_mm, only, scaled, shifted
+
+REFUSED = [spoil for spoil in SPOILS if spoil.refused]
+
+
+def play(command: np.ndarray, half_width: float) -> np.ndarray:
+    """Return where a joint with slack is: it moves when its command leaves half the slack behind."""
+    at, path = command[0], []
+    for q in command:
+        at = min(max(at, q - half_width), q + half_width)
+        path.append(at)
+    return np.array(path)
+
+
+def recording(seed: int = 0, rows: int = 1500) -> MotionLog:
+    """An arm with a stiff base and an hysteretic wrist, visiting random poses."""
+    rng = np.random.default_rng(seed)
+    centre = np.array([0.5, 1.4, 0.37, 0.0, 0.0])
+    reach = np.array([0.25, 0.2, 0.04, 1.0, 0.8])
+    via = rng.uniform(-1.0, 1.0, (rows // 5 + 2, 5)) * reach + centre
+    q = np.column_stack([np.interp(np.arange(rows), 5 * np.arange(len(via)), column) for column in via.T])
+    slack = np.array([0.003, 0.003, 0.0005, 0.02, 0.2])
+    moved = np.column_stack([play(q[:, j], slack[j]) for j in range(5)])
+    moved += np.array([0.01, -0.02, 0.001, 0.15, -0.1]) + 1e-3 * reach * rng.standard_normal(q.shape)
+    return MotionLog(
+        name="poses",
+        joint_names=("J1", "J2", "J3", "J4", "J5"),
+        joint_units=("rad", "rad", "m", "rad", "rad"),
+        q_nominal=q,
+        q_encoder=moved,
+        ok=rng.random(rows) > 0.02,
+        time=0.4 * np.arange(float(rows)),
+    )
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_sound_recording_passes(seed: int) -> None:
+    assert [f for f in findings_of(recording(seed)) if f.refuses or f.name != "outliers"] == []
+
+
+@pytest.mark.parametrize("spoil", SPOILS, ids=lambda s: f"{s.kind}: {s.says}")
+def test_a_spoilt_recording_is_refused_or_named(spoil: Spoil) -> None:
+    found = {f.name for f in findings_of(spoil.spoil(recording())) if f.refuses == spoil.refused}
+    assert found & set(spoil.named)
+
+
+@pytest.mark.parametrize("spoil", REFUSED, ids=lambda s: f"{s.kind}: {s.says}")
+def test_what_is_refused_goes_on_when_it_is_accepted(spoil: Spoil) -> None:
+    log = spoil.spoil(recording())
+    with pytest.raises(DataError, match="--accept") as refusal:
+        verdict([log])
+    notes = verdict([log], accept=refusal.value.names)
+    assert any("accepted" in note for note in notes)
+
+
+def test_every_name_of_a_spoil_is_one_that_accept_takes() -> None:
+    assert {name for spoil in SPOILS for name in spoil.named} <= set(NAMES)
+
+
+def test_an_unknown_name_to_accept_is_refused_with_the_choices() -> None:
+    with pytest.raises(InputError, match="swaped; choices: units"):
+        verdict([recording()], accept=["swaped"])
+
+
+@pytest.mark.parametrize("rows", [3, 7, -4])
+def test_a_shift_is_named_by_the_rows_that_mend_it(rows: int) -> None:
+    (found,) = [f for f in findings_of(shifted(recording(), rows)) if f.refuses]
+    assert found.remedy == f"--shift {rows}"
+    assert [f for f in findings_of(Mend(shift=rows)(shifted(recording(), rows))) if f.refuses] == []
+
+
+def test_small_motions_in_degrees_are_told_by_the_limits_of_the_robot() -> None:
+    # 20 to 60 deg: within the robot's limits as degrees only
+    log = replace(
+        only(recording(), 400),
+        joint_names=("shoulder", "elbow", "insertion", "roll", "wrist"),
+        robot="raven2",
+    )
+    told = findings_of(in_deg_and_mm(log, *BOTH), robot=load_robot("raven2"))
+    assert any(f.name == "units" and "deg" in f.remedy and "mm" in f.remedy for f in told)
+
+
+def test_rows_beyond_the_error_limit_are_not_judged() -> None:
+    log = recording()
+    assert log.q_encoder is not None
+    wild = log.q_encoder.copy()
+    wild[::40] += 3.0
+    spoilt = replace(log, q_encoder=wild)
+    assert any(f.name == "outliers" for f in findings_of(spoilt))
+    left = findings_of(spoilt, max_error=np.full(5, 1.0))
+    assert not any(f.name == "outliers" for f in left)
+
+
+def test_a_joint_that_stands_still_on_purpose_is_a_note() -> None:
+    log = recording()
+    q = log.q_nominal.copy()
+    q[:, 1] = 1.0
+    assert log.q_encoder is not None
+    measured = log.q_encoder.copy()
+    measured[:, 1] = 1.01 + 1e-4 * np.random.default_rng(0).standard_normal(len(q))
+    (found,) = findings_of(replace(log, q_nominal=q, q_encoder=measured))
+    assert (found.name, found.joints, found.refuses) == ("constant", ("J2",), False)
+
+
+def test_joints_that_move_as_one_are_told_apart_by_where_they_stand() -> None:
+    log = recording()
+    q = log.q_nominal.copy()
+    q[:, 1] = q[:, 0] + 0.9
+    assert log.q_encoder is not None
+    measured = q + 0.01 + 1e-3 * np.random.default_rng(0).standard_normal(q.shape)
+    sound = replace(log, q_nominal=q, q_encoder=measured)
+    assert not any(f.refuses for f in findings_of(sound))
+    swapped = replace(sound, q_encoder=measured[:, [1, 0, 2, 3, 4]])
+    assert [f.joints for f in findings_of(swapped) if f.name == "swapped"] == [("J1", "J2")]
+
+
+def test_a_recording_without_measurements_is_judged_by_its_commands() -> None:
+    log = replace(recording(), q_encoder=None)
+    assert findings_of(log) == ()
+    assert any(f.name == "units" for f in findings_of(in_deg_and_mm(log, "q_nominal")))
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.1])
+def test_a_scale_that_cables_may_have_passes(factor: float) -> None:
+    assert not any(f.refuses for f in findings_of(scaled(recording(), MEASURED, [4], factor)))
