@@ -47,7 +47,7 @@ def test_h_is_help(command: tuple[str, ...]) -> None:
 
 def test_help_shows_defaults_that_are_settled_later() -> None:
     text = " ".join(catenary("fit", "--help").out.split())
-    assert "[default: paper]" in text
+    assert "[default: best]" in text
     assert "[default: q, and tau if recorded]" in text
     assert "[default: its tip]" in catenary("fk", "--help").out
 

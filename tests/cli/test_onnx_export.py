@@ -29,7 +29,7 @@ def test_export_tells_the_inputs_as_json(model: Path, tmp_path: Path) -> None:
     outcome = catenary("export", model, "--onnx", tmp_path / "arm.onnx", "--json")
     assert outcome.json["inputs"] == {"signals": ["rows", 3], "previous": ["rows", 1, 3]}
     assert outcome.json["signals"] == ["q:J1", "q:J2", "q:J3"]
-    assert set(outcome.json["outputs"]) == {"correction", "inside", "previous_next"}
+    assert set(outcome.json["outputs"]) == {"correction", "inside", "interval", "previous_next"}
 
 
 def test_export_without_a_rate_notes_which_one_holds(model: Path, tmp_path: Path) -> None:

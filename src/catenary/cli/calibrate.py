@@ -286,6 +286,8 @@ def _conclude(result: "CalibrationResult", as_json: bool) -> None:
         return
     header, rows = result.table()
     print_table("RMSE on a recording that no model saw (per cent of the fixed offset)", header, rows)
+    for sentence in result.advice:
+        print(sentence)
     deployed = result.deployment
     if deployed is not None and deployed["compute_us"]:
         compute = deployed["compute_us"]

@@ -59,6 +59,20 @@ def rmse(model: CalibrationModel, log: MotionLog) -> Floats:
 
 
 @pytest.mark.parametrize("kind", ["linear", "polynomial", "network", "position"])
+def test_a_corner_of_the_motion_does_not_turn_the_rest(
+    models: dict[str, CalibrationModel], kind: str
+) -> None:
+    whole = a_day(3, 1800)
+    q = np.array([0.6, 0.7]) + 0.05 * whole.q_nominal  # a twentieth of what the model was trained on
+    ripple = 0.01 * np.sin(40.0 * q)  # steep there, and nothing over the whole motion
+    corner = replace(whole, q_nominal=q, q_encoder=q + q @ BEND + ripple)
+    old, rest = models[kind], a_day(4, 3000)
+    refreshed = refresh_model(old, rows_of(old, corner)).model
+    # a slope of 0.4 would be off by 0.3 at the other end
+    assert (rmse(refreshed, rest) < 0.03).all()
+
+
+@pytest.mark.parametrize("kind", ["linear", "polynomial", "network", "position"])
 def test_a_new_zero_is_found_in_a_minute_and_the_other_joint_is_left(
     models: dict[str, CalibrationModel], kind: str
 ) -> None:

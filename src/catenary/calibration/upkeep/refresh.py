@@ -5,6 +5,9 @@ of the correction and of the position; the linear layer onto the outputs, by rid
 the old weights, ever less held. Each is judged on contiguous blocks of the new rows that it was not fitted to, and the
 first whose mean RMSE lies within one standard error of the best one's is taken (Breiman et al., Classification and
 Regression Trees, 1984, 3.4.3). The standard error is that of the paired differences: blocks are hard or easy for all.
+
+Blocks of one minute tell nothing of where that minute did not go. A candidate that changes corrections over all of the
+motion that the model was trained on much more than on the new rows follows no drift that these show: it is left out.
 """
 
 from collections.abc import Sequence
@@ -18,9 +21,11 @@ from catenary.calibration.conformal import estimate_intervals
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import CrossValidation
 from catenary.calibration.features import joints_text
+from catenary.calibration.fit import EXTRAPOLATION
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.kernels import Flags
 from catenary.calibration.model import CalibrationModel, JointGroup
+from catenary.calibration.predictors import Predictor
 from catenary.calibration.upkeep.last_layer import Adjustment, adjusted, layer_inputs
 from catenary.calibration.valid_range import SMALLEST_RANGE, ValidRange, standardisation
 from catenary.errors import InputError
@@ -32,6 +37,8 @@ RESOLUTION = 1e-9  # [rad|m] differences that no encoder shows
 SCALE_RIDGE = 1e-3  # of the rows' own spread: correction and position may resemble each other
 # weight on the squared change of the last layer, over the mean square of its inputs: the most held first
 LAYER_RIDGES = (1.0, 0.1, 0.01, 1e-3, 1e-4)
+FAR = 2.0  # times the change on the new rows that a candidate may bring over all of the trained motion
+SAMPLES = 256  # of the trained motion
 HOW = (NOTHING, ZERO, SCALE, *(LAYER,) * len(LAYER_RIDGES))
 
 
@@ -158,12 +165,21 @@ def _refresh_group(
     parts = block[rows]
     residual = (error - correction)[rows]
     left = _left_on_blocks(designs, residual, rows, parts)
+    elsewhere = trained_motion(group, X[rows])
     how, chosen_left, adjustments = [], of_offset.copy(), []
     for k, joint in enumerate(joints):
-        chosen = first_within_one_error(left[:, :, k], parts)
+        candidates = [
+            _adjustment(model, group, designs, number, residual, rows, k, joint) for number in range(len(HOW))
+        ]
+        kept = [
+            number
+            for number, candidate in enumerate(candidates)
+            if number < HOW.index(SCALE) or _stays_near(group.predictor, candidate, k, X[rows], elsewhere)
+        ]
+        chosen = kept[first_within_one_error(left[kept, :, k], parts)]
         how.append(HOW[chosen])
         chosen_left[rows, k] = left[chosen, :, k]
-        adjustments.append(_adjustment(model, group, designs, chosen, residual, rows, k, joint))
+        adjustments.append(candidates[chosen])
     predictor = adjusted(group.predictor, adjustments)
     moved = (predictor.predict(X[rows]) - group.predictor.predict(X[rows])).mean(axis=0)
     chosen_left[outside & ~inside] -= moved
@@ -200,6 +216,37 @@ def first_within_one_error(left: Floats, block: NDArray[np.int64]) -> int:
         return 0
     allowed = excess.std(axis=0, ddof=1) / np.sqrt(len(rmse))
     return int(np.argmax(excess.mean(axis=0) <= allowed + RESOLUTION))
+
+
+def trained_motion(group: JointGroup, X: Floats) -> Floats:
+    """Return features (SAMPLES, F) spread over the motion that a group was trained on.
+
+    Watched features come from the boxes of the valid range, without their margins: uniform along the principal axes,
+    and no farther than the box about the features themselves. Play states, which are not watched, are those of rows of
+    the new motion X (N, F).
+    """
+    rng = np.random.default_rng(0)
+    known, spread = group.valid_range, X[rng.integers(len(X), size=SAMPLES)].copy()
+    if not len(group.watched):
+        return spread
+    share = 0.5 / (1.0 + 2.0 * EXTRAPOLATION)  # of a box's width with margins: half of one without
+    inner = rng.uniform(-share, share, (SAMPLES, len(known.lower)))
+    projection = 0.5 * (known.axis_lower + known.axis_upper) + inner * (known.axis_upper - known.axis_lower)
+    features = known.mean + projection @ np.linalg.pinv(known.axes)
+    middle, reach = 0.5 * (known.lower + known.upper), share * (known.upper - known.lower)
+    place = [group.columns.tolist().index(column) for column in group.watched]
+    spread[:, place] = np.clip(features, middle - reach, middle + reach)
+    return spread
+
+
+def _stays_near(predictor: Predictor, change: Adjustment, output: int, X: Floats, elsewhere: Floats) -> bool:
+    """Return whether a change of one output is hardly larger over the trained motion than on rows X (N, F)."""
+    one = predictor.of([output])
+    moved = adjusted(one, [change])
+    here, there = (
+        np.sqrt(np.mean(np.square(moved.predict(each) - one.predict(each)))) for each in (X, elsewhere)
+    )
+    return bool(there <= FAR * here + RESOLUTION)
 
 
 def _predictor_is_nearer(

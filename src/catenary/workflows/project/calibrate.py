@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from catenary import __version__
+from catenary.calibration.choice import JointChoice
 from catenary.calibration.dataset import require_same_joints
 from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.files import card_path, load_model, save_model
@@ -24,7 +25,7 @@ from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import zigzag
 from catenary.verdict.shared import require_apart
-from catenary.workflows.fit import evaluate_calibration, fit_calibration, read_recording_of
+from catenary.workflows.fit import evaluate_calibration, fit_calibration, read_recording_of, warnings_of
 from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.imported import import_recordings
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
@@ -81,6 +82,7 @@ class CalibrationResult:
     evaluations: Mapping[str, Evaluation]
     deployment: Mapping[str, Any] | None  # None without a robot
     repeated: tuple[str, ...]  # steps that were run now; the others had been done
+    advice: tuple[str, ...]  # what is recommended for each joint and why, and warnings of it on the test
 
     def table(self) -> tuple[list[str], list[list[str]]]:
         """Return header and rows: one row per model, one column per joint."""
@@ -101,6 +103,7 @@ class CalibrationResult:
             "page": str(self.page),
             "model": str(self.model_path),
             "steps_run": list(self.repeated),
+            "advice": list(self.advice),
             "models": {name: [asdict(j) for j in e.joints] for name, e in self.evaluations.items()},
             "deployment": self.deployment,
         }
@@ -330,12 +333,17 @@ def conclude(
             deployed, DeploymentFile, "delete it, and `catenary calibrate PROJECT` makes it again"
         )
     page = project.folder / "report.html"
+    best = results[RECOMMENDED]
     concluded = CalibrationResult(
         page=page,
         model_path=model_path(project, RECOMMENDED),
         evaluations={name: result.evaluation for name, result in results.items()},
         deployment=deployment,
         repeated=tuple(VERBS.get(step, step) for step in project.ran),
+        advice=(
+            *(str(JointChoice(**choice)) for choice in best.card.get("choice") or ()),
+            *warnings_of(best.evaluation),
+        ),
     )
     evaluation = project.folder / "evaluation.json"
 
