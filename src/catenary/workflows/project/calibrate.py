@@ -326,7 +326,6 @@ def conclude(
         )
         for name in models
     }
-    recommended = results[RECOMMENDED]
     deployment = None
     if deployed is not None:
         deployment = read_state(
@@ -350,8 +349,8 @@ def conclude(
     def work() -> None:
         write(evaluation, concluded.summary())
         write_project_report(
-            page, project.settings.connection, recommended.model, recommended.card, recommended.evaluation,
-            concluded.table(), train, test, deployment, notes=recommended.notes, inputs=_inputs_of(results),
+            page, project.settings.connection, best.model, best.card, best.evaluation, concluded.table(),
+            train, test, deployment, notes=best.notes, inputs=_inputs_of(results),
         )  # fmt: skip
 
     recordings = [[path.name for path in paths] + _hashes(paths) for paths in (train, test)]
