@@ -203,7 +203,7 @@ def _reliability(trials: Sequence[Plain]) -> Table:
 
 
 def _picture(outcomes: Outcomes) -> Any:
-    from papers.figures import panels
+    from papers.figures import legend_below, panels
 
     figure, (left, right) = panels(2, 3.8)
     left.plot([0, 100], [0, 100], color="#b8bfc9", linewidth=1.0)
@@ -229,7 +229,7 @@ def _picture(outcomes: Outcomes) -> Any:
     right.set_xticks(LOOKED_AT)
     right.set_ylim(0, 100)
     left.legend(frameon=False, fontsize=8, loc="upper left")
-    right.legend(frameon=False, fontsize=8, loc="lower right")
+    legend_below(figure, right, columns=3)
     return figure
 
 
