@@ -106,6 +106,7 @@ def test_arrays_and_the_command_give_the_same_model_to_the_bit(
     kind: Any, log: MotionLog, tmp_path: Any
 ) -> None:
     assert log.q_encoder is not None
+    assert log.time is not None
     np.savez(
         tmp_path / "run.npz",
         q_des=log.q_nominal,

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import simulated_arm
+from catenary.calibration.fit import FitOptions
 from catenary.workflows.project import calibrate
 from catenary.workflows.project.calibrate import RECOMMENDED
 from catenary.workflows.project.lock import FolderLock
@@ -93,7 +94,9 @@ def test_deploy_tells_errors_and_latency(recorded: Path, raven_model: Path) -> N
     assert "RMSE while the loop ran" in catenary(*line).out
 
 
-def test_a_loop_of_no_length_or_of_another_model_is_refused(recorded, raven_model, model) -> None:
+def test_a_loop_of_no_length_or_of_another_model_is_refused(
+    recorded: Path, raven_model: Path, model: Path
+) -> None:
     for seconds in ("nan", "inf", "0", "-1"):
         assert "duration" in refusal("deploy", raven_model, recorded, f"--seconds={seconds}")
     assert "J1" in refusal("deploy", model, recorded, "--seconds", "2", "--fast")
@@ -120,7 +123,7 @@ def test_record_of_the_test_motion_and_calibrate_agree(finished_folder: Path, qu
 
 @pytest.mark.usefixtures("_no_page")
 def test_calibrate_takes_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    models = {name: calibrate.FitOptions(kind="linear") for name in QUICK_MODELS}
+    models = {name: FitOptions(kind="linear") for name in QUICK_MODELS}
     monkeypatch.setattr(calibrate, "models_for", lambda *_: models)
     train = simulated_arm.write(tmp_path / "a.npz", seed=1, units=None)
     test = simulated_arm.write(tmp_path / "b.npz", seed=2, units=None)
@@ -136,8 +139,8 @@ def test_calibrate_takes_the_options_of_fit(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(calibrate, "models_for", lambda *asked: {RECOMMENDED: every(*asked)[RECOMMENDED]})
     train, test = (simulated_arm.write(tmp_path / f"{k}.npz", seed=k) for k in (1, 2))
     options = ("--model", "linear", "--history", 2, "--inputs", "q:J1,q:J2", "--ridge", 1, "--held-out", 0.25)
-    options += ("--folds", 3, "--coverage", 0.8, "--max-error", "9,9,9", "--target", "position", "--seed", 4)
-    line = ("calibrate", tmp_path / "p", train, "--test", test, *options)
+    tested = ("--folds", 3, "--coverage", 0.8, "--max-error", "9,9,9", "--target", "position", "--seed", 4)
+    line = ("calibrate", tmp_path / "p", train, "--test", test, *options, *tested)
     assert catenary(*line).code == 0
     card = json.loads((tmp_path / "p" / "models" / f"{RECOMMENDED}.card.json").read_text())
     assert (card["kind"], card["history"], card["target"]) == ("linear", 2, "position")
@@ -156,7 +159,7 @@ def test_calibrate_warns_of_a_recommended_model_that_does_harm(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     own = {f"J{j}": (f"q:J{j}",) for j in (1, 2, 3)}  # so that a joint's valid range is its own
-    models = {name: calibrate.FitOptions(kind="linear", inputs=own) for name in QUICK_MODELS}
+    models = {name: FitOptions(kind="linear", inputs=own) for name in QUICK_MODELS}
     monkeypatch.setattr(calibrate, "models_for", lambda *_: models)
     train = simulated_arm.write(tmp_path / "train.npz", seed=1)
     elsewhere = simulated_arm.arrays(seed=2)
@@ -165,8 +168,8 @@ def test_calibrate_warns_of_a_recommended_model_that_does_harm(
     elsewhere["q_des"][:, 2] += 0.3  # J3 is where it never was
     elsewhere["q_act"][:, 2] += 0.3
     np.savez(tmp_path / "test.npz", **elsewhere)
-    line = ("calibrate", tmp_path / "p", train, "--test", tmp_path / "test.npz")
-    line += ("--accept", "scale", "--accept", "units")
+    accept = ("--accept", "scale", "--accept", "units")
+    line = ("calibrate", tmp_path / "p", train, "--test", tmp_path / "test.npz", *accept)
     outcome = catenary(*line)
     assert outcome.code == 0, outcome
     assert "J2: the model is worse than the fixed offset here" in outcome.out

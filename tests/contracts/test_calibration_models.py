@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -71,7 +72,8 @@ def case(request: pytest.FixtureRequest) -> Case:
 
 def test_correction_has_a_row_per_row_and_a_column_per_joint(case: Case) -> None:
     correction = case.correct(case.data.X)
-    assert (correction.shape, correction.dtype) == ((len(case.data), 3), np.float64)
+    assert correction.shape == (len(case.data), 3)
+    assert correction.dtype == np.float64
     assert np.isfinite(correction).all()
     assert case.correct(case.data.X[:0], np.zeros((0, 3))).shape == (0, 3)
 
@@ -143,7 +145,9 @@ def test_calibration_is_causal(case: Case) -> None:
     assert_array_equal(changed[:40], case.model.calibrate(NEW)[:40])
 
 
-def test_saved_and_loaded_model_gives_the_same_bits_and_says_the_same_of_itself(case, tmp_path) -> None:
+def test_saved_and_loaded_model_gives_the_same_bits_and_says_the_same_of_itself(
+    case: Case, tmp_path: Path
+) -> None:
     save_model(case.model, {"robot": None}, tmp_path / "model.npz")
     back, _ = load_model(tmp_path / "model.npz")
     assert back.calibrate(NEW).tobytes() == case.model.calibrate(NEW).tobytes()

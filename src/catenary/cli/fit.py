@@ -40,9 +40,9 @@ Recordings = Annotated[
         "with --map.",
     ),
 ]
+LARGEST = sys.float_info.max
 LARGEST_SEED = 2**32 - 1  # that scikit-learn takes
 Seed = Annotated[int, Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Seed of all randomness.")]
-LARGEST = sys.float_info.max
 MaxError = Annotated[
     str | None,
     Option("--max-error", metavar="E,E,...", help="Leave out rows with larger errors, per joint in deg, mm."),
