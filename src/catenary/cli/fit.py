@@ -221,15 +221,13 @@ def evaluate(
     from catenary.workflows.fit import evaluate_calibration, evaluation_summary
 
     refuse_to_overwrite({"--report": report}, [model, *data])
-    reading = mending.reading(foreign)
     result = evaluate_calibration(
         model,
         data,
-        mend=reading.mend,
+        reading=mending.reading(foreign),
         accept=tuple(accept or ()),
         max_error=limits(max_error),
         window=window,
-        mapping=reading.mapping,
     )
     if as_json:
         print_json(evaluation_summary(result))

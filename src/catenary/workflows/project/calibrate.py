@@ -18,14 +18,14 @@ from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.files import sha256_of
 from catenary.recording.foreign.read import Reading, read_logs
-from catenary.recording.mend import NOTHING
 from catenary.reports.calibration import percent
 from catenary.reports.project import write_project_report
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import zigzag
 from catenary.verdict.shared import require_apart
-from catenary.workflows.fit import evaluate_calibration, fit_calibration, read_recording_of, warnings_of
+from catenary.workflows.fit import evaluate_calibration, fit_calibration, warnings_of
+from catenary.workflows.model_recordings import recordings_for
 from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.imported import import_recordings
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
@@ -237,7 +237,7 @@ def calibrate_recordings(
             reading = Reading(mend=reading.mend)  # logs of ours state all else
         _refuse_same(train, test)
         first, *others = fitted = read_logs(train, reading)
-        tested = [reading.mend(read_recording_of(first, path)) for path in test]
+        tested = recordings_for(first, test, reading)
         for other in (*others, *tested):  # before minutes of fits
             require_same_joints(first, other)
         require_apart(fitted, tested, run.accept)
@@ -318,11 +318,10 @@ def conclude(
     run: FitRun | None = None,
 ) -> CalibrationResult:
     """Evaluate every model and write evaluation.json and report.html, unless they hold just this already."""
-    mend = NOTHING if reading is None else reading.mend
     run = run if run is not None else FitRun()
     results = {
         name: evaluate_calibration(
-            model_path(project, name), list(test), mend=mend, accept=run.accept, max_error=run.max_error
+            model_path(project, name), list(test), reading=reading, accept=run.accept, max_error=run.max_error
         )
         for name in models
     }
