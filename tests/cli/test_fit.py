@@ -182,7 +182,7 @@ def test_window_sets_the_length_of_the_windows(model: Path, run: Path) -> None:
 @pytest.fixture
 def _no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages without pictures, which take seconds to draw."""
-    monkeypatch.setattr(calibration, "joint_picture", lambda *_: Picture("", ""))
+    monkeypatch.setattr(calibration, "joint_picture", lambda *_, **__: Picture("", ""))
 
 
 @pytest.mark.usefixtures("_no_pictures")

@@ -18,7 +18,7 @@ from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.files import sha256_of
 from catenary.recording.foreign.read import Reading, read_logs
-from catenary.reports.calibration import percent
+from catenary.reports.error_tables import percent
 from catenary.reports.project import write_project_report
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
