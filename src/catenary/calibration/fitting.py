@@ -93,7 +93,7 @@ def fit_logs(
     }
     if options.kind == "auto":
         validations = {name: attempt.validation for name, attempt in attempts.items() if attempt.validation}
-        choices = choose({name: each.spread for name, each in validations.items()})
+        choices = choose(validations)
         needed = dict.fromkeys(choice.chosen for choice in choices)
         model = composed({name: attempts[name].fitted(silent) for name in needed}, choices)
         validation: CrossValidation | None = joined(validations, choices)

@@ -123,9 +123,10 @@ def announce(text: str) -> None:
 
 
 def print_notes(notes: Sequence[str]) -> None:
-    """Print remarks on standard error, so that piped output stays clean."""
+    """Print remarks and warnings on standard error, so that piped output stays clean."""
     for note in notes:
-        print(_wrapped("note: ", note, sys.stderr), file=sys.stderr)
+        label = "" if note.startswith("warning: ") else "note: "
+        print(_wrapped(label, note, sys.stderr), file=sys.stderr)
 
 
 def _wrapped(label: str, text: str, stream: TextIO) -> str:
