@@ -51,6 +51,7 @@ MODULES = {
     "beyond-wrist-memory": "papers.beyond.wrist_memory",
     "beyond-intervals": "papers.beyond.intervals",
     "beyond-advice": "papers.beyond.advice",
+    "beyond-few-minutes": "papers.beyond.few_minutes",
 }
 
 
