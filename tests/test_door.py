@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -138,3 +139,16 @@ def test_torques_are_inputs_where_they_are_given() -> None:
 def test_what_is_no_calibration_is_refused(data: tuple, options: dict, words: str) -> None:
     with pytest.raises((InputError, FileFormatError), match=words):
         catenary.fit(*data, **options)
+
+
+def test_data_in_other_units_are_refused_before_they_are_called_errors_of_the_model() -> None:
+    log = recording(RNG, rows=400, error=lambda q: 0.01 + 0.02 * q)
+    assert log.q_encoder is not None
+    model = catenary.fit(log, model="linear", folds=0)
+    factor = np.where(np.array(log.joint_units) == "rad", np.rad2deg(1.0), 1e3)
+    wrong = replace(log, q_nominal=factor * log.q_nominal, q_encoder=factor * log.q_encoder)
+    for ask in (model.evaluate, model.refresh):
+        with pytest.raises(catenary.DataError, match="mend it with --units deg,deg,mm") as refused:
+            ask(wrong)
+        assert refused.value.names == ("units",)
+    assert catenary.evaluate(model, wrong, accept=["units"]).joints

@@ -27,6 +27,7 @@ from catenary.dynamics.kinematics import jacobian as jacobian
 from catenary.dynamics.mass_matrix import mass_matrix as mass_matrix
 from catenary.dynamics.regressor import torque_regressor as torque_regressor
 from catenary.errors import CatenaryError as CatenaryError
+from catenary.errors import DataError as DataError
 from catenary.gravity.carriers import locate_load as locate_load
 from catenary.gravity.compact import compact_regressor as compact_regressor
 from catenary.gravity.estimator import GravityEstimator as GravityEstimator

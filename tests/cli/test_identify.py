@@ -103,6 +103,24 @@ def test_no_payload_is_said(moving_arm_logs: Path, parameters: Path) -> None:
     assert not catenary(*line, "--unloaded", unloaded, "--cutoff-hz", 5, "--json").json["detected"]
 
 
+def test_a_payload_is_not_weighed_by_torques_of_another_sign_or_unit(
+    moving_arm_logs: Path, parameters: Path, tmp_path: Path
+) -> None:
+    with np.load(moving_arm_logs / "loaded.npz", allow_pickle=False) as archive:
+        content = dict(archive)
+    joint = load_robot("raven2").joint_names[1]
+    for factor, name, mend in (
+        (-1.0, "sign", ("--sign", f"tau:{joint}")),
+        (0.05, "torques", ("--scale", f"tau:{joint}=20")),
+    ):
+        tau = content["tau"].copy()
+        tau[:, 1] *= factor
+        np.savez(tmp_path / "spoilt.npz", **{**content, "tau": tau})
+        line = ("payload", tmp_path / "spoilt.npz", "--model", parameters, "--at", "wrist", *PLACE)
+        assert f"nothing was weighed; to go on all the same: --accept {name}" in refusal(*line)
+        assert catenary(*line, *mend, "--json").json["mass"] == pytest.approx(0.2, abs=0.01)
+
+
 def test_excitation_designs_poses_and_motions(tmp_path: Path) -> None:
     poses, motion = tmp_path / "poses.npz", tmp_path / "motion.csv"
     content = catenary("excitation", "panda", "--static", 10, "--out", poses, "--json").json

@@ -22,6 +22,7 @@ from catenary.calibration.fit import FitOptions, Kind, Preset
 from catenary.calibration.fitting import COVERAGE, FOLDS, FitRun, fit_logs
 from catenary.calibration.model import CalibrationModel, Card, Target
 from catenary.calibration.progress import Progress, silent
+from catenary.calibration.upkeep.judged import judge_recordings
 from catenary.calibration.upkeep.lineage import refreshed_card
 from catenary.calibration.upkeep.refresh import refresh_model
 from catenary.errors import InputError
@@ -102,8 +103,11 @@ class Calibration(CalibrationModel):
         qd: ArrayLike | None = None,
         time: ArrayLike | None = None,
         window: float | None = None,
+        accept: Sequence[str] = (),
     ) -> Evaluation:
         """Return errors before and after the model, on data that it should not have seen.
+
+        Data with which something is wrong, such as other units, are refused: errors on them are no fault of the model.
 
         Args:
             q_nominal: As for `predict`.
@@ -112,8 +116,10 @@ class Calibration(CalibrationModel):
             qd: Joint velocities.
             time: [s].
             window: Length of a time window [s]; a tenth of the data when None.
+            accept: As for `fit`.
 
         Raises:
+            DataError: Something is wrong with the data; the message says what, how it is mended, how it is accepted.
             InputError: As for `predict`, or nothing was measured.
             FileFormatError: A recording is missing or damaged.
         """
@@ -122,7 +128,9 @@ class Calibration(CalibrationModel):
         )
         for log in logs:
             self.require_joints(log)
-        return evaluate_rows(self, calibration_data(logs, self.features), window=window)
+        data = calibration_data(logs, self.features)
+        judge_recordings(self, self.card, logs, accept=accept)
+        return evaluate_rows(self, data, window=window)
 
     def refresh(
         self,
@@ -132,6 +140,7 @@ class Calibration(CalibrationModel):
         tau: ArrayLike | None = None,
         qd: ArrayLike | None = None,
         time: ArrayLike | None = None,
+        accept: Sequence[str] = (),
     ) -> "Calibration":
         """Return the model brought up to date with minutes of a new day; its card says what moved.
 
@@ -141,8 +150,10 @@ class Calibration(CalibrationModel):
             tau: Joint torques.
             qd: Joint velocities.
             time: [s].
+            accept: As for `fit`.
 
         Raises:
+            DataError: As for `evaluate`, or there is too little to learn from.
             InputError: As for `evaluate`, or too few rows.
             FileFormatError: A recording is missing or damaged.
         """
@@ -151,6 +162,7 @@ class Calibration(CalibrationModel):
         )
         for log in logs:
             self.require_joints(log)
+        judge_recordings(self, self.card, logs, accept=accept, learning=True, done="refreshed")
         data = calibration_data(logs, self.features)
         refreshed = refresh_model(self, data)
         return _with_card(refreshed.model, refreshed_card(self.card, refreshed, data, sha256=None))
@@ -303,10 +315,11 @@ def evaluate(
     qd: ArrayLike | None = None,
     time: ArrayLike | None = None,
     window: float | None = None,
+    accept: Sequence[str] = (),
 ) -> Evaluation:
     """Return a model's errors on data that it should not have seen: `Calibration.evaluate`, also of a model's file."""
     loaded = model if isinstance(model, Calibration) else load_model(model)
-    return loaded.evaluate(q_nominal, q_encoder, tau=tau, qd=qd, time=time, window=window)
+    return loaded.evaluate(q_nominal, q_encoder, tau=tau, qd=qd, time=time, window=window, accept=accept)
 
 
 def refresh(
@@ -317,10 +330,11 @@ def refresh(
     tau: ArrayLike | None = None,
     qd: ArrayLike | None = None,
     time: ArrayLike | None = None,
+    accept: Sequence[str] = (),
 ) -> Calibration:
     """Return a model brought up to date with minutes of a new day: `Calibration.refresh`, also of a model's file."""
     loaded = model if isinstance(model, Calibration) else load_model(model)
-    return loaded.refresh(q_nominal, q_encoder, tau=tau, qd=qd, time=time)
+    return loaded.refresh(q_nominal, q_encoder, tau=tau, qd=qd, time=time, accept=accept)
 
 
 def _with_card(model: CalibrationModel, card: Card) -> Calibration:

@@ -213,6 +213,8 @@ def excitation(
 
 def payload(
     logs: Logs,
+    mending: MendOptions,
+    foreign: MappingOptions,
     model: Annotated[Path, Option(metavar="FILE", help="Parameters that catenary identify wrote.")],
     at: Annotated[
         tuple[str, float, float, float] | None,
@@ -223,6 +225,7 @@ def payload(
         Option(metavar="LOG", help="A recording of the same day without payload; may be repeated."),
     ] = None,
     cutoff_hz: CutOff = None,
+    accept: Accept = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
     """Estimate the payload of an identified arm.
@@ -232,7 +235,15 @@ def payload(
     from catenary.workflows.payload import payload_of_files
 
     place = None if at is None else (at[0], at[1:])
-    result = payload_of_files(logs, model, at=place, unloaded=unloaded or [], cutoff_hz=cutoff_hz)
+    result = payload_of_files(
+        logs,
+        model,
+        at=place,
+        unloaded=unloaded or [],
+        cutoff_hz=cutoff_hz,
+        reading=mending.reading(foreign),
+        accept=tuple(accept or ()),
+    )
     if as_json:
         print_json(result.summary())
         return

@@ -66,7 +66,7 @@ def monitor(
         if log is not None:
             from catenary.calibration.files import load_model
             from catenary.recording.foreign.read import Reading, read_recording
-            from catenary.workflows.fit import read_recording_of
+            from catenary.workflows.model_recordings import read_recording_of
             from catenary.workflows.robot.watch import watch_log
 
             loaded = None if model is None else load_model(model)[0]

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from catenary.arrays import Floats
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.identification.identification import Identification
 from catenary.identification.least_squares import solve, triangles
@@ -31,7 +30,7 @@ def torque_findings(result: Identification, samples: Samples, *, fitted: bool) -
         samples: A recording.
         fitted: It is one of those that were fitted.
     """
-    findings = _currents(result, samples)
+    findings = _currents(result, samples, fitted)
     own = result.training if fitted else result.tests
     residual = next(r for r in own if r.log == samples.name)
     with np.errstate(invalid="ignore"):
@@ -115,12 +114,18 @@ def _turned(result: Identification, samples: Samples, refit: bool) -> set[int]:
     return {axis} if best < MENDED * before else set()
 
 
-def _currents(result: Identification, samples: Samples) -> list[Finding]:
-    """Find axes whose torque is many times the model's own, where the robot's file has masses."""
+def _currents(result: Identification, samples: Samples, fitted: bool) -> list[Finding]:
+    """Find axes whose torque is many times that of the robot file's masses; of a test, that of what was identified."""
     model = result.model
-    if model.missing_inertia:
+    whose = "the robot's own masses" if fitted else "what was identified"
+    if not fitted:
+        own = result.predict_unknown(samples.q, samples.qd, samples.qdd, np.array(result.options.gravity))
+    elif model.missing_inertia:
         return []
-    own: Floats = inverse_dynamics(model, samples.q, samples.qd, samples.qdd, gravity=result.options.gravity)
+    else:
+        own = np.asarray(
+            inverse_dynamics(model, samples.q, samples.qd, samples.qdd, gravity=result.options.gravity)
+        )
     found = []
     for i in range(model.n):
         # friction and offsets beside the model's own torque
@@ -138,7 +143,7 @@ def _currents(result: Identification, samples: Samples) -> list[Finding]:
         Finding(
             "torques",
             tuple(name for name, _ in found),
-            f"torques over those of the robot's own masses are {ratios}, expected {RATIO[0]:g} to {RATIO[1]:g}",
+            f"torques over those of {whose} are {ratios}, expected {RATIO[0]:g} to {RATIO[1]:g}",
             "motor currents, or torques at the motor, read as joint torques",
             " ".join(f"--scale tau:{name}={1.0 / ratio:.4g}" for name, ratio in found),
         )

@@ -17,13 +17,18 @@ from catenary.verdict.lag import lag_findings
 from catenary.verdict.pairs import Pairs, pairs_of
 from catenary.verdict.sensors import outlier_findings, sensor_findings, zero_findings
 from catenary.verdict.stamps import stamp_findings
+from catenary.verdict.trained import trained_findings
 from catenary.verdict.units_and_scale import offset_findings, range_findings, slope_findings
 
 NEEDED_TO_LEARN = ("short", "constant")  # what a test does well without
 
 
 def findings_of(
-    log: MotionLog, *, robot: RobotModel | None = None, max_error: Floats | None = None
+    log: MotionLog,
+    *,
+    robot: RobotModel | None = None,
+    max_error: Floats | None = None,
+    trained: tuple[Floats, Floats] | None = None,
 ) -> tuple[Finding, ...]:
     """Return what is wrong with a recording, and what is worth knowing, the gravest first.
 
@@ -31,12 +36,13 @@ def findings_of(
         log: The recording.
         robot: Whose limits positions are held against, by the names of joints.
         max_error: (n,) [rad|m]; rows with larger errors are left out, as a fit leaves them out.
+        trained: Least and largest positions that a model of it was trained on, each (n,) [rad|m].
     """
     if max_error is not None and log.q_encoder is not None:
         with np.errstate(invalid="ignore"):
             within = (np.abs(log.q_encoder - log.q_nominal) <= max_error).all(axis=1)
         log = replace(log, ok=log.ok & within)
-    ranges = range_findings(log, robot)
+    ranges = range_findings(log, robot) or ([] if trained is None else trained_findings(log, trained))
     findings = [*extent_findings(log), *stamp_findings(log, in_si=not ranges), *ranges]
     pairs = pairs_of(log)
     if pairs is not None:
@@ -83,6 +89,8 @@ def verdict(
     robot: RobotModel | None = None,
     max_error: Floats | None = None,
     testing: bool = False,
+    trained: tuple[Floats, Floats] | None = None,
+    done: str = "fitted",
 ) -> list[str]:
     """Refuse recordings that no model should be made from; return notes on what is worth knowing.
 
@@ -92,6 +100,8 @@ def verdict(
         robot: As for `findings_of`.
         max_error: As for `findings_of`.
         testing: Nothing is learnt from them: they may be short, and their joints may rest.
+        trained: Least and largest positions that a model of them was trained on, each (n,) [rad|m].
+        done: What was not done where they are refused.
 
     Raises:
         DataError: What was found in which recording, its likely cause, and the options that mend or accept it.
@@ -101,7 +111,7 @@ def verdict(
     found = [
         (log.name, each)
         for log in logs
-        for each in findings_of(log, robot=robot, max_error=max_error)
+        for each in findings_of(log, robot=robot, max_error=max_error, trained=trained)
         if not (testing and each.name in NEEDED_TO_LEARN)
     ]
-    return judge(found, accept)
+    return judge(found, accept, done=done)

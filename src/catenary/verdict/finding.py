@@ -61,12 +61,15 @@ def require_names(accept: Collection[str]) -> None:
         raise InputError(f"accept: no finding is called {', '.join(unknown)}; choices: {', '.join(NAMES)}")
 
 
-def judge(findings: Sequence[tuple[str, Finding]], accept: Collection[str] = ()) -> list[str]:
+def judge(
+    findings: Sequence[tuple[str, Finding]], accept: Collection[str] = (), *, done: str = "fitted"
+) -> list[str]:
     """Refuse recordings with a finding that nobody accepted; return notes on all others.
 
     Args:
         findings: Each with the name of its recording.
         accept: Names of findings to go on with.
+        done: What was not done where they are refused.
 
     Raises:
         DataError: What was found in which recording, how it is mended, and how it is accepted.
@@ -78,7 +81,7 @@ def judge(findings: Sequence[tuple[str, Finding]], accept: Collection[str] = ())
         names = sorted({each.name for _, each in refused})
         lines = [f'recording "{where}": {each}' for where, each in refused]
         go_on = " ".join(f"--accept {name}" for name in names)
-        raise DataError("\n".join([*lines, f"nothing was fitted; to go on all the same: {go_on}"]), names)
+        raise DataError("\n".join([*lines, f"nothing was {done}; to go on all the same: {go_on}"]), names)
     return [
         f"{where}: {'accepted ' + each.name + ': ' if each.refuses else ''}{each}" for where, each in findings
     ]

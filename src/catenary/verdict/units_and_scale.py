@@ -71,7 +71,7 @@ def slope_findings(pairs: Pairs, place: NDArray[np.int64]) -> list[Finding]:
                 names,
                 f"the measurement moves {slopes} times as far as the command (expected {LEAST:g} to {MOST:g})",
                 f"the {of} in {SPOKEN[unit]}",
-                _units_option(pairs.log, dict.fromkeys(joints, unit), array),
+                units_option(pairs.log, dict.fromkeys(joints, unit), array),
             )
         )
     return findings
@@ -88,7 +88,8 @@ def _unit_of(slope: float, unit: str) -> tuple[str, str] | None:
     return best
 
 
-def _units_option(log: MotionLog, units: dict[int, str], array: str | None = None) -> str:
+def units_option(log: MotionLog, units: dict[int, str], array: str | None = None) -> str:
+    """Return the option that says in which unit each joint is, of one array or of all; others are in their own."""
     given = ",".join(units.get(j, unit) for j, unit in enumerate(log.joint_units))
     return f"--units {array + ':' if array else ''}{given}"
 
@@ -147,7 +148,7 @@ def range_findings(
     if len(units) < len(beyond):
         return [Finding("range", names, says, "another joint's column, another robot, or another zero")]
     spoken = " and ".join(sorted({SPOKEN[name] for name in units.values()}))
-    return [Finding("units", names, says, f"numbers in {spoken}", _units_option(log, units))]
+    return [Finding("units", names, says, f"numbers in {spoken}", units_option(log, units))]
 
 
 def offset_findings(pairs: Pairs) -> list[Finding]:

@@ -12,23 +12,38 @@ from catenary.calibration.card_schema import check_card
 from catenary.calibration.files import load_model
 from catenary.calibration.model import Card
 from catenary.calibration.upkeep.drift import BEYOND, DriftFound, find_drift
-from catenary.errors import InputError
-from catenary.workflows.fit import read_recording_of
+from catenary.calibration.upkeep.judged import judge_recordings
+from catenary.recording.foreign.read import Reading
+from catenary.workflows.model_recordings import recordings_for
 
 
-def drift_of_model(model_path: Path, paths: Sequence[Path], *, factor: float = BEYOND) -> DriftFound:
-    """Return a model's errors over recordings, in the order given; see `find_drift`.
+def drift_of_model(
+    model_path: Path,
+    paths: Sequence[Path],
+    *,
+    reading: Reading | None = None,
+    accept: tuple[str, ...] = (),
+    factor: float = BEYOND,
+) -> tuple[DriftFound, list[str]]:
+    """Return a model's errors over recordings, in the order given, and notes on these; see `find_drift`.
+
+    Args:
+        model_path: The model's file.
+        paths: The recordings; what they do not say of their joints' names and units is the model's.
+        reading: Mapping of recordings of another make, and what to change of them.
+        accept: Findings about them to go on with, by name.
+        factor: Of the card's error, for a model without intervals.
 
     Raises:
+        DataError: Something is wrong with a recording that `accept` does not name: it is no drift.
         FileFormatError: The model or a recording is missing or damaged.
         InputError: As `find_drift`.
     """
     model, card = load_model(model_path)
     check_card(card, str(model_path))
-    logs = [read_recording_of(model, path) for path in paths]
-    if not logs:
-        raise InputError("data: expected at least one recording, got none")
-    return find_drift(model, logs, known_errors(card), factor=factor)
+    logs = recordings_for(model, paths, reading)
+    notes = judge_recordings(model, card, logs, accept=accept, done="judged")
+    return find_drift(model, logs, known_errors(card), factor=factor), notes
 
 
 def known_errors(card: Card) -> Floats | None:
@@ -54,7 +69,7 @@ def since_in_words(found: DriftFound) -> list[str]:
     return told
 
 
-def drift_summary(found: DriftFound) -> dict[str, Any]:
+def drift_summary(found: DriftFound, notes: Sequence[str] = ()) -> dict[str, Any]:
     """Return what was found as plain data, errors in deg and mm."""
     return {
         "joints": found.joint_names,
@@ -62,4 +77,5 @@ def drift_summary(found: DriftFound) -> dict[str, Any]:
         "stretches": [asdict(stretch) for stretch in found.stretches],
         "beyond_since": dict(zip(found.joint_names, found.since, strict=True)),
         "in_words": since_in_words(found),
+        "notes": list(notes),
     }

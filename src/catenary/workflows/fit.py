@@ -5,7 +5,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from catenary.archives import read_arrays
 from catenary.calibration.card_schema import check_card
 from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.dataset import calibration_data
@@ -15,13 +14,9 @@ from catenary.calibration.fit import FitOptions
 from catenary.calibration.fitting import FitResult, FitRun, data_notes, error_limits, fit_logs
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.progress import Progress, silent
-from catenary.errors import InputError
-from catenary.plant import MotionLog
-from catenary.recording.foreign.mapping import RecordingMapping
+from catenary.calibration.upkeep.judged import judge_recordings
 from catenary.recording.foreign.read import Reading, read_logs
-from catenary.recording.logs import read_log
-from catenary.recording.mend import NOTHING, Mend
-from catenary.verdict.check import robot_of, verdict
+from catenary.workflows.model_recordings import recordings_for
 
 WORSE = 1.01  # times the fixed offset's error: less is no harm
 OUTSIDE = 0.1  # share of rows outside the valid range that is worth a warning
@@ -59,11 +54,10 @@ def evaluate_calibration(
     model_path: Path,
     paths: Sequence[Path],
     *,
-    mend: Mend = NOTHING,
+    reading: Reading | None = None,
     accept: tuple[str, ...] = (),
     max_error: tuple[float, ...] | None = None,
     window: float | None = None,
-    mapping: RecordingMapping | None = None,
 ) -> EvaluationResult:
     """Evaluate a model on recordings, those of another make read by their mapping.
 
@@ -72,11 +66,10 @@ def evaluate_calibration(
     Args:
         model_path: The model's file.
         paths: The recordings.
-        mend: What to change of the recordings.
+        reading: Mapping of recordings of another make, and what to change of them.
         accept: Findings about them to go on with, by name.
         max_error: Per joint, deg and mm; rows with larger errors are left out.
         window: Length of a time window [s]; a tenth of the data when None.
-        mapping: Of recordings of another make.
 
     Raises:
         DataError: Something is wrong with a recording that `accept` does not name.
@@ -84,22 +77,14 @@ def evaluate_calibration(
         InputError: A recording is of other joints, or lacks an input of the model.
     """
     model, card = load_model(model_path)
-    if mapping is not None:
-        logs = read_logs(paths, Reading(mapping=mapping, mend=mend))
-    else:
-        logs = [mend(read_recording_of(model, path)) for path in paths]
-    if not logs:
-        raise InputError("data: expected at least one recording, got none")
-    for log in logs:
-        model.require_joints(log)
+    logs = recordings_for(model, paths, reading)
     limits = error_limits(max_error, logs[0])
     data = calibration_data(logs, model.features, max_error=limits)
     check_card(card, str(model_path))
     trained_on = {source["sha256"] for source in card["data"]}
     seen = tuple(source.name for source in data.sources if source.sha256 in trained_on)
-    robot = robot_of(logs, card["robot"])
     notes = data_notes(logs, data)
-    notes += verdict(logs, accept=accept, robot=robot, max_error=limits, testing=True)
+    notes += judge_recordings(model, card, logs, accept=accept, max_error=limits)
     notes += [f"{name}: the model was fitted to this recording; its error here is no test" for name in seen]
     found = evaluate(model, data, window=window)
     return EvaluationResult(model, card, found, (*notes, *warnings_of(found)), seen)
@@ -154,29 +139,3 @@ def interval_summary(evaluation: Evaluation) -> dict[str, Any] | None:
             for joint, verdict in zip(evaluation.joints, coverage_verdicts(evaluation), strict=True)
         ],
     }
-
-
-def read_recording_of(model: CalibrationModel | MotionLog, path: Path) -> MotionLog:
-    """Read a recording, taking a model's names and units where a bare command log does not state them.
-
-    Args:
-        model: The model, or a recording that one will be fitted to.
-        path: The recording.
-
-    Raises:
-        InputError: The recording has another number of joints.
-    """
-    if path.suffix != ".npz":
-        return read_log(path)
-    content = read_arrays(path)
-    commands = content.get("q_des")
-    n = len(model.joint_names)
-    if commands is not None and commands.ndim == 2 and commands.shape[1] != n:
-        raise InputError(
-            f"{path}: has {commands.shape[1]} joints; the model is for {n}: {', '.join(model.joint_names)}"
-        )
-    return read_log(
-        path,
-        units=None if "units" in content else model.joint_units,
-        joint_names=None if "joint_names" in content else model.joint_names,
-    )

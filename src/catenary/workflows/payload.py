@@ -5,10 +5,13 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from catenary.identification.doubts import torque_findings
 from catenary.identification.files import load_identification
 from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
 from catenary.identification.samples import prepare
-from catenary.recording.logs import read_torque_log
+from catenary.recording.foreign.read import Reading, read_torque_recording
+from catenary.verdict.finding import judge, require_names
+from catenary.verdict.stamps import stamp_findings
 
 
 @dataclass(frozen=True)
@@ -37,8 +40,12 @@ def payload_of_files(
     at: tuple[str, Sequence[float]] | None = None,
     unloaded: Sequence[Path] = (),
     cutoff_hz: float | None = None,
+    reading: Reading | None = None,
+    accept: tuple[str, ...] = (),
 ) -> PayloadResult:
     """Estimate the payload of an arm from recordings and the parameters identified without it.
+
+    Recordings are judged first: torques of another sign or unit than those identified are no payload.
 
     Args:
         logs: Recordings with the payload.
@@ -46,22 +53,28 @@ def payload_of_files(
         at: Frame and place in it (3,) [m], if known.
         unloaded: Recordings without it, of the same day.
         cutoff_hz: Of the filter, when it shall not be that of the identification.
+        reading: Mapping of recordings of another make, and what to change of them.
+        accept: Findings about them to go on with, by name.
 
     Raises:
+        DataError: Stamps, or torques of the wrong sign, of other axes or in another unit, that `accept` does not name.
         FileFormatError: A file is missing, damaged or of another kind.
         InputError: A recording is not of this robot, in other units, or too short; or an unknown frame.
     """
     result, _ = load_identification(model)
     options = result.options if cutoff_hz is None else replace(result.options, cutoff_hz=cutoff_hz)
-    loaded, empty = (
-        [prepare(read_torque_log(path, result.model), result.model, options) for path in group]
-        for group in (logs, unloaded)
-    )
+    require_names(accept)
+    read = [read_torque_recording(path, result.model, reading) for path in (*logs, *unloaded)]
+    notes = judge([(log.name, each) for log in read for each in stamp_findings(log)], accept, done="weighed")
+    samples = [prepare(log, result.model, options) for log in read]
+    tested = result.test(samples)
+    doubts = [(s.name, each) for s in samples for each in torque_findings(tested, s, fitted=False)]
+    notes += judge(doubts, accept, done="weighed")
+    loaded, empty = samples[: len(logs)], samples[len(logs) :]
     if at is not None:
         best, *candidates = (estimate_payload(result, loaded, at=at, unloaded=empty),)
     else:
         best, *candidates = payload_candidates(result, loaded, unloaded=empty)
-    notes = []
     if best.mass is None:
         notes.append(
             "the motion shows only mass times place, not the mass by itself; give its place with --at"

@@ -10,11 +10,13 @@ from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.files import load_model
 from catenary.calibration.fitting import data_notes, error_limits
 from catenary.calibration.model import CalibrationModel, Card
+from catenary.calibration.upkeep.judged import judge_recordings
 from catenary.calibration.upkeep.lineage import changes_shown, refreshed_card
 from catenary.calibration.upkeep.refresh import Refreshed, refresh_model
 from catenary.errors import InputError
 from catenary.files import sha256_of
-from catenary.workflows.fit import read_recording_of
+from catenary.recording.foreign.read import Reading
+from catenary.workflows.model_recordings import recordings_for
 
 
 @dataclass(frozen=True)
@@ -43,32 +45,44 @@ class RefreshResult:
 
 
 def refresh_calibration(
-    model_path: Path, paths: Sequence[Path], *, max_error: tuple[float, ...] | None = None
+    model_path: Path,
+    paths: Sequence[Path],
+    *,
+    reading: Reading | None = None,
+    accept: tuple[str, ...] = (),
+    max_error: tuple[float, ...] | None = None,
 ) -> RefreshResult:
     """Refresh a model with recordings of a new day; see `refresh_model`.
 
-    Recordings that do not state their joints' names or units are read with the model's.
+    Args:
+        model_path: The model's file.
+        paths: The recordings; what they do not say of their joints' names and units is the model's.
+        reading: Mapping of recordings of another make, and what to change of them.
+        accept: Findings about them to go on with, by name.
+        max_error: Per joint, deg and mm; rows with larger errors are left out.
 
     Raises:
+        DataError: Something is wrong with a recording that `accept` does not name.
         FileFormatError: The model or a recording is missing or damaged.
         InputError: A recording is of other joints, lacks an input of the model, was trained on, or is too short.
     """
     model, card = load_model(model_path)
     check_card(card, str(model_path))
-    logs = [read_recording_of(model, path) for path in paths]
-    if not logs:
-        raise InputError("data: expected at least one recording, got none")
+    logs = recordings_for(model, paths, reading)
     seen = {source["sha256"] for source in card["data"]} - {None}
     for log in logs:
-        model.require_joints(log)
         if log.sha256 in seen:
             raise InputError(
                 f'recording "{log.name}": the model was fitted to it or refreshed with it; '
                 "expected one of a new day"
             )
-    data = calibration_data(logs, model.features, max_error=error_limits(max_error, logs[0]))
+    limits = error_limits(max_error, logs[0])
+    found = judge_recordings(
+        model, card, logs, accept=accept, max_error=limits, learning=True, done="refreshed"
+    )
+    data = calibration_data(logs, model.features, max_error=limits)
     refreshed = refresh_model(model, data)
-    notes = (*data_notes(logs, data), *refreshed.notes)
+    notes = (*data_notes(logs, data), *found, *refreshed.notes)
     return RefreshResult(
         refreshed.model,
         refreshed_card(card, refreshed, data, sha256=sha256_of(model_path)),

@@ -58,3 +58,51 @@ def test_a_homing_cuts_a_recording(tmp_path: Path) -> None:
         (0, 900, [False, False]),
         (1, 900, [False, True]),
     ]
+
+
+def in_deg_and_mm(log: MotionLog) -> MotionLog:
+    """The log in deg and mm, though it says rad and m."""
+    factor = np.array([np.rad2deg(1.0), 1e3])
+    assert log.q_encoder is not None
+    return replace(log, q_nominal=factor * log.q_nominal, q_encoder=factor * log.q_encoder)
+
+
+@pytest.fixture(scope="module")
+def of_day_0(tmp_path_factory: pytest.TempPathFactory) -> str:
+    folder = tmp_path_factory.mktemp("model")
+    model = str(folder / "arm.npz")
+    line = ("fit", written(a_day(0, 0.0), folder / "0.parquet"), "--model", "linear", "--out", model)
+    assert catenary(*line).code == 0
+    return model
+
+
+@pytest.mark.parametrize("command", ["drift", "evaluate", "refresh"])
+def test_wrong_data_are_no_fault_of_a_model(of_day_0: str, tmp_path: Path, command: str) -> None:
+    day = a_day(1, 0.0)
+    out = ("--out", str(tmp_path / "new.npz")) if command == "refresh" else ()
+    line = (command, of_day_0, written(in_deg_and_mm(day), tmp_path / "deg.parquet"), *out)
+    refused = catenary(*line)
+    assert refused.code != 0
+    said = " ".join(refused.err.split())
+    assert "likely numbers in degrees and millimetres; mend it with --units deg,mm" in said
+    assert "--accept units" in said
+    assert not (tmp_path / "new.npz").exists()
+    assert catenary(*line, "--units", "deg,mm").code == 0
+    swapped = replace(day, q_encoder=-day.q_encoder)  # type: ignore[operator]
+    refused = catenary(command, of_day_0, written(swapped, tmp_path / "turned.parquet"), *out)
+    assert "--sign J1" in refused.err
+
+
+@pytest.mark.parametrize("command", ["drift", "evaluate", "refresh"])
+def test_a_csv_of_another_make_is_read_by_a_mapping(of_day_0: str, tmp_path: Path, command: str) -> None:
+    day = a_day(1, 0.0)
+    assert day.q_encoder is not None
+    assert day.time is not None
+    factor = np.array([np.rad2deg(1.0), 1e3])
+    table = np.column_stack([day.time, factor * day.q_nominal, factor * day.q_encoder])
+    np.savetxt(tmp_path / "lab.csv", table, delimiter=",", header="t,yaw,ins,cam_yaw,cam_ins", comments="")
+    options = ("--map", "q_nominal=yaw,ins", "--map", "q_encoder=cam_yaw,cam_ins", "--units", "deg,mm")
+    out = ("--out", str(tmp_path / "new.npz")) if command == "refresh" else ()
+    done = catenary(command, of_day_0, str(tmp_path / "lab.csv"), *options, *out, "--json")
+    assert done.code == 0, done.err
+    assert any("are J1, J2" in note for note in json.loads(done.out)["notes"]) or "J1" in done.out

@@ -6,15 +6,18 @@ from typing import Annotated
 from typer import Argument, Option
 
 from catenary.cli.fit import MaxError, Recordings, limits
-from catenary.cli.options import AsJsonNotTables
+from catenary.cli.options import Accept, AsJsonNotTables, MappingOptions, MendOptions
 from catenary.cli.terminal import print_json, print_notes, print_table, refuse_to_overwrite, refuse_unwritable
 
 
 def refresh(
     model: Annotated[Path, Argument(metavar="MODEL", help="A model that catenary fit wrote.")],
     data: Recordings,
+    mending: MendOptions,
+    foreign: MappingOptions,
     out: Annotated[Path, Option(metavar="MODEL", help="File to write the refreshed model to.")],
     max_error: MaxError = None,
+    accept: Accept = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
     """Bring a model up to date with minutes of a new day.
@@ -29,7 +32,13 @@ def refresh(
 
     refuse_unwritable("--out", out)
     refuse_to_overwrite({"--out": out, "the card of --out": card_path(out)}, [model, *data])
-    result = refresh_calibration(model, data, max_error=limits(max_error))
+    result = refresh_calibration(
+        model,
+        data,
+        reading=mending.reading(foreign),
+        accept=tuple(accept or ()),
+        max_error=limits(max_error),
+    )
     save_model(result.model, result.card, out)
     shown = result.as_data()
     if as_json:
