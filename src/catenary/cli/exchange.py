@@ -127,8 +127,8 @@ def import_recording(
     Example: catenary import lab.bag --map q_nominal=/arm/joint_cmd.position --map q_encoder=/camera/joints.position@deg
     --units deg,deg,mm --out lab.parquet
     """
+    from catenary.workflows.import_recording import doubts_about, known_layout, propose_mapping
     from catenary.workflows.import_recording import import_recording as read
-    from catenary.workflows.import_recording import known_layout, propose_mapping
 
     if out is not None:
         if out.suffix != ".parquet":
@@ -157,6 +157,7 @@ def import_recording(
     write_parquet(log, out)
     seconds = None if log.time is None else float(log.time.max() - log.time.min())
     measured = int(log.ok.sum()) if log.q_encoder is not None else None
+    doubts = doubts_about(log, robot=robot)
     if as_json:
         facts = {
             "log": str(out),
@@ -166,9 +167,9 @@ def import_recording(
             "measured": measured,
         }
         joints = dict(zip(log.joint_names, log.joint_units, strict=True))
-        print_json({**facts, "joints": joints, "notes": log.notes})
+        print_json({**facts, "joints": joints, "notes": log.notes, "doubts": doubts})
         return
-    print_notes(log.notes)
+    print_notes([*log.notes, *(f"a fit will refuse this log as it is: {doubt}" for doubt in doubts)])
     joints_in_words = ", ".join(
         f"{name} [{unit}]" for name, unit in zip(log.joint_names, log.joint_units, strict=True)
     )
