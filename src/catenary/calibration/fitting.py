@@ -17,6 +17,7 @@ from catenary.calibration.fit import SMALLEST_DATA, FitOptions, Inputs, choose_i
 from catenary.calibration.intervals import check_level
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.progress import Progress, part_of, silent
+from catenary.calibration.upkeep.learn_day import learn_day
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.units import DISPLAY
@@ -171,6 +172,8 @@ def _concluded(
     notes = (*data_notes(logs, everything), *found)
     intervals = None if validation is None else estimate_intervals(validation, level=run.coverage)
     model = replace(model, intervals=intervals)
+    seen = None if validation is None else validation.inside
+    model = replace(model, trained_day=learn_day(model, logs, data, seen))
     if intervals is None:
         notes = (*notes, _why_no_intervals(validation, run))
     spread = () if validation is None else validation.spread
