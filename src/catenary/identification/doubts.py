@@ -37,8 +37,9 @@ def torque_findings(result: Identification, samples: Samples, *, fitted: bool) -
     residual = next(r for r in own if r.log == samples.name)
     with np.errstate(invalid="ignore"):
         doubtful = bool(np.any(residual.relative_rms > DOUBTFUL)) or residual.verdict not in (None, "holds")
-    pair = swapped_axes(result, samples, refit=fitted) if doubtful else None
-    if pair is not None:
+    pair, left = swapped_axes(result, samples, refit=fitted) if doubtful else (None, 1.0)
+    axis, left_when_turned = _turned(result, samples, fitted) if doubtful else (None, 1.0)
+    if pair is not None and (axis is None or left < left_when_turned):
         names = result.model.joint_names
         a, b = names[pair[0]], names[pair[1]]
         return [
@@ -53,7 +54,7 @@ def torque_findings(result: Identification, samples: Samples, *, fitted: bool) -
         ]
     findings, against = _known_torques(result, samples, fitted)
     # an axis turned round spoils the friction of those that move with it: what one sign mends is that axis
-    turned = _turned(result, samples, fitted) if doubtful else set()
+    turned = set() if axis is None else {axis}
     if fitted and not turned:
         driven, braked = _by_friction(result, samples)
         # torques that fit together, of which friction brakes none, are all counted the other way
@@ -96,8 +97,8 @@ def _by_friction(result: Identification, samples: Samples) -> tuple[set[int], se
     return driven, braked
 
 
-def _turned(result: Identification, samples: Samples, refit: bool) -> set[int]:
-    """Return the axis whose torque, turned round, leaves clearly less residual on all axes together, if any."""
+def _turned(result: Identification, samples: Samples, refit: bool) -> tuple[int | None, float]:
+    """Return the axis whose torque, turned round, leaves clearly less residual, or None, and the share left."""
     some = np.zeros(len(samples), dtype=bool)
     some[np.unique(np.linspace(0, len(samples) - 1, min(len(samples), ROWS)).astype(np.int64))] = True
     rows = samples.rows(some, samples.name)
@@ -109,16 +110,16 @@ def _turned(result: Identification, samples: Samples, refit: bool) -> set[int]:
         relative = reduced.residual_rms(beta) / np.maximum(np.sqrt(np.mean(part.tau**2, axis=0)), 1e-9)
         return float(np.prod(np.clip(relative, LEAST, 2.0) ** 2))
 
-    before, best, axis = left(rows), np.inf, -1
+    before, best, axis = left(rows), MENDED, None
     for i in range(samples.tau.shape[1]):
         sign = np.ones(samples.tau.shape[1])
         sign[i] = -1.0
         # what is known beforehand was subtracted with its own sign
         turned = replace(rows, tau=(rows.tau + rows.known) * sign - rows.known)
-        after = left(turned)
+        after = left(turned) / before
         if after < best:
             best, axis = after, i
-    return {axis} if best < MENDED * before else set()
+    return axis, best
 
 
 def _known_torques(result: Identification, samples: Samples, fitted: bool) -> tuple[list[Finding], set[int]]:

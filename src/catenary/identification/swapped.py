@@ -17,8 +17,10 @@ CLEARLY = 0.4  # of the product of all axes' mean squares: at most this is left 
 LEAST = 1e-3  # relative residual that counts as none
 
 
-def swapped_axes(result: Identification, samples: Samples, *, refit: bool = False) -> tuple[int, int] | None:
-    """Return the pair of axes whose swapping back removes most of all axes' residual, or None.
+def swapped_axes(
+    result: Identification, samples: Samples, *, refit: bool = False
+) -> tuple[tuple[int, int] | None, float]:
+    """Return the pair of axes whose swapping back removes most of all axes' residual, or None, and the share left.
 
     Positions with velocities and torques are swapped, or torques alone.
 
@@ -42,7 +44,7 @@ def swapped_axes(result: Identification, samples: Samples, *, refit: bool = Fals
             left = float(np.prod(after / before))
             if left < best:
                 best, pair = left, (i, j)
-    return pair
+    return pair, best
 
 
 def _misfit(result: Identification, rows: Samples, refit: bool) -> Floats:
