@@ -111,6 +111,14 @@ def _positions(found: Sequence[Candidate], draft: _Draft) -> tuple[Candidate | N
     )
     if not reported and not commanded and not outside:
         reported = of("unknown")
+        pair = None if actual else _command_and_measurement(reported)
+        if pair is not None:
+            draft.questions.append(
+                f"which is q_nominal: {pair[0].name} or {pair[1].name}, which moves with it; the other is q_encoder"
+            )
+            return pair
+    elif not reported and not commanded and not actual:
+        reported = [one for one in of("unknown") if len(one.columns) == len(outside[0].columns)]
     if not outside and actual and (reported or commanded):
         outside = actual
         draft.questions.append(
@@ -130,8 +138,21 @@ def _positions(found: Sequence[Candidate], draft: _Draft) -> tuple[Candidate | N
             f"q_nominal is what the robot reports ({nominal.name}), not what it was told ({commanded[0].name})"
         )
     if truth is None:
+        if reported and commanded and nominal.role == "reported" and commanded[0].is_followed_by(nominal):
+            draft.decisions.append(
+                f"if a sensor at the joints measured {nominal.name}, it is q_encoder, and {commanded[0].name} is "
+                "q_nominal"
+            )
         return nominal, None
     return _same_joints(nominal, truth, draft)
+
+
+def _command_and_measurement(found: Sequence[Candidate]) -> tuple[Candidate, Candidate] | None:
+    """Return two groups of columns of which one follows the other, or the two halves of an array without names."""
+    if len(found) == 1 and len(found[0].columns) % 2 == 0:
+        columns, half = found[0].columns, len(found[0].columns) // 2
+        found = [found[0].part(columns[:half]), found[0].part(columns[half:])]
+    return (found[0], found[1]) if len(found) == 2 and found[0].is_followed_by(found[1]) else None
 
 
 def _one(choices: Sequence[Candidate], what: str, draft: _Draft, count: int | None) -> Candidate:
