@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 
 from catenary.config import parse_settings
 from catenary.documents import toml_table
 from catenary.errors import ConfigError, InputError
 from catenary.recording.foreign.mapping import RecordingMapping, mapping_of
-from catenary.workflows.import_recording import Proposal, propose_mapping
+from catenary.workflows.import_recording import Proposal, import_recording, propose_mapping
 from foreign_bags import JOINT_STATE, JOINTS, Message, joint_state, true_q, write_bag
 
 T = np.arange(0.0, 3.0, 0.01)
@@ -141,6 +142,14 @@ def test_units_behind_the_names_and_words_of_a_lab_are_enough(tmp_path: Path) ->
     proposal = propose_mapping([tmp_path / "robot.csv", tmp_path / "camera.csv"])
     assert 'units = ["deg", "deg", "mm"]' in proposal.toml
     assert "yaw_cam" in proposal.toml.partition("[q_encoder]")[2]
+    # one table's joint is insertion, the other's ins: that is asked, and the text is a mapping once it is answered
+    mapping = parse_settings(toml_table(proposal.toml, "proposal"), RecordingMapping, "proposal")
+    assert mapping.time == ("time", "t")
+    log = import_recording(
+        [tmp_path / "robot.csv", tmp_path / "camera.csv"], mapping.model_dump(exclude_unset=True)
+    )
+    assert log.q_encoder is not None
+    assert_allclose(log.q_nominal, q * [np.pi / 180, np.pi / 180, 1e-3], atol=1e-12)
 
 
 def test_what_was_told_and_what_was_measured_in_one_file_says_what_a_fit_needs(tmp_path: Path) -> None:
