@@ -13,6 +13,7 @@ from catenary.cli.options import (
     Report,
     robots_beginning,
 )
+from catenary.cli.robots import DescriptionOptions
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table, refuse_to_overwrite
 from catenary.errors import InputError
 
@@ -156,6 +157,7 @@ def excitation(
             metavar="ROBOT", help="Catalogue name or file; needs no inertia.", autocompletion=robots_beginning
         ),
     ],
+    description: DescriptionOptions,
     out: Annotated[Path, Option(metavar="FILE", help="File to write: .npz or .csv of t, q, dq, ddq.")],
     static: Annotated[int | None, Option(metavar="N", min=1, help="N poses to hold.")] = None,
     fourier: Annotated[bool, Option("--fourier", help="One period of a Fourier motion. [default]")] = False,
@@ -181,13 +183,12 @@ def excitation(
     import numpy as np
 
     from catenary.identification.excitation import fourier_motion, room_of, static_poses
-    from catenary.robots.catalog import load_robot
     from catenary.workflows.identify import write_excitation
 
     if static is not None and fourier:
         raise InputError("excitation: give one of --static and --fourier")
     refuse_to_overwrite({"--out": out}, [Path(robot)])
-    model = load_robot(robot)
+    model = description.load(robot)
     limits = {
         name: None if text is None else numbers(f"--{name}", text)
         for name, text in (("lower", lower), ("upper", upper), ("velocity", velocity))

@@ -1,10 +1,12 @@
 """What every command shares with the person at the terminal: lists typed with commas, tables, progress."""
 
 import json
+import logging
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from math import isfinite
 from pathlib import Path
 from shutil import get_terminal_size
@@ -13,6 +15,32 @@ from typing import Any, TextIO
 
 from catenary.errors import InputError
 from catenary.visible import visible
+
+_SILENT: ContextVar[bool] = ContextVar("silent", default=False)
+
+
+class NotesOfLogs(logging.Handler):
+    """What the package logs, as notes on standard error; errors also with --no-notes."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print the record's text."""
+        if record.levelno >= logging.ERROR:
+            announce(record.getMessage())
+        else:
+            print_notes([record.getMessage()])
+
+
+@contextmanager
+def without_notes(silent: bool) -> Iterator[None]:
+    """Leave notes out while a command runs."""
+    before = _SILENT.set(silent)
+    try:
+        yield
+    finally:
+        _SILENT.reset(before)
 
 
 def numbers(option: str, text: str, count: int | None = None) -> tuple[float, ...]:
@@ -68,7 +96,7 @@ def refuse_to_overwrite(written: Mapping[str, Path | None], read: Sequence[Path]
     for option, path in written.items():
         if path is None:
             continue
-        if path.exists() and any(each.exists() and path.samefile(each) for each in read):
+        if path.exists() and any(os.path.exists(each) and path.samefile(each) for each in read):
             raise InputError(f"{option} {path}: is a file that is read here; expected another")
         if path.absolute() in places:
             raise InputError(f"{option} {path}: something else is written there; expected another file")
@@ -123,9 +151,11 @@ def announce(text: str) -> None:
 
 
 def print_notes(notes: Sequence[str]) -> None:
-    """Print remarks on standard error, so that piped output stays clean."""
+    """Print remarks and warnings on standard error, so that piped output stays clean; remarks not with --no-notes."""
     for note in notes:
-        print(_wrapped("note: ", note, sys.stderr), file=sys.stderr)
+        is_warning = note.startswith("warning: ")
+        if is_warning or not _SILENT.get():
+            print(_wrapped("" if is_warning else "note: ", note, sys.stderr), file=sys.stderr)
 
 
 def _wrapped(label: str, text: str, stream: TextIO) -> str:

@@ -13,7 +13,7 @@ from catenary.calibration.dataset import require_same_joints
 from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.files import card_path, load_model, save_model
 from catenary.calibration.fit import FitOptions
-from catenary.calibration.fitting import FitRun, require_folds
+from catenary.calibration.fitting import FitRun, error_limits, require_folds
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.files import sha256_of
@@ -23,11 +23,12 @@ from catenary.reports.project import write_project_report
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import zigzag
+from catenary.verdict.check import robot_of, verdict
 from catenary.verdict.shared import require_apart
 from catenary.workflows.fit import evaluate_calibration, fit_calibration, warnings_of
 from catenary.workflows.model_recordings import recordings_for
 from catenary.workflows.project.folder import Project, write
-from catenary.workflows.project.imported import import_recordings
+from catenary.workflows.project.imported import Imported, keep_imports, read_imports
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
 from catenary.workflows.project.robot import ProjectRobot
 from catenary.workflows.project.simulated_robot import SimulatedRobot
@@ -211,6 +212,8 @@ def calibrate_recordings(
 ) -> CalibrationResult:
     """Calibrate from recordings in place of a robot: fit every model to some, test on others.
 
+    All of them are judged first: where one is refused, nothing is written, and a folder that was begun goes away.
+
     Args:
         project: Folder and settings, whose seed is that of training.
         train: Recordings to fit to.
@@ -232,25 +235,35 @@ def calibrate_recordings(
     reading = reading if reading is not None else Reading()
     mapping = reading.mapping
     with project:
+        imports: list[list[Imported]] = []
+        trained_on: Sequence[Any]
+        tested_on: Sequence[Any]
         if mapping is not None:
-            train, test = (import_recordings(project, paths, mapping) for paths in (train, test))
+            imports = [read_imports(project, paths, mapping) for paths in (train, test)]
+            fitted, tested = ([reading.mend(one.log) for one in each] for each in imports)
             reading = Reading(mend=reading.mend)  # logs of ours state all else
-        _refuse_same(train, test)
-        first, *others = fitted = read_logs(train, reading)
-        tested = recordings_for(first, test, reading)
-        for other in (*others, *tested):  # before minutes of fits
-            require_same_joints(first, other)
+            trained_on, tested_on = ([one.path for one in each] for each in imports)
+        else:
+            trained_on, tested_on = _hashes(train), _hashes(test)
+            fitted = read_logs(train, reading)
+            tested = recordings_for(fitted[0], test, reading)
+        both = [str(path) for path, content in zip(test, tested_on, strict=True) if content in trained_on]
+        if both:
+            raise InputError(
+                f"calibrate: {', '.join(both)}: a recording cannot be both trained and tested on"
+            )
+        for other in (*fitted[1:], *tested):  # before minutes of fits
+            require_same_joints(fitted[0], other)
         require_apart(fitted, tested, run.accept)
+        limits = error_limits(run.max_error, fitted[0])
+        for logs, testing in ((fitted, False), (tested, True)):
+            robot = robot_of(logs, run.robot)
+            verdict(logs, accept=run.accept, robot=robot, max_error=limits, testing=testing)
+        if imports:
+            train, test = (keep_imports(project, each) for each in imports)
         fit_models(project, train, models, run, progress, reading)
         progress("report")
         return conclude(project, models, train, test, None, reading=reading, run=run)
-
-
-def _refuse_same(train: Sequence[Path], test: Sequence[Path]) -> None:
-    hashes = _hashes(train)
-    both = [str(path) for path, content in zip(test, _hashes(test), strict=True) if content in hashes]
-    if both:
-        raise InputError(f"calibrate: {', '.join(both)}: a recording cannot be both trained and tested on")
 
 
 def model_path(project: Project, name: str) -> Path:
