@@ -72,7 +72,7 @@ def simulated_day(seed: int | None, drift: str, training: float, day: float) -> 
     """
     plant = homed(seed)
     first = random_log(plant, draws(seed, 70), training)
-    second = random_log(_drifted(plant, seed, drift), draws(seed, 71), day)
+    second = random_log(drifted(plant, seed, drift), draws(seed, 71), day)
     found = {}
     for name, options in MODELS.items():
         old = fitted([first], options)
@@ -80,7 +80,8 @@ def simulated_day(seed: int | None, drift: str, training: float, day: float) -> 
     return found
 
 
-def _drifted(plant: CablePlant, seed: int | None, drift: str) -> CablePlant:
+def drifted(plant: CablePlant, seed: int | None, drift: str) -> CablePlant:
+    """Return a robot after one of DRIFTS: the same one, or for a load, which it has from power-on, another alike."""
     if drift == LOAD:
         return homed(seed, payload=PAYLOAD)
     if drift == HOMING:

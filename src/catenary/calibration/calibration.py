@@ -5,7 +5,7 @@ positions that the robot reports, with its other quantities by name; or as a Mot
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +23,7 @@ from catenary.calibration.fitting import COVERAGE, FOLDS, FitRun, fit_logs
 from catenary.calibration.model import CalibrationModel, Card, Target
 from catenary.calibration.progress import Progress, silent
 from catenary.calibration.upkeep.judged import judge_recordings
+from catenary.calibration.upkeep.learn_day import on_new_day
 from catenary.calibration.upkeep.lineage import refreshed_card
 from catenary.calibration.upkeep.refresh import refresh_model
 from catenary.errors import InputError
@@ -165,6 +166,7 @@ class Calibration(CalibrationModel):
         judge_recordings(self, self.card, logs, accept=accept, learning=True, done="refreshed")
         data = calibration_data(logs, self.features)
         refreshed = refresh_model(self, data)
+        refreshed = replace(refreshed, model=on_new_day(refreshed.model, logs))
         return _with_card(refreshed.model, refreshed_card(self.card, refreshed, data, sha256=None))
 
     def corrector(self, *, rate_hz: float = 1000.0, decimation: int | None = None) -> Corrector:

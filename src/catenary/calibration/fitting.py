@@ -17,6 +17,7 @@ from catenary.calibration.fit import SMALLEST_DATA, FitOptions, Inputs, choose_i
 from catenary.calibration.intervals import check_level
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.progress import Progress, part_of, silent
+from catenary.calibration.upkeep.learn_day import learn_day
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.units import DISPLAY
@@ -93,7 +94,7 @@ def fit_logs(
     }
     if options.kind == "auto":
         validations = {name: attempt.validation for name, attempt in attempts.items() if attempt.validation}
-        choices = choose({name: each.spread for name, each in validations.items()})
+        choices = choose(validations)
         needed = dict.fromkeys(choice.chosen for choice in choices)
         model = composed({name: attempts[name].fitted(silent) for name in needed}, choices)
         validation: CrossValidation | None = joined(validations, choices)
@@ -171,6 +172,8 @@ def _concluded(
     notes = (*data_notes(logs, everything), *found)
     intervals = None if validation is None else estimate_intervals(validation, level=run.coverage)
     model = replace(model, intervals=intervals)
+    seen = None if validation is None else validation.inside
+    model = replace(model, trained_day=learn_day(model, logs, data, seen))
     if intervals is None:
         notes = (*notes, _why_no_intervals(validation, run))
     spread = () if validation is None else validation.spread

@@ -249,6 +249,7 @@ def evaluate(
 
 def _print_fit(out: Path, card: Path, result: "FitResult") -> None:
     from catenary.reports.calibration import error_table, spread_table
+    from catenary.workflows.fit import warnings_of
 
     print_notes(result.notes)
     for choice in result.choices:
@@ -258,6 +259,7 @@ def _print_fit(out: Path, card: Path, result: "FitResult") -> None:
     if result.held_out is not None:
         print_table("RMSE and largest error on the held-out part", *error_table(result.held_out))
         _print_coverage(result.held_out)
+        print_notes(warnings_of(result.held_out))
     print(f"model: {out}\ncard:  {card}")
 
 
@@ -269,7 +271,7 @@ def _print_coverage(evaluation: "Evaluation") -> None:
 
 
 def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
-    from catenary.workflows.fit import interval_summary
+    from catenary.workflows.fit import interval_summary, warnings_of
 
     held_out = result.held_out
     return {
@@ -283,7 +285,7 @@ def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
         "cross_validation": [asdict(joint) for joint in result.spread],
         "held_out": None if held_out is None else [asdict(joint) for joint in held_out.joints],
         "intervals": None if held_out is None else interval_summary(held_out),
-        "notes": list(result.notes),
+        "notes": [*result.notes, *([] if held_out is None else warnings_of(held_out))],
     }
 
 

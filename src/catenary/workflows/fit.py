@@ -91,18 +91,18 @@ def evaluate_calibration(
 
 
 def warnings_of(evaluation: Evaluation) -> list[str]:
-    """Return in words where a model does harm, or could not be asked."""
+    """Return in words where a model does harm, or could not be asked; each opens with "warning: "."""
     warnings = []
     for joint in evaluation.joints:
         if joint.rmse > WORSE * joint.offset_rmse:
             warnings.append(
-                f"{joint.name}: the model is worse than the fixed offset here, {joint.rmse:.3g} against "
+                f"warning: {joint.name}: the model is worse than the fixed offset here, {joint.rmse:.3g} against "
                 f"{joint.offset_rmse:.3g} {joint.unit}: do not deploy it on this joint"
             )
         if joint.outside_valid_range > OUTSIDE:
             warnings.append(
-                f"{joint.name}: {joint.outside_valid_range:.0%} of rows lie outside the model's valid range, where "
-                "it gives the fixed offset; train on motion that goes there"
+                f"warning: {joint.name}: {joint.outside_valid_range:.0%} of rows lie outside the model's valid "
+                "range, where it gives the fixed offset; train on motion that goes there"
             )
     return warnings
 

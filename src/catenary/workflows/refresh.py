@@ -1,7 +1,7 @@
 """Bring a model's file up to date with recordings of a new day."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from catenary.calibration.files import load_model
 from catenary.calibration.fitting import data_notes, error_limits
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.upkeep.judged import judge_recordings
+from catenary.calibration.upkeep.learn_day import on_new_day
 from catenary.calibration.upkeep.lineage import changes_shown, refreshed_card
 from catenary.calibration.upkeep.refresh import Refreshed, refresh_model
 from catenary.errors import InputError
@@ -82,6 +83,7 @@ def refresh_calibration(
     )
     data = calibration_data(logs, model.features, max_error=limits)
     refreshed = refresh_model(model, data)
+    refreshed = replace(refreshed, model=on_new_day(refreshed.model, logs))
     notes = (*data_notes(logs, data), *found, *refreshed.notes)
     return RefreshResult(
         refreshed.model,

@@ -16,8 +16,8 @@ from catenary.calibration.evaluate import evaluate
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.plant import MotionLog
+from catenary.recording.raven_transmission import OFFSETS
 
-OFFSETS = "encoffsets:"  # columns of raven_state that a homing writes
 BEYOND = 2.0  # times the error that the card tells, where a model has no interval
 
 

@@ -11,10 +11,12 @@ from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.evaluate import rms
 from catenary.calibration.model import CalibrationModel
+from catenary.calibration.upkeep.watch import DriftWatch, WatchResult
 from catenary.control.loop import Tick, run_loop
 from catenary.control.realtime import Durations, Timing
 from catenary.control.report import LoopReport
 from catenary.crtk.client import CrtkClient
+from catenary.crtk.registration import registration_of
 from catenary.plant import JointState
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.in_turn import Embedded
@@ -36,6 +38,11 @@ class Deployment:
     correction: Timing  # [s] of the model's part of a tick alone
     simulated: bool = True
     leaps: dict[str, int] = field(default_factory=dict)  # by input: positions that play states did not follow
+    coverage: tuple[float, ...] | None = (
+        None  # share of errors within the model's intervals; None without any
+    )
+    level: float | None = None  # that they are to hold
+    watch: WatchResult | None = None  # signs of drift that need no encoder
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data: times in microseconds, errors in deg and mm."""
@@ -50,10 +57,25 @@ class Deployment:
             "overruns": self.loop.overruns,
             "real_time_priority": self.loop.has_priority,
             "leaps": self.leaps,
+            "coverage_asked": self.level,
+            "watch": None if self.watch is None else self.watch.as_data(),
             "joints": [
-                {"name": name, "unit": unit, "raw_rmse": raw, "rmse": rmse, "outside_valid_range": outside}
-                for name, unit, raw, rmse, outside in zip(
-                    self.joint_names, self.units, self.raw_rmse, self.rmse, self.outside, strict=True
+                {
+                    "name": name,
+                    "unit": unit,
+                    "raw_rmse": raw,
+                    "rmse": rmse,
+                    "outside_valid_range": outside,
+                    "coverage": held,
+                }
+                for name, unit, raw, rmse, outside, held in zip(
+                    self.joint_names,
+                    self.units,
+                    self.raw_rmse,
+                    self.rmse,
+                    self.outside,
+                    self.coverage or [None] * len(self.joint_names),
+                    strict=True,
                 )
             ],
         }
@@ -88,8 +110,14 @@ def deploy_on_robot(
     motion = Embedded(trajectory, places, plant.setpoint_js().q)
     true: list[Floats] = []
     ticks: list[Tick] = []
+    watch = DriftWatch(model, plant.joint_names, plant.joint_units)
+    arm = plant.arm if isinstance(plant, CrtkClient) else "gold"
+    registration = registration_of(plant.telemetry(), arm)
+    if registration is not None:
+        watch.registered(plant.measured_js().time, registration)
 
     def observe(tick: Tick) -> None:  # light: it is part of the loop
+        watch.update(tick.state.time, tick.q_nominal, tick.state.tau, tick.inside)
         true.append(plant.external_encoders())
         ticks.append(tick)
 
@@ -97,6 +125,7 @@ def deploy_on_robot(
     leaps = corrector.leaps
     scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])
     known = np.array(true)
+    half_widths = np.array([tick.state.q_interval[places] for tick in ticks]) * scale
     rows = np.isfinite(known).all(axis=1)
     before = (known - np.array([tick.q_nominal[places] for tick in ticks]))[rows] * scale
     after = (known - np.array([tick.state.q[places] for tick in ticks]))[rows] * scale
@@ -110,6 +139,17 @@ def deploy_on_robot(
         correction=_time_correction(corrector, [tick.state for tick in ticks]),
         simulated=plant.simulated,
         leaps=leaps,
+        coverage=_coverage(after, half_widths[rows]) if model.intervals is not None else None,
+        level=None if model.intervals is None else model.intervals.level,
+        watch=watch.result(),
+    )
+
+
+def _coverage(errors: Floats, half_widths: Floats) -> tuple[float, ...]:
+    """Return the share of errors (N, n) within their intervals, per joint; NaN where no truth is known."""
+    return tuple(
+        float(np.mean(np.abs(e) <= w)) if len(e) else nan
+        for e, w in zip(errors.T, half_widths.T, strict=True)
     )
 
 
