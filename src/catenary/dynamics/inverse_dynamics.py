@@ -131,7 +131,8 @@ def _vector_rows(name: str, vectors: ArrayLike, count: int) -> Floats:
 def _base_rows(base: BaseMotion, count: int) -> Floats:
     """Return a base's motion as one (3, 3) for all configurations, or one for each: (1 or N, 3, 3)."""
     motions = [
-        _vector_rows(f"base {name.replace('_', ' ')}", base[r], count) for r, name in enumerate(base._fields)
+        _vector_rows(f"base {name.replace('_', ' ')}", base[r], count)
+        for r, name in enumerate(BaseMotion._fields)
     ]
     rows: Floats = np.stack(np.broadcast_arrays(*motions), axis=1)
     return rows
