@@ -104,6 +104,17 @@ def find_drift(
     return DriftFound(model.joint_names, model.joint_units, tuple(stretches), since, judged)
 
 
+def since_in_words(found: DriftFound) -> list[str]:
+    """Return a sentence for each joint on which the model no longer holds."""
+    told = []
+    for name, first in zip(found.joint_names, found.since, strict=True):
+        if first is not None:
+            stretch = found.stretches[first]
+            when = stretch.date or f"recording {stretch.recording}, homing {stretch.homing}"
+            told.append(f"{name}: beyond since {when}")
+    return told
+
+
 def _cuts(log: MotionLog) -> Floats:
     """Return the rows at which another homing or another recording begins, but for the first."""
     cuts = set(log.starts[1:])
