@@ -22,6 +22,7 @@ from catenary.recording.logs import read_log
 from catenary.reports.page import Table
 from papers.beyond.intervals import DVRK_UNITS, LATER, RECORDINGS, TRAININGS
 from papers.calibration.dvrk import FOLDER, HELD_OUT, SAMPLED_LIMIT
+from papers.claims import graded
 from papers.experiment import (
     Case,
     Claim,
@@ -183,9 +184,7 @@ def _judged(later: bool) -> Claim:
         )
         met = float((over <= WITHIN).mean()) if len(over) else 0.0
         told = f"{met:.0%} of {len(over)} joints and tests; {over.max(initial=0.0):.2f} times at worst"
-        return Judgement(
-            "reproduced" if met == 1.0 else "same direction" if met > 0.5 else "not reproduced", told
-        )
+        return graded(met == 1.0, met > 0.5, told)
 
     return Claim(
         says="`auto` is no more than 5 % worse than the best single kind "

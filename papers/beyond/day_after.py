@@ -31,7 +31,7 @@ from papers.calibration.dvrk import FOLDER, RECORDINGS
 from papers.calibration.dvrk import JOINTS as DVRK_JOINTS
 from papers.calibration.dvrk import UNITS as DVRK_UNITS
 from papers.calibration.recordings import JOINTS, UNITS, draws, fitted, homed, random_log, rows_of
-from papers.claims import mean_and_spread
+from papers.claims import graded, mean_and_spread
 from papers.experiment import (
     NOMINAL,
     Case,
@@ -198,10 +198,7 @@ def _judge(outcomes: Outcomes) -> Judgement:
     over = np.concatenate([ratios(outcomes, drift, model) for drift in DRIFTS for model in MODELS]).ravel()
     met = float((over <= WITHIN).mean()) if len(over) else 0.0
     told = f"{met:.0%} of joints, drifts and robots; {np.median(over):.2f} times the error in the median"
-    verdict = (
-        "reproduced" if met == 1.0 else "same direction" if np.median(over) <= WITHIN else "not reproduced"
-    )
-    return Judgement(verdict, f"{told}, {over.max():.2f} at worst")  # type: ignore[arg-type]
+    return graded(met == 1.0, np.median(over) <= WITHIN, f"{told}, {over.max():.2f} at worst")
 
 
 CLAIMS = [

@@ -28,6 +28,7 @@ from papers.beyond.day_after import HOMING, LOAD, WEAR, drifted
 from papers.beyond.registration import HOME_POSE
 from papers.beyond.rehoming import home_from
 from papers.calibration.recordings import draws, homed, random_log
+from papers.claims import graded
 from papers.experiment import (
     NOMINAL,
     Case,
@@ -198,24 +199,21 @@ def _judge_quiet(outcomes: Outcomes) -> Judgement:
     found = pieces(outcomes, *QUIET)
     share = _flagged(found)
     told = f"{sum(bool(piece['flags']) for piece in found)} of {len(found)} hours"
-    verdict = "reproduced" if share <= RARE else "same direction" if share <= 2.0 * RARE else "not reproduced"
-    return Judgement(verdict, told)  # type: ignore[arg-type]
+    return graded(share <= RARE, share <= 2.0 * RARE, told)
 
 
 def _judge_seen(outcomes: Outcomes) -> Judgement:
     found = pieces(outcomes, WORN_AND_HOMED, HOMING, LOAD)
     share = _flagged(found)
     told = f"{sum(bool(piece['flags']) for piece in found)} of {len(found)} days"
-    verdict = "reproduced" if share >= MOST else "same direction" if share >= 0.5 else "not reproduced"
-    return Judgement(verdict, told)  # type: ignore[arg-type]
+    return graded(share >= MOST, share >= 0.5, told)
 
 
 def _judge_unseen(outcomes: Outcomes) -> Judgement:
     found = [piece for piece in pieces(outcomes, WEAR) if piece["beyond"]]
     share = _flagged(found)
     told = f"{sum(bool(piece['flags']) for piece in found)} of {len(found)} days beyond the intervals"
-    verdict = "reproduced" if share >= MOST else "same direction" if share >= 0.5 else "not reproduced"
-    return Judgement(verdict, told)  # type: ignore[arg-type]
+    return graded(share >= MOST, share >= 0.5, told)
 
 
 PLACE = "docs/how-to-the-day-after.md"

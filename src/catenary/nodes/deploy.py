@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 
-from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.upkeep.watch import DriftFlag, DriftWatch, WatchResult
@@ -29,7 +28,7 @@ from catenary.crtk.client import CrtkClient
 from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Received
 from catenary.crtk.names import JOINT_STATE, POSE, TRANSFORM, calibrated_namespace
-from catenary.crtk.registration import registration_of
+from catenary.crtk.registration import registration_heard
 from catenary.errors import InputError, TransportError
 from catenary.nodes.calibrated_messages import CalibratedMessages
 from catenary.plant import JointState
@@ -241,17 +240,11 @@ class CalibratedTopics:
 
     def _watch_for_drift(self, state: JointState) -> None:
         if not self._is_registered:  # homed since the last message, or the first of all
-            shift = self._registration()
+            shift = registration_heard(self._client)
             if shift is not None:
                 self._watch.registered(state.time, shift)
                 self._is_registered = True
         self._watch.update(state.time, state.q, state.tau, self._inside)
-
-    def _registration(self) -> Floats | None:
-        try:
-            return registration_of(self._client.telemetry(), self._client.arm)
-        except TransportError:  # raven_state has not come yet
-            return None
 
     def _is_homed(self) -> bool:
         try:

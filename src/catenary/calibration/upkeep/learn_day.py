@@ -19,7 +19,7 @@ from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit import EXTRAPOLATION, MEMORY_RIDGE
-from catenary.calibration.kernels import Flags
+from catenary.calibration.kernels import Flags, run
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.predictors import Quadratic
 from catenary.calibration.regression import fit_polynomial
@@ -87,21 +87,14 @@ def on_new_day(model: CalibrationModel, logs: Sequence[MotionLog]) -> Calibratio
         n, moved = len(day.reach), []
         for log in logs:
             X = torque.features.matrix(log)
-            known = _within(torque, X[:, :n])
+            known = np.ones(len(X), dtype=bool)
+            run(torque.valid_range.steps(np.ascontiguousarray(X[:, :n]), known))
             moved.append((np.asarray(log.tau) - torque.predictor.predict(X))[known])
         left = np.concatenate(moved)
         if len(left):
             predictor = replace(torque.predictor, bias=torque.predictor.bias + left.mean(axis=0))
             torque = replace(torque, predictor=predictor)
     return replace(model, trained_day=replace(day, torque=torque, homing=homing, not_watched=(*kept, *why)))
-
-
-def _within(torque: TrainedTorque, q: Floats) -> Flags:
-    """Return whether positions (N, n) are where torques were learnt, (N,)."""
-    known, projection = torque.valid_range, (q - torque.valid_range.mean) @ torque.valid_range.axes
-    near = (q >= known.lower) & (q <= known.upper)
-    along = (projection >= known.axis_lower) & (projection <= known.axis_upper)
-    return np.asarray((near & along).all(axis=1))
 
 
 def window_of(logs: Sequence[MotionLog]) -> float | None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.corrector import places_of
-from catenary.calibration.kernels import Flags, Step, bound, dense, finite, monomials, standardise
+from catenary.calibration.kernels import Flags, Step, bound, finite
 from catenary.calibration.model import CalibrationModel
 from catenary.kernels.compiled import compiled
 from catenary.units import DISPLAY, TORQUE_UNIT
@@ -92,16 +92,11 @@ class DriftWatch:
             return [tally_it]
         torque, X = day.torque, np.empty((1, len(day.torque.features.names)))
         self._memory = torque.features.memory()
-        predictor, Z = torque.predictor, np.empty(X.shape)
-        weights = np.vstack([predictor.linear, predictor.quadratic])
-        P = np.empty((1, len(weights)))
         return [
             *torque.features.row_steps(self._q, self._memory, X, np.ones(1)),
             Step(finite, (X,), (known,)),
             *torque.valid_range.steps(self._q, known),
-            Step(standardise, (X, predictor.mean, predictor.scale), (Z,)),
-            Step(monomials, (Z,), (P,)),
-            Step(dense, (P, weights, predictor.bias), (expected,)),
+            *torque.predictor.steps(X, expected),
             tally_it,
         ]
 

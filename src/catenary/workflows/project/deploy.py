@@ -113,8 +113,7 @@ def deploy_on_robot(
     true: list[Floats] = []
     ticks: list[Tick] = []
     watch = DriftWatch(model, plant.joint_names, plant.joint_units)
-    arm = plant.arm if isinstance(plant, CrtkClient) else "gold"
-    registration = registration_of(plant.telemetry(), arm)
+    registration = registration_of(plant)
     if registration is not None:
         watch.registered(plant.measured_js().time, registration)
 

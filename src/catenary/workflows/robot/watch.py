@@ -17,7 +17,7 @@ from catenary.crtk.client import CrtkClient
 from catenary.crtk.conversions import joint_values
 from catenary.crtk.latest import Latest
 from catenary.crtk.names import JOINT_STATE, calibrated_namespace
-from catenary.crtk.registration import registration_of
+from catenary.crtk.registration import registration_heard
 from catenary.errors import InputError, TransportError
 from catenary.monitor.snapshot import EventRate, Snapshot
 from catenary.plant import JointState, MotionLog, Plant
@@ -164,7 +164,7 @@ def watch_robot(
             if corrected is not None:
                 corrected.take(state)
                 if operating.is_homed and not was_homed:
-                    shift = _registration(plant)
+                    shift = registration_heard(plant)
                     if shift is not None:
                         corrected.registered(state.time, shift)
                 was_homed = operating.is_homed
@@ -181,13 +181,6 @@ def watch_robot(
             operating=operating, lower=plant.lower, upper=plant.upper, rate_hz=states.hertz(now),
             late=late.within(now), silent=silent, recording=line, **_truth(robot, state.q, latest.q),
         )  # fmt: skip
-
-
-def _registration(plant: Plant) -> Floats | None:
-    try:
-        return registration_of(plant.telemetry(), plant.arm if isinstance(plant, CrtkClient) else "gold")
-    except TransportError:
-        return None
 
 
 def _truth(robot: OperatedRobot, q: Floats, calibrated: Floats | None) -> dict[str, Any]:
