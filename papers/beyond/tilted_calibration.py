@@ -203,8 +203,8 @@ def _remarks(outcomes: Outcomes) -> list[str]:
         level = "/".join(f"{value:.3f}" for value in home.mean(axis=0))
         told.append(
             f"A {MODELS_TOLD[model]} calibrated level errs by {level} (J1 deg/J2 deg/J3 mm) there and by "
-            f"{parts[0]} on tilted and rocking bases, by {parts[1]} with the gravity model's torque as an input; calibrated on "
-            f"several tilts in the same minutes, by {parts[2]} and {parts[3]}."
+            f"{parts[0]} on tilted and rocking bases, by {parts[1]} with the gravity model's torque as an input; "
+            f"calibrated on several tilts in the same minutes, by {parts[2]} and {parts[3]}."
         )
     level_models = [
         result
