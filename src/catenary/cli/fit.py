@@ -12,20 +12,19 @@ from catenary.cli.options import (
     AsJsonNotTables,
     MappingOptions,
     MendOptions,
-    Report,
     robots_beginning,
 )
+from catenary.cli.out_files import MODEL, NAMED_AS_TYPED, PAGE, Report, out_path, refuse_outputs
 from catenary.cli.terminal import (
     numbers,
     print_json,
     print_notes,
     print_table,
     progress_bar,
-    refuse_to_overwrite,
-    refuse_unwritable,
     words,
 )
 from catenary.errors import InputError
+from catenary.files import card_path
 
 if TYPE_CHECKING:
     from catenary.calibration.evaluate import Evaluation
@@ -52,7 +51,9 @@ def fit(
     data: Recordings,
     mending: MendOptions,
     foreign: MappingOptions,
-    out: Annotated[Path, Option(metavar="MODEL", help="File to write the model to, e.g. arm.npz.")],
+    out: Annotated[
+        Path, Option(metavar="MODEL", parser=out_path, help=f"Model to write, e.g. arm.npz. {NAMED_AS_TYPED}")
+    ],
     model: Annotated[
         str,
         Option(
@@ -127,7 +128,7 @@ def fit(
 
     Example: catenary fit run1.npz --out arm.npz
     """
-    from catenary.calibration.files import card_path, save_model
+    from catenary.calibration.files import save_model
     from catenary.calibration.fit import PLAY_SHARES, FitOptions
     from catenary.calibration.fitting import FitRun
     from catenary.robots.catalog import load_robot
@@ -154,9 +155,10 @@ def fit(
         accept=tuple(accept or ()),
         coverage=coverage,
     )
-    refuse_unwritable("--out", out)
-    read = [*data, *([Path(robot)] if robot else [])]
-    refuse_to_overwrite({"--out": out, "the card of --out": card_path(out), "--report": report}, read)
+    refuse_outputs(
+        {"--out": (out, MODEL), "the card of --out": (card_path(out), None), "--report": (report, PAGE)},
+        [*data, *([Path(robot)] if robot else [])],
+    )
     with progress_bar(f"fitting {model}") as progress:
         result = fit_calibration(data, options, run, reading=reading, progress=progress)
     save_model(result.model, result.card, out)
@@ -192,7 +194,7 @@ def evaluate(
     from catenary.reports.calibration import error_table, window_table, write_calibration_report
     from catenary.workflows.fit import evaluate_calibration, evaluation_summary
 
-    refuse_to_overwrite({"--report": report}, [model, *data])
+    refuse_outputs({"--report": (report, PAGE)}, [model, *data])
     result = evaluate_calibration(
         model,
         data,
