@@ -50,6 +50,7 @@ MODULES = {
     "beyond-accuracy-latency-drift": "papers.beyond.accuracy_latency_drift",
     "beyond-wrist-memory": "papers.beyond.wrist_memory",
     "beyond-intervals": "papers.beyond.intervals",
+    "beyond-advice": "papers.beyond.advice",
 }
 
 

@@ -8,9 +8,9 @@ from numpy.testing import assert_allclose
 
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.gravity.torque import gravity_torque
-from catenary.robots.assembly import LinkInertia
 from catenary.robots.catalog import load_robot
 from catenary.robots.dh import DHRobot, DHRow, from_dh
+from catenary.robots.link_inertia import LinkInertia
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))

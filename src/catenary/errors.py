@@ -39,19 +39,27 @@ class UnsupportedModelError(CatenaryError, ValueError):
 
 
 class MissingInertiaError(CatenaryError, ValueError):
-    """A torque or mass was asked of a model whose links have no inertia.
+    """A torque or mass was asked of a model whose links lack the inertia that it needs.
 
     Attributes:
-        links: Names of the links without inertia.
+        links: Names of the links without.
     """
 
-    def __init__(self, model_name: str, links: Sequence[str]) -> None:
+    def __init__(self, model_name: str, links: Sequence[str], *, only_tensor: bool = False) -> None:
         self.links = tuple(links)
         names = ", ".join(f'"{link}"' for link in links)
+        if only_tensor:
+            super().__init__(
+                f'robot "{model_name}": link(s) {names} have a mass but no inertia that a body can have; '
+                "gravity torques are right without, a mass matrix or a torque of motion is not. "
+                "Give their inertia about the centre of mass"
+            )
+            return
         super().__init__(
             f'robot "{model_name}": no inertia for link(s) {names}; '
             "a gravity torque or a mass matrix would silently leave them out. "
-            "Give them mass, centre of mass and inertia, or name them as massless if they have none"
+            "Give them mass, centre of mass and inertia, or name them as massless (--massless LINK,... or all) if "
+            "they have none"
         )
 
 

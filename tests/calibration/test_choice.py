@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 import simulated_arm
+from catenary.calibration import calibration
 from catenary.calibration.choice import CLOSE, choose
 from catenary.calibration.evaluate import Spread
 from catenary.calibration.files import load_model, save_model
@@ -18,6 +19,7 @@ from catenary.calibration.fitting import FitResult, FitRun, fit_logs
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
+from command_line import catenary
 from recordings import short_training
 
 short_networks = pytest.fixture(short_training, scope="module", autouse=True)
@@ -97,3 +99,37 @@ def test_without_blocks_nothing_is_chosen(log: MotionLog) -> None:
         fit_logs([log], FitOptions(kind="auto"), FitRun(folds=0))
     with pytest.raises(InputError, match='target "position"'):
         FitOptions(kind="auto", target="position")
+
+
+@pytest.mark.parametrize("kind", ["auto", "neural"])
+def test_arrays_and_the_command_give_the_same_model_to_the_bit(
+    kind: Any, log: MotionLog, tmp_path: Any
+) -> None:
+    assert log.q_encoder is not None
+    assert log.time is not None
+    np.savez(
+        tmp_path / "run.npz",
+        q_des=log.q_nominal,
+        q_act=log.q_encoder,
+        ok=log.ok,
+        t=log.time,
+        units=log.joint_units,
+    )
+    typed = ("--model", kind, "--held-out", "0.2", "--out", tmp_path / "typed.npz")
+    assert catenary("fit", tmp_path / "run.npz", *typed).code == 0
+    called = calibration.fit(
+        log.q_nominal, log.q_encoder, time=log.time, units=log.joint_units, model=kind, held_out=0.2
+    )
+    called.save(tmp_path / "called.npz")
+    with np.load(tmp_path / "typed.npz") as one, np.load(tmp_path / "called.npz") as other:
+        assert one.files == other.files
+        for name in set(one.files) - {"card"}:  # which names the recording
+            assert one[name].tobytes() == other[name].tobytes(), name
+    cards = [load_model(tmp_path / name)[1] for name in ("typed.npz", "called.npz")]
+    assert cards[0]["errors"] == cards[1]["errors"]
+    assert cards[0]["choice"] == cards[1]["choice"]
+
+
+def test_the_card_has_the_settings_of_a_network_that_was_chosen(chosen: FitResult) -> None:
+    kinds = {choice.chosen for choice in chosen.choices}
+    assert ("network" in chosen.card["settings"]) == ("neural" in kinds)

@@ -2,10 +2,13 @@ import json
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import simulated_arm
+from catenary.calibration.fit import FitOptions
 from catenary.workflows.project import calibrate
+from catenary.workflows.project.calibrate import RECOMMENDED
 from catenary.workflows.project.lock import FolderLock
 from command_line import catenary, refusal
 from simulated_project import QUICK_MODELS
@@ -91,7 +94,9 @@ def test_deploy_tells_errors_and_latency(recorded: Path, raven_model: Path) -> N
     assert "RMSE while the loop ran" in catenary(*line).out
 
 
-def test_a_loop_of_no_length_or_of_another_model_is_refused(recorded, raven_model, model) -> None:
+def test_a_loop_of_no_length_or_of_another_model_is_refused(
+    recorded: Path, raven_model: Path, model: Path
+) -> None:
     for seconds in ("nan", "inf", "0", "-1"):
         assert "duration" in refusal("deploy", raven_model, recorded, f"--seconds={seconds}")
     assert "J1" in refusal("deploy", model, recorded, "--seconds", "2", "--fast")
@@ -118,7 +123,7 @@ def test_record_of_the_test_motion_and_calibrate_agree(finished_folder: Path, qu
 
 @pytest.mark.usefixtures("_no_page")
 def test_calibrate_takes_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    models = {name: calibrate.FitOptions(kind="linear") for name in QUICK_MODELS}
+    models = {name: FitOptions(kind="linear") for name in QUICK_MODELS}
     monkeypatch.setattr(calibrate, "models_for", lambda *_: models)
     train = simulated_arm.write(tmp_path / "a.npz", seed=1, units=None)
     test = simulated_arm.write(tmp_path / "b.npz", seed=2, units=None)
@@ -126,6 +131,51 @@ def test_calibrate_takes_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert catenary(*arguments, "--json").json["deployment"] is None
     assert catenary(*arguments).code == 0
     assert "cannot be both" in refusal("calibrate", tmp_path / "new", train, "--test", train)
+
+
+@pytest.mark.usefixtures("_no_page")
+def test_calibrate_takes_the_options_of_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    every = calibrate.models_for
+    monkeypatch.setattr(calibrate, "models_for", lambda *asked: {RECOMMENDED: every(*asked)[RECOMMENDED]})
+    train, test = (simulated_arm.write(tmp_path / f"{k}.npz", seed=k) for k in (1, 2))
+    options = ("--model", "linear", "--history", 2, "--inputs", "q:J1,q:J2", "--ridge", 1, "--held-out", 0.25)
+    tested = ("--folds", 3, "--coverage", 0.8, "--max-error", "9,9,9", "--target", "position", "--seed", 4)
+    line = ("calibrate", tmp_path / "p", train, "--test", test, *options, *tested)
+    assert catenary(*line).code == 0
+    card = json.loads((tmp_path / "p" / "models" / f"{RECOMMENDED}.card.json").read_text())
+    assert (card["kind"], card["history"], card["target"]) == ("linear", 2, "position")
+    assert card["settings"]["inputs"] == ["q:J1", "q:J2"]
+    assert card["settings"]["ridge"] == 1.0
+    run = card["run"]
+    assert (run["held_out"], run["folds"], run["coverage"], run["seed"]) == (0.25, 3, 0.8, 4)
+    assert run["max_error"] == [9.0, 9.0, 9.0]
+    assert "--robot" in refusal("calibrate", tmp_path / "q", "--robot", "raven2")
+    assert "folds 0" in refusal("calibrate", tmp_path / "q", train, "--test", test, "--folds", 0)
+    assert not (tmp_path / "q").exists()
+
+
+@pytest.mark.usefixtures("_no_page")
+def test_calibrate_warns_of_a_recommended_model_that_does_harm(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = {f"J{j}": (f"q:J{j}",) for j in (1, 2, 3)}  # so that a joint's valid range is its own
+    models = {name: FitOptions(kind="linear", inputs=own) for name in QUICK_MODELS}
+    monkeypatch.setattr(calibrate, "models_for", lambda *_: models)
+    train = simulated_arm.write(tmp_path / "train.npz", seed=1)
+    elsewhere = simulated_arm.arrays(seed=2)
+    slope = elsewhere["q_act"] - elsewhere["q_des"]
+    elsewhere["q_act"][:, 1] -= 2.0 * (slope[:, 1] - slope[:, 1].mean())  # J2's ratio has turned round
+    elsewhere["q_des"][:, 2] += 0.3  # J3 is where it never was
+    elsewhere["q_act"][:, 2] += 0.3
+    np.savez(tmp_path / "test.npz", **elsewhere)
+    accept = ("--accept", "scale", "--accept", "units")
+    line = ("calibrate", tmp_path / "p", train, "--test", tmp_path / "test.npz", *accept)
+    outcome = catenary(*line)
+    assert outcome.code == 0, outcome
+    assert "J2: the model is worse than the fixed offset here" in outcome.out
+    assert "J3: 100% of rows lie outside the model's valid range" in outcome.out
+    assert "J1: the model is worse" not in outcome.out
+    assert len(catenary(*line, "--json").json["advice"]) == 2
 
 
 @pytest.mark.slow

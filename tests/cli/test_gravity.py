@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 import simulated_arm
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
+from catenary.robots.urdf_export import urdf_text
 from command_line import catenary, refusal
 
 DOWN = np.array([0.0, 0.0, -9.81])
@@ -100,3 +101,52 @@ def test_any_other_robot_is_held_as_rigid_bodies(tmp_path: Path) -> None:
 def test_nineteen_joints_are_moved() -> None:
     moved = catenary("track", "dual_arm_19", "--motion", "random", "--seconds", "2", "--json").json
     assert len(moved["joints"]) == 19
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        (("gravity", *POSE, "--gravity", "0,0,9.81"), "points up in base axes"),
+        (("gravity", *POSE, "--gravity", "0,0,-981"), "magnitude of 981 m/s2"),
+        (("gravity", *POSE), "shoulder: 0 rad is on a limit, 0 to 1.5708 rad"),
+        (("gravity", "raven2", "--q", "0.1,0.1,0.3"), "elbow: 0.1 rad is outside its limits"),
+    ],
+)
+def test_numbers_that_are_hardly_meant_are_noted_unless_notes_are_left_out(
+    typed: tuple[str, ...], said: str
+) -> None:
+    assert said in catenary(*typed).err
+    quiet = catenary(*typed, "--no-notes")
+    assert quiet.err == ""
+    assert quiet.out == catenary(*typed).out
+
+
+def test_what_is_doubtful_about_a_file_is_a_note_or_an_error(tmp_path: Path) -> None:
+    path = tmp_path / "arm.toml"
+    impossible = simulated_arm.DH_TABLE.replace(
+        "inertia_kg_m2 = [0.01, 0, 0, 0.01, 0, 0.01]", "inertia_kg_m2 = [-1, 0, 0, 1, 0, 1]", 1
+    )
+    assert impossible != simulated_arm.DH_TABLE
+    path.write_text(impossible)
+    asked = ("gravity", path, "--q", "0,0.1", "--gravity", "0,-9.81,0")
+    shown = catenary(*asked, "--json")
+    assert shown.err.startswith("note: ")
+    assert "negative principal moment" in shown.err
+    assert_allclose(shown.json["tau"], [0.2 * 9.81, 0.0], rtol=1e-12)
+    assert "negative principal moment" in refusal(*asked, "--strict")
+
+
+def test_links_are_declared_massless_by_name_or_all_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "bare.urdf"
+    path.write_text(simulated_arm.URDF_WITHOUT_INERTIA)
+    for links in ("upper,fore", "all"):
+        shown = catenary("gravity", path, "--q", "0,0.1", "--massless", links, "--json")
+        assert shown.json["tau"] == [0.0, 0.0]
+    assert 'massless link "nose" is not a link' in refusal(
+        "gravity", path, "--q", "0,0.1", "--massless", "nose"
+    )
+
+
+def test_a_robot_may_be_given_as_the_text_of_its_urdf() -> None:
+    content = catenary("gravity", urdf_text(ARM), "--q", "0.3,1.57,0.32", "--json").json
+    assert_allclose(content["tau"], gravity_torque(ARM, [0.3, 1.57, 0.32], DOWN), atol=1e-13)

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.calibration.fit import FitOptions
 from catenary.recording.logs import read_log
+from catenary.workflows.project import calibrate
 from command_line import catenary
 from foreign_bags import two_topics
 
@@ -67,15 +69,15 @@ def test_commands_take_the_source_with_its_mapping_as_they_take_the_log(bag: Pat
 def test_a_project_is_calibrated_from_bags(bag: Path, tmp_path: Path) -> None:
     from catenary.recording.foreign.mapping import mapping_of
     from catenary.workflows.project.folder import Project, ProjectSettings
-    from catenary.workflows.project.imported import import_recordings
+    from catenary.workflows.project.imported import keep_imports, read_imports
 
     project = Project(tmp_path / "project", ProjectSettings())
     mapping = mapping_of(MAP[1::2], units=UNITS[1])
     assert mapping is not None
     with project:
-        (log,) = import_recordings(project, [bag], mapping)
+        (log,) = keep_imports(project, read_imports(project, [bag], mapping))
         written = log.stat().st_mtime_ns
-        assert import_recordings(project, [bag], mapping) == [log]
+        assert keep_imports(project, read_imports(project, [bag], mapping)) == [log]
     assert log.stat().st_mtime_ns == written  # once
     assert read_log(log).joint_names == ("outer_yaw", "outer_pitch", "outer_insertion")
 
@@ -111,3 +113,70 @@ def test_identification_takes_a_csv_of_positions_and_torques(tmp_path: Path) -> 
         outcomes.append(json.loads(done.out)["training"])
     for of_table, of_log in zip(*outcomes, strict=True):
         assert {**of_table, "recording": ""} == {**of_log, "recording": ""}
+
+
+def day_in_degrees(path: Path, seed: int, *, turned: bool = False) -> Path:
+    """A lab's CSV in degrees and millimetres, semicolons and decimal commas: reported and measured joints at 17 Hz."""
+    rng, t = np.random.default_rng(seed), np.arange(0.0, 24.0, 0.06)
+    phase = rng.uniform(0.0, 6.0, (3, 2))
+    q = np.column_stack([np.sin(0.7 * t + a) + 0.5 * np.sin(1.7 * t + b) for a, b in phase]) * [
+        30.0,
+        20.0,
+        25.0,
+    ]
+    q += [10.0, 60.0, 150.0]
+    seen = 1.02 * q + [0.5, -0.4, 1.0] + 0.01 * rng.standard_normal(q.shape)
+    rows = np.column_stack([1000.0 * t, q, -seen if turned else seen])
+    lines = [";".join(f"{value:.5f}".replace(".", ",") for value in row) for row in rows]
+    path.write_text("Zeit_ms;yaw;pitch;ins;cam_yaw;cam_pitch;cam_ins\n" + "\n".join(lines) + "\n")
+    return path
+
+
+LAB = (
+    "--map", "q_nominal=yaw,pitch,ins@deg,deg,mm", "--map", "q_encoder=cam_yaw,cam_pitch,cam_ins@deg,deg,mm",
+    "--map", "time=Zeit_ms@ms",
+)  # fmt: skip
+
+
+@pytest.mark.slow  # fits, deploys nothing, and draws the page
+def test_a_project_is_calibrated_from_foreign_csvs_up_to_its_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kinds = {"polynomial": FitOptions(kind="polynomial"), "recommended": FitOptions(kind="linear")}
+    monkeypatch.setattr(calibrate, "models_for", lambda *_: kinds)
+    train, test = (
+        day_in_degrees(tmp_path / f"{name}.csv", k) for k, name in enumerate(("monday", "tuesday"))
+    )
+    project = tmp_path / "project"
+    line = ("calibrate", project, train, "--test", test, *LAB)
+    done = catenary(*line, "--json")
+    assert done.code == 0, done.err
+    found = json.loads(done.out)
+    assert {path.name.rpartition("-")[0] for path in (project / "imported").iterdir()} == {
+        "monday",
+        "tuesday",
+    }
+    for joint in found["models"]["recommended"]:  # deg and mm; what is left is the camera's noise
+        assert joint["raw_rmse"] > 0.3
+        assert joint["rmse"] < 0.05
+    page = (project / "report.html").read_text()
+    assert "monday" in page
+    assert "tuesday" in page
+    assert catenary("evaluate", project / "models" / "recommended.npz", test, *LAB, "--json").code == 0
+    assert catenary(*line, "--json").json["steps_run"] == []
+
+
+def test_a_project_whose_import_is_refused_leaves_no_folder(tmp_path: Path) -> None:
+    good, bad = day_in_degrees(tmp_path / "good.csv", 0), day_in_degrees(tmp_path / "bad.csv", 1, turned=True)
+    for train, test in ((good, bad), (bad, good)):
+        refused = catenary("calibrate", tmp_path / "project", train, "--test", test, *LAB)
+        assert refused.code != 0
+        assert "--sign J1" in refused.err
+        assert not (tmp_path / "project").exists()
+
+
+def test_an_import_says_at_once_what_a_fit_would_refuse(tmp_path: Path) -> None:
+    bad = day_in_degrees(tmp_path / "bad.csv", 1, turned=True)
+    done = catenary("import", bad, *LAB, "--out", tmp_path / "bad.parquet")
+    assert done.code == 0
+    assert "sign: J1: the measurement falls when the command of J1 rises" in " ".join(done.err.split())

@@ -2,12 +2,14 @@
 
 import warnings
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from catenary.calibration.choice import JointChoice, composed
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.files import load_model, save_model
 from catenary.calibration.model import CalibrationModel
@@ -25,7 +27,8 @@ KINDS: dict[str, dict[str, Any]] = {
     "neural best": {"kind": "neural", "preset": "best"},
     "neural per joint": {"kind": "neural", "inputs": {"J1": ("q:J1",), "J2": ("q:J2",), "J3": ("q:J3",)}},
 }
-CASES = [(kind, "error") for kind in KINDS]
+MIXED = "each joint its own"
+CASES = [(kind, "error") for kind in (*KINDS, MIXED)]
 CASES += [
     (kind, "position") for kind in ("linear with history", "polynomial", "neural best", "neural per joint")
 ]
@@ -39,12 +42,20 @@ LOG = recording(np.random.default_rng(0), error=truth)
 NEW = recording(np.random.default_rng(0), rows=60, error=truth)  # the first fifth of the same motion
 
 
+def mixed() -> CalibrationModel:
+    """Return a model whose joints have kinds of their own, put together as model auto is."""
+    kinds = {"offset": "offset", "linear": "linear with play", "neural": "neural best"}
+    models = {name: fitted(LOG, **KINDS[kind]) for name, kind in kinds.items()}
+    joints = zip(("linear", "offset", "neural"), LOG.joint_names, strict=True)
+    return composed(models, [JointChoice(joint, "deg", name, {name: 1.0}) for name, joint in joints])
+
+
 class Case:
     """A model of some kind, fitted once, and rows of its features."""
 
-    def __init__(self, options: dict[str, Any]) -> None:
-        self.options = options
-        self.model: CalibrationModel = fitted(LOG, **options)
+    def __init__(self, kind: str, target: str) -> None:
+        self.fit = mixed if kind == MIXED else lambda: fitted(LOG, **KINDS[kind], target=target)
+        self.model: CalibrationModel = self.fit()
         self.data: CalibrationData = calibration_data([NEW], self.model.features)
 
     def correct(self, X: np.ndarray, q: np.ndarray | None = None) -> np.ndarray:
@@ -56,13 +67,13 @@ quick = pytest.fixture(scope="module", autouse=True)(short_training)
 
 @pytest.fixture(scope="module", params=CASES, ids=lambda case: ", ".join(case))
 def case(request: pytest.FixtureRequest) -> Case:
-    kind, target = request.param
-    return Case(KINDS[kind] | {"target": target})
+    return Case(*request.param)
 
 
 def test_correction_has_a_row_per_row_and_a_column_per_joint(case: Case) -> None:
     correction = case.correct(case.data.X)
-    assert (correction.shape, correction.dtype) == ((len(case.data), 3), np.float64)
+    assert correction.shape == (len(case.data), 3)
+    assert correction.dtype == np.float64
     assert np.isfinite(correction).all()
     assert case.correct(case.data.X[:0], np.zeros((0, 3))).shape == (0, 3)
 
@@ -88,7 +99,7 @@ def test_correction_leaves_its_arguments_alone(case: Case) -> None:
 
 
 def test_same_seed_gives_the_same_bits(case: Case) -> None:
-    again = fitted(LOG, **case.options).correction(case.data.X, case.data.q_nominal)
+    again = case.fit().correction(case.data.X, case.data.q_nominal)
     assert again.tobytes() == case.correct(case.data.X).tobytes()
 
 
@@ -134,7 +145,9 @@ def test_calibration_is_causal(case: Case) -> None:
     assert_array_equal(changed[:40], case.model.calibrate(NEW)[:40])
 
 
-def test_saved_and_loaded_model_gives_the_same_bits_and_says_the_same_of_itself(case, tmp_path) -> None:
+def test_saved_and_loaded_model_gives_the_same_bits_and_says_the_same_of_itself(
+    case: Case, tmp_path: Path
+) -> None:
     save_model(case.model, {"robot": None}, tmp_path / "model.npz")
     back, _ = load_model(tmp_path / "model.npz")
     assert back.calibrate(NEW).tobytes() == case.model.calibrate(NEW).tobytes()

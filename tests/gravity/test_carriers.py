@@ -8,8 +8,9 @@ from catenary.gravity.compact import compact_regressor
 from catenary.gravity.payload import Payload, load_directions
 from catenary.gravity.recursive_estimator import RecursiveGravityEstimator
 from catenary.gravity.torque import gravity_torque
-from catenary.robots.assembly import Coordinate, Link, LinkInertia, assemble
+from catenary.robots.assembly import Coordinate, Link, assemble
 from catenary.robots.catalog import load_robot
+from catenary.robots.link_inertia import LinkInertia
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
 

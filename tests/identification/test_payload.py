@@ -9,8 +9,9 @@ from catenary.identification.identification import identify
 from catenary.identification.options import IdentifyOptions
 from catenary.identification.payload import estimate_payload, payload_candidates, point_mass
 from catenary.identification.samples import prepare
-from catenary.robots.assembly import Coordinate, Link, LinkInertia, assemble
+from catenary.robots.assembly import Coordinate, Link, assemble
 from catenary.robots.catalog import load_robot
+from catenary.robots.link_inertia import LinkInertia
 from catenary.spatial import Pose
 from moving_arm import LEVEL, recorded, sinusoids
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.robots.assembly import Coordinate, Link, LinkInertia, assemble
+from catenary.robots.assembly import Coordinate, Link, assemble
+from catenary.robots.link_inertia import LinkInertia
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose, identity_pose
 

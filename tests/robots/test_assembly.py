@@ -2,13 +2,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.errors import InputError, UnsupportedModelError
-from catenary.robots.assembly import Coordinate, Link, LinkInertia, assemble
-from catenary.spatial import Pose, identity_pose, rotation_from_rpy
+from catenary.dynamics.inverse_dynamics import inverse_dynamics
+from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.errors import InputError, MissingInertiaError, UnsupportedModelError
+from catenary.gravity.torque import gravity_torque
+from catenary.robots.assembly import Coordinate, Link, assemble
+from catenary.robots.link_inertia import LinkInertia
+from catenary.spatial import LEVEL, Pose, identity_pose, rotation_from_rpy
+from oracles.point_masses import assert_same_body, cloud, inertia_of
 from oracles.random_robots import random_tensor
 from oracles.tree_poses import frame_pose
 
@@ -19,24 +23,6 @@ def random_pose(rng):
     return Pose(rotation_from_rpy(rng.normal(size=3)), rng.normal(size=3))
 
 
-def cloud(rng, count=20):
-    """Point masses: masses (N,) [kg], places (N, 3) [m]."""
-    return rng.uniform(0.1, 1.0, count), rng.normal(size=(count, 3))
-
-
-def inertia_of(masses, places):
-    com = masses @ places / masses.sum()
-    arms = places - com
-    tensor = sum(m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(masses, arms, strict=True))
-    return LinkInertia(float(masses.sum()), com, tensor)
-
-
-def assert_same_body(a, b):
-    assert_allclose(a.mass, b.mass, rtol=1e-12)
-    assert_allclose(a.com, b.com, atol=1e-10)  # sums over tens of point masses
-    assert_allclose(a.inertia, b.inertia, atol=1e-9)
-
-
 def link(name="a", parent="base", joint="revolute", **options):
     if joint != "fixed":
         options.setdefault("variable", {"q": 1.0})
@@ -45,28 +31,6 @@ def link(name="a", parent="base", joint="revolute", **options):
 
 
 Q = [Coordinate("q", "rad")]
-
-
-@given(seeds)
-def test_a_moved_body_is_the_body_of_the_moved_points(seed):
-    rng = np.random.default_rng(seed)
-    masses, places = cloud(rng)
-    pose = random_pose(rng)
-    moved = inertia_of(masses, places @ pose.rotation.T + pose.position)
-    assert_same_body(inertia_of(masses, places).moved(pose), moved)
-
-
-@given(seeds)
-def test_two_bodies_as_one_are_the_body_of_all_their_points(seed):
-    rng = np.random.default_rng(seed)
-    (m1, p1), (m2, p2) = cloud(rng), cloud(rng)
-    both = inertia_of(np.concatenate([m1, m2]), np.concatenate([p1, p2]))
-    assert_same_body(inertia_of(m1, p1).plus(inertia_of(m2, p2)), both)
-
-
-def test_two_bodies_without_mass_add_without_a_division_by_zero():
-    nothing = LinkInertia(0.0, np.ones(3), np.zeros((3, 3)))
-    assert nothing.plus(nothing).mass == 0.0
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -147,6 +111,48 @@ def test_links_without_mass_are_missing_inertia_unless_they_are_declared_massles
     assert model.massless == ("c", "d")
 
 
+NEGATIVE = np.diag([1.0, 1.0, -0.1])
+
+
+def test_a_link_whose_inertia_no_body_has_holds_its_arm_and_is_refused_in_motion(caplog):
+    sound = LinkInertia(2.0, np.array([0.3, 0.0, 0.1]), np.eye(3))
+    for inertia in (NEGATIVE, None):
+        model, as_it_should = (
+            assemble("r", [link(axis=np.array([0.0, 1.0, 0.0]), inertia=replace(sound, inertia=tensor))], Q)
+            for tensor in (inertia, sound.inertia)
+        )
+        assert_array_equal(gravity_torque(model, [0.4], LEVEL), gravity_torque(as_it_should, [0.4], LEVEL))
+        for asked in (mass_matrix, lambda m, q: inverse_dynamics(m, q, q, q, LEVEL)):
+            with pytest.raises(
+                MissingInertiaError, match='"a" have a mass but no inertia that a body can have'
+            ):
+                asked(model, [0.4])
+        assert model.doubts[0] in caplog.text
+        assert "masses and torques of motion are refused" in model.doubts[0]
+
+
+def test_a_part_with_an_impossible_inertia_is_a_doubt_where_it_plays_no_part_or_little(caplog):
+    base, arm = (LinkInertia(5.0, np.zeros(3), np.eye(3)) for _ in range(2))
+    antenna = LinkInertia(0.01, np.zeros(3), -1e-4 * np.eye(3))
+    crumb = LinkInertia(5e-4, np.zeros(3), np.diag([1.0, -1.0, 1.0]))
+    links = [
+        link("table", joint="fixed", inertia=replace(base, inertia=NEGATIVE)),
+        link("a", "table", inertia=arm),
+        link("antenna", "a", "fixed", inertia=antenna),
+        link("b", "a", inertia=crumb),
+    ]
+    model = assemble("r", links, Q)
+    assert mass_matrix(model, [0.0]).shape == (1, 1)
+    effects = [doubt.rpartition(": ")[2] for doubt in model.doubts]
+    assert effects == ["it is fixed to the base and plays no part", "taken as it is", "taken as it is"]
+    assert len(caplog.records) == 1  # one line a robot
+
+
+def test_all_links_that_a_description_gives_no_mass_are_massless_when_asked():
+    model = assemble("r", [link("a"), link("b", "a", inertia=BODY), link("c", "b")], Q, massless="all")
+    assert (model.massless, model.missing_inertia) == (("a", "c"), ())
+
+
 BODY = LinkInertia(1.0, np.zeros(3), np.eye(3))
 NAN3 = np.array([0.0, np.nan, 0.0])
 
@@ -174,7 +180,9 @@ REFUSED = [
     ({"links": body(com=NAN3)}, 'link "a": centre of mass[1] is nan'),
     ({"links": body(com=np.zeros(2))}, "centre of mass: expected shape (3,), got (2,)"),
     ({"links": body(inertia=np.triu(np.ones((3, 3))))}, 'link "a": inertia must be symmetric'),
-    ({"links": body(inertia=-1e-9 * np.eye(3))}, 'link "a": inertia has a negative principal'),
+    ({"links": body(inertia=-1e-9 * np.eye(3)), "strict": True}, 'link "a": inertia has a negative principal'),
+    ({"links": body(inertia=np.diag([1.0, 1.0, 3.0])), "strict": True}, "moments 1, 1, 3 kg m2; no body has one"),
+    ({"links": body(inertia=None), "strict": True}, 'link "a": has a mass but no inertia'),
     ({"coordinates": [*Q, *Q]}, "coordinate names must differ, got q, q"),
     ({"coordinates": [*Q, Coordinate("s", "rad")]}, "coordinates s move no joint"),
     ({"coordinates": [Coordinate("q", "deg")]}, 'coordinate "q": unit "deg", expected "rad" or "m"'),

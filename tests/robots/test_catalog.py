@@ -5,6 +5,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.errors import FileFormatError, MissingInertiaError
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_file, load_robot, robot_names
+from catenary.robots.model import Tree
+from catenary.robots.urdf_export import urdf_text
 from oracles.tree_poses import frame_pose, potential_energy
 
 HOME = [np.deg2rad(30), np.deg2rad(90), 0.40, 0.0, 0.0, 0.0]
@@ -218,3 +220,28 @@ def test_dual_arms_limits_mirror_each_other():
     low, high = dual_mirrored(DUAL.lower), dual_mirrored(DUAL.upper)
     assert_allclose(np.minimum(low, high), DUAL.lower)
     assert_allclose(np.maximum(low, high), DUAL.upper)
+
+
+def test_a_robots_text_is_the_robot_in_its_file_as_ros_hands_it_over(tmp_path):
+    text = f"<?xml version='1.0'?>\n{urdf_text(load_robot('raven2'))}".replace('<?xml version="1.0"?>\n', "")
+    path = tmp_path / "arm.urdf"
+    path.write_text(text)
+    from_text, from_file = load_robot(text), load_robot(path)
+    for key in Tree._fields:
+        assert_array_equal(getattr(from_text.tree, key), getattr(from_file.tree, key))
+    assert from_text.sources[0].startswith("text, sha256 ")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("<mujoco/>", "robot description: is MJCF"),
+        ("  <robot name='a'", "robot description: "),
+        ("<html></html>", "robot description: root element <html>, expected <robot>"),
+        (" <robot>" + " " * 40_000_000, "robot description: 40000008 bytes, expected at most"),
+    ],
+)
+def test_a_text_that_is_no_urdf_is_refused_as_a_description(text, said):
+    with pytest.raises(FileFormatError) as caught:
+        load_robot(text)
+    assert said in str(caught.value)

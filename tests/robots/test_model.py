@@ -8,8 +8,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.errors import CatenaryError, InputError, MissingInertiaError
 from catenary.gravity.torque import potential_energy
-from catenary.robots.assembly import Coordinate, Link, LinkInertia, assemble
+from catenary.robots.assembly import Coordinate, Link, assemble
 from catenary.robots.catalog import load_robot
+from catenary.robots.link_inertia import LinkInertia
 from catenary.spatial import identity_pose
 from oracles.tree_poses import frame_pose
 
@@ -119,3 +120,20 @@ def test_a_payload_that_cannot_be_is_refused(name, arguments, said):
     with pytest.raises(CatenaryError) as caught:
         load_robot(name).with_payload(*arguments)
     assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("mass", "place", "said"),
+    [
+        (5000.0, PLACE, "payload of 5000 kg on an arm of"),
+        (0.2, [0.0, 0.0, 150.0], " m from the joint; positions are in m"),
+    ],
+)
+def test_a_payload_that_is_hardly_meant_is_logged(mass, place, said, caplog):
+    RAVEN.with_payload("wrist", mass, place)
+    assert said in caplog.text
+
+
+def test_a_payload_as_heavy_as_the_arm_is_not(caplog):
+    RAVEN.with_payload("wrist", float(RAVEN.tree.mass.sum()), PLACE)
+    assert not caplog.records

@@ -172,3 +172,14 @@ def test_a_record_with_nonsense_is_refused(place, value, said):
 def test_a_record_that_is_no_table_is_refused(content):
     with pytest.raises(FileFormatError, match="the robot in it is damaged"):
         robot_from_record(content)
+
+
+def test_lengths_that_are_hardly_meant_are_doubted(tmp_path, caplog):
+    path = tmp_path / "r.toml"
+    for old, new, said in (
+        ("d_m = 0", "d_m = 150", "its joint lies 150 m away; lengths are in m"),
+        ("com_m = [0, 0, 0.1]", "com_m = [0, 0, 31]", "its centre of mass lies 31 m away"),
+    ):
+        path.write_text(TABLE.replace(old, new))
+        assert said in load_table(path).doubts[0]
+        assert said in caplog.text

@@ -1,4 +1,5 @@
 import hashlib
+import re
 
 import numpy as np
 import pinocchio as pin
@@ -147,19 +148,48 @@ def test_a_root_named_base_is_the_base_and_another_keeps_its_pose_under_a_name_t
 
 
 def test_moving_links_without_mass_are_missing_inertia_unless_something_fixed_to_them_has_some():
-    no_mass = INERTIAL.replace('value="2"', 'value="0"')
-    bare = f"<link name='d'/><link name='e'/><link name='f'>{no_mass}</link>"
+    shape = "<visual><geometry><box size='1 1 1'/></geometry></visual>"
+    bare = f"<link name='d'/><link name='e'>{shape}</link><link name='f'/>"
     text = urdf(
         ONE, joint("jd", "a", "d"), joint("jb", "d", "b", "fixed", ""), joint("je", "b", "e"), joint("jf", "e", "f"), bare,
         links=("root", "a", "b"),
     )  # fmt: skip
     model = parse_urdf(text)
-    assert model.missing_inertia == ("e", "f")
+    assert model.missing_inertia == ("e", "f")  # e has a shape, f ends the arm
     with pytest.raises(MissingInertiaError, match='"e", "f"'):
         model.require_inertia()
-    declared = parse_urdf(text, massless=["e", "f"])
-    declared.require_inertia()
-    assert declared.massless == ("e", "f")
+    for massless in (["e", "f"], "all"):
+        declared = parse_urdf(text, massless=massless)
+        declared.require_inertia()
+        assert declared.massless == ("e", "f")
+
+
+def test_an_empty_link_that_carries_a_moving_joint_is_a_step_of_a_joint_of_several_axes():
+    text = urdf(
+        ONE, joint("jd", "a", "d"), joint("jb", "d", "b"), "<link name='d'/>", links=("root", "a", "b")
+    )
+    model = parse_urdf(text)
+    model.require_inertia()
+    assert model.massless == ("d",)
+    assert model.doubts == ()
+
+
+def test_a_mass_that_a_file_says_is_zero_is_zero_with_a_warning_or_refused(caplog):
+    text = urdf(ONE, links=("root", "a")).replace('value="2"', 'value="0"')
+    model = parse_urdf(text)
+    model.require_inertia()
+    assert model.massless == ("a",)
+    assert 'link "a": has no mass, as the file says' in caplog.text
+    assert parse_urdf(text, strict=True).missing_inertia == ("a",)
+
+
+def test_a_link_without_an_inertia_tensor_has_its_mass():
+    text = re.sub("<inertia .*?/>", "", urdf(ONE, links=("root", "a")))
+    model = parse_urdf(text)
+    assert model.missing_tensor == ("a",)
+    assert model.tree.mass[0] == 2.0
+    with pytest.raises(FileFormatError, match='link "a": has a mass but no inertia'):
+        parse_urdf(text, strict=True)
 
 
 def test_what_is_left_out_is_said_with_the_joints_names():
@@ -237,7 +267,7 @@ DAMAGED = [
      UnsupportedModelError, 'joint "j" follows itself: j -> k -> j'),
     (urdf(ONE, links=("root", "a")).replace('value="2"', 'value="-2"'), FileFormatError, 'link "a": mass -2.0 kg'),
     (urdf(ONE, links=("root", "a")).replace('value="2"', 'value="two"'), FileFormatError, 'link "a": <inertial>: <mass>: value="two"'),
-    (urdf(ONE, links=("root", "a")).replace('<mass value="2"/>', ""), FileFormatError, "<inertial>: no <mass>; expected both"),
+    (urdf(ONE, links=("root", "a")).replace('<mass value="2"/>', ""), FileFormatError, "<inertial>: no <mass>; expected one"),
     (urdf(ONE, links=("root", "a")).replace('ixy="0"', ""), FileFormatError, "<inertia>: ixy is missing"),
     (urdf(ONE, links=("root", "a")).replace('ixx="1"', 'ixx="-1"'), FileFormatError, 'link "a": inertia has a negative principal moment'),
     (one_joint(LIMIT.replace("-1", "${-pi}")), FileFormatError, "is a xacro file: expand it first"),
@@ -251,7 +281,7 @@ def test_a_damaged_file_is_refused_by_file_and_element(text, error, said, tmp_pa
     path = tmp_path / "arm.urdf"
     path.write_text(text)
     with pytest.raises(error) as caught:
-        load_urdf(path)
+        load_urdf(path, strict=True)
     assert said in str(caught.value)
     assert type(caught.value) is error
     assert str(caught.value).startswith(f"{path}: ")

@@ -6,7 +6,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from catenary.errors import InputError
-from catenary.sensing.vector import FixedGravity, ReadingStatus, tilt_angle, tilt_of, tilted_gravity
+from catenary.sensing.vector import (
+    FixedGravity,
+    ReadingStatus,
+    gravity_doubts,
+    tilt_angle,
+    tilt_of,
+    tilted_gravity,
+)
 from catenary.spatial import LEVEL
 
 ANGLE = st.floats(-1.5, 1.5)
@@ -54,3 +61,21 @@ def test_no_vector_has_no_tilt():
     with pytest.raises(InputError, match="not zero"):
         tilt_of([0.0, 0.0, 0.0])
     assert np.isnan(tilt_angle([0.0, 0.0, 0.0]))
+
+
+@given(roll=ANGLE, pitch=st.floats(-1.5, 1.5), strength=st.floats(9.76, 9.83))
+def test_gravity_anywhere_on_earth_is_not_doubted(roll, pitch, strength):
+    assert gravity_doubts(tilted_gravity(roll, pitch) * strength / 9.81) == []
+
+
+def test_gravity_that_is_hardly_meant_is_doubted_and_logged(caplog):
+    for vector, said in (
+        ([0.0, 0.0, -1.62], "magnitude of 1.62 m/s2"),  # the Moon's
+        ([0.0, 0.0, 9.81], "points up"),  # an accelerometer's reading
+        ([0.0, 0.0, 0.0], "magnitude of 0 m/s2"),
+    ):
+        FixedGravity(vector)
+        assert said in caplog.records[-1].getMessage()
+    assert gravity_doubts([0.0, 0.0, 9.81], hanging=True) == []
+    FixedGravity()
+    assert len(caplog.records) == 3

@@ -11,8 +11,9 @@ from catenary.dynamics.mass_matrix import mass_matrix
 from catenary.errors import InputError, LimitError, NotReadyError
 from catenary.gravity.payload import Payload
 from catenary.gravity.torque import gravity_torque, potential_energy
-from catenary.robots.assembly import Coordinate, Link, LinkInertia, assemble
+from catenary.robots.assembly import Coordinate, Link, assemble
 from catenary.robots.catalog import load_robot
+from catenary.robots.link_inertia import LinkInertia
 from catenary.simulation.base_motion import FixedBase, RockingBase
 from catenary.simulation.joint_hardware import JointHardware
 from catenary.simulation.mujoco_plant import MujocoPlant

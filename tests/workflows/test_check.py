@@ -61,7 +61,7 @@ def test_an_inertia_that_no_body_has_is_a_fault(tmp_path: Path) -> None:
     text = simulated_arm.DH_TABLE.replace("[0.01, 0, 0, 0.01, 0, 0.01]", "[0.01, 0, 0, 0.01, 0, 0.05]")
     (tmp_path / "arm.toml").write_text(text)
     (fault,) = check_file(str(tmp_path / "arm.toml")).faults
-    assert fault.startswith("inertia of shoulder")
+    assert fault.startswith('link "shoulder": inertia has principal moments')
 
 
 def test_limits_the_wrong_way_round_are_a_fault() -> None:

@@ -87,7 +87,7 @@ def model_card(
         "output": "correction added to q_nominal, in rad and m",
         "scaling": _scaling(kinds),
         "choice": [asdict(choice) for choice in choices] or None,
-        "settings": _settings(options),
+        "settings": _settings(options, kinds),
         "valid_range": "box around the training inputs and box along their principal axes, each widened by "
         f"{_widened_by(kinds, features)} of their range; outside it the fixed offset is used",
         "intervals": None
@@ -136,7 +136,7 @@ def _scaling(kinds: set[str]) -> str:
     return f"{inputs}; targets of networks standardised too" if "neural" in kinds else inputs
 
 
-def _settings(options: FitOptions) -> dict[str, Any]:
+def _settings(options: FitOptions, kinds: set[str]) -> dict[str, Any]:
     settings: dict[str, Any] = {
         "kind": options.kind,
         "inputs": dict(options.inputs) if isinstance(options.inputs, Mapping) else options.inputs,
@@ -145,7 +145,7 @@ def _settings(options: FitOptions) -> dict[str, Any]:
         "target": options.target,
         "ridge": options.ridge_used,
     }
-    if options.kind == "neural":
-        chosen: NetworkSettings = BEST if options.network == "best" else PAPER
+    if "neural" in kinds:
+        chosen: NetworkSettings = PAPER if options.network == "paper" else BEST
         settings["network"] = asdict(chosen)
     return settings

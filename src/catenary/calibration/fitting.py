@@ -78,10 +78,7 @@ def fit_logs(
         raise InputError(
             f"history: {options.history} previous commands, but the longest recording has {longest} rows"
         )
-    if options.kind == "auto" and not run.folds:
-        raise InputError(
-            "model auto: is chosen by its errors on folds, which folds 0 leaves out; give a kind"
-        )
+    require_folds(options, run)
     inputs = choose_inputs(logs, options, held_out=run.held_out or 0.0)
     data, _, _ = _rows(logs, inputs.features, run)
     limits = error_limits(run.max_error, logs[0])
@@ -207,6 +204,18 @@ def _why_no_intervals(validation: CrossValidation | None, run: FitRun) -> str:
         f"no intervals: {len(validation.after_model)} rows are too few to hold {run.coverage:.0%} of errors; "
         f"that takes {fewest_rows(run.coverage)}, or a lower coverage"
     )
+
+
+def require_folds(options: FitOptions, run: FitRun) -> None:
+    """Refuse to choose a model by errors on folds that are not run.
+
+    Raises:
+        InputError: Such a run.
+    """
+    if options.kind == "auto" and not run.folds:
+        raise InputError(
+            "model auto: is chosen by its errors on folds, which folds 0 leaves out; give a kind"
+        )
 
 
 def _require_rows(data: CalibrationData, folds: int) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from catenary.cli.beside_robot import RobotAccess, deploy_beside, record_others, robot_of
+from catenary.cli.fit import ModelOptions, Robot
 from catenary.cli.gravity_source import GravityOptions
 from catenary.cli.options import Accept, AsJson, MappingOptions, MendOptions
 from catenary.cli.out_files import out_path
@@ -214,6 +215,7 @@ def deploy(
 def calibrate(
     project: Folder,
     arm: ExcitationOptions,
+    fitting: ModelOptions,
     mending: MendOptions,
     access: RobotAccess,
     foreign: MappingOptions,
@@ -222,6 +224,7 @@ def calibrate(
     ] = None,
     test: Annotated[list[Path] | None, Option(metavar="DATA", help="Test recording; repeatable.")] = None,
     hours: Hours = None,
+    robot: Robot = None,
     accept: Accept = None,
     as_json: AsJson = False,
 ) -> None:
@@ -229,11 +232,19 @@ def calibrate(
 
     Home, excite, record, extract, fit, evaluate, deploy, report; done steps are not repeated. Without recordings
     it drives a simulated RAVEN-II, or with --ros a real one; with them it fits every model to them and tests on --test.
+    The options of fit are those of the model that is recommended and deployed; --seed is also that of its training.
     """
+    from catenary.robots.catalog import load_robot
     from catenary.workflows.project.calibrate import calibrate_recordings, calibrate_robot
 
     if test and not train:
         raise InputError("--test: goes with recordings to train on; without them the robot records its own")
+    if robot is not None and not train:
+        raise InputError("--robot: goes with recordings to train on; without them it is the project's")
+    asked, run = fitting.options(seed=0), fitting.run(accept, robot)
+    loaded = None if robot is None else load_robot(robot)
+    names, units = (None, None) if loaded is None else (loaded.joint_names, loaded.joint_units)
+    reading = mending.reading(foreign, units=units, joint_names=names, robot=robot)
     opened = open_project(project, arm, hours=hours, ros=access.ros)
     with opened, _steps() as progress:
         if train:
@@ -241,13 +252,14 @@ def calibrate(
                 opened,
                 train,
                 test or [],
-                reading=mending.reading(foreign),
-                accept=tuple(accept or ()),
+                reading=reading,
+                asked=asked,
+                run=run,
                 progress=progress,
             )
         else:
-            with robot_of(opened, access) as robot:
-                result = calibrate_robot(opened, robot, progress=progress)
+            with robot_of(opened, access) as moved:
+                result = calibrate_robot(opened, moved, asked=asked, run=run, progress=progress)
     _conclude(result, as_json)
 
 

@@ -8,7 +8,7 @@ from typer import Argument, Option
 
 from catenary.cli.options import AsJson, MappingOptions, MendOptions, robots_beginning
 from catenary.cli.out_files import out_path
-from catenary.cli.terminal import print_fact, print_json, print_notes, print_table
+from catenary.cli.terminal import print_fact, print_json, print_notes, print_table, without_notes
 
 
 def check(
@@ -41,7 +41,8 @@ def check(
 
     arm = None if robot is None else load_robot(robot)
     names, units = (None, None) if arm is None else (arm.joint_names, arm.joint_units)
-    finding = check_file(file, mending.reading(foreign, units=units, joint_names=names), robot=robot)
+    with without_notes(True):  # what is doubtful is among the faults below
+        finding = check_file(file, mending.reading(foreign, units=units, joint_names=names), robot=robot)
     if as_json:
         print_json(finding.as_data())
     else:

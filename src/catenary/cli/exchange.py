@@ -7,11 +7,13 @@ from typer import Argument, Option
 
 from catenary.cli.options import AsJson, MappingOptions, robots_beginning
 from catenary.cli.out_files import GRAPH, HEADER, LOG, NAMED_AS_TYPED, out_path, refuse_outputs
+from catenary.cli.robots import DescriptionOptions
 from catenary.cli.terminal import print_fact, print_json, print_notes
 from catenary.errors import InputError
 
 
 def export(
+    description: DescriptionOptions,
     what: Annotated[
         str | None,
         Argument(
@@ -55,20 +57,26 @@ def export(
     read = [Path(each) for each in (what, model) if each is not None]
     refuse_outputs({"--c": (c, HEADER), "--onnx": (onnx, GRAPH)}, read)
     if c is not None:
-        _c(what, c, model, 1000.0 if rate_hz is None else rate_hz, as_json)
+        _c(what, description, c, model, 1000.0 if rate_hz is None else rate_hz, as_json)
     elif onnx is not None and what is not None:
         if model is not None:
             raise InputError(f"export: --onnx writes WHAT, {what}, which is the model; leave --model out")
         _onnx(Path(what), onnx, rate_hz, as_json)
 
 
-def _c(robot: str | None, out: Path, model: Path | None, rate_hz: float, as_json: bool) -> None:
+def _c(
+    robot: str | None,
+    description: DescriptionOptions,
+    out: Path,
+    model: Path | None,
+    rate_hz: float,
+    as_json: bool,
+) -> None:
     from catenary.calibration.files import load_model
-    from catenary.robots.catalog import load_robot
     from catenary.workflows.c_header import c_header, write_header
 
     calibration = None if model is None else load_model(model)[0]
-    header = c_header(None if robot is None else load_robot(robot), calibration, rate_hz=rate_hz)
+    header = c_header(None if robot is None else description.load(robot), calibration, rate_hz=rate_hz)
     write_header(header, out)
     print_notes(header.notes)
     if as_json:
@@ -133,8 +141,8 @@ def import_recording(
     Example: catenary import lab.bag --map q_nominal=/arm/joint_cmd.position --map q_encoder=/camera/joints.position@deg
     --units deg,deg,mm --out lab.parquet
     """
+    from catenary.workflows.import_recording import doubts_about, known_layout, propose_mapping
     from catenary.workflows.import_recording import import_recording as read
-    from catenary.workflows.import_recording import known_layout, propose_mapping
 
     if out is not None:
         refuse_outputs({"--out": (out, LOG)}, sources)
@@ -160,6 +168,7 @@ def import_recording(
     write_parquet(log, out)
     seconds = None if log.time is None else float(log.time.max() - log.time.min())
     measured = int(log.ok.sum()) if log.q_encoder is not None else None
+    doubts = doubts_about(log, robot=robot)
     if as_json:
         facts = {
             "log": str(out),
@@ -169,9 +178,9 @@ def import_recording(
             "measured": measured,
         }
         joints = dict(zip(log.joint_names, log.joint_units, strict=True))
-        print_json({**facts, "joints": joints, "notes": log.notes})
+        print_json({**facts, "joints": joints, "notes": log.notes, "doubts": doubts})
         return
-    print_notes(log.notes)
+    print_notes([*log.notes, *(f"a fit will refuse this log as it is: {doubt}" for doubt in doubts)])
     joints_in_words = ", ".join(
         f"{name} [{unit}]" for name, unit in zip(log.joint_names, log.joint_units, strict=True)
     )

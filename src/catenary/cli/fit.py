@@ -1,7 +1,7 @@
 """catenary fit and evaluate."""
 
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -28,7 +28,8 @@ from catenary.files import card_path
 
 if TYPE_CHECKING:
     from catenary.calibration.evaluate import Evaluation
-    from catenary.calibration.fitting import FitResult
+    from catenary.calibration.fit import FitOptions
+    from catenary.calibration.fitting import FitResult, FitRun
 
 Recordings = Annotated[
     list[Path],
@@ -45,29 +46,34 @@ MaxError = Annotated[
     str | None,
     Option("--max-error", metavar="E,E,...", help="Leave out rows with larger errors, per joint in deg, mm."),
 ]
+Robot = Annotated[
+    str | None,
+    Option(
+        metavar="ROBOT",
+        help="Catalogue name or file of the robot: joint names and units.",
+        autocompletion=robots_beginning,
+    ),
+]
 
 
-def fit(
-    data: Recordings,
-    mending: MendOptions,
-    foreign: MappingOptions,
-    out: Annotated[
-        Path, Option(metavar="MODEL", parser=out_path, help=f"Model to write, e.g. arm.npz. {NAMED_AS_TYPED}")
-    ],
+@dataclass(frozen=True)
+class ModelOptions:
+    """Options of a fit."""
+
     model: Annotated[
         str,
         Option(
             metavar="KIND",
             help="offset, linear, polynomial, neural, or auto: for every joint the simplest of them that will do.",
         ),
-    ] = "auto",
+    ] = "auto"
     preset: Annotated[
         str | None,
         Option(
             metavar="NAME",
             help="Preset of a neural model: paper (Peng et al.'s network) or best (ours). [default: best]",
         ),
-    ] = None,
+    ] = None
     inputs: Annotated[
         str | None,
         Option(
@@ -75,8 +81,8 @@ def fit(
             help="What the model takes: groups q, tau, qd, all, or signals such as q:J1; per joint as "
             "'J1=q:J1,tau:J1;J2=q'. [default: q, and tau if recorded]",
         ),
-    ] = None,
-    history: Annotated[int, Option(metavar="K", min=0, help="Also take the K previous commands.")] = 0,
+    ] = None
+    history: Annotated[int, Option(metavar="K", min=0, help="Also take the K previous commands.")] = 0
     play: Annotated[
         str | None,
         Option(
@@ -84,32 +90,14 @@ def fit(
             help="Also take play states (memory of a cable's slack) as wide as these shares of each joint's "
             "motion: 0.01,0.05,0.2, 'on' for ours, 'off'. [default: off; on for preset best without torques]",
         ),
-    ] = None,
+    ] = None
     target: Annotated[
         str,
         Option(
             metavar="WHAT",
             help="What to learn: error, the joint error, or position, the joint position end to end.",
         ),
-    ] = "error",
-    robot: Annotated[
-        str | None,
-        Option(
-            metavar="ROBOT",
-            help="Catalogue name or file of the robot: joint names and units.",
-            autocompletion=robots_beginning,
-        ),
-    ] = None,
-    held_out: Annotated[
-        float | None,
-        Option(metavar="SHARE", help="Keep the last part of each recording, this share of it, for a test."),
-    ] = None,
-    folds: Annotated[int, Option(metavar="N", min=0, help="Blocks of the cross-validation; 0 for none.")] = 5,
-    coverage: Annotated[
-        float,
-        Option(metavar="SHARE", help="Share of errors that the intervals about corrected joints hold."),
-    ] = 0.9,
-    max_error: MaxError = None,
+    ] = "error"
     ridge: Annotated[
         float | None,
         Option(
@@ -118,7 +106,65 @@ def fit(
             max=LARGEST,
             help="Ridge penalty of linear and polynomial models. [default: 0; 10 with memory]",
         ),
-    ] = None,
+    ] = None
+    held_out: Annotated[
+        float | None,
+        Option(metavar="SHARE", help="Keep the last part of each recording, this share of it, for a test."),
+    ] = None
+    folds: Annotated[int, Option(metavar="N", min=0, help="Blocks of the cross-validation; 0 for none.")] = 5
+    coverage: Annotated[
+        float,
+        Option(metavar="SHARE", help="Share of errors that the intervals about corrected joints hold."),
+    ] = 0.9
+    max_error: MaxError = None
+
+    def options(self, seed: int) -> "FitOptions":
+        """Return the options of the model.
+
+        Args:
+            seed: Of a network's training.
+        """
+        from catenary.calibration.fit import PLAY_SHARES, FitOptions
+
+        return FitOptions(
+            kind=self.model,  # type: ignore[arg-type]  # FitOptions refuses what it does not know
+            preset=self.preset,  # type: ignore[arg-type]
+            inputs=_inputs(self.inputs),
+            history=self.history,
+            play=_play_shares(self.play, PLAY_SHARES),
+            target=self.target,  # type: ignore[arg-type]
+            ridge=self.ridge,
+            seed=seed,
+        )
+
+    def run(self, accept: list[str] | None, robot: str | None = None) -> "FitRun":
+        """Return the options that do not belong to the model.
+
+        Args:
+            accept: Findings about the data to go on with, by name.
+            robot: Its name.
+        """
+        from catenary.calibration.fitting import FitRun
+
+        return FitRun(
+            robot=robot,
+            max_error=limits(self.max_error),
+            held_out=self.held_out,
+            folds=self.folds,
+            accept=tuple(accept or ()),
+            coverage=self.coverage,
+        )
+
+
+def fit(
+    data: Recordings,
+    fitting: ModelOptions,
+    mending: MendOptions,
+    foreign: MappingOptions,
+    out: Annotated[
+        Path, Option(metavar="MODEL", parser=out_path, help=f"Model to write, e.g. arm.npz. {NAMED_AS_TYPED}")
+    ],
+    robot: Robot = None,
     seed: Seed = 0,
     accept: Accept = None,
     report: Report = None,
@@ -129,37 +175,19 @@ def fit(
     Example: catenary fit run1.npz --out arm.npz
     """
     from catenary.calibration.files import save_model
-    from catenary.calibration.fit import PLAY_SHARES, FitOptions
-    from catenary.calibration.fitting import FitRun
     from catenary.robots.catalog import load_robot
     from catenary.workflows.fit import fit_calibration
 
-    options = FitOptions(
-        kind=model,  # type: ignore[arg-type]  # FitOptions refuses what it does not know
-        preset=preset,  # type: ignore[arg-type]
-        inputs=_inputs(inputs),
-        history=history,
-        play=_play_shares(play, PLAY_SHARES),
-        target=target,  # type: ignore[arg-type]
-        ridge=ridge,
-        seed=seed,
-    )
+    options = fitting.options(seed)
     arm = None if robot is None else load_robot(robot)
     names, own_units = (None, None) if arm is None else (arm.joint_names, arm.joint_units)
     reading = mending.reading(foreign, units=own_units, joint_names=names, robot=robot)
-    run = FitRun(
-        robot=robot,
-        max_error=limits(max_error),
-        held_out=held_out,
-        folds=folds,
-        accept=tuple(accept or ()),
-        coverage=coverage,
-    )
+    run = fitting.run(accept, robot)
     refuse_outputs(
         {"--out": (out, MODEL), "the card of --out": (card_path(out), None), "--report": (report, PAGE)},
         [*data, *([Path(robot)] if robot else [])],
     )
-    with progress_bar(f"fitting {model}") as progress:
+    with progress_bar(f"fitting {fitting.model}") as progress:
         result = fit_calibration(data, options, run, reading=reading, progress=progress)
     save_model(result.model, result.card, out)
     if as_json:

@@ -10,7 +10,7 @@ from typer import Argument, Option
 from catenary.cli.joint_options import Q, QDeg, SameInDeg, beyond_limits, given_joints, joint_values
 from catenary.cli.options import AsJsonNotTables, BaseTilt, SimulatedSeed, robots_beginning
 from catenary.cli.out_files import PAGE, Report, refuse_outputs
-from catenary.cli.robots import Robot
+from catenary.cli.robots import DescriptionOptions, Robot
 from catenary.cli.terminal import (
     base_tilt,
     numbers,
@@ -66,7 +66,7 @@ class Conditions:
     def _rocking(self) -> tuple[float, ...] | None:
         return None if self.rock_deg is None else numbers("--rock-deg", self.rock_deg, 2)
 
-    def arm(self, robot: str) -> "SimulatedArm":
+    def arm(self, robot: str, description: DescriptionOptions) -> "SimulatedArm":
         """Return the robot on its base."""
         import numpy as np
 
@@ -83,11 +83,15 @@ class Conditions:
             first, last = np.deg2rad(rocking)
             middle, reach = float(first + last) / 2.0, float(last - first) / 2.0
             base = RockingBase(middle, reach, self.rock_hz, axis=(0.0, 1.0, 0.0), start=start)
-        return simulated_arm(robot, base=base, payload=self.payload, seed=self.seed)
+        massless, strict = description.declared(), description.strict
+        return simulated_arm(
+            robot, base=base, payload=self.payload, seed=self.seed, massless=massless, strict=strict
+        )
 
 
 def gravity(
     robot: Robot,
+    description: DescriptionOptions,
     q: Q = None,
     q_deg: QDeg = None,
     base_tilt_deg: BaseTilt = None,
@@ -107,15 +111,14 @@ def gravity(
 
     from catenary.arrays import as_array
     from catenary.gravity.torque import gravity_torque
-    from catenary.robots.catalog import load_robot
-    from catenary.sensing.vector import tilted_gravity
+    from catenary.sensing.vector import gravity_doubts, tilted_gravity
     from catenary.spatial import LEVEL
     from catenary.units import TORQUE_UNIT
 
     if base_tilt_deg is not None and vector is not None:
         raise InputError("gravity: give one of --base-tilt-deg and --gravity")
-    model = load_robot(robot)
-    model.require_inertia()
+    model = description.load(robot)
+    model.require_masses()
     values = joint_values(model, q, q_deg)
     down: ArrayLike = LEVEL if vector is None else numbers("--gravity", vector, 3)
     if base_tilt_deg is not None:
@@ -124,7 +127,8 @@ def gravity(
     gravity = as_array("gravity", down, (3,))
     torques, on_level = (gravity_torque(model, values, vector).tolist() for vector in (gravity, LEVEL))
     units = [TORQUE_UNIT[unit] for unit in model.joint_units]
-    print_notes(beyond_limits(model, values))
+    turned = base_tilt_deg is not None
+    print_notes([*beyond_limits(model, values), *gravity_doubts(gravity, hanging=turned)])
     if as_json:
         found = {"robot": model.name, "joints": model.joint_names, "q": list(values), "gravity": gravity}
         print_json({**found, "tau": torques, "unit": units, "level": on_level})
@@ -144,6 +148,7 @@ def gravity(
 def track(
     robot: Simulated,
     conditions: Conditions,
+    description: DescriptionOptions,
     controller: Annotated[
         str,
         Option(
@@ -189,7 +194,7 @@ def track(
     from catenary.workflows.gravity.track import track as run
 
     refuse_outputs({"--report": (report, PAGE)})
-    arm = conditions.arm(robot)
+    arm = conditions.arm(robot, description)
     chosen = make_motion(
         motion, arm.model, arm.plant, np.random.default_rng(conditions.seed or 0),
         q_start=given_joints(arm.model, q, q_deg), amplitude=amplitude_mm / 1000.0, axes=words(axes), seconds=seconds,
@@ -204,6 +209,7 @@ def track(
 def hold(
     robot: Simulated,
     conditions: Conditions,
+    description: DescriptionOptions,
     q: Q = None,
     q_deg: QDeg = None,
     controller: Annotated[
@@ -224,7 +230,7 @@ def hold(
     from catenary.workflows.gravity.motions import HOLD_START, start_pose
 
     refuse_outputs({"--report": (report, PAGE)})
-    arm = conditions.arm(robot)
+    arm = conditions.arm(robot, description)
     law, pose = make_hold(controller, arm), given_joints(arm.model, q, q_deg)
     if pose is None:
         pose = start_pose(arm.model, arm.plant, HOLD_START)

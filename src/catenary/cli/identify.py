@@ -22,6 +22,7 @@ from catenary.cli.out_files import (
     out_path,
     refuse_outputs,
 )
+from catenary.cli.robots import DescriptionOptions
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table
 from catenary.errors import InputError
 from catenary.files import card_path
@@ -177,6 +178,7 @@ def excitation(
             metavar="ROBOT", help="Catalogue name or file; needs no inertia.", autocompletion=robots_beginning
         ),
     ],
+    description: DescriptionOptions,
     out: Annotated[
         Path,
         Option(
@@ -209,13 +211,12 @@ def excitation(
     import numpy as np
 
     from catenary.identification.excitation import fourier_motion, room_of, static_poses
-    from catenary.robots.catalog import load_robot
     from catenary.workflows.identify import write_excitation
 
     if static is not None and fourier:
         raise InputError("excitation: give one of --static and --fourier")
     refuse_outputs({"--out": (out, EXCITATION)}, [Path(robot)])
-    model = load_robot(robot)
+    model = description.load(robot)
     limits = {
         name: None if text is None else numbers(f"--{name}", text)
         for name, text in (("lower", lower), ("upper", upper), ("velocity", velocity))

@@ -89,11 +89,12 @@ def names_and_units(robot: Jointed, names: Sequence[str] | None = None) -> str:
 
 
 def beyond_limits(model: "RobotModel", values: "Floats") -> list[str]:
-    """Return a remark on each joint that is beyond its limits."""
+    """Return a remark on each joint that is beyond its limits, or on one."""
     return [
-        f"{name}: {value:g} {unit} is outside its limits, {low:g} to {high:g} {unit}"
+        f"{name}: {value:g} {unit} is {'on a limit' if low <= value <= high else 'outside its limits'}, "
+        f"{low:g} to {high:g} {unit}"
         for name, unit, value, low, high in zip(
             model.joint_names, model.joint_units, values, model.lower, model.upper, strict=True
         )
-        if not low <= value <= high
+        if not low < value < high
     ]

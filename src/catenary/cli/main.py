@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import logging
 import os
 import sys
 from typing import TextIO, cast
@@ -59,13 +60,17 @@ def main() -> None:
 
 
 def _run() -> None:
+    from catenary.cli.terminal import NotesOfLogs
     from catenary.errors import CatenaryError
 
+    notes, log = NotesOfLogs(), logging.getLogger("catenary")
+    log.addHandler(notes)
     try:
         try:
             app(prog_name="catenary")
         finally:
             sys.stdout.flush()
+            log.removeHandler(notes)
     except CatenaryError as error:
         _fail(_with_notes(str(error), error), 2)
     except (InterruptedCommand, KeyboardInterrupt) as error:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
+from catenary.cli.terminal import without_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from catenary.recording.mend import Mend
 
 AsJson = Annotated[bool, Option("--json", help="Print JSON.")]
+NoNotes = Annotated[bool, Option("--no-notes", help="Print no notes: results and errors only.")]
 AsJsonNotTables = Annotated[bool, Option("--json", help="Print JSON instead of tables.")]
 Units = Annotated[
     str | None,
@@ -202,7 +204,7 @@ def with_groups_apart(command: Callable[..., None]) -> Callable[..., None]:
     """Return a command with the options of its groups in place of the groups.
 
     A group is a parameter whose type is a dataclass of options with defaults. Help lists its options behind the
-    command's own, and --json last.
+    command's own, then --json and, for every command, --no-notes.
     """
     own = signature(command).parameters.values()
     groups: dict[str, Any] = {p.name: p.annotation for p in own if is_dataclass(p.annotation)}
@@ -213,11 +215,13 @@ def with_groups_apart(command: Callable[..., None]) -> Callable[..., None]:
     ]
     parameters = [p.replace(kind=p.KEYWORD_ONLY) for p in own if p.name not in groups]
     parameters = sorted([*parameters, *shared], key=lambda p: 2 if p.name == "as_json" else p in shared)
+    parameters.append(Parameter("no_notes", Parameter.KEYWORD_ONLY, default=False, annotation=NoNotes))
 
-    def run(**given: Any) -> None:
+    def run(*, no_notes: bool = False, **given: Any) -> None:
         for name, group in groups.items():
             given[name] = group(**{field.name: given.pop(field.name) for field in fields(group)})
-        command(**given)
+        with without_notes(no_notes):
+            command(**given)
 
     run.__doc__ = command.__doc__
     run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]

@@ -77,7 +77,7 @@ def refuse_outputs(
     for option, (path, _) in written.items():
         if path is None:
             continue
-        if path.exists() and any(each.exists() and path.samefile(each) for each in read):
+        if path.exists() and any(os.path.exists(each) and path.samefile(each) for each in read):
             raise InputError(f"{option} {path}: is a file that is read here; expected another")
         if path.absolute() in places:
             raise InputError(f"{option} {path}: something else is written there; expected another file")

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from catenary.cli.robots import Robot
+from catenary.cli.robots import DescriptionOptions, Robot
 from catenary.cli.terminal import print_fact, print_json, print_table
 from catenary.errors import InputError
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 def regressor(
     robot: Robot,
+    description: DescriptionOptions,
     compact: Annotated[bool, Option("--compact", help="Print the compact form, with its values.")] = False,
     latex: Annotated[bool, Option("--latex", help="Print the compact form for LaTeX.")] = False,
     as_json: Annotated[bool, Option("--json", help="Print JSON: kg and kg m.")] = False,
@@ -23,12 +24,11 @@ def regressor(
 
     Example: catenary regressor planar_3r --compact
     """
-    from catenary.robots.catalog import load_robot
     from catenary.workflows.regressor import describe_regressor
 
     if latex and as_json:
         raise InputError("regressor: give one of --latex and --json")
-    report = describe_regressor(load_robot(robot))
+    report = describe_regressor(description.load(robot))
     if as_json:
         print_json(report.as_data())
     elif latex:

@@ -1,5 +1,6 @@
 """catenary robots, fk, ik."""
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
@@ -13,13 +14,13 @@ from catenary.cli.joint_options import (
     joint_values,
 )
 from catenary.cli.options import AsJsonNotTables, robots_beginning
-from catenary.cli.terminal import numbers, print_json, print_notes, print_table
+from catenary.cli.terminal import numbers, print_json, print_notes, print_table, words
 from catenary.errors import InputError
 from catenary.units import in_words
 
 if TYPE_CHECKING:
     from catenary.dynamics.inverse_kinematics import Match
-    from catenary.robots.model import RobotModel
+    from catenary.robots.model import Massless, RobotModel
     from catenary.spatial import Pose
 
 ROOM_FOR_NAMES = 30  # characters, so that a robot's line fits into a terminal of 80
@@ -31,6 +32,36 @@ Robot = Annotated[
         autocompletion=robots_beginning,
     ),
 ]
+
+
+@dataclass(frozen=True)
+class DescriptionOptions:
+    """Options of a robot's description that is not complete, or not possible."""
+
+    massless: Annotated[
+        str | None,
+        Option(
+            metavar="LINK,...",
+            help="These links have no mass, though the description gives them none: names, or all.",
+        ),
+    ] = None
+    strict: Annotated[
+        bool, Option("--strict", help="Refuse inertias that no body has, instead of a warning.")
+    ] = False
+
+    def declared(self) -> "Massless":
+        """Return which links are declared massless."""
+        if self.massless is None:
+            return ()
+        return "all" if self.massless == "all" else words(self.massless)
+
+    def load(self, robot: str) -> "RobotModel":
+        """Return the robot of a name or a file."""
+        from catenary.robots.catalog import load_robot
+
+        return load_robot(robot, massless=self.declared(), strict=self.strict)
+
+
 AsJson = Annotated[bool, Option("--json", help="Print JSON: m, rad, quaternions (w, x, y, z).")]
 FrameName = Annotated[
     str | None, Option("--frame", metavar="FRAME", help="Frame of the robot. [default: its tip]")

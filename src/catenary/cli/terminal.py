@@ -1,9 +1,11 @@
 """What every command shares with the person at the terminal: lists typed with commas, tables, progress."""
 
 import json
+import logging
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from math import isfinite
 from shutil import get_terminal_size
 from textwrap import fill
@@ -11,6 +13,32 @@ from typing import Any, TextIO
 
 from catenary.errors import InputError
 from catenary.visible import visible
+
+_SILENT: ContextVar[bool] = ContextVar("silent", default=False)
+
+
+class NotesOfLogs(logging.Handler):
+    """What the package logs, as notes on standard error; errors also with --no-notes."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print the record's text."""
+        if record.levelno >= logging.ERROR:
+            announce(record.getMessage())
+        else:
+            print_notes([record.getMessage()])
+
+
+@contextmanager
+def without_notes(silent: bool) -> Iterator[None]:
+    """Leave notes out while a command runs."""
+    before = _SILENT.set(silent)
+    try:
+        yield
+    finally:
+        _SILENT.reset(before)
 
 
 def numbers(option: str, text: str, count: int | None = None) -> tuple[float, ...]:
@@ -98,7 +126,9 @@ def announce(text: str) -> None:
 
 
 def print_notes(notes: Sequence[str]) -> None:
-    """Print remarks on standard error, so that piped output stays clean."""
+    """Print remarks on standard error, so that piped output stays clean; none with --no-notes."""
+    if _SILENT.get():
+        return
     for note in notes:
         print(_wrapped("note: ", note, sys.stderr), file=sys.stderr)
 

@@ -62,7 +62,7 @@ def center_of_mass_jacobian(model: RobotModel, q: ArrayLike) -> Floats:
 
 
 def _checked(model: RobotModel, q: ArrayLike) -> tuple[Floats, bool]:
-    model.require_inertia()
+    model.require_masses()
     rows, single = as_batch("q", q, model.n)
     if not model.tree.mass.sum() > 0.0:
         raise InputError(f'robot "{model.name}": no moving link has a mass, so there is no centre of mass')

@@ -14,7 +14,16 @@ from catenary.spatial import Pose, as_rotation, rotation_vector
 
 Match = Literal["pose", "position"]
 _LEAST_DAMPING = 1e-12
+_NEAREST = 1e-9  # [m, rad] at which there is nothing nearer to look for
 _MOST_DAMPING = 1e8
+
+
+class Approach(NamedTuple):
+    """Where a search ended, and how far from the target."""
+
+    q: Floats  # (n,) [rad or m]
+    position_error: float  # [m]
+    orientation_error: float  # [rad], 0 when only the position counts
 
 
 def inverse_kinematics(
@@ -72,7 +81,7 @@ def inverse_kinematics(
         path = raven_path(model, goal.rotation[np.newaxis], goal.position[np.newaxis], start)
         return path.reshape(model.n)
 
-    best: _Approach | None = None
+    best: Approach | None = None
     lower, upper = _search_range(model)
     tried = [np.clip(0.5 * (lower + upper) if start is None else start, model.lower, model.upper)]
     if rng is not None:
@@ -99,12 +108,39 @@ def inverse_kinematics(
     )
 
 
-class _Approach(NamedTuple):
-    """Where the search ended, and how far from the target."""
+def nearest_coordinates(
+    model: RobotModel,
+    pose: Pose,
+    q_start: Floats,
+    *,
+    frame: str | None = None,
+    match: Match = "pose",
+    max_iterations: int = 300,
+) -> Approach:
+    """Return the coordinates within the limits whose frame comes nearest to a pose, as far as a search finds them.
 
-    q: Floats  # (n,) [rad or m]
-    position_error: float  # [m]
-    orientation_error: float  # [rad], 0 when only the position counts
+    For poses that were measured, or asked of arms with fewer than six coordinates, which none reaches exactly. Nearest
+    in the sum of squares of the distance [m] and the angle [rad].
+
+    Args:
+        model: The robot.
+        pose: Of the frame in the base frame [m].
+        q_start: (n,) where to search from [rad or m].
+        frame: Name of the frame; the model's tip when None.
+        match: "pose", or "position" alone.
+        max_iterations: Steps tried.
+    """
+    start = np.clip(q_start, model.lower, model.upper)
+    return _damped_least_squares(
+        model,
+        pose,
+        start,
+        frame,
+        with_orientation=match == "pose",
+        position_tolerance=_NEAREST,
+        orientation_tolerance=_NEAREST,
+        max_iterations=max_iterations,
+    )
 
 
 def _damped_least_squares(
@@ -117,8 +153,8 @@ def _damped_least_squares(
     position_tolerance: float,
     orientation_tolerance: float,
     max_iterations: int,
-) -> _Approach:
-    """_Approach a pose from a start until within tolerance, or until no step brings it nearer.
+) -> Approach:
+    """Approach a pose from a start until within tolerance, or until no step brings it nearer.
 
     Levenberg-Marquardt: step = (J^T J + damping 1)^-1 J^T e, e the position error [m] over the rotation that
     is left [rad]; the damping shrinks after a step that helped and grows until one does. A coordinate that a
@@ -167,7 +203,7 @@ def _damped_least_squares(
             damping = max(damping / 10.0, _LEAST_DAMPING)
         else:
             damping *= 5.0
-    return _Approach(q, float(np.linalg.norm(e[:3])), float(np.linalg.norm(e[3:])))
+    return Approach(q, float(np.linalg.norm(e[:3])), float(np.linalg.norm(e[3:])))
 
 
 def _tip_follows(wanted: Frame, tip: Frame, match: Match) -> bool:
@@ -187,7 +223,7 @@ def _search_range(model: RobotModel) -> tuple[Floats, Floats]:
     return lower, upper
 
 
-def _message(model: RobotModel, frame: str, match: Match, best: _Approach, attempts: int) -> str:
+def _message(model: RobotModel, frame: str, match: Match, best: Approach, attempts: int) -> str:
     near = f"{best.position_error:.3g} m"
     if match == "pose":
         near += f" and {best.orientation_error:.3g} rad"

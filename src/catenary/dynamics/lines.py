@@ -5,7 +5,8 @@ place, and one that only turns about, or moves along, its axis. So a vector is t
 (four products for a twist about x, none for a quarter turn) and by the joint then (four), where their product
 would take up to nine, and entries of it besides. The recursions do not know.
 
-Torques and masses need every link's inertia: their lines raise MissingInertiaError without.
+Torques of gravity need every link's mass and its centre, those of motion and masses its inertia too: their lines
+raise MissingInertiaError without.
 
 To trace a further quantity, write it in plain arithmetic on the arrays of `Placed`, and give `Trace.line` its
 results in the order of the output array.
@@ -65,7 +66,7 @@ def placed(model: RobotModel) -> Placed:
 
 def gravity_line(model: RobotModel) -> Line:
     """Trace the torques (n,) that hold the arm; inputs q (n,) and gravity (3,)."""
-    model.require_inertia()
+    model.require_masses()
     p = placed(model)
     m = len(p.tree.parent)
     g = p.trace.inputs("gravity", 3)

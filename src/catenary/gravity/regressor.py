@@ -116,7 +116,7 @@ def gravity_parameters(model: RobotModel) -> GravityParameters:
     Raises:
         MissingInertiaError: Links without inertia.
     """
-    model.require_inertia()
+    model.require_masses()
     tree = model.tree
     n = len(tree.parent)
     moment, mass = carried(tree)
@@ -172,7 +172,7 @@ def standard_gravity_parameters(model: RobotModel) -> GravityParameters:
     Raises:
         MissingInertiaError: Links without inertia.
     """
-    model.require_inertia()
+    model.require_masses()
     mass = model.tree.mass[:, None]
     values = np.hstack([mass, mass * model.tree.com]).ravel()
     return GravityParameters(values, standard_labels(model), ("kg", "kg m", "kg m", "kg m") * len(mass))

@@ -46,7 +46,7 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike, *, threa
     quick = one_by_kernel(model, "gravity", gravity_line, 1, (q, gravity))
     if quick is not None:
         return quick
-    model.require_inertia()
+    model.require_masses()
     rows, single = as_batch("q", q, model.n)
     gravities = gravity_rows(gravity, len(rows))
     if len(rows) >= MANY or threads > 1:
@@ -94,7 +94,7 @@ def potential_energy(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Flo
         MissingInertiaError: Links without inertia.
         InputError: An argument has another shape or is not finite.
     """
-    model.require_inertia()
+    model.require_masses()
     rows, single = as_batch("q", q, model.n)
     gravities = gravity_rows(gravity, len(rows))
     moments = np.empty((len(rows), 3))

@@ -1,5 +1,6 @@
 """From a list of links, as files describe them, to a RobotModel: fixed links folded in, parents first."""
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
@@ -10,13 +11,20 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError, UnsupportedModelError
 from catenary.robots.actuation import Actuation, check_actuation
-from catenary.robots.model import BASE, Frame, RobotModel, Tree
+from catenary.robots.link_inertia import (
+    LIGHTEST,
+    NOTHING,
+    LinkInertia,
+    check_inertia,
+    is_negative,
+    unphysical,
+)
+from catenary.robots.model import BASE, Frame, Massless, RobotModel, Tree
 from catenary.robots.plausible import (
+    FAR,
     FARTHEST,
     MOST_FACTOR,
-    MOST_INERTIA,
     MOST_LINKS,
-    MOST_MASS,
     check_different,
     check_names,
     check_within,
@@ -26,36 +34,9 @@ from catenary.spatial import Pose, as_rotation, identity_pose
 JointKind = Literal["revolute", "prismatic", "fixed"]
 OFF_AXIS = 1e-12  # [m] more than rounding leaves of a coordinate that is zero
 Flags = NDArray[np.bool_]
+SHOWN = 3  # doubts that a warning names
+_log = logging.getLogger(__name__)
 ANYWHERE = (True, True, True)  # a centre of mass of which nothing is known
-
-
-@dataclass(frozen=True)
-class LinkInertia:
-    """Mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg m2], in the link's frame."""
-
-    mass: float
-    com: Floats
-    inertia: Floats
-
-    def moved(self, pose: Pose) -> "LinkInertia":
-        """Return the same body seen from the frame that `pose` is expressed in."""
-        R = pose.rotation
-        return LinkInertia(self.mass, R @ self.com + pose.position, R @ self.inertia @ R.T)
-
-    def plus(self, other: "LinkInertia") -> "LinkInertia":
-        """Return both bodies, in one frame, as one (parallel-axis theorem)."""
-        mass = self.mass + other.mass
-        if mass == 0.0:
-            return LinkInertia(0.0, np.zeros(3), self.inertia + other.inertia)
-        com = (self.mass * self.com + other.mass * other.com) / mass
-        inertia = np.zeros((3, 3))
-        for body in (self, other):
-            r = body.com - com
-            inertia = inertia + body.inertia + body.mass * (r @ r * np.eye(3) - np.outer(r, r))
-        return LinkInertia(mass, com, inertia)
-
-
-_NOTHING = LinkInertia(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
 @dataclass(frozen=True)
@@ -101,11 +82,13 @@ def assemble(
     *,
     frames: Mapping[str, tuple[str, Pose]] | None = None,
     tip: str | None = None,
-    massless: Sequence[str] = (),
+    massless: Massless = (),
     closed_form: str | None = None,
     actuation: Actuation | None = None,
     sources: Sequence[str] = (),
     notes: Sequence[str] = (),
+    doubts: Sequence[str] = (),
+    strict: bool = False,
 ) -> RobotModel:
     """Fold fixed links into those that carry them and order the rest parents first.
 
@@ -115,11 +98,15 @@ def assemble(
         coordinates: In the order of q.
         frames: Further named frames: link they are fixed to, pose in it.
         tip: Frame that kinematics mean by default; the last link of the longest chain otherwise.
-        massless: Links to treat as massless though the description gives them no inertia.
+        massless: Links to treat as massless though the description gives them no inertia; "all" for every such link.
         closed_form: Name of the closed-form inverse kinematics that holds.
         actuation: Friction, motors, springs. Coordinates that move no link may be in it.
         sources: Where the numbers come from.
         notes: What the description holds and the model leaves out.
+        doubts: What is doubtful about its numbers, beside inertias that no body has.
+        strict: Refuse inertias that are missing or that no body has. Otherwise they are doubts, and logged; what needs
+            them (mass matrix, inverse dynamics) is refused where a moving link as a whole has no possible one and
+            more than a gram. Gravity never needs them.
 
     Raises:
         InputError: Two links of one name, unknown parent, frame or coordinate, a coordinate that moves
@@ -145,6 +132,15 @@ def assemble(
     if not folded.moving:
         raise UnsupportedModelError(f"{where}: no moving joint, expected at least one")
     without = [link for link, body in zip(folded.moving, folded.inertia, strict=True) if body.mass == 0.0]
+    untold = [
+        link.name
+        for link, body in zip(folded.moving, folded.inertia, strict=True)
+        if body.inertia is None or (body.mass > LIGHTEST and is_negative(body.mass, body.inertia))
+    ]
+    doubted = [*doubts, *_far_apart(folded), *_doubts(where, ordered, folded, untold, strict=strict)]
+    if doubted:
+        more = f"; and {len(doubted) - SHOWN} more" if len(doubted) > SHOWN else ""
+        _log.warning("%s: %s%s", where, "; ".join(doubted[:SHOWN]), more)
 
     moved = [[link.variable.get(c.name, 0.0) for c in coordinates] for link in folded.moving]
     all_frames = _all_frames(where, folded.carrier, frames or {})
@@ -166,13 +162,55 @@ def assemble(
         frames=all_frames,
         tip=tip,
         missing_inertia=tuple(link.name for link in without if not link.massless),
+        missing_tensor=tuple(untold),
         massless=tuple(link.name for link in without if link.massless),
         axes_of_com=np.array(folded.axes_of_com),
         closed_form=closed_form,
         actuation=actuation,
         sources=tuple(sources),
         notes=tuple(notes),
+        doubts=tuple(doubted),
     ).with_massless(massless)
+
+
+def _far_apart(folded: "_Folded") -> list[str]:
+    """Return which joints and centres of mass lie farther from the joint before than any arm reaches."""
+    doubts = []
+    for link, pose, body in zip(folded.moving, folded.poses, folded.inertia, strict=True):
+        for what, vector in (("its joint", pose.position), ("its centre of mass", body.com)):
+            length = float(np.linalg.norm(vector))
+            if length > FAR:
+                doubts.append(f'link "{link.name}": {what} lies {length:.4g} m away; lengths are in m')
+    return doubts
+
+
+def _doubts(
+    where: str, ordered: Sequence[Link], folded: "_Folded", untold: Sequence[str], *, strict: bool
+) -> list[str]:
+    """Return in words what inertias no body has, and what becomes of them.
+
+    Raises:
+        InputError: There is one, and `strict`.
+    """
+    doubts = []
+    for link in ordered:
+        if link.inertia is None or link.inertia.mass == 0.0:
+            continue
+        tensor = link.inertia.inertia
+        fault = "has a mass but no inertia" if tensor is None else unphysical(link.inertia.mass, tensor)
+        if fault is None:
+            continue
+        if strict:
+            raise InputError(f'{where}: link "{link.name}": {fault}')
+        carrier = folded.carrier[link.name].link
+        if carrier < 0:
+            effect = "it is fixed to the base and plays no part"
+        elif folded.moving[carrier].name in untold:
+            effect = "gravity does not need it, masses and torques of motion are refused"
+        else:
+            effect = "taken as it is"
+        doubts.append(f'link "{link.name}": {fault}: {effect}')
+    return doubts
 
 
 @dataclass
@@ -197,14 +235,14 @@ def _fold(ordered: Sequence[Link]) -> _Folded:
             folded.carrier[link.name] = Frame(index, here)
             if index >= 0 and link.inertia is not None:
                 body, more = folded.inertia[index], link.inertia.moved(here)
-                folded.inertia[index] = more if body is _NOTHING else body.plus(more)
+                folded.inertia[index] = more if body is NOTHING else body.plus(more)
                 folded.axes_of_com[index] |= _axes_seen_from(here, link.axes_of_com)
             continue
         folded.carrier[link.name] = Frame(len(folded.moving), link.frame)
         folded.moving.append(link)
         folded.parents.append(index)
         folded.poses.append(here)
-        folded.inertia.append(_NOTHING if link.inertia is None else link.inertia.moved(link.frame))
+        folded.inertia.append(NOTHING if link.inertia is None else link.inertia.moved(link.frame))
         folded.axes_of_com.append(_axes_seen_from(link.frame, link.axes_of_com))
     return folded
 
@@ -225,7 +263,7 @@ def _tree(folded: _Folded) -> Tree:
         axis=np.array([link.axis / np.linalg.norm(link.axis) for link in folded.moving]),
         mass=np.array([body.mass for body in folded.inertia]),
         com=np.array([body.com for body in folded.inertia]),
-        inertia=np.array([body.inertia for body in folded.inertia]),
+        inertia=np.array([np.zeros((3, 3)) if b.inertia is None else b.inertia for b in folded.inertia]),
     )
 
 
@@ -331,28 +369,13 @@ def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
             raise InputError(f'{what}: factor of "{coordinate}" is {factor}, expected a finite number')
         check_within(f'{what}: factor of "{coordinate}"', factor, MOST_FACTOR, "")
     if link.inertia is not None:
-        _check_inertia(what, link.inertia)
+        check_inertia(what, link.inertia)
         for axis, may, value in zip("xyz", link.axes_of_com, link.inertia.com, strict=True):
             if not may and abs(value) > OFF_AXIS:
                 raise InputError(
                     f"{what}: centre of mass has {axis} = {value:g} m, and its axes are declared to be "
                     f"{', '.join(a for a, m in zip('xyz', link.axes_of_com, strict=True) if m) or 'none'}"
                 )
-
-
-def _check_inertia(what: str, body: LinkInertia) -> None:
-    if not np.isfinite(body.mass) or body.mass < 0.0:
-        raise InputError(f"{what}: mass {body.mass} kg, expected a finite number, zero or more")
-    check_within(f"{what}: mass", body.mass, MOST_MASS, "kg")
-    _check_length(f"{what}: centre of mass", body.com)
-    tensor = as_array(f"{what}: inertia", body.inertia, (3, 3))
-    check_within(f"{what}: inertia", tensor, MOST_INERTIA, "kg m2")
-    rounding = 1e-6 * float(np.abs(tensor).max())  # files print six digits or more
-    if np.abs(tensor - tensor.T).max() > rounding:
-        raise InputError(f"{what}: inertia must be symmetric, got {tensor.tolist()}")
-    smallest = float(np.linalg.eigvalsh(tensor)[0])
-    if smallest < -rounding:
-        raise InputError(f"{what}: inertia has a negative principal moment ({smallest:.3g} kg m2)")
 
 
 def _check_length(what: str, vector: Floats) -> None:

@@ -1,14 +1,14 @@
 """Robots by name, or from a file: TOML tables, URDF and MJCF."""
 
-from collections.abc import Sequence
 from difflib import get_close_matches
+from hashlib import sha256
 from importlib.resources import as_file, files
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from catenary.documents import MOST_XML, cut, read_bounded, xml_root_tag
 from catenary.errors import FileFormatError
-from catenary.robots.model import RobotModel
+from catenary.robots.model import Massless, RobotModel
 
 RAVEN_SIDES = {"raven2": "left", "raven2_right": "right"}  # which arm of a RAVEN-II a robot is
 
@@ -18,12 +18,15 @@ def robot_names() -> tuple[str, ...]:
     return tuple(sorted(p.name.removesuffix(".toml") for p in _data().iterdir() if p.name.endswith(".toml")))
 
 
-def load_robot(source: str | Path, *, massless: Sequence[str] = ()) -> RobotModel:
-    """Load a robot by catalogue name or from a file.
+def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = False) -> RobotModel:
+    """Load a robot by catalogue name, from a file, or from the text of a URDF.
 
     Args:
-        source: Name in the catalogue, or path of a `.toml` table, `.urdf`, or MJCF (`.xml`, `.mjcf`).
-        massless: Links that have no inertia in the file and are meant to have none.
+        source: Name in the catalogue, or path of a `.toml` table, `.urdf`, or MJCF (`.xml`, `.mjcf`), or URDF itself,
+            as ROS has it in `robot_description`.
+        massless: Links that have no inertia in the file and are meant to have none; "all" for all such.
+        strict: Refuse inertias that are missing or that no body has, and masses of zero. Otherwise the model names
+            them in `doubts`, they are logged, and what would be wrong with them is refused when it is asked for.
 
     Raises:
         FileFormatError: Unknown name, missing file, or a file of another kind.
@@ -31,9 +34,11 @@ def load_robot(source: str | Path, *, massless: Sequence[str] = ()) -> RobotMode
         UnsupportedModelError: The file holds what a tree of one-coordinate joints cannot represent.
     """
     name = str(source)
+    if isinstance(source, str) and source.lstrip().startswith("<"):
+        return load_text(source, massless=massless, strict=strict)
     if name in robot_names():
         with as_file(_data() / f"{name}.toml") as table:
-            return load_file(table, massless=massless)
+            return load_file(table, massless=massless, strict=strict)
     path = Path(source)
     if not _is_file(path):
         close = get_close_matches(cut(name), robot_names(), n=1, cutoff=0.6)
@@ -42,10 +47,10 @@ def load_robot(source: str | Path, *, massless: Sequence[str] = ()) -> RobotMode
             f'robot "{cut(name)}": neither a file nor in the catalogue{hint}; '
             f"the catalogue has {', '.join(robot_names())}"
         )
-    return load_file(path, massless=massless)
+    return load_file(path, massless=massless, strict=strict)
 
 
-def load_file(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
+def load_file(path: Path, *, massless: Massless = (), strict: bool = False) -> RobotModel:
     """Load a robot from a `.toml`, `.urdf`, `.xml` or `.mjcf` file; an `.xml` may hold either XML kind.
 
     Raises:
@@ -56,7 +61,7 @@ def load_file(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
     if kind == ".toml":
         from catenary.robots.table import load_table
 
-        return load_table(path, massless=massless)
+        return load_table(path, massless=massless, strict=strict)
     if kind == ".xacro":
         from catenary.robots.urdf import XACRO_HINT
 
@@ -66,15 +71,35 @@ def load_file(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
         if root == "robot":
             from catenary.robots.urdf import load_urdf
 
-            return load_urdf(path, massless=massless)
+            return load_urdf(path, massless=massless, strict=strict)
         if root == "mujoco":
             from catenary.robots.mjcf import load_mjcf
 
-            return load_mjcf(path, massless=massless)
+            return load_mjcf(path, massless=massless, strict=strict)
         raise FileFormatError(
             f"{path}: root element <{cut(root)}>: expected <robot> (URDF) or <mujoco> (MJCF)"
         )
     raise FileFormatError(f'{path}: ending "{path.suffix}": expected .toml, .urdf, .xml or .mjcf')
+
+
+def load_text(text: str, *, massless: Massless = (), strict: bool = False) -> RobotModel:
+    """Load a robot from the text of a URDF, such as the value of ROS's `robot_description`.
+
+    Raises:
+        FileFormatError: Damaged, too long, or no URDF.
+    """
+    from catenary.robots.urdf import parse_urdf
+
+    where, content = "robot description", text.encode(errors="replace")
+    if len(content) > MOST_XML:
+        raise FileFormatError(f"{where}: {len(content)} bytes, expected at most {MOST_XML}")
+    root = xml_root_tag(content, where)
+    if root == "mujoco":
+        raise FileFormatError(
+            f"{where}: is MJCF, which may include files: expected the path of a file that holds it"
+        )
+    sources = [f"text, sha256 {sha256(content).hexdigest()}"]
+    return parse_urdf(content, where, massless=massless, strict=strict, sources=sources)
 
 
 def _is_file(path: Path) -> bool:

@@ -8,8 +8,9 @@ import numpy as np
 
 from catenary.errors import InputError
 from catenary.robots.actuation import Actuation
-from catenary.robots.assembly import ANYWHERE, Coordinate, JointKind, Link, LinkInertia, assemble
-from catenary.robots.model import BASE, RobotModel
+from catenary.robots.assembly import ANYWHERE, Coordinate, JointKind, Link, assemble
+from catenary.robots.link_inertia import LinkInertia
+from catenary.robots.model import BASE, Massless, RobotModel
 from catenary.robots.plausible import FARTHEST, check_within
 from catenary.spatial import Pose, identity_pose, rotation_about_x, rotation_about_z
 
@@ -55,7 +56,8 @@ class DHRobot:
     coordinates: Sequence[Coordinate] | None = None  # when None, one per row that moves with its own name
     frames: Mapping[str, tuple[str, Pose]] = field(default_factory=dict)
     tip: str | None = None
-    massless: Sequence[str] = ()  # rows without inertia that are meant to have none
+    massless: Massless = ()  # rows without inertia that are meant to have none; "all" such rows
+    strict: bool = False  # refuse inertias that are missing or that no body has
     closed_form: str | None = None
     actuation: Actuation | None = None
     sources: Sequence[str] = ()
@@ -106,6 +108,7 @@ def from_dh(robot: DHRobot) -> RobotModel:
         closed_form=robot.closed_form,
         actuation=robot.actuation,
         sources=robot.sources,
+        strict=robot.strict,
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.errors import FileFormatError, MissingPackageError, UnsupportedModelError
-from catenary.robots.assembly import Coordinate, Link, LinkInertia, assemble
+from catenary.robots.assembly import Coordinate, Link, assemble
 from catenary.robots.description import (
     Mimic,
     file_source,
@@ -20,8 +20,9 @@ from catenary.robots.description import (
     renaming_notes,
     resolve_mimics,
 )
+from catenary.robots.link_inertia import LinkInertia
 from catenary.robots.mjcf_bounds import included_files, refuse_too_much
-from catenary.robots.model import BASE, RobotModel
+from catenary.robots.model import BASE, Massless, RobotModel
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion
 
 # MuJoCo refuses to compile a moving body without mass. Such a file is compiled with these least values
@@ -30,7 +31,7 @@ _LEAST_MASS = 1e-12  # [kg]
 _LEAST_INERTIA = 1e-14  # [kg m2], above mjMINVAL = 1e-15
 
 
-def load_mjcf(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
+def load_mjcf(path: Path, *, massless: Massless = (), strict: bool = False) -> RobotModel:
     """Load a robot from an MJCF file; included files and meshes are found beside it, images are not opened.
 
     MuJoCo moves a body by its joints in turn, each about its own anchor p:
@@ -41,7 +42,8 @@ def load_mjcf(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
 
     Args:
         path: The file.
-        massless: Moving bodies without inertia that are meant to have none.
+        massless: Moving bodies without inertia that are meant to have none; "all" for all such.
+        strict: Refuse inertias that no body has.
 
     Raises:
         FileFormatError: MuJoCo cannot read or compile the file; its own message follows. Or the file asks for more
@@ -58,7 +60,7 @@ def load_mjcf(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
     sources += [file_source(Path(name), text) for name, text in included.items()]
     with naming_the_file(str(path)), np.errstate(all="ignore"):  # what is not finite is refused by name
         _refuse_what_no_tree_has(compiled)
-        model = _assemble(compiled, path, sources)
+        model = _assemble(compiled, path, sources, strict=strict)
     return model.with_massless(massless)
 
 
@@ -166,7 +168,7 @@ def _refuse_what_no_tree_has(c: _Compiled) -> None:
             )
 
 
-def _assemble(c: _Compiled, path: Path, sources: Sequence[str]) -> RobotModel:
+def _assemble(c: _Compiled, path: Path, sources: Sequence[str], *, strict: bool) -> RobotModel:
     joints = _joint_names(c)
     following = resolve_mimics(_mimics(c, joints))
     bodies = names_beside_base(c.name("body", body) for body in range(1, c.model.nbody))
@@ -189,6 +191,7 @@ def _assemble(c: _Compiled, path: Path, sources: Sequence[str]) -> RobotModel:
         frames=frames,
         sources=sources,
         notes=[*renaming_notes(bodies), *renaming_notes(sites), *_notes(c, joints)],
+        strict=strict,
     )
 
 

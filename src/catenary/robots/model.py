@@ -1,9 +1,10 @@
 """RobotModel: one robot as constant arrays, however it was described."""
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,11 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats, as_array, frozen
 from catenary.errors import InputError, MissingInertiaError
 from catenary.robots.actuation import Actuation
+from catenary.robots.plausible import FAR, payload_doubt
 from catenary.spatial import Pose
 
+Massless = Sequence[str] | Literal["all"]  # links declared to have no mass; all that a description gives none
+_log = logging.getLogger(__name__)
 BASE = "base"  # the name of the frame that everything hangs on
 
 
@@ -62,7 +66,10 @@ class RobotModel:
     effort_limit: Floats  # (n,) [Nm or N], inf where not given
     frames: Mapping[str, Frame]  # every named frame, links and fixed links included
     tip: str  # the frame that forward and inverse kinematics mean when none is named
-    missing_inertia: tuple[str, ...] = ()  # moving links without inertia
+    missing_inertia: tuple[str, ...] = ()  # moving links without mass, centre of mass and inertia
+    missing_tensor: tuple[
+        str, ...
+    ] = ()  # those with a mass, but with no inertia about its centre that a body has
     massless: tuple[str, ...] = ()  # moving links declared to have none
     axes_of_com: NDArray[np.bool_] = field(default_factory=lambda: np.ones((0, 3), dtype=bool))
     # (n_tree, 3) axes of frame i on which link i's centre of mass may lie; all of them when none is declared
@@ -71,6 +78,7 @@ class RobotModel:
     without_payload: "RobotModel | None" = None  # the same robot before a payload was added
     sources: tuple[str, ...] = ()  # where the numbers come from
     notes: tuple[str, ...] = ()  # what the description holds and the model leaves out
+    doubts: tuple[str, ...] = ()  # what is doubtful about its numbers
 
     def __post_init__(self) -> None:
         for name in ("coupling", "offset", "lower", "upper", "velocity_limit", "effort_limit"):
@@ -97,14 +105,24 @@ class RobotModel:
         """What has been compiled for this robot, kept by `catenary.dynamics.kernels` for as long as the model lives."""
         return {}
 
-    def require_inertia(self) -> None:
-        """Refuse a model that cannot give torques or masses.
+    def require_masses(self) -> None:
+        """Refuse a model that cannot give gravity torques, which need masses and their centres.
 
         Raises:
-            MissingInertiaError: Links without inertia, by name.
+            MissingInertiaError: Links without, by name.
         """
         if self.missing_inertia:
             raise MissingInertiaError(self.name, self.missing_inertia)
+
+    def require_inertia(self) -> None:
+        """Refuse a model that cannot give masses and torques of motion.
+
+        Raises:
+            MissingInertiaError: Links without mass, or without an inertia that a body can have, by name.
+        """
+        self.require_masses()
+        if self.missing_tensor:
+            raise MissingInertiaError(self.name, self.missing_tensor, only_tensor=True)
 
     def frame(self, name: str | None = None) -> Frame:
         """Return a frame by name, the tip when no name is given.
@@ -119,12 +137,16 @@ class RobotModel:
             )
         return self.frames[key]
 
-    def with_massless(self, links: Sequence[str]) -> "RobotModel":
+    def with_massless(self, links: Massless) -> "RobotModel":
         """Return the robot with further links declared to have no inertia; fixed links may be named too.
+
+        Args:
+            links: Their names; "all" for every one that the description gives no mass.
 
         Raises:
             InputError: An unknown link, or one that has a mass; the message names it.
         """
+        links = self.missing_inertia if links == "all" else links
         for link in links:
             if link not in self.frames:
                 raise InputError(
@@ -144,7 +166,8 @@ class RobotModel:
     def with_payload(self, frame: str, mass: float, position: Sequence[float] | Floats) -> "RobotModel":
         """Return the robot carrying a point mass; `without_payload` of the result is this robot again.
 
-        With a mass of zero it is this robot itself, to the last bit.
+        With a mass of zero it is this robot itself, to the last bit. A load of ten times the arm's own mass, or one
+        that lies 10 m from its joint, is logged.
 
         Args:
             frame: What it is fixed to.
@@ -155,7 +178,7 @@ class RobotModel:
             InputError: Unknown frame, one that does not move, negative mass, or NaN.
             MissingInertiaError: Links without inertia: what the payload is added to is not known.
         """
-        self.require_inertia()
+        self.require_masses()
         where = f'robot "{self.name}": payload on "{frame}"'
         link, pose = self.frame(frame)
         place = pose.rotation @ as_array(f"{where}: position", position, (3,)) + pose.position
@@ -166,6 +189,12 @@ class RobotModel:
             raise InputError(f"{where}: does not move; what hangs there loads no joint")
         if load == 0.0:
             return self
+        if (doubt := payload_doubt(load, float(self.tree.mass.sum()))) is not None:
+            _log.warning("%s: %s", where, doubt)
+        if np.linalg.norm(place) > FAR:
+            _log.warning(
+                "%s: it lies %.4g m from the joint; positions are in m", where, np.linalg.norm(place)
+            )
         own = self.tree.mass[link]
         apart = place - self.tree.com[link]
         masses, coms, tensors = self.tree.mass.copy(), self.tree.com.copy(), self.tree.inertia.copy()

@@ -34,7 +34,8 @@ from catenary.robots.plausible import (
 )
 from catenary.spatial import Pose, as_rotation
 
-NAMES = ("joint_names", "joint_units", "link_names", "missing_inertia", "massless", "sources", "notes")
+NAMES = ("joint_names", "joint_units", "link_names", "missing_inertia", "missing_tensor", "massless", "sources",
+         "notes", "doubts")  # fmt: skip
 LIMITS = {"lower": -np.inf, "upper": np.inf, "velocity_limit": np.inf, "effort_limit": np.inf}  # where null
 BOUNDS = {  # by array of the tree: most that a robot can have
     "rotation": (2.0, ""), "origin": (FARTHEST, "m"), "axis": (2.0, ""), "mass": (MOST_MASS, "kg"),
@@ -121,6 +122,8 @@ class RobotRecord(Recorded):
     joint_units: Annotated[tuple[Literal["rad", "m"], ...], Many]
     link_names: Texts
     missing_inertia: Texts
+    missing_tensor: Texts = ()
+    doubts: tuple[str, ...] = ()
     massless: Texts
     sources: tuple[str, ...]
     notes: tuple[str, ...]

@@ -13,7 +13,9 @@ MOST_LINKS = 1_000
 MOST_MASS = 1e6  # [kg] of a link; a loaded harbour crane has as much
 FARTHEST = 1e3  # [m] of any length, and [rad] of any constant angle
 MOST_INERTIA = MOST_MASS * FARTHEST**2  # [kg m2]
+FAR = 10.0  # [m] from a joint to the next or to a centre of mass: no arm is so long, numbers in mm are
 MOST_FACTOR = 1e6  # of a coordinate in a joint's: gear ratios in both directions
+HEAVY = 10.0  # times an arm's own mass
 LONGEST_NAME = 500
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 
@@ -54,3 +56,10 @@ def check_within(what: str, values: ArrayLike, most: float, unit: str) -> None:
     found = np.abs(np.asarray(values, dtype=np.float64))
     if not (found <= most).all():
         raise InputError(f"{what}: {found.max():g} {unit}, expected at most {most:g} {unit}")
+
+
+def payload_doubt(mass: float, own: float) -> str | None:
+    """Return in words why a payload may not be meant, given the arm's own moving mass [kg]; None where it may."""
+    if not mass > HEAVY * own > 0.0:
+        return None
+    return f"payload of {mass:g} kg on an arm of {own:.3g} kg; payloads are in kg"

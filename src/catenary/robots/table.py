@@ -1,6 +1,5 @@
 """Robot files in TOML: a Denavit-Hartenberg table with units in its keys."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,9 +9,10 @@ from pydantic import Field
 from catenary.config import Settings, load_toml
 from catenary.errors import ConfigError, InputError, UnsupportedModelError
 from catenary.robots.actuation_table import ActuationTable, read_actuation
-from catenary.robots.assembly import Coordinate, LinkInertia
+from catenary.robots.assembly import Coordinate
 from catenary.robots.dh import DHRobot, DHRow, from_dh, own_coordinates
-from catenary.robots.model import RobotModel
+from catenary.robots.link_inertia import LinkInertia
+from catenary.robots.model import Massless, RobotModel
 from catenary.spatial import Pose
 
 Vector = tuple[float, float, float]
@@ -41,7 +41,7 @@ class LinkTable(LimitsTable):
     variable: dict[str, float] | None = None
     mass_kg: float | None = None
     com_m: Vector | None = None
-    # xx xy xz yy yz zz, about the CoM
+    # xx xy xz yy yz zz, about the CoM; gravity does without
     inertia_kg_m2: tuple[float, float, float, float, float, float] | None = None
     massless: bool = False
     axes_of_com: tuple[Literal["x", "y", "z"], ...] = ("x", "y", "z")  # on which the CoM may lie
@@ -81,7 +81,7 @@ class RobotTable(Settings):
     actuation: ActuationTable | None = None
 
 
-def load_table(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
+def load_table(path: Path, *, massless: Massless = (), strict: bool = False) -> RobotModel:
     """Load a robot from a TOML table.
 
     Raises:
@@ -91,12 +91,12 @@ def load_table(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
     """
     table = load_toml(path, RobotTable)
     try:
-        return from_dh(_robot(path, table, massless))
+        return from_dh(_robot(path, table, massless, strict=strict))
     except (InputError, UnsupportedModelError) as error:
         raise type(error)(f"{path}: {error}") from error
 
 
-def _robot(path: Path, table: RobotTable, massless: Sequence[str]) -> DHRobot:
+def _robot(path: Path, table: RobotTable, massless: Massless, *, strict: bool) -> DHRobot:
     coordinates = None
     if table.coordinate is not None:
         coordinates = [_coordinate(path, c.name, c.unit, c) for c in table.coordinate]
@@ -122,6 +122,7 @@ def _robot(path: Path, table: RobotTable, massless: Sequence[str]) -> DHRobot:
         },
         tip=table.tip,
         massless=massless,
+        strict=strict,
         closed_form=table.closed_form,
         actuation=actuation,
         sources=[*table.sources, *(f"{row.name}: {row.source}" for row in table.link if row.source)],
@@ -155,11 +156,10 @@ def _inertia(path: Path, row: LinkTable) -> LinkInertia | None:
         return None
     if row.massless:
         raise ConfigError(f'{path}: link "{row.name}": is massless and has mass_kg; expected one of the two')
-    if row.com_m is None or row.inertia_kg_m2 is None:
-        raise ConfigError(
-            f'{path}: link "{row.name}": has mass_kg but no '
-            f"{'com_m' if row.com_m is None else 'inertia_kg_m2'}; a link's inertia needs all three"
-        )
+    if row.com_m is None:
+        raise ConfigError(f'{path}: link "{row.name}": has mass_kg but no com_m; gravity needs both')
+    if row.inertia_kg_m2 is None:
+        return LinkInertia(row.mass_kg, np.array(row.com_m), None)
     xx, xy, xz, yy, yz, zz = row.inertia_kg_m2
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     return LinkInertia(row.mass_kg, np.array(row.com_m), tensor)

@@ -1,6 +1,6 @@
 """Robots from URDF files (http://wiki.ros.org/urdf/XML): links, one-coordinate joints, mimic joints."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -10,7 +10,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.documents import cut, xml_tree
 from catenary.errors import FileFormatError, UnsupportedModelError
-from catenary.robots.assembly import Coordinate, JointKind, Link, LinkInertia, assemble
+from catenary.robots.assembly import Coordinate, JointKind, Link, assemble
 from catenary.robots.description import (
     Mimic,
     file_source,
@@ -21,7 +21,8 @@ from catenary.robots.description import (
     renaming_notes,
     resolve_mimics,
 )
-from catenary.robots.model import BASE, RobotModel
+from catenary.robots.link_inertia import LinkInertia
+from catenary.robots.model import BASE, Massless, RobotModel
 from catenary.robots.plausible import MOST_LINKS
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion, rotation_from_rpy
 
@@ -34,15 +35,18 @@ _KINDS: dict[str, JointKind] = {
 }
 
 
-def load_urdf(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
+def load_urdf(path: Path, *, massless: Massless = (), strict: bool = False) -> RobotModel:
     """Load a robot from a URDF file.
 
     The root link is the base; its own inertia plays no part. Coordinates are the joints that move and mimic
-    no other, in the file's order; links and frames have the file's link names.
+    no other, in the file's order; links and frames have the file's link names. A link without any inertia, shape
+    or picture that carries a moving joint where it itself is moved is a step of a joint of several axes, and massless.
 
     Args:
         path: The file.
-        massless: Moving links without inertia that are meant to have none.
+        massless: Moving links without inertia that are meant to have none; "all" for all such.
+        strict: Refuse inertias that no body has, and masses of zero. Otherwise they are doubts (`assemble`), and a
+            mass that the file says is zero is zero.
 
     Raises:
         FileFormatError: Missing or damaged file; the message names the element, what was got and expected.
@@ -50,11 +54,18 @@ def load_urdf(path: Path, *, massless: Sequence[str] = ()) -> RobotModel:
         UnsupportedModelError: A floating or planar joint, a loop, or no moving joint.
     """
     content = read_description(path)
-    return parse_urdf(content, str(path), massless=massless, sources=[file_source(path, content)])
+    return parse_urdf(
+        content, str(path), massless=massless, strict=strict, sources=[file_source(path, content)]
+    )
 
 
 def parse_urdf(
-    text: str | bytes, where: str = "URDF", *, massless: Sequence[str] = (), sources: Sequence[str] = ()
+    text: str | bytes,
+    where: str = "URDF",
+    *,
+    massless: Massless = (),
+    strict: bool = False,
+    sources: Sequence[str] = (),
 ) -> RobotModel:
     """Return the robot that a URDF text describes, as `load_urdf` does; `where` opens error messages."""
     robot = _root(text, where)
@@ -68,7 +79,11 @@ def parse_urdf(
     names = names_beside_base(name for name in links if name != root) | {root: BASE}
     free, following = _leaders(where, joints)
     with np.errstate(all="ignore"):  # what is not finite is refused by name
-        tree_links = [_tree_link(where, joint, links[joint.child], names, following) for joint in joints]
+        stepping = {j.parent for j in joints if j.kind != "fixed" and not j.pose.position.any()}
+        tree_links = [
+            _tree_link(where, joint, links[joint.child], names, following, stepping, strict=strict)
+            for joint in joints
+        ]
     with naming_the_file(where):
         model = assemble(
             robot.get("name") or "unnamed",
@@ -80,6 +95,12 @@ def parse_urdf(
                 *renaming_notes({old: new for old, new in names.items() if old != root}),
                 *_notes(robot, joints, following),
             ],
+            doubts=[
+                f'link "{link.name}": has no mass, as the file says'
+                for link in tree_links
+                if _is_weighed(link)
+            ],
+            strict=strict,
         )
     return model.with_massless(massless)
 
@@ -226,9 +247,19 @@ def _leaders(where: str, joints: Sequence[_Joint]) -> tuple[set[str], dict[str, 
 
 
 def _tree_link(
-    where: str, joint: _Joint, child: Element, names: Mapping[str, str], following: Mapping[str, Mimic]
+    where: str,
+    joint: _Joint,
+    child: Element,
+    names: Mapping[str, str],
+    following: Mapping[str, Mimic],
+    stepping: Container[str],
+    *,
+    strict: bool,
 ) -> Link:
     mimic = following.get(joint.name, Mimic(joint.name, 1.0, 0.0))
+    inertia = _inertia(f'{where}: link "{joint.child}"', child)
+    bare = len(child) == 0 and joint.child in stepping
+    weightless = inertia is not None and inertia.mass == 0.0 and not strict
     return Link(
         name=names[joint.child],
         parent=names[joint.parent],
@@ -237,8 +268,14 @@ def _tree_link(
         axis=joint.axis,
         variable={} if joint.kind == "fixed" else {str(mimic.leader): mimic.multiplier},
         offset=mimic.offset,
-        inertia=_inertia(f'{where}: link "{joint.child}"', child),
+        inertia=inertia,
+        massless=bare or weightless,
     )
+
+
+def _is_weighed(link: Link) -> bool:
+    """Return whether a file says that a moving link has no mass."""
+    return link.massless and link.joint != "fixed" and link.inertia is not None
 
 
 def _inertia(what: str, link: Element) -> LinkInertia | None:
@@ -247,8 +284,11 @@ def _inertia(what: str, link: Element) -> LinkInertia | None:
         return None
     what = f"{what}: <inertial>"
     mass, tensor = inertial.find("mass"), inertial.find("inertia")
-    if mass is None or tensor is None:
-        raise FileFormatError(f"{what}: no <{'mass' if mass is None else 'inertia'}>; expected both")
+    if mass is None:
+        raise FileFormatError(f"{what}: no <mass>; expected one")
+    if tensor is None:
+        without = LinkInertia(_number(f"{what}: <mass>", mass, "value"), np.zeros(3), None)
+        return without.moved(_origin(what, inertial))
     xx, xy, xz, yy, yz, zz = (
         _number(f"{what}: <inertia>", tensor, key) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     )

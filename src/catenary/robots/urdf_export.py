@@ -31,8 +31,8 @@ def write_urdf(model: RobotModel, path: Path) -> None:
 def urdf_text(model: RobotModel) -> str:
     """Return a robot as URDF: a joint that follows another is a mimic joint, named frames are fixed links.
 
-    Coordinates that move no link (motors that carry friction only) have no place in URDF and are left out, and so is
-    the actuation.
+    A link whose inertia about its centre of mass is not known has none here either. Coordinates that move no link
+    (motors that carry friction only) have no place in URDF and are left out, and so is the actuation.
 
     Raises:
         UnsupportedModelError: A joint that follows several coordinates at once, or a coordinate that no joint follows
@@ -96,6 +96,8 @@ def _add_link(root: Element, model: RobotModel, i: int) -> None:
     inertial = SubElement(link, "inertial")
     SubElement(inertial, "origin", xyz=_text(model.tree.com[i]), rpy="0 0 0")
     SubElement(inertial, "mass", value=repr(float(model.tree.mass[i])))
+    if model.link_names[i] in model.missing_tensor:
+        return
     tensor = model.tree.inertia[i]
     keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     entries = zip(keys, tensor[np.triu_indices(3)], strict=True)

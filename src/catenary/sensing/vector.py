@@ -1,5 +1,6 @@
 """The gravity vector in the base frame: readings of it, a source that measures nothing, and tilt."""
 
+import logging
 from enum import Enum
 from typing import NamedTuple
 
@@ -11,6 +12,9 @@ from catenary.errors import InputError
 from catenary.plant import AT_REST
 from catenary.sensing.faults import Fault
 from catenary.spatial import LEVEL, STANDARD_GRAVITY
+
+EARTH = (9.7, 9.9)  # [m/s2] on its surface 9.76 to 9.83 (WGS 84, with altitude)
+_log = logging.getLogger(__name__)
 
 
 class ReadingStatus(Enum):
@@ -37,16 +41,39 @@ class FixedGravity:
     """A given gravity vector, of a base that stands still; a GravitySource."""
 
     def __init__(self, gravity: ArrayLike = LEVEL) -> None:
-        """Take the vector, (3,) [m/s2] in base axes, downwards.
+        """Take the vector, (3,) [m/s2] in base axes, downwards; one that is not Earth's is logged (`gravity_doubts`).
 
         Raises:
             InputError: Another shape, NaN or infinity.
         """
         self.gravity = frozen(as_array("gravity", gravity, (3,)))
+        for doubt in gravity_doubts(self.gravity):
+            _log.warning("%s", doubt)
 
     def read(self, time: float) -> GravityReading:
         """Return the vector; its age is infinite, since nothing is measured."""
         return GravityReading(self.gravity.copy(), np.inf, AT_REST, ReadingStatus.NOMINAL, Fault.NONE)
+
+
+def gravity_doubts(gravity: ArrayLike, *, hanging: bool = False) -> list[str]:
+    """Return in words why a vector, (3,) [m/s2] in base axes, may not be the gravity that was meant.
+
+    On Earth its magnitude is 9.76 to 9.83 m/s2, and it points down in a base that does not hang.
+    """
+    vector = as_array("gravity", gravity, (3,))
+    length, shown = float(np.linalg.norm(vector)), ", ".join(f"{v:.4g}" for v in vector)
+    doubts = []
+    if not EARTH[0] <= length <= EARTH[1]:
+        doubts.append(
+            f"gravity ({shown}) has a magnitude of {length:.4g} m/s2, on Earth it is {EARTH[0]} to {EARTH[1]}: right "
+            "for another planet or a base that accelerates only"
+        )
+    if vector[2] > 0.0 and not hanging:
+        doubts.append(
+            f"gravity ({shown}) points up in base axes: right for a base that hangs only; gravity is the acceleration "
+            "of free fall, down, where an accelerometer at rest reads its opposite"
+        )
+    return doubts
 
 
 def tilted_gravity(roll: float, pitch: float) -> Floats:

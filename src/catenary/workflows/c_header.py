@@ -53,7 +53,7 @@ def c_header(
     quantities, functions = list[str](), list[str]()
     if model is not None:
         if calibration is None:
-            model.require_inertia()
+            model.require_masses()
         if model.missing_inertia:
             notes.append(
                 f'robot "{model.name}": no inertia for {", ".join(model.missing_inertia)}, so without gravity and '

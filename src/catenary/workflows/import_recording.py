@@ -13,6 +13,7 @@ from catenary.recording.foreign.mapping import RecordingMapping, load_mapping, m
 from catenary.recording.foreign.proposal import Proposal, propose
 from catenary.recording.foreign.sources import Sources
 from catenary.robots.catalog import load_robot
+from catenary.verdict.check import findings_of, robot_of
 
 PathLike = str | Path
 MappingLike = RecordingMapping | Mapping[str, Any] | Sequence[str] | PathLike
@@ -90,6 +91,12 @@ def known_layout(paths: Sequence[Path], *, robot: str | None = None) -> str | No
     """
     found = _known(paths, robot)
     return None if found is None else found.name
+
+
+def doubts_about(log: MotionLog, *, robot: str | None = None) -> list[str]:
+    """Return what is wrong with a recording, for which a fit would refuse it."""
+    found = findings_of(log, robot=robot_of([log], robot)) if log.q_encoder is not None else ()
+    return [f"{each.name}: {each}" for each in found if each.refuses]
 
 
 def _known(paths: Sequence[Path], robot: str | None) -> Layout | None:

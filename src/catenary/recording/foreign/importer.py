@@ -19,6 +19,7 @@ from catenary.recording.foreign.pose import joints_from_poses, pose_places
 from catenary.recording.foreign.sources import Sources
 from catenary.recording.foreign.stream import Place, Stream, places_of
 from catenary.recording.foreign.table_rows import TableRows
+from catenary.recording.foreign.turns import in_one_turn, unwrap_columns
 from catenary.recording.series import Series, interpolate, stopped_encoders
 from catenary.recording.synchronise import SynchroniseOptions
 from catenary.robots.catalog import load_robot
@@ -115,6 +116,16 @@ def import_sources(
     streams = sources.read({stream: list(columns) for stream, columns in wanted.columns.items()})
     for stream in streams.values():
         notes += [f"{stream.name}: {note}" for note in stream.notes]
+    scaled, jumped = {}, set[str]()
+    for key, columns in joints.items():
+        stated, factor = factors(key, getattr(mapping, key), units, n)
+        if key == "q_encoder" and stated is None:
+            notes.append(f"q_encoder: its units were not stated; taken in {', '.join(units)}")
+        scaled[key] = factor * columns.sign
+        if key in ("q_nominal", "q_encoder"):
+            streams, turns = unwrap_columns(streams, columns.places, scaled[key], units, names)
+            notes += [f"{key} of {name}: jumps by a turn {k} time(s); unwrapped" for name, k in turns.items()]
+            jumped |= set(turns)
     columns_of = {stream: tuple(columns) for stream, columns in wanted.columns.items()}
     alone = len(streams) == 1 and streams[base.stream].arrival is None
     clock: TableRows | OneClock
@@ -123,12 +134,6 @@ def import_sources(
     else:
         clock = OneClock(streams, columns_of, base.stream, mapping)
 
-    scaled = {}
-    for key, columns in joints.items():
-        stated, factor = factors(key, getattr(mapping, key), units, n)
-        if key == "q_encoder" and stated is None:
-            notes.append(f"q_encoder: its units were not stated; taken in {', '.join(units)}")
-        scaled[key] = factor * columns.sign
     rows = {key: clock.rows(columns.places) * scaled[key] for key, columns in joints.items()}
     further = {
         key: clock.rows(columns.places) * mapping.signals[key].scale * columns.sign
@@ -147,7 +152,12 @@ def import_sources(
             clock, tracked, model, pose, joints["q_nominal"], scaled["q_nominal"], names, notes
         )
         rows["q_encoder"] = interpolate(encoder, clock.stamp, _gap(clock, pose))[0]
-    if "q_encoder" in rows:
+    rows["q_nominal"], measured, said = in_one_turn(
+        rows["q_nominal"], rows.get("q_encoder"), units, names, model, jumped
+    )
+    notes += said
+    if measured is not None:
+        rows["q_encoder"] = measured
         ok &= np.isfinite(rows["q_encoder"]).all(axis=1)
     if valid.places:
         ok &= (clock.rows(valid.places) > 0.5).all(axis=1)
@@ -249,7 +259,9 @@ def _tracked(
     lost = int(np.isnan(found).any(axis=1).sum() - np.isnan(start).any(axis=1).sum())
     if lost > 0:
         notes.append(
-            f"{lost} of {len(found)} poses are not finite or out of the robot's reach, and were left out"
+            f"{lost} of {len(found)} poses were left out: not finite, or farther than {tracked.within_mm:g} mm"
+            + (f" and {tracked.within_deg:g} deg" if tracked.match == "pose" else "")
+            + " from all that the robot reaches"
         )
     return Series(poses.stamp, found[:, chosen], poses.report)
 

@@ -62,6 +62,9 @@ class TrackedPose(Settings):
     unit: Literal["m", "mm"] = "m"
     frame: str | None = None  # of the robot; its tip when None
     match: Literal["pose", "position"] = "position"
+    # how far from a pose the nearest joints may leave the frame: noise, or an arm with fewer than six joints
+    within_mm: Annotated[float, Field(gt=0.0)] = 1.0
+    within_deg: Annotated[float, Field(gt=0.0)] = 1.0
     T_base_tracker: Transform = Transform()  # the tracker's frame in the robot's base
     T_marker_frame: Transform = Transform()  # the robot's frame in the marker's
 

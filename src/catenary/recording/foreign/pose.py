@@ -6,8 +6,8 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.documents import cut
-from catenary.dynamics.inverse_kinematics import inverse_kinematics
-from catenary.errors import InputError, UnreachablePoseError
+from catenary.dynamics.inverse_kinematics import nearest_coordinates
+from catenary.errors import InputError
 from catenary.recording.foreign.mapping import SI, TrackedPose
 from catenary.recording.foreign.stream import Place, Stream, places_of
 from catenary.robots.model import RobotModel
@@ -15,7 +15,6 @@ from catenary.spatial import Pose, rotation_from_quaternion
 
 # geometry_msgs/Pose and Transform
 _PARTS = (("position", "orientation"), ("translation", "rotation"))
-_REACHED = 1e-6  # [m, rad]: the measurement itself is far coarser
 
 
 def pose_places(tracked: TrackedPose, streams: Sequence[Stream]) -> list[Place]:
@@ -46,7 +45,7 @@ def pose_places(tracked: TrackedPose, streams: Sequence[Stream]) -> list[Place]:
 
 
 def joints_from_poses(model: RobotModel, tracked: TrackedPose, poses: Floats, q_start: Floats) -> Floats:
-    """Return the joint positions at which the robot's frame is where the marker says.
+    """Return the joint positions at which the robot's frame is nearest to where the marker says.
 
     T_base_frame = T_base_tracker T_tracker_marker T_marker_frame; joints that do not move the frame stay where they
     were.
@@ -58,7 +57,8 @@ def joints_from_poses(model: RobotModel, tracked: TrackedPose, poses: Floats, q_
         q_start: (M, n) near them: what the robot reported; NaN where it reported nothing.
 
     Returns:
-        (M, n) [rad|m]; NaN where the pose is not finite, or no joints within the limits reach it.
+        (M, n) [rad|m]; NaN where the pose is not finite, or no joints within the limits come as near as
+        `within_mm` and `within_deg`.
     """
     base, frame = tracked.T_base_tracker.pose(), tracked.T_marker_frame.pose()
     scale = SI[tracked.unit][1]
@@ -68,11 +68,10 @@ def joints_from_poses(model: RobotModel, tracked: TrackedPose, poses: Floats, q_
     for row in np.flatnonzero(usable).tolist():
         x, y, z, w = poses[row, 3:] / norms[row]
         marker = Pose(rotation_from_quaternion((w, x, y, z)), scale * poses[row, :3])
-        try:
-            found[row] = inverse_kinematics(
-                model, base @ marker @ frame, q_start[row], frame=tracked.frame, match=tracked.match,
-                position_tolerance=_REACHED, orientation_tolerance=_REACHED,
-            )  # fmt: skip
-        except UnreachablePoseError:
-            continue
+        nearest = nearest_coordinates(
+            model, base @ marker @ frame, q_start[row], frame=tracked.frame, match=tracked.match
+        )
+        near = 1e3 * nearest.position_error <= tracked.within_mm
+        if near and np.rad2deg(nearest.orientation_error) <= tracked.within_deg:
+            found[row] = nearest.q
     return found

@@ -1,5 +1,6 @@
 """A simulated arm with all that a controller of it needs: plant, model, gains, limits."""
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -20,7 +21,8 @@ from catenary.errors import UnsupportedModelError
 from catenary.gravity.payload import Payload
 from catenary.plant import Plant
 from catenary.robots.catalog import RAVEN_SIDES, load_robot
-from catenary.robots.model import RobotModel
+from catenary.robots.model import Massless, RobotModel
+from catenary.robots.plausible import payload_doubt
 from catenary.simulation.base_motion import MovingBase
 from catenary.simulation.cable_parameters import CableArm, Firmware, load_cable_arm, right_arm
 from catenary.simulation.cable_plant import CablePlant
@@ -28,6 +30,8 @@ from catenary.simulation.joint_hardware import JointHardware
 from catenary.simulation.mujoco_plant import MujocoPlant
 from catenary.simulation.positioning import PositioningArm
 from catenary.simulation.records import POSITIONING
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -48,7 +52,13 @@ class SimulatedArm:
 
 
 def simulated_arm(
-    robot: str, *, base: MovingBase | None = None, payload: float = 0.0, seed: int | None = None
+    robot: str,
+    *,
+    base: MovingBase | None = None,
+    payload: float = 0.0,
+    seed: int | None = None,
+    massless: Massless = (),
+    strict: bool = False,
 ) -> SimulatedArm:
     """Put an arm on a base, switch it on and home it.
 
@@ -61,6 +71,8 @@ def simulated_arm(
         base: What it stands on from the start; a level base when None.
         payload: Mass at the tool's wrist, or at the tip [kg], of which the model knows nothing.
         seed: Draws another robot of the same kind, which cables have; the nominal one when None.
+        massless: Links of a file that are meant to have no mass (`load_robot`).
+        strict: Refuse inertias that no body has.
 
     Raises:
         UnsupportedModelError: A seed for a robot that has no cables.
@@ -74,7 +86,11 @@ def simulated_arm(
             raise UnsupportedModelError(
                 f'robot "{robot}": a seed draws the cables of {" or ".join(sorted(RAVEN_SIDES))}; this one has none'
             )
-        return rigid_arm(load_robot(robot), base=base, payload=payload)
+        model = load_robot(robot, massless=massless, strict=strict)
+        return rigid_arm(model, base=base, payload=payload)
+    own = load_robot(robot).tree.mass.sum()
+    if (doubt := payload_doubt(payload, float(own))) is not None:
+        _log.warning("%s", doubt)
     plant = CablePlant(side=RAVEN_SIDES[robot], seed=seed, payload=payload, base=base)
     plant.home()
     return raven_arm(plant)
@@ -106,6 +122,8 @@ def rigid_arm(
         LimitError: `start` is outside the joint limits.
     """
     model.require_inertia()
+    if (doubt := payload_doubt(payload, float(model.tree.mass.sum()))) is not None:
+        _log.warning("%s", doubt)
     n = model.n
     rotors = as_array("motor_inertia", np.zeros(n) if motor_inertia is None else motor_inertia, (n,))
     added = np.diag(rotors) if rotors.any() else None

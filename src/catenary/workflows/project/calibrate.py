@@ -13,7 +13,7 @@ from catenary.calibration.dataset import require_same_joints
 from catenary.calibration.evaluate import Evaluation
 from catenary.calibration.files import load_model, save_model
 from catenary.calibration.fit import FitOptions
-from catenary.calibration.fitting import FitRun
+from catenary.calibration.fitting import FitRun, error_limits, require_folds
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
 from catenary.files import card_path, sha256_of
@@ -23,11 +23,12 @@ from catenary.reports.project import write_project_report
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.zigzag import zigzag
+from catenary.verdict.check import robot_of, verdict
 from catenary.verdict.shared import require_apart
 from catenary.workflows.fit import evaluate_calibration, fit_calibration, warnings_of
 from catenary.workflows.model_recordings import recordings_for
 from catenary.workflows.project.folder import Project, write
-from catenary.workflows.project.imported import import_recordings
+from catenary.workflows.project.imported import Imported, keep_imports, read_imports
 from catenary.workflows.project.recordings import extract_recording, motion_log_path
 from catenary.workflows.project.robot import ProjectRobot
 from catenary.workflows.project.simulated_robot import SimulatedRobot
@@ -48,20 +49,28 @@ RAVEN_INPUTS = {
 RECOMMENDED = "recommended"
 
 
-def models_for(robot: str | None, seed: int) -> Mapping[str, FitOptions]:
-    """Return options for every kind of model, and of what is chosen among them joint by joint, which is deployed.
+def models_for(robot: str | None, asked: FitOptions) -> Mapping[str, FitOptions]:
+    """Return options for every kind of model, and of the one that was asked for, which is recommended and deployed.
 
     The paper's network has all of the paper's inputs.
+
+    Args:
+        robot: Name of the project's robot, whose joints take what is theirs; None for recordings.
+        asked: What was asked for; the other kinds share its memory, target and seed, and its inputs where it has any.
     """
-    everything = ("q", "tau") if robot is not None else None
-    positioning = POSITIONING_INPUTS if robot is not None else None
-    inputs = RAVEN_INPUTS if robot is not None else None
+    positioning, everything, own = (POSITIONING_INPUTS, ("q", "tau"), RAVEN_INPUTS) if robot else (None,) * 3
+
+    def of(kind: str, inputs: Any, preset: str | None = None) -> FitOptions:
+        ridge = asked.ridge if kind in ("auto", "linear", "polynomial") else None
+        taken = inputs if asked.inputs is None else asked.inputs
+        return replace(asked, kind=kind, preset=preset, inputs=taken, ridge=ridge)  # type: ignore[arg-type]
+
     return {
-        "linear": FitOptions(kind="linear", inputs=positioning, seed=seed),
-        "polynomial": FitOptions(kind="polynomial", inputs=positioning, seed=seed),
-        "neural_paper": FitOptions(kind="neural", preset="paper", inputs=everything, seed=seed),
-        "neural_best": FitOptions(kind="neural", preset="best", inputs=inputs, seed=seed),
-        RECOMMENDED: FitOptions(kind="auto", inputs=inputs, seed=seed),
+        "linear": of("linear", positioning),
+        "polynomial": of("polynomial", positioning),
+        "neural_paper": of("neural", everything, "paper"),
+        "neural_best": of("neural", own, "best"),
+        RECOMMENDED: of(asked.kind, own if asked.kind in ("auto", "neural") else positioning, asked.preset),
     }
 
 
@@ -86,7 +95,7 @@ class CalibrationResult:
         ]
         for name, evaluation in self.evaluations.items():
             cells = (f"{j.rmse:.3f} ({percent(j.percent_of_offset, 0)})" for j in evaluation.joints)
-            rows.append([name.replace("_", ", preset "), *cells])
+            rows.append([_shown(name), *cells])
         return header, rows
 
     def summary(self) -> dict[str, Any]:
@@ -122,6 +131,8 @@ def calibrate_robot(
     project: Project,
     robot: ProjectRobot | None = None,
     *,
+    asked: FitOptions | None = None,
+    run: FitRun | None = None,
     progress: Callable[[str], Progress] = lambda _: silent,
 ) -> CalibrationResult:
     """Calibrate a project's robot, doing only what has not been done.
@@ -129,18 +140,40 @@ def calibrate_robot(
     Args:
         project: Folder and settings.
         robot: Homes, moves, records; the project's simulated one when None.
+        asked: The model to recommend and deploy; its seed is the project's. Chosen joint by joint when None.
+        run: Which rows fits see, and how they are tested.
         progress: Given a step's name, returns a callback for the share done.
 
     Raises:
         CatenaryError: A step failed; what was done before stays, and is not done again.
+        InputError: Options that contradict each other.
     """
     project.ran.clear()
+    run = replace(FitRun() if run is None else run, robot=project.settings.robot)
+    models = _models(project, project.settings.robot, asked, run)
     with project:
-        return _calibrated(project, SimulatedRobot() if robot is None else robot, progress)
+        return _calibrated(project, SimulatedRobot() if robot is None else robot, models, run, progress)
+
+
+def _models(
+    project: Project, robot: str | None, asked: FitOptions | None, run: FitRun
+) -> Mapping[str, FitOptions]:
+    """Return the options of a project's models, before minutes of motion and fits.
+
+    Raises:
+        InputError: Options that contradict each other.
+    """
+    asked = FitOptions(kind="auto") if asked is None else asked
+    require_folds(asked, run)
+    return models_for(robot, replace(asked, seed=project.settings.seed or 0))
 
 
 def _calibrated(
-    project: Project, robot: ProjectRobot, progress: Callable[[str], Progress]
+    project: Project,
+    robot: ProjectRobot,
+    models: Mapping[str, FitOptions],
+    run: FitRun,
+    progress: Callable[[str], Progress],
 ) -> CalibrationResult:
     progress("home")
     robot.home(project)
@@ -150,10 +183,8 @@ def _calibrated(
     progress("extract")
     for name in (TRAIN, TEST):
         extract_recording(project, name)
-    seed = 0 if project.settings.seed is None else project.settings.seed
     train, test = ([motion_log_path(project, name)] for name in (TRAIN, TEST))
-    models = models_for(project.settings.robot, seed)
-    fit_models(project, train, models, FitRun(robot=project.settings.robot), progress)
+    fit_models(project, train, models, run, progress)
 
     deployed = project.folder / "deployment.json"
 
@@ -166,7 +197,7 @@ def _calibrated(
     made_from = [*map(project.fingerprint_of, (f"fit {RECOMMENDED}", f"record {TEST}")), DEPLOY_SECONDS]
     project.run("deploy", made_from, [deployed], deploy)
     progress("report")
-    return conclude(project, models, train, test, deployed)
+    return conclude(project, models, train, test, deployed, run=run)
 
 
 def calibrate_recordings(
@@ -175,41 +206,64 @@ def calibrate_recordings(
     test: Sequence[Path],
     *,
     reading: Reading | None = None,
-    accept: tuple[str, ...] = (),
+    asked: FitOptions | None = None,
+    run: FitRun | None = None,
     progress: Callable[[str], Progress] = lambda _: silent,
 ) -> CalibrationResult:
     """Calibrate from recordings in place of a robot: fit every model to some, test on others.
 
+    All of them are judged first: where one is refused, nothing is written, and a folder that was begun goes away.
+
+    Args:
+        project: Folder and settings, whose seed is that of training.
+        train: Recordings to fit to.
+        test: Recordings to test on.
+        reading: How recordings are read.
+        asked: The model to recommend. Chosen joint by joint when None.
+        run: Which rows fits see, and how they are tested; its error limit holds for the test too.
+        progress: Given a step's name, returns a callback for the share done.
+
     Raises:
-        DataError: Something is wrong with a recording that `accept` does not name, or rows are in both.
-        InputError: No recording to train on or to test on, or one that is in both.
+        DataError: Something is wrong with a recording that `run.accept` does not name, or rows are in both.
+        InputError: No recording to train on or to test on, one that is in both, or options that contradict each other.
     """
     if not train or not test:
         raise InputError("calibrate: give recordings to train on, and others to test on with --test")
     project.ran.clear()
-    models = models_for(None, 0)
+    run = run if run is not None else FitRun()
+    models = _models(project, None, asked, run)
     reading = reading if reading is not None else Reading()
     mapping = reading.mapping
     with project:
+        imports: list[list[Imported]] = []
+        trained_on: Sequence[Any]
+        tested_on: Sequence[Any]
         if mapping is not None:
-            train, test = (import_recordings(project, paths, mapping) for paths in (train, test))
+            imports = [read_imports(project, paths, mapping) for paths in (train, test)]
+            fitted, tested = ([reading.mend(one.log) for one in each] for each in imports)
             reading = Reading(mend=reading.mend)  # logs of ours state all else
-        _refuse_same(train, test)
-        first, *others = fitted = read_logs(train, reading)
-        tested = recordings_for(first, test, reading)
-        for other in (*others, *tested):  # before minutes of fits
-            require_same_joints(first, other)
-        require_apart(fitted, tested, accept)
-        fit_models(project, train, models, FitRun(accept=accept), progress, reading)
+            trained_on, tested_on = ([one.path for one in each] for each in imports)
+        else:
+            trained_on, tested_on = _hashes(train), _hashes(test)
+            fitted = read_logs(train, reading)
+            tested = recordings_for(fitted[0], test, reading)
+        both = [str(path) for path, content in zip(test, tested_on, strict=True) if content in trained_on]
+        if both:
+            raise InputError(
+                f"calibrate: {', '.join(both)}: a recording cannot be both trained and tested on"
+            )
+        for other in (*fitted[1:], *tested):  # before minutes of fits
+            require_same_joints(fitted[0], other)
+        require_apart(fitted, tested, run.accept)
+        limits = error_limits(run.max_error, fitted[0])
+        for logs, testing in ((fitted, False), (tested, True)):
+            robot = robot_of(logs, run.robot)
+            verdict(logs, accept=run.accept, robot=robot, max_error=limits, testing=testing)
+        if imports:
+            train, test = (keep_imports(project, each) for each in imports)
+        fit_models(project, train, models, run, progress, reading)
         progress("report")
-        return conclude(project, models, train, test, None, reading=reading, accept=accept)
-
-
-def _refuse_same(train: Sequence[Path], test: Sequence[Path]) -> None:
-    hashes = _hashes(train)
-    both = [str(path) for path, content in zip(test, _hashes(test), strict=True) if content in hashes]
-    if both:
-        raise InputError(f"calibrate: {', '.join(both)}: a recording cannot be both trained and tested on")
+        return conclude(project, models, train, test, None, reading=reading, run=run)
 
 
 def model_path(project: Project, name: str) -> Path:
@@ -225,19 +279,19 @@ def fit_models(
     progress: Callable[[str], Progress],
     reading: Reading | None = None,
 ) -> None:
-    """Fit every model that has not been fitted to these recordings; folds are run where a model is chosen by them."""
+    """Fit every model that has not been fitted to these recordings; folds are run for the recommended one."""
     (project.folder / "models").mkdir(exist_ok=True)
     hashes = _hashes(train)
     reading = reading if reading is not None else Reading()
     for name, options in models.items():
         path = model_path(project, name)
-        folds = run.folds if options.kind == "auto" else 0
+        folds = run.folds if name == RECOMMENDED else 0
         of_kind = replace(run, folds=folds)
 
         def work(
             options: FitOptions = options, path: Path = path, name: str = name, of_kind: FitRun = of_kind
         ) -> None:
-            tell = progress(f"fit {name.replace('_', ', preset ')}")
+            tell = progress(f"fit {_shown(name)}")
             result = fit_calibration(list(train), options, of_kind, reading=reading, progress=tell)
             save_model(result.model, result.card, path)
 
@@ -250,8 +304,13 @@ def _inputs_of(results: Mapping[str, Any]) -> dict[str, list[int]]:
     counts = {}
     for name, result in results.items():
         of_joint = {joint: len(group.columns) for group in result.model.groups for joint in group.joints}
-        counts[name.replace("_", ", preset ")] = [of_joint[joint] for joint in sorted(of_joint)]
+        counts[_shown(name)] = [of_joint[joint] for joint in sorted(of_joint)]
     return counts
+
+
+def _shown(name: str) -> str:
+    """Return a model's name as people read it."""
+    return name.replace("_", ", preset ")
 
 
 def _hashes(paths: Sequence[Path]) -> list[str]:
@@ -269,11 +328,14 @@ def conclude(
     deployed: Path | None,
     *,
     reading: Reading | None = None,
-    accept: tuple[str, ...] = (),
+    run: FitRun | None = None,
 ) -> CalibrationResult:
     """Evaluate every model and write evaluation.json and report.html, unless they hold just this already."""
+    run = run if run is not None else FitRun()
     results = {
-        name: evaluate_calibration(model_path(project, name), list(test), reading=reading, accept=accept)
+        name: evaluate_calibration(
+            model_path(project, name), list(test), reading=reading, accept=run.accept, max_error=run.max_error
+        )
         for name in models
     }
     deployment = None
@@ -305,7 +367,8 @@ def conclude(
 
     recordings = [[path.name for path in paths] + _hashes(paths) for paths in (train, test)]
     fitted = [sha256_of(model_path(project, name)) for name in models]
-    mended = [] if reading is None and not accept else [None if reading is None else asdict(reading), accept]
+    mended: list[Any] = [] if reading is None else [asdict(reading)]
+    mended += [[run.accept, run.max_error]] if run.accept or run.max_error else []
     made_from = [recordings, fitted, deployment, project.settings.connection, __version__, *mended]
     project.run("report", made_from, [evaluation, page], work)
     return concluded

@@ -1,0 +1,92 @@
+"""LinkInertia: mass, centre of mass and inertia of one link, and what no body's inertia can be."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from catenary.arrays import Floats, as_array
+from catenary.errors import InputError
+from catenary.robots.plausible import FARTHEST, MOST_INERTIA, MOST_MASS, check_within
+from catenary.spatial import Pose
+
+ROUNDING = 1e-6  # of the largest entry of an inertia; files print six digits or more
+SMALLEST = 1e-5  # [m] radius of gyration that no part of a robot is below
+LIGHTEST = 1e-3  # [kg] of links whose inertia is worth an objection
+
+
+@dataclass(frozen=True)
+class LinkInertia:
+    """Mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg m2], in the link's frame.
+
+    The inertia is None where it is not known. Gravity does not need it.
+    """
+
+    mass: float
+    com: Floats
+    inertia: Floats | None
+
+    def moved(self, pose: Pose) -> "LinkInertia":
+        """Return the same body seen from the frame that `pose` is expressed in."""
+        R = pose.rotation
+        turned = None if self.inertia is None else R @ self.inertia @ R.T
+        return LinkInertia(self.mass, R @ self.com + pose.position, turned)
+
+    def plus(self, other: "LinkInertia") -> "LinkInertia":
+        """Return both bodies, in one frame, as one (parallel-axis theorem)."""
+        mass = self.mass + other.mass
+        com = (self.mass * self.com + other.mass * other.com) / mass if mass > 0.0 else np.zeros(3)
+        if self.inertia is None or other.inertia is None:
+            return LinkInertia(mass, com, None)
+        inertia = self.inertia + other.inertia
+        for body in (self, other):
+            r = body.com - com
+            inertia = inertia + body.mass * (r @ r * np.eye(3) - np.outer(r, r))
+        return LinkInertia(mass, com, inertia)
+
+
+NOTHING = LinkInertia(0.0, np.zeros(3), np.zeros((3, 3)))
+
+
+def check_inertia(what: str, body: LinkInertia) -> None:
+    """Refuse numbers that are none of a body's: not finite, negative or huge mass, an inertia that is not symmetric.
+
+    Raises:
+        InputError: One of these; the message opens with `what`.
+    """
+    if not np.isfinite(body.mass) or body.mass < 0.0:
+        raise InputError(f"{what}: mass {body.mass} kg, expected a finite number, zero or more")
+    check_within(f"{what}: mass", body.mass, MOST_MASS, "kg")
+    com = as_array(f"{what}: centre of mass", body.com, (3,))
+    check_within(f"{what}: centre of mass", com, FARTHEST, "m")
+    if body.inertia is None:
+        return
+    tensor = as_array(f"{what}: inertia", body.inertia, (3, 3))
+    check_within(f"{what}: inertia", tensor, MOST_INERTIA, "kg m2")
+    if np.abs(tensor - tensor.T).max() > ROUNDING * float(np.abs(tensor).max()):
+        raise InputError(f"{what}: inertia must be symmetric, got {tensor.tolist()}")
+
+
+def unphysical(mass: float, inertia: Floats) -> str | None:
+    """Return in words why no body has an inertia, (3, 3) about its centre of mass; None where one may.
+
+    Principal moments are not negative, and none is larger than the sum of the other two.
+    """
+    moments = np.linalg.eigvalsh(inertia)
+    if is_negative(mass, inertia):
+        return f"inertia has a negative principal moment ({moments[0]:.3g} kg m2)"
+    if moments[2] > moments[0] + moments[1] + _rounding(mass, inertia):
+        shown = ", ".join(f"{m:.3g}" for m in moments)
+        return (
+            f"inertia has principal moments {shown} kg m2; no body has one larger than the sum of the others"
+        )
+    return None
+
+
+def is_negative(mass: float, inertia: Floats) -> bool:
+    """Return whether an inertia, (3, 3), has a principal moment below zero by more than rounding."""
+    return bool(np.linalg.eigvalsh(inertia)[0] < -_rounding(mass, inertia))
+
+
+def _rounding(mass: float, inertia: Floats) -> float:
+    """Return what files may leave of a moment that is zero [kg m2]."""
+    return max(ROUNDING * float(np.abs(inertia).max()), mass * SMALLEST**2)
