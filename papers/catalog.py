@@ -45,12 +45,15 @@ MODULES = {
     "beyond-paths": "papers.beyond.paths",
     "beyond-rehoming": "papers.beyond.rehoming",
     "beyond-day-after": "papers.beyond.day_after",
+    "beyond-watch": "papers.beyond.watch",
     "beyond-tilted-calibration": "papers.beyond.tilted_calibration",
     "beyond-calibration-and-gravity": "papers.beyond.calibration_and_gravity",
     "beyond-accuracy-latency-drift": "papers.beyond.accuracy_latency_drift",
     "beyond-wrist-memory": "papers.beyond.wrist_memory",
+    "beyond-memory": "papers.beyond.memory",
     "beyond-intervals": "papers.beyond.intervals",
     "beyond-advice": "papers.beyond.advice",
+    "beyond-few-minutes": "papers.beyond.few_minutes",
 }
 
 

@@ -14,6 +14,7 @@ from catenary.calibration.features import FeatureSet
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel, Card, JointGroup, Target
 from catenary.calibration.predictors import Constant, Linear, Network, Predictor, Quadratic
+from catenary.calibration.trained_day.file import DayStructure, day_arrays, day_of, day_structure
 from catenary.calibration.valid_range import ValidRange
 from catenary.config import Recorded, parse_settings
 from catenary.documents import cut, json_table, shortened
@@ -54,6 +55,7 @@ class ModelStructure(Recorded):
     rate_hz: Annotated[float, Field(gt=0.0)] | None = None
     groups: Annotated[tuple[GroupStructure, ...], Many]
     coverage: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None  # of the intervals, where there are some
+    trained_day: DayStructure | None = None
 
 
 def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
@@ -79,6 +81,7 @@ def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
         "target": model.target,
         "rate_hz": model.rate_hz,
         "coverage": None if model.intervals is None else model.intervals.level,
+        "trained_day": None if model.trained_day is None else day_structure(model.trained_day),
         "groups": [{"joints": group.joints, "predictor": _kind(group.predictor)} for group in model.groups],
     }
     text = json.dumps(card, indent=2, ensure_ascii=False) + "\n"
@@ -89,6 +92,8 @@ def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
     }
     if model.intervals is not None:
         arrays |= {f"interval.{key}": getattr(model.intervals, key) for key in INTERVAL_ARRAYS}
+    if model.trained_day is not None:
+        arrays |= day_arrays(model.trained_day)
     for i, group in enumerate(model.groups):
         arrays |= {f"{i}.columns": group.columns, f"{i}.watched": group.watched}
         arrays |= {f"{i}.range.{key}": values for key, values in vars(group.valid_range).items()}
@@ -149,6 +154,7 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
             groups=tuple(_group(arrays, i, entry) for i, entry in enumerate(structure.groups)),
             rate_hz=structure.rate_hz,
             intervals=_intervals(arrays, structure.coverage),
+            trained_day=None if structure.trained_day is None else day_of(structure.trained_day, arrays),
         )
         card = json_table(str(arrays["card"]), "card", finite=False)
         return model, card

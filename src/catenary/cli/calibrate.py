@@ -209,7 +209,13 @@ def deploy(
     print(result.loop)
     columns = (result.joint_names, result.units, result.raw_rmse, result.rmse)
     rows = [[name, unit, f"{raw:.3f}", f"{rmse:.3f}"] for name, unit, raw, rmse in zip(*columns, strict=True)]
-    print_table("RMSE while the loop ran", ["joint", "unit", "reported", "corrected"], rows)
+    header = ["joint", "unit", "reported", "corrected"]
+    if result.coverage is not None and result.level is not None:
+        header.append(f"within intervals ({result.level:.0%} asked)")
+        rows = [[*row, f"{share:.0%}"] for row, share in zip(rows, result.coverage, strict=True)]
+    print_table("RMSE while the loop ran", header, rows)
+    if result.watch is not None:
+        print_notes(result.watch.in_words)
 
 
 def calibrate(

@@ -126,11 +126,11 @@ def announce(text: str) -> None:
 
 
 def print_notes(notes: Sequence[str]) -> None:
-    """Print remarks on standard error, so that piped output stays clean; none with --no-notes."""
-    if _SILENT.get():
-        return
+    """Print remarks and warnings on standard error, so that piped output stays clean; remarks not with --no-notes."""
     for note in notes:
-        print(_wrapped("note: ", note, sys.stderr), file=sys.stderr)
+        is_warning = note.startswith("warning: ")
+        if is_warning or not _SILENT.get():
+            print(_wrapped("" if is_warning else "note: ", note, sys.stderr), file=sys.stderr)
 
 
 def _wrapped(label: str, text: str, stream: TextIO) -> str:
