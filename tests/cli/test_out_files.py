@@ -30,6 +30,7 @@ WRITING = {
     "fit --report": ("fit {run} --model offset --folds 0 --out {new}/o.npz --report", ".npz", PAGE),
     "evaluate --report": ("evaluate {model} {run} --report", ".csv", PAGE),
     "refresh --out": ("refresh {model} {another} --out", ".csv", MODEL),
+    "drift --report": ("drift {model} {another} --report", ".csv", PAGE),
     "identify --out": ("identify {motion} --robot raven2 --out", ".csv", PARAMETERS),
     "identify --report": ("identify {motion} --robot raven2 --out {new}/o.npz --report", ".npz", PAGE),
     "identify --urdf": (
