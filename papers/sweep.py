@@ -110,7 +110,7 @@ def show(planned: Planned, store: Store, out: Path, console: Console) -> None:
         print(f"\n{table['title']}\n\n{markdown(table)}")
     for claim in content["claims"]:
         print(
-            f"- {claim['verdict']}: {claim['says']}. Published: {claim['published']}. Here: {claim['measured']}."
+            f"- {claim['verdict']}: {claim['says']} Published: {claim['published']}. Here: {claim['measured']}."
         )
     if missing:
         print(f"\n{missing} of {len(cases)} cases are missing: no verdicts.")

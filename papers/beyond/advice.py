@@ -14,10 +14,10 @@ import numpy as np
 
 from catenary import MotionLog
 from catenary.calibration.choice import SIMPLEST_FIRST, block_squares
-from catenary.calibration.dataset import calibration_data
+from catenary.calibration.dataset import calibration_data, error_limits
 from catenary.calibration.evaluate import Evaluation, evaluate
 from catenary.calibration.fit import FitOptions
-from catenary.calibration.fitting import FOLDS, FitResult, FitRun, error_limits, fit_logs
+from catenary.calibration.fitting import FOLDS, FitResult, FitRun, fit_logs
 from catenary.recording.logs import read_log
 from catenary.reports.page import Table
 from papers.beyond.intervals import DVRK_UNITS, LATER, RECORDINGS, TRAININGS

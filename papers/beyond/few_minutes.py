@@ -17,10 +17,9 @@ import numpy as np
 
 from catenary import MotionLog
 from catenary.arrays import Floats
-from catenary.calibration.dataset import calibration_data, sampling_rate
+from catenary.calibration.dataset import calibration_data, error_limits, sampling_rate
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit import SMALLEST_DATA, FitOptions, choose_inputs, fit
-from catenary.calibration.fitting import error_limits
 from catenary.recording.logs import read_log
 from catenary.reports.page import Table
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from catenary import MotionLog
 from catenary.arrays import Floats
-from catenary.calibration.fitting import error_limits
+from catenary.calibration.dataset import error_limits
 from catenary.calibration.neural import BEST, fit_neural
 from catenary.calibration.regression import fit_linear
 from catenary.recording.logs import read_log

@@ -4,13 +4,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from catenary.arrays import Floats
 from catenary.calibration.card import model_card
 from catenary.calibration.choice import JointChoice, choose, composed, joined, tried
 from catenary.calibration.conformal import estimate_intervals, fewest_rows
-from catenary.calibration.dataset import CalibrationData, calibration_data
+from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes, error_limits
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit import SMALLEST_DATA, FitOptions, Inputs, choose_inputs, fit
@@ -20,7 +17,6 @@ from catenary.calibration.progress import Progress, part_of, silent
 from catenary.calibration.upkeep.learn_day import learn_day
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.units import DISPLAY
 from catenary.verdict.check import robot_of, verdict
 
 FOLDS = 5
@@ -232,36 +228,3 @@ def _require_rows(data: CalibrationData, folds: int) -> None:
             f"data: {rows} usable rows; with one of {folds} blocks left out {smallest} remain, expected at least "
             f"{SMALLEST_DATA}; folds 0 is no cross-validation"
         )
-
-
-def error_limits(max_error: tuple[float, ...] | None, log: MotionLog) -> Floats | None:
-    """Return the errors beyond which rows are left out, (n,) [rad|m], of those given in deg and mm.
-
-    Raises:
-        InputError: Not one positive number per joint.
-    """
-    if max_error is None:
-        return None
-    if len(max_error) != len(log.joint_names) or not all(limit > 0.0 for limit in max_error):
-        raise InputError(
-            f"max error: expected {len(log.joint_names)} positive numbers (deg, mm), one per joint, "
-            f"got {list(max_error)}"
-        )
-    return np.array([most / DISPLAY[unit][1] for most, unit in zip(max_error, log.joint_units, strict=True)])
-
-
-def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
-    """Return what readers of recordings noted, and what rows were left out."""
-    notes = [f"{log.name}: {note}" for log in logs for note in log.notes]
-    for source in data.sources:
-        left_out = {
-            "without measurement": source.without_truth,
-            f"without {data.features.history} previous commands": source.without_history,
-            "beyond the error limit": source.dropped,
-        }
-        text = ", ".join(f"{count} {why}" for why, count in left_out.items() if count)
-        if text:
-            notes.append(f"{source.name}: left out {text}, of {source.rows} rows")
-        if source.leaps:
-            notes.append(f"{source.name}: play states did not follow {source.leaps} leaps of a joint")
-    return notes

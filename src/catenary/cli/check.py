@@ -7,6 +7,7 @@ import typer
 from typer import Argument, Option
 
 from catenary.cli.options import AsJson, MappingOptions, MendOptions, robots_beginning
+from catenary.cli.out_files import out_path
 from catenary.cli.terminal import print_fact, print_json, print_notes, print_table, without_notes
 
 
@@ -65,7 +66,12 @@ def recover(
     ],
     out: Annotated[
         Path | None,
-        Option("--out", metavar="PATH", help="What to write. [default: NAME.recovered beside it]"),
+        Option(
+            "--out",
+            metavar="PATH",
+            parser=out_path,
+            help="What to write, named as typed. [default: NAME.recovered beside it]",
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:

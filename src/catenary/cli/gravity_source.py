@@ -1,4 +1,4 @@
-"""Where gravity comes from: a topic beside a robot on ROS, or samples of a sensor on the base, and how they are read."""
+"""Where gravity comes from: a topic beside a robot on ROS, or samples of a sensor on the base."""
 
 import math
 from collections.abc import Callable

@@ -12,6 +12,7 @@ from typer import Option
 
 from catenary.cli.gravity_source import SensingOptions
 from catenary.cli.options import BaseTilt, Baud, MountingFile
+from catenary.cli.out_files import MOUNTING, NAMED_AS_TYPED, out_path, refuse_outputs
 from catenary.cli.terminal import base_tilt, print_fact, print_json, print_notes
 from catenary.errors import InputError
 
@@ -44,7 +45,12 @@ def sense(
         bool, Option("--tumble", help="Calibrate the sensor in several attitudes and write a mounting file.")
     ] = False,
     out: Annotated[
-        Path | None, Option(metavar="FILE", help="File that --tumble writes. [default: mounting.toml]")
+        Path | None,
+        Option(
+            metavar="FILE",
+            parser=out_path,
+            help=f"File that --tumble writes. {NAMED_AS_TYPED} [default: mounting.toml]",
+        ),
     ] = None,
     as_json: Annotated[bool, Option("--json", help="Print one JSON summary at the end.")] = False,
 ) -> None:
@@ -66,6 +72,8 @@ def sense(
         raise InputError("sense: --base-tilt-deg and --rate go with --simulated, not with --port")
     if out is not None and not tumble:
         raise InputError("sense: --out is where --tumble writes; add --tumble")
+    if tumble:
+        refuse_outputs({"--out": (out or Path("mounting.toml"), MOUNTING)}, [mounting] if mounting else [])
     told = Mounting() if mounting is None else load_mounting(mounting)
     hertz, tilt = 200.0 if rate is None else rate, base_tilt(base_tilt_deg)
     with _opened(port, told, tilt, hertz, seed, baud, tumble) as (feed, known):

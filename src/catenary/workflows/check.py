@@ -17,6 +17,7 @@ from catenary.errors import FileFormatError
 from catenary.identification.files import load_identification
 from catenary.plant import MotionLog
 from catenary.recording.foreign.read import Reading, read_recording
+from catenary.recording.table_kind import table_ending
 from catenary.reports.calibration import shortened
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
@@ -73,7 +74,7 @@ def check_file(source: str, reading: Reading | None = None, *, robot: str | None
     # a model may have any name; a recording's says what it is
     if path.is_file() and is_zipfile(path) and "structure" in (arrays := read_arrays(path)):
         return _check_identification(path) if "combination" in arrays else _check_model(path)
-    if path.suffix in (".npz", ".parquet", ".csv"):
+    if table_ending(path) in (".npz", ".parquet", ".csv"):
         return check_recording(read_recording(path, reading), robot=robot)
     if not path.exists():
         raise FileFormatError(

@@ -7,11 +7,11 @@ from typing import Any
 
 from catenary.calibration.card_schema import check_card
 from catenary.calibration.conformal import coverage_verdicts
-from catenary.calibration.dataset import calibration_data
+from catenary.calibration.dataset import calibration_data, data_notes, error_limits
 from catenary.calibration.evaluate import MUCH_OUTSIDE, WORSE, Evaluation, evaluate
 from catenary.calibration.files import load_model
 from catenary.calibration.fit import FitOptions
-from catenary.calibration.fitting import FitResult, FitRun, data_notes, error_limits, fit_logs
+from catenary.calibration.fitting import FitResult, FitRun, fit_logs
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.progress import Progress, silent
 from catenary.calibration.upkeep.judged import judge_recordings
