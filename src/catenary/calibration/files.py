@@ -19,7 +19,7 @@ from catenary.calibration.valid_range import ValidRange
 from catenary.config import Recorded, parse_settings
 from catenary.documents import cut, json_table, shortened
 from catenary.errors import CatenaryError, FileFormatError
-from catenary.files import damage, write_atomically
+from catenary.files import card_path, damage, write_atomically
 from catenary.robots.plausible import FARTHEST, check_different, check_names, check_within
 
 FORMAT = "catenary.calibration.1"
@@ -56,11 +56,6 @@ class ModelStructure(Recorded):
     groups: Annotated[tuple[GroupStructure, ...], Many]
     coverage: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None  # of the intervals, where there are some
     trained_day: DayStructure | None = None
-
-
-def card_path(path: Path) -> Path:
-    """Return where the readable copy of a model's card is: beside the model."""
-    return path.with_name(f"{path.stem}.card.json")
 
 
 def save_model(model: CalibrationModel, card: Card, path: Path) -> None:

@@ -12,6 +12,7 @@ from catenary.cli.beside_robot import RobotAccess, deploy_beside, record_others,
 from catenary.cli.fit import ModelOptions, Robot
 from catenary.cli.gravity_source import GravityOptions
 from catenary.cli.options import Accept, AsJson, MappingOptions, MendOptions
+from catenary.cli.out_files import out_path
 from catenary.cli.project_options import ExcitationOptions, Folder, Hours, Seed, open_project, require_project
 from catenary.cli.terminal import announce, print_json, print_notes, print_table, progress_bar
 from catenary.errors import CatenaryError, InputError, InUseError
@@ -269,7 +270,14 @@ def calibrate(
 
 
 def demo(
-    out: Annotated[Path, Option(metavar="FOLDER", help="Folder for the results.")] = Path("demo"),
+    out: Annotated[
+        Path,
+        Option(
+            metavar="FOLDER",
+            parser=out_path,
+            help="Folder for the results: a new or empty one, or that of a demo before.",
+        ),
+    ] = Path("demo"),
     seed: Seed = None,
     as_json: AsJson = False,
 ) -> None:

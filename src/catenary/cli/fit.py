@@ -12,20 +12,19 @@ from catenary.cli.options import (
     AsJsonNotTables,
     MappingOptions,
     MendOptions,
-    Report,
     robots_beginning,
 )
+from catenary.cli.out_files import MODEL, NAMED_AS_TYPED, PAGE, Report, out_path, refuse_outputs
 from catenary.cli.terminal import (
     numbers,
     print_json,
     print_notes,
     print_table,
     progress_bar,
-    refuse_to_overwrite,
-    refuse_unwritable,
     words,
 )
 from catenary.errors import InputError
+from catenary.files import card_path
 
 if TYPE_CHECKING:
     from catenary.calibration.evaluate import Evaluation
@@ -163,7 +162,9 @@ def fit(
     fitting: ModelOptions,
     mending: MendOptions,
     foreign: MappingOptions,
-    out: Annotated[Path, Option(metavar="MODEL", help="File to write the model to, e.g. arm.npz.")],
+    out: Annotated[
+        Path, Option(metavar="MODEL", parser=out_path, help=f"Model to write, e.g. arm.npz. {NAMED_AS_TYPED}")
+    ],
     robot: Robot = None,
     seed: Seed = 0,
     accept: Accept = None,
@@ -174,7 +175,7 @@ def fit(
 
     Example: catenary fit run1.npz --out arm.npz
     """
-    from catenary.calibration.files import card_path, save_model
+    from catenary.calibration.files import save_model
     from catenary.robots.catalog import load_robot
     from catenary.workflows.fit import fit_calibration
 
@@ -183,9 +184,10 @@ def fit(
     names, own_units = (None, None) if arm is None else (arm.joint_names, arm.joint_units)
     reading = mending.reading(foreign, units=own_units, joint_names=names, robot=robot)
     run = fitting.run(accept, robot)
-    refuse_unwritable("--out", out)
-    read = [*data, *([Path(robot)] if robot else [])]
-    refuse_to_overwrite({"--out": out, "the card of --out": card_path(out), "--report": report}, read)
+    refuse_outputs(
+        {"--out": (out, MODEL), "the card of --out": (card_path(out), None), "--report": (report, PAGE)},
+        [*data, *([Path(robot)] if robot else [])],
+    )
     with progress_bar(f"fitting {fitting.model}") as progress:
         result = fit_calibration(data, options, run, reading=reading, progress=progress)
     save_model(result.model, result.card, out)
@@ -231,7 +233,7 @@ def evaluate(
     from catenary.robots.catalog import load_robot
     from catenary.workflows.fit import evaluate_calibration, evaluation_summary
 
-    refuse_to_overwrite({"--report": report}, [model, *data])
+    refuse_outputs({"--report": (report, PAGE)}, [model, *data])
     result = evaluate_calibration(
         model,
         data,

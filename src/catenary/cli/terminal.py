@@ -2,13 +2,11 @@
 
 import json
 import logging
-import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from math import isfinite
-from pathlib import Path
 from shutil import get_terminal_size
 from textwrap import fill
 from typing import Any, TextIO
@@ -78,29 +76,6 @@ def base_tilt(text: str | None) -> tuple[float, float]:
 def words(text: str) -> tuple[str, ...]:
     """Read words separated by commas."""
     return tuple(word.strip() for word in text.split(",") if word.strip())
-
-
-def refuse_unwritable(option: str, path: Path) -> None:
-    """Refuse, before minutes of work, a file that could not be written after them."""
-    if path.is_dir():
-        raise InputError(f"{option} {path}: is a folder, expected a file to write")
-    if not path.parent.is_dir():
-        raise InputError(f"{option} {path}: folder {path.parent} does not exist")
-    if not os.access(path.parent, os.W_OK):
-        raise InputError(f"{option} {path}: folder {path.parent} cannot be written to")
-
-
-def refuse_to_overwrite(written: Mapping[str, Path | None], read: Sequence[Path]) -> None:
-    """Refuse a file to write, by its option, that is read as well, or that two options write."""
-    places: list[Path] = []
-    for option, path in written.items():
-        if path is None:
-            continue
-        if path.exists() and any(os.path.exists(each) and path.samefile(each) for each in read):
-            raise InputError(f"{option} {path}: is a file that is read here; expected another")
-        if path.absolute() in places:
-            raise InputError(f"{option} {path}: something else is written there; expected another file")
-        places.append(path.absolute())
 
 
 def print_json(content: Any) -> None:

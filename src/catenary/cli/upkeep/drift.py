@@ -7,14 +7,9 @@ import typer
 from typer import Argument, Option
 
 from catenary.cli.fit import Recordings
-from catenary.cli.options import Accept, AsJsonNotTables, MappingOptions, MendOptions, Report
-from catenary.cli.terminal import (
-    print_json,
-    print_notes,
-    print_table,
-    refuse_to_overwrite,
-    refuse_unwritable,
-)
+from catenary.cli.options import Accept, AsJsonNotTables, MappingOptions, MendOptions
+from catenary.cli.out_files import PAGE, Report, refuse_outputs
+from catenary.cli.terminal import print_json, print_notes, print_table
 
 
 def drift(
@@ -41,9 +36,7 @@ def drift(
     from catenary.reports.drift import drift_table, write_drift_report
     from catenary.workflows.drift import drift_of_model, drift_summary
 
-    if report is not None:
-        refuse_unwritable("--report", report)
-    refuse_to_overwrite({"--report": report}, [model, *data])
+    refuse_outputs({"--report": (report, PAGE)}, [model, *data])
     found, notes = drift_of_model(
         model, data, reading=mending.reading(foreign), accept=tuple(accept or ()), factor=factor
     )

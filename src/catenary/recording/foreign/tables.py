@@ -16,6 +16,7 @@ from catenary.recording.foreign.csv_table import read_csv
 from catenary.recording.foreign.matlab import read_matlab
 from catenary.recording.foreign.stream import Stream
 from catenary.recording.parquet_files import MOST_COLUMNS
+from catenary.recording.table_kind import table_ending
 
 PANDAS_INDEX = "__index_level_0__"  # how pandas calls an index without a name
 ENDINGS = (".csv", ".txt", ".parquet", ".npz", ".npy", ".mat")
@@ -31,7 +32,7 @@ def read_table_file(path: Path) -> list[Stream]:
     """
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")
-    ending = path.suffix.lower()
+    ending = table_ending(path)
     if ending in (".csv", ".txt"):
         columns, notes = read_csv(path)
         return [_table(path, columns, {}, notes)]
