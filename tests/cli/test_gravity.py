@@ -150,3 +150,62 @@ def test_links_are_declared_massless_by_name_or_all_at_once(tmp_path: Path) -> N
 def test_a_robot_may_be_given_as_the_text_of_its_urdf() -> None:
     content = catenary("gravity", urdf_text(ARM), "--q", "0.3,1.57,0.32", "--json").json
     assert_allclose(content["tau"], gravity_torque(ARM, [0.3, 1.57, 0.32], DOWN), atol=1e-13)
+
+
+HELD = ("hold", "two_link", "--q-deg", "30,40", "--seconds", "0.3", "--json")
+
+
+def test_an_arm_on_a_deck_that_heaves_is_held_by_a_simulated_sensor() -> None:
+    deck = (
+        "--rock",
+        "x,8,0.1",
+        "--rock",
+        "y,4,0.14,40",
+        "--heave",
+        "2,0.12",
+        "--surge",
+        "1,0.1,90",
+        "--sway",
+        "1,0.2",
+    )
+    sensor = ("--mounting-on", "ship", "--sensor-bias", "0.02,0.02,-0.01", "--rule", "confirm=3")
+    content = catenary(*HELD, *deck, *sensor).json
+    assert set(content["gravity_ticks"]) == {"live"}
+    assert content["faults"] == {}
+    assert content["mounting_on"] == "ship"
+    assert content["rock"] == ["x,8,0.1", "y,4,0.14,40"]
+    assert max(joint["drift"] for joint in content["joints"]) < 1.0  # deg
+
+
+def test_an_arm_has_the_friction_and_gains_that_it_is_given() -> None:
+    level = ("--base-tilt-deg", "30,30", "--controller", "sg")
+    free, stuck = (
+        catenary(*HELD, *level, *more).json for more in ((), ("--friction", "50", "--kp", "100,50"))
+    )
+    assert max(joint["drift"] for joint in free["joints"]) > 1.0
+    assert max(joint["drift"] for joint in stuck["joints"]) < 1e-6
+    assert stuck["kp"] == "100,50"
+    assert "gravity_ticks" not in stuck
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--rock", "w,8,0.1"), "axis x, y or z"),
+        (("--rock", "x,8"), "an amplitude, a frequency"),
+        (("--heave", "2,-1"), "frequency of 0 Hz or more"),
+        (("--heave", "nan,1"), "finite"),
+        (("--rock", "x,8,0.1", "--rock-deg", "0,5"), "rocks about one axis alone"),
+        (("--mounting-on", "boat"), "expected one of table, cart, vehicle, ship"),
+        (("--rule", "max_pull=3"), "no rule max_pull"),
+        (("--rule", "max_push"), "expected NAME=VALUE"),
+        (("--kp", "1,2,3"), "kp"),
+        (("--sensor-bias", "1,2"), "--sensor-bias"),
+    ],
+)
+def test_decks_sensors_and_drives_that_make_no_sense_are_refused(options: tuple[str, ...], said: str) -> None:
+    assert said in refusal(*HELD, *options)
+
+
+def test_gains_of_a_controller_that_has_none_of_torques_are_refused() -> None:
+    assert "gains of accelerations" in refusal("track", "two_link", "--controller", "inertia", "--kp", "5")

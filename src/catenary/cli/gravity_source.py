@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
@@ -99,6 +99,11 @@ class SensingOptions:
         float, Option(metavar="S", help="Without a believed sample for so long, fallback stop stops.")
     ] = 1.0
     hanging: Hanging = False
+
+    def as_data(self) -> dict[str, Any]:
+        """Return what was given, as plain data."""
+        defaults = SensingOptions()
+        return {name: value for name, value in vars(self).items() if value != getattr(defaults, name)}
 
     def rules(self) -> "SensorRules":
         """Return what is believed.
