@@ -32,7 +32,7 @@ def check(
 
     The exit code is 1 when something is wrong. Robots are catalogue names, .toml, .urdf, .xml and .mjcf files;
     models are .npz; recordings .npz, .parquet or RAVEN-II's published .csv. A recording gets the verdict that
-    catenary fit begins with, mended by the same options.
+    catenary fit begins with, mended by the same options. --json prints facts as numbers with units (docs/formats.md).
 
     Example: catenary check run1.npz --swap J1,J2
     """
@@ -47,8 +47,9 @@ def check(
         print_json(finding.as_data())
     else:
         print(f"{file}: {finding.kind}")
-        width = max(len("remark:"), *(len(name) for name, _ in finding.facts))
-        for name, text in finding.facts:
+        lines = finding.facts.in_words()
+        width = max(len("remark:"), *(len(name) for name, _ in lines))
+        for name, text in lines:
             print_fact(name, text, width=width)
         for remark in finding.remarks:
             print_fact("remark:", remark, width=width)
