@@ -9,6 +9,7 @@ import simulated_arm
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from catenary.robots.urdf_export import urdf_text
+from catenary.sensing.mounting import Mounting, save_mounting
 from command_line import catenary, refusal
 
 DOWN = np.array([0.0, 0.0, -9.81])
@@ -24,6 +25,7 @@ TILTED = Rotation.from_euler("XY", [20.0, -50.0], degrees=True).inv().apply(DOWN
     [
         ((), DOWN),
         (("--gravity", "1,-2,-3.5"), [1.0, -2.0, -3.5]),
+        (("--imu-reading", "-1,2,3.5"), [1.0, -2.0, -3.5]),  # specific force, up at rest
         (("--base-tilt-deg", "20,-50"), TILTED),  # rolled about x, then pitched about the base's own y
     ],
 )
@@ -33,6 +35,21 @@ def test_gravity_gives_torques_with_their_units(options: tuple[str, ...], gravit
     assert_allclose(content["tau"], gravity_torque(ARM, [0.0, 1.57, 0.32], gravity), atol=1e-13)
     assert_allclose(content["level"], gravity_torque(ARM, [0.0, 1.57, 0.32], DOWN), atol=1e-13)
     assert content["unit"] == ["Nm", "Nm", "N"]
+
+
+def test_a_reading_is_corrected_and_turned_by_its_mounting_file(tmp_path: Path) -> None:
+    R, bias, path = (
+        Rotation.from_euler("XYZ", [0.2, -0.4, 1.0]),
+        np.array([0.1, -0.2, 0.3]),
+        tmp_path / "m.toml",
+    )
+    save_mounting(path, Mounting(rotation=R.as_matrix(), bias=bias))
+    reading = ",".join(str(v) for v in R.inv().apply(-TILTED) + bias)
+    content = catenary("gravity", *POSE, "--imu-reading", reading, "--mounting", path, "--json").json
+    assert_allclose(content["gravity"], TILTED, atol=1e-12)
+    assert "--mounting corrects --imu-reading" in refusal("gravity", *POSE, "--mounting", path)
+    assert "give one of" in refusal("gravity", *POSE, "--imu-reading", "0,0,9.8", "--gravity", "0,0,-9.8")
+    assert "with commas" in refusal("gravity", *POSE, "--imu-reading", "0", "0", "9.8")
 
 
 def test_gravity_takes_degrees_and_millimetres() -> None:

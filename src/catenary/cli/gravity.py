@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from catenary.cli.conditions import Conditions
-from catenary.cli.gravity_source import SensingOptions
+from catenary.cli.gravity_source import ImuReading, SensingOptions, gravity_of_reading
 from catenary.cli.joint_options import Q, QDeg, SameInDeg, beyond_limits, given_joints, joint_values
-from catenary.cli.options import AsJsonNotTables, BaseTilt, robots_beginning
+from catenary.cli.options import AsJsonNotTables, BaseTilt, MountingFile, robots_beginning
 from catenary.cli.out_files import PAGE, Report, refuse_outputs
 from catenary.cli.robots import DescriptionOptions, Robot
 from catenary.cli.terminal import (
@@ -47,6 +47,8 @@ def gravity(
         str | None,
         Option("--gravity", metavar="X,Y,Z", help="Gravity vector in base axes, z up, in m/s2."),
     ] = None,
+    imu_reading: ImuReading = None,
+    mounting: MountingFile = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
     """Print the torques that hold an arm still under gravity.
@@ -63,12 +65,16 @@ def gravity(
     from catenary.spatial import LEVEL
     from catenary.units import TORQUE_UNIT
 
-    if base_tilt_deg is not None and vector is not None:
-        raise InputError("gravity: give one of --base-tilt-deg and --gravity")
+    if sum(given is not None for given in (base_tilt_deg, vector, imu_reading)) > 1:
+        raise InputError("gravity: give one of --base-tilt-deg, --gravity and --imu-reading")
+    if mounting is not None and imu_reading is None:
+        raise InputError("gravity: --mounting corrects --imu-reading; give one")
     model = description.load(robot)
     model.require_masses()
     values = joint_values(model, q, q_deg)
     down: ArrayLike = LEVEL if vector is None else numbers("--gravity", vector, 3)
+    if imu_reading is not None:
+        down = gravity_of_reading(imu_reading, mounting)
     if base_tilt_deg is not None:
         roll, pitch = np.deg2rad(base_tilt(base_tilt_deg))
         down = tilted_gravity(float(roll), float(pitch))
