@@ -5,7 +5,8 @@ on the same rows. Real arm: a da Vinci PSM (Hwang et al., RA-L 2020), four recor
 learnt from, the rest is the test. A minute there is as many rows as the recording has in one at its median step, since
 the camera's pauses are no training. Camera failures of `sampled_train` are left out. Simulated RAVEN-IIs: 12 minutes of
 random motion with torques, then 4 minutes of other random motion as the test. The paper's network has no memory, as
-published; ours is preset `best`.
+published. Ours are preset `best` without a prior, the same begun at the prior that simulated arms have taught (`make
+prior`; none of the robots here is among them), and what the prior makes of a linear model with the same inputs.
 """
 
 from collections.abc import Mapping, Sequence
@@ -49,12 +50,14 @@ from papers.figures import legend_below, panels
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PAPER, BEST = "neural, paper", "neural, best"
+PAPER, BEST, PRIOR, LINEAR = "neural, paper", "neural, best", "best, prior", "linear, prior"
 MODELS = {
     PAPER: FitOptions(kind="neural", preset="paper"),
-    BEST: FitOptions(kind="neural", preset="best"),
+    BEST: FitOptions(kind="neural", preset="best", prior="none"),
+    PRIOR: FitOptions(kind="neural", preset="best", prior="simulated"),
+    LINEAR: FitOptions(kind="linear", prior="simulated"),
 }
-COLORS = {PAPER: "#d9622b", BEST: "#2f8f6b"}
+COLORS = {PAPER: "#d9622b", BEST: "#2f8f6b", PRIOR: "#8455a8", LINEAR: "#7fa3cf"}
 MINUTES = (0.5, 1.0, 2.0, 4.0, 8.0)
 TENTH, HALF, ALL = "a tenth", "half", "all"
 SHARES = {TENTH: 0.1, HALF: 0.5, ALL: 1.0}

@@ -64,6 +64,7 @@ def model_card(
                 "name": name,
                 "unit": unit,
                 "kind": choices[j].chosen if choices else model.kind,
+                "prior": model.priors[j] if model.priors else None,
                 "inputs": [names[c] for group in model.groups if j in group.joints for c in group.columns],
                 "fixed_offset": float(model.offset[j]),
                 "half_width": None if intervals is None else float(intervals.inside[j]),
@@ -144,6 +145,7 @@ def _settings(options: FitOptions, kinds: set[str]) -> dict[str, Any]:
         "play_shares": None if options.play is None else list(options.play),
         "target": options.target,
         "ridge": options.ridge_used,
+        "prior": options.prior,
     }
     if "neural" in kinds:
         chosen: NetworkSettings = PAPER if options.network == "paper" else BEST

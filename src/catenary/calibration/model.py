@@ -89,6 +89,7 @@ class CalibrationModel:
     groups: tuple[JointGroup, ...]
     rate_hz: float | None = None  # of the training rows, at which `history` counts; None where not known
     intervals: Intervals | None = None  # how far off corrections may be; None where that was not estimated
+    priors: tuple[str | None, ...] = ()  # (n,) that joints' fits began at; empty where none did
 
     def __post_init__(self) -> None:
         n, width = len(self.joint_names), len(self.features.names)
@@ -106,6 +107,10 @@ class CalibrationModel:
                 raise InputError(
                     f"model: joints {group.joints} take features beyond the {width} that there are"
                 )
+        if self.priors and len(self.priors) != n:
+            raise InputError(
+                f"model: expected a prior, or none, for each of its {n} joints, got {len(self.priors)}"
+            )
         object.__setattr__(self, "offset", as_array("offset", self.offset, (n,)))
         if self.intervals is not None and len(self.intervals.inside) != n:
             raise InputError(f"model: expected intervals of its {n} joints, got {len(self.intervals.inside)}")
