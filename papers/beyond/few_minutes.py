@@ -20,7 +20,7 @@ from catenary import MotionLog
 from catenary.arrays import Floats
 from catenary.calibration.dataset import calibration_data, sampling_rate
 from catenary.calibration.evaluate import evaluate
-from catenary.calibration.fit import SMALLEST_DATA, FitOptions, choose_inputs, fit
+from catenary.calibration.fit import PLAY_SHARES, SMALLEST_DATA, FitOptions, choose_inputs, fit
 from catenary.calibration.fitting import error_limits
 from catenary.recording.logs import read_log
 from catenary.reports.page import Table
@@ -55,7 +55,7 @@ MODELS = {
     PAPER: FitOptions(kind="neural", preset="paper"),
     BEST: FitOptions(kind="neural", preset="best", prior="none"),
     PRIOR: FitOptions(kind="neural", preset="best", prior="simulated"),
-    LINEAR: FitOptions(kind="linear", prior="simulated"),
+    LINEAR: FitOptions(kind="linear", prior="simulated", play=PLAY_SHARES),
 }
 COLORS = {PAPER: "#d9622b", BEST: "#2f8f6b", PRIOR: "#8455a8", LINEAR: "#7fa3cf"}
 MINUTES = (0.5, 1.0, 2.0, 4.0, 8.0)
@@ -101,7 +101,7 @@ def simulated_curves(seed: int | None, models: Sequence[str], training: float, t
     later = random_log(plant, draws(seed, 81), test)
     shares = {text(m): 60.0 * m / training for m in MINUTES if 60.0 * m < training} | SHARES
     return {
-        model: _curve(log, later, replace(MODELS[model], inputs=POSITIONING_INPUTS), shares)
+        model: _curve(log, later, replace(MODELS[model], inputs=POSITIONING_INPUTS, play=None), shares)
         for model in models
     }
 
@@ -141,7 +141,7 @@ def cases(scope: Scope) -> list[Case]:
         recorded_curve.case(recording=recording, model=model, seed=seed)
         for recording in RECORDINGS
         for model in MODELS
-        for seed in scope.network_seeds[:TRAININGS]
+        for seed in (scope.network_seeds[:TRAININGS] if model != LINEAR else (0,))
     ] + [
         simulated_curves.case(seed=seed, models=list(MODELS), training=TRAINING, test=TEST)
         for seed in scope.robots

@@ -1,4 +1,4 @@
-"""Learn the package's prior on simulated arms, from seeds: `make prior`; it rewrites calibration/data/simulated.json.
+"""Learn the package's prior on simulated arms, from seeds: `make prior`; it rewrites calibration/priors/data/simulated.json.
 
 Each arm gives the first part of a recording, of a length of its own; its first and last joint are fitted with the prior
 so far, and a class's variance becomes the mean square of its weights, posterior uncertainty included
@@ -17,9 +17,9 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, calibration_data
-from catenary.calibration.evidence import posterior
 from catenary.calibration.fit import MEMORY_RIDGE, PLAY_SHARES, FitOptions, choose_inputs
-from catenary.calibration.prior import Prior, PriorOfFeatures, prior_of_features
+from catenary.calibration.priors.evidence import posterior
+from catenary.calibration.priors.prior import Prior, PriorOfFeatures, prior_of_features
 from catenary.calibration.regression import fit_linear
 from catenary.calibration.valid_range import standardisation
 from papers.prior.arms import drawn_arm
@@ -111,17 +111,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     made = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     made.add_argument("out", type=Path, help="file to write")
     made.add_argument("--arms", type=int, default=ARMS, help="that it is learnt on")
+    made.add_argument("--rounds", type=int, default=ROUNDS, help="over them")
+    made.add_argument("--unseen", type=int, default=UNSEEN, help="further arms that it is tested on")
     told = made.parse_args(arguments)
     arms = [arm(SEED + k) for k in range(told.arms)]
     prior = first_prior(told.arms)
-    for number in range(ROUNDS):
+    for number in range(told.rounds):
         prior = learn(arms, prior)
-        print(f"round {number + 1} of {ROUNDS}", flush=True)
+        print(f"round {number + 1} of {told.rounds}", flush=True)
     told.out.write_text(json.dumps(prior.model_dump(), indent=2) + "\n", encoding="utf-8")
-    over = over_ridge([arm(SEED + told.arms + k) for k in range(UNSEEN)], prior)
-    print(
-        f"{told.out}: on {UNSEEN} further arms {np.exp(np.log(over).mean()):.3f} times the error of ridge regression"
-    )
+    over = over_ridge([arm(SEED + told.arms + k) for k in range(told.unseen)], prior)
+    mean = np.exp(np.log(over).mean())
+    print(f"{told.out}: {mean:.3f} times the error of ridge regression on {told.unseen} further arms")
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from catenary.calibration.leaps import largest_step, room_of
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.neural import BEST, PAPER, fit_neural
 from catenary.calibration.predictors import Linear, Predictor
-from catenary.calibration.prior import (
+from catenary.calibration.priors.prior import (
     NONE,
     PRIORS,
     PriorOfFeatures,
@@ -287,7 +287,7 @@ def _linear_with_prior(
     ridge, chosen = _ridge(X, Y), np.flatnonzero(gains)
     if len(chosen) == 0:
         return ridge
-    fitted = prior.fit(X, Y[:, chosen], [names[k] for k in chosen])
+    fitted = prior.fit(X, Y[:, chosen], [names[k] for k in chosen.tolist()])
     weights, bias = ridge.weights.copy(), ridge.bias.copy()
     weights[:, chosen], bias[chosen] = fitted.weights, fitted.bias
     return Linear(weights, bias)

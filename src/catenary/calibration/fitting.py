@@ -16,7 +16,7 @@ from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit import SMALLEST_DATA, FitOptions, Inputs, choose_inputs, fit
 from catenary.calibration.intervals import check_level
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.calibration.prior import load_prior
+from catenary.calibration.priors.prior import load_prior
 from catenary.calibration.progress import Progress, part_of, silent
 from catenary.errors import InputError
 from catenary.plant import MotionLog

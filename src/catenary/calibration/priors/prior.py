@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from catenary.arrays import Floats
-from catenary.calibration.evidence import posterior
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.kernels import Integers
 from catenary.calibration.predictors import Linear
+from catenary.calibration.priors.evidence import posterior
 from catenary.calibration.valid_range import standardisation
 from catenary.config import Settings, load_json
 from catenary.errors import InputError
@@ -64,7 +64,7 @@ def load_prior(name: str) -> Prior:
     """
     if name not in PRIORS:
         raise InputError(f'prior "{name}": expected {NONE} or {", ".join(PRIORS)}')
-    with as_file(files("catenary.calibration") / "data" / f"{name}.json") as path:
+    with as_file(files("catenary.calibration.priors") / "data" / f"{name}.json") as path:
         return load_json(path, Prior)
 
 

@@ -4,7 +4,7 @@ Bayesian linear regression y = Z w + noise, w_k ~ N(0, v_c(k)), on standardised 
 class of features weighs, v_c, is itself drawn about what a prior says of it: ln v_c ~ N(m_c, spread^2). It and the
 noise are taken where the evidence times their density is largest [type II maximum likelihood; MacKay 1992], and the
 weights then are their posterior mean: a ridge regression with a penalty for each class. Errors of neighbouring rows
-resemble each other; rows count as many as are independent, by the integrated autocorrelation of the errors [Sokal 1997].
+resemble each other; rows count as many as are independent, by their errors' integrated autocorrelation [Sokal 1997].
 """
 
 from typing import NamedTuple, Protocol
