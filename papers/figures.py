@@ -60,3 +60,13 @@ def legend_below(figure: "Figure", *panels: Any, columns: int | None = None) -> 
     figure.legend(
         handles.values(), handles, loc="outside lower center", ncols=ncols, frameon=False, fontsize=8
     )
+
+
+def log_scale(panel: Any) -> None:
+    """Give a panel a logarithmic vertical axis, labelled with plain numbers at 1, 2 and 5 of every decade."""
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    panel.set_yscale("log")
+    panel.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    panel.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    panel.yaxis.set_minor_formatter(NullFormatter())

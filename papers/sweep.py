@@ -109,9 +109,8 @@ def show(planned: Planned, store: Store, out: Path, console: Console) -> None:
     for table in content["tables"]:
         print(f"\n{table['title']}\n\n{markdown(table)}")
     for claim in content["claims"]:
-        print(
-            f"- {claim['verdict']}: {claim['says']}. Published: {claim['published']}. Here: {claim['measured']}."
-        )
+        says = claim["says"].rstrip(".")
+        print(f"- {claim['verdict']}: {says}. Published: {claim['published']}. Here: {claim['measured']}.")
     if missing:
         print(f"\n{missing} of {len(cases)} cases are missing: no verdicts.")
     print(f"\n{folder / f'{asked.name}.html'}", flush=True)

@@ -48,9 +48,10 @@ def data_of(*logs: MotionLog, **options: Any) -> CalibrationData:
 
 
 def fitted(*logs: MotionLog, **options: Any) -> CalibrationModel:
-    """Model fitted to all usable rows of recordings."""
-    inputs = choose_inputs(logs, FitOptions(**options))
-    return fit(calibration_data(logs, inputs.features), inputs, FitOptions(**options))
+    """Model fitted to all usable rows of recordings, a linear one where no kind is given."""
+    asked = FitOptions(**{"kind": "linear"} | options)
+    inputs = choose_inputs(logs, asked)
+    return fit(calibration_data(logs, inputs.features), inputs, asked)
 
 
 def short_training() -> Iterator[None]:

@@ -40,6 +40,14 @@ def in_deg_and_mm(log: MotionLog, *arrays: str) -> MotionLog:
     return log
 
 
+def in_counts(log: MotionLog, *arrays: str) -> MotionLog:
+    """Return a log with arrays in encoder counts: 40,000 a turn, 2 micrometres each."""
+    factor = np.array([40_000 / (2.0 * np.pi) if unit == "rad" else 5e5 for unit in log.joint_units])
+    for what in arrays:
+        log = replace(log, **{what: np.round(getattr(log, what) * factor)})
+    return log
+
+
 def exchanged(log: MotionLog, what: str, order: list[int]) -> MotionLog:
     """Return a log with the first columns of an array in another order."""
     values = getattr(log, what).copy()
@@ -147,6 +155,9 @@ SPOILS = (
     Spoil(
         "unit", "measured J3 times 180/pi", lambda g: scaled(g, MEASURED, [2], np.rad2deg(1.0)), ("units",)
     ),
+    Spoil("counts", "measurements in encoder counts", lambda g: in_counts(g, MEASURED), ("scale",)),
+    Spoil("counts", "commands in encoder counts", lambda g: in_counts(g, COMMAND), ("scale", "range")),
+    Spoil("counts", "all numbers in encoder counts", lambda g: in_counts(g, *BOTH), ("range",)),
     Spoil("swap", "measured J1 and J2", lambda g: exchanged(g, MEASURED, [1, 0]), ("swapped",)),
     Spoil("swap", "commanded J1 and J2", lambda g: exchanged(g, COMMAND, [1, 0]), ("swapped",)),
     Spoil("swap", "measured J2 and J3", lambda g: exchanged(g, MEASURED, [0, 2, 1]), ("swapped",)),

@@ -85,3 +85,31 @@ def test_a_frozen_array_is_a_copy_that_cannot_be_written():
     assert copy[0] == 0.0
     with pytest.raises(ValueError, match="read-only"):
         copy[0] = 2.0
+
+
+class Recorded:
+    """A tensor of torch whose operations are recorded refuses to become an array."""
+
+    requires_grad = True
+
+    def __array__(self, dtype=None, copy=None):
+        raise RuntimeError(
+            "Can't call numpy() on Tensor that requires grad. Use tensor.detach().numpy() instead."
+        )
+
+
+def test_a_tensor_that_records_gradients_is_refused_with_what_to_do():
+    with pytest.raises(
+        InputError, match=r"q: got a tensor that records gradients.*q\.detach\(\).*export_function"
+    ):
+        as_array("q", Recorded(), (3,))
+
+
+def test_a_tensor_that_records_none_is_taken():
+    class Tensor:
+        requires_grad = False
+
+        def __array__(self, dtype=None, copy=None):
+            return np.array([1.0, 2.0, 3.0], dtype=np.float32)
+
+    assert_array_equal(as_array("q", Tensor(), (3,)), [1.0, 2.0, 3.0])

@@ -94,3 +94,20 @@ def test_a_zero_quaternion_is_refused():
 def test_what_is_no_proper_rotation_is_refused(matrix, words):
     with pytest.raises(InputError, match=words):
         spatial.as_rotation("R", matrix)
+
+
+@given(st.lists(st.tuples(poses, poses), min_size=1, max_size=4), poses)
+def test_many_poses_compose_row_by_row(pairs, common):
+    first, second = (
+        spatial.Pose(np.array([p.rotation for p in side]), np.array([p.position for p in side]))
+        for side in zip(*pairs, strict=True)
+    )
+    for k, (a, b) in enumerate(pairs):
+        for both, expected in (
+            (first @ second, a @ b),
+            (first @ common, a @ common),
+            (common @ second, common @ b),
+        ):
+            assert_same_pose(spatial.Pose(both.rotation[k], both.position[k]), expected)
+        inverse = first.inverse()
+        assert_same_pose(spatial.Pose(inverse.rotation[k], inverse.position[k]), a.inverse())

@@ -13,15 +13,16 @@ from pathlib import Path
 import numpy as np
 
 from catenary import MotionLog
-from catenary.calibration.choice import SIMPLEST_FIRST
-from catenary.calibration.dataset import calibration_data
-from catenary.calibration.evaluate import evaluate
+from catenary.calibration.choice import SIMPLEST_FIRST, block_squares
+from catenary.calibration.dataset import calibration_data, error_limits
+from catenary.calibration.evaluate import Evaluation, evaluate
 from catenary.calibration.fit import FitOptions
-from catenary.calibration.fitting import FOLDS, FitResult, FitRun, error_limits, fit_logs
+from catenary.calibration.fitting import FOLDS, FitResult, FitRun, fit_logs
 from catenary.recording.logs import read_log
 from catenary.reports.page import Table
 from papers.beyond.intervals import DVRK_UNITS, LATER, RECORDINGS, TRAININGS
 from papers.calibration.dvrk import FOLDER, HELD_OUT, SAMPLED_LIMIT
+from papers.claims import graded
 from papers.experiment import (
     Case,
     Claim,
@@ -61,18 +62,39 @@ def dvrk_advice(recording: str, others: Sequence[str], data: Path) -> Result:
 
     fits = {kind: fitted(kind) for kind in (*SIMPLEST_FIRST, AUTO)}
     tests: dict[str, Plain] = {}
+    excess: dict[str, Plain] = {}
     for name in others or (LATER,):
-        tests[name] = {}
+        found: dict[str, Evaluation] = {}
         for kind, result in fits.items():
-            found = result.held_out
-            if found is None:
-                log = log_of(name)
-                limits = error_limits(_limit(name), log)
-                found = evaluate(
-                    result.model, calibration_data([log], result.model.features, max_error=limits)
-                )
-            tests[name][kind] = [joint.rmse for joint in found.joints]
-    return {"tests": tests, "choice": [asdict(choice) for choice in fits[AUTO].choices]}
+            if result.held_out is not None:
+                found[kind] = result.held_out
+                continue
+            log = log_of(name)
+            limits = error_limits(_limit(name), log)
+            rows = calibration_data([log], result.model.features, max_error=limits)
+            found[kind] = evaluate(result.model, rows)
+        tests[name] = {kind: [joint.rmse for joint in each.joints] for kind, each in found.items()}
+        excess[name] = excess_errors(found).tolist()
+    return {
+        "tests": tests,
+        "excess": excess,
+        "choice": [asdict(choice) for choice in fits[AUTO].choices],
+    }
+
+
+def excess_errors(found: Mapping[str, Evaluation]) -> np.ndarray:
+    """Return by how many standard errors `auto` is worse than the kind that is best on a test, (n,); 0 if it is that.
+
+    Standard errors are of the difference of mean squares over blocks of the test's time.
+    """
+    squares = {kind: block_squares(each.after_model, each.data.recording) for kind, each in found.items()}
+    rmse = np.array([[joint.rmse for joint in found[kind].joints] for kind in SIMPLEST_FIRST])
+    excesses = []
+    for j, best in enumerate(rmse.argmin(axis=0)):
+        over = squares[AUTO][:, j] - squares[SIMPLEST_FIRST[best]][:, j]
+        error = over.std(ddof=1) / np.sqrt(len(over))
+        excesses.append(over.mean() / error if error > 0.0 else 0.0)
+    return np.array(excesses)
 
 
 def _limit(recording: str) -> tuple[float, ...] | None:
@@ -162,9 +184,7 @@ def _judged(later: bool) -> Claim:
         )
         met = float((over <= WITHIN).mean()) if len(over) else 0.0
         told = f"{met:.0%} of {len(over)} joints and tests; {over.max(initial=0.0):.2f} times at worst"
-        return Judgement(
-            "reproduced" if met == 1.0 else "same direction" if met > 0.5 else "not reproduced", told
-        )
+        return graded(met == 1.0, met > 0.5, told)
 
     return Claim(
         says="`auto` is no more than 5 % worse than the best single kind "

@@ -31,7 +31,7 @@ from papers.calibration.dvrk import FOLDER, RECORDINGS
 from papers.calibration.dvrk import JOINTS as DVRK_JOINTS
 from papers.calibration.dvrk import UNITS as DVRK_UNITS
 from papers.calibration.recordings import JOINTS, UNITS, draws, fitted, homed, random_log, rows_of
-from papers.claims import mean_and_spread
+from papers.claims import graded, mean_and_spread
 from papers.experiment import (
     NOMINAL,
     Case,
@@ -72,7 +72,7 @@ def simulated_day(seed: int | None, drift: str, training: float, day: float) -> 
     """
     plant = homed(seed)
     first = random_log(plant, draws(seed, 70), training)
-    second = random_log(_drifted(plant, seed, drift), draws(seed, 71), day)
+    second = random_log(drifted(plant, seed, drift), draws(seed, 71), day)
     found = {}
     for name, options in MODELS.items():
         old = fitted([first], options)
@@ -80,7 +80,8 @@ def simulated_day(seed: int | None, drift: str, training: float, day: float) -> 
     return found
 
 
-def _drifted(plant: CablePlant, seed: int | None, drift: str) -> CablePlant:
+def drifted(plant: CablePlant, seed: int | None, drift: str) -> CablePlant:
+    """Return a robot after one of DRIFTS: the same one, or for a load, which it has from power-on, another alike."""
     if drift == LOAD:
         return homed(seed, payload=PAYLOAD)
     if drift == HOMING:
@@ -197,10 +198,7 @@ def _judge(outcomes: Outcomes) -> Judgement:
     over = np.concatenate([ratios(outcomes, drift, model) for drift in DRIFTS for model in MODELS]).ravel()
     met = float((over <= WITHIN).mean()) if len(over) else 0.0
     told = f"{met:.0%} of joints, drifts and robots; {np.median(over):.2f} times the error in the median"
-    verdict = (
-        "reproduced" if met == 1.0 else "same direction" if np.median(over) <= WITHIN else "not reproduced"
-    )
-    return Judgement(verdict, f"{told}, {over.max():.2f} at worst")  # type: ignore[arg-type]
+    return graded(met == 1.0, np.median(over) <= WITHIN, f"{told}, {over.max():.2f} at worst")
 
 
 CLAIMS = [

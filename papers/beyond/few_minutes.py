@@ -18,10 +18,9 @@ import numpy as np
 
 from catenary import MotionLog
 from catenary.arrays import Floats
-from catenary.calibration.dataset import calibration_data, sampling_rate
+from catenary.calibration.dataset import calibration_data, error_limits, sampling_rate
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit import PLAY_SHARES, SMALLEST_DATA, FitOptions, choose_inputs, fit
-from catenary.calibration.fitting import error_limits
 from catenary.recording.logs import read_log
 from catenary.reports.page import Table
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
@@ -29,7 +28,7 @@ from papers.calibration.dvrk import FOLDER, HELD_OUT, RECORDINGS
 from papers.calibration.dvrk import JOINTS as DVRK_JOINTS
 from papers.calibration.dvrk import UNITS as DVRK_UNITS
 from papers.calibration.recordings import JOINTS, UNITS, draws, homed, random_log, rows_of
-from papers.claims import mean_and_spread
+from papers.claims import graded, mean_and_spread
 from papers.experiment import (
     Case,
     Claim,
@@ -252,10 +251,7 @@ def _judged(model: str, stage: str, other: str) -> Claim:
         met = int((over <= REACHED).sum())
         middle = float(np.exp(np.log(over).mean()))
         told = f"{met} of {len(over)} joints and recordings; {middle:.2f} times in the mean, {over.max():.2f} at worst"
-        whole = met == len(over)
-        return Judgement(
-            "reproduced" if whole else "same direction" if middle <= 1.0 else "not reproduced", told
-        )
+        return graded(met == len(over), middle <= 1.0, told)
 
     return Claim(
         says=f"`{model}` of {stage} of a recording errs no more than `{other}` of all of it.",

@@ -13,10 +13,10 @@ import numpy as np
 
 from catenary import MotionLog
 from catenary.calibration.conformal import coverage_verdicts
-from catenary.calibration.dataset import calibration_data
+from catenary.calibration.dataset import calibration_data, error_limits
 from catenary.calibration.evaluate import Evaluation, evaluate
 from catenary.calibration.fit import PLAY_SHARES, FitOptions
-from catenary.calibration.fitting import FitRun, error_limits, fit_logs
+from catenary.calibration.fitting import FitRun, fit_logs
 from catenary.recording.logs import read_log
 from catenary.reports.page import Table
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS

@@ -11,10 +11,10 @@ import numpy as np
 
 from catenary import CablePlant, MotionLog
 from catenary.arrays import Floats, frozen
+from catenary.recording import raven_transmission as transmission
 from catenary.simulation.cable_parameters import Firmware
-from catenary.simulation.firmware import COUNTS_PER_RADIAN, FOUND
+from catenary.simulation.firmware import FOUND
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
-from catenary.transmission.coupling import joints_of
 from catenary.workflows.robot.motion import move_to
 from papers.calibration.recordings import START, draws, homed
 from papers.experiment import Result, run
@@ -74,9 +74,7 @@ def shift_of(firmware: Firmware, offsets: Floats) -> Floats:
 
     Its zero is anywhere: only differences between registrations of one robot, switched on once, have a meaning.
     """
-    winding = -np.asarray(offsets, dtype=float) / COUNTS_PER_RADIAN / firmware.ratio[:N]
-    joints = joints_of(np.asarray(firmware.coupling), (winding[..., 0], winding[..., 1], winding[..., 2]))
-    return np.stack(joints, axis=-1)
+    return transmission.shift_of(offsets, firmware.ratio[:N], firmware.coupling)
 
 
 def registration(plant: CablePlant) -> Floats:

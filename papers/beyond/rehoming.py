@@ -310,7 +310,7 @@ def _remarks(outcomes: Outcomes) -> list[str]:
 
 
 def _picture(outcomes: Outcomes) -> Any:
-    from papers.figures import legend_below, panels
+    from papers.figures import legend_below, log_scale, panels
 
     figure, (homing, mechanism, cured) = panels(3, 3.4)
     for told, result in outcomes.items(registrations):
@@ -330,7 +330,7 @@ def _picture(outcomes: Outcomes) -> Any:
             cured.plot(
                 reached.mean(axis=0), "o-" if cure == NOTHING else "s--", ms=3, color=color, label=label
             )
-    cured.set_yscale("log")
+    log_scale(cured)
     cured.set_xlabel("homings", fontsize=8)
     cured.set_title("RMSE of J2 [deg], linear", fontsize=10)
     legend_below(figure, cured, columns=3)

@@ -66,6 +66,7 @@ INPUTS: dict[str, tuple[str, ...]] = {
         *(f"tau:{tool}" for tool in ("roll", "wrist", "jaw1", "jaw2", "unused")),
     ),
 }
+MODELS_TOLD = {"linear": "linear model", "network": "network"}
 KINDS = {"linear": FitOptions(kind="linear"), "network": FitOptions(kind="neural", preset="paper")}
 COLORS = {PAPERS: "#d9622b", WITH_GRAVITY: "#2f8f6b"}
 SHAPES = {LEVEL: "o", TILTED: "s", SEVERAL: "^"}
@@ -201,9 +202,9 @@ def _remarks(outcomes: Outcomes) -> list[str]:
         parts = ["/".join(f"{value:.3f}" for value in each.mean(axis=(0, 1))) for each in at.values()]
         level = "/".join(f"{value:.3f}" for value in home.mean(axis=0))
         told.append(
-            f"A {model} calibrated level errs by {level} (J1 deg/J2 deg/J3 mm) there and by {parts[0]} on tilted and "
-            f"rocking bases, by {parts[1]} with the gravity model's torque as an input; calibrated on several tilts in "
-            f"the same minutes, by {parts[2]} and {parts[3]}."
+            f"A {MODELS_TOLD[model]} calibrated level errs by {level} (J1 deg/J2 deg/J3 mm) there and by "
+            f"{parts[0]} on tilted and rocking bases, by {parts[1]} with the gravity model's torque as an input; "
+            f"calibrated on several tilts in the same minutes, by {parts[2]} and {parts[3]}."
         )
     level_models = [
         result
@@ -223,7 +224,7 @@ def _remarks(outcomes: Outcomes) -> list[str]:
 
 
 def _picture(outcomes: Outcomes) -> Any:
-    from papers.figures import legend_below, panels
+    from papers.figures import legend_below, log_scale, panels
 
     figure, axes = panels(3, 3.8)
     for j, panel in enumerate(axes):
@@ -243,7 +244,7 @@ def _picture(outcomes: Outcomes) -> Any:
                                 label=f"{training}, {inputs}" if (b, model) == (0, "network") else None,
                             )
         panel.set_xticks(range(len(BASES)), BASES, rotation=35, fontsize=8, ha="right")
-        panel.set_yscale("log")
+        log_scale(panel)
         panel.set_title(f"{JOINTS[j]} [{UNITS[j]}]", fontsize=10)
     legend_below(figure, axes[0], columns=3)
     return figure

@@ -38,7 +38,7 @@ from papers.experiment import (
     TitledTable,
     after_headline,
 )
-from papers.figures import METHOD_COLORS, panels
+from papers.figures import METHOD_COLORS, log_scale, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -157,7 +157,7 @@ def _picture(outcomes: Outcomes) -> "Figure":
                 at += 1.0
             at += 0.5
         panel.set_xticks(places, labels, rotation=70, fontsize=8)
-        panel.set_yscale("log")
+        log_scale(panel)
         panel.set_title(f"{JOINTS[j]} [{UNITS[j]}]", fontsize=10)
     handles = [axes[0].plot([], [], color=COLORS[model], linewidth=4)[0] for model in SHOWN]
     figure.legend(handles, SHOWN, loc="outside lower center", ncols=len(SHOWN), frameon=False, fontsize=9)

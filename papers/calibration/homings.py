@@ -121,7 +121,9 @@ def homing_errors(
         for chain, logs in tests.items():
             reached[chain]["outside"].append([outside(models[0], log) for log in logs])
             reached[chain]["tool"].append([tool_shift(train, log) for log in logs])
-        _add(reached, POSITIONING, [fitted(train, FitOptions(inputs=POSITIONING_INPUTS))], tests)
+        _add(
+            reached, POSITIONING, [fitted(train, FitOptions(kind="linear", inputs=POSITIONING_INPUTS))], tests
+        )
     if ours:
         _add(reached, BEST, _trainings(train, METHODS[BEST], ours), tests)
     return reached

@@ -101,6 +101,13 @@ def _as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> F
         array = np.asarray(raw, dtype=np.float64, order="C")  # ascontiguousarray would make a scalar (1,)
         # compiled code would be compiled once more for read-only arrays, such as a model's own limits
         return array if array.flags.writeable else array.copy()
+    except RuntimeError as error:  # a tensor of torch whose operations are recorded
+        if not getattr(values, "requires_grad", False):
+            raise
+        raise InputError(
+            f"{name}: got a tensor that records gradients, expected numbers: pass {name.split()[0]}.detach(); "
+            "functions that have gradients come from catenary.export_function"
+        ) from error
     except (TypeError, ValueError) as error:
         raise InputError(f"{name}: expected numbers of shape {_shape_text(shape)}, got {values!r}") from error
 

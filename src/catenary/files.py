@@ -80,6 +80,11 @@ def _sync_folder(folder: Path) -> None:
         os.close(descriptor)
 
 
+def card_path(path: Path) -> Path:
+    """Return where the readable copy of the card of a model or of parameters is: beside it, and of it alone."""
+    return path.parent / f"{path.name.removesuffix('.npz')}.card.json"
+
+
 def damage(path: Path, why: object, remedy: str) -> str:
     """Return what is said of a file that does not hold what was written: which, what is wrong, what makes it again."""
     is_empty = path.is_file() and path.stat().st_size == 0

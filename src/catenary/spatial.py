@@ -23,18 +23,27 @@ def cross(a: Floats, b: Floats) -> Floats:
 
 
 class Pose(NamedTuple):
-    """Pose of a frame b in a frame a: p_a = rotation p_b + position."""
+    """Pose of a frame b in a frame a: p_a = rotation p_b + position; or N poses, which compose row by row."""
 
-    rotation: Floats  # (3, 3) R_a_b
-    position: Floats  # (3,) origin of b in a [m]
+    rotation: Floats  # (3, 3) or (N, 3, 3) R_a_b
+    position: Floats  # (3,) or (N, 3) origin of b in a [m]
 
     def __matmul__(self, other: "Pose") -> "Pose":
         """Return T_a_c of T_a_b @ T_b_c."""
-        return Pose(self.rotation @ other.rotation, self.rotation @ other.position + self.position)
+        return Pose(self.rotation @ other.rotation, _turned(self.rotation, other.position) + self.position)
 
     def inverse(self) -> "Pose":
         """Return T_b_a."""
-        return Pose(self.rotation.T, -self.rotation.T @ self.position)
+        inverse = np.swapaxes(self.rotation, -1, -2)
+        return Pose(inverse, -_turned(inverse, self.position))
+
+
+def _turned(rotation: Floats, vector: Floats) -> Floats:
+    """Return R v of one or of each of N."""
+    if rotation.ndim == 2 and vector.ndim == 1:
+        return rotation @ vector
+    turned: Floats = (rotation @ vector[..., None])[..., 0]
+    return turned
 
 
 def identity_pose() -> Pose:

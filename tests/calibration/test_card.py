@@ -7,6 +7,7 @@ import pytest
 
 import catenary
 from catenary.calibration.card import model_card
+from catenary.calibration.choice import JointChoice, composed
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import cross_validate, evaluate
 from catenary.calibration.fit import FitOptions, choose_inputs, fit
@@ -18,7 +19,7 @@ quick = pytest.fixture(scope="module", autouse=True)(short_training)
 
 def card_of(log: Any = None, *, held_out: bool = True, folds: int = 3, **options: Any) -> Card:
     log = recording(np.random.default_rng(0), rows=60, sha256="ab" * 32) if log is None else log
-    asked = FitOptions(**options)
+    asked = FitOptions(**{"kind": "linear"} | options)
     inputs = choose_inputs([log], asked)
     early, late = calibration_data([log], inputs.features).split_by_time(0.2)
     model = fit(early, inputs, asked)
@@ -111,3 +112,35 @@ def test_card_gives_scaling_and_valid_range_of_every_input() -> None:
     # a millionth of the spread is added
     assert first["valid"]["lower"] == pytest.approx(q.min() - margin, abs=1e-5)
     assert first["valid"]["upper"] == pytest.approx(q.max() + margin, abs=1e-5)
+
+
+def test_an_inputs_valid_range_is_where_no_joint_that_takes_it_falls_back() -> None:
+    log = recording(np.random.default_rng(0), rows=200)
+    options = {"offset": FitOptions("offset"), "polynomial": FitOptions("polynomial", history=1, ridge=1.0)}
+    models = {
+        name: fit(calibration_data([log], inputs.features), inputs, asked)
+        for name, asked in options.items()
+        for inputs in [choose_inputs([log], asked)]
+    }
+    kinds = ("polynomial", "offset", "offset")
+    choices = [
+        JointChoice(j, "deg", kind, {kind: 1.0}) for j, kind in zip(log.joint_names, kinds, strict=True)
+    ]
+    model = composed(models, choices)
+    data = calibration_data([log], model.features)
+    asked = FitOptions(history=1)
+    card = model_card(
+        model, data, asked, robot=None, command={}, spread=(), held_out=None, choices=tuple(choices)
+    )
+    assert [joint["widened_by"] for joint in card["joints"]] == [0.1, 0.5, 0.5]
+    for entry in card["inputs"]:
+        column = model.features.names.index(entry["name"])
+        X = data.X[:1].repeat(4, axis=0)
+        low, high = entry["valid"]["lower"], entry["valid"]["upper"]
+        X[:, column] = low - 1e-9, low + 1e-9, high - 1e-9, high + 1e-9
+        box = [
+            (group.valid_range.lower <= X[:, group.watched])
+            & (X[:, group.watched] <= group.valid_range.upper)
+            for group in model.groups
+        ]
+        assert np.all([each.all(axis=1) for each in box], axis=0).tolist() == [False, True, True, False]

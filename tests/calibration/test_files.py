@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catenary.calibration.files import card_path, load_model, save_model
+from catenary.calibration.files import load_model, save_model
 from catenary.errors import FileFormatError
+from catenary.files import card_path
 from recordings import fitted, recording
 
 LOG = recording(np.random.default_rng(0), rows=40)

@@ -195,7 +195,7 @@ def test_fit_without_rows_or_to_rows_of_other_features_is_refused() -> None:
     with pytest.raises(InputError, match="data: 9 usable rows, expected at least 10"):
         fitted(log(rows=12), history=3)
     with pytest.raises(InputError, match="data: holds q:J1"):
-        fit(data_of(log(), history=1), choose_inputs([log()], FitOptions()), FitOptions())
+        fit(data_of(log(), history=1), choose_inputs([log()], FitOptions("linear")), FitOptions("linear"))
 
 
 @pytest.mark.parametrize("kind", ["offset", "linear", "polynomial"])  # of networks: test_neural.py

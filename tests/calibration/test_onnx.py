@@ -18,7 +18,7 @@ from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.onnx import OPSET, save_onnx, to_onnx
 from catenary.errors import FileFormatError, InputError, MissingPackageError
-from oracles.calibration_models import PREDICTORS, random_model
+from oracles.calibration_models import MIXED, PREDICTORS, random_model
 
 CARD = {"robot": "räven"}
 CLOSE = {"rtol": 1e-9, "atol": 1e-9}  # sums of some hundred terms of order one to ten, in another order
@@ -62,7 +62,7 @@ def rows_within_and_outside(rng: np.random.Generator, signals: Floats, count: in
 
 @pytest.mark.parametrize("target", ["error", "position"])
 @pytest.mark.parametrize("per_joint", [False, True])
-@pytest.mark.parametrize("kind", PREDICTORS)
+@pytest.mark.parametrize("kind", [*PREDICTORS, MIXED])
 def test_graph_gives_the_correction_of_every_kind_of_model(kind: str, per_joint: bool, target: Any) -> None:
     rng = np.random.default_rng([len(kind), per_joint, len(target)])
     signals = rng.normal(size=(200, 5))
@@ -78,7 +78,7 @@ def test_graph_gives_the_correction_of_every_kind_of_model(kind: str, per_joint:
 
 @settings(max_examples=25, deadline=None)
 @given(
-    kind=st.sampled_from(PREDICTORS),
+    kind=st.sampled_from([*PREDICTORS, MIXED]),
     history=st.integers(0, 3),
     plays=st.integers(0, 2),
     decimation=st.integers(1, 3),

@@ -172,8 +172,8 @@ def test_calibrate_warns_of_a_recommended_model_that_does_harm(
     line = ("calibrate", tmp_path / "p", train, "--test", tmp_path / "test.npz", *accept)
     outcome = catenary(*line)
     assert outcome.code == 0, outcome
-    assert "J2: the model is worse than the fixed offset here" in outcome.out
-    assert "J3: 100% of rows lie outside the model's valid range" in outcome.out
+    assert "warning: J2: the model is worse than the fixed offset here" in outcome.out
+    assert "warning: J3: 100% of rows lie outside the model's valid range" in outcome.out
     assert "J1: the model is worse" not in outcome.out
     assert len(catenary(*line, "--json").json["advice"]) == 2
 

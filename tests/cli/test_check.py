@@ -1,3 +1,4 @@
+import json
 from pathlib import Path
 from shutil import copy
 
@@ -5,6 +6,7 @@ import numpy as np
 import pytest
 
 import simulated_arm
+from catenary.files import card_path
 from catenary.robots.catalog import robot_names
 from command_line import catenary, refusal
 
@@ -37,7 +39,7 @@ def test_a_faulty_recording_ends_with_1(tmp_path: Path) -> None:
     assert plain.json["kind"] == "recording"
     (found,) = plain.json["findings"]
     assert (found["name"], found["refuses"]) == ("stamps", True)
-    assert plain.json["facts"]["rows"].startswith("400")
+    assert plain.json["facts"]["rows"] == 400
 
 
 def test_units_can_be_given_for_a_recording_without(tmp_path: Path) -> None:
@@ -57,7 +59,9 @@ def test_a_urdf_without_inertia_ends_with_1_and_names_the_links(tmp_path: Path) 
 def test_a_table_is_a_robot(tmp_path: Path) -> None:
     outcome = catenary("check", write_text(tmp_path / "arm.toml", simulated_arm.DH_TABLE), "--json")
     assert outcome.code == 0
-    assert outcome.json["facts"]["massless links"] == "slide"
+    assert outcome.json["facts"]["massless_links"] == ["slide"]
+    limits = {joint["name"]: (joint["lower"], joint["upper"]) for joint in outcome.json["facts"]["joints"]}
+    assert set(limits) == {"shoulder", "slide"}
 
 
 @pytest.mark.parametrize("name", ["model.npz", "model", "model.bin"])
@@ -65,6 +69,16 @@ def test_a_model_is_known_by_what_it_holds(model: Path, tmp_path: Path, name: st
     outcome = catenary("check", copy(model, tmp_path / name))
     assert "calibration model" in outcome.out
     assert "run (sha256 " in outcome.out
+
+
+def test_facts_of_a_model_are_numbers_with_units(model: Path) -> None:
+    facts = catenary("check", model, "--json").json["facts"]
+    card = json.loads(card_path(model).read_text())
+    assert [joint["unit"] for joint in facts["joints"]] == ["rad", "rad", "m"]
+    for joint, told in zip(facts["joints"], card["errors"]["cross_validation"]["joints"], strict=True):
+        assert joint["error_unit"] == told["unit"]
+        assert joint["cross_validation"]["rmse"] == told["rmse_mean"]
+    assert [log["sha256"] for log in facts["fitted_to"]] == [log["sha256"] for log in card["data"]]
 
 
 def test_an_offset_is_not_worse_than_itself(run: Path, tmp_path: Path) -> None:

@@ -182,7 +182,7 @@ def test_window_sets_the_length_of_the_windows(model: Path, run: Path) -> None:
 @pytest.fixture
 def _no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages without pictures, which take seconds to draw."""
-    monkeypatch.setattr(calibration, "joint_picture", lambda *_: Picture("", ""))
+    monkeypatch.setattr(calibration, "joint_picture", lambda *_, **__: Picture("", ""))
 
 
 @pytest.mark.usefixtures("_no_pictures")
@@ -295,3 +295,16 @@ def test_an_unreadable_file_is_refused_by_name(tmp_path: Path, run: Path, model:
 def test_a_model_of_another_make_is_refused(tmp_path: Path, run: Path, structure: str) -> None:
     np.savez(tmp_path / "model.npz", structure=np.array(structure), card=np.array("{}"))
     assert "model.npz: " in refusal("evaluate", tmp_path / "model.npz", run)
+
+
+def test_a_model_that_does_harm_on_what_was_held_out_is_warned_of(tmp_path: Path) -> None:
+    arrays = simulated_arm.arrays(seed=1)
+    late = slice(int(0.8 * len(arrays["q_des"])), None)
+    arrays["q_des"][late, 0] += 2.0  # where J1 never was
+    arrays["q_act"][late, 0] += 2.0
+    np.savez(tmp_path / "day.npz", **arrays)
+    line = ("fit", tmp_path / "day.npz", "--model", "linear", "--held-out", 0.2, "--out", tmp_path / "m.npz")
+    outcome = catenary(*line, *(word for name in ("units", "scale") for word in ("--accept", name)))
+    assert outcome.code == 0, outcome.err
+    assert "warning: J1: " in outcome.err
+    assert "note: warning" not in outcome.err

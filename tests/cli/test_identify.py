@@ -78,6 +78,9 @@ def test_check_says_what_a_parameter_file_is(parameters: Path) -> None:
     content = catenary("check", parameters, "--json").json
     assert content["kind"] == "identified dynamics"
     assert content["facts"]["robot"] == "raven2"
+    (training,) = content["facts"]["recordings"]
+    assert training["part"] == "training"
+    assert list(training["relative_rms"]) == ["shoulder", "elbow", "insertion"]
 
 
 def test_payload_weighs_a_mass_at_its_place(moving_arm_logs: Path, parameters: Path) -> None:

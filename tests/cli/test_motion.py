@@ -48,13 +48,13 @@ def test_goto_tells_joints_in_the_units_they_were_asked_in_and_the_tip() -> None
     assert f"{1000 * x:.1f}, {1000 * y:.1f}, {1000 * z:.1f} mm in the base frame" in in_deg
 
 
-def test_goto_a_place_says_how_far_from_it_the_tip_ended() -> None:
+def test_goto_a_place_says_how_far_from_it_the_tool_ended() -> None:
     out = catenary("goto", "--position-mm", "19,-7.4,-67", "--fast").out
     left = float(re.search(r"from where it was sent: ([0-9.]+) mm", out).group(1))
-    assert 0.0 < left < 2.0  # the control error of a robot at rest, at its tip
+    assert 0.0 < left < 2.0  # the control error of a robot at rest, at its tool
 
 
-def test_a_simulation_tells_the_true_error_of_joints_and_tip() -> None:
+def test_a_simulation_tells_the_true_error_of_joints_and_wrist() -> None:
     told = catenary("goto", "--q-deg", "33,88,395", "--fast", "--json").json
     plant = simulated_robot("raven2", real_time=False).plant
     go_to_joints(
@@ -68,4 +68,5 @@ def test_a_simulation_tells_the_true_error_of_joints_and_tip() -> None:
     assert error[3:] == [None] * 4
     model = load_robot("raven2")
     apart = [forward_kinematics(model, q).position for q in (plant.measured_js().q[:3], true)]
-    assert_allclose(told["tip"]["true_error"], np.linalg.norm(apart[0] - apart[1]), atol=1e-4)
+    assert told["true_error"]["frame"] == "wrist"
+    assert_allclose(told["true_error"]["distance"], np.linalg.norm(apart[0] - apart[1]), atol=1e-4)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
-from oracles.calibration_models import PREDICTORS, log_of, random_model
+from oracles.calibration_models import MIXED, PREDICTORS, log_of, random_model
 
 TORQUES = 2
 
@@ -30,7 +30,7 @@ def fitted(model: CalibrationModel, signals: Floats) -> tuple[Floats, NDArray[np
     return model.calibrate(log), model.inside(model.features.matrix(log))
 
 
-@pytest.mark.parametrize("kind", PREDICTORS)
+@pytest.mark.parametrize("kind", [*PREDICTORS, MIXED])
 @settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(
     seed=st.integers(0, 10_000),
@@ -47,7 +47,7 @@ def test_run_gives_the_bits_of_the_fitted_model(kind, seed, history, plays, targ
     assert_array_equal(out, calibrated)
 
 
-@pytest.mark.parametrize("kind", PREDICTORS)
+@pytest.mark.parametrize("kind", [*PREDICTORS, MIXED])
 def test_ticks_give_the_bits_of_a_run(kind: str) -> None:
     model, signals = drawn(kind, 1, history=3, plays=2)
     n = len(model.joint_names)
@@ -81,7 +81,7 @@ def test_nan_gives_the_fixed_offset_and_no_flag(kind: str) -> None:
     assert_array_equal(flags[sound], inside[sound])
 
 
-@pytest.mark.parametrize("kind", PREDICTORS)
+@pytest.mark.parametrize("kind", [*PREDICTORS, MIXED])
 def test_until_history_is_there_the_fixed_offset_is_used(kind: str) -> None:
     model, signals = drawn(kind, 3, history=3)
     n = len(model.joint_names)

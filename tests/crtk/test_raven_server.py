@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.crtk.clock import SECOND
 from catenary.crtk.conversions import pose_message, pose_of
 from catenary.crtk.loopback import Loopback
-from catenary.crtk.message import message_class
+from catenary.crtk.message import message_class, stamp_of
 from catenary.crtk.names import BUTTON, BUTTON_TYPE
 from catenary.spatial import Pose, rotation_from_rpy
 from served_robot import JointState, ServedRobot, shoulder
@@ -21,6 +21,16 @@ EXACT = 1e-12  # [rad|m] rounding of a hundred sums
 def robot() -> ServedRobot:
     """Homed, pedal down."""
     return ServedRobot()
+
+
+def test_who_comes_late_hears_the_state_that_there_is_first(robot):
+    robot.tick(2000)  # nobody listens
+    robot.command("pause")
+    robot.tick(2000)
+    heard = robot.hear("operating_state")
+    first = heard.take()[0]
+    assert first.message.state == "PAUSED"
+    assert robot.network.clock.now() - stamp_of(first.message) < 0.2 * SECOND
 
 
 @pytest.mark.parametrize("at_once", [1, 2, 5, 33, 100])

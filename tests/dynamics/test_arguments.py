@@ -108,7 +108,7 @@ def test_what_single_functions_take_beside_is_checked_too() -> None:
     with pytest.raises(InputError, match=r"base angular acceleration\[1\] is inf"):
         inverse_dynamics(RAVEN, q, q, q, q, BaseMotion(angular_acceleration=(0.0, np.inf, 0.0)))
     with pytest.raises(InputError, match=r"q: expected shape \(3,\)"):
-        forward_kinematics(RAVEN, np.zeros((2, 3)))
+        forward_kinematics(RAVEN, np.zeros(2))
     for ask in (frame_poses, jacobian):
         with pytest.raises(InputError, match=r'no frame "hand"; frames: .*wrist'):
             ask(RAVEN, q, "hand")

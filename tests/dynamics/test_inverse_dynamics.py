@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from catenary.dynamics.inverse_dynamics import BaseMotion, coriolis_matrix, inverse_dynamics
 from catenary.dynamics.mass_matrix import mass_matrix
+from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque, potential_energy
 from oracles.mujoco_trees import mujoco_model, mujoco_order
 from oracles.pinocchio_trees import pinocchio_model, pinocchio_order, pinocchio_vector
@@ -117,3 +118,27 @@ def test_an_unforced_arm_keeps_its_energy(random_robots, seed: int, rng) -> None
     energy = potential + 0.5 * np.einsum("ki,kij,kj->k", qd, mass_matrix(m, q), qd)
     assert_allclose(energy, energy[0], atol=1e-5)  # the integrator's own error
     assert np.ptp(potential) > 1.0  # J: it did fall
+
+
+def test_each_row_has_the_base_motion_of_its_own(random_robots, rng):
+    for robot in random_robots[:3]:
+        rows, gravity = [random_motion(robot, rng) for _ in range(4)], 5.0 * rng.normal(size=3)
+        motion = BaseMotion(*rng.normal(size=(2, 4, 3)), rng.normal(size=3))  # the last one for all
+        bases = [
+            Free(np.eye(3), np.zeros(3), BaseMotion(w, a, motion[2]))
+            for w, a in zip(*motion[:2], strict=True)
+        ]
+        tau = inverse_dynamics(
+            robot.model, *(np.array(part) for part in zip(*rows, strict=True)), gravity, motion
+        )
+        expected = [by_mujoco(robot, *row, gravity, base) for row, base in zip(rows, bases, strict=True)]
+        assert_allclose(tau, expected, atol=1e-10, err_msg=robot.model.name)
+
+
+def test_base_motions_of_another_number_of_rows_are_refused(random_robots):
+    model = random_robots[0].model
+    q = np.zeros((4, model.n))
+    with pytest.raises(
+        InputError, match=r"base angular acceleration: expected shape \(3,\) or \(4, 3\).*got \(2, 3\)"
+    ):
+        inverse_dynamics(model, q, q, q, [0, 0, 0], BaseMotion(angular_acceleration=np.zeros((2, 3))))

@@ -77,3 +77,17 @@ def test_base_frames_do_not_move() -> None:
     assert_allclose(rotations, np.broadcast_to(model.frames["frame0"].pose.rotation, (2, 3, 3)), atol=0.0)
     assert_allclose(positions, np.zeros((2, 3)), atol=0.0)
     assert_allclose(jacobian(model, q, "frame0"), np.zeros((2, 6, 3)), atol=0.0)
+
+
+def test_poses_of_many_configurations_are_those_of_each(random_robots, rng) -> None:
+    for robot in random_robots[:3]:
+        m = robot.model
+        q = rng.normal(size=(3, m.n))  # as many as a vector has entries
+        poses = forward_kinematics(m, q)
+        back = poses.inverse() @ poses
+        for k in range(3):
+            one = forward_kinematics(m, q[k])
+            assert_allclose(poses.rotation[k], one.rotation, atol=1e-15)
+            assert_allclose(poses.position[k], one.position, atol=1e-15)
+        assert_allclose(back.rotation, np.tile(np.eye(3), (3, 1, 1)), atol=1e-12)
+        assert_allclose(back.position, 0.0, atol=1e-12)

@@ -6,8 +6,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import FileFormatError
+from catenary.files import card_path
 from catenary.identification.files import (
-    card_path,
     identification_card,
     load_identification,
     save_identification,

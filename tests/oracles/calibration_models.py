@@ -12,6 +12,7 @@ from catenary.calibration.valid_range import fit_valid_range
 from catenary.plant import MotionLog
 
 PREDICTORS = ("constant", "linear", "quadratic", "tanh", "logistic", "tanh, skip", "logistic, skip")
+MIXED = "each joint its own"  # as model auto's are
 
 
 def random_predictor(name: str, inputs: int, outputs: int, rng: np.random.Generator) -> Predictor:
@@ -82,7 +83,7 @@ def random_model(
     """Draw a model of joints j0, j1, ... whose valid range is that of a recording.
 
     Args:
-        kind: One of PREDICTORS.
+        kind: One of PREDICTORS, or MIXED: joints have predictors, inputs and margins of their own.
         signals: (N, joints + torques) that the valid range is fitted to.
         rng: Source of randomness.
         joints: Number of joints; all their positions are inputs.
@@ -105,12 +106,15 @@ def random_model(
     X = features.matrix(log_of(names, units, signals, torques))
     X = X[np.isfinite(X).all(axis=1)]
     groups = []
-    for group in [(j,) for j in range(joints)] if per_joint else [tuple(range(joints))]:
-        own = [s for s in features.signals if any(s.endswith(f":j{j}") for j in group)]
-        columns = features.columns_of(own)
+    for group in [(j,) for j in range(joints)] if per_joint or kind == MIXED else [tuple(range(joints))]:
+        own = [s for s in features.signals if kind == MIXED or any(s.endswith(f":j{j}") for j in group)]
+        columns, margin, of_group = features.columns_of(own), 0.1, kind
+        if kind == MIXED:
+            of_group, margin = PREDICTORS[-1 - 2 * group[0]], 0.1 * (1 + group[0])
+            columns = columns[group[0] :: 1 + group[0]]
         watched = columns[~features.bounded[columns]]
-        predictor = random_predictor(kind, len(columns), len(group), rng)
-        groups.append(JointGroup(group, columns, predictor, fit_valid_range(X[:, watched], 0.1), watched))
+        predictor = random_predictor(of_group, len(columns), len(group), rng)
+        groups.append(JointGroup(group, columns, predictor, fit_valid_range(X[:, watched], margin), watched))
     return CalibrationModel(
         kind="neural",
         preset=None,

@@ -1,6 +1,7 @@
 """Identification on recordings of real arms, against errors published or measured with other tools (their README)."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,8 @@ import pytest
 
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import ExcitationError, InputError
-from catenary.identification.identification import Identification, identify
+from catenary.identification.doubts import torque_findings
+from catenary.identification.identification import Identification, identify, identify_samples
 from catenary.identification.options import IdentifyOptions
 from catenary.identification.payload import estimate_payload
 from catenary.identification.samples import prepare
@@ -132,6 +134,20 @@ def test_a_weight_anywhere_is_found_on_a_link_that_turns_with_the_second_axis(ps
     assert payload.detected
     assert payload.link in ("pitch", "top_bar", "middle_bar")
     assert payload.mass == pytest.approx(0.105, abs=0.03)
+
+
+@pytest.mark.slow  # a fit for every axis
+def test_a_panda_whose_torques_are_all_turned_names_all_joints(recordings: Path) -> None:
+    log, panda = log_of(recordings / "panda_dynamics", "panda_first60.npz", "panda"), load_robot("panda")
+    for joints in (range(7), [3]):  # the fourth alone makes the friction of its neighbours look wrong
+        sign = np.ones(7)
+        sign[list(joints)] = -1.0
+        assert log.tau is not None
+        samples = prepare(replace(log, tau=sign * log.tau), panda, IdentifyOptions())
+        findings = torque_findings(
+            identify_samples([samples], panda, IdentifyOptions()), samples, fitted=True
+        )
+        assert [(f.name, f.joints) for f in findings] == [("sign", (panda.joint_names[j],)) for j in joints]
 
 
 def test_swapped_axes_of_a_recording_are_noticed(dvrk: Path, tmp_path: Path) -> None:

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from catenary.calibration.conformal import coverage_verdicts
-from catenary.calibration.dataset import calibration_data
+from catenary.calibration.dataset import calibration_data, error_limits
 from catenary.calibration.evaluate import Evaluation, evaluate
 from catenary.calibration.fit import PLAY_SHARES, FitOptions
-from catenary.calibration.fitting import FitResult, FitRun, error_limits, fit_logs
+from catenary.calibration.fitting import FitResult, FitRun, fit_logs
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
 

@@ -14,9 +14,18 @@ from catenary.calibration.evaluate import Evaluation, evaluate
 from catenary.calibration.fit import FitOptions
 from catenary.calibration.fitting import FitResult, FitRun
 from catenary.reports import calibration
-from catenary.reports.calibration import error_table, percent, window_table, write_calibration_report
+from catenary.reports.calibration import write_calibration_report
+from catenary.reports.error_tables import (
+    MOST_WINDOWS,
+    bias_table,
+    error_blocks,
+    error_table,
+    percent,
+    window_blocks,
+    window_table,
+)
 from catenary.reports.joint_picture import joint_picture
-from catenary.reports.page import Picture
+from catenary.reports.page import Picture, Table
 from catenary.workflows.fit import fit_calibration
 
 NAME = "<b>J1</b> & co"
@@ -74,7 +83,7 @@ def test_the_page_needs_nothing_else_and_has_a_picture_of_every_joint(page: str)
 
 def test_table_notes_and_card_stand_on_the_page_with_names_escaped(page: str) -> None:
     for words in (
-        "one note", "Cross-validation over blocks of time", "The whole card", "Tested on the rest: 200 rows.",
+        "one note", "Cross-validation over blocks of time", "The whole card", "Tested on the rest: 200 rows, recording without a date.",
         "&lt;b&gt;J1&lt;/b&gt; &amp; co",
     ):  # fmt: skip
         assert words in page
@@ -84,7 +93,7 @@ def test_table_notes_and_card_stand_on_the_page_with_names_escaped(page: str) ->
 def test_only_simulated_data_are_marked(page: str, result: Result, tmp_path: Path, monkeypatch: Any) -> None:
     mark = "Simulated: no real robot was measured"
     assert mark not in page
-    monkeypatch.setattr(calibration, "joint_picture", lambda *_: Picture("", ""))
+    monkeypatch.setattr(calibration, "joint_picture", lambda *_, **__: Picture("", ""))
     assert mark in page_of(*result, tmp_path / "page.html", simulated=True)
 
 
@@ -107,3 +116,48 @@ def test_the_error_table_shows_the_evaluation(result: Result) -> None:
 
 def test_a_percentage_of_nothing_is_a_dash() -> None:
     assert (percent(12.345, 1), percent(float("nan"), 1)) == ("12.3 %", "-")
+
+
+def test_every_number_of_the_page_stands_under_its_unit(page: str) -> None:
+    units = re.compile(r"\[[^\]]+\]")
+    words = {"joint", "unit", "joints", "recording", "rows", "blocks", "verdict", "model"}
+    for table in re.findall(r"<table>.*?</table>", page, re.S):
+        heads = re.findall(r"<th [^>]*>(.*?)</th>", table)
+        assert all(units.search(head) or head in words for head in heads), heads
+        if "[deg|mm]" in table:
+            assert "unit" in heads
+
+
+def test_bias_and_spread_make_up_the_error(result: Result) -> None:
+    _, evaluation = result
+    table = bias_table(evaluation)
+    for row, joint in zip(table.rows, evaluation.joints, strict=True):
+        for bias, sd, rmse in ((row[2], row[3], joint.raw_rmse), (row[4], row[5], joint.rmse)):
+            assert float(bias) ** 2 + float(sd) ** 2 == pytest.approx(rmse**2, abs=2e-3 * rmse + 1e-6)
+
+
+def test_one_name_for_the_model_on_the_whole_page(result: Result, page: str) -> None:
+    assert ": linear</title>" in page
+    assert ">linear RMSE [deg|mm]<" in page
+    assert "after linear" in page
+    assert "RMSE of linear over time" in page
+    _, evaluation = result
+    for block in error_blocks(evaluation, "recommended"):
+        assert "model RMSE" not in str(block)
+
+
+def test_the_page_says_its_verdict_date_tip_and_paper(page: str) -> None:
+    assert re.search(r'class="verdict">[^<]*recommended for', page)
+    assert "Page made on" in page
+    assert "Not known: no robot whose kinematics" in page
+    assert "H. Peng, A. Lewis" in page
+    assert "Outside: share of rows" in page
+
+
+def test_tables_over_time_are_bounded(result: Result) -> None:
+    _, evaluation = result
+    many = replace(evaluation, windows=evaluation.windows * 100)
+    _, table, told = window_blocks(many, "linear")
+    assert isinstance(table, Table)
+    assert len(table.rows) == MOST_WINDOWS
+    assert "windows" in str(told)

@@ -1,6 +1,7 @@
 import base64
 import io
 import re
+from datetime import date
 from pathlib import Path
 
 import matplotlib.image
@@ -71,3 +72,22 @@ def test_settings_are_shown_without_brackets_digits_of_rounding_and_what_is_not_
     settings = {"base_tilt_deg": (0.0, -20.0), "seed": None, "names": ["pd", "sg"], "third": 1 / 3}
     facts = page.settings_facts(settings)
     assert facts.rows == [("base tilt deg", "0, -20"), ("names", "pd, sg"), ("third", "0.333333")]
+
+
+def test_verdict_and_date_stand_before_everything_else(tmp_path: Path) -> None:
+    path = tmp_path / "p.html"
+    page.write_page(path, "Title", "lead", [page.Heading("one")], verdict=NASTY, made=date(2026, 5, 14))
+    text = path.read_text()
+    places = [text.index(words) for words in (">Title<", 'class="verdict"', ">lead<", "2026-05-14", ">one<")]
+    assert places == sorted(places)
+    assert NASTY not in text
+
+
+def test_a_picture_has_words_for_who_does_not_see_it(tmp_path: Path) -> None:
+    blocks: list[page.Block] = [
+        page.Picture("", "caption", "what is drawn"),
+        page.Picture("", "only a caption"),
+    ]
+    text = written(tmp_path / "p.html", blocks)
+    assert 'alt="what is drawn"' in text
+    assert 'alt="only a caption"' in text

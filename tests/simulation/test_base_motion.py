@@ -5,7 +5,15 @@ from scipy.spatial.transform import Rotation
 
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.robots.catalog import load_robot
-from catenary.simulation.base_motion import BaseTimeline, FixedBase, RockingBase, imu_reading, tilt
+from catenary.simulation.base_motion import (
+    BaseTimeline,
+    FixedBase,
+    RockingBase,
+    SwayingBase,
+    Wave,
+    imu_reading,
+    tilt,
+)
 
 DOWN = np.array([0.0, 0.0, -9.81])
 ROCKING = RockingBase(
@@ -115,3 +123,29 @@ def test_mirrored_bases_load_both_arms_alike():
         for model, samples in ((left, base.sample([t])), (right, mirrored.sample([t]))):
             torques.append(inverse_dynamics(model, q, qd, qdd, samples.gravity[0], samples.motion[0]))
         assert_allclose(torques[0], torques[1], atol=1e-12)
+
+
+def test_a_base_that_sways_turns_and_accelerates_as_its_pose_does():
+    rocking = (Wave(0.3, 0.7, (1.0, 0.0, 0.0), 0.2), Wave(0.2, 0.9, (0.0, 1.0, 0.5), 1.1))
+    base = SwayingBase(
+        rocking, (Wave(2.0, 0.12, (0.0, 0.0, 1.0), 0.4), Wave(1.0, 0.3, (1, 0, 0))), FixedBase(0.2, -0.3)
+    )
+
+    def attitude(t):
+        R = Rotation.from_matrix(tilt(0.2, -0.3))
+        for wave in rocking:
+            R = R * Rotation.from_rotvec(np.sin(2.0 * np.pi * wave.frequency * t + wave.phase) * wave.along())
+        return R
+
+    def omega(t, h=1e-5):
+        return (attitude(t - h).inv() * attitude(t + h)).as_rotvec() / (2.0 * h)
+
+    for t in (0.0, 0.37, 1.9):
+        gravity, motion = (part[0] for part in base.sample(np.array([t])))
+        R = attitude(t).inv()
+        assert_allclose(gravity, R.apply(DOWN), atol=1e-12)
+        assert_allclose(motion[0], omega(t), atol=1e-7)  # central differences
+        # rates of change in axes that turn are those in axes that do not
+        assert_allclose(motion[1], (omega(t + 1e-4) - omega(t - 1e-4)) / 2e-4, atol=1e-4)
+        heave = 2.0 * np.sin(2.0 * np.pi * 0.12 * t + 0.4)
+        assert_allclose(motion[2], R.apply([np.sin(0.6 * np.pi * t), 0.0, heave]), atol=1e-12)

@@ -21,7 +21,7 @@ from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.workflows.c_header import c_header
 from command_line import catenary
-from oracles.calibration_models import random_model, random_network
+from oracles.calibration_models import MIXED, random_model, random_network
 from oracles.random_trees import random_robot
 
 COMPILERS = {"C99": ("gcc", "-std=c99", "-x", "c"), "C++11": ("g++", "-std=c++11", "-x", "c++")}
@@ -107,6 +107,7 @@ CASES: dict[str, dict] = {
     "logistic": {"history": 2, "plays": 1, "torques": 1, "target": "position"},
     "tanh, skip": {"per_joint": True, "history": 1, "plays": 1},
     "logistic, skip": {"torques": 3},
+    MIXED: {"history": 1, "plays": 2, "torques": 1},
 }
 
 

@@ -1,4 +1,5 @@
-from dataclasses import replace
+import re
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -7,8 +8,21 @@ import pytest
 
 import simulated_arm
 from catenary.plant import MotionLog
+from catenary.reports.file_facts import (
+    DynamicsFacts,
+    FittedTo,
+    HeldOutErrors,
+    JointLimits,
+    JointRange,
+    ModelFacts,
+    ModelJoint,
+    RecordingFacts,
+    RobotFacts,
+    TorqueErrors,
+    UnseenErrors,
+)
 from catenary.robots.catalog import load_robot
-from catenary.workflows.check import FileReport, check_file, check_recording, check_robot
+from catenary.workflows.check import check_file, check_recording, check_robot
 
 ARRAYS = simulated_arm.arrays()
 LOG = MotionLog(
@@ -28,7 +42,7 @@ def changed(values: np.ndarray, rows: Any, value: float) -> np.ndarray:
 def test_ranges_and_errors_are_told_in_deg_and_mm() -> None:
     error = 1000.0 * (ARRAYS["q_act"] - ARRAYS["q_des"])[:, 2]
     expected = f"error RMS {np.sqrt(np.mean(error**2)):.3f}, largest {np.abs(error).max():.2f} mm"
-    assert dict(check_recording(LOG).facts)["J3"].endswith(expected)
+    assert dict(check_recording(LOG).facts.in_words())["J3"].endswith(expected)
 
 
 @pytest.mark.parametrize(
@@ -69,15 +83,46 @@ def test_limits_the_wrong_way_round_are_a_fault() -> None:
     assert len(check_robot(replace(model, lower=model.upper, upper=model.lower)).faults) == 3
 
 
-def test_a_finding_is_plain_data() -> None:
-    data = FileReport("robot", [("a", "b")], ["fault"], ["remark"]).as_data()
-    assert data == {
-        "kind": "robot",
-        "facts": {"a": "b"},
-        "faults": ["fault"],
-        "remarks": ["remark"],
-        "findings": [],
-    }
+def test_facts_of_a_recording_are_numbers_with_units() -> None:
+    facts = check_recording(replace(LOG, time=STAMPS + 60.0 * (STAMPS > 6.0))).as_data()["facts"]
+    assert (facts["rows"], facts["measured_rows"], facts["gaps"]) == (400, 400, 1)
+    assert facts["longest_gap_s"] == pytest.approx(60.0 + 1 / 30.0)
+    slide = facts["joints"][2]
+    assert (slide["name"], slide["unit"], slide["error_unit"]) == ("J3", "m", "mm")
+    assert slide["lowest"] == ARRAYS["q_des"][:, 2].min()
+    error = 1000.0 * (ARRAYS["q_act"] - ARRAYS["q_des"])[:, 2]
+    assert slide["error_largest"] == pytest.approx(np.abs(error).max())
+    unmeasured = check_recording(replace(LOG, q_encoder=None, time=None)).as_data()["facts"]
+    assert [joint["error_rms"] for joint in unmeasured["joints"]] == [None] * 3
+    assert [unmeasured[name] for name in ("duration_s", "gaps", "robot")] == [None] * 3
+
+
+def test_facts_of_a_robot_are_numbers_with_units() -> None:
+    facts = check_robot(load_robot("raven2")).as_data()["facts"]
+    assert facts["joints"][0] == {"name": "shoulder", "unit": "rad", "lower": 0.0, "upper": np.pi / 2}
+    assert facts["moving_mass_kg"] == load_robot("raven2").tree.mass.sum()
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        RobotFacts,
+        JointLimits,
+        RecordingFacts,
+        JointRange,
+        ModelFacts,
+        ModelJoint,
+        UnseenErrors,
+        HeldOutErrors,
+        FittedTo,
+        DynamicsFacts,
+        TorqueErrors,
+    ],
+)
+def test_the_page_of_formats_names_every_fact(record: type) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "formats.md").read_text()
+    section = page.partition("### Facts of `check --json`")[2].partition("\n#")[0]
+    assert {each.name for each in fields(record)} <= set(re.findall("`([a-z0-9_]+)`", section))
 
 
 def test_a_robot_that_is_there_to_be_identified_has_no_fault() -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from catenary.errors import DataError
+from catenary.gravity.torque import gravity_torque
 from catenary.identification.options import IdentifyOptions
 from catenary.recording.foreign.read import Reading
 from catenary.recording.mend import Mend
@@ -55,3 +56,49 @@ def test_currents_read_as_torques_are_refused(tmp_path: Path) -> None:
     write_npz(log, tmp_path / "currents.npz", tau=0.05 * np.array(log.tau))
     with pytest.raises(DataError, match=r"motor currents.*--scale tau:"):
         identify_files([tmp_path / "currents.npz"], "raven2", IdentifyOptions())
+
+
+def test_torques_that_are_all_of_the_wrong_sign_are_refused_joint_by_joint(tmp_path: Path) -> None:
+    log, joints = recorded(load_robot("raven2"), 0, noise=0.1), load_robot("raven2").joint_names
+    write_npz(log, tmp_path / "turned.npz", tau=-np.array(log.tau))
+    with pytest.raises(DataError) as refused:
+        identify_files([tmp_path / "turned.npz"], "raven2", IdentifyOptions())
+    assert [joint for joint in joints if f"--sign tau:{joint}" in str(refused.value)] == list(joints)
+    mend = Reading(mend=Mend(sign=tuple(f"tau:{joint}" for joint in joints)))
+    identify_files([tmp_path / "turned.npz"], "raven2", IdentifyOptions(), reading=mend)
+
+
+def test_a_turning_and_a_sliding_axis_in_each_other_s_torque_columns_are_refused(tmp_path: Path) -> None:
+    log = recorded(load_robot("raven2"), 0, noise=0.1)
+    write_npz(log, tmp_path / "mixed.npz", tau=np.array(log.tau)[:, [0, 2, 1]])
+    with pytest.raises(DataError, match=r"--swap tau:elbow,insertion"):
+        identify_files([tmp_path / "mixed.npz"], "raven2", IdentifyOptions())
+
+
+def poses_at_rest(
+    path: Path, *, order: tuple[int, ...] = (0, 1, 2), sign: tuple[float, ...] = (1.0, 1.0, 1.0)
+) -> Path:
+    """Holding torques of a RAVEN-II at random poses, times `sign`, in the order of `order`."""
+    arm, rng = load_robot("raven2"), np.random.default_rng(0)
+    q = rng.uniform(arm.lower, arm.upper, (300, 3))
+    tau = gravity_torque(arm, q, [0.0, 0.0, -9.81]) + rng.normal(0.0, 0.05, q.shape)
+    tau = (tau * sign)[:, order]
+    np.savez(path, q=q, dq=np.zeros_like(q), tau=tau, fs=1.0, allow_pickle=False)
+    return path
+
+
+def test_torques_of_poses_at_rest_are_judged_too(tmp_path: Path) -> None:
+    static = IdentifyOptions(terms="static")
+    identify_files([poses_at_rest(tmp_path / "sound.npz")], "raven2", static)
+    for name, spoilt, mend in (
+        ("turned", {"sign": (1.0, -1.0, 1.0)}, "--sign tau:elbow"),
+        (
+            "all",
+            {"sign": (-1.0, -1.0, -1.0)},
+            r"--sign tau:shoulder\n.*--sign tau:elbow\n.*--sign tau:insertion",
+        ),
+        ("mixed", {"order": (1, 0, 2)}, "--swap tau:shoulder,elbow"),
+        ("sliding", {"order": (0, 2, 1)}, "--swap tau:elbow,insertion"),
+    ):
+        with pytest.raises(DataError, match=mend):
+            identify_files([poses_at_rest(tmp_path / f"{name}.npz", **spoilt)], "raven2", static)  # type: ignore[arg-type]

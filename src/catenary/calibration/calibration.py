@@ -23,8 +23,7 @@ from catenary.calibration.fitting import COVERAGE, FOLDS, FitRun, fit_logs
 from catenary.calibration.model import CalibrationModel, Card, Target
 from catenary.calibration.progress import Progress, silent
 from catenary.calibration.upkeep.judged import judge_recordings
-from catenary.calibration.upkeep.lineage import refreshed_card
-from catenary.calibration.upkeep.refresh import refresh_model
+from catenary.calibration.upkeep.new_day import refresh_with
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
@@ -154,7 +153,7 @@ class Calibration(CalibrationModel):
 
         Raises:
             DataError: As for `evaluate`, or there is too little to learn from.
-            InputError: As for `evaluate`, or too few rows.
+            InputError: As for `evaluate`, too few rows, or the model has learnt from the recording before.
             FileFormatError: A recording is missing or damaged.
         """
         logs = _logs(
@@ -162,10 +161,8 @@ class Calibration(CalibrationModel):
         )
         for log in logs:
             self.require_joints(log)
-        judge_recordings(self, self.card, logs, accept=accept, learning=True, done="refreshed")
-        data = calibration_data(logs, self.features)
-        refreshed = refresh_model(self, data)
-        return _with_card(refreshed.model, refreshed_card(self.card, refreshed, data, sha256=None))
+        day = refresh_with(self, self.card, logs, accept=accept)
+        return _with_card(day.model, day.card)
 
     def corrector(self, *, rate_hz: float = 1000.0, decimation: int | None = None) -> Corrector:
         """Return the model for a control loop; see `Corrector`."""

@@ -9,11 +9,11 @@ from catenary import __version__
 from catenary.calibration.choice import JointChoice
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import Evaluation, JointErrors, Spread
-from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit import FitOptions, extrapolation
 from catenary.calibration.intervals import FARTHEST
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.neural import BEST, PAPER, NetworkSettings
+from catenary.calibration.trained_day.day import day_in_card
 from catenary.units import DISPLAY
 
 LIBRARIES = ("numpy", "scikit-learn", "numba")
@@ -45,14 +45,10 @@ def model_card(
         choices: Of a model of kind "auto", by which errors each joint's kind was chosen.
     """
     features, intervals = model.features, model.intervals
-    ranges: dict[str, dict[str, float]] = {}
-    names = features.names
-    for group in model.groups:
-        for column, low, high in zip(
-            group.watched, group.valid_range.lower, group.valid_range.upper, strict=True
-        ):
-            ranges[names[column]] = {"lower": float(low), "upper": float(high)}
-    kinds = {choice.chosen for choice in choices} or {model.kind}
+    names, ranges = features.names, valid_inputs(model)
+    of_joint = [choice.chosen for choice in choices] or [model.kind] * len(model.joint_names)
+    kinds = set(of_joint)
+    group_of = {j: group for group in model.groups for j in group.joints}
     mean, spread_of = data.X.mean(axis=0), data.X.std(axis=0)
     return {
         "robot": robot,
@@ -63,9 +59,10 @@ def model_card(
             {
                 "name": name,
                 "unit": unit,
-                "kind": choices[j].chosen if choices else model.kind,
+                "kind": of_joint[j],
                 "prior": model.priors[j] if model.priors else None,
-                "inputs": [names[c] for group in model.groups if j in group.joints for c in group.columns],
+                "inputs": [names[c] for c in group_of[j].columns],
+                "widened_by": extrapolation(of_joint[j], features, group_of[j].columns),
                 "fixed_offset": float(model.offset[j]),
                 "half_width": None if intervals is None else float(intervals.inside[j]),
                 "half_width_outside": None if intervals is None else float(intervals.outside[j]),
@@ -89,8 +86,9 @@ def model_card(
         "scaling": _scaling(kinds),
         "choice": [asdict(choice) for choice in choices] or None,
         "settings": _settings(options, kinds),
-        "valid_range": "box around the training inputs and box along their principal axes, each widened by "
-        f"{_widened_by(kinds, features)} of their range; outside it the fixed offset is used",
+        "valid_range": "of each joint: box around its inputs in training and box along their principal axes, "
+        "each widened by `widened_by` times their range; outside it the fixed offset is used. `valid` of an input: "
+        "in the first box of all joints that take it",
         "intervals": None
         if intervals is None
         else {
@@ -99,6 +97,7 @@ def model_card(
             "outside": "half_width_outside, times how many times farther from the middle of the valid range's box a "
             f"watched input is than its edge, at most {FARTHEST:g}",
         },
+        "watch": day_in_card(model.trained_day),
         "data": [asdict(source) for source in data.sources],
         "rows": len(data),
         "recorded": data.last_date,
@@ -121,13 +120,20 @@ def model_card(
     }
 
 
+def valid_inputs(model: CalibrationModel) -> dict[str, dict[str, float]]:
+    """Return by input between which values no joint that takes it leaves the box of its valid range."""
+    names, ranges = model.features.names, dict[str, dict[str, float]]()
+    for group in model.groups:
+        edges = group.valid_range
+        for column, low, high in zip(group.watched, edges.lower.tolist(), edges.upper.tolist(), strict=True):
+            held = ranges.setdefault(names[column], {"lower": low, "upper": high})
+            held["lower"], held["upper"] = max(held["lower"], low), min(held["upper"], high)
+    return ranges
+
+
 def _errors(joint: JointErrors) -> dict[str, Any]:
     """Return errors as JSON can hold them: null where a percentage of nothing was asked for."""
     return {key: None if value != value else value for key, value in asdict(joint).items()}
-
-
-def _widened_by(kinds: set[str], features: FeatureSet) -> str:
-    return " or ".join(sorted({f"{extrapolation(kind, features):.0%}" for kind in kinds}))
 
 
 def _scaling(kinds: set[str]) -> str:

@@ -2,16 +2,21 @@
 
 Of the kinds in their order, from the simplest, a joint gets the first whose error is within one standard error of the
 best kind's [the one-standard-error rule; Breiman et al. 1984, section 3.4.3] and within `CLOSE` of it. The errors are
-those of the cross-validation over contiguous blocks of the training data; what is held out is not looked at. The
-joint's part of the model of that kind, fitted to all training data, becomes its part of the chosen model, to the bit.
+those of the cross-validation over contiguous blocks of the training data; what is held out is not looked at. All kinds
+are asked about the same rows, so the standard error is that of the difference between two kinds' squared errors, over
+the blocks of time that intervals are estimated from: how hard a block is for both of them cancels. The joint's part of
+the model of that kind, fitted to all training data, becomes its part of the chosen model, to the bit.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from catenary.calibration.evaluate import CrossValidation, Spread
+from catenary.arrays import Floats
+from catenary.calibration.conformal import time_blocks
+from catenary.calibration.evaluate import CrossValidation
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit import FitOptions
 from catenary.calibration.model import CalibrationModel, JointGroup
@@ -19,7 +24,13 @@ from catenary.errors import InputError
 
 SIMPLEST_FIRST = ("offset", "linear", "polynomial", "neural")
 CLOSE = 1.03  # times the best kind's error
-ROWS_PER_TERM = 10  # below which a polynomial is not tried: it would follow the noise, and take long
+BLOCKS_OF_LEVEL = (
+    0.9  # the blocks of time are those of intervals that hold this share: fifty, where rows suffice
+)
+ROWS_PER_TERM = (
+    2  # below which a polynomial is not tried: left without a fold, its least squares would hardly be
+)
+MOST_TERMS = 1000  # of a polynomial that is tried: of more, its fits take minutes
 
 
 @dataclass(frozen=True)
@@ -49,38 +60,59 @@ def tried(options: FitOptions, features: int, rows: int) -> dict[str, FitOptions
         rows: Of the training data.
     """
     found = {}
+    terms = (features + 1) * (features + 2) // 2  # of second order
     for kind in SIMPLEST_FIRST:
-        if kind == "polynomial" and rows < ROWS_PER_TERM * (features + 1) * (features + 2) // 2:
+        if kind == "polynomial" and (terms > MOST_TERMS or rows < ROWS_PER_TERM * terms):
             continue
         found[kind] = options.of_kind(kind)  # type: ignore[arg-type]
     return found
 
 
-def choose(spreads: Mapping[str, Sequence[Spread]]) -> tuple[JointChoice, ...]:
+def choose(validations: Mapping[str, CrossValidation]) -> tuple[JointChoice, ...]:
     """Choose a kind for every joint by its errors over blocks of time.
 
     Args:
-        spreads: Of every kind, the simplest first: a spread per joint.
-    """
-    choices = []
-    for of_kinds in zip(*spreads.values(), strict=True):
-        errors = {name: spread.rmse_mean for name, spread in zip(spreads, of_kinds, strict=True)}
-        best = min(of_kinds, key=lambda spread: spread.rmse_mean)
-        bound = best.rmse_mean + min(best.rmse_sd / np.sqrt(best.folds), (CLOSE - 1.0) * best.rmse_mean)
-        chosen = next(name for name, error in errors.items() if error <= bound)
-        choices.append(JointChoice(best.joint, best.unit, chosen, errors))
-    return tuple(choices)
-
-
-def joined(validations: Mapping[str, CrossValidation], choices: Sequence[JointChoice]) -> CrossValidation:
-    """Return the cross-validation of the chosen model: each joint's from its kind.
+        validations: Of every kind, the simplest first, on the same rows.
 
     Raises:
         InputError: The kinds were tried on different rows.
     """
-    of_joints = [validations[choice.chosen] for choice in choices]
-    if len({len(each.recording) for each in of_joints}) != 1:
+    first, *others = validations.values()
+    if any(not np.array_equal(each.recording, first.recording) for each in others):
         raise InputError("model auto: the kinds' inputs leave different rows; give one of them")
+    squares = {name: block_squares(each.after_model, each.recording) for name, each in validations.items()}
+    choices = []
+    for j, joint in enumerate(first.spread):
+        errors = {name: each.spread[j].rmse_mean for name, each in validations.items()}
+        best = min(errors, key=lambda name: errors[name])
+        chosen = next(
+            name
+            for name, error in errors.items()
+            if error <= CLOSE * errors[best] and _within_error(squares[name][:, j] - squares[best][:, j])
+        )
+        choices.append(JointChoice(joint.joint, joint.unit, chosen, errors))
+    return tuple(choices)
+
+
+def block_squares(errors: Floats, recording: NDArray[np.int64]) -> Floats:
+    """Return mean squares of errors (N, n) over K blocks of time, (K, n).
+
+    Args:
+        errors: In the order of time.
+        recording: (N,) number of the recording of each row.
+    """
+    block = time_blocks(recording, level=BLOCKS_OF_LEVEL)
+    return np.array([np.square(errors[block == k]).mean(axis=0) for k in np.unique(block)])
+
+
+def _within_error(excess: Floats) -> bool:
+    """Return whether excesses of K >= 2 blocks have a mean of at most its standard error."""
+    return bool(excess.mean() <= excess.std(ddof=1) / np.sqrt(len(excess)))
+
+
+def joined(validations: Mapping[str, CrossValidation], choices: Sequence[JointChoice]) -> CrossValidation:
+    """Return the cross-validation of the chosen model: each joint's from its kind."""
+    of_joints = [validations[choice.chosen] for choice in choices]
     parts = {
         name: np.column_stack([getattr(each, name)[:, j] for j, each in enumerate(of_joints)])
         for name in ("after_offset", "after_model", "inside")

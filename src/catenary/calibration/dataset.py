@@ -11,6 +11,7 @@ from catenary.arrays import Floats, as_array
 from catenary.calibration.features import FeatureSet, joints_text
 from catenary.errors import InputError
 from catenary.plant import MotionLog
+from catenary.units import DISPLAY
 
 # [s since 1970] time stamps within are a calendar's, smaller ones those of a clock of its own
 FIRST_DATE, LAST_DATE = 1e9, 1e10
@@ -195,3 +196,36 @@ def require_same_joints(a: MotionLog, b: MotionLog) -> None:
             f'recordings "{a.name}" and "{b.name}" are not of the same joints: '
             f"{joints_text(a.joint_names, a.joint_units)} against {joints_text(b.joint_names, b.joint_units)}"
         )
+
+
+def error_limits(max_error: tuple[float, ...] | None, log: MotionLog) -> Floats | None:
+    """Return the errors beyond which rows are left out, (n,) [rad|m], of those given in deg and mm.
+
+    Raises:
+        InputError: Not one positive number per joint.
+    """
+    if max_error is None:
+        return None
+    if len(max_error) != len(log.joint_names) or not all(limit > 0.0 for limit in max_error):
+        raise InputError(
+            f"max error: expected {len(log.joint_names)} positive numbers (deg, mm), one per joint, "
+            f"got {list(max_error)}"
+        )
+    return np.array([most / DISPLAY[unit][1] for most, unit in zip(max_error, log.joint_units, strict=True)])
+
+
+def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
+    """Return what readers of recordings noted, and what rows were left out."""
+    notes = [f"{log.name}: {note}" for log in logs for note in log.notes]
+    for source in data.sources:
+        left_out = {
+            "without measurement": source.without_truth,
+            f"without {data.features.history} previous commands": source.without_history,
+            "beyond the error limit": source.dropped,
+        }
+        text = ", ".join(f"{count} {why}" for why, count in left_out.items() if count)
+        if text:
+            notes.append(f"{source.name}: left out {text}, of {source.rows} rows")
+        if source.leaps:
+            notes.append(f"{source.name}: play states did not follow {source.leaps} leaps of a joint")
+    return notes

@@ -16,6 +16,9 @@ from catenary.calibration.progress import Progress, part_of, silent
 from catenary.errors import InputError
 from catenary.units import DISPLAY
 
+WORSE = 1.01  # times the fixed offset's error: less is no harm
+MUCH_OUTSIDE = 0.1  # share of rows outside a model's valid range that is worth a warning
+
 
 @dataclass(frozen=True)
 class JointErrors:

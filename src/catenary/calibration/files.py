@@ -14,11 +14,12 @@ from catenary.calibration.features import FeatureSet
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel, Card, JointGroup, Target
 from catenary.calibration.predictors import Constant, Linear, Network, Predictor, Quadratic
+from catenary.calibration.trained_day.file import DayStructure, day_arrays, day_of, day_structure
 from catenary.calibration.valid_range import ValidRange
 from catenary.config import Recorded, parse_settings
 from catenary.documents import cut, json_table, shortened
 from catenary.errors import CatenaryError, FileFormatError
-from catenary.files import damage, write_atomically
+from catenary.files import card_path, damage, write_atomically
 from catenary.robots.plausible import FARTHEST, check_different, check_names, check_within
 
 FORMAT = "catenary.calibration.1"
@@ -55,11 +56,7 @@ class ModelStructure(Recorded):
     groups: Annotated[tuple[GroupStructure, ...], Many]
     priors: Annotated[tuple[str | None, ...], Many] = ()  # none: no joint's fit began at one
     coverage: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None  # of the intervals, where there are some
-
-
-def card_path(path: Path) -> Path:
-    """Return where the readable copy of a model's card is: beside the model."""
-    return path.with_name(f"{path.stem}.card.json")
+    trained_day: DayStructure | None = None
 
 
 def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
@@ -86,6 +83,7 @@ def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
         "rate_hz": model.rate_hz,
         "priors": model.priors,
         "coverage": None if model.intervals is None else model.intervals.level,
+        "trained_day": None if model.trained_day is None else day_structure(model.trained_day),
         "groups": [{"joints": group.joints, "predictor": _kind(group.predictor)} for group in model.groups],
     }
     text = json.dumps(card, indent=2, ensure_ascii=False) + "\n"
@@ -96,6 +94,8 @@ def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
     }
     if model.intervals is not None:
         arrays |= {f"interval.{key}": getattr(model.intervals, key) for key in INTERVAL_ARRAYS}
+    if model.trained_day is not None:
+        arrays |= day_arrays(model.trained_day)
     for i, group in enumerate(model.groups):
         arrays |= {f"{i}.columns": group.columns, f"{i}.watched": group.watched}
         arrays |= {f"{i}.range.{key}": values for key, values in vars(group.valid_range).items()}
@@ -157,6 +157,7 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
             rate_hz=structure.rate_hz,
             intervals=_intervals(arrays, structure.coverage),
             priors=structure.priors,
+            trained_day=None if structure.trained_day is None else day_of(structure.trained_day, arrays),
         )
         card = json_table(str(arrays["card"]), "card", finite=False)
         return model, card

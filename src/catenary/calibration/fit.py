@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, require_same_joints, sampling_rate
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
+from catenary.calibration.kernels import Integers
 from catenary.calibration.leaps import largest_step, room_of
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.neural import BEST, PAPER, fit_neural
@@ -61,7 +62,7 @@ class FitOptions:
     with play states where blocks of time show that it pays.
     """
 
-    kind: Kind = "linear"
+    kind: Kind = "auto"
     preset: Preset | None = None  # of kind neural; "best" when None
     inputs: Sequence[str] | Mapping[str, Sequence[str]] | None = None
     history: int = 0
@@ -243,7 +244,7 @@ def fit(
                 tuple(joints),
                 columns,
                 predictor,
-                fit_valid_range(data.X[:, watched], extrapolation(options.kind, inputs.features)),
+                fit_valid_range(data.X[:, watched], extrapolation(options.kind, inputs.features, columns)),
                 watched,
             )
         )
@@ -312,7 +313,13 @@ def _fit_predictor(
     return regression(X, Y, ridge=options.ridge_used or 0.0)
 
 
-def extrapolation(kind: str, features: FeatureSet) -> float:
-    """Return how far beyond the training data a kind of model may go, as a share of their range."""
-    memory = features.history > 0 or bool(features.play)
+def extrapolation(kind: str, features: FeatureSet, columns: Integers) -> float:
+    """Return how far beyond the training data a kind of model may go, as a share of their range.
+
+    Args:
+        kind: Of the model.
+        features: All that there are.
+        columns: Those that it takes; the first are the signals as they are, the others memory.
+    """
+    memory = bool((columns >= len(features.signals)).any())
     return POLYNOMIAL_MEMORY_EXTRAPOLATION if kind == "polynomial" and memory else EXTRAPOLATION

@@ -4,13 +4,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from catenary.arrays import Floats
 from catenary.calibration.card import model_card
 from catenary.calibration.choice import JointChoice, choose, composed, joined, tried
 from catenary.calibration.conformal import estimate_intervals, fewest_rows
-from catenary.calibration.dataset import CalibrationData, calibration_data
+from catenary.calibration.dataset import CalibrationData, calibration_data, data_notes, error_limits
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit import SMALLEST_DATA, FitOptions, Inputs, choose_inputs, fit
@@ -18,9 +15,9 @@ from catenary.calibration.intervals import check_level
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.priors.prior import load_prior
 from catenary.calibration.progress import Progress, part_of, silent
+from catenary.calibration.upkeep.learn_day import learn_day
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.units import DISPLAY
 from catenary.verdict.check import robot_of, verdict
 
 FOLDS = 5
@@ -94,7 +91,7 @@ def fit_logs(
     }
     if options.kind == "auto":
         validations = {name: attempt.validation for name, attempt in attempts.items() if attempt.validation}
-        choices = choose({name: each.spread for name, each in validations.items()})
+        choices = choose(validations)
         needed = dict.fromkeys(choice.chosen for choice in choices)
         model = composed({name: attempts[name].fitted(silent) for name in needed}, choices)
         validation: CrossValidation | None = joined(validations, choices)
@@ -173,6 +170,8 @@ def _concluded(
     notes = (*notes, *prior_notes(model))
     intervals = None if validation is None else estimate_intervals(validation, level=run.coverage)
     model = replace(model, intervals=intervals)
+    seen = None if validation is None else validation.inside
+    model = replace(model, trained_day=learn_day(model, logs, data, seen))
     if intervals is None:
         notes = (*notes, _why_no_intervals(validation, run))
     spread = () if validation is None else validation.spread
@@ -243,36 +242,3 @@ def _require_rows(data: CalibrationData, folds: int) -> None:
             f"data: {rows} usable rows; with one of {folds} blocks left out {smallest} remain, expected at least "
             f"{SMALLEST_DATA}; folds 0 is no cross-validation"
         )
-
-
-def error_limits(max_error: tuple[float, ...] | None, log: MotionLog) -> Floats | None:
-    """Return the errors beyond which rows are left out, (n,) [rad|m], of those given in deg and mm.
-
-    Raises:
-        InputError: Not one positive number per joint.
-    """
-    if max_error is None:
-        return None
-    if len(max_error) != len(log.joint_names) or not all(limit > 0.0 for limit in max_error):
-        raise InputError(
-            f"max error: expected {len(log.joint_names)} positive numbers (deg, mm), one per joint, "
-            f"got {list(max_error)}"
-        )
-    return np.array([most / DISPLAY[unit][1] for most, unit in zip(max_error, log.joint_units, strict=True)])
-
-
-def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
-    """Return what readers of recordings noted, and what rows were left out."""
-    notes = [f"{log.name}: {note}" for log in logs for note in log.notes]
-    for source in data.sources:
-        left_out = {
-            "without measurement": source.without_truth,
-            f"without {data.features.history} previous commands": source.without_history,
-            "beyond the error limit": source.dropped,
-        }
-        text = ", ".join(f"{count} {why}" for why, count in left_out.items() if count)
-        if text:
-            notes.append(f"{source.name}: left out {text}, of {source.rows} rows")
-        if source.leaps:
-            notes.append(f"{source.name}: play states did not follow {source.leaps} leaps of a joint")
-    return notes

@@ -11,6 +11,7 @@ from catenary.calibration.features import FeatureSet, Memory, joints_text
 from catenary.calibration.intervals import FARTHEST, Intervals, distance, no_intervals, widen
 from catenary.calibration.kernels import Flags, Integers, Step
 from catenary.calibration.predictors import Predictor
+from catenary.calibration.trained_day.day import TrainedDay
 from catenary.calibration.valid_range import ValidRange
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -90,6 +91,7 @@ class CalibrationModel:
     rate_hz: float | None = None  # of the training rows, at which `history` counts; None where not known
     intervals: Intervals | None = None  # how far off corrections may be; None where that was not estimated
     priors: tuple[str | None, ...] = ()  # (n,) that joints' fits began at; empty where none did
+    trained_day: TrainedDay | None = None  # what a watch compares with; None where that is not known
 
     def __post_init__(self) -> None:
         n, width = len(self.joint_names), len(self.features.names)
@@ -114,6 +116,8 @@ class CalibrationModel:
         object.__setattr__(self, "offset", as_array("offset", self.offset, (n,)))
         if self.intervals is not None and len(self.intervals.inside) != n:
             raise InputError(f"model: expected intervals of its {n} joints, got {len(self.intervals.inside)}")
+        if self.trained_day is not None and len(self.trained_day.reach) != n:
+            raise InputError(f"model: expected a day of its {n} joints, got {len(self.trained_day.reach)}")
 
     def inside(self, X: Floats) -> Flags:
         """Return whether features (N, F) lie in the valid range of each joint, (N, n); NaN does not."""

@@ -138,13 +138,16 @@ def deploy_beside(
         CrtkClient(transport, arm="gold" if arm == "gold" else "green", imu=imu) as client,
     ):
         topics = CalibratedTopics(client, loaded, rate_hz=rate_hz, gravity_torque=gravity_torque)
-        end, was_silent = transport.steady() + seconds * 1e9, False
+        end, was_silent, told = transport.steady() + seconds * 1e9, False, 0
         try:
             while (left := (end - transport.steady()) * 1e-9) > 0.0:
                 topics.run(min(0.5, left))
                 if topics.is_silent != was_silent:
                     was_silent = topics.is_silent
                     announce("the robot is silent" if was_silent else "the robot is back")
+                for flag in topics.drift_flags[told:]:
+                    announce(f"drift? {flag.reason}")
+                told = len(topics.drift_flags)
         except KeyboardInterrupt:
             pass  # the usual end
         report = topics.report()
@@ -165,3 +168,4 @@ def deploy_beside(
     shares = zip(report.joint_names, report.outside, strict=True)
     rows = [[name, f"{100.0 * share:.1f} %"] for name, share in shares]
     print_table("Messages outside the valid range", ["joint", "share"], rows)
+    print_notes(report.watch.in_words)

@@ -12,6 +12,7 @@ from catenary.cli.beside_robot import RobotAccess, deploy_beside, record_others,
 from catenary.cli.fit import ModelOptions, Robot
 from catenary.cli.gravity_source import GravityOptions
 from catenary.cli.options import Accept, AsJson, MappingOptions, MendOptions
+from catenary.cli.out_files import out_path
 from catenary.cli.project_options import ExcitationOptions, Folder, Hours, Seed, open_project, require_project
 from catenary.cli.terminal import announce, print_json, print_notes, print_table, progress_bar
 from catenary.errors import CatenaryError, InputError, InUseError
@@ -208,7 +209,13 @@ def deploy(
     print(result.loop)
     columns = (result.joint_names, result.units, result.raw_rmse, result.rmse)
     rows = [[name, unit, f"{raw:.3f}", f"{rmse:.3f}"] for name, unit, raw, rmse in zip(*columns, strict=True)]
-    print_table("RMSE while the loop ran", ["joint", "unit", "reported", "corrected"], rows)
+    header = ["joint", "unit", "reported", "corrected"]
+    if result.coverage is not None and result.level is not None:
+        header.append(f"within intervals ({result.level:.0%} asked)")
+        rows = [[*row, f"{share:.0%}"] for row, share in zip(rows, result.coverage, strict=True)]
+    print_table("RMSE while the loop ran", header, rows)
+    if result.watch is not None:
+        print_notes(result.watch.in_words)
 
 
 def calibrate(
@@ -263,7 +270,14 @@ def calibrate(
 
 
 def demo(
-    out: Annotated[Path, Option(metavar="FOLDER", help="Folder for the results.")] = Path("demo"),
+    out: Annotated[
+        Path,
+        Option(
+            metavar="FOLDER",
+            parser=out_path,
+            help="Folder for the results: a new or empty one, or that of a demo before.",
+        ),
+    ] = Path("demo"),
     seed: Seed = None,
     as_json: AsJson = False,
 ) -> None:

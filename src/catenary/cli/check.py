@@ -7,6 +7,7 @@ import typer
 from typer import Argument, Option
 
 from catenary.cli.options import AsJson, MappingOptions, MendOptions, robots_beginning
+from catenary.cli.out_files import out_path
 from catenary.cli.terminal import print_fact, print_json, print_notes, print_table, without_notes
 
 
@@ -31,7 +32,7 @@ def check(
 
     The exit code is 1 when something is wrong. Robots are catalogue names, .toml, .urdf, .xml and .mjcf files;
     models are .npz; recordings .npz, .parquet or RAVEN-II's published .csv. A recording gets the verdict that
-    catenary fit begins with, mended by the same options.
+    catenary fit begins with, mended by the same options. --json prints facts as numbers with units (docs/formats.md).
 
     Example: catenary check run1.npz --swap J1,J2
     """
@@ -46,8 +47,9 @@ def check(
         print_json(finding.as_data())
     else:
         print(f"{file}: {finding.kind}")
-        width = max(len("remark:"), *(len(name) for name, _ in finding.facts))
-        for name, text in finding.facts:
+        lines = finding.facts.in_words()
+        width = max(len("remark:"), *(len(name) for name, _ in lines))
+        for name, text in lines:
             print_fact(name, text, width=width)
         for remark in finding.remarks:
             print_fact("remark:", remark, width=width)
@@ -65,7 +67,12 @@ def recover(
     ],
     out: Annotated[
         Path | None,
-        Option("--out", metavar="PATH", help="What to write. [default: NAME.recovered beside it]"),
+        Option(
+            "--out",
+            metavar="PATH",
+            parser=out_path,
+            help="What to write, named as typed. [default: NAME.recovered beside it]",
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:

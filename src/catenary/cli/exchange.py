@@ -6,8 +6,9 @@ from typing import Annotated
 from typer import Argument, Option
 
 from catenary.cli.options import AsJson, MappingOptions, robots_beginning
+from catenary.cli.out_files import GRAPH, HEADER, LOG, NAMED_AS_TYPED, out_path, refuse_outputs
 from catenary.cli.robots import DescriptionOptions
-from catenary.cli.terminal import print_fact, print_json, print_notes, refuse_to_overwrite, refuse_unwritable
+from catenary.cli.terminal import print_fact, print_json, print_notes
 from catenary.errors import InputError
 
 
@@ -21,8 +22,13 @@ def export(
             autocompletion=robots_beginning,
         ),
     ] = None,
-    c: Annotated[Path | None, Option(metavar="OUT", help="C header to write, e.g. arm.h.")] = None,
-    onnx: Annotated[Path | None, Option(metavar="OUT", help="ONNX graph to write, e.g. arm.onnx.")] = None,
+    c: Annotated[
+        Path | None,
+        Option(metavar="OUT", parser=out_path, help=f"C header to write, e.g. arm.h. {NAMED_AS_TYPED}"),
+    ] = None,
+    onnx: Annotated[
+        Path | None, Option(metavar="OUT", parser=out_path, help="ONNX graph to write, e.g. arm.onnx.")
+    ] = None,
     model: Annotated[Path | None, Option(metavar="CALIBRATION", help="Calibration for the C header.")] = None,
     rate_hz: Annotated[
         float | None,
@@ -48,6 +54,8 @@ def export(
     if what is None and (c is None or model is None):
         needed = "a robot, or --model for its correction alone" if c is not None else "the calibration model"
         raise InputError(f"export: expected {needed}")
+    read = [Path(each) for each in (what, model) if each is not None]
+    refuse_outputs({"--c": (c, HEADER), "--onnx": (onnx, GRAPH)}, read)
     if c is not None:
         _c(what, description, c, model, 1000.0 if rate_hz is None else rate_hz, as_json)
     elif onnx is not None and what is not None:
@@ -103,7 +111,13 @@ def import_recording(
     ],
     foreign: MappingOptions,
     out: Annotated[
-        Path | None, Option("--out", metavar="LOG", help="Motion log to write, LOG.parquet.")
+        Path | None,
+        Option(
+            "--out",
+            metavar="LOG",
+            parser=out_path,
+            help=f"Motion log to write, e.g. lab.parquet. {NAMED_AS_TYPED}",
+        ),
     ] = None,
     units: Annotated[
         str | None,
@@ -131,10 +145,7 @@ def import_recording(
     from catenary.workflows.import_recording import import_recording as read
 
     if out is not None:
-        if out.suffix != ".parquet":
-            raise InputError(f"--out {out}: expected a name that ends in .parquet")
-        refuse_unwritable("--out", out)
-        refuse_to_overwrite({"--out": out}, sources)
+        refuse_outputs({"--out": (out, LOG)}, sources)
     mapping = foreign.read(units, robot=robot)
     layout = known_layout(sources, robot=robot)
     if mapping is None and layout is None and not (yes and out is not None):

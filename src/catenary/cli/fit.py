@@ -12,25 +12,25 @@ from catenary.cli.options import (
     AsJsonNotTables,
     MappingOptions,
     MendOptions,
-    Report,
     robots_beginning,
 )
+from catenary.cli.out_files import MODEL, NAMED_AS_TYPED, PAGE, Report, out_path, refuse_outputs
 from catenary.cli.terminal import (
     numbers,
     print_json,
     print_notes,
     print_table,
     progress_bar,
-    refuse_to_overwrite,
-    refuse_unwritable,
     words,
 )
 from catenary.errors import InputError
+from catenary.files import card_path
 
 if TYPE_CHECKING:
     from catenary.calibration.evaluate import Evaluation
     from catenary.calibration.fit import FitOptions
     from catenary.calibration.fitting import FitResult, FitRun
+    from catenary.robots.model import RobotModel
 
 Recordings = Annotated[
     list[Path],
@@ -171,7 +171,9 @@ def fit(
     fitting: ModelOptions,
     mending: MendOptions,
     foreign: MappingOptions,
-    out: Annotated[Path, Option(metavar="MODEL", help="File to write the model to, e.g. arm.npz.")],
+    out: Annotated[
+        Path, Option(metavar="MODEL", parser=out_path, help=f"Model to write, e.g. arm.npz. {NAMED_AS_TYPED}")
+    ],
     robot: Robot = None,
     seed: Seed = 0,
     accept: Accept = None,
@@ -182,7 +184,7 @@ def fit(
 
     Example: catenary fit run1.npz --out arm.npz
     """
-    from catenary.calibration.files import card_path, save_model
+    from catenary.calibration.files import save_model
     from catenary.robots.catalog import load_robot
     from catenary.workflows.fit import fit_calibration
 
@@ -191,9 +193,10 @@ def fit(
     names, own_units = (None, None) if arm is None else (arm.joint_names, arm.joint_units)
     reading = mending.reading(foreign, units=own_units, joint_names=names, robot=robot)
     run = fitting.run(accept, robot)
-    refuse_unwritable("--out", out)
-    read = [*data, *([Path(robot)] if robot else [])]
-    refuse_to_overwrite({"--out": out, "the card of --out": card_path(out), "--report": report}, read)
+    refuse_outputs(
+        {"--out": (out, MODEL), "the card of --out": (card_path(out), None), "--report": (report, PAGE)},
+        [*data, *([Path(robot)] if robot else [])],
+    )
     with progress_bar(f"fitting {fitting.model}") as progress:
         result = fit_calibration(data, options, run, reading=reading, progress=progress)
     save_model(result.model, result.card, out)
@@ -202,7 +205,7 @@ def fit(
     else:
         _print_fit(out, card_path(out), result)
     if report is not None:  # last: whatever goes wrong with it, the model is there
-        _write_fit_report(report, result)
+        _write_fit_report(report, result, arm)
         if not as_json:
             print(f"page:  {report}")
 
@@ -217,6 +220,14 @@ def evaluate(
     ] = None,
     max_error: MaxError = None,
     accept: Accept = None,
+    robot: Annotated[
+        str | None,
+        Option(
+            metavar="ROBOT",
+            help="Catalogue name or file of the robot: with --report, the error of its tip. [default: the model's]",
+            autocompletion=robots_beginning,
+        ),
+    ] = None,
     report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
@@ -226,10 +237,12 @@ def evaluate(
 
     Example: catenary evaluate arm.npz run2.npz --report run2.html
     """
-    from catenary.reports.calibration import error_table, window_table, write_calibration_report
+    from catenary.reports.calibration import write_calibration_report
+    from catenary.reports.error_tables import error_table, window_table
+    from catenary.robots.catalog import load_robot
     from catenary.workflows.fit import evaluate_calibration, evaluation_summary
 
-    refuse_to_overwrite({"--report": report}, [model, *data])
+    refuse_outputs({"--report": (report, PAGE)}, [model, *data])
     result = evaluate_calibration(
         model,
         data,
@@ -250,14 +263,16 @@ def evaluate(
         if result.seen_in_training:
             tested_on += f" (no test: the model was fitted to {', '.join(result.seen_in_training)})"
         write_calibration_report(
-            report, result.model, result.card, result.evaluation, tested_on=tested_on, notes=result.notes
-        )
+            report, result.model, result.card, result.evaluation, tested_on=tested_on, notes=result.notes,
+            unseen=not result.seen_in_training, robot=None if robot is None else load_robot(robot),
+        )  # fmt: skip
         if not as_json:
             print(f"page: {report}")
 
 
 def _print_fit(out: Path, card: Path, result: "FitResult") -> None:
-    from catenary.reports.calibration import error_table, spread_table
+    from catenary.reports.error_tables import error_table, spread_table
+    from catenary.workflows.fit import warnings_of
 
     print_notes(result.notes)
     for choice in result.choices:
@@ -267,6 +282,7 @@ def _print_fit(out: Path, card: Path, result: "FitResult") -> None:
     if result.held_out is not None:
         print_table("RMSE and largest error on the held-out part", *error_table(result.held_out))
         _print_coverage(result.held_out)
+        print_notes(warnings_of(result.held_out))
     print(f"model: {out}\ncard:  {card}")
 
 
@@ -278,7 +294,7 @@ def _print_coverage(evaluation: "Evaluation") -> None:
 
 
 def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
-    from catenary.workflows.fit import interval_summary
+    from catenary.workflows.fit import interval_summary, warnings_of
 
     held_out = result.held_out
     return {
@@ -292,11 +308,11 @@ def _fit_summary(out: Path, card: Path, result: "FitResult") -> dict[str, Any]:
         "cross_validation": [asdict(joint) for joint in result.spread],
         "held_out": None if held_out is None else [asdict(joint) for joint in held_out.joints],
         "intervals": None if held_out is None else interval_summary(held_out),
-        "notes": list(result.notes),
+        "notes": [*result.notes, *([] if held_out is None else warnings_of(held_out))],
     }
 
 
-def _write_fit_report(path: Path, result: "FitResult") -> None:
+def _write_fit_report(path: Path, result: "FitResult", robot: "RobotModel | None") -> None:
     from catenary.calibration.evaluate import evaluate as evaluate_rows
     from catenary.reports.calibration import write_calibration_report
 
@@ -306,7 +322,7 @@ def _write_fit_report(path: Path, result: "FitResult") -> None:
         evaluation = evaluate_rows(result.model, result.data)
     write_calibration_report(
         path, result.model, result.card, evaluation,
-        tested_on=tested_on, spread=result.spread, notes=result.notes,
+        tested_on=tested_on, spread=result.spread, notes=result.notes, unseen=result.held_out is not None, robot=robot,
     )  # fmt: skip
 
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from catenary.cli.joint_options import Q, QDeg, SameInDeg, beyond_limits, given_joints, joint_values
-from catenary.cli.options import AsJsonNotTables, BaseTilt, Report, SimulatedSeed, robots_beginning
+from catenary.cli.options import AsJsonNotTables, BaseTilt, SimulatedSeed, robots_beginning
+from catenary.cli.out_files import PAGE, Report, refuse_outputs
 from catenary.cli.robots import DescriptionOptions, Robot
 from catenary.cli.terminal import (
     base_tilt,
@@ -16,7 +17,6 @@ from catenary.cli.terminal import (
     print_json,
     print_notes,
     print_table,
-    refuse_unwritable,
     words,
 )
 from catenary.errors import InputError
@@ -193,8 +193,7 @@ def track(
     from catenary.workflows.gravity.motions import make_motion
     from catenary.workflows.gravity.track import track as run
 
-    if report is not None:
-        refuse_unwritable("--report", report)
+    refuse_outputs({"--report": (report, PAGE)})
     arm = conditions.arm(robot, description)
     chosen = make_motion(
         motion, arm.model, arm.plant, np.random.default_rng(conditions.seed or 0),
@@ -230,8 +229,7 @@ def hold(
     from catenary.workflows.gravity.hold import hold as run
     from catenary.workflows.gravity.motions import HOLD_START, start_pose
 
-    if report is not None:
-        refuse_unwritable("--report", report)
+    refuse_outputs({"--report": (report, PAGE)})
     arm = conditions.arm(robot, description)
     law, pose = make_hold(controller, arm), given_joints(arm.model, q, q_deg)
     if pose is None:

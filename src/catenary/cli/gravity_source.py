@@ -1,15 +1,21 @@
-"""Where gravity beside a robot on ROS comes from: a gravity node, or an Imu on the base."""
+"""Where gravity comes from: a topic beside a robot on ROS, or samples of a sensor on the base."""
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from catenary.cli.options import MountingFile
+from catenary.cli.options import Hanging, MountingFile
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.crtk.latest import ImuTopic
+    from catenary.sensing.checks import SensorRules
+    from catenary.sensing.imu import SensedGravity
+    from catenary.sensing.mailbox import Mailbox
+    from catenary.sensing.mounting import Mounting
 
 
 @dataclass(frozen=True)
@@ -48,3 +54,101 @@ class GravityOptions:
             return published_gravity(self.gravity)
         mounting = Mounting() if self.mounting is None else load_mounting(self.mounting)
         return ImuTopic(self.imu or "", mounting=mounting)
+
+
+@dataclass(frozen=True)
+class SensingOptions:
+    """Options of every command that turns samples of a sensor into gravity."""
+
+    mounting_on: Annotated[
+        str,
+        Option(
+            metavar="table|cart|vehicle|ship",
+            help="What carries the base: gives rules, cut-off and times that suit how it moves.",
+        ),
+    ] = "table"
+    sensor_noise: Annotated[
+        float | None,
+        Option(metavar="M/S2", min=0.0, help="Noise of an axis of the sensor at rest. [default: 0.04]"),
+    ] = None
+    rule: Annotated[
+        list[str] | None,
+        Option(
+            metavar="NAME=VALUE",
+            help="A rule of what is believed, as max_push=4; repeatable. docs/gravity-vector.md has all of them.",
+        ),
+    ] = None
+    cutoff_hz: Annotated[
+        float | None,
+        Option(metavar="HZ", help="Half power of the filter. [default: what suits --mounting-on]"),
+    ] = None
+    fallback: Annotated[
+        str, Option(metavar="hold|fade|static|stop", help="What gravity becomes when samples stop.")
+    ] = "fade"
+    stale_after: Annotated[
+        float, Option(metavar="S", help="Age from which the newest sample counts as held.")
+    ] = 0.05
+    age_limit: Annotated[float, Option(metavar="S", help="Age from which the fallback acts.")] = 0.2
+    attitude_time: Annotated[
+        float | None,
+        Option(
+            metavar="S", help="Average of the direction that fade goes to. [default: suits --mounting-on]"
+        ),
+    ] = None
+    start_limit: Annotated[
+        float, Option(metavar="S", help="Without a believed sample for so long, fallback stop stops.")
+    ] = 1.0
+    hanging: Hanging = False
+
+    def rules(self) -> "SensorRules":
+        """Return what is believed.
+
+        Raises:
+            InputError: No such base or rule, or a number out of its range.
+        """
+        from catenary.sensing.bases import CHEAP_NOISE, rules_for
+
+        changes = {"max_tilt": math.pi} if self.hanging else {}
+        changes |= dict(_rule(text) for text in self.rule or ())
+        noise = CHEAP_NOISE if self.sensor_noise is None else self.sensor_noise
+        return rules_for(self.mounting_on, noise=noise, changes=changes)
+
+    def source(
+        self,
+        mailbox: "Mailbox",
+        mounting: "Mounting",
+        *,
+        angular: bool,
+        feed: Callable[[float], None] | None = None,
+    ) -> "SensedGravity":
+        """Return the source of gravity that reads a mailbox so.
+
+        Raises:
+            InputError: Options out of their range.
+        """
+        from catenary.sensing.imu import SensedGravity
+
+        return SensedGravity(
+            mailbox,
+            mounting,
+            mounted_on=self.mounting_on,
+            angular=angular,
+            fallback=self.fallback,
+            cutoff_hz=self.cutoff_hz,
+            stale_after=self.stale_after,
+            age_limit=self.age_limit,
+            attitude_time=self.attitude_time,
+            start_limit=self.start_limit,
+            rules=self.rules(),
+            feed=feed,
+        )
+
+
+def _rule(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        number = float(value)
+    except ValueError as error:
+        raise InputError(f'--rule "{text}": expected NAME=VALUE with a number, as max_push=4') from error
+    key = name.strip().replace("-", "_")
+    return key, int(number) if key in ("stuck_samples", "confirm") and number.is_integer() else number

@@ -10,12 +10,22 @@ from catenary.cli.options import (
     AsJsonNotTables,
     MappingOptions,
     MendOptions,
-    Report,
     robots_beginning,
 )
+from catenary.cli.out_files import (
+    EXCITATION,
+    NAMED_AS_TYPED,
+    PAGE,
+    PARAMETERS,
+    URDF,
+    Report,
+    out_path,
+    refuse_outputs,
+)
 from catenary.cli.robots import DescriptionOptions
-from catenary.cli.terminal import numbers, print_json, print_notes, print_table, refuse_to_overwrite
+from catenary.cli.terminal import numbers, print_json, print_notes, print_table
 from catenary.errors import InputError
+from catenary.files import card_path
 
 Logs = Annotated[
     list[Path],
@@ -44,7 +54,10 @@ def identify(
             metavar="ROBOT", help="Catalogue name or file; needs no inertia.", autocompletion=robots_beginning
         ),
     ],
-    out: Annotated[Path, Option(metavar="FILE", help="File to write the parameters to, e.g. arm.npz.")],
+    out: Annotated[
+        Path,
+        Option(metavar="FILE", parser=out_path, help=f"Parameters to write, e.g. arm.npz. {NAMED_AS_TYPED}"),
+    ],
     test: Annotated[
         list[Path] | None, Option(metavar="LOG", help="A recording to judge the result by; may be repeated.")
     ] = None,
@@ -72,7 +85,8 @@ def identify(
     gravity: Gravity = None,
     accept: Accept = None,
     urdf: Annotated[
-        Path | None, Option(metavar="FILE", help="Also write the robot as URDF; needs --consistent.")
+        Path | None,
+        Option(metavar="FILE", parser=out_path, help="Also write the robot as URDF; needs --consistent."),
     ] = None,
     report: Report = None,
     as_json: AsJsonNotTables = False,
@@ -81,7 +95,7 @@ def identify(
 
     Example: catenary identify psm_one.npz --robot dvrk_psm --test another_day.npz --out psm.npz
     """
-    from catenary.identification.files import card_path, save_identification
+    from catenary.identification.files import save_identification
     from catenary.identification.options import IdentifyOptions
     from catenary.reports.identification import absolute_table, excitation_facts, residual_table
     from catenary.workflows.identify import identify_files
@@ -98,8 +112,15 @@ def identify(
     tests = test or []
     if urdf is not None and not consistent:
         raise InputError("--urdf: only a physically consistent fit gives links an inertia; add --consistent")
-    outputs = {"--out": out, "the card of --out": card_path(out), "--report": report, "--urdf": urdf}
-    refuse_to_overwrite(outputs, [*logs, *tests, Path(robot)])
+    refuse_outputs(
+        {
+            "--out": (out, PARAMETERS),
+            "the card of --out": (card_path(out), None),
+            "--report": (report, PAGE),
+            "--urdf": (urdf, URDF),
+        },
+        [*logs, *tests, Path(robot)],
+    )
     result = identify_files(
         logs,
         robot,
@@ -158,7 +179,14 @@ def excitation(
         ),
     ],
     description: DescriptionOptions,
-    out: Annotated[Path, Option(metavar="FILE", help="File to write: .npz or .csv of t, q, dq, ddq.")],
+    out: Annotated[
+        Path,
+        Option(
+            metavar="FILE",
+            parser=out_path,
+            help=f"File to write t, q, dq, ddq to, .npz or .csv. {NAMED_AS_TYPED}",
+        ),
+    ],
     static: Annotated[int | None, Option(metavar="N", min=1, help="N poses to hold.")] = None,
     fourier: Annotated[bool, Option("--fourier", help="One period of a Fourier motion. [default]")] = False,
     period: Annotated[float, Option("--period-s", metavar="S", help="Period of the motion.")] = 10.0,
@@ -187,7 +215,7 @@ def excitation(
 
     if static is not None and fourier:
         raise InputError("excitation: give one of --static and --fourier")
-    refuse_to_overwrite({"--out": out}, [Path(robot)])
+    refuse_outputs({"--out": (out, EXCITATION)}, [Path(robot)])
     model = description.load(robot)
     limits = {
         name: None if text is None else numbers(f"--{name}", text)

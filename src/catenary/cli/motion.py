@@ -30,7 +30,8 @@ def goto(
     q: Annotated[str | None, Option(metavar="Q,Q,...", help="The same in rad and m.")] = None,
     joints: Annotated[str | None, Option(metavar="NAME,...", help="Which joints; the others stay.")] = None,
     position_mm: Annotated[
-        str | None, Option(metavar="X,Y,Z", help="In place of joints: where the tip goes, in the base frame.")
+        str | None,
+        Option(metavar="X,Y,Z", help="In place of joints: where the tool goes, in the base frame."),
     ] = None,
     speed: Annotated[float, Option(help="Factor on 0.2 rad/s and 10 mm/s, at most 5.")] = 1.0,
     as_json: AsJson = False,
@@ -175,7 +176,8 @@ def _print_tip(summary: "MotionSummary", *, si: bool, asked: "Floats | None") ->
     if asked is not None:
         print(f"from where it was sent: {1000.0 * float(np.linalg.norm(summary.tip - asked)):.2f} mm")
     if summary.tip_error is not None:
-        print(f"true error of the tip, which only a simulation knows: {1000.0 * summary.tip_error:.2f} mm")
+        error = f"{1000.0 * summary.tip_error:.2f} mm"
+        print(f"true error of the {summary.true_frame}, which only a simulation knows: {error}")
 
 
 def _in_units(value: float, unit: str, si: bool) -> str:

@@ -27,7 +27,6 @@ Units = Annotated[
         help="Unit of each joint's numbers: rad, m, or deg, mm, cm; q_encoder:deg,... of measurements alone.",
     ),
 ]
-Report = Annotated[Path | None, Option("--report", metavar="HTML", help="Also write a self-contained page.")]
 JsonLines = Annotated[bool, Option("--json", help="Print a JSON line a second, and one at the end.")]
 Carrier = Annotated[str, Option("--ros", metavar="1|2|none", help="ROS that carries the messages.")]
 Duration = Annotated[

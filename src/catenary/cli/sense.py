@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Option
 
-from catenary.cli.options import BaseTilt, Baud, Hanging, MountingFile
+from catenary.cli.gravity_source import SensingOptions
+from catenary.cli.options import BaseTilt, Baud, MountingFile
+from catenary.cli.out_files import MOUNTING, NAMED_AS_TYPED, out_path, refuse_outputs
 from catenary.cli.terminal import base_tilt, print_fact, print_json, print_notes
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
+    from catenary.sensing.imu import SensedGravity
     from catenary.sensing.mounting import Mounting
     from catenary.sensing.vector import GravityReading
     from catenary.workflows.sense import Feed, SenseSummary, StillReading
@@ -25,6 +28,7 @@ _LINE_EVERY = 1.0  # [s] in a file or pipe
 
 
 def sense(
+    sensing: SensingOptions,
     port: Annotated[str | None, Option(metavar="PORT", help="Serial port, as /dev/ttyACM0.")] = None,
     simulated: Annotated[bool, Option("--simulated", help="Use a simulated sensor.")] = False,
     base_tilt_deg: BaseTilt = None,
@@ -36,13 +40,17 @@ def sense(
         float | None, Option(metavar="S", help="How long to watch. [default: 5; until Ctrl-C on a terminal]")
     ] = None,
     mounting: MountingFile = None,
-    hanging: Hanging = False,
     baud: Baud = 115200,
     tumble: Annotated[
         bool, Option("--tumble", help="Calibrate the sensor in several attitudes and write a mounting file.")
     ] = False,
     out: Annotated[
-        Path | None, Option(metavar="FILE", help="File that --tumble writes. [default: mounting.toml]")
+        Path | None,
+        Option(
+            metavar="FILE",
+            parser=out_path,
+            help=f"File that --tumble writes. {NAMED_AS_TYPED} [default: mounting.toml]",
+        ),
     ] = None,
     as_json: Annotated[bool, Option("--json", help="Print one JSON summary at the end.")] = False,
 ) -> None:
@@ -52,7 +60,9 @@ def sense(
 
     The exit code is 1 when nothing that can be believed was measured, or a tumble found a fault.
 
-    Example: catenary sense --simulated --base-tilt-deg 10,5 --duration 2
+    On a base that moves by itself, --mounting-on says how.
+
+    Example: catenary sense --simulated --base-tilt-deg 10,5 --duration 2 --mounting-on ship
     """
     from catenary.sensing.mounting import Mounting, load_mounting
 
@@ -62,13 +72,15 @@ def sense(
         raise InputError("sense: --base-tilt-deg and --rate go with --simulated, not with --port")
     if out is not None and not tumble:
         raise InputError("sense: --out is where --tumble writes; add --tumble")
+    if tumble:
+        refuse_outputs({"--out": (out or Path("mounting.toml"), MOUNTING)}, [mounting] if mounting else [])
     told = Mounting() if mounting is None else load_mounting(mounting)
     hertz, tilt = 200.0 if rate is None else rate, base_tilt(base_tilt_deg)
     with _opened(port, told, tilt, hertz, seed, baud, tumble) as (feed, known):
         if tumble or feed is None:
             _tumble(feed, known, hertz, seed, out or Path("mounting.toml"), as_json)
         else:
-            _watch(feed, known, duration, hanging, as_json)
+            _watch(feed, sensing.source(feed.mailbox, known, angular=feed.has_gyroscope), duration, as_json)
 
 
 @contextmanager
@@ -112,13 +124,9 @@ def _opened(
     yield SimulatedFeed(sensor, paced=sys.stdout.isatty()), told
 
 
-def _watch(feed: "Feed", mounting: "Mounting", duration: float | None, hanging: bool, as_json: bool) -> None:
-    from catenary.sensing.checks import SensorRules
-    from catenary.sensing.imu import SensedGravity
+def _watch(feed: "Feed", source: "SensedGravity", duration: float | None, as_json: bool) -> None:
     from catenary.workflows.sense import watch
 
-    rules = SensorRules(max_tilt=math.pi) if hanging else SensorRules()
-    source = SensedGravity(feed.mailbox, mounting, angular=feed.has_gyroscope, rules=rules)
     length = (math.inf if sys.stdout.isatty() and not as_json else 5.0) if duration is None else duration
     with _display(as_json) as show:
         summary = watch(feed, source, length, show=show)

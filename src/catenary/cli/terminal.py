@@ -2,13 +2,11 @@
 
 import json
 import logging
-import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from math import isfinite
-from pathlib import Path
 from shutil import get_terminal_size
 from textwrap import fill
 from typing import Any, TextIO
@@ -80,29 +78,6 @@ def words(text: str) -> tuple[str, ...]:
     return tuple(word.strip() for word in text.split(",") if word.strip())
 
 
-def refuse_unwritable(option: str, path: Path) -> None:
-    """Refuse, before minutes of work, a file that could not be written after them."""
-    if path.is_dir():
-        raise InputError(f"{option} {path}: is a folder, expected a file to write")
-    if not path.parent.is_dir():
-        raise InputError(f"{option} {path}: folder {path.parent} does not exist")
-    if not os.access(path.parent, os.W_OK):
-        raise InputError(f"{option} {path}: folder {path.parent} cannot be written to")
-
-
-def refuse_to_overwrite(written: Mapping[str, Path | None], read: Sequence[Path]) -> None:
-    """Refuse a file to write, by its option, that is read as well, or that two options write."""
-    places: list[Path] = []
-    for option, path in written.items():
-        if path is None:
-            continue
-        if path.exists() and any(os.path.exists(each) and path.samefile(each) for each in read):
-            raise InputError(f"{option} {path}: is a file that is read here; expected another")
-        if path.absolute() in places:
-            raise InputError(f"{option} {path}: something else is written there; expected another file")
-        places.append(path.absolute())
-
-
 def print_json(content: Any) -> None:
     """Print one JSON document on standard output."""
     from catenary.files import json_text
@@ -151,11 +126,11 @@ def announce(text: str) -> None:
 
 
 def print_notes(notes: Sequence[str]) -> None:
-    """Print remarks on standard error, so that piped output stays clean; none with --no-notes."""
-    if _SILENT.get():
-        return
+    """Print remarks and warnings on standard error, so that piped output stays clean; remarks not with --no-notes."""
     for note in notes:
-        print(_wrapped("note: ", note, sys.stderr), file=sys.stderr)
+        is_warning = note.startswith("warning: ")
+        if is_warning or not _SILENT.get():
+            print(_wrapped("" if is_warning else "note: ", note, sys.stderr), file=sys.stderr)
 
 
 def _wrapped(label: str, text: str, stream: TextIO) -> str:

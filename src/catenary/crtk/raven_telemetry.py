@@ -9,7 +9,8 @@ from catenary.crtk.latest import Latest
 from catenary.crtk.raven_conversions import arm_channels, raven_state_column, raven_state_columns
 from catenary.crtk.transport import Transport
 from catenary.plant import Column
-from catenary.recording.synchronise import CALIBRATED, COUPLING, JOINT_TORQUE
+from catenary.recording.raven_transmission import COUPLING
+from catenary.recording.synchronise import CALIBRATED, JOINT_TORQUE
 from catenary.recording.topics import EXT_JPOS, JOINT_ENC, JOINTS, RAVENSTATE, Arm, TopicColumn
 from catenary.transmission.coupling import joint_forces
 

@@ -22,12 +22,13 @@ class BaseMotion(NamedTuple):
     """How the base frame moves, against a frame that does not, expressed in base axes.
 
     The linear velocity does not matter. `linear_acceleration` is that of the frame's origin as a point,
-    without gravity: an accelerometer there reads linear_acceleration - gravity.
+    without gravity: an accelerometer there reads linear_acceleration - gravity. Each is one vector, or one for every
+    configuration.
     """
 
-    angular_velocity: ArrayLike = _ZERO  # (3,) [rad/s]
-    angular_acceleration: ArrayLike = _ZERO  # (3,) [rad/s2]
-    linear_acceleration: ArrayLike = _ZERO  # (3,) [m/s2]
+    angular_velocity: ArrayLike = _ZERO  # (3,) or (N, 3) [rad/s]
+    angular_acceleration: ArrayLike = _ZERO  # (3,) or (N, 3) [rad/s2]
+    linear_acceleration: ArrayLike = _ZERO  # (3,) or (N, 3) [m/s2]
 
 
 def inverse_dynamics(
@@ -50,7 +51,7 @@ def inverse_dynamics(
         qd: The same shape, velocities.
         qdd: The same shape, accelerations.
         gravity: (3,) or (N, 3) free-fall acceleration in base axes, down: (0, 0, -9.81) upright [m/s2].
-        base: Motion of the base, the same for every row; at rest when None.
+        base: Motion of the base, the same for every row or one for each; at rest when None.
 
     Returns:
         (n,) or (N, n) [Nm or N].
@@ -67,10 +68,7 @@ def inverse_dynamics(
     model.require_inertia()
     (rows, velocities, accelerations), single = motion_rows(model, q, qd=qd, qdd=qdd)
     gravities = gravity_rows(gravity, len(rows))
-    base_motion = np.zeros((3, 3))
-    if base is not None:
-        for r, name in enumerate(BaseMotion._fields):
-            base_motion[r] = as_array(f"base {name.replace('_', ' ')}", base[r], (3,))
+    base_motion = np.zeros((1, 3, 3)) if base is None else _base_rows(base, len(rows))
     out = np.empty((len(rows), model.n))
     arm = model.tree, model.coupling, model.offset
     _inverse_dynamics_rows(*arm, rows, velocities, accelerations, gravities, base_motion, out)
@@ -101,7 +99,7 @@ def coriolis_matrix(model: RobotModel, q: ArrayLike, qd: ArrayLike) -> Floats:
     largest = np.abs(velocities).max(axis=1, initial=0.0)
     s = np.where(largest > 0.0, largest, 1.0)[:, None, None]
     places = np.repeat(rows, model.n, axis=0)
-    still, no_gravity, base_at_rest = np.zeros_like(places), np.zeros((1, 3)), np.zeros((3, 3))
+    still, no_gravity, base_at_rest = np.zeros_like(places), np.zeros((1, 3)), np.zeros((1, 3, 3))
     terms = []
     for sign in (1.0, -1.0):
         moved = (velocities[:, None, :] + sign * s * np.eye(model.n)).reshape(places.shape)
@@ -120,9 +118,23 @@ def gravity_rows(gravity: ArrayLike, count: int) -> Floats:
     Raises:
         InputError: Another shape or number of rows, NaN or infinity.
     """
-    rows, single = as_batch("gravity", gravity, 3)
+    return _vector_rows("gravity", gravity, count)
+
+
+def _vector_rows(name: str, vectors: ArrayLike, count: int) -> Floats:
+    rows, single = as_batch(name, vectors, 3)
     if not single and len(rows) != count:
-        raise InputError(f"gravity: expected shape (3,) or ({count}, 3), as q has it, got {rows.shape}")
+        raise InputError(f"{name}: expected shape (3,) or ({count}, 3), as q has it, got {rows.shape}")
+    return rows
+
+
+def _base_rows(base: BaseMotion, count: int) -> Floats:
+    """Return a base's motion as one (3, 3) for all configurations, or one for each: (1 or N, 3, 3)."""
+    motions = [
+        _vector_rows(f"base {name.replace('_', ' ')}", base[r], count)
+        for r, name in enumerate(BaseMotion._fields)
+    ]
+    rows: Floats = np.stack(np.broadcast_arrays(*motions), axis=1)
     return rows
 
 
@@ -158,14 +170,15 @@ def _inverse_dynamics_rows(
     xd, xdd, torque = np.empty(n), np.empty(n), np.empty(n)
     omega, alpha, acceleration = np.empty((n + 1, 3)), np.empty((n + 1, 3)), np.empty((n + 1, 3))
     force, moment = np.empty((n + 1, 3)), np.empty((n + 1, 3))
-    omega[n] = base_motion[0]
-    alpha[n] = base_motion[1]
     for k in range(len(q)):
+        base = base_motion[k if len(base_motion) > 1 else 0]
+        omega[n] = base[0]
+        alpha[n] = base[1]
         place_tree(tree, coupling, offset, q[k], work, rotation, position)
         to_tree(coupling, qd[k], xd)
         to_tree(coupling, qdd[k], xdd)
         for r in range(3):
-            acceleration[n, r] = base_motion[2, r] - gravity[k if len(gravity) > 1 else 0, r]
+            acceleration[n, r] = base[2, r] - gravity[k if len(gravity) > 1 else 0, r]
         newton_euler_recursion(
             tree, rotation, position, xd, xdd, omega, alpha, acceleration, force, moment, torque
         )

@@ -13,18 +13,20 @@ from catenary.spatial import Pose
 
 
 def forward_kinematics(model: RobotModel, q: ArrayLike, frame: str | None = None) -> Pose:
-    """Return the pose of a frame in the base frame, at one configuration; `frame_poses` takes many.
+    """Return the pose of a frame in the base frame.
 
     Args:
         model: The robot.
-        q: (n,) coordinates [rad or m].
+        q: (n,) or (N, n) coordinates [rad or m].
         frame: Name of the frame; the model's tip when None.
+
+    Returns:
+        Its rotation (3, 3) and position (3,) [m]; of many configurations (N, 3, 3) and (N, 3).
 
     Raises:
         InputError: q has another shape or is not finite; no frame of that name.
     """
-    rotations, positions = frame_poses(model, as_array("q", q, (model.n,)), frame)
-    return Pose(rotations, positions)
+    return Pose(*frame_poses(model, q, frame))
 
 
 def frame_poses(model: RobotModel, q: ArrayLike, frame: str | None = None) -> tuple[Floats, Floats]:

@@ -15,8 +15,11 @@ from catenary.verdict.finding import Finding
 # above zero; an axis whose torque has the wrong sign seems to drive itself as strongly.
 SURE = 3.0  # standard deviations below zero of the power that friction takes
 NOTABLE = 0.05  # of the mean torque times the mean speed
-MENDED = 0.35  # of the mean square residual: at most this is left when one axis's sign is turned back
-DOUBTFUL = 0.3  # relative residual from which on it is asked whether axes are swapped or turned
+MENDED = (
+    0.35  # of the product of all axes' mean squares: at most this is left when one axis's sign is turned back
+)
+LEAST = 1e-3  # relative residual that counts as none
+DOUBTFUL = 0.1  # relative residual from which on it is asked whether axes are swapped or turned
 ROWS = 600  # that are looked at
 EXPLAINED = 0.8  # least correlation of measured torques with the model's own, to speak of their ratio
 RATIO = (0.4, 2.5)  # of a torque to the model's own: assumed masses are wrong by less
@@ -30,17 +33,16 @@ def torque_findings(result: Identification, samples: Samples, *, fitted: bool) -
         samples: A recording.
         fitted: It is one of those that were fitted.
     """
-    findings = _currents(result, samples, fitted)
     own = result.training if fitted else result.tests
     residual = next(r for r in own if r.log == samples.name)
     with np.errstate(invalid="ignore"):
         doubtful = bool(np.any(residual.relative_rms > DOUBTFUL)) or residual.verdict not in (None, "holds")
-    pair = swapped_axes(result, samples, refit=fitted) if doubtful else None
-    if pair is not None:
+    pair, left = swapped_axes(result, samples, refit=fitted) if doubtful else (None, 1.0)
+    axis, left_when_turned = _turned(result, samples, fitted) if doubtful else (None, 1.0)
+    if pair is not None and (axis is None or left < left_when_turned):
         names = result.model.joint_names
         a, b = names[pair[0]], names[pair[1]]
         return [
-            *findings,
             Finding(
                 "swapped",
                 (a, b),
@@ -48,16 +50,22 @@ def torque_findings(result: Identification, samples: Samples, *, fitted: bool) -
                 "columns in another order",
                 f"--swap tau:{a},{b}, or where positions are exchanged too, --swap q_nominal:{a},{b} --swap qd:{a},{b} "
                 f"--swap tau:{a},{b}",
-            ),
+            )
         ]
-    turned = _driven(result, samples) if fitted else set()
-    if doubtful and not turned:
-        turned = _turned(result, samples, fitted)
+    findings, against = _known_torques(result, samples, fitted)
+    # an axis turned round spoils the friction of those that move with it: what one sign mends is that axis
+    turned = set() if axis is None else {axis}
+    if fitted and not turned:
+        driven, braked = _by_friction(result, samples)
+        # torques that fit together, of which friction brakes none, are all counted the other way
+        turned = set(range(result.model.n)) if len(driven) > 1 and not braked else driven
+    turned |= against
     return findings + [
         Finding(
             "sign",
             (result.model.joint_names[i],),
-            "its friction seems to drive it (Coulomb and viscous friction below zero), or its torque fits turned round",
+            "its friction, or that of axes whose torques fit with its own, seems to drive it (Coulomb and viscous "
+            "friction below zero), or its torque fits turned round, or pulls where known masses push",
             "a torque that is counted the other way than the position, or the load's instead of the motor's",
             f"--sign tau:{result.model.joint_names[i]}",
         )
@@ -65,12 +73,12 @@ def torque_findings(result: Identification, samples: Samples, *, fitted: bool) -
     ]
 
 
-def _driven(result: Identification, samples: Samples) -> set[int]:
-    """Return axes whose friction gives power, beyond its uncertainty."""
+def _by_friction(result: Identification, samples: Samples) -> tuple[set[int], set[int]]:
+    """Return axes whose friction gives power, and those where it takes power, beyond its uncertainty."""
     parameters = result.base.parameters
     first = len(parameters.links) * parameters.per_link
     place = {int(column): k for k, column in enumerate(result.base.columns)}
-    driven = set()
+    driven, braked = set[int](), set[int]()
     power: dict[tuple[float, ...], list[tuple[int, float]]] = {}
     for k, term in enumerate(parameters.actuation):
         if term.kind in ("coulomb", "viscous") and first + k in place:
@@ -84,13 +92,13 @@ def _driven(result: Identification, samples: Samples) -> set[int]:
         along = np.array(combination)
         axis = int(np.argmax(np.abs(along)))
         size = float(np.mean(np.abs(samples.tau[:, axis])) * np.mean(np.abs(samples.qd[:, axis])))
-        if taken < -SURE * spread and taken < -NOTABLE * size and np.count_nonzero(along) == 1:
-            driven.add(axis)
-    return driven
+        if abs(taken) > SURE * spread and abs(taken) > NOTABLE * size and np.count_nonzero(along) == 1:
+            (driven if taken < 0.0 else braked).add(axis)
+    return driven, braked
 
 
-def _turned(result: Identification, samples: Samples, refit: bool) -> set[int]:
-    """Return the axis whose torque, turned round, leaves clearly less residual on all axes together, if any."""
+def _turned(result: Identification, samples: Samples, refit: bool) -> tuple[int | None, float]:
+    """Return the axis whose torque, turned round, leaves clearly less residual, or None, and the share left."""
     some = np.zeros(len(samples), dtype=bool)
     some[np.unique(np.linspace(0, len(samples) - 1, min(len(samples), ROWS)).astype(np.int64))] = True
     rows = samples.rows(some, samples.name)
@@ -100,33 +108,37 @@ def _turned(result: Identification, samples: Samples, refit: bool) -> set[int]:
         reduced = triangles(result.base, gravity, [part])
         beta = solve(reduced.stacked(result.weights)) if refit else result.beta
         relative = reduced.residual_rms(beta) / np.maximum(np.sqrt(np.mean(part.tau**2, axis=0)), 1e-9)
-        return float((np.minimum(relative, 2.0) ** 2).sum())
+        return float(np.prod(np.clip(relative, LEAST, 2.0) ** 2))
 
-    before, best, axis = left(rows), np.inf, -1
+    before, best, axis = left(rows), MENDED, None
     for i in range(samples.tau.shape[1]):
         sign = np.ones(samples.tau.shape[1])
         sign[i] = -1.0
         # what is known beforehand was subtracted with its own sign
         turned = replace(rows, tau=(rows.tau + rows.known) * sign - rows.known)
-        after = left(turned)
+        after = left(turned) / before
         if after < best:
             best, axis = after, i
-    return {axis} if best < MENDED * before else set()
+    return axis, best
 
 
-def _currents(result: Identification, samples: Samples, fitted: bool) -> list[Finding]:
-    """Find axes whose torque is many times that of the robot file's masses; of a test, that of what was identified."""
+def _known_torques(result: Identification, samples: Samples, fitted: bool) -> tuple[list[Finding], set[int]]:
+    """Compare torques with those of the robot file's masses, or of a test with those of what was identified.
+
+    Returns:
+        A finding on axes whose torque is many times that, or a fraction, and the axes where it has the other sign.
+    """
     model = result.model
     whose = "the robot's own masses" if fitted else "what was identified"
     if not fitted:
         own = result.predict_unknown(samples.q, samples.qd, samples.qdd, np.array(result.options.gravity))
     elif model.missing_inertia:
-        return []
+        return [], set()
     else:
         own = np.asarray(
             inverse_dynamics(model, samples.q, samples.qd, samples.qdd, gravity=result.options.gravity)
         )
-    found = []
+    found, against = [], set[int]()
     for i in range(model.n):
         # friction and offsets beside the model's own torque
         columns = np.column_stack([own[:, i], np.sign(samples.qd[:, i]), samples.qd[:, i], np.ones(len(own))])
@@ -134,10 +146,12 @@ def _currents(result: Identification, samples: Samples, fitted: bool) -> list[Fi
             continue
         ratio = float(np.linalg.lstsq(columns, samples.tau[:, i], rcond=None)[0][0])
         correlation = float(np.corrcoef(own[:, i], samples.tau[:, i])[0, 1])
+        if correlation < -EXPLAINED and ratio < 0.0:
+            against.add(i)
         if abs(correlation) > EXPLAINED and not RATIO[0] < abs(ratio) < RATIO[1]:
             found.append((model.joint_names[i], ratio))
     if not found:
-        return []
+        return [], against
     ratios = ", ".join(f"{name} {ratio:.3g}" for name, ratio in found)
     return [
         Finding(
@@ -145,6 +159,6 @@ def _currents(result: Identification, samples: Samples, fitted: bool) -> list[Fi
             tuple(name for name, _ in found),
             f"torques over those of {whose} are {ratios}, expected {RATIO[0]:g} to {RATIO[1]:g}",
             "motor currents, or torques at the motor, read as joint torques",
-            " ".join(f"--scale tau:{name}={1.0 / ratio:.4g}" for name, ratio in found),
+            " ".join(f"--scale tau:{name}={1.0 / abs(ratio):.4g}" for name, ratio in found),
         )
-    ]
+    ], against

@@ -15,7 +15,7 @@ from catenary.arrays import Floats
 from catenary.config import Recorded, parse_settings
 from catenary.documents import cut, json_table, shortened
 from catenary.errors import FileFormatError, InputError
-from catenary.files import write_atomically
+from catenary.files import card_path, write_atomically
 from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.columns import Parameters
 from catenary.identification.identification import Identification
@@ -71,11 +71,6 @@ class IdentificationCard(Recorded):
 
     notes: tuple[str, ...]
     version: dict[str, JsonValue]
-
-
-def card_path(path: Path) -> Path:
-    """Return the path of the readable copy of a parameter file's card, beside it."""
-    return path.with_name(f"{path.stem}.card.json")
 
 
 def identification_card(

@@ -189,5 +189,6 @@ def _singular(base: BaseParameters, rank: int, condition: float, weakest: Floats
     return (
         f'robot "{base.parameters.model.name}": the recordings show {rank} of {base.count} base parameters (condition '
         f"{condition:.3g}); least of all a combination of {named}. No parameters and no verdict follow from them: "
-        "move every joint, over more of its range and faster; catenary excitation designs such a motion"
+        "move every joint, over more of its range and faster; catenary excitation designs such a motion. Columns of "
+        "positions in another joint's place look like this too"
     )

@@ -16,6 +16,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.files import damage, sha256_of, written_whole
 from catenary.plant import MotionLog
 from catenary.recording.importers import numbers_of, read_command_log
+from catenary.recording.table_kind import table_ending
 from catenary.robots.model import RobotModel
 from catenary.units import TORQUE_UNIT
 
@@ -40,11 +41,12 @@ def read_log(
     path = Path(path)
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")
-    if path.suffix == ".parquet":
+    ending = table_ending(path)
+    if ending == ".parquet":
         return read_parquet(path, units=units, joint_names=joint_names)
-    if path.suffix == ".npz":
+    if ending == ".npz":
         return read_command_log(path, units=units, joint_names=joint_names)
-    if path.suffix == ".csv":
+    if ending == ".csv":
         from catenary.recording.raven_csv import read_raven_csv
 
         log = read_raven_csv(path).log
@@ -198,9 +200,10 @@ def read_torque_log(path: Path, model: RobotModel) -> MotionLog:
         FileFormatError: No such file, unknown kind, damaged, or an array is missing.
         InputError: Wrong shape, NaN, a rate that is not above zero, or raw efforts of a robot without scale.
     """
-    if path.suffix == ".parquet":
+    ending = table_ending(path)
+    if ending == ".parquet":
         return read_log(path)
-    if path.suffix != ".npz":
+    if ending != ".npz":
         raise FileFormatError(f'{path}: ending "{path.suffix}": expected a recording, .npz or .parquet')
     content = read_arrays(path)
 

@@ -13,6 +13,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.plant import UNUSED, MotionLog
 from catenary.recording.clock_steps import ClockStep
 from catenary.recording.extract import TopicFile, topic_file
+from catenary.recording.raven_transmission import COUPLING, RATIO
 from catenary.recording.series import (
     Series,
     StoppedEncoder,
@@ -40,11 +41,9 @@ ROBOT: Mapping[Arm, str] = {"gold": "raven2", "green": "raven2_right"}
 # cable torque or tension = torque at the gearbox's output * ratio / gearbox [raven2 source: transmission ratios; RE40
 # with 49/4, RE30 with 26/7]; the joints' torques follow through the cables' coupling, as a controller is told them
 JOINT_TORQUE: Mapping[str, float] = {
-    "shoulder": 136.1963 / 12.25, "elbow": 121.5221 / 12.25, "insertion": 2158.590 / 12.25,  # [1], [1], [1/m]
+    **{joint: ratio / 12.25 for joint, ratio in RATIO.items()},  # [1], [1], [1/m]
     "roll": 5.395176 * 7 / 26, "wrist": 8.991960 * 7 / 26, "jaw1": 8.991960 * 7 / 26, "jaw2": 8.991960 * 7 / 26,
 }  # fmt: skip
-# c01, c02, c12 [raven2 source] rad/rad, m/rad, m/rad
-COUPLING = np.array([0.14545, 0.0077973826, 0.008077387])
 
 
 @dataclass(frozen=True)

@@ -3,15 +3,23 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from catenary.calibration.choice import JointChoice
 from catenary.calibration.evaluate import Evaluation, Spread
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.files import json_text
+from catenary.reports.arm_picture import arm_picture
+from catenary.reports.error_tables import error_blocks, spread_table, window_blocks
+from catenary.reports.headline import headline
 from catenary.reports.intervals import coverage_blocks
-from catenary.reports.joint_picture import joint_picture
+from catenary.reports.joint_picture import joint_picture, row_breaks
 from catenary.reports.page import Block, Facts, Heading, Listing, Remarks, Table, Text, write_page
+from catenary.reports.tip import TipErrors, kinematics_of, tip_blocks, tip_errors
+from catenary.robots.model import RobotModel
+
+PAPER = (
+    "H. Peng, A. Lewis, Y.-H. Su, S. Lin, D.-T. Chiang, W. Jiang, H. Lai, B. Hannaford, "
+    '"Efficient data-driven joint-level calibration of cable-driven surgical robots", 2024, arXiv:2408.01604.'
+)
 
 
 def write_calibration_report(
@@ -26,6 +34,9 @@ def write_calibration_report(
     comparison: tuple[Sequence[str], Sequence[Sequence[str]]] | None = None,
     opening: Sequence[Block] = (),
     further: Sequence[Block] = (),
+    name: str | None = None,
+    unseen: bool = True,
+    robot: RobotModel | None = None,
 ) -> None:
     """Write the page about a calibration, one self-contained file.
 
@@ -40,41 +51,72 @@ def write_calibration_report(
         comparison: Header and rows of a table of several models, to open the page with.
         opening: What else to open the page with.
         further: What else to say before the model's card.
+        name: What title, tables and pictures call the model; its kind and preset when None.
+        unseen: Whether the model was not fitted to this data.
+        robot: Whose tip is looked at; the catalogue's robot of the card when None, if there is one.
+
+    Raises:
+        FileFormatError: The file cannot be written.
+        InputError: The robot has other joints than the model.
     """
+    name = name if name is not None else short_name(model)
+    robot = robot or kinematics_of(card.get("robot") or evaluation.data.robot, model)
+    tip = None if robot is None else tip_errors(robot, model, evaluation)
     simulated = bool(card["simulated"]) or any(s.simulated for s in evaluation.data.sources)
-    blocks: list[Block] = [
-        Heading("Error per joint"),
-        error_table(evaluation),
-        Text(
-            "RMSE raw, after the fixed offset (the mean error of the training data) and after the model; per cent of "
-            "the fixed offset's, as in Peng et al., table I; largest error raw and after the model; share of rows "
-            "outside the model's valid range, where it falls back to the fixed offset."
-        ),
-        *([Remarks(notes)] if notes else []),
+    blocks: list[Block] = [*opening]
+    if comparison is not None:
+        blocks += [Heading("Every model"), Table(*comparison)]
+    blocks += [
+        *error_blocks(evaluation, name),
+        *note_blocks(notes),
+        *tip_part(tip, evaluation, name),
         *coverage_blocks(evaluation),
     ]
-    if comparison is not None:
-        blocks[:0] = [Heading("Every model"), Table(*comparison)]
-    blocks[:0] = opening
-    for j, name in enumerate(model.joint_names):
-        blocks += [Heading(f"Joint {name}"), joint_picture(evaluation, model, j)]
-    blocks += [Heading("RMSE of the model over time"), window_table(evaluation)]
+    for j, joint in enumerate(model.joint_names):
+        blocks += [Heading(f"Joint {joint}"), joint_picture(evaluation, model, j, name=name)]
+    blocks += window_blocks(evaluation, name)
     if spread:
-        blocks += [Heading("Cross-validation over blocks of time"), spread_table(spread)]
+        blocks += [Heading("Cross-validation over blocks of time"), spread_table(spread, name)]
     blocks += [
         *further,
         Heading("The model"),
-        Facts(card_facts(card)),
+        Facts([("model", model_name(model)), *card_facts(card)]),
         Listing("The whole card", json_text(card)),
+        Heading("Literature"),
+        Text(PAPER),
     ]
-    title = f"Calibration of {card.get('robot') or 'an arm'}: {model_name(model)}"
-    lead = f"Tested on {tested_on}: {len(evaluation.data):,} rows."
-    write_page(path, title, lead, blocks, simulated=simulated)
+    title = f"Calibration of {card.get('robot') or 'an arm'}: {name}"
+    recorded = evaluation.data.last_date
+    when = f"recorded until {recorded}" if recorded else "recording without a date"
+    lead = f"Tested on {tested_on}: {len(evaluation.data):,} rows, {when}."
+    verdict = headline(evaluation, unseen=unseen, spread=spread, tip=tip)
+    write_page(path, title, lead, blocks, verdict=verdict, simulated=simulated)
+
+
+def note_blocks(notes: Sequence[str]) -> list[Block]:
+    """Return what a reader must know about the data, under a heading."""
+    return [Heading("Notes on the data"), Remarks(notes)] if notes else []
+
+
+def tip_part(tip: TipErrors | None, evaluation: Evaluation, name: str) -> list[Block]:
+    """Return table and picture of the tip; without kinematics how to get them."""
+    if tip is not None:
+        return [
+            *tip_blocks(tip, name, evaluation.data.joint_names),
+            arm_picture(tip, name, row_breaks(evaluation)),
+        ]
+    missing = "Not known: no robot whose kinematics give the tip from these joints was named (--robot)."
+    return [Heading("Error of the tip"), Text(missing)]
+
+
+def short_name(model: CalibrationModel) -> str:
+    """Return a model's kind and preset in words."""
+    return model.kind if model.preset is None else f"{model.kind}, preset {model.preset}"
 
 
 def model_name(model: CalibrationModel) -> str:
     """Return a model's kind, preset and memory in words."""
-    name = model.kind if model.preset is None else f"{model.kind}, preset {model.preset}"
+    name = short_name(model)
     if model.features.history:
         name += f", {model.features.history} previous commands"
     if model.features.play:
@@ -82,50 +124,11 @@ def model_name(model: CalibrationModel) -> str:
     return name
 
 
-def error_table(evaluation: Evaluation) -> Table:
-    """Return RMSE and maximum per joint: raw, after the fixed offset and after the model."""
-    rows = []
-    for j in evaluation.joints:
-        errors = [f"{value:.3f}" for value in (j.raw_rmse, j.offset_rmse, j.rmse)]
-        largest = [f"{value:.2f}" for value in (j.raw_max, j.max)]
-        outside = f"{100.0 * j.outside_valid_range:.1f} %"
-        rows.append([j.name, j.unit, *errors, percent(j.percent_of_offset, 1), *largest, outside])
-    header = ["joint", "unit", "raw", "offset", "model", "of offset", "raw max", "model max", "outside"]
-    return Table(header, rows)
-
-
-def percent(value: float, digits: int) -> str:
-    """Return a percentage as text; a dash for NaN, a percentage of nothing."""
-    return f"{value:.{digits}f} %" if np.isfinite(value) else "-"
-
-
-def window_table(evaluation: Evaluation) -> Table:
-    """Return the RMSE after the model per window of time."""
-    unit = evaluation.window_unit
-    names = [f"{j.name} [{j.unit}]" for j in evaluation.joints]
-    header = ["recording", f"from [{unit}]", f"to [{unit}]", "rows", *names]
-    rows = [
-        [w.recording, f"{w.start:.0f}", f"{w.end:.0f}", str(w.n), *(f"{value:.3f}" for value in w.rmse)]
-        for w in evaluation.windows
-    ]
-    return Table(header, rows)
-
-
-def spread_table(spread: Sequence[Spread]) -> Table:
-    """Return mean and standard deviation of the RMSE over the blocks of a cross-validation."""
-    rows = []
-    for s in spread:
-        offset = f"{s.offset_rmse_mean:.3f} ± {s.offset_rmse_sd:.3f}"
-        rows.append([s.joint, s.unit, str(s.folds), offset, f"{s.rmse_mean:.3f} ± {s.rmse_sd:.3f}"])
-    return Table(["joint", "unit", "blocks", "offset RMSE", "model RMSE"], rows)
-
-
 def card_facts(card: Card) -> list[tuple[str, str]]:
     """Return the card's main lines."""
     data = ", ".join(f"{s['name']} ({s['rows']:,} rows, {_short(s['sha256'])})" for s in card["data"])
     version = ", ".join(f"{name} {number}" for name, number in card["version"].items())
     return [
-        ("kind", card["kind"] + (f", preset {card['preset']}" if card["preset"] else "")),
         *(("chosen", str(JointChoice(**choice))) for choice in card.get("choice") or ()),
         ("target", f"joint {card['target']}"),
         ("inputs", shortened([entry["name"] for entry in card["inputs"]])),

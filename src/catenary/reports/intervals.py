@@ -2,6 +2,7 @@
 
 from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.evaluate import Evaluation
+from catenary.reports.error_tables import in_units
 from catenary.reports.page import Block, Heading, Table, Text
 
 
@@ -16,7 +17,8 @@ def coverage_table(evaluation: Evaluation) -> Table:
         [joint.name, joint.unit, f"{joint.half_width:.3f}", _percent(joint.coverage), verdict]
         for joint, verdict in zip(evaluation.joints, coverage_verdicts(evaluation), strict=True)
     ]
-    return Table(["joint", "unit", "half-width", "held", "verdict"], rows)
+    unit = in_units(joint.unit for joint in evaluation.joints)
+    return Table(["joint", "unit", f"half-width {unit}", "held [% of rows]", "verdict"], rows)
 
 
 def coverage_blocks(evaluation: Evaluation) -> list[Block]:

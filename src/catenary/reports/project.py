@@ -11,15 +11,18 @@ from catenary.calibration.model import CalibrationModel, Card
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
 from catenary.reports.calibration import write_calibration_report
+from catenary.reports.error_tables import in_units
 from catenary.reports.page import Block, Heading, Picture, Table, Text, picture
 from catenary.units import DISPLAY
 
 TRAIN_COLOR, TEST_COLOR = "#4b6b94", "#d9a441"
 MOST_POINTS = 6_000
 PAPER_INPUTS = 16  # of all its models: positions and torques of an arm's eight channels, one of them unused
-# Peng et al., "Efficient data-driven joint-level calibration of cable-driven surgical robots", table I: a real
-# RAVEN-II, trained on zig-zag motions in direction J2-J3 (1013 s), tested on 20 minutes of random motion
-# RMSE on J1 [deg], J2 [deg], J3 [mm]
+PAPER_COLUMNS = tuple(
+    f"paper, {PAPER_INPUTS} inputs: {joint}" for joint in ("J1 [deg]", "J2 [deg]", "J3 [mm]")
+)
+# Peng et al. 2024 (`reports.calibration.PAPER`), table I: a real RAVEN-II, trained on zig-zags in direction J2-J3
+# (1013 s), tested on 20 minutes of random motion; RMSE on J1 [deg], J2 [deg], J3 [mm]
 TABLE_1: dict[str, tuple[float, float, float]] = {
     "raw": (2.103, 7.963, 11.715),
     "fixed offset": (0.859, 1.095, 0.492),
@@ -42,6 +45,7 @@ def write_project_report(
     *,
     notes: Sequence[str] = (),
     inputs: Mapping[str, Sequence[int]] | None = None,
+    name: str = "recommended",
 ) -> None:
     """Write the page of a project.
 
@@ -57,6 +61,7 @@ def write_project_report(
         deployment: What the 1 kHz loop reported, if it ran.
         notes: What a reader must know about the data.
         inputs: How many inputs each model of the table takes, joint by joint.
+        name: The best model's, in the table of every model and all over the page.
     """
     units, names = model.joint_units, model.joint_names
     logs = [[read_log(p, units=units, joint_names=names) if p.suffix == ".npz" else read_log(p) for p in paths]
@@ -66,12 +71,12 @@ def write_project_report(
     if deployment is not None:
         simulated = any(s.simulated for s in evaluation.data.sources)
         comparison = _beside_the_paper(comparison, _where(connection, simulated))
-        further = [Heading("Deployed in the 1 kHz loop"), *_deployment_blocks(deployment, connection)]
+        further = [Heading("Deployed in the 1 kHz loop"), *_deployment_blocks(deployment, connection, name)]
     if inputs is not None:
         comparison = with_inputs(comparison, inputs)
     write_calibration_report(
         path, model, card, evaluation, tested_on=", ".join(p.name for p in test), notes=notes,
-        comparison=comparison, opening=opening, further=further,
+        comparison=comparison, opening=opening, further=further, name=name,
     )  # fmt: skip
 
 
@@ -99,18 +104,18 @@ def _beside_the_paper(
     header, rows = comparison
     paper = {name: [f"{value:.3f}" for value in errors] for name, errors in TABLE_1.items()}
     compared = [[*row, *paper.get(row[0], ["-"] * 3)] for row in rows]
-    return [f"{header[0]} ({where})", *header[1:], f"paper, {PAPER_INPUTS} inputs: J1", "J2", "J3"], compared
+    return [f"{header[0]} ({where})", *header[1:], *PAPER_COLUMNS], compared
 
 
-def _deployment_blocks(deployment: Mapping[str, Any], connection: str) -> list[Block]:
+def _deployment_blocks(deployment: Mapping[str, Any], connection: str, name: str) -> list[Block]:
     if connection == "simulation":
         aside, reference = "the simulated arm's own step", "the joints' true positions"
     else:
         aside, reference = "the way to the robot and back", "the external encoders' latest reading"
     times = {
-        "correction alone [us]": deployment["correction_us"],
-        "whole tick [us]": deployment["compute_us"],
-        "period jitter [us]": deployment["jitter_us"],
+        "whole tick": deployment["compute_us"],
+        "of it the correction": deployment["correction_us"],
+        "period off its length": deployment["jitter_us"],
     }
     keys = ("median", "p99", "p999", "max")
     rows = [[name, *(_number(time[key], 1) for key in keys)] for name, time in times.items() if time]
@@ -120,17 +125,21 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str) -> list[B
         share = joint["outside_valid_range"]
         outside = "-" if share is None else f"{100.0 * share:.1f} %"
         joints.append([joint["name"], joint["unit"], *errors, outside])
+    unit = in_units(joint["unit"] for joint in deployment["joints"])
     overruns = _number(deployment["overruns"], 0)
     priority = "with" if deployment["real_time_priority"] else "without"
     return [
         Text(
             f"{deployment['ticks']:,} ticks at {deployment['rate_hz']:g} Hz, {priority} real-time priority, "
             f"{overruns} overruns. A whole tick reads the arm, corrects, evaluates the trajectory and "
-            f"commands the arm; {aside} is not in it."
+            f"commands the arm; {aside} is not in it. The correction was timed within the same ticks. Period off its "
+            "length: by how much the time from tick to tick differs from the one asked for."
         ),
-        Table(["", "median", "p99", "p99.9", "largest"], rows),
+        Table(
+            ["time in each tick", "median [us]", "99 % below [us]", "99.9 % below [us]", "largest [us]"], rows
+        ),
         Text(f"Error against {reference} while the loop ran, as reported and as corrected in the tick:"),
-        Table(["joint", "unit", "reported", "corrected", "outside"], joints),
+        Table(["joint", "unit", f"raw RMSE {unit}", f"{name} RMSE {unit}", "outside [% of ticks]"], joints),
     ]
 
 
@@ -155,6 +164,9 @@ def _coverage(train: Sequence[MotionLog], test: Sequence[MotionLog]) -> Picture:
             ax.plot(x, y, ".", markersize=1.5, color=color, alpha=0.6, label=label)
         for axis, joint in ((ax.set_xlabel, i), (ax.set_ylabel, j)):
             axis(f"{first.joint_names[joint]} [{DISPLAY[first.joint_units[joint]][0]}]")
-    axes[-1].legend(markerscale=6, frameon=False, loc="upper right", fontsize=9)
+    handles, labels = axes[-1].get_legend_handles_labels()
+    figure.legend(
+        handles, labels, loc="outside upper right", ncols=2, markerscale=6, frameon=False, fontsize=9
+    )
     caption = "Where the joints went, as the robot reported: training and test motion in joint space."
     return picture(figure, caption)

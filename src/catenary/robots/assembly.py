@@ -26,6 +26,7 @@ from catenary.robots.plausible import (
     MOST_FACTOR,
     MOST_LINKS,
     check_different,
+    check_length,
     check_names,
     check_within,
 )
@@ -279,7 +280,7 @@ def _all_frames(
         if name in frames:
             raise InputError(f'{where}: frame "{name}" has the name of another frame or link')
         as_rotation(f'{where}: frame "{name}": rotation', pose.rotation)
-        _check_length(f'{where}: frame "{name}": position', pose.position)
+        check_length(f'{where}: frame "{name}": position', pose.position)
         frames[name] = Frame(carrier[link].link, carrier[link].pose @ pose)
     return frames
 
@@ -351,7 +352,7 @@ def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
         raise InputError(f'{what}: joint "{link.joint}", expected {" or ".join(get_args(JointKind))}')
     for part, pose in (("joint", link.pose), ("link frame", link.frame)):
         as_rotation(f"{what}: {part}: rotation", pose.rotation)
-        _check_length(f"{what}: {part}: origin", pose.position)
+        check_length(f"{what}: {part}: origin", pose.position)
     check_within(f"{what}: offset", as_array(f"{what}: offset", link.offset, ()), FARTHEST, "rad or m")
     if link.joint == "fixed" and link.variable:
         raise InputError(
@@ -376,10 +377,6 @@ def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
                     f"{what}: centre of mass has {axis} = {value:g} m, and its axes are declared to be "
                     f"{', '.join(a for a, m in zip('xyz', link.axes_of_com, strict=True) if m) or 'none'}"
                 )
-
-
-def _check_length(what: str, vector: Floats) -> None:
-    check_within(what, as_array(what, vector, (3,)), FARTHEST, "m")
 
 
 def _deepest(ordered: Sequence[Link]) -> str:

@@ -1,7 +1,6 @@
 """Robots by name, or from a file: TOML tables, URDF and MJCF."""
 
 from difflib import get_close_matches
-from hashlib import sha256
 from importlib.resources import as_file, files
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -88,6 +87,7 @@ def load_text(text: str, *, massless: Massless = (), strict: bool = False) -> Ro
     Raises:
         FileFormatError: Damaged, too long, or no URDF.
     """
+    from catenary.robots.description import file_source
     from catenary.robots.urdf import parse_urdf
 
     where, content = "robot description", text.encode(errors="replace")
@@ -98,8 +98,8 @@ def load_text(text: str, *, massless: Massless = (), strict: bool = False) -> Ro
         raise FileFormatError(
             f"{where}: is MJCF, which may include files: expected the path of a file that holds it"
         )
-    sources = [f"text, sha256 {sha256(content).hexdigest()}"]
-    return parse_urdf(content, where, massless=massless, strict=strict, sources=sources)
+    source = file_source(Path("text"), content)
+    return parse_urdf(content, where, massless=massless, strict=strict, sources=[source])
 
 
 def _is_file(path: Path) -> bool:

@@ -6,7 +6,7 @@ import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
-from catenary.robots.plausible import FARTHEST, MOST_INERTIA, MOST_MASS, check_within
+from catenary.robots.plausible import MOST_INERTIA, MOST_MASS, check_length, check_within
 from catenary.spatial import Pose
 
 ROUNDING = 1e-6  # of the largest entry of an inertia; files print six digits or more
@@ -56,8 +56,7 @@ def check_inertia(what: str, body: LinkInertia) -> None:
     if not np.isfinite(body.mass) or body.mass < 0.0:
         raise InputError(f"{what}: mass {body.mass} kg, expected a finite number, zero or more")
     check_within(f"{what}: mass", body.mass, MOST_MASS, "kg")
-    com = as_array(f"{what}: centre of mass", body.com, (3,))
-    check_within(f"{what}: centre of mass", com, FARTHEST, "m")
+    check_length(f"{what}: centre of mass", body.com)
     if body.inertia is None:
         return
     tensor = as_array(f"{what}: inertia", body.inertia, (3, 3))

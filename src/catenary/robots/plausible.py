@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from catenary.arrays import as_array
 from catenary.documents import cut, shortened
 from catenary.errors import InputError
 
@@ -56,6 +57,15 @@ def check_within(what: str, values: ArrayLike, most: float, unit: str) -> None:
     found = np.abs(np.asarray(values, dtype=np.float64))
     if not (found <= most).all():
         raise InputError(f"{what}: {found.max():g} {unit}, expected at most {most:g} {unit}")
+
+
+def check_length(what: str, vector: ArrayLike) -> None:
+    """Refuse a vector (3,) [m] that is longer in any direction than a robot is.
+
+    Raises:
+        InputError: It is, or it has another shape or is not finite.
+    """
+    check_within(what, as_array(what, vector, (3,)), FARTHEST, "m")
 
 
 def payload_doubt(mass: float, own: float) -> str | None:

@@ -11,19 +11,28 @@ from catenary.sensing.faults import Fault
 from catenary.spatial import STANDARD_GRAVITY, cross
 
 Vector = tuple[float, float, float]
+_MAY_BE_ZERO = ("slow_acceleration", "slow_jerk", "stuck_samples", "accept_jump_after", "future")
 
 
 @dataclass(frozen=True)
 class SensorRules:
-    """What is believed of a sensor; the defaults fit a table or a cart: a base that people tilt, rock or push about.
+    """What is believed of a sensor; the defaults fit a table: a base that people tilt, rock or push about.
+
+    Rules of bases that move by themselves: `bases.rules_for`.
 
     Args:
         max_step: Largest difference between a reading and what those before it foretell [m/s2].
         max_rate_step: The same of angular rates [rad/s].
         max_rate: Fastest turning of the base [rad/s]; rocking by 20 degrees at 1 Hz is 2.2.
         max_acceleration: Largest acceleration of the base [m/s2]: a reading's length is gravity's, give or take it.
-        rest_lower: Least length of a reading at rest [m/s2].
-        rest_upper: Largest length of a reading at rest [m/s2].
+        rest_lower: Least length of a reading at rest, and of the mean over `mean_time` [m/s2].
+        rest_upper: The largest [m/s2].
+        rest_spread: Standard deviation of readings at rest, of the three axes together, at most [m/s2].
+        mean_time: Time over which the accelerations of a base that moves average out [s].
+        slow_acceleration: Acceleration that lasts for seconds [m/s2], as a ship's heave or a car's braking: readings
+            that seem to be at rest, and the first ones, may be as much longer or shorter than rest_lower and
+            rest_upper say; 0 for a base that does not move by itself.
+        slow_jerk: How fast it changes, at most [m/s3].
         max_tilt: Largest angle from level when samples begin [rad]; pi for a base that may hang upside down.
         max_push: Largest difference between a reading and gravity as the gyroscope foretells it that does not show
             in the reading's length [m/s2], while the gyroscope says that the base stands still: a table or a cart is
@@ -45,6 +54,10 @@ class SensorRules:
     max_acceleration: float = 6.0
     rest_lower: float = 9.0
     rest_upper: float = 10.6
+    rest_spread: float = 0.3
+    mean_time: float = 1.0
+    slow_acceleration: float = 0.0
+    slow_jerk: float = 0.0
     max_tilt: float = math.radians(120.0)
     max_push: float = 1.4
     still_rate: float = 0.15
@@ -55,7 +68,7 @@ class SensorRules:
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
-            may_be_zero = name in ("stuck_samples", "accept_jump_after", "future")
+            may_be_zero = name in _MAY_BE_ZERO
             if not (value > 0 or (may_be_zero and value == 0)):
                 least = "0 or more" if may_be_zero else "more than 0"
                 raise InputError(f"sensor rules: {name}: expected {least}, got {value}")
@@ -112,10 +125,8 @@ class GravityCheck:
     gravity than the last believed is accepted after a while where it may be true: after a gap or other faults.
     """
 
-    STEADY = 0.3  # [m/s2] standard deviation of readings at rest, noise included
-    MEMORY = 0.15  # [s] over which it is taken
+    MEMORY = 0.15  # [s] over which the spread of readings at rest is taken
     REST = 0.5  # [s] for which it must hold
-    MEAN = 1.0  # [s] over which the accelerations of a base that moves average out
     GAP = 0.05  # [s] without samples, in which a base may have gone anywhere
     FEW = 3  # bad samples in a row that are a spike, after which the next good one is believed at once
 
@@ -129,11 +140,12 @@ class GravityCheck:
         self._last = np.zeros(3)
         self.last_stamp = -math.inf
         self._bad, self._good, self._fault = 0, 0, Fault.NONE
+        self._bad_since = math.inf
         self._jump_since = math.inf
         self._impossible = False
         self.doubted_until = -math.inf  # [s] by a disagreement, whose end may be a jump
         self._mean, self._variance = np.zeros(3), 0.0
-        self._long_mean = np.zeros(3)
+        self._long_mean, self._mean_since = np.zeros(3), math.inf
         self.steady_since = math.inf
 
     @property
@@ -156,14 +168,14 @@ class GravityCheck:
         self._watch_rest(stamp, gravity, dt, step)
         self._last, self.last_stamp = gravity, stamp
         length = norm(gravity)
-        fault = self._length_fault(length)
+        fault = self._length_fault(length, None if self.reference is None else expected)
         if self.reference is None:
             return self._begin(gravity, length, step, fault)
         if self._bad > 0 and rate is not None and dt < 0.1:
             self.reference = self.reference - dt * cross(rate, self.reference)
         # after a fault the prediction is old: gravity as last believed is what to come back to
         wanted = expected if self._bad == 0 else self.reference
-        if fault is Fault.NONE and norm(gravity - wanted) <= rules.max_step:
+        if fault is Fault.NONE and norm(gravity - wanted) <= rules.max_step + self._moved_on(stamp):
             self._good += 1
             if self._bad > self.FEW and self._good < rules.confirm:
                 return self._fault  # one good sample may be luck
@@ -173,6 +185,7 @@ class GravityCheck:
         if fault is Fault.NONE:
             fault = explain(gravity, wanted)
         if self._bad == 1:
+            self._bad_since = stamp
             self._impossible = fault is Fault.NONE and dt < self.GAP and stamp > self.doubted_until
         if fault is not Fault.NONE:
             self._jump_since = math.inf  # a mistake does not become true by lasting
@@ -187,6 +200,12 @@ class GravityCheck:
         self._fault = fault
         return fault
 
+    def _moved_on(self, stamp: float) -> float:
+        """Return how far gravity may be from what was last believed, by slow accelerations since [m/s2]."""
+        if self._bad == 0:
+            return 0.0
+        return min(self._rules.slow_acceleration, self._rules.slow_jerk * (stamp - self._bad_since))
+
     def _believe(self, gravity: Floats) -> Fault:
         self._bad, self._jump_since = 0, math.inf
         self.reference = gravity
@@ -195,7 +214,7 @@ class GravityCheck:
     def _begin(self, gravity: Floats, length: float, step: float, fault: Fault) -> Fault:
         """Believe the first samples once a few in a row are alike, and of gravity's length."""
         rules = self._rules
-        if fault is Fault.NONE and not rules.rest_lower <= length <= rules.rest_upper:
+        if fault is Fault.NONE and not self._is_gravity(length, rules.slow_acceleration):
             fault = Fault.MAGNITUDE
         if fault is Fault.NONE and gravity[2] > -math.cos(rules.max_tilt) * length:
             fault = Fault.UPSIDE_DOWN
@@ -207,23 +226,37 @@ class GravityCheck:
             self._believe(gravity)
         return Fault.NONE
 
-    def _length_fault(self, length: float) -> Fault:
-        rules = self._rules
+    def _length_fault(self, length: float, expected: Floats | None) -> Fault:
+        rules, slow = self._rules, self._rules.slow_acceleration
         if abs(length - STANDARD_GRAVITY) <= rules.max_acceleration:
-            mean = norm(self._mean if self.is_steady else self._long_mean)
-            return Fault.NONE if rules.rest_lower <= mean <= rules.rest_upper else Fault.MAGNITUDE
-        if 0.85 <= length <= 1.15:
+            young = self.last_stamp - self._mean_since < rules.mean_time
+            fits = self._is_gravity(norm(self._long_mean), slow if young else 0.0)
+            if self.is_steady:
+                # what stands still for half a second is at rest, or in the middle of a slow acceleration
+                fits = self._is_gravity(norm(self._mean), slow) and (fits or slow == 0.0)
+            return Fault.NONE if fits else Fault.MAGNITUDE
+        off = 0.15 + slow / STANDARD_GRAVITY
+        in_g, stripped = abs(length - 1.0) <= off, length < 2.5
+        if in_g and stripped and expected is not None:
+            true = norm(expected)
+            in_g = abs(length - true / STANDARD_GRAVITY) <= abs(length - abs(true - STANDARD_GRAVITY))
+        if in_g:
             return Fault.UNIT_G
-        if 850.0 <= length <= 1150.0:
+        if abs(length / 1000.0 - 1.0) <= off:
             return Fault.UNIT_CM
-        return Fault.GRAVITY_STRIPPED if length < 2.5 else Fault.MAGNITUDE
+        return Fault.GRAVITY_STRIPPED if stripped else Fault.MAGNITUDE
+
+    def _is_gravity(self, length: float, slow: float) -> bool:
+        """Return whether a length is gravity's, give or take a slow acceleration."""
+        return self._rules.rest_lower - slow <= length <= self._rules.rest_upper + slow
 
     def _watch_rest(self, stamp: float, gravity: Floats, dt: float, step: float) -> None:
         """Update running means and variance, to know when the readings stand still, and what gravity is in the mean."""
         if not 0.0 < dt < self.REST or step > self._rules.max_step:
-            self._long_mean = gravity
+            self._long_mean, self._mean_since = gravity, stamp
         else:
-            share = 1.0 - math.exp(-dt / self.MEAN)
+            # at first over all readings there were: of a wave's first part one that forgets would keep most
+            share = max(dt / (stamp - self._mean_since), 1.0 - math.exp(-dt / self._rules.mean_time))
             self._long_mean = self._long_mean + share * (gravity - self._long_mean)
         if not 0.0 < dt < self.REST:
             self._mean, self._variance, self.steady_since = gravity, 0.0, stamp
@@ -232,7 +265,7 @@ class GravityCheck:
         off = gravity - self._mean
         self._mean = self._mean + share * off
         self._variance = (1.0 - share) * (self._variance + share * float(off @ off))
-        if self._variance > self.STEADY**2:
+        if self._variance > self._rules.rest_spread**2:
             self.steady_since = math.inf
         elif self.steady_since == math.inf:
             self.steady_since = stamp

@@ -8,7 +8,7 @@ from catenary.errors import InputError
 
 # where the response of the filter to a sine falls to half power: cut-off times window, of continuous sampling
 CUTOFF_BY_WINDOW = 2.527
-ROOM = 128  # samples
+ROOM = 1280  # samples per second of the window, 128 at least
 
 
 class DelayFreeFilter:
@@ -36,7 +36,8 @@ class DelayFreeFilter:
         if not 0.0 < cutoff_hz < np.inf:
             raise InputError(f"cutoff_hz: expected a positive frequency, got {cutoff_hz}")
         self.window = CUTOFF_BY_WINDOW / cutoff_hz
-        self._stamps, self._vectors = np.empty(ROOM), np.zeros((ROOM, 3))
+        self._room = max(128, round(ROOM * self.window))
+        self._stamps, self._vectors = np.empty(self._room), np.zeros((self._room, 3))
         self._coefficients = np.empty((3, 3))  # of 1, t, t2, each of a vector; t from the newest
         self.clear()
 
@@ -50,7 +51,7 @@ class DelayFreeFilter:
     def add(self, stamp: float, vector: ArrayLike) -> None:
         """Take a sample (3,) newer than those before."""
         self._stamps[self._next], self._vectors[self._next] = stamp, vector
-        self._next = (self._next + 1) % ROOM
+        self._next = (self._next + 1) % self._room
         recent = self._stamps >= stamp - (1.0 + 1e-9) * self.window
         ages = (self._stamps[recent] - stamp) / self.window  # -1 to 0
         self.newest, self.span = stamp, float(-ages.min() * self.window)

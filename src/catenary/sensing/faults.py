@@ -63,7 +63,8 @@ _MESSAGES = {
     Fault.UNIT_G: "readings are of length 1 at rest: they seem to be in g, not m/s2",
     Fault.UNIT_CM: "readings are of length 1000 at rest: they seem to be in cm/s2 or milli-g, not m/s2",
     Fault.GRAVITY_STRIPPED: "readings are near 0: the driver takes gravity away; ask it for raw acceleration",
-    Fault.MAGNITUDE: "readings are not of gravity's length, 9.0 to 10.6 m/s2 at rest: calibrate with a tumble",
+    Fault.MAGNITUDE: "readings are not of gravity's length, at rest or in the mean: calibrate with a tumble, or "
+    "does the base move by itself (mounted on a vehicle, a ship)?",
     Fault.STAMP_BACKWARDS: "a time stamp went back",
     Fault.STAMP_REPEATED: "a time stamp was repeated",
     Fault.STAMP_FUTURE: "a time stamp lies in the future: the clocks differ",

@@ -16,11 +16,17 @@ class ForetoldSwing:
     give the same, however small and fast the base rocks, and one that turns while gravity stands still is wrong.
     """
 
-    LARGE = 0.3  # [m/s2] standard deviation; by turning steadily about the horizontal 0.2 rad/s make it
-    LARGEST = 3.0 * LARGE  # as far as it is followed, so that absurd rates are forgotten within half a second
+    LARGEST = (
+        3.0  # shares of `large` as far as it is followed: absurd rates are forgotten within half a second
+    )
     LEAN = 0.5  # share of the rate about the horizontal below which it is a turntable, on which gravity leans outwards
 
-    def __init__(self) -> None:
+    def __init__(self, large: float = 0.3) -> None:
+        """Take the standard deviation that a base's own accelerations cannot hide [m/s2].
+
+        By turning steadily about the horizontal 0.2 rad/s make 0.3.
+        """
+        self._large = large
         self._last = -math.inf
         self._swing, self._variance = np.zeros(3), 0.0
 
@@ -36,13 +42,14 @@ class ForetoldSwing:
             change = np.zeros(3)
         share = 1.0 - math.exp(-dt / GravityCheck.MEMORY)
         swing = (1.0 - share) * (self._swing + dt * change)
-        self._swing = swing * min(1.0, self.LARGEST / max(norm(swing), self.LARGEST))
+        largest = self.LARGEST * self._large
+        self._swing = swing * min(1.0, largest / max(norm(swing), largest))
         self._variance += share * (float(self._swing @ self._swing) - self._variance)
 
     @property
     def is_large(self) -> bool:
         """Gravity should have moved by more than it may where it stands still."""
-        return self._variance > self.LARGE**2
+        return self._variance > self._large**2
 
 
 class ForetoldGravity:

@@ -7,6 +7,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.errors import InputError
+from catenary.sensing.bases import BaseSpectrum, attitude_time_for, cutoff_for, rules_for, unseen_swing
 from catenary.sensing.checks import GravityCheck, RateCheck, RawCheck, SensorRules
 from catenary.sensing.delay_free_filter import DelayFreeFilter
 from catenary.sensing.fallback import SlowAttitude, SmoothTransfer, as_fallback
@@ -52,12 +53,13 @@ class SensedGravity:
         mailbox: Mailbox,
         mounting: Mounting | None = None,
         *,
+        mounted_on: str | BaseSpectrum = "table",
         angular: bool = True,
         fallback: str = "fade",
-        cutoff_hz: float = 35.0,
+        cutoff_hz: float | None = None,
         stale_after: float = 0.05,
         age_limit: float = 0.2,
-        attitude_time: float = 2.0,
+        attitude_time: float | None = None,
         start_limit: float = 1.0,
         rules: SensorRules | None = None,
         feed: Callable[[float], None] | None = None,
@@ -67,6 +69,7 @@ class SensedGravity:
         Args:
             mailbox: Where samples come in.
             mounting: Of the sensor; at the base's origin, in its axes and without bias when None.
+            mounted_on: table, cart, vehicle or ship, or how the base moves: gives what is None below.
             angular: A gyroscope is there; without, angular rates are left aside.
             fallback: hold, fade, static or stop.
             cutoff_hz: Half power of the low-pass; must leave five samples to 2.5 / cutoff_hz seconds.
@@ -78,18 +81,20 @@ class SensedGravity:
             feed: Called with the time before samples are taken: what has no thread of its own delivers then.
 
         Raises:
-            InputError: No such fallback, or times that are not 0 < stale_after <= age_limit.
+            InputError: No such base or fallback, or times that are not 0 < stale_after <= age_limit.
         """
         if not 0.0 < stale_after <= age_limit < math.inf:
             raise InputError(
                 f"stale_after {stale_after}, age_limit {age_limit}: expected 0 < stale_after <= age_limit [s]"
             )
-        for name, value in (("attitude_time", attitude_time), ("start_limit", start_limit)):
+        attitude = attitude_time_for(mounted_on) if attitude_time is None else attitude_time
+        cutoff = cutoff_for(mounted_on) if cutoff_hz is None else cutoff_hz
+        for name, value in (("attitude_time", attitude), ("start_limit", start_limit)):
             if not 0.0 < value < math.inf:
                 raise InputError(f"{name}: expected more than 0 s, got {value}")
         self.mailbox, self.mounting = mailbox, Mounting() if mounting is None else mounting
         self.angular, self.fallback = angular, as_fallback(fallback)
-        self._rules = SensorRules() if rules is None else rules
+        self._rules = rules_for(mounted_on) if rules is None else rules
         self._stale_after, self._age_limit, self._start_limit = stale_after, age_limit, start_limit
         self._feed = feed
         m, r = self.mounting, self._rules
@@ -97,10 +102,14 @@ class SensedGravity:
         self._raw_rate = RawCheck(
             r, m.rate_range, (Fault.RATE_NOT_FINITE, Fault.RATE_STUCK, Fault.RATE_SATURATED)
         )
-        self._check, self._check_rate, self._swing = GravityCheck(r), RateCheck(r), ForetoldSwing()
+        self._check, self._check_rate, self._swing = (
+            GravityCheck(r),
+            RateCheck(r),
+            ForetoldSwing(unseen_swing(r)),
+        )
         self._foretold = ForetoldGravity(r)
-        self._force, self._rate = DelayFreeFilter(cutoff_hz), DelayFreeFilter(cutoff_hz)
-        self._attitude = SlowAttitude(attitude_time)
+        self._force, self._rate = DelayFreeFilter(cutoff), DelayFreeFilter(cutoff)
+        self._attitude = SlowAttitude(attitude)
         self._transfer = SmoothTransfer(np.array(FOLLOW), np.array(RECOVER))
         self._seen: dict[Fault, float] = {}  # when each fault showed last
         self._heard = -math.inf  # when the newest sample was taken in, whatever it was worth

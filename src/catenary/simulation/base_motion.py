@@ -1,4 +1,4 @@
-"""What an arm's base does: stand level, stand tilted, rock."""
+"""What an arm's base does: stand level, stand tilted, rock, sway and heave."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
@@ -66,6 +66,59 @@ class RockingBase:
         omega, alpha = rate[:, None] * axis, change[:, None] * axis
         r = np.asarray(self.lever)
         linear = np.cross(alpha, r) + np.cross(omega, np.cross(omega, r))
+        return BaseSamples(gravity, np.stack([omega, alpha, linear], axis=1))
+
+
+@dataclass(frozen=True)
+class Wave:
+    """A sine about or along an axis: amplitude sin(2 pi frequency t + phase), in rad or in m/s2."""
+
+    amplitude: float
+    frequency: float  # [Hz]
+    axis: tuple[float, float, float]
+    phase: float = 0.0  # [rad]
+
+    def along(self) -> Floats:
+        """Return the amplitude along the axis (3,)."""
+        axis = as_array("axis", self.axis, (3,))
+        along: Floats = self.amplitude * axis / np.linalg.norm(axis)
+        return along
+
+    def angle(self, times: Floats) -> Floats:
+        """Return the argument of the sine at times (N,), (N, 1) [rad]."""
+        return (2.0 * np.pi * self.frequency * times + self.phase)[:, None]
+
+
+@dataclass(frozen=True)
+class SwayingBase:
+    """A base that rocks about several axes and heaves: a ship's deck, a vehicle; begins in the attitude of a FixedBase.
+
+    Each rocking turns by its own angle about its axis, one within another, the first outermost:
+    R_world_base = R_start R_1 R_2 ... R_k. Accelerations are in world axes, z up: heave along z, surge and sway
+    along x and y; they are those of the base's origin.
+    """
+
+    rocking: tuple[Wave, ...] = ()
+    accelerations: tuple[Wave, ...] = ()
+    start: FixedBase = field(default_factory=FixedBase)
+
+    def sample(self, times: Floats) -> BaseSamples:
+        """Return gravity, turning and the acceleration of the origin, all in base axes."""
+        t = as_array("times", times, (None,))
+        fixed = tilt(self.start.roll, self.start.pitch).T
+        gravity = np.tile(fixed @ LEVEL, (len(t), 1))
+        linear = np.tile(np.zeros(3), (len(t), 1))
+        for wave in self.accelerations:
+            linear = linear + np.sin(wave.angle(t)) * (fixed @ wave.along())
+        omega, alpha = np.zeros((2, len(t), 3))
+        for wave in self.rocking:
+            along, w = wave.along(), 2.0 * np.pi * wave.frequency
+            turn = Rotation.from_rotvec(-np.sin(wave.angle(t)) * along)
+            rate = w * np.cos(wave.angle(t)) * along
+            gravity, linear, omega, alpha = (turn.apply(v) for v in (gravity, linear, omega, alpha))
+            # of outer rotations seen from axes that turn
+            alpha = alpha + np.cross(omega, rate) - w * w * np.sin(wave.angle(t)) * along
+            omega = omega + rate
         return BaseSamples(gravity, np.stack([omega, alpha, linear], axis=1))
 
 

@@ -9,13 +9,13 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.kernels.compiled import inlined
+from catenary.recording.raven_transmission import COUNTS_PER_RADIAN
 from catenary.simulation.cable_parameters import Firmware
 from catenary.simulation.cable_physics import ArmState
 from catenary.simulation.records import AXES, CodePerAxis, PerAxis, PerJoint, Record
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.transmission.coupling import joint_forces, joints_of, tensions_for, winding_of
 
-COUNTS_PER_RADIAN = 4000.0 / (2.0 * math.pi)  # of the motor's encoder
 OFF, POSITION, TORQUE = 0, 1, 2  # modes of an axis: no output, PD on its setpoint, joint torque as commanded
 SEEKING, FOUND = 1, 2
 STOP_DAC = 20_000.0  # beyond: software e-stop

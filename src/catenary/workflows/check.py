@@ -1,6 +1,5 @@
 """Report what a file is and what is wrong with it: robot, calibration model, or recording."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -9,15 +8,30 @@ from zipfile import is_zipfile
 import numpy as np
 
 from catenary.archives import read_arrays
-from catenary.arrays import Floats
 from catenary.calibration.card_schema import check_card
 from catenary.calibration.files import load_model
-from catenary.calibration.model import CalibrationModel
 from catenary.errors import FileFormatError
 from catenary.identification.files import load_identification
+from catenary.identification.identification import Identification
+from catenary.identification.residuals import LogResidual
 from catenary.plant import MotionLog
 from catenary.recording.foreign.read import Reading, read_recording
-from catenary.reports.calibration import shortened
+from catenary.recording.table_kind import table_ending
+from catenary.reports.file_facts import (
+    DynamicsFacts,
+    FileFacts,
+    FittedTo,
+    HeldOutErrors,
+    JointLimits,
+    JointRange,
+    ModelFacts,
+    ModelJoint,
+    Part,
+    RecordingFacts,
+    RobotFacts,
+    TorqueErrors,
+    UnseenErrors,
+)
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
@@ -25,6 +39,7 @@ from catenary.verdict.check import findings_of, robot_of
 from catenary.verdict.finding import Finding
 
 ROBOT_ENDINGS = (".toml", ".urdf", ".xml", ".mjcf")
+FORMAT = "catenary.check.1"  # of what --json prints
 LONG_GAP = 10.0  # times the median step between stamps
 
 
@@ -33,7 +48,7 @@ class FileReport:
     """Kind, facts and faults of a file."""
 
     kind: str  # "robot", "calibration model", "identified dynamics" or "recording"
-    facts: list[tuple[str, str]] = field(default_factory=list)
+    facts: FileFacts
     faults: list[str] = field(default_factory=list)  # make it unfit for its use, or its numbers doubtful
     remarks: list[str] = field(default_factory=list)  # worth knowing
     findings: tuple[Finding, ...] = ()  # about a recording; in words they are faults, or remarks
@@ -41,8 +56,9 @@ class FileReport:
     def as_data(self) -> dict[str, Any]:
         """Return plain data."""
         return {
+            "format": FORMAT,
             "kind": self.kind,
-            "facts": dict(self.facts),
+            "facts": self.facts.as_data(),
             "faults": self.faults,
             "remarks": self.remarks,
             "findings": [finding.as_data() for finding in self.findings],
@@ -73,7 +89,7 @@ def check_file(source: str, reading: Reading | None = None, *, robot: str | None
     # a model may have any name; a recording's says what it is
     if path.is_file() and is_zipfile(path) and "structure" in (arrays := read_arrays(path)):
         return _check_identification(path) if "combination" in arrays else _check_model(path)
-    if path.suffix in (".npz", ".parquet", ".csv"):
+    if table_ending(path) in (".npz", ".parquet", ".csv"):
         return check_recording(read_recording(path, reading), robot=robot)
     if not path.exists():
         raise FileFormatError(
@@ -87,138 +103,137 @@ def check_file(source: str, reading: Reading | None = None, *, robot: str | None
 
 def check_robot(model: RobotModel) -> FileReport:
     """Check a robot: inertia, limits, what its file holds that the model leaves out."""
-    finding = FileReport("robot")
-    joints = []
-    ranges = list(zip(model.joint_names, model.joint_units, model.lower, model.upper, strict=True))
-    for name, unit, low, high in ranges:
-        shown, scale = DISPLAY[unit]
-        free = np.isinf(low) and np.isinf(high)
-        limits = "no limits" if free else f"{scale * low:g} to {scale * high:g} {shown}"
-        joints.append(f"{name} [{unit}] {limits}")
-    finding.facts = [
-        ("name", model.name),
-        ("joints", "; ".join(joints)),
-        ("links", ", ".join(model.link_names)),
-        ("frames", ", ".join(model.frames)),
-        ("tip", model.tip),
-        ("moving mass", f"{model.tree.mass.sum():g} kg"),
-        ("massless links", ", ".join(model.massless) or "none"),
-        ("sources", "; ".join(model.sources) or "none stated"),
-    ]
+    limits = zip(model.joint_names, model.joint_units, model.lower, model.upper, strict=True)
+    joints = tuple(JointLimits(name, unit, float(low), float(high)) for name, unit, low, high in limits)
+    facts = RobotFacts(
+        name=model.name,
+        joints=joints,
+        links=tuple(model.link_names),
+        frames=tuple(model.frames),
+        tip=model.tip,
+        moving_mass_kg=float(model.tree.mass.sum()),
+        massless_links=model.massless,
+        links_without_inertia=tuple(model.missing_inertia),
+        sources=model.sources,
+    )
+    found = FileReport("robot", facts)
     if model.actuation is not None and model.missing_inertia == model.link_names:
         # a table that states friction and filters but no inertia at all is there to be identified
-        finding.remarks.append(
+        found.remarks.append(
             "kinematics only, to be identified (catenary identify): torques and masses are refused until then"
         )
     elif model.missing_inertia:
-        finding.faults.append(
+        found.faults.append(
             f"no inertia for {', '.join(model.missing_inertia)}: kinematics work, torques and masses are refused"
         )
-    finding.faults += list(model.doubts)
-    unbound = [name for name, _, low, high in ranges if low >= high]
-    finding.faults += [f"limits of {name}: the lower one is not below the upper" for name in unbound]
-    finding.remarks += list(model.notes)
-    return finding
+    found.faults += list(model.doubts)
+    unbound = [joint.name for joint in joints if joint.lower >= joint.upper]
+    found.faults += [f"limits of {name}: the lower one is not below the upper" for name in unbound]
+    found.remarks += list(model.notes)
+    return found
 
 
 def check_recording(log: MotionLog, *, robot: str | None = None) -> FileReport:
     """Check a recording: rows, rate, gaps, joints, errors, and the verdict that a fit begins with."""
-    finding = FileReport("recording")
-    finding.facts = [
-        ("rows", f"{len(log):,}, {int(log.ok.sum()):,} with a trusted measurement"),
-        ("joints", _joints(log)),
-        ("robot", log.robot or "not stated"),
-        ("simulated", "yes" if log.simulated else "not said"),
-        ("sha256", log.sha256 or "unknown"),
-    ]
-    if log.time is not None:
-        _check_time(finding, log.time)
+    facts = _recording_facts(log)
+    found = FileReport("recording", facts)
+    if facts.gaps:
+        found.remarks.append(
+            f"{facts.gaps} gaps longer than {LONG_GAP:g} median steps, the longest {facts.longest_gap_s:.3g} s"
+        )
+    if log.q_encoder is None:
+        found.faults.append("no measured joint positions (q_encoder): it cannot be calibrated from")
+    elif log.ok.any() and not log.ok.all():
+        found.remarks.append(f"{(~log.ok).sum()} rows without a trusted measurement serve as history only")
+    found.remarks += log.notes
+    found.findings = findings_of(log, robot=robot_of([log], robot))
+    for finding in found.findings:
+        (found.faults if finding.refuses else found.remarks).append(f"{finding.name}: {finding}")
+    return found
+
+
+def _recording_facts(log: MotionLog) -> RecordingFacts:
+    duration = median = gaps = longest = None
+    steps = np.diff(np.empty(0) if log.time is None else log.time)
+    if len(forward := steps[steps > 0.0]):
+        duration, median = float(forward.sum()), float(np.median(forward))
+        gaps, longest = int((forward > LONG_GAP * median).sum()), float(forward.max())
+    joints = []
     for j, (name, unit) in enumerate(zip(log.joint_names, log.joint_units, strict=True)):
         shown, scale = DISPLAY[unit]
-        q = scale * log.q_nominal[:, j]
-        fact = f"{q.min():.2f} to {q.max():.2f} {shown}"
+        rms = largest = None
         if log.q_encoder is not None and log.ok.any():
             error = scale * (log.q_encoder - log.q_nominal)[log.ok, j]
-            fact += f", error RMS {np.sqrt(np.mean(error**2)):.3f}, largest {np.abs(error).max():.2f} {shown}"
-        finding.facts.append((name, fact))
-    if log.q_encoder is None:
-        finding.faults.append("no measured joint positions (q_encoder): it cannot be calibrated from")
-    elif log.ok.any() and not log.ok.all():
-        finding.remarks.append(f"{(~log.ok).sum()} rows without a trusted measurement serve as history only")
-    finding.remarks += log.notes
-    finding.findings = findings_of(log, robot=robot_of([log], robot))
-    for found in finding.findings:
-        (finding.faults if found.refuses else finding.remarks).append(f"{found.name}: {found}")
-    return finding
-
-
-def _check_time(finding: FileReport, time: Floats) -> None:
-    steps = np.diff(time)
-    forward = steps[steps > 0.0]
-    if len(forward):
-        median = float(np.median(forward))
-        finding.facts.append(("duration", f"{forward.sum():.1f} s, median step {median:.4g} s"))
-        gaps = int((forward > LONG_GAP * median).sum())
-        if gaps:
-            finding.remarks.append(
-                f"{gaps} gaps longer than {LONG_GAP:g} median steps, the longest {forward.max():.3g} s"
-            )
+            rms, largest = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
+        q = log.q_nominal[:, j]
+        joints.append(JointRange(name, unit, float(q.min()), float(q.max()), shown, rms, largest))
+    return RecordingFacts(
+        name=log.name,
+        rows=len(log),
+        measured_rows=int(log.ok.sum()),
+        robot=log.robot,
+        simulated=log.simulated,
+        sha256=log.sha256,
+        duration_s=duration,
+        median_step_s=median,
+        gaps=gaps,
+        longest_gap_s=longest if gaps else None,
+        joints=tuple(joints),
+    )
 
 
 def _check_identification(path: Path) -> FileReport:
     result, card = load_identification(path)
-    finding = FileReport("identified dynamics")
-    finding.facts = [
-        ("robot", result.model.name),
-        ("terms", result.options.terms),
-        ("base parameters", f"{result.base.count}, condition {result.condition:.4g}"),
-        ("physically consistent", "no" if result.phi is None else "yes"),
-        *(
-            (f"{r.log}, {r.verdict or 'fitted'}", ", ".join(f"{v:.3f}" for v in r.relative_rms))
-            for r in (*result.training, *result.tests)
-        ),
-        _version(card),
-    ]
-    finding.faults = [f"fails on {r.log}" for r in result.tests if r.verdict == "fails"]
-    finding.remarks = list(card["notes"])
-    return finding
+    recordings = [_torque_errors(result, one, "training") for one in result.training]
+    recordings += [_torque_errors(result, one, "test") for one in result.tests]
+    facts = DynamicsFacts(
+        robot=result.model.name,
+        terms=result.options.terms,
+        base_parameters=result.base.count,
+        condition=float(result.condition),
+        physically_consistent=result.phi is not None,
+        recordings=tuple(recordings),
+        version=card["version"],
+    )
+    faults = [f"fails on {one.log}" for one in result.tests if one.verdict == "fails"]
+    return FileReport("identified dynamics", facts, faults, list(card["notes"]))
+
+
+def _torque_errors(result: Identification, on: LogResidual, part: Part) -> TorqueErrors:
+    relative = dict(zip(result.model.joint_names, map(float, on.relative_rms), strict=True))
+    return TorqueErrors(on.log, part, on.verdict, relative)
 
 
 def _check_model(path: Path) -> FileReport:
     model, card = load_model(path)
     check_card(card, str(path))
-    finding = FileReport("calibration model")
-    finding.facts = [
-        ("kind", model.kind + (f", preset {model.preset}" if model.preset else "")),
-        ("robot", card["robot"] or "not stated"),
-        ("simulated", "yes: fitted to simulated recordings" if card["simulated"] else "no"),
-        ("joints", _joints(model)),
-        ("inputs", f"{len(model.features.names)}: {shortened(model.features.names)}"),
-        ("target", model.target),
-        ("fitted to", ", ".join(f"{s['name']} (sha256 {str(s['sha256'])[:12]})" for s in card["data"])),
-        ("rows", str(card["rows"])),
-        ("seed", str(card["run"]["seed"])),
-        _version(card),
+    unseen = {
+        one["joint"]: UnseenErrors(one["rmse_mean"], one["rmse_sd"], one["offset_rmse_mean"])
+        for one in (card["errors"]["cross_validation"] or {"joints": []})["joints"]
+    }
+    held_out = {
+        one["name"]: HeldOutErrors(one["rmse"], one["offset_rmse"])
+        for one in card["errors"]["held_out"] or []
+    }
+    facts = ModelFacts(
+        model=model.kind,
+        preset=model.preset,
+        robot=card["robot"],
+        simulated=card["simulated"],
+        joints=tuple(
+            ModelJoint(name, unit, DISPLAY[unit][0], unseen.get(name), held_out.get(name))
+            for name, unit in zip(model.joint_names, model.joint_units, strict=True)
+        ),
+        inputs=tuple(model.features.names),
+        target=model.target,
+        fitted_to=tuple(FittedTo(one["name"], one["sha256"]) for one in card["data"]),
+        rows=card["rows"],
+        seed=card["run"]["seed"],
+        version=card["version"],
+    )
+    faults = [
+        f"{name}: worse than the fixed offset on unseen blocks of time"
+        for name, errors in unseen.items()
+        if errors.is_worse_than_offset
     ]
-    for joint in (card["errors"]["cross_validation"] or {"joints": []})["joints"]:
-        spread = (
-            f"RMSE {joint['rmse_mean']:.3f} ± {joint['rmse_sd']:.3f} {joint['unit']} on unseen blocks of time"
-        )
-        finding.facts.append((joint["joint"], f"{spread} (fixed offset {joint['offset_rmse_mean']:.3f})"))
-        # two ways to sum the same offset differ in their last digits
-        if joint["rmse_mean"] > joint["offset_rmse_mean"] * (1.0 + 1e-9):
-            finding.faults.append(f"{joint['joint']}: worse than the fixed offset on unseen blocks of time")
-    for joint in card["errors"]["held_out"] or []:
-        error = f"RMSE {joint['rmse']:.3f} {joint['unit']} on the last part of the recordings, which it did not see"
-        fact = f"{joint['name']}, held out", f"{error} (fixed offset {joint['offset_rmse']:.3f})"
-        finding.facts.append(fact)
-    finding.remarks = list(card["notes"])
-    return finding
-
-
-def _joints(of: MotionLog | CalibrationModel) -> str:
-    return ", ".join(f"{name} [{unit}]" for name, unit in zip(of.joint_names, of.joint_units, strict=True))
-
-
-def _version(card: Mapping[str, Any]) -> tuple[str, str]:
-    return "version", ", ".join(f"{name} {number}" for name, number in card["version"].items())
+    return FileReport("calibration model", facts, faults, list(card["notes"]))

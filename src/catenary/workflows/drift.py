@@ -11,7 +11,7 @@ from catenary.arrays import Floats
 from catenary.calibration.card_schema import check_card
 from catenary.calibration.files import load_model
 from catenary.calibration.model import Card
-from catenary.calibration.upkeep.drift import BEYOND, DriftFound, find_drift
+from catenary.calibration.upkeep.drift import BEYOND, DriftFound, find_drift, since_in_words
 from catenary.calibration.upkeep.judged import judge_recordings
 from catenary.recording.foreign.read import Reading
 from catenary.workflows.model_recordings import recordings_for
@@ -56,17 +56,6 @@ def known_errors(card: Card) -> Floats | None:
     if errors["cross_validation"]:
         return np.array([joint["rmse_mean"] for joint in errors["cross_validation"]["joints"]])
     return None
-
-
-def since_in_words(found: DriftFound) -> list[str]:
-    """Return a sentence for each joint on which the model no longer holds."""
-    told = []
-    for name, first in zip(found.joint_names, found.since, strict=True):
-        if first is not None:
-            stretch = found.stretches[first]
-            when = stretch.date or f"recording {stretch.recording}, homing {stretch.homing}"
-            told.append(f"{name}: beyond since {when}")
-    return told
 
 
 def drift_summary(found: DriftFound, notes: Sequence[str] = ()) -> dict[str, Any]:

@@ -7,19 +7,16 @@ from typing import Any
 
 from catenary.calibration.card_schema import check_card
 from catenary.calibration.conformal import coverage_verdicts
-from catenary.calibration.dataset import calibration_data
-from catenary.calibration.evaluate import Evaluation, evaluate
+from catenary.calibration.dataset import calibration_data, data_notes, error_limits
+from catenary.calibration.evaluate import MUCH_OUTSIDE, WORSE, Evaluation, evaluate
 from catenary.calibration.files import load_model
 from catenary.calibration.fit import FitOptions
-from catenary.calibration.fitting import FitResult, FitRun, data_notes, error_limits, fit_logs
+from catenary.calibration.fitting import FitResult, FitRun, fit_logs
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.progress import Progress, silent
 from catenary.calibration.upkeep.judged import judge_recordings
 from catenary.recording.foreign.read import Reading, read_logs
 from catenary.workflows.model_recordings import recordings_for
-
-WORSE = 1.01  # times the fixed offset's error: less is no harm
-OUTSIDE = 0.1  # share of rows outside the valid range that is worth a warning
 
 
 def fit_calibration(
@@ -91,18 +88,18 @@ def evaluate_calibration(
 
 
 def warnings_of(evaluation: Evaluation) -> list[str]:
-    """Return in words where a model does harm, or could not be asked."""
+    """Return in words where a model does harm, or could not be asked; each opens with "warning: "."""
     warnings = []
     for joint in evaluation.joints:
         if joint.rmse > WORSE * joint.offset_rmse:
             warnings.append(
-                f"{joint.name}: the model is worse than the fixed offset here, {joint.rmse:.3g} against "
+                f"warning: {joint.name}: the model is worse than the fixed offset here, {joint.rmse:.3g} against "
                 f"{joint.offset_rmse:.3g} {joint.unit}: do not deploy it on this joint"
             )
-        if joint.outside_valid_range > OUTSIDE:
+        if joint.outside_valid_range > MUCH_OUTSIDE:
             warnings.append(
-                f"{joint.name}: {joint.outside_valid_range:.0%} of rows lie outside the model's valid range, where "
-                "it gives the fixed offset; train on motion that goes there"
+                f"warning: {joint.name}: {joint.outside_valid_range:.0%} of rows lie outside the model's valid "
+                "range, where it gives the fixed offset; train on motion that goes there"
             )
     return warnings
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from catenary.errors import FileFormatError, InputError
+from catenary.errors import InputError
 from catenary.files import write_atomically
 from catenary.identification.doubts import torque_findings
 from catenary.identification.excitation import Excitation
@@ -109,23 +109,22 @@ def identify_files(
 
 
 def write_excitation(design: Excitation, model: RobotModel, path: Path) -> None:
-    """Write poses or a motion: `.npz` with `t`, `q`, `dq`, `ddq`, `joint_names`, `units`, or `.csv` of the same.
+    """Write poses or a motion: `t`, `q`, `dq`, `ddq`, `joint_names`, `units` as .npz, or as .csv if its name says so.
 
     Raises:
-        FileFormatError: Another ending, or the file cannot be written.
+        FileFormatError: The file cannot be written.
     """
-    if path.suffix == ".npz":
-        buffer = io.BytesIO()
-        motion = {"t": design.time, "q": design.q, "dq": design.qd, "ddq": design.qdd}
-        np.savez(buffer, allow_pickle=False, joint_names=model.joint_names, units=model.joint_units, **motion)
-        write_atomically(path, buffer.getvalue())
-    elif path.suffix == ".csv":
+    ending = path.suffix.lower()
+    if ending == ".csv":
         header = ["t", *(f"{kind}:{name}" for kind in ("q", "dq", "ddq") for name in model.joint_names)]
         rows = np.column_stack([design.time, design.q, design.qd, design.qdd])
         lines = [",".join(header), *(",".join(repr(float(v)) for v in row) for row in rows)]
         write_atomically(path, ("\n".join(lines) + "\n").encode())
     else:
-        raise FileFormatError(f'{path}: ending "{path.suffix}": expected .npz or .csv')
+        buffer = io.BytesIO()
+        motion = {"t": design.time, "q": design.q, "dq": design.qd, "ddq": design.qdd}
+        np.savez(buffer, allow_pickle=False, joint_names=model.joint_names, units=model.joint_units, **motion)
+        write_atomically(path, buffer.getvalue())
 
 
 def filter_notes(model: RobotModel, options: IdentifyOptions) -> list[str]:

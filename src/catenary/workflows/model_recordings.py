@@ -11,6 +11,7 @@ from catenary.plant import MotionLog
 from catenary.recording.foreign.mapping import RecordingMapping
 from catenary.recording.foreign.read import Reading, read_recording
 from catenary.recording.logs import read_log
+from catenary.recording.table_kind import table_ending
 
 
 def recordings_for(
@@ -50,7 +51,7 @@ def read_recording_of(model: CalibrationModel | MotionLog, path: Path) -> Motion
     Raises:
         InputError: The recording has another number of joints.
     """
-    if path.suffix != ".npz":
+    if table_ending(path) != ".npz":
         return read_log(path)
     content = read_arrays(path)
     commands = content.get("q_des")

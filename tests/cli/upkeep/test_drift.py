@@ -32,7 +32,10 @@ def test_the_date_since_when_a_joint_drifts_is_told(tmp_path: Path, folds: str) 
     model = str(tmp_path / "arm.npz")
     fitted = ("fit", days[0], "--model", "linear", "--folds", folds, "--held-out", "0.2", "--out", model)
     assert catenary(*fitted).code == 0
-    result = catenary("drift", model, *days[1:], "--json")
+    page = tmp_path / "drift.html"
+    result = catenary("drift", model, *days[1:], "--json", "--report", str(page))
+    assert "J2: beyond since 2026-05-16" in page.read_text()
+    assert "data:image/png" in page.read_text()
     assert result.code == 1
     found = json.loads(result.out)
     assert found["beyond_since"] == {"J1": None, "J2": 1}

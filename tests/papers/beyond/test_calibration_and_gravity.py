@@ -72,7 +72,7 @@ def test_gravity_is_computed_at_the_calibrated_joints() -> None:
     tau = rng.uniform(-1.0, 1.0, (30, 3))
     log = MotionLog("off by a shift", AXES, ("rad", "rad", "m"), q, np.ones(30, bool), q + shift, tau=tau)
     arm = rigid_arm(load_robot("raven2"))
-    controller = CalibratedGravity(arm, fitted([log], FitOptions()), gains=True)
+    controller = CalibratedGravity(arm, fitted([log], FitOptions("linear")), gains=True)
     gravity, at = np.array([1.0, -2.0, -9.0]), q.mean(axis=0)
     state = JointState(0.0, at, np.zeros(3), np.zeros(3), np.zeros(0), gravity, 0.0, AT_REST)
     error = np.array([0.01, 0.02, 0.001])

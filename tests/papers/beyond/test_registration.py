@@ -3,9 +3,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary import MotionLog
+from catenary.recording.raven_transmission import COUNTS_PER_RADIAN
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
-from catenary.simulation.firmware import COUNTS_PER_RADIAN
 from catenary.workflows.robot.motion import move_to
 from papers.beyond.registration import (
     AXES,

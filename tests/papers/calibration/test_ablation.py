@@ -57,7 +57,7 @@ def test_shuffling_hurts_by_what_a_model_makes_of_a_signal_and_no_other_joint() 
         "made up", ("shoulder", "elbow", "insertion"), ("rad", "rad", "m"), q, np.ones(4000, bool), truth,
         signals={"x": told}, signal_units={"x": "rad"},
     )  # fmt: skip
-    model = fitted([log], FitOptions(inputs=("q", "x")))
+    model = fitted([log], FitOptions("linear", inputs=("q", "x")))
     assert_allclose(ablation.errors_left(model, log), 0.0, atol=1e-9)
     shuffled = ablation.errors_left(model, log, shuffle="x")
     # two independent uniform variables: 1 mm times sqrt(2 / 3)

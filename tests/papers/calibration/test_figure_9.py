@@ -84,7 +84,7 @@ def log_of(tool: float, rng: np.random.Generator) -> MotionLog:
 def test_an_unguarded_model_is_its_predictor_wherever_it_is_asked() -> None:
     rng = np.random.default_rng(0)
     train, moved = log_of(0.0, rng), log_of(5.0, rng)
-    model = fitted([train], FitOptions(inputs=("q", "q:roll")))
+    model = fitted([train], FitOptions("linear", inputs=("q", "q:roll")))
     assert not model.inside(model.features.matrix(moved)).any()
     free = unguarded(model)
     assert free.inside(free.features.matrix(moved)).all()

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 
 from catenary.config import parse_settings
 from catenary.documents import toml_table
 from catenary.errors import ConfigError, InputError
 from catenary.recording.foreign.mapping import RecordingMapping, mapping_of
-from catenary.workflows.import_recording import Proposal, propose_mapping
+from catenary.workflows.import_recording import Proposal, import_recording, propose_mapping
 from foreign_bags import JOINT_STATE, JOINTS, Message, joint_state, true_q, write_bag
 
 T = np.arange(0.0, 3.0, 0.01)
@@ -92,3 +93,67 @@ def test_a_mapping_with_keys_that_there_are_not_is_refused() -> None:
         parse_settings(
             {"q_nominal": {"columns": "a"}, "q_encoder": {"pose": {"columns": "b"}}}, RecordingMapping, "x"
         )
+
+
+def moving(rows: int = 400) -> tuple[np.ndarray, np.ndarray]:
+    """Commands of three joints [deg, deg, mm], and measurements that follow them."""
+    t = np.linspace(0.0, 20.0, rows)
+    q = np.column_stack([30.0 * np.sin(t), 20.0 * np.cos(1.3 * t), 150.0 + 25.0 * np.sin(0.7 * t)])
+    return q, 1.02 * q + 0.5
+
+
+def test_an_array_without_names_is_parted_into_time_commands_and_measurements(tmp_path: Path) -> None:
+    q, seen = moving()
+    np.savez(
+        tmp_path / "three.npz",
+        data=np.column_stack([0.05 * np.arange(len(q)), np.deg2rad(q), np.deg2rad(seen)]),
+    )
+    proposal = propose_mapping(tmp_path / "three.npz", units="rad")
+    assert 'time = "data[0]"' in proposal.toml
+    assert 'columns = ["data[1]", "data[2]", "data[3]"]' in proposal.toml
+    assert 'columns = ["data[4]", "data[5]", "data[6]"]' in proposal.toml
+    assert any("which moves with it" in question for question in proposal.questions)
+
+
+def test_units_behind_the_names_and_words_of_a_lab_are_enough(tmp_path: Path) -> None:
+    q, seen = moving()
+    header = "stamp_ms,opt_axis1,opt_axis2,opt_axis3,set_axis1,set_axis2,set_axis3"
+    table = np.column_stack([50.0 * np.arange(len(q)), seen, q])
+    np.savetxt(tmp_path / "one.csv", table, delimiter=",", header=header, comments="")
+    toml = propose_mapping(tmp_path / "one.csv", units="deg,deg,mm").toml
+    assert (
+        toml.index("[q_nominal]")
+        < toml.index('"set_axis1"')
+        < toml.index("[q_encoder]")
+        < toml.index('"opt_axis1"')
+    )
+    robot = np.column_stack([0.05 * np.arange(len(q)), q])
+    np.savetxt(
+        tmp_path / "robot.csv",
+        robot,
+        delimiter=",",
+        header="time,yaw [deg],pitch [deg],insertion [mm]",
+        comments="",
+    )
+    camera = np.column_stack([0.15 * np.arange(len(seen[::3])), seen[::3]])
+    np.savetxt(
+        tmp_path / "camera.csv", camera, delimiter=",", header="t,yaw_cam,pitch_cam,ins_cam", comments=""
+    )
+    proposal = propose_mapping([tmp_path / "robot.csv", tmp_path / "camera.csv"])
+    assert 'units = ["deg", "deg", "mm"]' in proposal.toml
+    assert "yaw_cam" in proposal.toml.partition("[q_encoder]")[2]
+    # one table's joint is insertion, the other's ins: that is asked, and the text is a mapping once it is answered
+    mapping = parse_settings(toml_table(proposal.toml, "proposal"), RecordingMapping, "proposal")
+    assert mapping.time == ("time", "t")
+    log = import_recording(
+        [tmp_path / "robot.csv", tmp_path / "camera.csv"], mapping.model_dump(exclude_unset=True)
+    )
+    assert log.q_encoder is not None
+    assert_allclose(log.q_nominal, q * [np.pi / 180, np.pi / 180, 1e-3], atol=1e-12)
+
+
+def test_what_was_told_and_what_was_measured_in_one_file_says_what_a_fit_needs(tmp_path: Path) -> None:
+    q, seen = moving()
+    np.savez(tmp_path / "two.npz", joint_desired=q, joint_measured=seen, time=0.05 * np.arange(len(q)))
+    said = propose_mapping(tmp_path / "two.npz", units="deg,deg,mm").decisions
+    assert any("it is q_encoder, and joint_desired is q_nominal" in decision for decision in said)

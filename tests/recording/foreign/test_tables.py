@@ -76,6 +76,39 @@ def test_the_unit_of_time_is_told_by_the_rate_or_the_epoch_and_said(
     assert any(f"time is t in {unit}" in note for note in log.notes)
 
 
+@pytest.mark.parametrize("zone", ["", "Z", "+02:00"])
+@pytest.mark.parametrize("name", ["", "stamp"])
+def test_dates_of_a_data_frame_are_the_time(name: str, zone: str, tmp_path: Path) -> None:
+    begin = np.datetime64("2026-03-29T00:59:58", "ns")  # an hour later clocks went forwards
+    dates = begin + np.round(T * 1e9).astype("timedelta64[ns]")
+    told = [str(date).replace("T", " ").removesuffix(".000000000") + zone for date in dates]
+    rows = [f"{d},{a:.9f},{b:.9f}" for d, a, b in zip(told, Q[:, 0], Q[:, 1], strict=True)]
+    path = tmp_path / "frame.csv"
+    path.write_text(f"{name},q1,q2\n" + "\n".join(rows) + "\n")
+    log = import_recording(path, ["q_nominal=q1,q2"], units="rad")
+    assert_allclose(log.time, T, atol=1e-6)
+    assert any(f"{name or 'time'}: holds dates" in note for note in log.notes)
+
+
+def test_an_index_of_dates_without_a_name_is_the_time_of_a_parquet_file(tmp_path: Path) -> None:
+    dates = pa.array(np.round((1.7e9 + T) * 1e9).astype(np.int64), pa.timestamp("ns"))
+    table = pa.table({"q1": Q[:, 0], "q2": Q[:, 1], "__index_level_0__": dates})
+    pq.write_table(table, tmp_path / "frame.parquet")
+    log = import_recording(tmp_path / "frame.parquet", ["q_nominal=q1,q2"], units="rad")
+    assert_allclose(log.time, T, atol=1e-6)
+
+
+def test_a_first_line_that_tells_spreadsheets_the_separator_is_no_line_of_names(tmp_path: Path) -> None:
+    table = write_csv(
+        tmp_path / "lab.csv", ["t [s]", "q1", "q2"], [T, Q[:, 0], Q[:, 1]], separator=";", decimal=","
+    )
+    table.write_text("sep=;\n" + table.read_text())
+    assert_allclose(import_recording(table, ["q_nominal=q1,q2"], units="rad").q_nominal, Q[:, :2], atol=1e-9)
+    table.write_text("sep=;\n")
+    with pytest.raises(FileFormatError, match="expected a line of names"):
+        import_recording(table, ["q_nominal=q1,q2"], units="rad")
+
+
 def test_a_unit_of_time_that_cannot_be_told_is_asked(tmp_path: Path) -> None:
     table = write_csv(tmp_path / "lab.csv", ["t", "q1", "q2"], [np.arange(600.0), Q[:, 0], Q[:, 1]])
     with pytest.raises(InputError, match=r"unit of time t cannot be told, rows are 1 apart.*ms \(1000 Hz\)"):

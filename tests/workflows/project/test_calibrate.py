@@ -142,8 +142,8 @@ def test_unfit_tests_are_refused_before_anything_is_fitted(days: tuple[Path, Pat
 
 def test_page_says_how_many_inputs_models_take_beside_the_papers(finished: CalibrationResult) -> None:
     page = finished.page.read_text()
-    assert "<th>inputs</th>" in page
-    assert "paper, 16 inputs: J1" in page
+    assert ">inputs</th>" in page
+    assert "paper, 16 inputs: J1 [deg]" in page
 
 
 def test_inputs_of_models_are_told_joint_by_joint_where_they_differ() -> None:

@@ -52,6 +52,13 @@ def test_error_in_the_loop_is_the_evaluations(deployment, recorded, model) -> No
     assert_allclose(deployment.rmse, [joint.rmse for joint in joints], rtol=0.1)
 
 
+def test_the_correction_takes_no_longer_than_the_ticks_that_it_is_part_of(deployment: Deployment) -> None:
+    whole = deployment.loop.compute
+    assert whole is not None
+    # the correction of each tick is within it, so is every quantile; histogram bins are 1 % wide
+    assert all(0.0 < part <= 1.02 * tick for part, tick in zip(deployment.correction, whole, strict=True))
+
+
 def test_the_model_helps_while_the_loop_runs(deployment: Deployment) -> None:
     assert (np.array(deployment.rmse) < 0.5 * np.array(deployment.raw_rmse)).all()
     assert deployment.loop.ticks == pytest.approx(1000.0 * SECONDS, abs=1)

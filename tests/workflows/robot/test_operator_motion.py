@@ -10,6 +10,7 @@ from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.workflows.robot import operator_motion
 from catenary.workflows.robot.followed_file import FollowedFile
 from catenary.workflows.robot.motion import check_motion
+from catenary.workflows.robot.operated_robot import simulated_robot
 from catenary.workflows.robot.operator_motion import follow, go_to_joints, joints_at, random_motion
 from oracles.ideal_plant import IdealPlant, ideal_robot
 
@@ -44,6 +45,19 @@ def test_the_tip_arrives_where_it_was_sent() -> None:
     goal = forward_kinematics(robot.model, START).position + np.array([0.01, -0.02, 0.015])
     summary = go_to_joints(robot, joints_at(robot, goal, rng=np.random.default_rng(0)))
     assert_allclose(forward_kinematics(robot.model, summary.q).position, goal, atol=1e-9)
+
+
+@pytest.mark.parametrize("side", ["raven2", "raven2_right"])
+def test_the_tool_of_a_raven_arrives_where_it_was_sent_not_its_wrist(side: str) -> None:
+    robot = simulated_robot(side, real_time=False)
+    q = robot.plant.setpoint_js().q
+    goal = robot.tool_position(q) + np.array([0.004, -0.006, 0.005])
+    found = joints_at(robot, goal, rng=np.random.default_rng(0))
+    full, half = load_robot(side.replace("raven2", "raven2_full")), 0.5 * (q[6] - q[5])
+    all_joints = np.concatenate([found, q[3:5], [half]])
+    assert_allclose(forward_kinematics(full, all_joints).position, goal, atol=2e-7)
+    wrist = forward_kinematics(robot.model, found).position
+    assert np.linalg.norm(wrist - goal) == pytest.approx(0.013, abs=1e-4)  # from the wrist's axis to the tool
 
 
 @pytest.mark.parametrize(

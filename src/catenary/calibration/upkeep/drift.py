@@ -16,8 +16,8 @@ from catenary.calibration.evaluate import evaluate
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.plant import MotionLog
+from catenary.recording.raven_transmission import OFFSETS
 
-OFFSETS = "encoffsets:"  # columns of raven_state that a homing writes
 BEYOND = 2.0  # times the error that the card tells, where a model has no interval
 
 
@@ -102,6 +102,17 @@ def find_drift(
     )
     since = tuple(_since([stretch.beyond[j] for stretch in stretches]) for j in range(len(model.joint_names)))
     return DriftFound(model.joint_names, model.joint_units, tuple(stretches), since, judged)
+
+
+def since_in_words(found: DriftFound) -> list[str]:
+    """Return a sentence for each joint on which the model no longer holds."""
+    told = []
+    for name, first in zip(found.joint_names, found.since, strict=True):
+        if first is not None:
+            stretch = found.stretches[first]
+            when = stretch.date or f"recording {stretch.recording}, homing {stretch.homing}"
+            told.append(f"{name}: beyond since {when}")
+    return told
 
 
 def _cuts(log: MotionLog) -> Floats:

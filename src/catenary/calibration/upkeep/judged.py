@@ -5,6 +5,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.calibration.card import valid_inputs
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.plant import MotionLog
 from catenary.verdict.check import robot_of, verdict
@@ -51,11 +52,6 @@ def trained_positions(model: CalibrationModel) -> tuple[Floats, Floats]:
 
     Infinite for a joint whose position no group of the model watches.
     """
-    names = [f"q:{joint}" for joint in model.joint_names]
-    low, high = np.full(len(names), -np.inf), np.full(len(names), np.inf)
-    for group in model.groups:
-        for k, column in enumerate(group.watched):
-            if (name := model.features.names[column]) in names:
-                j = names.index(name)
-                low[j], high[j] = group.valid_range.lower[k], group.valid_range.upper[k]
-    return low, high
+    ranges, anywhere = valid_inputs(model), {"lower": -np.inf, "upper": np.inf}
+    held = [ranges.get(f"q:{joint}", anywhere) for joint in model.joint_names]
+    return np.array([each["lower"] for each in held]), np.array([each["upper"] for each in held])

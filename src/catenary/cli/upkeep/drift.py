@@ -8,6 +8,7 @@ from typer import Argument, Option
 
 from catenary.cli.fit import Recordings
 from catenary.cli.options import Accept, AsJsonNotTables, MappingOptions, MendOptions
+from catenary.cli.out_files import PAGE, Report, refuse_outputs
 from catenary.cli.terminal import print_json, print_notes, print_table
 
 
@@ -21,6 +22,7 @@ def drift(
         Option(metavar="K", help="For a model without intervals: times its card's error that is too much."),
     ] = 2.0,
     accept: Accept = None,
+    report: Report = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
     """Print a model's error over days and homings.
@@ -28,11 +30,13 @@ def drift(
     Recordings come in the order of time. The exit code is 1 where a joint is beyond at the end, or where something is
     wrong with a recording, which is no drift.
 
-    Example: catenary drift arm.npz monday.parquet tuesday.parquet
+    Example: catenary drift arm.npz monday.parquet tuesday.parquet --report drift.html
     """
-    from catenary.units import DISPLAY
-    from catenary.workflows.drift import drift_of_model, drift_summary, since_in_words
+    from catenary.calibration.upkeep.drift import since_in_words
+    from catenary.reports.drift import drift_table, write_drift_report
+    from catenary.workflows.drift import drift_of_model, drift_summary
 
+    refuse_outputs({"--report": (report, PAGE)}, [model, *data])
     found, notes = drift_of_model(
         model, data, reading=mending.reading(foreign), accept=tuple(accept or ()), factor=factor
     )
@@ -40,15 +44,13 @@ def drift(
         print_json(drift_summary(found, notes))
     else:
         print_notes(notes)
-        names = [f"{n} [{DISPLAY[u][0]}]" for n, u in zip(found.joint_names, found.joint_units, strict=True)]
-        rows = [
-            [s.recording, str(s.homing), s.date or "-", str(s.rows)]
-            + [f"{e:.3f}{' !' if bad else ''}" for e, bad in zip(s.rmse, s.beyond, strict=True)]
-            for s in found.stretches
-        ]
-        header = ["recording", "homing", "date", "rows", *names]
-        print_table("RMSE between homings; ! beyond", header, rows)
+        table = drift_table(found)
+        print_table("RMSE between homings; ! beyond", table.header, table.rows)
         print(f"beyond: {found.judged_by}")
         print("\n".join(since_in_words(found)) or "the model holds on the last of them")
+    if report is not None:
+        write_drift_report(report, found, model=model.name, notes=notes)
+        if not as_json:
+            print(f"page: {report}")
     if any(first is not None for first in found.since):
         raise typer.Exit(1)

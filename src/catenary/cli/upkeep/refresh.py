@@ -7,7 +7,9 @@ from typer import Argument, Option
 
 from catenary.cli.fit import MaxError, Recordings, limits
 from catenary.cli.options import Accept, AsJsonNotTables, MappingOptions, MendOptions
-from catenary.cli.terminal import print_json, print_notes, print_table, refuse_to_overwrite, refuse_unwritable
+from catenary.cli.out_files import MODEL, NAMED_AS_TYPED, out_path, refuse_outputs
+from catenary.cli.terminal import print_json, print_notes, print_table
+from catenary.files import card_path
 
 
 def refresh(
@@ -15,7 +17,9 @@ def refresh(
     data: Recordings,
     mending: MendOptions,
     foreign: MappingOptions,
-    out: Annotated[Path, Option(metavar="MODEL", help="File to write the refreshed model to.")],
+    out: Annotated[
+        Path, Option(metavar="MODEL", parser=out_path, help=f"Refreshed model to write. {NAMED_AS_TYPED}")
+    ],
     max_error: MaxError = None,
     accept: Accept = None,
     as_json: AsJsonNotTables = False,
@@ -27,11 +31,11 @@ def refresh(
 
     Example: catenary refresh arm.npz today.parquet --out arm_today.npz
     """
-    from catenary.calibration.files import card_path, save_model
+    from catenary.calibration.files import save_model
     from catenary.workflows.refresh import refresh_calibration
 
-    refuse_unwritable("--out", out)
-    refuse_to_overwrite({"--out": out, "the card of --out": card_path(out)}, [model, *data])
+    outputs = {"--out": (out, MODEL), "the card of --out": (card_path(out), None)}
+    refuse_outputs(outputs, [model, *data])
     result = refresh_calibration(
         model,
         data,

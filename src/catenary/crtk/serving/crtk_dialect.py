@@ -21,6 +21,8 @@ from catenary.spatial import Pose, rotation_vector
 NOT_MEASURED = ("measured_cf",)  # nothing measures forces at the tool
 NOT_TAKEN = ("servo_cf",)
 BUSY_EVERY = 100  # ticks between two operating states of an arm that is busy
+# from the setpoint: a RAVEN-II's shoulder that covers 0.25 rad as fast as it may comes to a stop in FAULT
+SERVO_REACH = {"rad": 0.2, "m": 0.02}
 # what is published of each arm in every tick, verb by verb
 _PUBLISHED: dict[str, MakeMessage] = {
     "measured_js": arm_messages.measured_js,
@@ -86,6 +88,22 @@ def _numbers(arm: ServedArm, message: Message, field: str = "position") -> Float
     return joint_values(message, arm.names, field)
 
 
+def _servo_jp(arm: ServedArm, message: Message) -> None:
+    """Go towards joint positions near the setpoint: a client that stood still for seconds must not make the arm leap.
+
+    Raises:
+        InputError: A joint is farther from the setpoint than `SERVO_REACH`; nothing moves.
+    """
+    q = _numbers(arm, message)
+    for name, unit, way in zip(arm.names, arm.plant.joint_units, q - arm.setpoint.q, strict=True):
+        if abs(way) > SERVO_REACH[unit]:
+            raise InputError(
+                f"servo_jp: {name} is {way:+.3g} {unit} from its setpoint, expected at most {SERVO_REACH[unit]:g}; "
+                "move_jp goes farther"
+            )
+    arm.go_towards(q)
+
+
 def _moved(arm: ServedArm, message: Message) -> Pose:
     """Return the goal of a move_cr: turned and moved from the setpoint, in base axes."""
     start, step = arm.tool.pose(arm.setpoint.q), pose_of(message)
@@ -102,7 +120,7 @@ def _servo_cr(arm: ServedArm, message: Message) -> None:
 
 
 _OBEYED: dict[str, Obey] = {
-    "servo_jp": lambda arm, message: arm.go_towards(_numbers(arm, message)),
+    "servo_jp": _servo_jp,
     "servo_jr": lambda arm, message: arm.increment(_numbers(arm, message)),
     "servo_jv": lambda arm, message: arm.run_at(_numbers(arm, message, "velocity")),
     "servo_jf": lambda arm, message: arm.push_with(_numbers(arm, message, "effort")),

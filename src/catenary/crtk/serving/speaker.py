@@ -48,9 +48,10 @@ class Speaker:
         ]
 
     def publish(self, now: int) -> None:
-        """Publish the arms' states, stamped `now` [ns], where anybody listens."""
-        made = [(outlet, make(arm, now)) for outlet, make, arm in self._outlets if outlet.heard]
+        """Publish the arms' states, stamped `now` [ns], where anybody listens or may come and find an old one."""
+        made = [(outlet, make(arm, now)) for outlet, make, arm in self._outlets if outlet.heard or outlet.due]
         for outlet, message in made:
+            outlet.due = False
             outlet.publish(message)
 
     def obey(self, topic: CrtkTopic, message: Message) -> None:

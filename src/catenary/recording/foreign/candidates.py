@@ -27,11 +27,11 @@ _KINDS: dict[Kind, frozenset[str]] = {
 }
 _ROLES: dict[Role, frozenset[str]] = {
     "measured outside": _set(
-        "encoder encoders enc ext external optitrack opti vicon mocap truth gt ground camera cam tracker tracked "
-        "aurora ndi polaris laser zivid marker markers"
+        "encoder encoders enc ext external opt optical optitrack opti vicon mocap truth gt ground camera cam tracker "
+        "tracked aurora ndi polaris laser zivid marker markers"
     ),
     "commanded": _set(
-        "cmd cmds command commands commanded setpoint setpoints sp desired des goal goals target targets servo ref"
+        "cmd cmds command commands commanded set setpoint setpoints sp desired des goal goals target targets servo ref"
     ),
     "actual": _set("actual act true real"),
     "reported": _set(
@@ -47,6 +47,7 @@ _UNITS = _set("deg degree degrees rad mm m nm n")
 _UNIT = re.compile(r"[\[( _](?P<unit>deg|degree|degrees|rad|mm|m)[\])]?(?:\[?\d+\]?)?\Z", re.IGNORECASE)
 _UNIT_WORDS = {"degree": "deg", "degrees": "deg"}
 MOST_JOINTS = 64
+_FOLLOWS = 0.8  # correlation of a measured joint with its command: a hysteretic wrist's is 0.82
 _WHOLE = 0.95  # share of rows that a quantity is taken from, at least: the others are lost with it
 
 
@@ -105,6 +106,18 @@ class Candidate:
         """Return it with some of its columns."""
         joints = dict(zip(self.columns, self.joints, strict=True))
         return Candidate(self.stream, tuple(columns), self.kind, self.role, tuple(joints[c] for c in columns))
+
+    def is_followed_by(self, other: "Candidate") -> bool:
+        """Whether each column goes up and down with the other's of the same place, in rows of one table."""
+        if self.stream.name != other.stream.name or len(self.columns) != len(other.columns):
+            return False
+        for mine, its in zip(self.columns, other.columns, strict=True):
+            pair = np.array([self.stream.columns[mine], other.stream.columns[its]], dtype=np.float64)
+            pair = pair[:, np.isfinite(pair).all(axis=0)]
+            with np.errstate(invalid="ignore", divide="ignore"):
+                if pair.shape[1] < 3 or not np.asarray(np.corrcoef(pair))[0, 1] > _FOLLOWS:
+                    return False
+        return True
 
     def stated_units(self) -> tuple[str, ...] | None:
         """Return the units that the columns' names end in; None where one has none."""
@@ -166,7 +179,8 @@ def _of_table(stream: Stream) -> list[Candidate]:
             continue
         numbered = re.sub(r"[\[_. ]?\d+\]?", "#", name)
         own = tuple(w for w in words if any(w in names for names in (*_KINDS.values(), *_ROLES.values())))
-        key = ("#", numbered) if "#" in numbered else (("words", *own) if own else ("alone", name))
+        stated = ("words",) if _UNIT.search(name) else ("alone", name)  # "elbow [deg]"
+        key = ("#", numbered) if "#" in numbered else (("words", *own) if own else stated)
         groups.setdefault(key, []).append(name)
     found = []
     for (how, *rest), columns in groups.items():

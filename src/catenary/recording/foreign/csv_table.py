@@ -1,6 +1,7 @@
 """CSV with a line of names, as spreadsheets, MATLAB, rostopic and PlotJuggler write it."""
 
 import csv
+import re
 from collections import Counter
 from collections.abc import Sequence
 from itertools import islice
@@ -21,6 +22,8 @@ MOST_LINE = 1_000_000  # characters
 _LOOKED_AT = 200  # lines by which separator, decimal sign and kinds of columns are told
 _NOTHING = ("", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "None", "none", "#N/A")
 _EXACT = 2.0**53  # from which on a float64 has not every whole number
+_DATE = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d(:\d\d(\.\d{1,9})?)?(?P<zone>Z|[+-]\d\d(:?\d\d)?)?")
+_SAYS_SEPARATOR = re.compile(r"\"?sep=[;,\t]\"?[;,\t]*")  # a first line for spreadsheets
 
 
 class _Dialect(NamedTuple):
@@ -32,7 +35,8 @@ def read_csv(path: Path) -> tuple[dict[str, NDArray[np.generic]], list[str]]:
     """Read the columns of numbers of a CSV, and what there is to say of it.
 
     Commas, semicolons, tabs and spaces separate columns, decimals have a point or, where commas separate nothing, a
-    comma. Columns of text are left out. Of a name that is there twice, the second is called `name#2`. Whole numbers
+    comma. Dates as of ISO 8601 become nanoseconds since 1970; a first column of them without a name is the time. Other
+    columns of text are left out. Of a name that is there twice, the second is called `name#2`. Whole numbers
     that a float64 cannot hold, such as stamps in nanoseconds, stay whole.
 
     Raises:
@@ -40,6 +44,8 @@ def read_csv(path: Path) -> tuple[dict[str, NDArray[np.generic]], list[str]]:
             in a column of numbers.
     """
     head = _first_lines(path)
+    skipped = 1 if head and _SAYS_SEPARATOR.fullmatch(head[0]) else 0
+    head = head[skipped:]
     if len(head) < 2:
         raise FileFormatError(
             f"{path}: expected a line of names and lines of numbers, got {len(head)} line(s)"
@@ -62,13 +68,15 @@ def read_csv(path: Path) -> tuple[dict[str, NDArray[np.generic]], list[str]]:
     unique, notes = _unique(names)
     ends_in_separator = len(unique) < len(_split(first, dialect))
     kinds = [_kind([row[i] for row in rows if i < len(row)], dialect) for i in range(len(unique))]
+    if not names[0] and kinds[0] is not None and pa.types.is_timestamp(kinds[0]) and "time" not in unique:
+        unique[0] = "time"
     texts = [name for name, kind in zip(unique, kinds, strict=True) if kind is None]
     if texts:
         notes.append(f"columns of text were left out: {', '.join(map(cut, texts[:10]))}")
     types = {name: kind for name, kind in zip(unique, kinds, strict=True) if kind is not None}
     if not types:
         raise FileFormatError(f"{path}: no column of numbers among {', '.join(map(cut, unique[:10]))}")
-    read = pa.csv.ReadOptions(column_names=[*unique, *[" "] * ends_in_separator], skip_rows=1)
+    read = pa.csv.ReadOptions(column_names=[*unique, *[" "] * ends_in_separator], skip_rows=1 + skipped)
     parse = pa.csv.ParseOptions(delimiter=dialect.separator)
     convert = pa.csv.ConvertOptions(
         column_types=types, include_columns=list(types), null_values=list(_NOTHING),
@@ -78,7 +86,14 @@ def read_csv(path: Path) -> tuple[dict[str, NDArray[np.generic]], list[str]]:
         table = pa.csv.read_csv(path, read, parse, convert)
     except (pa.ArrowException, OSError, MemoryError, ValueError) as error:
         raise FileFormatError(f"{path}: cannot be read as CSV: {cut(str(error))}") from error
-    columns = {name: table.column(name).to_numpy() for name in types}
+    columns = {}
+    for name, kind in types.items():
+        column = table.column(name)
+        if pa.types.is_timestamp(kind):
+            column = column.cast(pa.int64())
+            zone = "UTC" if kind.tz else "no time zone, as if of UTC"
+            notes.append(f"{name}: holds dates, read as nanoseconds since 1970 ({zone})")
+        columns[name] = column.to_numpy()
     if dialect != (",", "."):
         separator = {"\t": "tabs", " ": "spaces"}.get(dialect.separator, f'"{dialect.separator}"')
         notes.append(f'columns are separated by {separator}, decimals by "{dialect.decimal}"')
@@ -149,6 +164,9 @@ def _kind(fields: Sequence[str], dialect: _Dialect) -> pa.DataType | None:
     values = [text for field in fields if (text := field.strip().strip('"')) not in _NOTHING]
     if values and all(text.lower() in ("true", "false") for text in values):
         return pa.bool_()
+    dates = [_DATE.fullmatch(text) for text in values]
+    if dates and all(dates):
+        return pa.timestamp("ns", tz="UTC" if any(date and date["zone"] for date in dates) else None)
     if any(not is_number(_point(text, dialect)) for text in values):
         return None
     whole = values and all(text.lstrip("-").isdigit() for text in values)

@@ -18,6 +18,7 @@ from catenary.recording.parquet_files import open_parquet
 from catenary.recording.raven_csv import WIDTH, WIDTH_WITH_FORCE
 from catenary.recording.source import open_recordings
 from catenary.recording.synchronise import ROBOT, SynchroniseOptions, synchronise
+from catenary.recording.table_kind import table_ending
 from catenary.recording.topics import EXT_JPOS, RAVENSTATE, RAVENSTATE_100HZ, Arm
 from catenary.robots.model import RobotModel
 
@@ -80,13 +81,14 @@ def layout_of_file(path: Path) -> Layout | None:
     """
     if not path.is_file():
         return None
-    if path.suffix == ".parquet":
+    ending = table_ending(path)
+    if ending == ".parquet":
         return MOTION_LOG if b"catenary" in (open_parquet(path).schema_arrow.metadata or {}) else None
-    if path.suffix == ".csv":
+    if ending == ".csv":
         with path.open("rb") as file:
             width = file.readline(100_000).count(b",") + 1
         return RAVEN_CSV if width in (WIDTH, WIDTH_WITH_FORCE) else None
-    if path.suffix != ".npz":
+    if ending != ".npz":
         return None
     names = set(read_arrays(path))
     if {"q_des", "q_act", "ok"} <= names:

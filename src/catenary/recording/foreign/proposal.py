@@ -111,6 +111,14 @@ def _positions(found: Sequence[Candidate], draft: _Draft) -> tuple[Candidate | N
     )
     if not reported and not commanded and not outside:
         reported = of("unknown")
+        pair = None if actual else _command_and_measurement(reported)
+        if pair is not None:
+            draft.questions.append(
+                f"which is q_nominal: {_ends(pair[0])} or {_ends(pair[1])}, which moves with it; the other is q_encoder"
+            )
+            return pair
+    elif not reported and not commanded and not actual:
+        reported = [one for one in of("unknown") if len(one.columns) == len(outside[0].columns)]
     if not outside and actual and (reported or commanded):
         outside = actual
         draft.questions.append(
@@ -130,8 +138,25 @@ def _positions(found: Sequence[Candidate], draft: _Draft) -> tuple[Candidate | N
             f"q_nominal is what the robot reports ({nominal.name}), not what it was told ({commanded[0].name})"
         )
     if truth is None:
+        if reported and commanded and nominal.role == "reported" and commanded[0].is_followed_by(nominal):
+            draft.decisions.append(
+                f"if a sensor at the joints measured {nominal.name}, it is q_encoder, and {commanded[0].name} is "
+                "q_nominal"
+            )
         return nominal, None
     return _same_joints(nominal, truth, draft)
+
+
+def _command_and_measurement(found: Sequence[Candidate]) -> tuple[Candidate, Candidate] | None:
+    """Return two groups of columns of which one follows the other, or the two halves of an array without names."""
+    if len(found) == 1 and len(found[0].columns) % 2 == 0:
+        columns, half = found[0].columns, len(found[0].columns) // 2
+        found = [found[0].part(columns[:half]), found[0].part(columns[half:])]
+    return (found[0], found[1]) if len(found) == 2 and found[0].is_followed_by(found[1]) else None
+
+
+def _ends(one: Candidate) -> str:
+    return f"{one.references[0]} ... {one.references[-1]}"
 
 
 def _one(choices: Sequence[Candidate], what: str, draft: _Draft, count: int | None) -> Candidate:
@@ -210,7 +235,7 @@ def _times(
     streams: Sequence[Stream], nominal: Candidate | None, encoder: Candidate | None, draft: _Draft
 ) -> None:
     used = {one.stream.name: one.stream for one in (nominal, encoder) if one is not None}
-    columns = []
+    columns, units, said = list[str](), list[str](), list[str]()
     for stream in used.values():
         if stream.type != "table":
             continue
@@ -222,19 +247,27 @@ def _times(
             found = time_of(stream, named[:1] if len(named) > 1 else (), None, None)
         except InputError as error:
             draft.questions.append(f"the time: {error}")
-            columns += [f"time = {_text(named[0])}  # OPEN", '# time_unit = "s"  # or ms, us, ns']
+            columns.append(named[0])
+            units.append("")
             continue
         if len(named) > 1:
             draft.questions.append(f"which column is the time: {' or '.join(named[:5])}")
         if found is not None and found.column:
-            columns += [
-                f"time = {_text(found.column)}",
-                f"time_unit = {_text(found.unit)}  # {visible(found.said)}",
-            ]
+            columns.append(found.column)
+            units.append(found.unit)
+            said.append(found.said)
         elif found is None:
             draft.decisions.append(f"{stream.name}: no column is the time; rate_hz gives rows one")
-            columns.append("# rate_hz = 100.0  # rows a second: the table has no time")
-    draft.top += list(dict.fromkeys(columns))
+            draft.top.append("# rate_hz = 100.0  # rows a second: the table has no time")
+    if columns:
+        names = list(dict.fromkeys(map(_text, columns)))
+        draft.top.append(f"time = {names[0] if len(names) == 1 else '[' + ', '.join(names) + ']'}")
+        if len(set(units)) == 1 and units[0]:
+            draft.top.append(f"time_unit = {_text(units[0])}  # {visible('; '.join(said))}")
+        elif "" in units:
+            draft.top.append('# time_unit = "s"  # OPEN: s, ms, us or ns, of all tables')
+        else:
+            draft.top.append(f"# {visible('; '.join(said))}")
 
 
 def _write(draft: _Draft, quantity: str, one: Candidate, units: Sequence[str], why: str) -> None:

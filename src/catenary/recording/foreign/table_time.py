@@ -25,6 +25,7 @@ _WORDS = {"sec": "s", "msec": "ms", "usec": "us", "µs": "us", "nsec": "ns"}
 _LIKELY = (0.0005, 5.0)
 _EPOCH = (9.5e8, 4.2e9)  # [s] since 1970: the years 2000 to 2100
 _RATES = ("fs", "rate", "rate_hz", "sampling_rate", "sample_rate", "frequency")
+_RISING = 100  # rows over which no joint moves one way alone
 
 
 class TableTime(NamedTuple):
@@ -98,6 +99,12 @@ def time_columns(stream: Stream) -> list[str]:
     named = [name for name in stream.columns if _NAMED.match(name.lstrip("%").strip())]
     if not named:  # t_encoder
         named = [name for name in stream.columns if re.fullmatch(r"(t|time|stamp|timestamp)_\w+", name)]
+    if not named:  # an array without names, whose first column is the time
+        first = next(iter(stream.columns), "")
+        arrays = {name.partition("[")[0] for name in stream.columns}
+        if len(arrays) == 1 and first.endswith("[0]") and len(stream.columns) > 1:
+            values = np.asarray(stream.columns[first], dtype=np.float64)
+            return [first] if len(values) >= _RISING and (np.diff(values) > 0.0).all() else []
     headers = [name for name in named if re.search(r"stamp", name, re.IGNORECASE)]
     plain = [
         name for name in named if re.fullmatch(r"%?(time|t)([_ ]?[\[(]?\w+[\])]?)?", name, re.IGNORECASE)

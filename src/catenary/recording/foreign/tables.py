@@ -16,7 +16,9 @@ from catenary.recording.foreign.csv_table import read_csv
 from catenary.recording.foreign.matlab import read_matlab
 from catenary.recording.foreign.stream import Stream
 from catenary.recording.parquet_files import MOST_COLUMNS
+from catenary.recording.table_kind import table_ending
 
+PANDAS_INDEX = "__index_level_0__"  # how pandas calls an index without a name
 ENDINGS = (".csv", ".txt", ".parquet", ".npz", ".npy", ".mat")
 
 
@@ -30,7 +32,7 @@ def read_table_file(path: Path) -> list[Stream]:
     """
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")
-    ending = path.suffix.lower()
+    ending = table_ending(path)
     if ending in (".csv", ".txt"):
         columns, notes = read_csv(path)
         return [_table(path, columns, {}, notes)]
@@ -114,8 +116,9 @@ def _parquet(path: Path) -> Stream:
                 continue
             if pa.types.is_timestamp(kind):
                 column = file.read(columns=[name]).column(0).cast(pa.timestamp("ns")).cast(pa.int64())
-                columns[name] = column.to_numpy()
-                notes.append(f"{name}: holds stamps, read as nanoseconds")
+                plain = "time" if name == PANDAS_INDEX and "time" not in names else name
+                columns[plain] = column.to_numpy()
+                notes.append(f"{plain}: holds stamps, read as nanoseconds")
             elif pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind):
                 columns[name] = file.read(columns=[name]).column(0).to_numpy()
             elif pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind) or pa.types.is_large_list(kind):

@@ -1,6 +1,5 @@
 """A simulated arm with all that a controller of it needs: plant, model, gains, limits."""
 
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -22,7 +21,6 @@ from catenary.gravity.payload import Payload
 from catenary.plant import Plant
 from catenary.robots.catalog import RAVEN_SIDES, load_robot
 from catenary.robots.model import Massless, RobotModel
-from catenary.robots.plausible import payload_doubt
 from catenary.simulation.base_motion import MovingBase
 from catenary.simulation.cable_parameters import CableArm, Firmware, load_cable_arm, right_arm
 from catenary.simulation.cable_plant import CablePlant
@@ -30,8 +28,6 @@ from catenary.simulation.joint_hardware import JointHardware
 from catenary.simulation.mujoco_plant import MujocoPlant
 from catenary.simulation.positioning import PositioningArm
 from catenary.simulation.records import POSITIONING
-
-_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -88,9 +84,6 @@ def simulated_arm(
             )
         model = load_robot(robot, massless=massless, strict=strict)
         return rigid_arm(model, base=base, payload=payload)
-    own = load_robot(robot).tree.mass.sum()
-    if (doubt := payload_doubt(payload, float(own))) is not None:
-        _log.warning("%s", doubt)
     plant = CablePlant(side=RAVEN_SIDES[robot], seed=seed, payload=payload, base=base)
     plant.home()
     return raven_arm(plant)
@@ -122,8 +115,6 @@ def rigid_arm(
         LimitError: `start` is outside the joint limits.
     """
     model.require_inertia()
-    if (doubt := payload_doubt(payload, float(model.tree.mass.sum()))) is not None:
-        _log.warning("%s", doubt)
     n = model.n
     rotors = as_array("motor_inertia", np.zeros(n) if motor_inertia is None else motor_inertia, (n,))
     added = np.diag(rotors) if rotors.any() else None

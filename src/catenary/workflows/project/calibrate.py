@@ -9,16 +9,16 @@ import numpy as np
 
 from catenary import __version__
 from catenary.calibration.choice import JointChoice
-from catenary.calibration.dataset import require_same_joints
+from catenary.calibration.dataset import error_limits, require_same_joints
 from catenary.calibration.evaluate import Evaluation
-from catenary.calibration.files import card_path, load_model, save_model
+from catenary.calibration.files import load_model, save_model
 from catenary.calibration.fit import FitOptions
-from catenary.calibration.fitting import FitRun, error_limits, require_folds
+from catenary.calibration.fitting import FitRun, require_folds
 from catenary.calibration.progress import Progress, silent
 from catenary.errors import InputError
-from catenary.files import sha256_of
+from catenary.files import card_path, sha256_of
 from catenary.recording.foreign.read import Reading, read_logs
-from catenary.reports.calibration import percent
+from catenary.reports.error_tables import percent
 from catenary.reports.project import write_project_report
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids

@@ -1,6 +1,7 @@
 """Run a calibration model in the 1 kHz loop of a robot, and measure its latency and error there."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import nan
 from typing import Any
@@ -10,11 +11,14 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.evaluate import rms
+from catenary.calibration.kernels import Flags
 from catenary.calibration.model import CalibrationModel
+from catenary.calibration.upkeep.watch import DriftWatch, WatchResult
 from catenary.control.loop import Tick, run_loop
 from catenary.control.realtime import Durations, Timing
 from catenary.control.report import LoopReport
 from catenary.crtk.client import CrtkClient
+from catenary.crtk.registration import registration_of
 from catenary.plant import JointState
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.in_turn import Embedded
@@ -33,9 +37,14 @@ class Deployment:
     raw_rmse: tuple[float, ...]
     rmse: tuple[float, ...]
     outside: tuple[float, ...]  # share of ticks outside the valid range
-    correction: Timing  # [s] of the model's part of a tick alone
+    correction: Timing  # [s] of the model's part of each tick
     simulated: bool = True
     leaps: dict[str, int] = field(default_factory=dict)  # by input: positions that play states did not follow
+    coverage: tuple[float, ...] | None = (
+        None  # share of errors within the model's intervals; None without any
+    )
+    level: float | None = None  # that they are to hold
+    watch: WatchResult | None = None  # signs of drift that need no encoder
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data: times in microseconds, errors in deg and mm."""
@@ -50,10 +59,25 @@ class Deployment:
             "overruns": self.loop.overruns,
             "real_time_priority": self.loop.has_priority,
             "leaps": self.leaps,
+            "coverage_asked": self.level,
+            "watch": None if self.watch is None else self.watch.as_data(),
             "joints": [
-                {"name": name, "unit": unit, "raw_rmse": raw, "rmse": rmse, "outside_valid_range": outside}
-                for name, unit, raw, rmse, outside in zip(
-                    self.joint_names, self.units, self.raw_rmse, self.rmse, self.outside, strict=True
+                {
+                    "name": name,
+                    "unit": unit,
+                    "raw_rmse": raw,
+                    "rmse": rmse,
+                    "outside_valid_range": outside,
+                    "coverage": held,
+                }
+                for name, unit, raw, rmse, outside, held in zip(
+                    self.joint_names,
+                    self.units,
+                    self.raw_rmse,
+                    self.rmse,
+                    self.outside,
+                    self.coverage or [None] * len(self.joint_names),
+                    strict=True,
                 )
             ],
         }
@@ -79,7 +103,7 @@ def deploy_on_robot(
         InputError: The robot lacks a joint or an input of the model.
     """
     places = [plant.joint_names.index(name) for name in model.joint_names if name in plant.joint_names]
-    corrector = Corrector(model)
+    corrector = TimedCorrector(Corrector(model))
     # refuses before anything moves
     corrector.prepare(plant.joint_names, plant.joint_units, 1.0 / plant.period)
     joints = [plant.joint_names[j] for j in places]
@@ -88,15 +112,21 @@ def deploy_on_robot(
     motion = Embedded(trajectory, places, plant.setpoint_js().q)
     true: list[Floats] = []
     ticks: list[Tick] = []
+    watch = DriftWatch(model, plant.joint_names, plant.joint_units)
+    registration = registration_of(plant)
+    if registration is not None:
+        watch.registered(plant.measured_js().time, registration)
 
     def observe(tick: Tick) -> None:  # light: it is part of the loop
+        watch.update(tick.state.time, tick.q_nominal, tick.state.tau, tick.inside)
         true.append(plant.external_encoders())
         ticks.append(tick)
 
     report = run_loop(plant, None, motion, corrector=corrector, observers=[observe], real_time=real_time)
-    leaps = corrector.leaps
+    leaps = corrector.corrector.leaps
     scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])
     known = np.array(true)
+    half_widths = np.array([tick.state.q_interval[places] for tick in ticks]) * scale
     rows = np.isfinite(known).all(axis=1)
     before = (known - np.array([tick.q_nominal[places] for tick in ticks]))[rows] * scale
     after = (known - np.array([tick.state.q[places] for tick in ticks]))[rows] * scale
@@ -107,19 +137,44 @@ def deploy_on_robot(
         raw_rmse=tuple(rms(column) if len(column) else nan for column in before.T),
         rmse=tuple(rms(column) if len(column) else nan for column in after.T),
         outside=tuple((report.outside_valid_range or ())[place] for place in places),
-        correction=_time_correction(corrector, [tick.state for tick in ticks]),
+        correction=corrector.timing(),
         simulated=plant.simulated,
         leaps=leaps,
+        coverage=_coverage(after, half_widths[rows]) if model.intervals is not None else None,
+        level=None if model.intervals is None else model.intervals.level,
+        watch=watch.result(),
     )
 
 
-def _time_correction(corrector: Corrector, states: list[JointState]) -> Timing:
-    """Return how long the model's part of a tick takes, on the states that the loop saw."""
-    n = len(states[0].q)
-    out, inside = np.empty(n), np.empty(n, dtype=bool)
-    durations = Durations()
-    for state in states:
+def _coverage(errors: Floats, half_widths: Floats) -> tuple[float, ...]:
+    """Return the share of errors (N, n) within their intervals, per joint; NaN where no truth is known."""
+    return tuple(
+        float(np.mean(np.abs(e) <= w)) if len(e) else nan
+        for e, w in zip(errors.T, half_widths.T, strict=True)
+    )
+
+
+class TimedCorrector:
+    """A corrector that times what it does in each tick but the first, as the loop times whole ticks."""
+
+    def __init__(self, corrector: Corrector) -> None:
+        self.corrector = corrector
+        self._durations = Durations()
+        self._started = False
+
+    def prepare(self, joint_names: Sequence[str], joint_units: Sequence[str], rate_hz: float) -> None:
+        """Get ready for a robot; forget all previous ticks."""
+        self.corrector.prepare(joint_names, joint_units, rate_hz)
+        self._durations, self._started = Durations(), False
+
+    def correct_state(self, state: JointState, out: Floats, inside: Flags, interval: Floats) -> None:
+        """Write calibrated positions (n,) [rad|m], whether each is inside the valid range, and half-widths [rad|m]."""
         begin = time.perf_counter()
-        corrector.correct_state(state, out, inside)
-        durations.add(time.perf_counter() - begin)
-    return durations.timing() or Timing(nan, nan, nan, nan)
+        self.corrector.correct_state(state, out, inside, interval)
+        if self._started:
+            self._durations.add(time.perf_counter() - begin)
+        self._started = True
+
+    def timing(self) -> Timing:
+        """Return how long it took; NaN when there were no ticks."""
+        return self._durations.timing() or Timing(nan, nan, nan, nan)

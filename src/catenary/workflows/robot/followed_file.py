@@ -13,6 +13,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.plant import MotionLog
 from catenary.recording.importers import is_number
 from catenary.recording.logs import read_parquet
+from catenary.recording.table_kind import table_ending
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.trajectories.zigzag import BLEND, ROWS_PER_SECOND
 
@@ -64,11 +65,12 @@ def read_followed_file(path: Path, *, rows_per_second: float | None = None) -> F
         raise FileFormatError(f"{path}: no such file")
     if rows_per_second is not None and not 0.0 < rows_per_second < np.inf:
         raise InputError(f"--rows-per-second: expected more than 0, got {rows_per_second}")
-    if path.suffix == ".csv":
+    ending = table_ending(path)
+    if ending == ".csv":
         found = _read_csv(path, rows_per_second)
-    elif path.suffix == ".parquet":
+    elif ending == ".parquet":
         found = _of_log(path, read_parquet(path))
-    elif path.suffix == ".npz":
+    elif ending == ".npz":
         found = _read_npz(path)
     else:
         raise FileFormatError(f'{path}: ending "{path.suffix}": expected .csv, .parquet or .npz')

@@ -2,23 +2,25 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from catenary.arrays import Floats
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.joints import model_joints
+from catenary.crtk.joints import model_joints, raven_joints
 from catenary.crtk.latest import ImuTopic
 from catenary.crtk.names import Dialect
+from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.crtk.transport import Transport
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.plant import JointState, Plant
 from catenary.recording.topics import Arm
 from catenary.robots.catalog import RAVEN_SIDES, load_robot
-from catenary.robots.model import RobotModel
+from catenary.robots.model import Frame, RobotModel
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.mujoco_plant import MujocoPlant
@@ -68,6 +70,34 @@ class OperatedRobot:
         if not np.isfinite(joints).all():
             return np.full(3, np.nan)
         return forward_kinematics(self.model, joints).position
+
+    @cached_property
+    def tool(self) -> ToolPose | None:
+        """Where the tool is by all of the plant's joints; None where the model itself ends at the tool.
+
+        A RAVEN-II's model ends at its wrist, before the joints that turn the tool.
+        """
+        if self.model.name not in RAVEN_SIDES or self.plant.joint_names != raven_joints("gold").names:
+            return None
+        return ToolPose(
+            load_robot(self.model.name.replace("raven2", "raven2_full", 1)), self.plant.joint_names
+        )
+
+    def tool_position(self, q: Floats) -> Floats:
+        """Return where the tool is at all of the plant's joints [rad|m], (3,) [m] in the base frame; NaN at NaN."""
+        if self.tool is None or not np.isfinite(q).all():
+            return self.tip(q)
+        return self.tool.pose(q).position
+
+    def with_tool_at(self, q: Floats) -> RobotModel:
+        """Return the model that ends at the tool, its turning joints fixed as they are in q, all of the plant's."""
+        if self.tool is None:
+            return self.model
+        end, wrist = self.model.frame(), forward_kinematics(self.model, q[: self.model.n])
+        tool = Frame(end.link, end.pose @ wrist.inverse() @ self.tool.pose(q))
+        name = self.tool.model.tip
+        # the closed form holds for the wrist alone
+        return replace(self.model, frames={**self.model.frames, name: tool}, tip=name, closed_form=None)
 
     def gravity_torque(self, state: JointState) -> Floats | None:
         """Return torques that hold the model's joints still (n,) [Nm|N]; None for a model without inertia."""

@@ -52,11 +52,12 @@ class MotionSummary:
     late_ticks: int
     ended_by: str | None  # Ctrl-C or a signal's name, before the motion's end: the robot holds where it is
     tip_name: str
-    tip: Floats  # (3,) [m] in the base frame at the end, by reported joints
+    tip: Floats  # (3,) [m] of the tool in the base frame at the end, by reported joints
     true_error: Floats | None = (
         None  # (k,) [rad|m] reported less true, of the first k joints; None but in a simulation
     )
-    tip_error: float | None = None  # [m] between the tip and where it really is
+    true_frame: str = ""  # what those k joints place: the model's tip
+    tip_error: float | None = None  # [m] between it by reported joints and where it really is
 
     @property
     def interrupted(self) -> bool:
@@ -77,7 +78,8 @@ class MotionSummary:
             "ended_by": self.ended_by,
             "late_ticks": self.late_ticks,
             "state": self.state._asdict(),
-            "tip": {"frame": self.tip_name, "position": self.tip.tolist(), "true_error": self.tip_error},
+            "tip": {"frame": self.tip_name, "position": self.tip.tolist()},
+            "true_error": {"frame": self.true_frame, "distance": self.tip_error},
             "joints": [
                 {
                     "name": name,
@@ -123,18 +125,18 @@ def go_to_joints(
 
 
 def joints_at(robot: OperatedRobot, position: ArrayLike, *, rng: np.random.Generator) -> Floats:
-    """Return joints (n,) [rad|m], near where they are, that bring the model's tip to (3,) [m] in the base frame.
+    """Return joints (n,) [rad|m], near where they are, that bring the tool to (3,) [m] in the base frame.
 
-    A robot whose tool can turn keeps its orientation.
+    Joints of a RAVEN-II that turn the tool stay; of other robots the tool keeps its orientation where it can.
 
     Raises:
         UnreachablePoseError: It cannot be reached.
     """
-    start = robot.plant.setpoint_js().q[: robot.model.n]
-    start = np.clip(start, robot.model.lower, robot.model.upper)
-    here = forward_kinematics(robot.model, start)
-    goal = Pose(here.rotation, as_array("position", position, (3,)))
-    return inverse_kinematics(robot.model, goal, start, rng=rng)
+    q = robot.plant.setpoint_js().q
+    model = robot.with_tool_at(q)
+    start = np.clip(q[: model.n], model.lower, model.upper)
+    goal = Pose(forward_kinematics(model, start).rotation, as_array("position", position, (3,)))
+    return inverse_kinematics(model, goal, start, rng=rng)
 
 
 def random_motion(robot: OperatedRobot, seconds: float, *, rng: np.random.Generator) -> Trajectory:
@@ -255,13 +257,13 @@ def _watched(
             raise  # the robot does not hold, or is not paused
         ended_by = str(stop) or "Ctrl-C"
     end, truth = plant.measured_js(), robot.truth()
-    tip = robot.tip(end.q)
+    tool = robot.model.tip if robot.tool is None else robot.tool.model.tip
     return MotionSummary(
         robot.name, plant.simulated, end.time - begin, plant.joint_names, plant.joint_units,
         largest, np.sqrt(squares / max(count, 1)), end.q, plant.operating_state(), robot.late() - late, ended_by,
-        robot.model.tip, tip,
+        tool, robot.tool_position(end.q),
         None if truth is None else end.q[: len(truth.q)] - truth.q,
-        None if truth is None else distance(tip, robot.tip(truth.q)),
+        robot.model.tip, None if truth is None else distance(robot.tip(end.q), robot.tip(truth.q)),
     )  # fmt: skip
 
 

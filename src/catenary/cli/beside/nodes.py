@@ -1,6 +1,5 @@
 """catenary encoders, gravity-node: devices as topics."""
 
-import math
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
@@ -9,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Option
 
-from catenary.cli.options import Baud, Carrier, Duration, Hanging, JsonLines, MountingFile
+from catenary.cli.gravity_source import SensingOptions
+from catenary.cli.options import Baud, Carrier, Duration, JsonLines, MountingFile
 from catenary.cli.terminal import numbers, print_json_line, print_notes
 from catenary.errors import InputError
 
@@ -61,6 +61,7 @@ def encoders(
 
 
 def gravity_node(
+    sensing: SensingOptions,
     imu: Annotated[str | None, Option(metavar="TOPIC", help="A sensor_msgs/Imu, as /imu/data_raw.")] = None,
     accel: Annotated[str | None, Option(metavar="TOPIC", help="A geometry_msgs/AccelStamped.")] = None,
     vector: Annotated[str | None, Option(metavar="TOPIC", help="A geometry_msgs/Vector3Stamped.")] = None,
@@ -70,14 +71,10 @@ def gravity_node(
     rate: Annotated[float, Option(metavar="HZ", help="Rate at which gravity is published.")] = 100.0,
     topic: Annotated[str, Option(metavar="TOPIC", help="Topic that gravity is published on.")] = "/gravity",
     frame: Annotated[str, Option(metavar="NAME", help="frame_id of the published gravity.")] = "base",
-    fallback: Annotated[
-        str, Option(metavar="hold|fade|static|stop", help="What is published when samples stop.")
-    ] = "fade",
     points_down: Annotated[
         bool, Option("--points-down", help="The topic's vectors are gravity, not specific force.")
     ] = False,
     no_gyroscope: Annotated[bool, Option("--no-gyroscope", help="Ignore the Imu's angular rates.")] = False,
-    hanging: Hanging = False,
     baud: Baud = 115200,
     duration: Duration = None,
     as_json: JsonLines = False,
@@ -92,8 +89,6 @@ def gravity_node(
     from catenary.crtk.network import make_transport
     from catenary.devices.accelerometer import SerialAccelerometer
     from catenary.nodes.gravity import GravityNode, publish_gravity
-    from catenary.sensing.checks import SensorRules
-    from catenary.sensing.imu import SensedGravity
     from catenary.sensing.mailbox import Mailbox
     from catenary.sensing.mounting import Mounting, load_mounting
 
@@ -119,9 +114,8 @@ def gravity_node(
             heard = GravityTopic(transport, name, kind, mailbox, points_down=points_down)
             print_notes([f"{heard.topic}: waiting for {kind}"])
             feed, angular, counts = heard.feed, imu is not None, heard.tally
-        rules = SensorRules(max_tilt=math.pi) if hanging else None
         angular = angular and not no_gyroscope
-        source = SensedGravity(mailbox, told, angular=angular, fallback=fallback, rules=rules, feed=feed)
+        source = sensing.source(mailbox, told, angular=angular, feed=feed)
         node = GravityNode(transport, source, topic=topic, frame_id=frame)
         show = _shown(_gravity_line, as_json)
         final = publish_gravity(node, rate_hz=rate, duration=duration, link=lambda: asdict(counts), show=show)

@@ -1,0 +1,1 @@
+"""What the day of training looked like to somebody without encoders."""

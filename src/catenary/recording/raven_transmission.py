@@ -1,0 +1,49 @@
+"""A RAVEN-II's nominal transmission, and the registration of its joints that a homing writes down.
+
+Encoders sit on the motors and count on through a homing; only the offsets change that are taken off their counts. So
+two registrations of one robot can be compared, for as long as it is not switched off.
+"""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats
+from catenary.plant import MotionLog
+from catenary.transmission.coupling import joints_of
+
+# motor turning per joint motion [rad/rad], [rad/rad], [rad/m] [raven2 source: transmission ratios]
+RATIO: Mapping[str, float] = {"shoulder": 136.1963, "elbow": 121.5221, "insertion": 2158.590}
+# c01, c02, c12 [raven2 source] rad/rad, m/rad, m/rad
+COUPLING = np.array([0.14545, 0.0077973826, 0.008077387])
+COUNTS_PER_RADIAN = 4000.0 / (2.0 * math.pi)  # of the motor's encoder
+OFFSETS = "encoffsets:"  # columns of raven_state that a homing writes, in a motion log
+
+
+def shift_of(offsets: ArrayLike, ratio: ArrayLike | None = None, coupling: ArrayLike = COUPLING) -> Floats:
+    """Return by how much encoder offsets shift the positioning joints that a robot reports.
+
+    Its zero is anywhere: only differences between registrations of one robot, switched on once, have a meaning.
+
+    Args:
+        offsets: (..., 3) [counts].
+        ratio: (3,) motor turning per joint motion; the nominal robot's when None.
+        coupling: (3,) of the cables, see transmission/coupling.py.
+
+    Returns:
+        (..., 3) [rad, rad, m].
+    """
+    turns = np.array(list(RATIO.values())) if ratio is None else np.asarray(ratio, dtype=float)
+    winding = -np.asarray(offsets, dtype=float) / COUNTS_PER_RADIAN / turns
+    joints = joints_of(np.asarray(coupling), (winding[..., 0], winding[..., 1], winding[..., 2]))
+    return np.stack(joints, axis=-1)
+
+
+def registrations(log: MotionLog) -> Floats | None:
+    """Return `shift_of` on every row of a motion log, (N, 3); None of other joints, or without the offsets' columns."""
+    names = [f"{OFFSETS}{axis}" for axis in RATIO]
+    if log.joint_names != tuple(RATIO) or not all(name in log.signals for name in names):
+        return None
+    return shift_of(np.column_stack([log.signals[name] for name in names]))

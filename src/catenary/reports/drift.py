@@ -1,0 +1,89 @@
+"""A page on a model's error over days and homings, and since when it no longer holds."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from catenary.calibration.upkeep.drift import DriftFound, Stretch, since_in_words
+from catenary.reports.page import Block, Heading, Picture, Remarks, Table, Text, picture, write_page
+from catenary.units import DISPLAY
+
+HOLDS, BEYOND = "#4b6b94", "#d9622b"
+MOST_LABELS = 12  # below a picture
+
+
+def drift_table(found: DriftFound) -> Table:
+    """Return a row for each stretch between homings: RMSE of every joint, ! where the model is beyond."""
+    names = [f"{n} [{DISPLAY[u][0]}]" for n, u in zip(found.joint_names, found.joint_units, strict=True)]
+    rows = [
+        [s.recording, str(s.homing), s.date or "-", str(s.rows)]
+        + [f"{e:.3f}{' !' if bad else ''}" for e, bad in zip(s.rmse, s.beyond, strict=True)]
+        for s in found.stretches
+    ]
+    return Table(["recording", "homing", "date", "rows", *names], rows)
+
+
+def write_drift_report(path: Path, found: DriftFound, *, model: str, notes: Sequence[str] = ()) -> None:
+    """Write the verdict, a picture of the error over days and homings, and the table.
+
+    Args:
+        path: Of the page.
+        found: Errors of the model.
+        model: Its name.
+        notes: On the recordings.
+
+    Raises:
+        FileFormatError: The file cannot be written.
+    """
+    told = since_in_words(found)
+    first, last = found.stretches[0], found.stretches[-1]
+    lead = (
+        f"{'; '.join(told)}." if told else f"{model} holds on the last of {len(found.stretches)} stretches."
+    )
+    blocks: list[Block] = [
+        Text(f"From {_place(first)} to {_place(last)}. Beyond means: {found.judged_by}."),
+        *([Remarks(list(notes))] if notes else []),
+        Heading("Error over days and homings"),
+        drift_picture(found),
+        Heading("RMSE between homings"),
+        drift_table(found),
+        Text(
+            "! beyond. A recording is cut where the encoders' offsets change, and where its clock goes back."
+        ),
+    ]
+    write_page(path, f"Drift of {model}", lead, blocks)
+
+
+def drift_picture(found: DriftFound) -> Picture:
+    """Draw the RMSE of every joint, stretch after stretch, those beyond in another colour and shape."""
+    from matplotlib.figure import Figure
+
+    n, number = len(found.joint_names), np.arange(len(found.stretches))
+    figure = Figure(figsize=(10, 1.7 * n + 1.0), layout="constrained")
+    panels = figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0]
+    for j, axes in enumerate(panels):
+        rmse = np.array([stretch.rmse[j] for stretch in found.stretches])
+        beyond = np.array([stretch.beyond[j] for stretch in found.stretches])
+        axes.plot(number, rmse, color="#b8c0cc", linewidth=1.0, zorder=1)
+        axes.scatter(number[~beyond], rmse[~beyond], color=HOLDS, marker="o", label="holds", zorder=2)
+        axes.scatter(number[beyond], rmse[beyond], color=BEYOND, marker="X", label="beyond", zorder=2)
+        since = found.since[j]
+        if since is not None:
+            axes.axvspan(since - 0.5, len(number) - 0.5, color=BEYOND, alpha=0.1, linewidth=0.0)
+        axes.set_ylim(bottom=0.0)
+        axes.set_ylabel(f"{found.joint_names[j]} [{DISPLAY[found.joint_units[j]][0]}]")
+    shown = number[:: max(1, -(-len(number) // MOST_LABELS))]
+    labels = [_place(found.stretches[k]) for k in shown]
+    panels[-1].set_xticks(shown, labels, rotation=30, ha="right", fontsize=8)
+    panels[-1].set_xlim(-0.5, len(number) - 0.5)
+    handles = {label: handle for axes in panels for handle, label in zip(*axes.get_legend_handles_labels())}  # noqa: B905
+    figure.legend(handles.values(), handles.keys(), loc="outside upper right", ncols=2, frameon=False)
+    return picture(
+        figure, "RMSE of the corrected positions; shaded: the model is beyond from there to the end."
+    )
+
+
+def _place(stretch: Stretch) -> str:
+    day = stretch.date or stretch.recording
+    return f"{day}, homing {stretch.homing}" if stretch.homing else day
