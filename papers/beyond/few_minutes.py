@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 PAPER, BEST, PRIOR, LINEAR = "neural, paper", "neural, best", "best, prior", "linear, prior"
 MODELS = {
     PAPER: FitOptions(kind="neural", preset="paper"),
-    BEST: FitOptions(kind="neural", preset="best", prior="none"),
+    BEST: FitOptions(kind="neural", preset="best"),
     PRIOR: FitOptions(kind="neural", preset="best", prior="simulated"),
     LINEAR: FitOptions(kind="linear", prior="simulated", play=PLAY_SHARES),
 }

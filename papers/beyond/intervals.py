@@ -39,7 +39,7 @@ TRAININGS = ("random_train", "insertion_train", "peg_transfer_train", "sampled_t
 RECORDINGS = (*TRAININGS, *(f"error_exp{k}" for k in range(1, 6)))
 KINDS = {
     "linear, play": FitOptions(kind="linear", play=PLAY_SHARES),
-    "neural, best": FitOptions(kind="neural", preset="best", prior="none"),
+    "neural, best": FitOptions(kind="neural", preset="best"),
 }
 RAVEN_KINDS = {
     "linear": FitOptions(kind="linear", inputs=POSITIONING_INPUTS),

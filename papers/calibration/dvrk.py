@@ -59,7 +59,7 @@ KINDS = {
     "linear": FitOptions(kind="linear"),
     "polynomial": FitOptions(kind="polynomial"),
     "neural, paper": FitOptions(kind="neural", preset="paper"),
-    "neural, best": FitOptions(kind="neural", preset="best", prior="none"),
+    "neural, best": FitOptions(kind="neural", preset="best"),
 }
 RECURRENT, PROCESS, TWO_PHASE = "recurrent (Hwang)", "Gaussian process (Mahler)", "two-phase (Seita)"
 PEERS: Mapping[str, Callable[..., Peer]] = {

@@ -1,4 +1,4 @@
-"""Learn the package's prior on simulated arms, from seeds: `make prior`; it rewrites calibration/priors/data/simulated.json.
+"""Learn the prior of the package on simulated arms, from seeds: `make prior`; it rewrites priors/data/simulated.json.
 
 Each arm gives the first part of a recording, of a length of its own; its first and last joint are fitted with the prior
 so far, and a class's variance becomes the mean square of its weights, posterior uncertainty included

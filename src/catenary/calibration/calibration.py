@@ -238,8 +238,8 @@ def fit(
         coverage: Share of errors that the intervals about calibrated positions are to hold.
         robot: Its name, for the card; the recordings' when None.
         seed: Of a network's training.
-        prior: What a linear model or the linear part of preset "best" begins at: "simulated", what simulated robots
-            have in common, or "none"; None takes it for joints of "best" where blocks of time show that it pays.
+        prior: What a linear model or the linear part of preset "best" begins at, for few minutes of data:
+            "simulated", what simulated robots have in common.
         accept: What `check_data` finds wrong with the data and is gone on with all the same, by name.
         progress: Called with the share done.
 

@@ -6,7 +6,6 @@ from functools import partial
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, require_same_joints, sampling_rate
@@ -17,11 +16,7 @@ from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.neural import BEST, PAPER, fit_neural
 from catenary.calibration.predictors import Linear, Predictor
 from catenary.calibration.priors.prior import (
-    NONE,
     PRIORS,
-    PriorOfFeatures,
-    joints_that_gain,
-    knows,
     load_prior,
     prior_of_features,
 )
@@ -39,7 +34,6 @@ PRESETS: tuple[str, ...] = get_args(Preset)
 PLAY_SHARES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 MEMORY_RIDGE = 10.0  # for regressions on features with memory, which resemble each other
 TAKE_PRIOR = ("auto", "linear", "neural")
-BLOCKS = 5  # of the training data, on which a prior is tried
 SMALLEST_DATA = 10  # rows
 # How far beyond the training data a model may go, as a share of their range. Zig-zag data leave nearly half of the
 # shoulder's range out; half a range beyond, models without memory still correct most of the error there. A polynomial
@@ -58,8 +52,7 @@ class FitOptions:
     preset `best` where no torque is recorded: torque, too, tells on which side of its slack a cable lies, and
     then play states only add what can be over-fitted. `ridge` None means 0, or 10 for regressions on features
     with memory. A fixed offset is one of the error, whatever the target. `prior` names what a linear model, or
-    the linear part of preset `best`, begins at (prior.py), or "none"; None takes it for the joints of preset `best`
-    with play states where blocks of time show that it pays.
+    the linear part of preset `best`, begins at (priors/prior.py): for few minutes of data.
     """
 
     kind: Kind = "auto"
@@ -94,8 +87,8 @@ class FitOptions:
                 f'target "{self.target}": models of it are not chosen; give a kind in place of auto'
             )
 
-        if self.prior not in (None, NONE, *PRIORS):
-            raise InputError(f'prior "{self.prior}": expected {NONE} or {", ".join(PRIORS)}')
+        if self.prior not in (None, *PRIORS):
+            raise InputError(f'prior "{self.prior}": expected {" or ".join(PRIORS)}')
         if self.prior in PRIORS and (self.kind not in TAKE_PRIOR or self.network == "paper"):
             raise InputError(
                 f'prior "{self.prior}" of model {self.kind}: only linear and preset best take one'
@@ -218,7 +211,9 @@ def fit(
     Y = data.error if target == "error" else data.q_nominal + data.error
     groups: list[JointGroup] = []
     priors: list[str | None] = [None] * len(data.joint_names)
-    prior = _prior(data, inputs, options)
+    prior = None
+    if options.prior is not None:
+        prior = prior_of_features(load_prior(options.prior), inputs.features, data.X)
     together: dict[tuple[str, ...], list[int]] = {}
     for joint, signals in enumerate(inputs.per_joint):
         together.setdefault(signals, []).append(joint)
@@ -231,12 +226,9 @@ def fit(
         if prior is not None:
             of_columns = prior.of_columns(columns)
             names = [data.joint_names[j] for j in joints]
-            gains = np.full(len(joints), fill_value=True)
-            if options.prior is None:
-                gains = joints_that_gain(of_columns, _ridge, X, Y[:, joints], names, data.blocks(BLOCKS))
-            for joint in np.array(joints)[gains]:
+            for joint in joints:
                 priors[joint] = prior.prior.name
-            linear = partial(_linear_with_prior, of_columns, names, gains)
+            linear = partial(of_columns.fit, joints=names)
         predictor = _fit_predictor(X, Y[:, joints], options, late, linear, report)
         watched = columns[~inputs.features.bounded[columns]]
         groups.append(
@@ -261,37 +253,6 @@ def fit(
         rate_hz=data.rate_hz,
         priors=tuple(priors) if any(priors) else (),
     )
-
-
-def _prior(data: CalibrationData, inputs: Inputs, options: FitOptions) -> PriorOfFeatures | None:
-    """Return the prior that a fit is to begin at, or to try."""
-    features = inputs.features
-    if options.prior is None:
-        tried = (
-            options.network == "best" and options.target == "error" and len(data) >= SMALLEST_DATA * BLOCKS
-        )
-        if not (tried and features.play and knows(features)):
-            return None
-    if options.prior == NONE:
-        return None
-    return prior_of_features(load_prior(options.prior or PRIORS[0]), features, data.X)
-
-
-def _ridge(X: Floats, Y: Floats) -> Linear:
-    return fit_linear(X, Y, ridge=MEMORY_RIDGE)
-
-
-def _linear_with_prior(
-    prior: PriorOfFeatures, names: Sequence[str], gains: NDArray[np.bool_], X: Floats, Y: Floats
-) -> Linear:
-    """Fit Y (N, m) with a prior for the joints that gain by it, by ridge regression for the others."""
-    ridge, chosen = _ridge(X, Y), np.flatnonzero(gains)
-    if len(chosen) == 0:
-        return ridge
-    fitted = prior.fit(X, Y[:, chosen], [names[k] for k in chosen.tolist()])
-    weights, bias = ridge.weights.copy(), ridge.bias.copy()
-    weights[:, chosen], bias[chosen] = fitted.weights, fitted.bias
-    return Linear(weights, bias)
 
 
 def _fit_predictor(

@@ -112,8 +112,8 @@ class ModelOptions:
         str | None,
         Option(
             metavar="NAME",
-            help="What a linear model or preset best begins at: simulated (what simulated robots have in common, for "
-            "few minutes of data) or none. [default: simulated for best's joints where it pays on blocks of time]",
+            help="What linear models and preset best begin at, for few minutes of data: simulated (what simulated "
+            "robots have in common).",
         ),
     ] = None
     held_out: Annotated[

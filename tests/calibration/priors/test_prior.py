@@ -100,23 +100,22 @@ def test_few_rows_with_a_prior_do_better_than_with_ridge(rng: np.random.Generato
     inputs = replace(inputs, features=train.features)
     errors = [
         np.array([joint.rmse for joint in evaluate(fit(train, inputs, each), test).joints])
-        for each in (with_prior, replace(with_prior, prior="none"))
+        for each in (with_prior, replace(with_prior, prior=None))
     ]
     assert errors[0].mean() < 0.95 * errors[1].mean()
 
 
 @pytest.mark.usefixtures("fast")
-def test_best_takes_it_by_itself_for_joints_where_blocks_show_that_it_pays(rng: np.random.Generator) -> None:
+def test_a_fit_says_which_joints_began_at_a_prior(rng: np.random.Generator) -> None:
     log = hysteretic(rng, 200)
     run = FitRun(folds=0, accept=("shift",))  # slack in smooth motion looks like a delay
-    result = fit_logs([log], FitOptions(kind="neural"), run)
-    assert "simulated" in result.model.priors
-    joints = [joint["name"] for joint in result.card["joints"] if joint["prior"] == "simulated"]
+    result = fit_logs([log], FitOptions(kind="neural", prior="simulated"), run)
+    assert result.model.priors == ("simulated",) * len(log.joint_names)
+    assert all(joint["prior"] == "simulated" for joint in result.card["joints"])
     (sentence,) = [note for note in result.notes if note.startswith("prior simulated")]
-    assert (
-        sentence == f"prior simulated: {', '.join(joints)} began at what 300 simulated robots have in common"
-    )
-    without = fit_logs([log], FitOptions(kind="neural", prior="none"), run)
+    names = ", ".join(log.joint_names)
+    assert sentence == f"prior simulated: {names} began at what 300 simulated robots have in common"
+    without = fit_logs([log], FitOptions(kind="neural"), run)
     assert without.model.priors == ()
     assert all(joint["prior"] is None for joint in without.card["joints"])
 

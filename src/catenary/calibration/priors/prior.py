@@ -6,14 +6,13 @@ very different arms, so that a prior learnt on simulated ones tells a real one's
 few numbers, `data/NAME.json`; `make prior` (papers/prior/learn.py) makes it anew from seeds.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import as_file, files
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from catenary.arrays import Floats
@@ -26,7 +25,6 @@ from catenary.config import Settings, load_json
 from catenary.errors import InputError
 
 PRIORS = ("simulated",)
-NONE = "none"
 QUANTITIES = ("q", "tau")
 Finite = Annotated[float, Field(ge=-50.0, le=50.0)]
 
@@ -63,7 +61,7 @@ def load_prior(name: str) -> Prior:
         ConfigError: Its file is damaged.
     """
     if name not in PRIORS:
-        raise InputError(f'prior "{name}": expected {NONE} or {", ".join(PRIORS)}')
+        raise InputError(f'prior "{name}": expected {" or ".join(PRIORS)}')
     with as_file(files("catenary.calibration.priors") / "data" / f"{name}.json") as path:
         return load_json(path, Prior)
 
@@ -97,37 +95,6 @@ class PriorOfFeatures:
         return Linear(weights, middle - mean @ weights)
 
 
-def knows(features: FeatureSet) -> bool:
-    """Say whether priors know every feature: positions, torques and play states."""
-    return not features.history and all(signal.partition(":")[0] in QUANTITIES for signal in features.signals)
-
-
-def joints_that_gain(
-    prior: PriorOfFeatures,
-    ridge: Callable[[Floats, Floats], Linear],
-    X: Floats,
-    Y: Floats,
-    joints: Sequence[str],
-    blocks: Integers,
-) -> NDArray[np.bool_]:
-    """Return for which joints a prior errs less than ridge regression on blocks of time that neither saw, (m,).
-
-    Args:
-        prior: Beside the features.
-        ridge: Fits the other linear model.
-        X: (N, F) features.
-        Y: (N, m) errors.
-        joints: (m,) names.
-        blocks: (N,) number of the block of each row.
-    """
-    left = np.zeros((2, len(joints)))
-    for block in np.unique(blocks):
-        held = blocks == block
-        for k, linear in enumerate((prior.fit(X[~held], Y[~held], joints), ridge(X[~held], Y[~held]))):
-            left[k] += np.sum((linear.predict(X[held]) - Y[held]) ** 2, axis=0)
-    return np.asarray(left[0] < left[1])
-
-
 def prior_of_features(prior: Prior, features: FeatureSet, X: Floats) -> PriorOfFeatures:
     """Return a prior beside features.
 
@@ -141,7 +108,7 @@ def prior_of_features(prior: Prior, features: FeatureSet, X: Floats) -> PriorOfF
     """
     ranges = {signal: float(np.ptp(X[:, k])) for k, signal in enumerate(features.signals)}
     owners, quantities = [], []
-    if not knows(features):
+    if features.history or any(signal.partition(":")[0] not in QUANTITIES for signal in features.signals):
         raise InputError(
             f'prior "{prior.name}": knows positions, torques and play states; the inputs are '
             f"{', '.join(features.names)}"
