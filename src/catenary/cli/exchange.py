@@ -41,9 +41,10 @@ def export(
 ) -> None:
     """Write a robot as C, or a model as an ONNX graph.
 
-    The header holds gravity torque, its regressor and joint correction, for loops in C and C++: no library, no
-    memory; without a robot, or with one whose links have no inertia, the correction alone. The graph computes in
-    float64; what the model remembers goes in and out as tensors.
+    The header holds the law of motion (feedforward, inverse dynamics on a base that moves, mass matrix, gravity and
+    its regressors) and joint correction, for loops in C and C++: no library, no memory; without a robot, or with one
+    whose links have no inertia, the correction alone. The graph computes in float64; what the model remembers goes in
+    and out as tensors.
 
     Example: catenary export --model arm.npz --c arm.h
     """
