@@ -23,6 +23,7 @@ from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit import PLAY_SHARES, SMALLEST_DATA, FitOptions, choose_inputs, fit
 from catenary.recording.logs import read_log
 from catenary.reports.page import Table
+from catenary.workflows.identify import part_of
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from papers.calibration.dvrk import FOLDER, HELD_OUT, RECORDINGS
 from papers.calibration.dvrk import JOINTS as DVRK_JOINTS
@@ -108,23 +109,12 @@ def simulated_curves(seed: int | None, models: Sequence[str], training: float, t
 def _curve(log: MotionLog, later: MotionLog, options: FitOptions, shares: Mapping[str, float]) -> Plain:
     found = {}
     for name, share in shares.items():
-        part = first_share(log, share)
+        part = part_of(log, (0, round(share * len(log))))
         inputs = choose_inputs([part], options)
         fitted = fit(calibration_data([part], inputs.features), inputs, options)
         errors = [joint.rmse for joint in evaluate(fitted, rows_of(fitted, later)).joints]
         found[name] = {"rows": len(part), "rmse": errors}
     return found
-
-
-def first_share(log: MotionLog, share: float) -> MotionLog:
-    """Return the first rows of a recording: the given share of them."""
-    count = round(share * len(log))
-    parts: dict[str, Plain] = {
-        name: values[:count]
-        for name, values in vars(log).items()
-        if isinstance(values, np.ndarray) and len(values) == len(log)
-    }
-    return replace(log, **parts)
 
 
 def text(minutes: float) -> str:

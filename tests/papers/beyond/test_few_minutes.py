@@ -10,14 +10,12 @@ from papers.beyond.few_minutes import (
     HALF,
     PAPER,
     TENTH,
-    first_share,
     ratios,
     recorded_curve,
     report,
 )
 from papers.calibration.dvrk import RECORDINGS
 from papers.experiment import Outcomes
-from tests.recordings import recording
 
 
 def curve(tenth: float, half: float, whole: float) -> dict[str, object]:
@@ -60,10 +58,3 @@ def test_tables_have_a_row_for_every_length_of_training(outcomes: Outcomes) -> N
         f"{model}, {stage}" for model in (PAPER, BEST) for stage in (TENTH, HALF, ALL)
     ]
     assert [row[-1] for row in tables[-1].table.rows] == ["6 of 6"] * 4 + ["0 of 6"] * 4
-
-
-def test_the_first_share_of_a_recording_is_its_first_rows() -> None:
-    log = recording(np.random.default_rng(0), rows=40)
-    part = first_share(log, 0.25)
-    assert len(part) == round(0.25 * len(log))
-    np.testing.assert_array_equal(part.q_nominal, log.q_nominal[: len(part)])
