@@ -8,8 +8,10 @@ import numpy as np
 from catenary.calibration.c_source import c_correction
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
+from catenary.dynamics.actuation import ActuationLoads
 from catenary.errors import InputError
 from catenary.files import write_atomically
+from catenary.identification.files import load_identification
 from catenary.kernels.c99 import c_comment, c_name
 from catenary.robots.model import RobotModel
 from catenary.workflows.c_robot import c_gravity, c_motion, c_values
@@ -25,7 +27,11 @@ class Header:
 
 
 def c_header(
-    model: RobotModel | None, calibration: CalibrationModel | None = None, *, rate_hz: float = 1000.0
+    model: RobotModel | None,
+    calibration: CalibrationModel | None = None,
+    *,
+    rate_hz: float = 1000.0,
+    loads: ActuationLoads | None = None,
 ) -> Header:
     """Write a robot's law of motion, regressors of gravity and joint correction as one self-contained C99 header.
 
@@ -36,6 +42,8 @@ def c_header(
         model: The robot; the correction alone when None, or where links have no inertia.
         calibration: Its calibration model; no correction when None.
         rate_hz: Of the loop that the correction will run in [Hz]; matters to models with previous positions.
+        loads: The robot's friction, rotors, springs and known torques (`Identification.loads`), which the feedforward
+            then includes.
 
     Raises:
         MissingInertiaError: Links without inertia, and no calibration model.
@@ -63,7 +71,7 @@ def c_header(
                     "its regressors alone, without mass matrix, inverse dynamics and feedforward"
                 )
             else:
-                motion = c_motion(model, name)
+                motion = c_motion(model, name, loads)
                 quantities, functions = quantities + motion.text, functions + motion.names
     guard = f"CATENARY_{name.upper()}_H"
     what = "Calibration model" if model is None else f"Robot {c_comment(model.name)}"
@@ -102,6 +110,22 @@ def _other_joints(robot: RobotModel | CalibrationModel, calibration: Calibration
         f"the calibration model's joints {', '.join(missing)} are none of the robot's, "
         f"{_joints(robot.joint_names, robot.joint_units)}; the two are exported side by side"
     ]
+
+
+def read_identified(path: Path) -> tuple[RobotModel, ActuationLoads]:
+    """Return the robot of identified parameters, and its friction, rotors, springs and known torques.
+
+    Raises:
+        FileFormatError: No such file, or not identified parameters.
+        InputError: They were not fitted as those of bodies.
+    """
+    found, _ = load_identification(path)
+    if found.phi is None:
+        raise InputError(
+            f"{path}: holds combinations of links' parameters, from which no mass matrix follows; "
+            "identify once more with --consistent"
+        )
+    return found.robot(), found.loads()
 
 
 def write_header(header: Header, path: Path) -> None:

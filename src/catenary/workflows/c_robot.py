@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.dynamics.actuation import ActuationLoads
 from catenary.dynamics.lines import (
     gravity_line,
     gravity_regressor_line,
@@ -21,6 +22,7 @@ from catenary.kernels.c99 import c_comment, c_function, c_sines
 from catenary.kernels.tracing import evaluate
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
+from catenary.workflows.c_actuation import c_drives, c_friction
 
 
 class CFunctions(NamedTuple):
@@ -74,10 +76,11 @@ def c_gravity(model: RobotModel, name: str) -> CFunctions:
     return CFunctions(text, functions)
 
 
-def c_motion(model: RobotModel, name: str) -> CFunctions:
+def c_motion(model: RobotModel, name: str, loads: ActuationLoads | None = None) -> CFunctions:
     """Write what needs moments of inertia: masses, the torques of a motion and of a moving base, the feedforward.
 
-    They come after `c_gravity` of the same name, whose sines they take.
+    They come after `c_gravity` of the same name, whose sines they take. With `loads` there are friction, and rotors,
+    springs and known torques, too.
 
     Raises:
         MissingInertiaError: Links without inertia.
@@ -102,20 +105,35 @@ def c_motion(model: RobotModel, name: str) -> CFunctions:
         *(f"     {array} = {c_values(values)}" for array, values in at.items()),
         f"   gives {c_values(evaluate(motion, **at))}. */",
         c_function(name, "inverse_dynamics", motion),
-        _feedforward(name),
     ]
-    names = ("mass_matrix", "holding", "inverse_dynamics", "feedforward")
-    return CFunctions(text, [f"{name}_{function}" for function in names])
+    names = ["mass_matrix", "holding", "inverse_dynamics"]
+    if loads is not None:
+        text += [c_friction(loads, name), c_drives(loads, name)]
+        names += ["friction", "drives"]
+    text.append(_feedforward(name, loads))
+    return CFunctions(text, [f"{name}_{function}" for function in (*names, "feedforward")])
 
 
-def _feedforward(name: str) -> str:
-    return f"""\
+def _feedforward(name: str, loads: ActuationLoads | None) -> str:
+    included = (
+        "Friction and drives are in it." if loads is not None else "No friction is known of this robot."
+    )
+    head = f"""\
 /* The whole law in one call: the torques out [Nm, N] that a wanted motion q, qd, qdd asks of the actuators. omega and
-   alpha may be NULL on a base that does not turn. Friction is not in it: none is known of this robot. */
+   alpha may be NULL on a base that does not turn. {included} */
 static inline void {name}_feedforward(const double *q, const double *qd, const double *qdd, const double *gravity,
     const double *omega, const double *alpha, double *out) {{
   const double still[3] = {{0.0, 0.0, 0.0}};
-  {name}_inverse_dynamics(q, qd, qdd, gravity, omega ? omega : still, alpha ? alpha : still, out);
+"""
+    links = f"  {name}_inverse_dynamics(q, qd, qdd, gravity, omega ? omega : still, alpha ? alpha : still, out);\n"
+    if loads is None:
+        return f"{head}{links}}}\n"
+    return f"""\
+{head}  double friction[{loads.n}], drives[{loads.n}];
+  int k;
+{links}  {name}_friction(qd, friction);
+  {name}_drives(q, qdd, drives);
+  for (k = 0; k < {loads.n}; ++k) out[k] += friction[k] + drives[k];
 }}
 """
 
