@@ -195,11 +195,11 @@ def track(
 
     refuse_outputs({"--report": (report, PAGE)})
     arm = conditions.arm(robot, description)
+    law = make_controller(controller, arm, damping=damping)  # type: ignore[arg-type]  # refuses what it does not know
     chosen = make_motion(
         motion, arm.model, arm.plant, np.random.default_rng(conditions.seed or 0),
         q_start=given_joints(arm.model, q, q_deg), amplitude=amplitude_mm / 1000.0, axes=words(axes), seconds=seconds,
     )  # fmt: skip
-    law = make_controller(controller, arm, damping=damping)  # type: ignore[arg-type]  # refuses what it does not know
     result = run(arm, law, chosen.trajectory, windows=chosen.windows)
     settings = {"robot": robot, "controller": controller, "motion": motion, "damping": damping}
     title = f"{robot} (simulated), controller {controller}, {motion}"
