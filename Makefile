@@ -14,7 +14,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 
 
 .PHONY: demo test test-slow lint campaign campaign-short bench bench-ros1 bench-serving bench-bags clean help
-.PHONY: papers refit
+.PHONY: papers refit prior
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
@@ -28,6 +28,7 @@ help:
 	@echo "make bench-serving  a served robot and a client that hears every topic, by sockets and by rospy: rate, loss, latency, processor time, memory; a model deployed beside it (25 minutes)"
 	@echo "make bench-bags  six hours in a ROS 1 bag to Parquet, beside one object per message (5 GB of disk, 10 minutes)"
 	@echo "make papers      figures and tables of the papers with verdicts, into results/papers; goes on where it stopped (PAPER=calibration, QUICK=1 for ten minutes of everything)"
+	@echo "make prior       learn the prior of few minutes on simulated arms again (a minute); rewrites its data file"
 	@echo "make refit       fit the simulated RAVEN-II to both papers' results again (5 minutes); rewrites its data file"
 	@echo "make clean       remove .venv and everything made here"
 
@@ -69,6 +70,7 @@ bench: $(VENV)/.benchmarks
 	$(BIN)/python -m tests.benchmarks.cable_plant --json build/benchmarks/cable_plant.json
 	$(BIN)/python -m tests.benchmarks.mujoco_plant --json build/benchmarks/mujoco_plant.json
 	$(BIN)/python -m tests.benchmarks.kernels --json build/benchmarks/kernels.json
+	$(BIN)/python -m tests.benchmarks.c_law --json build/benchmarks/c_law.json
 	$(BIN)/python -m tests.benchmarks.regressor --json build/benchmarks/regressor.json
 
 bench-ros1: $(VENV)/.development
@@ -87,6 +89,9 @@ papers: $(VENV)/.papers
 
 refit: $(VENV)/.package
 	$(BIN)/python -m papers.plant.refit src/catenary/simulation/data/raven2.toml
+
+prior: $(VENV)/.package
+	$(BIN)/python -m papers.prior.learn src/catenary/calibration/priors/data/simulated.json
 
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed: apt install python3 python3-venv"; exit 1; }

@@ -5,7 +5,8 @@ on the same rows. Real arm: a da Vinci PSM (Hwang et al., RA-L 2020), four recor
 learnt from, the rest is the test. A minute there is as many rows as the recording has in one at its median step, since
 the camera's pauses are no training. Camera failures of `sampled_train` are left out. Simulated RAVEN-IIs: 12 minutes of
 random motion with torques, then 4 minutes of other random motion as the test. The paper's network has no memory, as
-published; ours is preset `best`.
+published. Ours are preset `best` without a prior, the same begun at the prior that simulated arms have taught (`make
+prior`; none of the robots here is among them), and what the prior makes of a linear model with the same inputs.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,7 +20,7 @@ from catenary import MotionLog
 from catenary.arrays import Floats
 from catenary.calibration.dataset import calibration_data, error_limits, sampling_rate
 from catenary.calibration.evaluate import evaluate
-from catenary.calibration.fit import SMALLEST_DATA, FitOptions, choose_inputs, fit
+from catenary.calibration.fit import PLAY_SHARES, SMALLEST_DATA, FitOptions, choose_inputs, fit
 from catenary.recording.logs import read_log
 from catenary.reports.page import Table
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
@@ -48,12 +49,14 @@ from papers.figures import legend_below, panels
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PAPER, BEST = "neural, paper", "neural, best"
+PAPER, BEST, PRIOR, LINEAR = "neural, paper", "neural, best", "best, prior", "linear, prior"
 MODELS = {
     PAPER: FitOptions(kind="neural", preset="paper"),
     BEST: FitOptions(kind="neural", preset="best"),
+    PRIOR: FitOptions(kind="neural", preset="best", prior="simulated"),
+    LINEAR: FitOptions(kind="linear", prior="simulated", play=PLAY_SHARES),
 }
-COLORS = {PAPER: "#d9622b", BEST: "#2f8f6b"}
+COLORS = {PAPER: "#d9622b", BEST: "#2f8f6b", PRIOR: "#8455a8", LINEAR: "#7fa3cf"}
 MINUTES = (0.5, 1.0, 2.0, 4.0, 8.0)
 TENTH, HALF, ALL = "a tenth", "half", "all"
 SHARES = {TENTH: 0.1, HALF: 0.5, ALL: 1.0}
@@ -97,7 +100,7 @@ def simulated_curves(seed: int | None, models: Sequence[str], training: float, t
     later = random_log(plant, draws(seed, 81), test)
     shares = {text(m): 60.0 * m / training for m in MINUTES if 60.0 * m < training} | SHARES
     return {
-        model: _curve(log, later, replace(MODELS[model], inputs=POSITIONING_INPUTS), shares)
+        model: _curve(log, later, replace(MODELS[model], inputs=POSITIONING_INPUTS, play=None), shares)
         for model in models
     }
 
@@ -137,7 +140,7 @@ def cases(scope: Scope) -> list[Case]:
         recorded_curve.case(recording=recording, model=model, seed=seed)
         for recording in RECORDINGS
         for model in MODELS
-        for seed in scope.network_seeds[:TRAININGS]
+        for seed in (scope.network_seeds[:TRAININGS] if model != LINEAR else (0,))
     ] + [
         simulated_curves.case(seed=seed, models=list(MODELS), training=TRAINING, test=TEST)
         for seed in scope.robots

@@ -9,6 +9,7 @@ import simulated_arm
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from catenary.robots.urdf_export import urdf_text
+from catenary.sensing.mounting import Mounting, save_mounting
 from command_line import catenary, refusal
 
 DOWN = np.array([0.0, 0.0, -9.81])
@@ -24,6 +25,7 @@ TILTED = Rotation.from_euler("XY", [20.0, -50.0], degrees=True).inv().apply(DOWN
     [
         ((), DOWN),
         (("--gravity", "1,-2,-3.5"), [1.0, -2.0, -3.5]),
+        (("--imu-reading", "-1,2,3.5"), [1.0, -2.0, -3.5]),  # specific force, up at rest
         (("--base-tilt-deg", "20,-50"), TILTED),  # rolled about x, then pitched about the base's own y
     ],
 )
@@ -33,6 +35,21 @@ def test_gravity_gives_torques_with_their_units(options: tuple[str, ...], gravit
     assert_allclose(content["tau"], gravity_torque(ARM, [0.0, 1.57, 0.32], gravity), atol=1e-13)
     assert_allclose(content["level"], gravity_torque(ARM, [0.0, 1.57, 0.32], DOWN), atol=1e-13)
     assert content["unit"] == ["Nm", "Nm", "N"]
+
+
+def test_a_reading_is_corrected_and_turned_by_its_mounting_file(tmp_path: Path) -> None:
+    R, bias, path = (
+        Rotation.from_euler("XYZ", [0.2, -0.4, 1.0]),
+        np.array([0.1, -0.2, 0.3]),
+        tmp_path / "m.toml",
+    )
+    save_mounting(path, Mounting(rotation=R.as_matrix(), bias=bias))
+    reading = ",".join(str(v) for v in R.inv().apply(-TILTED) + bias)
+    content = catenary("gravity", *POSE, "--imu-reading", reading, "--mounting", path, "--json").json
+    assert_allclose(content["gravity"], TILTED, atol=1e-12)
+    assert "--mounting corrects --imu-reading" in refusal("gravity", *POSE, "--mounting", path)
+    assert "give one of" in refusal("gravity", *POSE, "--imu-reading", "0,0,9.8", "--gravity", "0,0,-9.8")
+    assert "with commas" in refusal("gravity", *POSE, "--imu-reading", "0", "0", "9.8")
 
 
 def test_gravity_takes_degrees_and_millimetres() -> None:
@@ -150,3 +167,62 @@ def test_links_are_declared_massless_by_name_or_all_at_once(tmp_path: Path) -> N
 def test_a_robot_may_be_given_as_the_text_of_its_urdf() -> None:
     content = catenary("gravity", urdf_text(ARM), "--q", "0.3,1.57,0.32", "--json").json
     assert_allclose(content["tau"], gravity_torque(ARM, [0.3, 1.57, 0.32], DOWN), atol=1e-13)
+
+
+HELD = ("hold", "two_link", "--q-deg", "30,40", "--seconds", "0.3", "--json")
+
+
+def test_an_arm_on_a_deck_that_heaves_is_held_by_a_simulated_sensor() -> None:
+    deck = (
+        "--rock",
+        "x,8,0.1",
+        "--rock",
+        "y,4,0.14,40",
+        "--heave",
+        "2,0.12",
+        "--surge",
+        "1,0.1,90",
+        "--sway",
+        "1,0.2",
+    )
+    sensor = ("--mounting-on", "ship", "--sensor-bias", "0.02,0.02,-0.01", "--rule", "confirm=3")
+    content = catenary(*HELD, *deck, *sensor).json
+    assert set(content["gravity_ticks"]) == {"live"}
+    assert content["faults"] == {}
+    assert content["mounting_on"] == "ship"
+    assert content["rock"] == ["x,8,0.1", "y,4,0.14,40"]
+    assert max(joint["drift"] for joint in content["joints"]) < 1.0  # deg
+
+
+def test_an_arm_has_the_friction_and_gains_that_it_is_given() -> None:
+    level = ("--base-tilt-deg", "30,30", "--controller", "sg")
+    free, stuck = (
+        catenary(*HELD, *level, *more).json for more in ((), ("--friction", "50", "--kp", "100,50"))
+    )
+    assert max(joint["drift"] for joint in free["joints"]) > 1.0
+    assert max(joint["drift"] for joint in stuck["joints"]) < 1e-6
+    assert stuck["kp"] == "100,50"
+    assert "gravity_ticks" not in stuck
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--rock", "w,8,0.1"), "axis x, y or z"),
+        (("--rock", "x,8"), "an amplitude, a frequency"),
+        (("--heave", "2,-1"), "frequency of 0 Hz or more"),
+        (("--heave", "nan,1"), "finite"),
+        (("--rock", "x,8,0.1", "--rock-deg", "0,5"), "rocks about one axis alone"),
+        (("--mounting-on", "boat"), "expected one of table, cart, vehicle, ship"),
+        (("--rule", "max_pull=3"), "no rule max_pull"),
+        (("--rule", "max_push"), "expected NAME=VALUE"),
+        (("--kp", "1,2,3"), "kp"),
+        (("--sensor-bias", "1,2"), "--sensor-bias"),
+    ],
+)
+def test_decks_sensors_and_drives_that_make_no_sense_are_refused(options: tuple[str, ...], said: str) -> None:
+    assert said in refusal(*HELD, *options)
+
+
+def test_gains_of_a_controller_that_has_none_of_torques_are_refused() -> None:
+    assert "gains of accelerations" in refusal("track", "two_link", "--controller", "inertia", "--kp", "5")

@@ -194,7 +194,7 @@ REFUSALS = {
     "goto --q-deg 1,2 --position-mm 1,2,3 --fast": "give one of",
     "goto --q-deg 900,90,400 --fast": "shoulder",
     "goto --q-deg 1 --joints nose --fast": "nose",
-    "goto --position-mm 0,0,9000 --fast": "did not reach the position",
+    "goto --position-mm 0,0,9000 --fast": "limit",
     "goto --q-deg 30 --yes": "go with --ros",
     "goto --q-deg 30 --ros 3": "expected 1 or 2",
     "goto --q-deg 30 --ros 1 --fast": "not with --ros",

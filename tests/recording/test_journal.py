@@ -1,15 +1,6 @@
-import errno
 import json
-import os
 import random
-import resource
-import signal
-import subprocess
-import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
@@ -32,7 +23,6 @@ from patience import until
 
 TOPICS = (JournalTopic("/a", "std_msgs/String"), JournalTopic("/b", "std_msgs/Header"))
 ABOUT = About("raven2", True, 5, {"speed": 1.5})
-KILLS = 20
 
 
 def _write(folder: Path, messages: int = 50, **options: int) -> list[tuple[str, int, bytes]]:
@@ -296,135 +286,3 @@ def test_what_waits_reaches_the_disk_without_a_further_message(tmp_path: Path) -
     until(lambda: _read(tmp_path / "r"), every=0.02)
     assert _read(tmp_path / "r") == [("/a", 1, b"x")]
     journal.close()
-
-
-@pytest.fixture
-def disk_with(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
-    """Leaves so many bytes on the disk."""
-    real = os.write
-
-    def leave(left: int) -> None:
-        def write(descriptor: int, data: bytes) -> int:
-            nonlocal left
-            if left <= 0:
-                raise OSError(errno.ENOSPC, "No space left on device")
-            written = real(descriptor, bytes(data)[:left])
-            left -= written
-            return written
-
-        monkeypatch.setattr("catenary.recording.journal.os.write", write)
-
-    return leave
-
-
-@pytest.mark.parametrize("left", [3000, 3001, 3037, 3100, 5000])
-def test_a_full_disk_stops_the_recording_and_says_what_is_safe(tmp_path, disk_with, left) -> None:
-    journal = JournalWriter(tmp_path / "r", TOPICS, flush_interval=60.0)
-    disk_with(left)
-    for i in range(60):
-        journal.append("/a", i, b"x" * 68)  # a hundred bytes a record
-    safe = left // 100
-    said = f"Safe are the first {safe} of 60 messages.* {60 - safe} are lost"
-    for stopped in (journal.close, lambda: journal.append("/a", 0, b"")):
-        with pytest.raises(RecordingError, match=said):
-            stopped()
-    reader = JournalReader(tmp_path / "r")
-    assert [stamp for _, stamp, _ in reader.messages()] == list(range(safe))
-    assert not any("no whole record" in problem for problem in reader.problems)
-
-
-def test_a_disk_that_is_full_at_the_first_byte_or_fills_between_appends_is_told(tmp_path, disk_with) -> None:
-    journal = JournalWriter(tmp_path / "r", TOPICS, flush_interval=0.02)
-    disk_with(50)
-    with pytest.raises(RecordingError, match="No space left"):
-        until(lambda: journal.append("/a", 0, b"x"), every=0.005)
-    with pytest.raises(RecordingError, match="Safe are the first 0 of 0"):
-        JournalWriter(tmp_path / "s", TOPICS)
-
-
-def test_what_a_failing_disk_did_not_confirm_does_not_count_as_safe(tmp_path, monkeypatch) -> None:
-    journal = JournalWriter(tmp_path / "r", TOPICS, flush_interval=60.0)
-    for i in range(5):
-        journal.append("/a", i, b"x")
-    journal.flush()
-
-    def fail(descriptor: int) -> None:
-        raise OSError(errno.EIO, "Input/output error")
-
-    monkeypatch.setattr("catenary.recording.journal.os.fsync", fail)
-    journal.append("/a", 5, b"x")
-    with pytest.raises(RecordingError, match=r"Input/output error\. Safe are the first 5 of 6"):
-        journal.close()
-
-
-def test_a_file_that_really_cannot_grow_keeps_what_is_safe(tmp_path: Path) -> None:
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    journal = JournalWriter(tmp_path / "r", TOPICS, flush_interval=60.0)
-    for i in range(3000):
-        journal.append("/a", i, b"x" * 100)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, hard))
-    try:
-        with pytest.raises(RecordingError, match="File too large") as caught:
-            journal.close()
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    stamps = [stamp for _, stamp, _ in _read(tmp_path / "r")]
-    assert stamps == list(range(len(stamps)))
-    assert 1000 < len(stamps) < 3000
-    assert f"first {len(stamps)} of 3000" in str(caught.value)
-
-
-RECORDING = """
-import mmap, os, sys, time
-from pathlib import Path
-from catenary.recording.journal import JournalTopic, JournalWriter
-os.fsync = lambda descriptor: None  # a program that is killed needs no disk, which may be busy; a power cut would
-appended = mmap.mmap(os.open(sys.argv[2], os.O_RDWR), 8)  # outlives the program, as what it has written does
-journal = JournalWriter(Path(sys.argv[1]), [JournalTopic("/a", "std_msgs/String")], max_bytes=100_000)
-print("ready", flush=True)
-count = 0
-while True:
-    now = time.time_ns()
-    journal.append("/a", now, now.to_bytes(8, "little") * 20)
-    count += 1
-    appended[:] = count.to_bytes(8, "little")
-    time.sleep(0.002)
-"""
-A_SECOND = 500  # messages of that program, however late the machine makes them
-
-
-@pytest.mark.slow
-def test_a_killed_recording_opens_and_misses_a_second_at_most(tmp_path: Path) -> None:
-    rng = random.Random(11)
-    for i in range(0, KILLS, 5):  # a few at a time
-        folders = [tmp_path / str(k) for k in range(i, min(i + 5, KILLS))]
-        with ExitStack() as running:
-            for process, folder in [
-                (running.enter_context(_recording(folder)), folder) for folder in folders
-            ]:
-                assert process.stdout is not None
-                process.stdout.readline()
-                time.sleep(rng.uniform(0.1, 0.8))
-                process.send_signal(signal.SIGKILL)
-                process.wait()
-                appended = int.from_bytes(folder.with_suffix(".count").read_bytes(), "little")
-                reader = JournalReader(folder)
-                messages = list(reader.messages())
-                assert appended - len(messages) < A_SECOND
-                assert all(data == stamp.to_bytes(8, "little") * 20 for _, stamp, data in messages)
-                assert reader.report.lost == 0
-                assert not reader.report.closed
-                assert any("was not closed" in problem for problem in reader.problems)
-
-
-@contextmanager
-def _recording(folder: Path) -> "Iterator[subprocess.Popen[bytes]]":
-    """A program that says when it records; killed in the end."""
-    count = folder.with_suffix(".count")
-    count.write_bytes(bytes(8))
-    command = [sys.executable, "-c", RECORDING, str(folder), str(count)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, env=os.environ) as process:
-        try:
-            yield process
-        finally:
-            process.kill()

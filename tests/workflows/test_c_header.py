@@ -1,6 +1,4 @@
 import re
-import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,48 +19,22 @@ from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.workflows.c_header import c_header
 from command_line import catenary
+from compiled_c import LANGUAGES, output_of, prefix_of, puts
 from oracles.calibration_models import MIXED, random_model, random_network
 from oracles.random_trees import random_robot
 
-COMPILERS = {"C99": ("gcc", "-std=c99", "-x", "c"), "C++11": ("g++", "-std=c++11", "-x", "c++")}
 STATES = 10_000
 ROBOTS = [*map(load_robot, ("raven2", "raven2_full_right")), *(random_robot(seed).model for seed in (8, 17))]
 
 
-@pytest.fixture(params=["C99", pytest.param("C++11", marks=pytest.mark.slow)])
+@pytest.fixture(params=LANGUAGES)
 def language(request: pytest.FixtureRequest) -> str:
     """Each language that the header is to compile as."""
     return request.param
 
 
-def output_of(header: str, body: str, rows: np.ndarray, folder: Path, language: str) -> np.ndarray:
-    """Run `body` on each row (`r`, doubles), compiled with every warning an error; it puts numbers out."""
-    compiler = COMPILERS[language]
-    if shutil.which(compiler[0]) is None:
-        pytest.skip(f"{compiler[0]} is not installed")
-    (folder / "robot.h").write_text(header)
-    (folder / "main.c").write_text(
-        '#include <stdio.h>\n#include "robot.h"\n#define PUT(v) do { const double v_ = (v); fwrite(&v_, 8, 1, stdout); } while (0)\n'
-        f"int main(void) {{\n  double r[{rows.shape[1]}];\n  int i;\n  (void)i;\n{body.partition('LOOP')[0]}"
-        f"  while (fread(r, 8, {rows.shape[1]}, stdin) == {rows.shape[1]}) {{\n{body.partition('LOOP')[2]}  }}\n  return 0;\n}}\n"
-    )
-    strict = ["-O1", "-Wall", "-Wextra", "-Werror", "-pedantic", str(folder / "main.c")]
-    subprocess.run([*compiler, *strict, "-x", "none", "-lm", "-o", str(folder / "main")], check=True)
-    given = subprocess.run([folder / "main"], input=rows.tobytes(), capture_output=True, check=True).stdout
-    return np.frombuffer(given).reshape(len(rows), -1)
-
-
-def puts(**sizes: int) -> str:
-    return "".join(f"  for (i = 0; i < {n}; ++i) PUT({name}[i]);\n" for name, n in sizes.items())
-
-
-def prefix_of(header: str) -> str:
-    found = re.search(r"void (\w+)_gravity\(", header)
-    assert found
-    return found.group(1)
-
-
-QUANTITIES = ("gravity", "gravity_regressor", "compact_regressor")
+GRAVITY = ("gravity", "gravity_regressor", "compact_regressor")
+MOTION = ("mass_matrix", "holding", "inverse_dynamics", "feedforward")
 
 
 @pytest.mark.parametrize("model", ROBOTS, ids=lambda m: m.name)
@@ -221,7 +193,7 @@ def test_the_command_writes_the_header(tmp_path: Path) -> None:
     save_model(model, Card(), tmp_path / "model.npz")
     out = tmp_path / "raven2.h"
     outcome = catenary("export", "raven2", "--model", tmp_path / "model.npz", "--c", out, "--json")
-    functions = [f"raven2_{name}" for name in (*QUANTITIES, "reset", "correct", "interval")]
+    functions = [f"raven2_{name}" for name in (*GRAVITY, *MOTION, "reset", "correct", "interval")]
     assert outcome.json == {"file": str(out), "functions": functions}
     assert "side by side" in outcome.err
     assert out.read_text() == c_header(load_robot("raven2"), model).text

@@ -209,6 +209,7 @@ def fit(
     coverage: float = COVERAGE,
     robot: str | None = None,
     seed: int = 0,
+    prior: str | None = None,
     accept: Sequence[str] = (),
     progress: Progress = silent,
 ) -> Calibration:
@@ -237,6 +238,8 @@ def fit(
         coverage: Share of errors that the intervals about calibrated positions are to hold.
         robot: Its name, for the card; the recordings' when None.
         seed: Of a network's training.
+        prior: What a linear model or the linear part of preset "best" begins at, for few minutes of data:
+            "simulated", what simulated robots have in common.
         accept: What `check_data` finds wrong with the data and is gone on with all the same, by name.
         progress: Called with the share done.
 
@@ -255,6 +258,7 @@ def fit(
         target=target,
         ridge=ridge,
         seed=seed,
+        prior=prior,
     )
     run = FitRun(
         robot=robot,

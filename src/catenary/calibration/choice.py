@@ -64,8 +64,7 @@ def tried(options: FitOptions, features: int, rows: int) -> dict[str, FitOptions
     for kind in SIMPLEST_FIRST:
         if kind == "polynomial" and (terms > MOST_TERMS or rows < ROWS_PER_TERM * terms):
             continue
-        regression = kind in ("linear", "polynomial")
-        found[kind] = replace(options, kind=kind, ridge=options.ridge if regression else None)  # type: ignore[arg-type]
+        found[kind] = options.of_kind(kind)  # type: ignore[arg-type]
     return found
 
 
@@ -149,7 +148,16 @@ def composed(models: Mapping[str, CalibrationModel], choices: Sequence[JointChoi
                         place[group.watched],
                     )
                 )
-    return replace(first, kind="auto", preset=None, features=features, groups=tuple(groups))
+    began = [taken[choice.chosen].priors[j : j + 1] for j, choice in enumerate(choices)]
+    priors = tuple(each[0] if each else None for each in began)
+    return replace(
+        first,
+        kind="auto",
+        preset=None,
+        features=features,
+        groups=tuple(groups),
+        priors=priors if any(priors) else (),
+    )
 
 
 def _union(sets: Sequence[FeatureSet]) -> FeatureSet:

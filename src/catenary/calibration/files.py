@@ -55,6 +55,7 @@ class ModelStructure(Recorded):
     target: Target
     rate_hz: Annotated[float, Field(gt=0.0)] | None = None
     groups: Annotated[tuple[GroupStructure, ...], Many]
+    priors: Annotated[tuple[str | None, ...], Many] = ()  # none: no joint's fit began at one
     coverage: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None  # of the intervals, where there are some
     trained_day: DayStructure | None = None
 
@@ -81,6 +82,7 @@ def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
         "period": model.features.period,
         "target": model.target,
         "rate_hz": model.rate_hz,
+        "priors": model.priors,
         "coverage": None if model.intervals is None else model.intervals.level,
         "trained_day": None if model.trained_day is None else day_structure(model.trained_day),
         "groups": [{"joints": group.joints, "predictor": _kind(group.predictor)} for group in model.groups],
@@ -158,6 +160,7 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
             groups=tuple(_group(arrays, i, entry) for i, entry in enumerate(structure.groups)),
             rate_hz=structure.rate_hz,
             intervals=_intervals(arrays, structure.coverage),
+            priors=structure.priors,
             trained_day=None if structure.trained_day is None else day_of(structure.trained_day, arrays),
         )
         card = json_table(str(arrays["card"]), "card", finite=False)

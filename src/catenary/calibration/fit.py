@@ -1,7 +1,8 @@
 """From recordings to a calibration model, of whichever kind."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal, get_args
 
 import numpy as np
@@ -13,7 +14,12 @@ from catenary.calibration.kernels import Integers
 from catenary.calibration.leaps import largest_step, room_of
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.neural import BEST, PAPER, fit_neural
-from catenary.calibration.predictors import Predictor
+from catenary.calibration.predictors import Linear, Predictor
+from catenary.calibration.priors.prior import (
+    PRIORS,
+    load_prior,
+    prior_of_features,
+)
 from catenary.calibration.progress import Progress, part_of, silent
 from catenary.calibration.regression import fit_linear, fit_offset, fit_polynomial
 from catenary.calibration.valid_range import fit_valid_range
@@ -27,6 +33,7 @@ PRESETS: tuple[str, ...] = get_args(Preset)
 # half-widths of the play states, as shares of each joint's range of motion: from a cable's slack to its stretch
 PLAY_SHARES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 MEMORY_RIDGE = 10.0  # for regressions on features with memory, which resemble each other
+TAKE_PRIOR = ("auto", "linear", "neural")
 SMALLEST_DATA = 10  # rows
 # How far beyond the training data a model may go, as a share of their range. Zig-zag data leave nearly half of the
 # shoulder's range out; half a range beyond, models without memory still correct most of the error there. A polynomial
@@ -44,7 +51,8 @@ class FitOptions:
     states of the positions, as shares of each joint's range of motion; None means none, except for the neural
     preset `best` where no torque is recorded: torque, too, tells on which side of its slack a cable lies, and
     then play states only add what can be over-fitted. `ridge` None means 0, or 10 for regressions on features
-    with memory. A fixed offset is one of the error, whatever the target.
+    with memory. A fixed offset is one of the error, whatever the target. `prior` names what a linear model, or
+    the linear part of preset `best`, begins at (priors/prior.py): for few minutes of data.
     """
 
     kind: Kind = "auto"
@@ -55,6 +63,7 @@ class FitOptions:
     target: Target = "error"
     ridge: float | None = None
     seed: int = 0
+    prior: str | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -77,6 +86,23 @@ class FitOptions:
             raise InputError(
                 f'target "{self.target}": models of it are not chosen; give a kind in place of auto'
             )
+
+        if self.prior not in (None, *PRIORS):
+            raise InputError(f'prior "{self.prior}": expected {" or ".join(PRIORS)}')
+        if self.prior in PRIORS and (self.kind not in TAKE_PRIOR or self.network == "paper"):
+            raise InputError(
+                f'prior "{self.prior}" of model {self.kind}: only linear and preset best take one'
+            )
+        if self.prior in PRIORS and (self.target != "error" or self.ridge is not None):
+            raise InputError(
+                f'prior "{self.prior}": is of errors, and in place of a ridge; leave out the other'
+            )
+
+    def of_kind(self, kind: Kind, preset: Preset | None = None) -> "FitOptions":
+        """Return the options of a kind of model, without those that it does not take."""
+        ridge = self.ridge if kind in ("auto", "linear", "polynomial") else None
+        prior = self.prior if kind in TAKE_PRIOR and preset != "paper" else None
+        return replace(self, kind=kind, preset=preset, ridge=ridge, prior=prior)
 
     def play_shares(self, signals: Sequence[str]) -> tuple[float, ...]:
         """Return shares of each joint's range of motion that the play states take beside the given signals."""
@@ -184,6 +210,10 @@ def fit(
     target: Target = "error" if options.kind == "offset" else options.target
     Y = data.error if target == "error" else data.q_nominal + data.error
     groups: list[JointGroup] = []
+    priors: list[str | None] = [None] * len(data.joint_names)
+    prior = None
+    if options.prior is not None:
+        prior = prior_of_features(load_prior(options.prior), inputs.features, data.X)
     together: dict[tuple[str, ...], list[int]] = {}
     for joint, signals in enumerate(inputs.per_joint):
         together.setdefault(signals, []).append(joint)
@@ -192,7 +222,14 @@ def fit(
         columns = inputs.features.columns_of(signals)
         X = np.ascontiguousarray(data.X[:, columns])
         report = part_of(progress, number, len(together))
-        predictor = _fit_predictor(X, Y[:, joints], options, late, report)
+        linear = None
+        if prior is not None:
+            of_columns = prior.of_columns(columns)
+            names = [data.joint_names[j] for j in joints]
+            for joint in joints:
+                priors[joint] = prior.prior.name
+            linear = partial(of_columns.fit, joints=names)
+        predictor = _fit_predictor(X, Y[:, joints], options, late, linear, report)
         watched = columns[~inputs.features.bounded[columns]]
         groups.append(
             JointGroup(
@@ -214,17 +251,25 @@ def fit(
         offset=offset,
         groups=tuple(groups),
         rate_hz=data.rate_hz,
+        priors=tuple(priors) if any(priors) else (),
     )
 
 
 def _fit_predictor(
-    X: Floats, Y: Floats, options: FitOptions, late: np.ndarray, progress: Progress
+    X: Floats,
+    Y: Floats,
+    options: FitOptions,
+    late: np.ndarray,
+    linear: Callable[[Floats, Floats], Linear] | None,
+    progress: Progress,
 ) -> Predictor:
     if options.kind == "offset":
         return fit_offset(Y)
     if options.kind == "neural":
         settings = BEST if options.network == "best" else PAPER
-        return fit_neural(X, Y, settings, seed=options.seed, late=late, progress=progress)
+        return fit_neural(X, Y, settings, seed=options.seed, late=late, linear=linear, progress=progress)
+    if options.kind == "linear" and linear is not None:
+        return linear(X, Y)
     regression = fit_linear if options.kind == "linear" else fit_polynomial
     return regression(X, Y, ridge=options.ridge_used or 0.0)
 

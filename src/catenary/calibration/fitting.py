@@ -13,6 +13,7 @@ from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit import SMALLEST_DATA, FitOptions, Inputs, choose_inputs, fit
 from catenary.calibration.intervals import check_level
 from catenary.calibration.model import CalibrationModel, Card
+from catenary.calibration.priors.prior import load_prior
 from catenary.calibration.progress import Progress, part_of, silent
 from catenary.calibration.upkeep.learn_day import learn_day
 from catenary.errors import InputError
@@ -166,6 +167,7 @@ def _concluded(
     """Return a fitted model with its intervals, errors and card."""
     data, late, everything = _rows(logs, model.features, run)
     notes = (*data_notes(logs, everything), *found)
+    notes = (*notes, *prior_notes(model))
     intervals = None if validation is None else estimate_intervals(validation, level=run.coverage)
     model = replace(model, intervals=intervals)
     seen = None if validation is None else validation.inside
@@ -193,6 +195,18 @@ def _concluded(
         choices=choices,
     )
     return FitResult(model, card, data, spread, held_out, notes, choices)
+
+
+def prior_notes(model: CalibrationModel) -> list[str]:
+    """Return in a sentence for which joints a prior was used."""
+    notes = []
+    for name in dict.fromkeys(each for each in model.priors if each is not None):
+        joints = [joint for joint, each in zip(model.joint_names, model.priors, strict=True) if each == name]
+        robots = load_prior(name).robots
+        notes.append(
+            f"prior {name}: {', '.join(joints)} began at what {robots} simulated robots have in common"
+        )
+    return notes
 
 
 def _why_no_intervals(validation: CrossValidation | None, run: FitRun) -> str:

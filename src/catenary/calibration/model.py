@@ -90,6 +90,7 @@ class CalibrationModel:
     groups: tuple[JointGroup, ...]
     rate_hz: float | None = None  # of the training rows, at which `history` counts; None where not known
     intervals: Intervals | None = None  # how far off corrections may be; None where that was not estimated
+    priors: tuple[str | None, ...] = ()  # (n,) that joints' fits began at; empty where none did
     trained_day: TrainedDay | None = None  # what a watch compares with; None where that is not known
 
     def __post_init__(self) -> None:
@@ -108,6 +109,10 @@ class CalibrationModel:
                 raise InputError(
                     f"model: joints {group.joints} take features beyond the {width} that there are"
                 )
+        if self.priors and len(self.priors) != n:
+            raise InputError(
+                f"model: expected a prior, or none, for each of its {n} joints, got {len(self.priors)}"
+            )
         object.__setattr__(self, "offset", as_array("offset", self.offset, (n,)))
         if self.intervals is not None and len(self.intervals.inside) != n:
             raise InputError(f"model: expected intervals of its {n} joints, got {len(self.intervals.inside)}")

@@ -1,13 +1,15 @@
 """How feed-forward networks are trained: the paper's way, and ours."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
 from catenary.calibration.backpropagation import NO_PENALTIES, Penalties, TrainedNetwork
-from catenary.calibration.predictors import Activation, Network
+from catenary.calibration.predictors import Activation, Linear, Network
 from catenary.calibration.progress import Progress, part_of, silent
 from catenary.calibration.regression import fit_linear
 from catenary.calibration.valid_range import standardisation
@@ -58,6 +60,7 @@ def fit_neural(
     *,
     seed: int,
     late: np.ndarray,
+    linear: Callable[[Floats, Floats], Linear] | None = None,
     progress: Progress = silent,
 ) -> Network:
     """Train a network to give Y (N, m) from features X (N, F).
@@ -72,6 +75,7 @@ def fit_neural(
         settings: Shape and training of the network.
         seed: Of the initial weights and the order of the rows.
         late: Rows to choose `l2` on.
+        linear: Fits the linear model that the network corrects, in place of ridge regression.
         progress: Called with the share done.
     """
     candidates = settings.l2 if isinstance(settings.l2, tuple) else (settings.l2,)
@@ -81,20 +85,29 @@ def fit_neural(
     # a third of the training tells candidates apart where a pass over the data has many steps
     short = settings if len(X) <= MANY_ROWS else replace(settings, epochs=max(1, settings.epochs // 3))
     losses = np.zeros(len(candidates))
+    if linear is None and settings.skip_ridge is not None:
+        linear = partial(fit_linear, ridge=settings.skip_ridge)
     with threadpool_limits(limits=1):  # two BLAS threads on two busy cores are slower than one
+        before = linear(X[~late], Y[~late]) if trials and linear is not None else None
         for i in range(trials):
             part = part_of(progress, i, trials + 1)
-            trial = _train(X[~late], Y[~late], short, candidates[i], seed, part)
+            trial = _train(X[~late], Y[~late], short, candidates[i], seed, before, part)
             errors = np.mean((trial.predict(X[late]) - Y[late]) ** 2, axis=0)
             losses[i] = np.mean(np.log(errors + 1e-30))  # a noisy output must not outweigh the others
         chosen = candidates[int(np.argmin(losses))]
-        return _train(X, Y, settings, chosen, seed, part_of(progress, trials, trials + 1))
+        skip = None if linear is None else linear(X, Y)
+        return _train(X, Y, settings, chosen, seed, skip, part_of(progress, trials, trials + 1))
 
 
 def _train(
-    X: Floats, Y: Floats, settings: NetworkSettings, l2: float, seed: int, progress: Progress
+    X: Floats,
+    Y: Floats,
+    settings: NetworkSettings,
+    l2: float,
+    seed: int,
+    skip: Linear | None,
+    progress: Progress,
 ) -> Network:
-    skip = None if settings.skip_ridge is None else fit_linear(X, Y, ridge=settings.skip_ridge)
     mean, scale = standardisation(X)
     out_mean, out_scale = standardisation(Y)
     if skip is not None:

@@ -18,7 +18,8 @@ def export(
         str | None,
         Argument(
             metavar="[WHAT]",
-            help="With --c a robot, as fk takes it, or none with --model; with --onnx a calibration model.",
+            help="With --c a robot, as fk takes it, or identified parameters; none with --model. With --onnx a "
+            "calibration model.",
             autocompletion=robots_beginning,
         ),
     ] = None,
@@ -41,9 +42,11 @@ def export(
 ) -> None:
     """Write a robot as C, or a model as an ONNX graph.
 
-    The header holds gravity torque, its regressor and joint correction, for loops in C and C++: no library, no
-    memory; without a robot, or with one whose links have no inertia, the correction alone. The graph computes in
-    float64; what the model remembers goes in and out as tensors.
+    The header holds the law of motion (feedforward, inverse dynamics on a base that moves, mass matrix, gravity and
+    its regressors) and joint correction, for loops in C and C++: no library, no memory; without a robot, or with one
+    whose links have no inertia, the correction alone. Of parameters by identify --consistent it holds friction, rotors
+    and springs too. The graph computes in float64; what the model remembers goes in
+    and out as tensors.
 
     Example: catenary export --model arm.npz --c arm.h
     """
@@ -73,10 +76,14 @@ def _c(
     as_json: bool,
 ) -> None:
     from catenary.calibration.files import load_model
-    from catenary.workflows.c_header import c_header, write_header
+    from catenary.workflows.c_header import c_header, read_identified, write_header
 
     calibration = None if model is None else load_model(model)[0]
-    header = c_header(None if robot is None else description.load(robot), calibration, rate_hz=rate_hz)
+    loads = None
+    known = None if robot is None or robot.endswith(".npz") else description.load(robot)
+    if robot is not None and robot.endswith(".npz"):
+        known, loads = read_identified(Path(robot))
+    header = c_header(known, calibration, rate_hz=rate_hz, loads=loads)
     write_header(header, out)
     print_notes(header.notes)
     if as_json:

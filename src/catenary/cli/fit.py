@@ -108,6 +108,14 @@ class ModelOptions:
             help="Ridge penalty of linear and polynomial models. [default: 0; 10 with memory]",
         ),
     ] = None
+    prior: Annotated[
+        str | None,
+        Option(
+            metavar="NAME",
+            help="What linear models and preset best begin at, for few minutes of data: simulated (what simulated "
+            "robots have in common).",
+        ),
+    ] = None
     held_out: Annotated[
         float | None,
         Option(metavar="SHARE", help="Keep the last part of each recording, this share of it, for a test."),
@@ -136,6 +144,7 @@ class ModelOptions:
             target=self.target,  # type: ignore[arg-type]
             ridge=self.ridge,
             seed=seed,
+            prior=self.prior,
         )
 
     def run(self, accept: list[str] | None, robot: str | None = None) -> "FitRun":

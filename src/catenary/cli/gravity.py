@@ -1,14 +1,15 @@
 """catenary gravity, track and hold."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
+from catenary.cli.conditions import Conditions
+from catenary.cli.gravity_source import ImuReading, SensingOptions, gravity_of_reading
 from catenary.cli.joint_options import Q, QDeg, SameInDeg, beyond_limits, given_joints, joint_values
-from catenary.cli.options import AsJsonNotTables, BaseTilt, SimulatedSeed, robots_beginning
+from catenary.cli.options import AsJsonNotTables, BaseTilt, MountingFile, robots_beginning
 from catenary.cli.out_files import PAGE, Report, refuse_outputs
 from catenary.cli.robots import DescriptionOptions, Robot
 from catenary.cli.terminal import (
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from catenary.control.measures import Holding, Tracking
-    from catenary.simulation.base_motion import MovingBase
-    from catenary.workflows.gravity.simulated_arm import SimulatedArm
 
 Simulated = Annotated[
     str,
@@ -36,57 +35,6 @@ Simulated = Annotated[
         autocompletion=robots_beginning,
     ),
 ]
-
-
-@dataclass(frozen=True)
-class Conditions:
-    """Options of a simulated arm: its base, its payload, its seed."""
-
-    base_tilt_deg: BaseTilt = None
-    rock_deg: Annotated[
-        str | None,
-        Option(metavar="FROM,TO", help="Rock the base about its y axis between these angles, once tilted."),
-    ] = None
-    rock_hz: Annotated[float, Option(metavar="F", min=0.0, help="Frequency of the rocking.")] = 1.0
-    payload: Annotated[
-        float, Option(metavar="KG", min=0.0, help="Mass at the tool's wrist; the model knows nothing of it.")
-    ] = 0.0
-    seed: SimulatedSeed = None
-
-    def as_data(self) -> dict[str, Any]:
-        """Return plain data, for the JSON and the page."""
-        return {
-            "base_tilt_deg": base_tilt(self.base_tilt_deg),
-            "rock_deg": self._rocking(),
-            "rock_hz": None if self.rock_deg is None else self.rock_hz,
-            "payload": self.payload,
-            "seed": self.seed,
-        }
-
-    def _rocking(self) -> tuple[float, ...] | None:
-        return None if self.rock_deg is None else numbers("--rock-deg", self.rock_deg, 2)
-
-    def arm(self, robot: str, description: DescriptionOptions) -> "SimulatedArm":
-        """Return the robot on its base."""
-        import numpy as np
-
-        from catenary.simulation.base_motion import FixedBase, RockingBase
-        from catenary.workflows.gravity.simulated_arm import simulated_arm
-
-        rocking = self._rocking()
-        _require_finite("--rock-deg", rocking)
-        _require_finite("--rock-hz", self.rock_hz)
-        roll, pitch = np.deg2rad(base_tilt(self.base_tilt_deg))
-        start = FixedBase(float(roll), float(pitch))
-        base: MovingBase = start
-        if rocking is not None:
-            first, last = np.deg2rad(rocking)
-            middle, reach = float(first + last) / 2.0, float(last - first) / 2.0
-            base = RockingBase(middle, reach, self.rock_hz, axis=(0.0, 1.0, 0.0), start=start)
-        massless, strict = description.declared(), description.strict
-        return simulated_arm(
-            robot, base=base, payload=self.payload, seed=self.seed, massless=massless, strict=strict
-        )
 
 
 def gravity(
@@ -99,6 +47,8 @@ def gravity(
         str | None,
         Option("--gravity", metavar="X,Y,Z", help="Gravity vector in base axes, z up, in m/s2."),
     ] = None,
+    imu_reading: ImuReading = None,
+    mounting: MountingFile = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
     """Print the torques that hold an arm still under gravity.
@@ -115,12 +65,16 @@ def gravity(
     from catenary.spatial import LEVEL
     from catenary.units import TORQUE_UNIT
 
-    if base_tilt_deg is not None and vector is not None:
-        raise InputError("gravity: give one of --base-tilt-deg and --gravity")
+    if sum(given is not None for given in (base_tilt_deg, vector, imu_reading)) > 1:
+        raise InputError("gravity: give one of --base-tilt-deg, --gravity and --imu-reading")
+    if mounting is not None and imu_reading is None:
+        raise InputError("gravity: --mounting corrects --imu-reading; give one")
     model = description.load(robot)
     model.require_masses()
     values = joint_values(model, q, q_deg)
     down: ArrayLike = LEVEL if vector is None else numbers("--gravity", vector, 3)
+    if imu_reading is not None:
+        down = gravity_of_reading(imu_reading, mounting)
     if base_tilt_deg is not None:
         roll, pitch = np.deg2rad(base_tilt(base_tilt_deg))
         down = tilted_gravity(float(roll), float(pitch))
@@ -148,6 +102,7 @@ def gravity(
 def track(
     robot: Simulated,
     conditions: Conditions,
+    sensing: SensingOptions,
     description: DescriptionOptions,
     controller: Annotated[
         str,
@@ -183,9 +138,10 @@ def track(
 ) -> None:
     """Let a simulated arm follow a motion.
 
-    Prints the joint errors and the PD term's share of the torque.
+    Prints the joint errors and the PD term's share of the torque; with a sensor also how gravity was known.
 
     Example: catenary track raven2 --controller sg --base-tilt-deg 0,20 --motion poses
+    Example: catenary track raven2 --rock x,8,0.1 --rock y,4,0.14 --heave 2,0.12 --mounting-on ship --motion random
     """
     import numpy as np
 
@@ -194,21 +150,27 @@ def track(
     from catenary.workflows.gravity.track import track as run
 
     refuse_outputs({"--report": (report, PAGE)})
+    if controller in ("inertia", "computed-torque") and (conditions.kp or conditions.kd):
+        raise InputError(
+            f"--kp and --kd: {controller} has gains of accelerations; they go with pd, sg, dg, elastic-*"
+        )
     arm = conditions.arm(robot, description)
     law = make_controller(controller, arm, damping=damping)  # type: ignore[arg-type]  # refuses what it does not know
     chosen = make_motion(
         motion, arm.model, arm.plant, np.random.default_rng(conditions.seed or 0),
         q_start=given_joints(arm.model, q, q_deg), amplitude=amplitude_mm / 1000.0, axes=words(axes), seconds=seconds,
     )  # fmt: skip
-    result = run(arm, law, chosen.trajectory, windows=chosen.windows)
+    source = conditions.gravity(arm, sensing)
+    result = run(arm, law, chosen.trajectory, windows=chosen.windows, gravity=source)
     settings = {"robot": robot, "controller": controller, "motion": motion, "damping": damping}
     title = f"{robot} (simulated), controller {controller}, {motion}"
-    _conclude(title, result, settings | conditions.as_data(), report, as_json)
+    _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, as_json)
 
 
 def hold(
     robot: Simulated,
     conditions: Conditions,
+    sensing: SensingOptions,
     description: DescriptionOptions,
     q: Q = None,
     q_deg: QDeg = None,
@@ -234,10 +196,10 @@ def hold(
     law, pose = make_hold(controller, arm), given_joints(arm.model, q, q_deg)
     if pose is None:
         pose = start_pose(arm.model, arm.plant, HOLD_START)
-    result = run(arm, law, pose, seconds)
+    result = run(arm, law, pose, seconds, gravity=conditions.gravity(arm, sensing))
     settings = {"robot": robot, "controller": controller}
     title = f"{robot} (simulated), held by {controller} for {seconds:g} s"
-    _conclude(title, result, settings | conditions.as_data(), report, as_json)
+    _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, as_json)
 
 
 def _conclude(
@@ -251,12 +213,7 @@ def _conclude(
         print_json({**settings, **result.as_data()})
         return
     print_table(title, *gravity_table(result))
+    if result.gravity is not None:
+        print(result.gravity)
     if report is not None:
         print(f"page: {report}")
-
-
-def _require_finite(option: str, values: "ArrayLike | None") -> None:
-    import numpy as np
-
-    if values is not None and not np.isfinite(values).all():
-        raise InputError(f"{option}: expected finite numbers, got {values}")

@@ -3,19 +3,48 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
 from catenary.cli.options import Hanging, MountingFile
+from catenary.cli.terminal import numbers
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
+    from catenary.arrays import Floats
     from catenary.crtk.latest import ImuTopic
     from catenary.sensing.checks import SensorRules
     from catenary.sensing.imu import SensedGravity
     from catenary.sensing.mailbox import Mailbox
     from catenary.sensing.mounting import Mounting
+
+
+ImuReading = Annotated[
+    str | None,
+    Option(
+        "--imu-reading",
+        metavar="AX,AY,AZ",
+        help="In place of --gravity: what an accelerometer on the base reads at rest, up, in m/s2.",
+    ),
+]
+
+
+def gravity_of_reading(reading: str, mounting: Path | None = None) -> "Floats":
+    """Return gravity (3,) in base axes of what an accelerometer reads, corrected and turned by its mounting file.
+
+    Raises:
+        InputError: Not three finite numbers.
+        ConfigError: A mounting file that is none.
+    """
+    from catenary.arrays import as_array
+    from catenary.sensing.mailbox import Kind
+    from catenary.sensing.mounting import Mounting, load_mounting
+
+    told = Mounting() if mounting is None else load_mounting(mounting)
+    force = as_array("--imu-reading", numbers("--imu-reading", reading, 3), (3,))
+    return told.gravity(force, Kind.SPECIFIC_FORCE)
 
 
 @dataclass(frozen=True)
@@ -99,6 +128,11 @@ class SensingOptions:
         float, Option(metavar="S", help="Without a believed sample for so long, fallback stop stops.")
     ] = 1.0
     hanging: Hanging = False
+
+    def as_data(self) -> dict[str, Any]:
+        """Return what was given, as plain data."""
+        defaults = SensingOptions()
+        return {name: value for name, value in vars(self).items() if value != getattr(defaults, name)}
 
     def rules(self) -> "SensorRules":
         """Return what is believed.

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+from catenary.cli.gravity_source import ImuReading, gravity_of_reading
 from catenary.cli.options import (
     Accept,
     AsJsonNotTables,
@@ -83,6 +84,7 @@ def identify(
     ] = None,
     rows: Annotated[str | None, Option(metavar="A:B", help="Rows of LOG to fit. [default: all]")] = None,
     gravity: Gravity = None,
+    imu_reading: ImuReading = None,
     accept: Accept = None,
     urdf: Annotated[
         Path | None,
@@ -102,7 +104,7 @@ def identify(
 
     options = IdentifyOptions(
         terms=terms,  # type: ignore[arg-type]  # IdentifyOptions refuses what it does not know
-        gravity=_gravity(gravity),
+        gravity=_gravity(gravity, imu_reading),
         cutoff_hz=cutoff_hz,
         period_samples=period,
         weighting=weighting,  # type: ignore[arg-type]
@@ -154,9 +156,14 @@ def identify(
             print(f"page:  {report}")
 
 
-def _gravity(text: str | None) -> tuple[float, float, float]:
+def _gravity(text: str | None, reading: str | None) -> tuple[float, float, float]:
     from catenary.identification.options import NOMINAL_GRAVITY
 
+    if reading is not None:
+        if text is not None:
+            raise InputError("give one of --gravity and --imu-reading")
+        x, y, z = gravity_of_reading(reading).tolist()
+        return x, y, z
     x, y, z = NOMINAL_GRAVITY if text is None else numbers("--gravity", text, 3)
     return x, y, z
 
@@ -201,6 +208,7 @@ def excitation(
         str | None, Option(metavar="V,V,...", help="Limits of velocity to keep, rad/s and m/s.")
     ] = None,
     gravity: Gravity = None,
+    imu_reading: ImuReading = None,
     seed: Annotated[int, Option(metavar="N", min=0, help="Seed of everything random.")] = 0,
     as_json: AsJsonNotTables = False,
 ) -> None:
@@ -223,7 +231,7 @@ def excitation(
     }
     if static is not None and velocity is None:
         limits["velocity"] = (1.0,) * model.n  # poses are held: how fast they are reached is the robot's
-    room, rng, down = room_of(model, **limits), np.random.default_rng(seed), _gravity(gravity)
+    room, rng, down = room_of(model, **limits), np.random.default_rng(seed), _gravity(gravity, imu_reading)
     if static is not None:
         design = static_poses(model, static, room, rng, gravity=down)
     else:

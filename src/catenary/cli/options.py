@@ -164,7 +164,12 @@ _FORMER = {
     ("gravity", "--tilt"): "--base-tilt-deg",
     ("sense", "--tilt"): "--base-tilt-deg",
 }
-_LISTS = {"--base-tilt-deg": "R,P", "--rock-deg": "FROM,TO", "--gravity": "X,Y,Z"}
+_LISTS = {
+    "--base-tilt-deg": "R,P",
+    "--rock-deg": "FROM,TO",
+    "--gravity": "X,Y,Z",
+    "--imu-reading": "AX,AY,AZ",
+}
 
 
 def refuse_former_spelling(command: str, arguments: Sequence[str]) -> None:

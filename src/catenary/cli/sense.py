@@ -4,6 +4,7 @@ import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,10 +14,11 @@ from typer import Option
 from catenary.cli.gravity_source import SensingOptions
 from catenary.cli.options import BaseTilt, Baud, MountingFile
 from catenary.cli.out_files import MOUNTING, NAMED_AS_TYPED, out_path, refuse_outputs
-from catenary.cli.terminal import base_tilt, print_fact, print_json, print_notes
+from catenary.cli.terminal import base_tilt, print_fact, print_json, print_notes, words
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
+    from catenary.recording.foreign.imu import ImuRecording
     from catenary.sensing.imu import SensedGravity
     from catenary.sensing.mounting import Mounting
     from catenary.sensing.vector import GravityReading
@@ -27,8 +29,67 @@ _SHOWN_EVERY = 0.1  # [s] on a terminal
 _LINE_EVERY = 1.0  # [s] in a file or pipe
 
 
+@dataclass(frozen=True)
+class ReplayOptions:
+    """A recording in place of a sensor."""
+
+    replay: Annotated[
+        Path | None,
+        Option(
+            metavar="FILE",
+            help="Read a recorded sensor: a bag, or a CSV with time, ax, ay, az, gx, gy, gz.",
+        ),
+    ] = None
+    topic: Annotated[str | None, Option(metavar="TOPIC", help="Of a bag with several sensor_msgs/Imu.")] = (
+        None
+    )
+    columns: Annotated[
+        str | None,
+        Option(metavar="C,C,C[,...]", help="Of a table: the accelerometer's columns, then the gyroscope's."),
+    ] = None
+    orientations: Annotated[
+        Path | None,
+        Option(
+            metavar="CSV",
+            help="With --tumble: how it was turned at each rest of the recording, in order: roll_deg and pitch_deg of "
+            "the whole robot, or the joints of --robot in rad and m.",
+        ),
+    ] = None
+    robot: Annotated[
+        str | None, Option(metavar="ROBOT", help="Arm that carried the sensor, on a level base.")
+    ] = None
+    frame: Annotated[
+        str | None, Option(metavar="NAME", help="Link of it that the sensor is fixed to. [default: the tip]")
+    ] = None
+
+    def recording(self, *, tumble: bool) -> "ImuRecording | None":
+        """Return what was recorded; None without --replay.
+
+        Raises:
+            InputError: Options that do not go together, or what the recording has not.
+        """
+        if self.replay is None:
+            if self != ReplayOptions():
+                raise InputError(
+                    "sense: --topic, --columns, --orientations, --robot and --frame go with --replay"
+                )
+            return None
+        if tumble is not (self.orientations is not None):
+            raise InputError(
+                "sense: --replay with --tumble needs --orientations, and --orientations --tumble"
+            )
+        if self.orientations is None and (self.robot or self.frame) is not None:
+            raise InputError("sense: --robot and --frame go with --orientations")
+        from catenary.recording.foreign.imu import read_imu
+
+        found = read_imu(self.replay, topic=self.topic, columns=words(self.columns or ""))
+        print_notes(found.notes)
+        return found
+
+
 def sense(
     sensing: SensingOptions,
+    replaying: ReplayOptions,
     port: Annotated[str | None, Option(metavar="PORT", help="Serial port, as /dev/ttyACM0.")] = None,
     simulated: Annotated[bool, Option("--simulated", help="Use a simulated sensor.")] = False,
     base_tilt_deg: BaseTilt = None,
@@ -60,14 +121,15 @@ def sense(
 
     The exit code is 1 when nothing that can be believed was measured, or a tumble found a fault.
 
-    On a base that moves by itself, --mounting-on says how.
+    On a base that moves by itself, --mounting-on says how. --replay reads a recording in place of a sensor.
 
     Example: catenary sense --simulated --base-tilt-deg 10,5 --duration 2 --mounting-on ship
+    Example: catenary sense --replay imu.csv --tumble --orientations turned.csv --out mounting.toml
     """
     from catenary.sensing.mounting import Mounting, load_mounting
 
-    if (port is None) is not simulated:
-        raise InputError("sense: give one of --port and --simulated")
+    if sum((port is not None, simulated, replaying.replay is not None)) != 1:
+        raise InputError("sense: give one of --port, --simulated and --replay")
     if not simulated and (base_tilt_deg is not None or rate is not None):
         raise InputError("sense: --base-tilt-deg and --rate go with --simulated, not with --port")
     if out is not None and not tumble:
@@ -75,6 +137,13 @@ def sense(
     if tumble:
         refuse_outputs({"--out": (out or Path("mounting.toml"), MOUNTING)}, [mounting] if mounting else [])
     told = Mounting() if mounting is None else load_mounting(mounting)
+    recording = replaying.recording(tumble=tumble)
+    if recording is not None:
+        if tumble:
+            _calibrate(recording, replaying, told, out or Path("mounting.toml"), as_json)
+        else:
+            _replay(recording, sensing, told, duration, as_json)
+        return
     hertz, tilt = 200.0 if rate is None else rate, base_tilt(base_tilt_deg)
     with _opened(port, told, tilt, hertz, seed, baud, tumble) as (feed, known):
         if tumble or feed is None:
@@ -204,8 +273,34 @@ def _print_summary(summary: "SenseSummary") -> None:
         print("nothing that can be believed was measured")
 
 
+def _replay(
+    recording: "ImuRecording",
+    sensing: SensingOptions,
+    told: "Mounting",
+    duration: float | None,
+    as_json: bool,
+) -> None:
+    from catenary.workflows.replay import ReplayFeed
+    from catenary.workflows.sense import SETTLE
+
+    feed = ReplayFeed(recording)
+    source = sensing.source(feed.mailbox, told, angular=feed.has_gyroscope)
+    left = recording.duration - SETTLE
+    _watch(feed, source, left if duration is None else min(duration, left), as_json)
+
+
+def _calibrate(
+    recording: "ImuRecording", options: ReplayOptions, told: "Mounting", out: Path, as_json: bool
+) -> None:
+    from catenary.robots.catalog import load_robot
+    from catenary.workflows.replay import calibrate_replay, read_orientations
+
+    model = None if options.robot is None else load_robot(options.robot)
+    up = read_orientations(options.orientations or Path(), model, options.frame)
+    _conclude_tumble(calibrate_replay(recording, up, start=told), out, as_json)
+
+
 def _tumble(feed: "Feed | None", start: "Mounting", rate: float, seed: int, out: Path, as_json: bool) -> None:
-    from catenary.sensing.mounting import save_mounting
     from catenary.simulation.sensors import SensorModel
     from catenary.workflows.tumble import ATTITUDES, run_tumble, simulated_reader
 
@@ -214,11 +309,7 @@ def _tumble(feed: "Feed | None", start: "Mounting", rate: float, seed: int, out:
     else:
         print_notes([f"{len(ATTITUDES)} attitudes; put the sensor there, let go of it, then press Enter"])
         outcome = run_tumble(_by_hand(feed), start=start)
-    if not outcome.faults:
-        save_mounting(out, outcome.mounting, outcome.section)
-    _print_tumble(outcome, out, as_json)
-    if outcome.faults:
-        raise typer.Exit(1)
+    _conclude_tumble(outcome, out, as_json)
 
 
 def _by_hand(feed: "Feed") -> "Callable[[Attitude], StillReading]":
@@ -240,6 +331,16 @@ def _by_hand(feed: "Feed") -> "Callable[[Attitude], StillReading]":
 def _enter_pressed() -> bool:
     """Wait for Enter; false where nobody can press it."""
     return bool(sys.stdin.readline())
+
+
+def _conclude_tumble(outcome: "TumbleOutcome", out: Path, as_json: bool) -> None:
+    from catenary.sensing.mounting import save_mounting
+
+    if not outcome.faults:
+        save_mounting(out, outcome.mounting, outcome.section)
+    _print_tumble(outcome, out, as_json)
+    if outcome.faults:
+        raise typer.Exit(1)
 
 
 def _print_tumble(outcome: "TumbleOutcome", out: Path, as_json: bool) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.control.report import LoopReport
+from catenary.control.report import GravityReport, LoopReport
 from catenary.units import DISPLAY, TORQUE_UNIT
 
 
@@ -73,12 +73,23 @@ class Tracking:
             "joints": joints,
             "limited_ticks": self.loop.limited_ticks,
             "not_finite_ticks": self.loop.not_finite_ticks,
+            **_known(self.gravity),
         }
+
+    @property
+    def gravity(self) -> GravityReport | None:
+        """How gravity was known, the way to the motion's start included; None without a source of it."""
+        return self.loop.gravity
 
 
 def pd_share(rms_feedback: Floats, rms_torque: Floats) -> Floats:
     """RMS of the PD term over RMS of the torque; NaN where there is no torque."""
     return np.divide(rms_feedback, rms_torque, out=np.full_like(rms_torque, np.nan), where=rms_torque > 0.0)
+
+
+def _known(gravity: GravityReport | None) -> dict[str, Any]:
+    """Return as plain data how gravity was known; nothing without a source of it."""
+    return {} if gravity is None else {"gravity_ticks": dict(gravity.ticks), "faults": dict(gravity.faults)}
 
 
 def _farthest(q: Floats) -> Floats:
@@ -95,6 +106,7 @@ class Holding:
     time: Floats  # (T,) [s]
     q: Floats  # (T, n) as reported, at the motors [rad|m]
     q_true: Floats  # (T, n) where the joints really were
+    gravity: GravityReport | None = None  # how it was known; None without a source of it
 
     @property
     def drift(self) -> Floats:
@@ -123,4 +135,5 @@ class Holding:
                 }
                 for j, (name, unit) in enumerate(zip(self.joint_names, self.joint_units, strict=True))
             ],
+            **_known(self.gravity),
         }

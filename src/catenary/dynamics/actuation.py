@@ -20,6 +20,21 @@ class ActuationTerm(NamedTuple):
     lever: LeverSpring | None = None
 
 
+class ActuationLoads(NamedTuple):
+    """The effects on a robot's n coordinates with their numbers, as an identification finds them."""
+
+    n: int
+    actuation: Actuation
+    terms: tuple[ActuationTerm, ...]
+    values: Floats  # (k,) SI, of the terms
+
+    def torque(self, q: Floats, qd: Floats, qdd: Floats) -> Floats:
+        """Return the torques (N, n) [Nm or N] that they ask of the actuators at q, qd, qdd (N, n), known ones too."""
+        columns = actuation_columns(self.terms, q, qd, qdd, self.actuation.coulomb_velocity)
+        torque: Floats = columns @ self.values + known_torque(self.actuation, q)
+        return torque
+
+
 def actuation_terms(actuation: Actuation, *, static: bool = False) -> tuple[ActuationTerm, ...]:
     """Return the parameters in the order of their columns; at rest only constants and springs are left."""
     terms: list[ActuationTerm] = []

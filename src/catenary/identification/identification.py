@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.dynamics.actuation import known_torque
+from catenary.dynamics.actuation import ActuationLoads, known_torque
 from catenary.dynamics.inverse_dynamics import motion_rows
 from catenary.dynamics.regressor import PER_LINK, tree_with_parameters
 from catenary.errors import ExcitationError, InputError, MissingInertiaError
@@ -103,15 +103,31 @@ class Identification:
             MissingInertiaError: The fit was not physically consistent: base parameters are combinations of links',
                 and no inertia of any single link follows from them.
         """
-        parameters = self.base.parameters
-        if self.phi is None:
-            raise MissingInertiaError(self.model.name, [self.model.link_names[i] for i in parameters.links])
+        parameters, consistent = self.base.parameters, self._consistent()
         phi = np.zeros((len(self.model.link_names), PER_LINK))
         for place, link in enumerate(parameters.links):
-            phi[link] = self.phi[parameters.link_columns(place)]
+            phi[link] = consistent[parameters.link_columns(place)]
         tree = tree_with_parameters(self.model.tree, phi.reshape(-1))
         note = "inertia identified from recordings; friction, rotors and springs are not in it"
         return replace(self.model, tree=tree, missing_inertia=(), notes=(*self.model.notes, note))
+
+    def loads(self) -> ActuationLoads:
+        """Return friction, rotors and springs with the identified numbers, and what torques were known.
+
+        `inverse_dynamics` of `robot()` and these together are what `predict` gives.
+
+        Raises:
+            MissingInertiaError: As `robot`.
+        """
+        parameters = self.base.parameters
+        values = self._consistent()[len(parameters.links) * parameters.per_link :]
+        return ActuationLoads(self.model.n, actuation_of(self.model), parameters.actuation, values)
+
+    def _consistent(self) -> Floats:
+        if self.phi is None:
+            links = [self.model.link_names[i] for i in self.base.parameters.links]
+            raise MissingInertiaError(self.model.name, links)
+        return self.phi
 
 
 def identify(

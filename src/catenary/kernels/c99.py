@@ -100,3 +100,8 @@ def c_name(text: str) -> str:
     """Turn a robot's name into one for C: letters, digits, underscores."""
     name = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_").lower()
     return name if name[:1].isalpha() else f"robot_{name}".rstrip("_")
+
+
+def c_comment(text: str) -> str:
+    """Keep a name from a file from ending the comment that it stands in."""
+    return re.sub(r"[^A-Za-z0-9 _.,:()\[\]+-]", "?", text)

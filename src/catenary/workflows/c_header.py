@@ -1,23 +1,20 @@
 """A robot, and its calibration model, as one C header for the control loop of a real robot."""
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from catenary.arrays import Floats
 from catenary.calibration.c_source import c_correction
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
-from catenary.dynamics.lines import gravity_line, gravity_regressor_line
+from catenary.dynamics.actuation import ActuationLoads
 from catenary.errors import InputError
 from catenary.files import write_atomically
-from catenary.gravity.compact import compact_regressor
-from catenary.kernels.c99 import c_function, c_name, c_sines
-from catenary.kernels.tracing import evaluate
+from catenary.identification.files import load_identification
+from catenary.kernels.c99 import c_comment, c_name
 from catenary.robots.model import RobotModel
-from catenary.spatial import LEVEL
+from catenary.workflows.c_robot import c_gravity, c_motion, c_values
 
 
 @dataclass(frozen=True)
@@ -30,16 +27,23 @@ class Header:
 
 
 def c_header(
-    model: RobotModel | None, calibration: CalibrationModel | None = None, *, rate_hz: float = 1000.0
+    model: RobotModel | None,
+    calibration: CalibrationModel | None = None,
+    *,
+    rate_hz: float = 1000.0,
+    loads: ActuationLoads | None = None,
 ) -> Header:
-    """Write a robot's gravity torque, its regressor and the joint correction as one self-contained C99 header.
+    """Write a robot's law of motion, regressors of gravity and joint correction as one self-contained C99 header.
 
-    No memory is allocated, nothing but math.h is called, and it is valid C++11.
+    No memory is allocated, nothing but math.h is called, and it is valid C++11. Where links have masses but no
+    possible inertia the law is that of gravity alone.
 
     Args:
         model: The robot; the correction alone when None, or where links have no inertia.
         calibration: Its calibration model; no correction when None.
         rate_hz: Of the loop that the correction will run in [Hz]; matters to models with previous positions.
+        loads: The robot's friction, rotors, springs and known torques (`Identification.loads`), which the feedforward
+            then includes.
 
     Raises:
         MissingInertiaError: Links without inertia, and no calibration model.
@@ -60,9 +64,17 @@ def c_header(
                 "regressor; the header holds the correction alone"
             )
         else:
-            quantities, functions = _quantities(model, name)
+            quantities, functions = c_gravity(model, name)
+            if model.missing_tensor:
+                notes.append(
+                    f'robot "{model.name}": no possible inertia for {", ".join(model.missing_tensor)}, so gravity and '
+                    "its regressors alone, without mass matrix, inverse dynamics and feedforward"
+                )
+            else:
+                motion = c_motion(model, name, loads)
+                quantities, functions = quantities + motion.text, functions + motion.names
     guard = f"CATENARY_{name.upper()}_H"
-    what = "Calibration model" if model is None else f"Robot {_plain(model.name)}"
+    what = "Calibration model" if model is None else f"Robot {c_comment(model.name)}"
     text = [
         f"/* {what}, written by catenary. C99 and C++11; needs math.h, takes no memory.",
         "   Compile without -ffast-math. Angles in rad, lengths in m.",
@@ -100,43 +112,20 @@ def _other_joints(robot: RobotModel | CalibrationModel, calibration: Calibration
     ]
 
 
-def _quantities(model: RobotModel, name: str) -> tuple[list[str], list[str]]:
-    """Return gravity torque, its regressor and the compact one as text, and the names of their functions."""
-    if not np.isfinite(model.coupling).all() or not np.isfinite(model.offset).all():
-        raise InputError(f'robot "{model.name}": its coupling holds NaN or infinity')
-    gravity, regressor = gravity_line(model), gravity_regressor_line(model)
-    links = len(model.link_names)
-    q = [0.1 * (k % 7 + 1) for k in range(model.n)]  # to check at, none of them zero
-    text = [
-        "/* Gravity in m/s2 in the base frame, whose z points up on a level base: (0, 0, -9.81) there. */",
-        f"#define {name.upper()}_PARAMETERS {4 * links}",
-        "",
-        c_sines(name),
-        f"/* Torques out[{model.n}] [Nm, N] that hold the arm still at q[{model.n}] under gravity[3]; never negate.",
-        f"   {gravity.operations} sums and products. To check: q = {_values(q)}, gravity = {_values(LEVEL)}",
-        f"   gives {_values(evaluate(gravity, q=q, gravity=LEVEL.tolist()))}. */",
-        c_function(name, "gravity", gravity),
-        f"/* Regressor out[{model.n} x {4 * links}], row by row: torques = out s; s holds, for each link, its mass",
-        "   [kg] and first moment about the origin of its frame [kg m]: m, mx, my, mz. Links:",
-        f"   {', '.join(_plain(link) for link in model.link_names)}. {regressor.operations} sums and products. */",
-        c_function(name, "gravity_regressor", regressor),
-    ]
-    functions = [f"{name}_gravity", f"{name}_gravity_regressor"]
-    compact = compact_regressor(model)
-    if compact.labels:
-        text += [
-            f"#define {name.upper()}_COMPACT_PARAMETERS {len(compact.labels)}",
-            f"/* Compact regressor out[{model.n} x {len(compact.labels)}], row by row: torques = out s; s is without",
-            f"   what no joint feels, and equal entries are one. {compact.line().operations} sums and products. s:",
-            *(
-                f"     {_plain(label)} [{unit}]"
-                for label, unit in zip(compact.labels, compact.units, strict=True)
-            ),
-            f"   This robot's: {_values(list(compact.parameters()))}. */",
-            c_function(name, "compact_regressor", compact.line()),
-        ]
-        functions.append(f"{name}_compact_regressor")
-    return text, functions
+def read_identified(path: Path) -> tuple[RobotModel, ActuationLoads]:
+    """Return the robot of identified parameters, and its friction, rotors, springs and known torques.
+
+    Raises:
+        FileFormatError: No such file, or not identified parameters.
+        InputError: They were not fitted as those of bodies.
+    """
+    found, _ = load_identification(path)
+    if found.phi is None:
+        raise InputError(
+            f"{path}: holds combinations of links' parameters, from which no mass matrix follows; "
+            "identify once more with --consistent"
+        )
+    return found.robot(), found.loads()
 
 
 def write_header(header: Header, path: Path) -> None:
@@ -151,7 +140,7 @@ def write_header(header: Header, path: Path) -> None:
 def _correction_comment(model: CalibrationModel, corrector: Corrector) -> str:
     n = len(model.joint_names)
     names = zip(model.features.signals, model.features.units, strict=True)
-    signals = ", ".join(f"{_plain(name)} [{_plain(unit)}]" for name, unit in names)
+    signals = ", ".join(f"{c_comment(name)} [{c_comment(unit)}]" for name, unit in names)
     middle = model.groups[0].valid_range.mean
     q, x = np.zeros(n), np.zeros(len(model.features.signals))
     for column, value in zip(model.groups[0].watched, middle, strict=True):
@@ -167,8 +156,8 @@ def _correction_comment(model: CalibrationModel, corrector: Corrector) -> str:
             f"   one call a tick. q[{n}]: reported positions; signals[{len(x)}]: {signals}.",
             f"   inside[{n}]: 0 where the model is asked outside of what it has seen; a fixed offset is added there.",
             _interval_comment(model),
-            f"   To check, after reset: q = {_values(q)}, signals = {_values(x)}",
-            f"   gives {_values(out)}, inside {_values(inside.astype(float))}. */",
+            f"   To check, after reset: q = {c_values(q)}, signals = {c_values(x)}",
+            f"   gives {c_values(out)}, inside {c_values(inside.astype(float))}. */",
         ]
     )
 
@@ -182,14 +171,5 @@ def _interval_comment(model: CalibrationModel) -> str:
     )
 
 
-def _values(values: "Floats | list[float] | tuple[float, ...]") -> str:
-    return "(" + ", ".join(f"{value:.17g}" for value in values) + ")"
-
-
 def _joints(names: tuple[str, ...], units: tuple[str, ...]) -> str:
-    return ", ".join(f"{_plain(name)} [{unit}]" for name, unit in zip(names, units, strict=True))
-
-
-def _plain(text: str) -> str:
-    """Keep a name from a file from ending the comment that it stands in."""
-    return re.sub(r"[^A-Za-z0-9 _.,:()\[\]+-]", "?", text)
+    return ", ".join(f"{c_comment(name)} [{unit}]" for name, unit in zip(names, units, strict=True))

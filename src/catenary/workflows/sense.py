@@ -17,8 +17,8 @@ from catenary.sensing.vector import GravityReading, ReadingStatus, tilt_angle, t
 from catenary.simulation.sensors import SimulatedSensor
 
 _READ_EVERY = 0.005  # [s]
-_SETTLE = 0.1  # [s] for the first samples
-_STILL = 0.15  # [m/s2] standard deviation of an axis at rest: three times a cheap sensor's noise
+SETTLE = 0.1  # [s] for the first samples
+STILL = 0.15  # [m/s2] standard deviation of an axis at rest: three times a cheap sensor's noise
 
 
 @dataclass
@@ -127,7 +127,7 @@ def watch(
         raise InputError(f"duration: expected more than 0 s, got {duration}")
     tally = GravityTally()
     sums, count = np.zeros((2, 3)), 0
-    feed.wait(_SETTLE)
+    feed.wait(SETTLE)
     begin = feed.now()
     reading = source.read(begin)
     try:
@@ -184,12 +184,12 @@ def read_still(feed: Feed, *, seconds: float = 1.0, patience: float = 20.0) -> S
             continue
         if forces:
             noise = np.std(forces, axis=0)
-            if len(forces) >= 10 and (noise <= _STILL).all():
+            if len(forces) >= 10 and (noise <= STILL).all():
                 return StillReading(np.mean(forces, axis=0), np.mean(rates, axis=0) if rates else None)
         forces, rates, start = [], [], feed.now()
     if not np.isfinite(noise).all():
         raise SensorError(f"no samples within {patience:g} s")
     raise SensorError(
         f"the sensor did not stand still within {patience:g} s: its readings vary by {noise.max():.2f} m/s2, "
-        f"expected below {_STILL:g}"
+        f"expected below {STILL:g}"
     )

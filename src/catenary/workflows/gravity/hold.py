@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array
 from catenary.control.controller import Controller
 from catenary.control.gravity_pd import GravityPD
-from catenary.control.loop import Tick, run_loop
+from catenary.control.loop import GravitySource, Tick, run_loop
 from catenary.control.measures import Holding
 from catenary.errors import InputError
 from catenary.trajectories.in_turn import Rest
@@ -20,7 +20,13 @@ from catenary.workflows.robot.motion import check_motion
 
 
 def hold(
-    arm: SimulatedArm, controller: Controller, q: ArrayLike, seconds: float, *, settle: float = SETTLE
+    arm: SimulatedArm,
+    controller: Controller,
+    q: ArrayLike,
+    seconds: float,
+    *,
+    settle: float = SETTLE,
+    gravity: GravitySource | None = None,
 ) -> Holding:
     """Place an arm by PD and sensed gravity, then let the controller alone hold it.
 
@@ -30,6 +36,7 @@ def hold(
         q: (n,) where to [rad|m].
         seconds: How long to watch [s].
         settle: Time at q before [s].
+        gravity: Says what gravity is; what the plant says when None.
 
     Raises:
         LimitError: q lies outside the joint limits; nothing has moved.
@@ -45,7 +52,7 @@ def hold(
     whole, _ = with_approach(arm, Rest(pose, 0.0), settle)
     rate = 1.0 / plant.period
     limits = arm.limits()
-    run_loop(plant, placing, whole, limits=limits, rate_hz=rate)
+    run_loop(plant, placing, whole, limits=limits, rate_hz=rate, gravity=gravity)
     times: list[float] = []
     reported: list[Floats] = []
     true: list[Floats] = []
@@ -55,5 +62,14 @@ def hold(
         reported.append(tick.q_nominal)
         true.append(arm.q_true())
 
-    run_loop(plant, controller, Rest(pose, seconds), limits=limits, rate_hz=rate, observers=[observe])
-    return Holding(plant.joint_names, plant.joint_units, np.array(times), np.array(reported), np.array(true))
+    report = run_loop(
+        plant,
+        controller,
+        Rest(pose, seconds),
+        limits=limits,
+        rate_hz=rate,
+        gravity=gravity,
+        observers=[observe],
+    )
+    columns = np.array(times), np.array(reported), np.array(true)
+    return Holding(plant.joint_names, plant.joint_units, *columns, gravity=report.gravity)

@@ -1,7 +1,7 @@
 """A simulated arm with all that a controller of it needs: plant, model, gains, limits."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +16,7 @@ from catenary.control.gains import (
     torque_at_joints,
 )
 from catenary.control.limits import TorqueLimits
-from catenary.errors import UnsupportedModelError
+from catenary.errors import InputError, UnsupportedModelError
 from catenary.gravity.payload import Payload
 from catenary.plant import Plant
 from catenary.robots.catalog import RAVEN_SIDES, load_robot
@@ -55,6 +55,10 @@ def simulated_arm(
     seed: int | None = None,
     massless: Massless = (),
     strict: bool = False,
+    kp: ArrayLike | None = None,
+    kd: ArrayLike | None = None,
+    friction: ArrayLike | None = None,
+    viscous: ArrayLike | None = None,
 ) -> SimulatedArm:
     """Put an arm on a base, switch it on and home it.
 
@@ -69,12 +73,16 @@ def simulated_arm(
         seed: Draws another robot of the same kind, which cables have; the nominal one when None.
         massless: Links of a file that are meant to have no mass (`load_robot`).
         strict: Refuse inertias that no body has.
+        kp: Stiffness of PD, one number or (n,) [Nm/rad|N/m]; the arm's own when None.
+        kd: Its damping, likewise [Nms/rad|Ns/m].
+        friction: Coulomb friction of joints, one number or (n,) [Nm|N]; of a robot without cables.
+        viscous: Viscous friction, likewise [Nms/rad|Ns/m].
 
     Raises:
-        UnsupportedModelError: A seed for a robot that has no cables.
+        UnsupportedModelError: A seed for a robot that has no cables, or joint friction for one that has.
         MissingInertiaError: Links without inertia.
         MissingPackageError: MuJoCo, which moves robots without cables, is not installed.
-        InputError: A negative payload.
+        InputError: A negative payload, gain or friction, or another number of them than joints.
         NotReadyError: An axis that homes met no stop.
     """
     if robot not in RAVEN_SIDES:
@@ -83,10 +91,32 @@ def simulated_arm(
                 f'robot "{robot}": a seed draws the cables of {" or ".join(sorted(RAVEN_SIDES))}; this one has none'
             )
         model = load_robot(robot, massless=massless, strict=strict)
-        return rigid_arm(model, base=base, payload=payload)
+        hardware = JointHardware(
+            friction=0.0 if friction is None else friction, damping=0.0 if viscous is None else viscous
+        )
+        return with_gains(rigid_arm(model, base=base, payload=payload, hardware=hardware), kp, kd)
+    if friction is not None or viscous is not None:
+        raise UnsupportedModelError(
+            f'robot "{robot}": friction comes from its cables; joint friction is for robots without'
+        )
     plant = CablePlant(side=RAVEN_SIDES[robot], seed=seed, payload=payload, base=base)
     plant.home()
-    return raven_arm(plant)
+    return with_gains(raven_arm(plant), kp, kd)
+
+
+def with_gains(arm: SimulatedArm, kp: ArrayLike | None, kd: ArrayLike | None) -> SimulatedArm:
+    """Return an arm with other gains at its joints: one number for all, or (n,); its own where None.
+
+    Raises:
+        InputError: A gain is negative or not finite, or there are others than joints.
+    """
+    chosen = []
+    for name, own, given in zip(("kp", "kd"), arm.gains, (kp, kd), strict=True):
+        values = own if given is None else as_array(name, given, () if np.ndim(given) == 0 else own.shape)
+        if not (values >= 0.0).all():
+            raise InputError(f"{name}: expected zero or more, got {values.tolist()}")
+        chosen.append(np.broadcast_to(values, own.shape).copy())
+    return replace(arm, gains=JointGains(*chosen))
 
 
 def rigid_arm(
@@ -97,8 +127,9 @@ def rigid_arm(
     start: ArrayLike | None = None,
     gains: JointGains | None = None,
     motor_inertia: ArrayLike | None = None,
+    hardware: JointHardware | None = None,
 ) -> SimulatedArm:
-    """Simulate any robot as rigid bodies without friction, enabled; gains by rule where none are given.
+    """Simulate any robot as rigid bodies, enabled; gains by rule where none are given.
 
     Args:
         model: With inertia.
@@ -107,6 +138,7 @@ def rigid_arm(
         start: (n,) where it stands at first [rad|m]; zero, or the middle of its limits, when None.
         gains: Of its joints; gains_from_mass when None.
         motor_inertia: (n,) rotors as seen at the joints [kg m2|kg]; none when None.
+        hardware: Friction of its joints, none when None; its rotors are `motor_inertia`.
 
     Raises:
         MissingInertiaError: Links without inertia.
@@ -122,7 +154,7 @@ def rigid_arm(
         model,
         base=base,
         start=start,
-        hardware=JointHardware(armature=rotors),
+        hardware=replace(hardware or JointHardware(), armature=rotors),
         payload=Payload(payload) if payload != 0.0 else None,
     )
     plant.home()

@@ -61,9 +61,8 @@ def models_for(robot: str | None, asked: FitOptions) -> Mapping[str, FitOptions]
     positioning, everything, own = (POSITIONING_INPUTS, ("q", "tau"), RAVEN_INPUTS) if robot else (None,) * 3
 
     def of(kind: str, inputs: Any, preset: str | None = None) -> FitOptions:
-        ridge = asked.ridge if kind in ("auto", "linear", "polynomial") else None
         taken = inputs if asked.inputs is None else asked.inputs
-        return replace(asked, kind=kind, preset=preset, inputs=taken, ridge=ridge)  # type: ignore[arg-type]
+        return replace(asked.of_kind(kind, preset), inputs=taken)  # type: ignore[arg-type]
 
     return {
         "linear": of("linear", positioning),

@@ -1,0 +1,133 @@
+"""Friction, rotors, springs and known torques in C: what Python computes, alone and within the feedforward."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from catenary.dynamics.actuation import ActuationLoads, actuation_terms
+from catenary.dynamics.inverse_dynamics import inverse_dynamics
+from catenary.errors import InputError, MissingInertiaError
+from catenary.identification.files import identification_card, load_identification, save_identification
+from catenary.identification.identification import identify
+from catenary.identification.options import IdentifyOptions
+from catenary.robots.actuation import Actuation, Friction, KnownTorque, LeverSpring, MotorInertia, Spring
+from catenary.robots.catalog import load_robot
+from catenary.robots.model import RobotModel
+from catenary.spatial import LEVEL
+from catenary.workflows.c_header import c_header, read_identified
+from command_line import catenary, refusal
+from compiled_c import LANGUAGES, output_of, prefix_of, puts
+from moving_arm import recorded
+from oracles.random_trees import random_robot
+
+ROWS = 200
+ARM = load_robot("raven2")
+LAST = ("friction", "drives", "feedforward")
+
+
+def random_loads(n: int, rng: np.random.Generator) -> ActuationLoads:
+    """Two effects of every kind, on one coordinate and on a combination of all, with random numbers."""
+    one, mixed = np.eye(n)[rng.integers(n)], rng.normal(size=n)
+    lever = LeverSpring(0.01, 0.1, 0.06, float(rng.normal()))
+    actuation = Actuation(
+        friction=(Friction("one", one), Friction("mixed */ x", mixed, offset=False)),
+        motor_inertia=(MotorInertia("one", one), MotorInertia("mixed", mixed)),
+        springs=(Spring("linear", mixed), Spring("lever", one, lever)),
+        known_torques=(KnownTorque("cable", one, mixed, rng.normal(size=4)),),
+        coulomb_velocity=float(rng.choice([0.0, 0.02])),
+    )
+    terms = actuation_terms(actuation)
+    return ActuationLoads(n, actuation, terms, rng.normal(size=len(terms)))
+
+
+def torques_in_c(model: RobotModel, loads: ActuationLoads, rows: np.ndarray, folder: Path, language: str):
+    """Friction, drives, feedforward on a base at rest: (N, n) each."""
+    header, n = c_header(model, loads=loads).text, model.n
+    name = prefix_of(header)
+    q, qd, qdd, g = (f"r + {k * n}" for k in range(4))
+    body = (
+        f"  double f[{n}], d[{n}], t[{n}];\nLOOP  {name}_friction({qd}, f);\n  {name}_drives({q}, {qdd}, d);\n"
+        f"  {name}_feedforward({q}, {qd}, {qdd}, {g}, NULL, NULL, t);\n" + puts(f=n, d=n, t=n)
+    )
+    return np.split(output_of(header, body, rows, folder, language), 3, axis=1)
+
+
+def assert_are_pythons(seed: int, folder: Path, language: str) -> None:
+    model, rng = random_robot(seed).model, np.random.default_rng(seed)
+    loads, n = random_loads(model.n, rng), model.n
+    rows = np.hstack([rng.normal(size=(ROWS, 3 * n)), 5.0 * rng.normal(size=(ROWS, 3))])
+    rows[:20, n : 2 * n] = 0.0  # at rest
+    q, qd, qdd, gravity = np.split(rows, [n, 2 * n, 3 * n], axis=1)
+    friction, drives, feedforward = torques_in_c(model, loads, rows, folder, language)
+    expected = loads.torque(q, qd, qdd)
+    offset = friction[0]  # at rest
+    still = loads.torque(0 * q, 0 * qd, 0 * qdd)
+    scale = 1e-12 * np.abs(expected).max()
+    assert_allclose(friction + drives, expected, rtol=0.0, atol=scale)
+    assert_allclose(friction, loads.torque(0 * q, qd, 0 * qdd) - still + offset, rtol=0.0, atol=scale)
+    law = inverse_dynamics(model, q, qd, qdd, gravity) + expected
+    assert (np.abs(feedforward - law).max(axis=0) <= 1e-12 * np.abs(law).max(axis=0)).all()
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_actuation_in_c_is_pythons(language: str, tmp_path: Path) -> None:
+    for seed in (1, 12):
+        assert_are_pythons(seed, tmp_path, language)
+
+
+@pytest.mark.slow
+@given(seed=st.integers(0, 1_000_000))
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_actuation_of_many_robots_is_pythons(seed: int, tmp_path: Path) -> None:
+    assert_are_pythons(seed, tmp_path, "C99")
+
+
+def test_nan_of_a_speed_stays_nan_in_friction(tmp_path: Path) -> None:
+    model = load_robot("two_link")
+    actuation = Actuation(friction=(Friction("a", np.eye(2)[0], viscous=False, offset=False),))
+    loads = ActuationLoads(2, actuation, actuation_terms(actuation), np.array([1.5]))
+    rows = np.zeros((1, 9))
+    rows[0, 2] = np.nan
+    friction, _, feedforward = torques_in_c(model, loads, rows, tmp_path, "C99")
+    assert np.isnan([friction[0, 0], feedforward[0, 0]]).all()
+    assert friction[0, 1] == 0.0
+
+
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("identified") / "arm.npz"
+    found = identify([recorded(ARM, 0)], ARM, IdentifyOptions(consistent=True))
+    save_identification(found, identification_card(found, []), path)
+    return path
+
+
+def test_an_identified_robots_feedforward_is_what_its_identification_predicts(
+    identified: Path, tmp_path: Path
+) -> None:
+    found, _ = load_identification(identified)
+    rng = np.random.default_rng(2)
+    model, loads = read_identified(identified)
+    n = model.n
+    rows = np.hstack([rng.normal(size=(ROWS, 3 * n)), np.tile(LEVEL, (ROWS, 1))])
+    _, _, feedforward = torques_in_c(model, loads, rows, tmp_path, "C99")
+    expected = found.predict(*np.split(rows[:, : 3 * n], 3, axis=1))
+    # base parameters are combinations of the links', rounded on the way
+    assert_allclose(feedforward, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+    written = catenary("export", identified, "--c", tmp_path / "arm.h", "--json")
+    assert written.json["functions"][-3:] == [
+        f"{prefix_of((tmp_path / 'arm.h').read_text())}_{f}" for f in LAST
+    ]
+
+
+def test_parameters_that_are_no_bodies_are_refused_with_the_way_out(tmp_path: Path) -> None:
+    found = identify([recorded(ARM, 0)], ARM, IdentifyOptions())
+    with pytest.raises(MissingInertiaError):
+        found.loads()
+    save_identification(found, identification_card(found, []), tmp_path / "arm.npz")
+    with pytest.raises(InputError, match="identify once more with --consistent"):
+        read_identified(tmp_path / "arm.npz")
+    assert "--consistent" in refusal("export", tmp_path / "arm.npz", "--c", tmp_path / "arm.h")
