@@ -11,9 +11,8 @@ from typing import IO, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.documents import cut, shortened
+from catenary.documents import cut, no_file, shortened
 from catenary.errors import FileFormatError
-from catenary.files import no_file
 
 # [B] that any file may unpack to, as numbers of 8 bytes; a longer one to RATIO times its length
 MOST = 128 * 2**20

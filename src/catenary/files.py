@@ -85,11 +85,6 @@ def card_path(path: Path) -> Path:
     return path.parent / f"{path.name.removesuffix('.npz')}.card.json"
 
 
-def no_file(path: Path) -> str:
-    """Return what is said of a path that is no file."""
-    return f"{path}: is a folder, expected a file" if path.is_dir() else f"{path}: no such file"
-
-
 def damage(path: Path, why: object, remedy: str) -> str:
     """Return what is said of a file that does not hold what was written: which, what is wrong, what makes it again."""
     is_empty = path.is_file() and path.stat().st_size == 0

@@ -9,8 +9,8 @@ import numpy as np
 
 from catenary.archives import read_arrays
 from catenary.arrays import Floats, frozen
+from catenary.documents import no_file
 from catenary.errors import FileFormatError, InputError
-from catenary.files import no_file
 from catenary.plant import MotionLog
 from catenary.recording.importers import is_number
 from catenary.recording.logs import read_parquet
