@@ -70,6 +70,7 @@ bench: $(VENV)/.benchmarks
 	$(BIN)/python -m tests.benchmarks.cable_plant --json build/benchmarks/cable_plant.json
 	$(BIN)/python -m tests.benchmarks.mujoco_plant --json build/benchmarks/mujoco_plant.json
 	$(BIN)/python -m tests.benchmarks.kernels --json build/benchmarks/kernels.json
+	$(BIN)/python -m tests.benchmarks.c_law --json build/benchmarks/c_law.json
 	$(BIN)/python -m tests.benchmarks.regressor --json build/benchmarks/regressor.json
 
 bench-ros1: $(VENV)/.development

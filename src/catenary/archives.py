@@ -3,6 +3,7 @@
 import tokenize
 import zipfile
 import zlib
+from collections.abc import Collection
 from pathlib import Path
 from struct import error as StructError
 from typing import IO, Any, Literal
@@ -10,7 +11,7 @@ from typing import IO, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.documents import cut, shortened
+from catenary.documents import cut, no_file, shortened
 from catenary.errors import FileFormatError
 
 # [B] that any file may unpack to, as numbers of 8 bytes; a longer one to RATIO times its length
@@ -18,6 +19,7 @@ MOST = 128 * 2**20
 RATIO = 20
 MOST_ARRAYS = 1000  # of an archive; a model of many joints has some 50
 MOST_HEADER = 10_000  # characters of an array's header, as in NumPy
+_TOLD = 8  # names of arrays that a message lists
 _PLAIN = "biufcSU"  # kinds of numbers and texts
 # what zipfile and NumPy raise on a file that is no archive, damaged, encrypted, or holds something else
 _UNREADABLE = (
@@ -34,7 +36,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
             objects, structures), or unpacks to more than `MOST` bytes and `RATIO` times its length.
     """
     if not path.is_file():
-        raise FileFormatError(f"{path}: no such file")
+        raise FileFormatError(no_file(path))
     try:
         most = max(MOST, RATIO * path.stat().st_size)
         with zipfile.ZipFile(path) as archive:
@@ -53,6 +55,16 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     return arrays
 
 
+def content_in_words(names: Collection[str]) -> str:
+    """Return what an archive is that was taken for something else: its kind, or its first arrays."""
+    if {"structure", "combination"} <= set(names):
+        return "it holds an arm's parameters, written by catenary identify"
+    if {"structure", "card"} <= set(names):
+        return "it holds a calibration model, written by catenary fit"
+    more = f" and {len(names) - _TOLD} more" if len(names) > _TOLD else ""
+    return f"it holds {', '.join(cut(name) for name in list(names)[:_TOLD]) or 'nothing'}{more}"
+
+
 def read_array(path: Path) -> NDArray[Any]:
     """Read a `.npy` file of numbers or texts.
 
@@ -60,7 +72,7 @@ def read_array(path: Path) -> NDArray[Any]:
         FileFormatError: As for `read_arrays`.
     """
     if not path.is_file():
-        raise FileFormatError(f"{path}: no such file")
+        raise FileFormatError(no_file(path))
     try:
         size = path.stat().st_size
         with path.open("rb") as file:

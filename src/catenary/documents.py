@@ -32,6 +32,11 @@ _LONG_KEY = re.compile(rf"(?<![\w-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{MOST_PA
 _CHUNK = 65_536  # bytes of XML, after each of which a refusal ends the reading
 
 
+def no_file(path: Path) -> str:
+    """Return what is said of a path that is no file."""
+    return f"{path}: is a folder, expected a file" if path.is_dir() else f"{path}: no such file"
+
+
 def read_bounded(path: Path, most: int) -> bytes:
     """Return a file's bytes.
 

@@ -30,8 +30,10 @@ using namespace pinocchio;
 typedef Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> Matrix;
 typedef Eigen::Map<const Eigen::Vector3d> Vector;
 
-extern "C" void gravity_rows(long joints, const long *parents, const double *numbers, long count,
-                             const double *q, double *out) {
+typedef Eigen::Map<Eigen::VectorXd> Out;
+typedef Eigen::Map<const Eigen::VectorXd> In;
+
+static Model built(long joints, const long *parents, const double *numbers) {
   Model model;
   for (long i = 0; i < joints; ++i, numbers += 26) {
     const SE3 place(Matrix(numbers), Vector(numbers + 9));
@@ -41,10 +43,25 @@ extern "C" void gravity_rows(long joints, const long *parents, const double *num
     const Inertia body(numbers[12], Vector(numbers + 13), Matrix(numbers + 16));
     model.appendBodyToJoint(joint, body, SE3::Identity());
   }
+  return model;
+}
+
+extern "C" void gravity_rows(long joints, const long *parents, const double *numbers, long count,
+                             const double *q, double *out) {
+  const Model model = built(joints, parents, numbers);
   Data data(model);
   for (long k = 0; k < count; ++k)
-    Eigen::Map<Eigen::VectorXd>(out + k * joints, joints) = computeGeneralizedGravity(
-        model, data, Eigen::Map<const Eigen::VectorXd>(q + k * joints, joints));
+    Out(out + k * joints, joints) = computeGeneralizedGravity(model, data, In(q + k * joints, joints));
+}
+
+/* rows of q, qd, qdd */
+extern "C" void motion_rows(long joints, const long *parents, const double *numbers, long count,
+                            const double *rows, double *out) {
+  const Model model = built(joints, parents, numbers);
+  Data data(model);
+  for (long k = 0; k < count; ++k, rows += 3 * joints)
+    Out(out + k * joints, joints) =
+        rnea(model, data, In(rows, joints), In(rows + joints, joints), In(rows + 2 * joints, joints));
 }
 """
 
@@ -67,8 +84,12 @@ def _library(folder: Path) -> ctypes.CDLL | None:
     return ctypes.CDLL(str(library))
 
 
-def cpp_loop(model: RobotModel, q: Floats, out: Floats, folder: Path) -> Callable[[], None] | None:
+def cpp_loop(
+    model: RobotModel, q: Floats, out: Floats, folder: Path, *, motion: bool = False
+) -> Callable[[], None] | None:
     """Return a call that writes gravity torques (N, n) at q (N, n), or None without compiler or headers.
+
+    With `motion` they are torques of motions, by `rnea`, at rows (q, qd, qdd) (N, 3 n).
 
     The model is as `robots.pinocchio_robot` takes it, with joints along z only; it is built anew at every call.
     """
@@ -79,7 +100,7 @@ def cpp_loop(model: RobotModel, q: Floats, out: Floats, folder: Path) -> Callabl
     parents = np.ascontiguousarray(tree.parent + 1, dtype=np.int64)
     rows = (tree.rotation, tree.origin, tree.mass, tree.com, tree.inertia, tree.prismatic)
     numbers = np.hstack([np.asarray(each, dtype=float).reshape(model.n, -1) for each in rows])
-    run = library.gravity_rows
+    run = library.motion_rows if motion else library.gravity_rows
     number, array = ctypes.c_long, ctypes.c_void_p
     run.argtypes = [number, array, array, number, array, array]
     run.restype = None

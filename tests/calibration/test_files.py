@@ -131,6 +131,18 @@ def test_what_is_no_model_is_refused(path: Path, write: Callable[[Path], Any], m
         load_model(path)
 
 
+def test_a_file_of_another_kind_is_no_damaged_model(tmp_path: Path) -> None:
+    (tmp_path / "run.parquet").write_bytes(b"PAR1 and what follows")
+    with pytest.raises(FileFormatError, match=r"run.parquet: is no calibration model; expected one \(.npz\)"):
+        load_model(tmp_path / "run.parquet")
+
+
+def test_parameters_are_called_by_their_name_where_a_model_is_expected(path: Path) -> None:
+    np.savez(path, structure="{}", card="{}", combination=np.zeros(1), beta=np.zeros(1))
+    with pytest.raises(FileFormatError, match="it holds an arm's parameters, written by catenary identify"):
+        load_model(path)
+
+
 def test_failed_write_leaves_the_old_model_and_nothing_else(path, monkeypatch) -> None:
     save_model(fitted(LOG, kind="offset"), CARD, path)
     before = {p.name: p.read_bytes() for p in path.parent.iterdir()}

@@ -226,4 +226,4 @@ def test_what_cannot_be_exported_is_refused():
     with pytest.raises(InputError, match="no frame"):
         export_function(arm, "forward_kinematics", "jax", frame="nose")
     with pytest.raises(MissingInertiaError):
-        export_function(load_robot("panda"), "gravity", "c99")
+        export_function(load_robot("tiago"), "gravity", "c99")

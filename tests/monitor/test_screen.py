@@ -74,3 +74,12 @@ def test_a_pipe_gets_one_line() -> None:
     assert "\n" not in line
     assert "shoulder=30.00deg" in line
     assert "4 ticks late" in line
+
+
+def test_a_line_tells_calibrated_and_measured_joints_where_there_are_any() -> None:
+    calibrated = np.array([np.pi / 4, np.pi / 3, 0.41, 0.0, 0.0, 0.0, np.nan])
+    line = plain_line(sample(calibrated=calibrated, encoder=calibrated[:3]))
+    assert "  calibrated 45.00 60.00 410.00 0.00 0.00 0.00 -" in line
+    assert "  measured 45.00 60.00 410.00" in line
+    assert "calibrated" not in plain_line(sample(encoder=np.full(3, np.nan)))
+    assert "measured" not in plain_line(sample(encoder=np.full(3, np.nan)))

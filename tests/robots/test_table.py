@@ -120,3 +120,19 @@ def test_a_wrong_key_is_refused_by_file_row_and_key(load, text, said):
 def test_numbers_that_make_no_robot_are_refused_by_file_and_row(load, text, error, said):
     with pytest.raises(error, match=rf"robot\.toml: .*{said}"):
         load(text)
+
+
+def test_limits_of_torque_and_force_are_the_models(load):
+    model = load(ONE + "effort_nm = 87\n" + row("b", joint="prismatic", more=MASS + "effort_n = 5\n"))
+    assert_array_equal(model.effort_limit, [87.0, 5.0])
+    assert load(ONE).effort_limit[0] == np.inf
+
+
+@pytest.mark.parametrize(
+    ("joint", "key", "other"), [("revolute", "effort_n", "effort_nm"), ("prismatic", "effort_nm", "effort_n")]
+)
+def test_a_limit_in_the_other_kinds_unit_is_refused(load, joint, key, other):
+    with pytest.raises(ConfigError, match=f'"a" is in .*: expected {other} for its limits'):
+        load(HEAD + row("a", joint=joint, more=MASS + f"{key} = 3\n"))
+    with pytest.raises(ConfigError, match=f"{other}"):
+        load(HEAD + row("a", joint=joint, more=MASS + f"{other} = -3\n"))

@@ -1,5 +1,6 @@
 """Friction, rotors, springs and known torques in C: what Python computes, alone and within the feedforward."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.actuation import ActuationLoads, actuation_terms
+from catenary.dynamics.actuation import ActuationLoads, actuation_terms, joint_friction
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import InputError, MissingInertiaError
 from catenary.identification.files import identification_card, load_identification, save_identification
@@ -131,3 +132,24 @@ def test_parameters_that_are_no_bodies_are_refused_with_the_way_out(tmp_path: Pa
     with pytest.raises(InputError, match="identify once more with --consistent"):
         read_identified(tmp_path / "arm.npz")
     assert "--consistent" in refusal("export", tmp_path / "arm.npz", "--c", tmp_path / "arm.h")
+
+
+def test_friction_given_by_hand_is_in_the_feedforward(tmp_path: Path) -> None:
+    given = ("--friction", "0.5,0.4", "--viscous", "0.1", "--c", tmp_path / "arm.h")
+    assert catenary("export", "two_link", *given).code == 0
+    model = load_robot("two_link")
+    loads = joint_friction(model, [0.5, 0.4], 0.1)
+    assert (tmp_path / "arm.h").read_text() == c_header(model, loads=loads).text
+    _, _, torque = torques_in_c(model, loads, np.array([[0, 0, 1.0, -2.0, 0, 0, 0, 0, 0]]), tmp_path, "C99")
+    moving = inverse_dynamics(model, [0, 0], [1.0, -2.0], [0, 0], [0, 0, 0])  # unloaded by gravity
+    assert_allclose(torque[0], moving + np.array([0.5 + 0.1, -0.4 - 0.2]), rtol=0.0, atol=1e-14)
+
+
+def test_friction_that_would_be_lost_or_cannot_be_is_refused(tmp_path: Path) -> None:
+    out = ("--c", tmp_path / "arm.h", "--friction")
+    assert "expected zero or more of every joint" in refusal("export", "two_link", *out, "0.1,-0.1")
+    assert "friction: expected shape (2,)" in refusal("export", "two_link", *out, "1,2,3")
+    assert "identified parameters have their own" in refusal("export", tmp_path / "arm.npz", *out, "1")
+    arm = load_robot("two_link")
+    with pytest.raises(MissingInertiaError, match="link2"):
+        c_header(replace(arm, missing_tensor=("link2",)), loads=joint_friction(arm, 1.0, 0.0))

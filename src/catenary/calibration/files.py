@@ -4,12 +4,13 @@ import io
 import json
 from pathlib import Path
 from typing import Annotated, Any, Literal
+from zipfile import is_zipfile
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from catenary.archives import read_arrays
+from catenary.archives import content_in_words, read_arrays
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel, Card, JointGroup, Target
@@ -118,11 +119,14 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
     except FileFormatError as error:
         if not path.is_file():
             raise
+        if path.suffix not in ("", ".npz") and not is_zipfile(path):
+            raise FileFormatError(
+                f"{path}: is no calibration model; expected one (.npz) that catenary fit wrote"
+            ) from error
         raise FileFormatError(damage(path, str(error).removeprefix(f"{path}: "), remedy)) from error
-    if "structure" not in arrays or "card" not in arrays:
+    if not {"structure", "card"} <= set(arrays) or "combination" in arrays:
         raise FileFormatError(
-            f"{path}: is no calibration model (it holds {', '.join(arrays) or 'nothing'}); "
-            "models are written by catenary fit"
+            f"{path}: is no calibration model ({content_in_words(arrays)}); models are written by catenary fit"
         )
     try:
         for key, values in arrays.items():

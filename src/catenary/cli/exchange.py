@@ -8,7 +8,7 @@ from typer import Argument, Option
 from catenary.cli.options import AsJson, MappingOptions, robots_beginning
 from catenary.cli.out_files import GRAPH, HEADER, LOG, NAMED_AS_TYPED, out_path, refuse_outputs
 from catenary.cli.robots import DescriptionOptions
-from catenary.cli.terminal import print_fact, print_json, print_notes
+from catenary.cli.terminal import numbers, print_fact, print_json, print_notes
 from catenary.errors import InputError
 
 
@@ -38,6 +38,12 @@ def export(
             help="Rate of the loop that the model will run in. [default: 1000 in C, the training rows' in ONNX]",
         ),
     ] = None,
+    friction: Annotated[
+        str | None, Option(metavar="F,F,...", help="Coulomb friction of the joints in Nm and N, for --c.")
+    ] = None,
+    viscous: Annotated[
+        str | None, Option(metavar="F,F,...", help="Viscous friction in Nms/rad and Ns/m, likewise.")
+    ] = None,
     as_json: Annotated[bool, Option("--json", help="Print JSON instead of text.")] = False,
 ) -> None:
     """Write a robot as C, or a model as an ONNX graph.
@@ -59,8 +65,15 @@ def export(
         raise InputError(f"export: expected {needed}")
     read = [Path(each) for each in (what, model) if each is not None]
     refuse_outputs({"--c": (c, HEADER), "--onnx": (onnx, GRAPH)}, read)
+    given = {"friction": friction, "viscous": viscous}
+    forces = {name: numbers(f"--{name}", text) for name, text in given.items() if text is not None}
+    if forces and (what is None or c is None or what.endswith(".npz")):
+        raise InputError(
+            "export: --friction and --viscous are for --c of a robot by name or description; identified parameters "
+            "have their own"
+        )
     if c is not None:
-        _c(what, description, c, model, 1000.0 if rate_hz is None else rate_hz, as_json)
+        _c(what, description, c, model, 1000.0 if rate_hz is None else rate_hz, forces, as_json)
     elif onnx is not None and what is not None:
         if model is not None:
             raise InputError(f"export: --onnx writes WHAT, {what}, which is the model; leave --model out")
@@ -73,9 +86,11 @@ def _c(
     out: Path,
     model: Path | None,
     rate_hz: float,
+    forces: dict[str, tuple[float, ...]],
     as_json: bool,
 ) -> None:
     from catenary.calibration.files import load_model
+    from catenary.dynamics.actuation import joint_friction
     from catenary.workflows.c_header import c_header, read_identified, write_header
 
     calibration = None if model is None else load_model(model)[0]
@@ -83,6 +98,9 @@ def _c(
     known = None if robot is None or robot.endswith(".npz") else description.load(robot)
     if robot is not None and robot.endswith(".npz"):
         known, loads = read_identified(Path(robot))
+    elif known is not None and forces:
+        each = {name: values[0] if len(values) == 1 else values for name, values in forces.items()}
+        loads = joint_friction(known, each.get("friction", 0.0), each.get("viscous", 0.0))
     header = c_header(known, calibration, rate_hz=rate_hz, loads=loads)
     write_header(header, out)
     print_notes(header.notes)

@@ -243,6 +243,7 @@ def evaluate(
     from catenary.workflows.fit import evaluate_calibration, evaluation_summary
 
     refuse_outputs({"--report": (report, PAGE)}, [model, *data])
+    arm = None if robot is None else load_robot(robot)
     result = evaluate_calibration(
         model,
         data,
@@ -264,7 +265,7 @@ def evaluate(
             tested_on += f" (no test: the model was fitted to {', '.join(result.seen_in_training)})"
         write_calibration_report(
             report, result.model, result.card, result.evaluation, tested_on=tested_on, notes=result.notes,
-            unseen=not result.seen_in_training, robot=None if robot is None else load_robot(robot),
+            unseen=not result.seen_in_training, robot=arm,
         )  # fmt: skip
         if not as_json:
             print(f"page: {report}")

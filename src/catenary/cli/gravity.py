@@ -155,11 +155,11 @@ def track(
             f"--kp and --kd: {controller} has gains of accelerations; they go with pd, sg, dg, elastic-*"
         )
     arm = conditions.arm(robot, description)
+    law = make_controller(controller, arm, damping=damping)  # type: ignore[arg-type]  # refuses what it does not know
     chosen = make_motion(
         motion, arm.model, arm.plant, np.random.default_rng(conditions.seed or 0),
         q_start=given_joints(arm.model, q, q_deg), amplitude=amplitude_mm / 1000.0, axes=words(axes), seconds=seconds,
     )  # fmt: skip
-    law = make_controller(controller, arm, damping=damping)  # type: ignore[arg-type]  # refuses what it does not know
     source = conditions.gravity(arm, sensing)
     result = run(arm, law, chosen.trajectory, windows=chosen.windows, gravity=source)
     settings = {"robot": robot, "controller": controller, "motion": motion, "damping": damping}

@@ -3,9 +3,12 @@
 from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats
-from catenary.robots.actuation import Actuation, LeverSpring
+from catenary.arrays import Floats, as_array
+from catenary.errors import InputError
+from catenary.robots.actuation import Actuation, Friction, LeverSpring
+from catenary.robots.model import RobotModel
 
 ActuationKind = Literal["coulomb", "viscous", "offset", "motor_inertia", "spring"]
 NEVER_NEGATIVE: tuple[ActuationKind, ...] = ("coulomb", "viscous", "motor_inertia", "spring")
@@ -33,6 +36,30 @@ class ActuationLoads(NamedTuple):
         columns = actuation_columns(self.terms, q, qd, qdd, self.actuation.coulomb_velocity)
         torque: Floats = columns @ self.values + known_torque(self.actuation, q)
         return torque
+
+
+def joint_friction(model: RobotModel, coulomb: ArrayLike, viscous: ArrayLike) -> ActuationLoads:
+    """Return friction of every joint with given numbers.
+
+    Args:
+        model: The robot; its file may state at which speed Coulomb friction is smooth.
+        coulomb: One number for all joints or (n,), zero or more [Nm or N].
+        viscous: Likewise [Nms/rad or Ns/m].
+
+    Raises:
+        InputError: Another number of them, a negative one, NaN or infinity.
+    """
+    values = np.empty((model.n, 2))
+    for column, (name, given) in enumerate((("friction", coulomb), ("viscous", viscous))):
+        values[:, column] = as_array(name, given, () if np.ndim(given) == 0 else (model.n,))
+        if (values[:, column] < 0.0).any():
+            raise InputError(f"{name}: expected zero or more of every joint, got {values[:, column]}")
+    rows = zip(model.joint_names, np.eye(model.n), strict=True)
+    smooth = 0.0 if model.actuation is None else model.actuation.coulomb_velocity
+    actuation = Actuation(
+        friction=tuple(Friction(name, row, offset=False) for name, row in rows), coulomb_velocity=smooth
+    )
+    return ActuationLoads(model.n, actuation, actuation_terms(actuation), values.ravel())
 
 
 def actuation_terms(actuation: Actuation, *, static: bool = False) -> tuple[ActuationTerm, ...]:

@@ -152,11 +152,20 @@ class CompactRegressor:
         return self._entries(latex=False)
 
     def latex(self) -> str:
-        """Return the regressor on a level base, and its parameters, for LaTeX."""
+        """Return the regressor on a level base, its entries of more than three terms, and its parameters, for LaTeX.
+
+        An entry that takes more than 64 terms on the way stays a name, Z_{r,c}.
+        """
         rows = r" \\ ".join(" & ".join(row) for row in self._entries(latex=True))
         vector = r" \\ ".join(f"s_{{{k + 1}}}" for k in range(len(self.expressions)))
         lines = [
             rf"g = g_c \begin{{bmatrix}} {rows} \end{{bmatrix}} \begin{{bmatrix}} {vector} \end{{bmatrix}}"
+        ]
+        lines += [
+            f"Z_{{{r},{c}}} = {terms_text(terms, latex=True)}"
+            for r, row in enumerate(self._terms(), 1)
+            for c, terms in enumerate(row, 1)
+            if terms is not None and len(terms) > SHORT
         ]
         lines += [f"s_{{{k + 1}}} = {expression_latex(e)}" for k, e in enumerate(self.expressions)]
         return "\n".join(lines)
@@ -178,6 +187,19 @@ class CompactRegressor:
         return "\n".join(lines)
 
     def _entries(self, *, latex: bool) -> list[list[str]]:
+        name = "Z_{{{},{}}}" if latex else "Z{},{}"
+        return [
+            [
+                terms_text(terms, latex=latex)
+                if terms is not None and len(terms) <= SHORT
+                else name.format(r + 1, c + 1)
+                for c, terms in enumerate(row)
+            ]
+            for r, row in enumerate(self._terms())
+        ]
+
+    def _terms(self) -> list[list[Terms | None]]:
+        """Return the entries on a level base as sums of products, (n, p); None for what is too long."""
         columns = []
         for c in range(len(self.expressions)):
             # merged masses have one expression but several columns: their sum would be long
@@ -189,16 +211,7 @@ class CompactRegressor:
             elif len(own) == 1:
                 column = moment_entries(self.model, link, np.eye(3)[along], LEVEL)
             columns.append(column)
-        name = "Z_{{{},{}}}" if latex else "Z{},{}"
-        table = []
-        for r in range(self.model.n):
-            row = []
-            for c, column in enumerate(columns):
-                terms = column[r]
-                short = terms is not None and len(terms) <= SHORT
-                row.append(terms_text(terms or {}, latex=latex) if short else name.format(r + 1, c + 1))
-            table.append(row)
-        return table
+        return [[column[r] for column in columns] for r in range(self.model.n)]
 
 
 def compact_regressor(model: RobotModel) -> CompactRegressor:

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, JsonValue
 
 from catenary import __version__
-from catenary.archives import read_arrays
+from catenary.archives import content_in_words, read_arrays
 from catenary.arrays import Floats
 from catenary.config import Recorded, parse_settings
 from catenary.documents import cut, json_table, shortened
@@ -173,7 +173,7 @@ def load_identification(path: Path) -> tuple[Identification, Card]:
     arrays = read_arrays(path)
     if not {"structure", "card", "beta", "combination"} <= set(arrays):
         raise FileFormatError(
-            f"{path}: holds no identified parameters (it holds {', '.join(arrays) or 'nothing'}); "
+            f"{path}: holds no identified parameters ({content_in_words(arrays)}); "
             "they are written by catenary identify"
         )
     try:

@@ -58,11 +58,19 @@ def monitor_lines(
 
 
 def plain_line(shot: Snapshot) -> str:
-    """Return one line for a pipe or a file: time, state, reported joints in deg and mm, warnings."""
+    """Return one line for a pipe or a file: time, state, joints in deg and mm, warnings.
+
+    Reported joints by name; calibrated and measured ones, where there are any, in the same order and units.
+    """
     values = " ".join(
         f"{joint}={_human(value, unit):.2f}{'deg' if unit == 'rad' else 'mm'}"
         for joint, value, unit in zip(shot.joint_names, shot.q, shot.joint_units, strict=True)
     )
+    for name, others in (("calibrated", shot.calibrated), ("measured", shot.encoder)):
+        if others is not None and np.isfinite(others).any():
+            told = zip(others, shot.joint_units, strict=False)  # a robot's encoders are at its first joints
+            shown = (f"{_human(value, unit):.2f}" if np.isfinite(value) else "-" for value, unit in told)
+            values += f"  {name} {' '.join(shown)}"
     if shot.tip_error is not None:
         values += f"  tip {_tip_errors(shot)}"
     warnings = "; ".join(shot.warnings())

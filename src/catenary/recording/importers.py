@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.archives import read_arrays
+from catenary.archives import content_in_words, read_arrays
 from catenary.documents import shortened
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
@@ -43,8 +43,8 @@ def read_command_log(
     for key in ("q_des", "q_act", "ok"):
         if key not in content:
             raise FileFormatError(
-                f'{path}: array "{key}" is missing; a command log has q_des (N, n), q_act (N, n) and ok (N,), '
-                f"this file has {', '.join(content) or 'none'}"
+                f'{path}: array "{key}" is missing; a command log has q_des (N, n), q_act (N, n) and ok (N,); '
+                f"{content_in_words(content)}"
             )
     q_nominal = numbers_of(path, content, "q_des", 2)
     rows, n = q_nominal.shape
@@ -54,7 +54,7 @@ def read_command_log(
         raise InputError(f"{path}: q_des has {n} joints, but {len(names)} joint names: {', '.join(names)}")
     stated = _texts(path, content, "units")
     given = tuple(units) if units is not None else stated
-    if stated and given != stated:
+    if len(given) == n and stated and given != stated:
         raise InputError(f"{path}: states the units {','.join(stated)}, but {','.join(given)} were given")
     assumed = not given
     given = given or _assumed_units(path, n)

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.archives import read_arrays
+from catenary.archives import content_in_words, read_arrays
 from catenary.arrays import Floats
-from catenary.documents import cut, json_table, shortened
+from catenary.documents import cut, json_table, no_file, shortened
 from catenary.errors import FileFormatError, InputError
 from catenary.files import damage, sha256_of, written_whole
 from catenary.plant import MotionLog
@@ -40,7 +40,7 @@ def read_log(
     """
     path = Path(path)
     if not path.is_file():
-        raise FileFormatError(f"{path}: no such file")
+        raise FileFormatError(no_file(path))
     ending = table_ending(path)
     if ending == ".parquet":
         return read_parquet(path, units=units, joint_names=joint_names)
@@ -213,7 +213,7 @@ def read_torque_log(path: Path, model: RobotModel) -> MotionLog:
     if "q" not in content or not {"tau", "effort"} & set(content):
         raise FileFormatError(
             f"{path}: expected arrays q (N, n) and tau (N, n), and dq, fs or t where the robot moves; "
-            f"this file has {', '.join(content) or 'none'}"
+            f"{content_in_words(content)}"
         )
     q = numbers("q", 2)
     notes: tuple[str, ...] = ()
@@ -261,13 +261,17 @@ def _require_same(
     given_names: Sequence[str] | None,
 ) -> None:
     """Refuse units or names that contradict the file's."""
-    if given_units is not None and tuple(given_units) != tuple(joint_units):
-        raise InputError(
-            f"{path}: states the units {','.join(joint_units)}, but {','.join(given_units)} were given"
-        )
     if given_names is not None and tuple(given_names) != tuple(names):
         raise InputError(
             f"{path}: states the joints {', '.join(names)}, but {', '.join(given_names)} were given"
+        )
+    if given_units is not None and len(given_units) != len(joint_units):
+        raise InputError(
+            f"{path}: has {len(names)} joints, {', '.join(names)}, but {len(given_units)} units were given"
+        )
+    if given_units is not None and tuple(given_units) != tuple(joint_units):
+        raise InputError(
+            f"{path}: states the units {','.join(joint_units)}, but {','.join(given_units)} were given"
         )
 
 

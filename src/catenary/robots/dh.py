@@ -39,6 +39,7 @@ class DHRow:
     lower: float = -np.inf
     upper: float = np.inf
     velocity: float = np.inf
+    effort: float = np.inf
     inertia: LinkInertia | None = None
     massless: bool = False
     axes_of_com: tuple[bool, bool, bool] = ANYWHERE  # axes of the DH frame on which the CoM may lie
@@ -134,7 +135,14 @@ def _has_own_coordinate(row: DHRow) -> bool:
 def own_coordinates(rows: Sequence[DHRow]) -> list[Coordinate]:
     """Return the coordinates of rows that move with their own names."""
     return [
-        Coordinate(row.name, "m" if row.joint == "prismatic" else "rad", row.lower, row.upper, row.velocity)
+        Coordinate(
+            row.name,
+            "m" if row.joint == "prismatic" else "rad",
+            row.lower,
+            row.upper,
+            row.velocity,
+            row.effort,
+        )
         for row in rows
         if _has_own_coordinate(row)
     ]

@@ -26,6 +26,8 @@ class LimitsTable(Settings):
     limits_m: tuple[float, float] | None = None
     velocity_deg_s: Annotated[float, Field(gt=0.0)] | None = None
     velocity_m_s: Annotated[float, Field(gt=0.0)] | None = None
+    effort_nm: Annotated[float, Field(gt=0.0)] | None = None  # of a turning coordinate
+    effort_n: Annotated[float, Field(gt=0.0)] | None = None  # of a sliding one
 
 
 class LinkTable(LimitsTable):
@@ -143,6 +145,7 @@ def _row(path: Path, row: LinkTable) -> DHRow:
         lower=limits.lower,
         upper=limits.upper,
         velocity=limits.velocity,
+        effort=limits.effort,
         inertia=_inertia(path, row),
         massless=row.massless,
         axes_of_com=("x" in row.axes_of_com, "y" in row.axes_of_com, "z" in row.axes_of_com),
@@ -171,13 +174,18 @@ def _coordinate(path: Path, name: str, unit: str, limits: LimitsTable) -> Coordi
         if getattr(limits, key) is not None and f"_{suffix}" not in key:
             wanted = key.replace("_deg", "_m") if suffix == "m" else key.replace("_m", "_deg", 1)
             raise ConfigError(f'{path}: "{name}" is in {unit}: expected {wanted} for its limits')
+    strongest, other = ("effort_nm", "effort_n") if unit == "rad" else ("effort_n", "effort_nm")
+    if getattr(limits, other) is not None:
+        raise ConfigError(f'{path}: "{name}" is in {unit}: expected {strongest} for its limits')
+    given_effort: float | None = getattr(limits, strongest)
+    effort = np.inf if given_effort is None else given_effort
     to_si = np.pi / 180.0 if unit == "rad" else 1.0
     given: tuple[float, float] | None = getattr(limits, f"limits_{suffix}")
     velocity: float | None = getattr(limits, f"velocity_{suffix}_s")
     fastest = np.inf if velocity is None else velocity * to_si
     if given is None:
-        return Coordinate(name, unit, velocity=fastest)
+        return Coordinate(name, unit, velocity=fastest, effort=effort)
     lower, upper = (v * to_si for v in given)
     if not lower < upper:
         raise ConfigError(f'{path}: "{name}": limits {given}: expected the lower one first')
-    return Coordinate(name, unit, lower, upper, fastest)
+    return Coordinate(name, unit, lower, upper, fastest, effort)

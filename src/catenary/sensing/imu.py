@@ -15,6 +15,7 @@ from catenary.sensing.faults import Fault
 from catenary.sensing.foretold import ForetoldGravity, ForetoldSwing
 from catenary.sensing.mailbox import Kind, Mailbox, SensorSample
 from catenary.sensing.mounting import Mounting
+from catenary.sensing.rest_rate import RestRate
 from catenary.sensing.vector import GravityReading, ReadingStatus
 from catenary.spatial import LEVEL, cross
 
@@ -38,7 +39,7 @@ class SensedGravity:
         gravity = gravity at the sensor + alpha x p + omega x (omega x p)
 
     in which gravity is free-fall acceleration, g minus the acceleration of that point. Angular terms need a
-    gyroscope; an accelerometer alone cannot tell them.
+    gyroscope; an accelerometer alone cannot tell them. Its bias is drawn to what it reads at rest (RestRate).
 
     Before anything is believed gravity is that of a level base (NOMINAL). When samples stop or are all wrong, the
     parabola is followed for a moment, then held (STALE); at the age limit the fallback takes its place: `hold`
@@ -107,7 +108,7 @@ class SensedGravity:
             RateCheck(r),
             ForetoldSwing(unseen_swing(r)),
         )
-        self._foretold = ForetoldGravity(r)
+        self._foretold, self._rest_rate = ForetoldGravity(r), RestRate(r.still_rate)
         self._force, self._rate = DelayFreeFilter(cutoff), DelayFreeFilter(cutoff)
         self._attitude = SlowAttitude(attitude)
         self._transfer = SmoothTransfer(np.array(FOLLOW), np.array(RECOVER))
@@ -207,7 +208,9 @@ class SensedGravity:
 
     def _take_rate(self, sample: SensorSample) -> Fault:
         stamp, vector, _ = sample
-        rate = self.mounting.rate(np.array(vector))
+        read = self.mounting.rate(np.array(vector))
+        self._rest_rate.add(stamp, read, steady=self._check.is_steady)
+        rate = read - self._rest_rate.bias
         expected = self._rate.at(min(stamp, self._rate.newest + self._horizon))[0]
         fault = self._check_rate.fault(rate, expected if self._rate_is_fresh(stamp) else None)
         self._swing.add(stamp, rate, self._check.reference)

@@ -46,7 +46,7 @@ def c_header(
             then includes.
 
     Raises:
-        MissingInertiaError: Links without inertia, and no calibration model.
+        MissingInertiaError: Links without inertia, and no calibration model, or loads that would be left out.
         InputError: Neither is given, the calibration model cannot run at that rate, or has a predictor that has no C.
     """
     known: CalibrationModel | RobotModel | None = model if model is not None else calibration
@@ -56,6 +56,8 @@ def c_header(
     name = c_name("model" if model is None else model.name)
     quantities, functions = list[str](), list[str]()
     if model is not None:
+        if loads is not None:
+            model.require_inertia()
         if calibration is None:
             model.require_masses()
         if model.missing_inertia:

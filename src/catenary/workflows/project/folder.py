@@ -101,7 +101,12 @@ class Project:
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise FileFormatError(f"{folder}: cannot be made a project: {error.strerror}") from error
+            why = (
+                "is a file, expected a folder"
+                if folder.is_file()
+                else f"cannot be made a project: {error.strerror}"
+            )
+            raise FileFormatError(f"{folder}: {why}") from error
         names = {path.name for path in folder.iterdir() if path.suffix != PARTIAL} - {LOCK}
         if names and not is_project(folder):
             raise FileFormatError(f"{folder}: is neither empty nor a project; give a new or an empty folder")

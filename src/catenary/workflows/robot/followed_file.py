@@ -9,6 +9,7 @@ import numpy as np
 
 from catenary.archives import read_arrays
 from catenary.arrays import Floats, frozen
+from catenary.documents import no_file
 from catenary.errors import FileFormatError, InputError
 from catenary.plant import MotionLog
 from catenary.recording.importers import is_number
@@ -62,7 +63,7 @@ def read_followed_file(path: Path, *, rows_per_second: float | None = None) -> F
         InputError: Times that do not rise, numbers that are not finite, or a rate for a file that has times.
     """
     if not path.is_file():
-        raise FileFormatError(f"{path}: no such file")
+        raise FileFormatError(no_file(path))
     if rows_per_second is not None and not 0.0 < rows_per_second < np.inf:
         raise InputError(f"--rows-per-second: expected more than 0, got {rows_per_second}")
     ending = table_ending(path)
