@@ -63,12 +63,12 @@ def read_imu(
         told = time_of(stream, (), time_unit, None)
         if told is None:
             raise InputError(f"{path}: no column of time, such as time or t_us; it has {_shown(stream)}")
-        stamp, said = told.stamp, (told.said,)
+        stamp, why = told.stamp, told.said
     else:
         given = whole.stamp if whole.stamp is not None and (whole.stamp > 0).all() else whole.arrival
         if given is None:
             raise FileFormatError(f"{path}: {stream.name}: its messages have no stamps")
-        stamp, said = given, (f"{stream.name}: {whole.rows} messages",)
+        stamp, why = given, f"{stream.name}: {whole.rows} messages"
     values = np.column_stack([np.asarray(whole.columns[name], dtype=float) for name in names])
     known = stamp > np.iinfo(np.int64).min
     if known.sum() < _LEAST:
@@ -78,7 +78,7 @@ def read_imu(
     seconds = (stamp[known] - stamp[known][0]) / 1e9
     rows = values[known]
     rate = rows[:, 3:] if rows.shape[1] == 6 else None
-    said = (*said, f"read {', '.join(map(cut, names))}")
+    said = (why, f"read {', '.join(map(cut, names))}")
     return ImuRecording(seconds, rows[:, :3], rate, (*said, *sources.notes))
 
 
