@@ -31,7 +31,8 @@ NOMINAL = None  # the robot that the plant was fitted to; drawn robots have a se
 class Case:
     """One run of a function: what it is called with decides its result.
 
-    `key` names the result: the function, its revision, its arguments, and the simulated robots' data files.
+    `key` names the result: the function, its revision, its arguments, and the data files of robots on which it may
+    depend.
     """
 
     function: str  # module and name
@@ -47,8 +48,13 @@ class Case:
     @property
     def key(self) -> str:
         """Return the name of the result: 32 hexadecimal digits."""
-        whole = json.dumps([self.function, self.revision, self.text, robots_digest()])
+        whole = json.dumps([self.function, self.revision, self.text, self.robots])
         return hashlib.sha256(whole.encode()).hexdigest()[:32]
+
+    @property
+    def robots(self) -> str:
+        """Return the digest of the robots' data files on which the result may depend."""
+        return robots_digest(frozenset(name for name in self.arguments.values() if isinstance(name, str)))
 
     @property
     def label(self) -> str:
@@ -104,13 +110,21 @@ def run(*, revision: int) -> Callable[[Callable[..., Result]], Run]:
     return lambda function: Run(function, revision)
 
 
+# robots of the catalogue that experiments load by themselves; others count where a case names them
+LOADED = (
+    "dual_arm_19", "dvrk_mtm", "dvrk_mtm_joint", "dvrk_psm", "panda", "raven2", "raven2_full", "raven2_full_right",
+    "raven2_right", "two_link",
+)  # fmt: skip
+
+
 @functools.cache
-def robots_digest() -> str:
-    """Return a digest of the data files of robots and their simulated mechanics, on which results depend."""
+def robots_digest(named: frozenset[str] = frozenset()) -> str:
+    """Return a digest of data files on which results depend: robots of LOADED, those named, and mechanics."""
     digest = hashlib.sha256()
+    counted = {f"{name}.toml" for name in (*LOADED, *named)}
     for room in ("robots", "simulation"):
         for entry in sorted((files("catenary") / room / "data").iterdir(), key=lambda each: each.name):
-            if entry.is_file():
+            if entry.is_file() and (room == "simulation" or entry.name in counted):
                 digest.update(entry.name.encode() + b"\0" + entry.read_bytes() + b"\0")
     return digest.hexdigest()
 

@@ -17,6 +17,7 @@ from threadpoolctl import threadpool_limits
 from catenary import __version__
 from catenary.errors import InputError
 from catenary.files import json_text
+from catenary.robots.catalog import robot_names
 from papers.experiment import Case, robots_digest
 from papers.store import Finished, Store, source_digest
 
@@ -38,7 +39,7 @@ Told = Callable[[Case, Finished | Failure], None]
 
 def fingerprint() -> str:
     """Return what has to be the same wherever cases of a sweep run: the package's source, and its robots' data."""
-    return f"{source_digest()}+{robots_digest()[:16]}"
+    return f"{source_digest()}+{robots_digest(frozenset(robot_names()))[:16]}"
 
 
 def execute(case: Case, data: Path | None, source: str) -> Finished:

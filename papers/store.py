@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from catenary import __version__
 from catenary.errors import InputError
 from catenary.files import json_text, write_atomically
-from papers.experiment import Case, Result, robots_digest
+from papers.experiment import Case, Result
 
 
 class Finished(NamedTuple):
@@ -66,7 +66,7 @@ class Store:
             "function": case.function,
             "revision": case.revision,
             "arguments": case.arguments,
-            "robots": robots_digest(),
+            "robots": case.robots,
             "date": datetime.now(UTC).isoformat(timespec="seconds"),
             **finished._asdict(),
         }

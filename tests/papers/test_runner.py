@@ -97,7 +97,7 @@ def test_another_version_is_refused_and_named(begun: Path, monkeypatch: pytest.M
         execute(case, None, "older")
     with pytest.raises(RuntimeError, match="quick: this worker has revision 1, and 2 is asked for"):
         execute(replace(case, revision=2), None, fingerprint())
-    monkeypatch.setattr(runner, "robots_digest", lambda: "0" * 64)
+    monkeypatch.setattr(runner, "robots_digest", lambda _: "0" * 64)
     assert fingerprint().endswith("+0000000000000000")
     assert calls(begun, 1) == 0
 

@@ -54,20 +54,28 @@ def test_a_key_depends_on_function_revision_and_every_argument_and_not_on_their_
     assert again.key == CASE.key
 
 
-def test_a_key_depends_on_the_robots_data(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_key_depends_on_the_data_of_simulated_robots_and_of_those_it_names(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     before = CASE.key
     for room in ("robots", "simulation"):
         (tmp_path / room / "data").mkdir(parents=True)
-        (tmp_path / room / "data" / "arm.toml").write_text("mass = 1")
     monkeypatch.setattr(experiment, "files", lambda _: tmp_path)
-    keys = [before]
-    for text in ("mass = 1", "mass = 2"):
-        (tmp_path / "simulation" / "data" / "arm.toml").write_text(text)
+
+    def keys(room: str, name: str, text: str) -> tuple[str, str]:
+        (tmp_path / room / "data" / f"{name}.toml").write_text(text)
         experiment.robots_digest.cache_clear()
-        keys.append(CASE.key)
+        return CASE.key, quick.case(folder="other_arm", number=3).key
+
+    found = [
+        keys("simulation", "cables", "stiffness = 1"), keys("simulation", "cables", "stiffness = 2"),
+        keys("robots", "raven2", "mass = 1"), keys("robots", "other_arm", "mass = 2"),
+    ]  # fmt: skip
     monkeypatch.undo()
     experiment.robots_digest.cache_clear()
-    assert len(set(keys)) == 3
+    assert len(set(found)) == 4
+    assert found[3][0] == found[2][0]  # it does not name that arm
+    assert found[3][1] != found[2][1]
     assert CASE.key == before
 
 
