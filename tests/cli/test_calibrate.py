@@ -260,4 +260,4 @@ def test_a_damaged_robot_is_a_message(project_folder: Path) -> None:
 def test_a_file_in_the_folders_place_is_a_message(tmp_path: Path, command: str) -> None:
     (tmp_path / "file").write_text("")
     place = ("--out", tmp_path / "file") if command == "demo" else (tmp_path / "file",)
-    assert "cannot be made a project: File exists" in refusal(command, *place)
+    assert "is a file, expected a folder" in refusal(command, *place)

@@ -259,7 +259,7 @@ def test_raw_efforts_are_scaled_by_the_robots_file(read):
     ("arrays", "error", "said"),
     [
         ({"tau": Q}, FileFormatError, "expected arrays q (N, n) and tau (N, n)"),
-        ({"q": Q}, FileFormatError, "this file has q"),
+        ({"q": Q}, FileFormatError, "it holds q"),
         ({"q": Q[:, 0], "tau": Q}, InputError, "q: expected shape (N, n), got (6,)"),
         ({"q": Q, "tau": Q, "fs": [1.0, 2.0]}, InputError, "fs: expected shape (), got (2,)"),
         ({"q": Q, "tau": Q, "fs": -1.0}, InputError, "expected a rate above zero"),

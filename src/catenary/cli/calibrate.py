@@ -13,7 +13,15 @@ from catenary.cli.fit import ModelOptions, Robot
 from catenary.cli.gravity_source import GravityOptions
 from catenary.cli.options import Accept, AsJson, MappingOptions, MendOptions
 from catenary.cli.out_files import out_path
-from catenary.cli.project_options import ExcitationOptions, Folder, Hours, Seed, open_project, require_project
+from catenary.cli.project_options import (
+    BegunFolder,
+    ExcitationOptions,
+    Folder,
+    Hours,
+    Seed,
+    open_project,
+    require_project,
+)
 from catenary.cli.terminal import announce, print_json, print_notes, print_table, progress_bar
 from catenary.errors import CatenaryError, InputError, InUseError
 
@@ -77,7 +85,7 @@ def record(
 
 
 def extract(
-    project: Folder,
+    project: BegunFolder,
     bag: Annotated[str | None, Option(help="Also write bags: ros1 or mcap.")] = None,
     csv: Annotated[bool, Option("--csv", help="Also write the published 252-column CSV.")] = False,
     columns: Annotated[

@@ -11,7 +11,7 @@ from catenary.cli.joint_options import some_joint_values
 from catenary.cli.robot_choice import PacedRobot, open_robot
 from catenary.cli.signals import exit_code
 from catenary.cli.terminal import numbers, print_json, print_notes, print_table, progress_bar, words
-from catenary.errors import InputError
+from catenary.errors import InputError, LimitError
 from catenary.units import in_words
 
 if TYPE_CHECKING:
@@ -59,8 +59,13 @@ def goto(
             goal = joints_at(opened, place, rng=np.random.default_rng(0))
         else:
             goal, names = some_joint_values(opened.plant, q, q_deg, names)
-        with progress_bar("goto") as tell:
-            summary = go_to_joints(opened, goal, joints=names, speed=speed, progress=tell)
+        try:
+            with progress_bar("goto") as tell:
+                summary = go_to_joints(opened, goal, joints=names, speed=speed, progress=tell)
+        except LimitError as error:
+            if q is None or np.abs(goal).max() <= 2.0 * np.pi:
+                raise
+            raise LimitError(f"{error}; --q takes rad and m, --q-deg takes deg and mm") from error
     _say(summary, as_json, "arrived", si=q is not None, asked=place)
 
 

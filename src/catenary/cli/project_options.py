@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from catenary.workflows.project.folder import Project
 
 Folder = Annotated[Path, Argument(metavar="PROJECT", help="Folder of the project; made if it is not there.")]
+BegunFolder = Annotated[Path, Argument(metavar="PROJECT", help="Folder of a project that was begun.")]
 Seed = Annotated[
     int | None,
     Option("--seed", help="Simulate another robot, drawn with this seed. [default: the nominal one]"),

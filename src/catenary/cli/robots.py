@@ -81,13 +81,13 @@ def robots(as_json: AsJsonNotTables = False) -> None:
         return
     rows = [[m.name, _kinds(m), m.tip, _names_in_brief(m)] for m in models]
     print_table("Robots", ["name", "joints", "tip", "joint names"], rows, left=4)
-    print("catenary check ROBOT names a robot's joints, with their limits")
+    print("R: revolute, P: prismatic; catenary check ROBOT names joints with their limits")
 
 
 def _kinds(model: "RobotModel") -> str:
     turning = model.joint_units.count("rad")
-    counts = ((turning, "turn"), (model.n - turning, "slide"))
-    return ", ".join(f"{count} {verb}" for count, verb in counts if count)
+    counts = ((turning, "R"), (model.n - turning, "P"))
+    return " ".join(f"{count}{kind}" for count, kind in counts if count)
 
 
 def _names_in_brief(model: "RobotModel") -> str:

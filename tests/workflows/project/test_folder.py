@@ -141,7 +141,10 @@ def test_damaged_settings_are_refused(project: Project, content: bytes) -> None:
 def test_what_is_there_already_is_no_project(tmp_path: Path) -> None:
     thesis = tmp_path / "thesis.tex"
     thesis.write_text("")
-    for folder, words in ((tmp_path, "is neither empty nor a project"), (thesis, "cannot be made a project")):
+    for folder, words in (
+        (tmp_path, "is neither empty nor a project"),
+        (thesis, "is a file, expected a folder"),
+    ):
         with pytest.raises(FileFormatError, match=words):
             Project(folder, ProjectSettings())
     assert list(tmp_path.iterdir()) == [thesis]

@@ -136,6 +136,8 @@ def joints_at(robot: OperatedRobot, position: ArrayLike, *, rng: np.random.Gener
     model = robot.with_tool_at(q)
     start = np.clip(q[: model.n], model.lower, model.upper)
     goal = Pose(forward_kinematics(model, start).rotation, as_array("position", position, (3,)))
+    if robot.tool is not None:
+        robot.tool.require_reach(goal)
     return inverse_kinematics(model, goal, start, rng=rng)
 
 
