@@ -226,7 +226,9 @@ def gains(outcomes: Outcomes, model: str, stage: str) -> dict[str, Floats]:
     """Return the error of a model over that of `best` of the same rows: by arm, (recordings or robots, joints)."""
     real = []
     for name in RECORDINGS:
-        pair = [errors(outcomes.of(recorded_curve, recording=name, model=m)).get(stage) for m in (model, BEST)]
+        pair = [
+            errors(outcomes.of(recorded_curve, recording=name, model=m)).get(stage) for m in (model, BEST)
+        ]
         if pair[0] is not None and pair[1] is not None:
             real.append(pair[0].mean(axis=0) / pair[1].mean(axis=0))
     robots = [each for each in outcomes.of(simulated_curves) if stage in each.get(model, ())]
