@@ -174,6 +174,11 @@ def report(outcomes: Outcomes) -> Report:
     reached = _reached(outcomes)
     if reached.rows:
         tables.append(TitledTable("Error over the one that is to be reached, mean over trainings", reached))
+    gained = _gained(outcomes)
+    if gained.rows:
+        tables.append(
+            TitledTable(f"Error with the prior over `{BEST}` of the same rows, geometric mean", gained)
+        )
     shown = [name for name in RECORDINGS if outcomes.of(recorded_curve, recording=name)]
     if shown:
         caption = "RMSE over rows of training by joint, real arm: geometric mean over the recordings"
@@ -215,6 +220,38 @@ def _reached(outcomes: Outcomes) -> Table:
                 cells = [f"{value:.2f}" for value in over]
                 rows.append([f"{model} of {stage} / {other} of all", name, *cells, f"{met} of {len(over)}"])
     return Table(["models", "recording", *DVRK_JOINTS, "reached"], rows)
+
+
+def gains(outcomes: Outcomes, model: str, stage: str) -> dict[str, Floats]:
+    """Return the error of a model over that of `best` of the same rows: by arm, (recordings or robots, joints)."""
+    real = []
+    for name in RECORDINGS:
+        pair = [
+            errors(outcomes.of(recorded_curve, recording=name, model=m)).get(stage) for m in (model, BEST)
+        ]
+        if pair[0] is not None and pair[1] is not None:
+            real.append(pair[0].mean(axis=0) / pair[1].mean(axis=0))
+    robots = [each for each in outcomes.of(simulated_curves) if stage in each.get(model, ())]
+    simulated = [
+        np.divide(each[model][stage]["rmse"], each[BEST][stage]["rmse"]) for each in robots if BEST in each
+    ]
+    found = {"real": real, "simulated": simulated}
+    return {arm: np.array(values) for arm, values in found.items() if values}
+
+
+def _gained(outcomes: Outcomes) -> Table:
+    rows: list[Sequence[str]] = []
+    for model in (PRIOR, LINEAR):
+        for arm in ("real", "simulated"):
+            for stage in stages():
+                over = gains(outcomes, model, stage).get(arm)
+                if over is not None:
+                    middle = float(np.exp(np.log(over).mean()))
+                    joints = [f"{value:.2f}" for value in np.exp(np.log(over).mean(axis=0))]
+                    cells = [*joints, *["-"] * (len(DVRK_JOINTS) - len(joints))]
+                    extremes = f"{over.min():.2f} to {over.max():.2f}"
+                    rows.append([f"{model}, {arm}, {stage}", *cells, f"{middle:.2f}", extremes])
+    return Table(["model, arm, training", *DVRK_JOINTS, "all", "of single joints"], rows)
 
 
 def _picture(outcomes: Outcomes, recordings: Sequence[str]) -> "Figure":

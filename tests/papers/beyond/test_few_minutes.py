@@ -9,10 +9,13 @@ from papers.beyond.few_minutes import (
     EXPERIMENT,
     HALF,
     PAPER,
+    PRIOR,
     TENTH,
+    gains,
     ratios,
     recorded_curve,
     report,
+    simulated_curves,
 )
 from papers.calibration.dvrk import RECORDINGS
 from papers.experiment import Outcomes
@@ -58,3 +61,21 @@ def test_tables_have_a_row_for_every_length_of_training(outcomes: Outcomes) -> N
         f"{model}, {stage}" for model in (PAPER, BEST) for stage in (TENTH, HALF, ALL)
     ]
     assert [row[-1] for row in tables[-1].table.rows] == ["6 of 6"] * 4 + ["0 of 6"] * 4
+
+
+def test_the_prior_is_held_against_the_same_rows_without_it_real_arms_apart_from_simulated_ones() -> None:
+    found = {
+        recorded_curve.case(recording="random_train", model=BEST, seed=0): curve(2.0, 1.0, 1.0),
+        recorded_curve.case(recording="random_train", model=PRIOR, seed=0): curve(1.0, 1.0, 1.0),
+        simulated_curves.case(seed=1, models=[BEST, PRIOR], training=1.0, test=1.0): {
+            BEST: {TENTH: {"rows": 10, "rmse": [1.0] * 3}},
+            PRIOR: {TENTH: {"rows": 10, "rmse": [1.5] * 3}},
+        },
+    }
+    outcomes = Outcomes(found)
+    over = gains(outcomes, PRIOR, TENTH)
+    np.testing.assert_allclose(over["real"], np.full((1, 6), 0.5))
+    np.testing.assert_allclose(over["simulated"], np.full((1, 3), 1.5))
+    rows = report(outcomes).tables[-1].table.rows
+    assert [row[0] for row in rows][:1] == [f"{PRIOR}, real, {TENTH}"]
+    assert rows[-1][1:] == ["1.50", "1.50", "1.50", "-", "-", "-", "1.50", "1.50 to 1.50"]
