@@ -189,7 +189,7 @@ def project_case(seed: int, folder: Path) -> None:
     if name == "home.json":
         read_state(path, HomeFile, "again")
     elif name == "deployment.json":
-        _deployment_blocks(read_state(path, DeploymentFile, "again"), "simulation")
+        _deployment_blocks(read_state(path, DeploymentFile, "again"), "simulation", "recommended")
     elif name == "train.synchronised.json":
         read_state(path, ExtractionFile, "again")
     else:
