@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from catenary.cli.conditions import Conditions
-from catenary.cli.gravity_source import ImuReading, SensingOptions, gravity_of_reading
+from catenary.cli.gravity_source import GivenGravity, SensingOptions
 from catenary.cli.joint_options import Q, QDeg, SameInDeg, beyond_limits, given_joints, joint_values
-from catenary.cli.options import AsJsonNotTables, BaseTilt, MountingFile, robots_beginning
+from catenary.cli.options import AsJsonNotTables, robots_beginning
 from catenary.cli.out_files import PAGE, Report, refuse_outputs
 from catenary.cli.robots import DescriptionOptions, Robot
 from catenary.cli.terminal import (
-    base_tilt,
-    numbers,
     print_json,
     print_notes,
     print_table,
@@ -23,8 +21,6 @@ from catenary.cli.terminal import (
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
     from catenary.control.measures import Holding, Tracking
 
 Simulated = Annotated[
@@ -39,16 +35,10 @@ Simulated = Annotated[
 
 def gravity(
     robot: Robot,
+    given: GivenGravity,
     description: DescriptionOptions,
     q: Q = None,
     q_deg: QDeg = None,
-    base_tilt_deg: BaseTilt = None,
-    vector: Annotated[
-        str | None,
-        Option("--gravity", metavar="X,Y,Z", help="Gravity vector in base axes, z up, in m/s2."),
-    ] = None,
-    imu_reading: ImuReading = None,
-    mounting: MountingFile = None,
     as_json: AsJsonNotTables = False,
 ) -> None:
     """Print the torques that hold an arm still under gravity.
@@ -57,32 +47,17 @@ def gravity(
 
     Example: catenary gravity raven2 --q 0,1.57,0.32 --base-tilt-deg 0,20
     """
-    import numpy as np
-
-    from catenary.arrays import as_array
     from catenary.gravity.torque import gravity_torque
-    from catenary.sensing.vector import gravity_doubts, tilted_gravity
     from catenary.spatial import LEVEL
     from catenary.units import TORQUE_UNIT
 
-    if sum(given is not None for given in (base_tilt_deg, vector, imu_reading)) > 1:
-        raise InputError("gravity: give one of --base-tilt-deg, --gravity and --imu-reading")
-    if mounting is not None and imu_reading is None:
-        raise InputError("gravity: --mounting corrects --imu-reading; give one")
+    gravity = given.told("gravity")
     model = description.load(robot)
     model.require_masses()
     values = joint_values(model, q, q_deg)
-    down: ArrayLike = LEVEL if vector is None else numbers("--gravity", vector, 3)
-    if imu_reading is not None:
-        down = gravity_of_reading(imu_reading, mounting)
-    if base_tilt_deg is not None:
-        roll, pitch = np.deg2rad(base_tilt(base_tilt_deg))
-        down = tilted_gravity(float(roll), float(pitch))
-    gravity = as_array("gravity", down, (3,))
     torques, on_level = (gravity_torque(model, values, vector).tolist() for vector in (gravity, LEVEL))
     units = [TORQUE_UNIT[unit] for unit in model.joint_units]
-    turned = base_tilt_deg is not None
-    print_notes([*beyond_limits(model, values), *gravity_doubts(gravity, hanging=turned)])
+    print_notes([*beyond_limits(model, values), *given.doubts(gravity)])
     if as_json:
         found = {"robot": model.name, "joints": model.joint_names, "q": list(values), "gravity": gravity}
         print_json({**found, "tau": torques, "unit": units, "level": on_level})
