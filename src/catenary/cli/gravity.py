@@ -21,8 +21,11 @@ from catenary.cli.terminal import (
 from catenary.errors import InputError
 
 if TYPE_CHECKING:
+    from catenary.arrays import Floats
     from catenary.control.measures import Holding, Tracking
+    from catenary.robots.model import RobotModel
 
+SHOWN_POSES = 9  # of a motion, in its report
 Simulated = Annotated[
     str,
     Argument(
@@ -135,11 +138,14 @@ def track(
         motion, arm.model, arm.plant, np.random.default_rng(conditions.seed or 0),
         q_start=given_joints(arm.model, q, q_deg), amplitude=amplitude_mm / 1000.0, axes=words(axes), seconds=seconds,
     )  # fmt: skip
-    source = conditions.gravity(arm, sensing)
+    source, felt = conditions.gravity(arm, sensing), arm.plant.measured_js().gravity
     result = run(arm, law, chosen.trajectory, windows=chosen.windows, gravity=source)
     settings = {"robot": robot, "controller": controller, "motion": motion, "damping": damping}
     title = f"{robot} (simulated), controller {controller}, {motion}"
-    _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, as_json)
+    times = np.linspace(0.0, chosen.trajectory.duration, SHOWN_POSES)
+    poses = np.array([chosen.trajectory(time).q for time in times])
+    shown = arm.model, poses, felt, "at the beginning of the motion, and at times along it"
+    _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, as_json, shown)
 
 
 def hold(
@@ -171,19 +177,30 @@ def hold(
     law, pose = make_hold(controller, arm), given_joints(arm.model, q, q_deg)
     if pose is None:
         pose = start_pose(arm.model, arm.plant, HOLD_START)
+    felt = arm.plant.measured_js().gravity
     result = run(arm, law, pose, seconds, gravity=conditions.gravity(arm, sensing))
     settings = {"robot": robot, "controller": controller}
     title = f"{robot} (simulated), held by {controller} for {seconds:g} s"
-    _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, as_json)
+    shown = arm.model, result.q_true[[0, -1]], felt, "where it was put, and, paler, at the end"
+    _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, as_json, shown)
 
 
 def _conclude(
-    title: str, result: "Tracking | Holding", settings: Mapping[str, Any], report: Path | None, as_json: bool
+    title: str,
+    result: "Tracking | Holding",
+    settings: Mapping[str, Any],
+    report: Path | None,
+    as_json: bool,
+    shown: "tuple[RobotModel, Floats, Floats, str]",
 ) -> None:
     from catenary.reports.gravity import gravity_table, write_gravity_report
 
     if report is not None:
-        write_gravity_report(report, result, settings)
+        from catenary.reports.robot_plot import robot_picture
+
+        model, poses, felt, when = shown
+        caption = f"The arm {when}, under gravity as its base felt it when it was homed; bars by the model's masses."
+        write_gravity_report(report, result, settings, arm=robot_picture(model, poses, caption, gravity=felt))
     if as_json:
         print_json({**settings, **result.as_data()})
         return

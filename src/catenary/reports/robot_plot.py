@@ -12,7 +12,8 @@ from catenary.dynamics.workspace import reachable_points
 from catenary.errors import InputError
 from catenary.gravity.torque import gravity_torque
 from catenary.reports.arm_in_space import draw_links, end_frames, equal_axes
-from catenary.reports.torque_bars import LIMIT, RANGE, draw_torque_bars, joints_by_unit
+from catenary.reports.page import Picture, picture
+from catenary.reports.torque_bars import RANGE, draw_torque_bars, joints_by_unit
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 
@@ -25,7 +26,7 @@ PARTS: tuple[Part, ...] = ("frames", "masses", "gravity", "torques")
 AXIS_COLORS = {"x": "#c0392b", "y": "#2a7f4f", "z": "#1d6fb8"}
 MASS, GRAVITY = "#8a6d1f", "#7a3e9d"
 REACHED = ("#6f8fb8", "#b08a5a", "#7fa37f")  # by end
-WIDTH, ALONE, LEAST_HEIGHT = 11.0, 6.5, 5.4  # [inch]
+WIDTH, ALONE, LEAST_HEIGHT = 10.0, 6.5, 5.2  # [inch]
 ROW = 0.34  # [inch] of a joint's bar
 TRIAD = 0.10  # of half the picture's width: the axes of a frame
 ARROW = 0.45  # of it: gravity
@@ -79,13 +80,16 @@ def plot(
     _draw_robot(axes, model, rows, down, hide, workspace=workspace)
     if bars:
         draw_torque_bars(bars, model, rows[0], gravity_torque(model, rows, down))
-        over = f", lines: over all {len(rows)} poses" if len(rows) > 1 else ""
+        over = f"; lines: over all {len(rows)} poses" if len(rows) > 1 else ""
         bars[0].set_title(f"torques that hold it still{over}", fontsize=9, loc="left")
-        if np.isfinite(model.effort_limit).any():
-            bars[0].plot([], [], color=LIMIT, linewidth=1.5, label="limit of the motor")
-            bars[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=7)
     figure: Figure = axes.get_figure(root=True)
     return figure
+
+
+def robot_picture(model: RobotModel, q: ArrayLike, caption: str, *, gravity: ArrayLike = LEVEL) -> Picture:
+    """Draw a robot for a page, in one pose or several; arguments as of `plot`."""
+    figure = plot(model, q, gravity=gravity)
+    return picture(figure, caption, f"The robot {model.name} drawn in space, with what holds it still.")
 
 
 def middle_pose(model: RobotModel) -> Floats:
@@ -112,7 +116,7 @@ def _places(model: RobotModel, on: Any, *, with_bars: bool) -> tuple[Any, list[A
     if not groups:
         return on.add_subplot(projection="3d"), []
     grid = on.add_gridspec(
-        len(groups), 2, width_ratios=(1.35, 1.0), height_ratios=[len(js) + 0.6 for js in groups.values()]
+        len(groups), 2, width_ratios=(1.3, 1.0), height_ratios=[len(js) + 0.6 for js in groups.values()]
     )
     return on.add_subplot(grid[:, 0], projection="3d"), [
         on.add_subplot(grid[k, 1]) for k in range(len(groups))

@@ -12,7 +12,7 @@ from catenary.units import TORQUE_UNIT, in_words
 BAR, RANGE, LIMIT = "#4b6b94", "#1c2430", "#c0392b"
 LEAST_TORQUE = 1e-9  # [Nm|N] that is no rounding
 SHOWN_LIMIT = 3.0  # times the largest bar: limits beyond are told in words alone
-WIDE_TEXT, SHORT_TEXT = 0.27, 0.14  # of the width: what is written beside a bar
+WIDE_TEXT, SHORT_TEXT = 0.31, 0.16  # of the width: what is written beside a bar
 LONGEST_NAME = 24  # characters beside a bar
 
 
@@ -48,13 +48,15 @@ def _draw_unit(
     for side in (-1.0, 1.0):
         axes.vlines(side * limits[shown], rows[shown] - 0.4, rows[shown] + 0.4, color=LIMIT, linewidth=1.5)
     # names of the values stand beside the bars, so that a short one can be read as well
-    for row, value, limit in zip(rows, own[0], limits, strict=True):
+    for row, (value, limit, least, greatest) in enumerate(
+        zip(own[0], limits, own.min(axis=0), own.max(axis=0), strict=True)
+    ):
         share = f" ({100.0 * abs(value) / limit:.0f} % of {limit:g})" if np.isfinite(limit) else ""
         side = -1.0 if value < 0.0 else 1.0
         axes.annotate(
-            f"{value:.3g}{share}" if abs(value) > LEAST_TORQUE else "0", (max(value, 0.0) if side > 0 else value, row),
-            xytext=(4.0 * side, 0.0), textcoords="offset points", fontsize=7, va="center",
-            ha="left" if side > 0 else "right",
+            f"{value:.3g}{share}" if abs(value) > LEAST_TORQUE else "0",
+            (min(least, 0.0) if side < 0.0 else max(greatest, 0.0), row), xytext=(4.0 * side, 0.0),
+            textcoords="offset points", fontsize=8, va="center", ha="left" if side > 0.0 else "right",
             bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 0.8},
         )  # fmt: skip
     low = min(0.0, float(own.min(initial=0.0)), *(-limits[shown]))
@@ -67,7 +69,7 @@ def _draw_unit(
     axes.axvline(0.0, color=RANGE, linewidth=0.6)
     axes.set_yticks(rows, [_name(model, j, q[j]) for j in joints], fontsize=8)
     axes.set_ylim(len(joints) - 0.5, -0.5)
-    axes.set_xlabel(f"[{unit}]", fontsize=8)
+    axes.set_xlabel(f"[{unit}]{'; red: limit of the motor' if shown.any() else ''}", fontsize=8)
     axes.tick_params(axis="x", labelsize=7)
     axes.tick_params(axis="y", length=0)
     axes.spines[["top", "right", "left"]].set_visible(False)
