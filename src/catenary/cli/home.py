@@ -72,7 +72,7 @@ def home(
         yes=access.yes,
         fast=access.ros is None,
     )
-    with open_robot(chosen, moves=False, homed=False) as moved:
+    with open_robot(chosen, "home", moves=False, homed=False) as moved:
         guide = AnswerYes(announce) if access.yes or access.simulated else TerminalGuide()
         announce("homing ...")
         found = home_operated(moved, guide)
@@ -80,7 +80,7 @@ def home(
 
 
 def _home_project(opened: "Project", access: RobotAccess, as_json: bool) -> None:
-    with opened, robot_of(opened, access) as robot:
+    with opened, robot_of(opened, access, "home") as robot:
         announce("homing ...")
         was_run = robot.home(opened)
     if as_json:
