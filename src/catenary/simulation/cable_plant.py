@@ -138,18 +138,20 @@ class CablePlant(FirmwarePlant[TickLog]):
         """Return where the external encoders see the positioning joints, (3,) [rad, rad, m]."""
         return self.encoders.positions(self.encoders.counts(self.state.q))
 
-    def resume_at(self, tick: int, rig_zero: Floats, *, is_homed: bool) -> None:
-        """Go on from a saved tick, disabled; `state` and `control` have been written already.
+    @property
+    def identity(self) -> dict[str, object]:
+        """What makes this arm another one than others of its kind."""
+        return {"side": self.side, "seed": self.seed, "payload": self.payload}
 
-        Args:
-            tick: Since power-on.
-            rig_zero: (3,) counts at which the rig's encoders are registered.
-            is_homed: Whether the arm was homed then.
-        """
-        self._tick = tick
-        self.encoders.zero = rig_zero.copy()
-        self._is_homed = is_homed
-        self._set_state("DISABLED")
+    @property
+    def registered(self) -> dict[str, Floats]:
+        """What homing wrote besides `control`: (3,) counts at which the rig's encoders are registered."""
+        return {"rig_zero": self.encoders.zero}
+
+    def resume_at(self, tick: int, registered: Mapping[str, Floats], *, is_homed: bool) -> None:
+        """Go on from a saved tick, disabled, with the rig registered as it was."""
+        self.encoders.zero = registered["rig_zero"].copy()
+        super().resume_at(tick, registered, is_homed=is_homed)
 
     def _run_ticks(self, rows: Floats, base: BaseSamples, log: TickLog) -> int:
         return run_ticks(

@@ -1,7 +1,7 @@
 """What simulated arms share whose own firmware runs within the physics' ticks: runs, homing, modes, states."""
 
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -90,7 +90,47 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
             raise NotReadyError(self._fault.removeprefix(": "))
         return log
 
+    def resume_at(self, tick: int, registered: Mapping[str, Floats], *, is_homed: bool) -> None:
+        """Go on from a saved tick, disabled; `state` and `control` have been written already.
+
+        Args:
+            tick: Since power-on.
+            registered: As `registered` was.
+            is_homed: Whether the arm was homed then.
+        """
+        self._tick = tick
+        self._is_homed = is_homed
+        self._set_state("DISABLED")
+
     # what a subclass does
+
+    @property
+    @abstractmethod
+    def lower(self) -> Floats:
+        """Limits below of the setpoints, (n,) [rad|m]."""
+
+    @property
+    @abstractmethod
+    def upper(self) -> Floats:
+        """Limits above, (n,)."""
+
+    @property
+    @abstractmethod
+    def identity(self) -> dict[str, object]:
+        """What makes this arm another one than others of its kind."""
+
+    @property
+    def registered(self) -> dict[str, Floats]:
+        """What homing wrote besides `control`."""
+        return {}
+
+    @abstractmethod
+    def telemetry(self) -> Mapping[str, Floats]:
+        """Return the latest sample of every column of `columns`."""
+
+    @abstractmethod
+    def external_encoders(self) -> Floats:
+        """Return where the joints that encoders or a tracker see are seen [rad|m]; NaN before they are registered."""
 
     @abstractmethod
     def _joint_torques(self) -> Floats:
