@@ -286,7 +286,7 @@ def shutdown(*, context: Context) -> None:
 
 def _half_of_service(name: str) -> Any:
     """A request's or response's class, whose setters check types as rosidl's generated Python does."""
-    kinds = {field.name: {"bool": bool, "string": str}[field.type] for field in fields(name)}
+    kinds = {field.name: {"bool": bool, "string": str}.get(field.type, object) for field in fields(name)}
 
     def __init__(self: Any) -> None:
         for key, kind in kinds.items():

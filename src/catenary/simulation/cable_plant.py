@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError, NotReadyError
@@ -105,6 +105,7 @@ class CablePlant(SimulatedPlant):
     joint_names: tuple[str, ...] = JOINTS
     joint_units: tuple[str, ...] = UNITS
     columns = COLUMNS
+    supports = SimulatedPlant.supports | {"servo_jf_of"}
 
     @property
     def rig(self) -> Rig:
@@ -167,6 +168,17 @@ class CablePlant(SimulatedPlant):
         self.control.torque_command[:n] = torque
         self.control.mode[:n] = TORQUE
         self.control.mode[n:] = POSITION
+
+    def servo_jf_of(self, tau: Floats, pushed: NDArray[np.bool_]) -> None:
+        """Command torques of some joints, as `servo_jf`; the others hold their setpoint.
+
+        Args:
+            tau: (7,) [Nm, Nm, N, Nm...], looked at where a joint is pushed.
+            pushed: (7,) which.
+        """
+        self._require_ready()
+        self.control.torque_command[:] = as_array("servo_jf_of", np.where(pushed, tau, 0.0), (len(JOINTS),))
+        self.control.mode[:] = np.where(pushed, TORQUE, POSITION)
 
     def wait(self) -> None:
         """Advance by one tick of 1 ms.
