@@ -11,7 +11,7 @@ from typer import Argument, Option
 from catenary.cli.beside_robot import RobotAccess, deploy_beside, record_others, robot_of
 from catenary.cli.fit import ModelOptions, Robot
 from catenary.cli.gravity_source import GravityOptions
-from catenary.cli.options import Accept, AsJson, MappingOptions, MendOptions
+from catenary.cli.options import Accept, AsJson, MappingOptions, MendOptions, NodeName
 from catenary.cli.out_files import out_path
 from catenary.cli.project_options import (
     BegunFolder,
@@ -39,7 +39,7 @@ def excite(project: Folder, arm: ExcitationOptions, access: RobotAccess, as_json
 
     opened = open_project(project, arm, ros=access.ros)
     motion, what = excitation(opened)
-    with opened, robot_of(opened, access) as robot:
+    with opened, robot_of(opened, access, "excite") as robot:
         with _progress("homing", opened):
             robot.home(opened)
         with _progress("excite", opened) as progress:
@@ -79,7 +79,7 @@ def record(
             _say(opened, what, True, as_json, {"seconds": seconds, "topics": topics})
             return
         motion, what = random_motion(opened, seconds)
-        with robot_of(opened, access) as robot, _progress("record", opened) as progress:
+        with robot_of(opened, access, "record") as robot, _progress("record", opened) as progress:
             was_run = robot.record(opened, name, motion, what, after=TRAIN, progress=progress)
         _say(opened, f"recorded {seconds:.0f} s as {name}", was_run, as_json, {"seconds": seconds})
 
@@ -173,6 +173,7 @@ def deploy(
     ] = None,
     arm: Annotated[str, Option(help="With --ros: gold (left) or green.")] = "gold",
     rate: Annotated[float, Option(metavar="HZ", help="With --ros: rate of the robot's messages.")] = 1000.0,
+    name: NodeName = None,
     gravity_torque: Annotated[
         bool,
         Option("--gravity-torque", help="With --ros: also publish the torques that hold the joints still."),
@@ -188,7 +189,7 @@ def deploy(
         if project is not None:
             raise InputError("--ros: works beside whatever moves the robot; give no project")
         deploy_beside(
-            model, ros, arm=arm, seconds=float("inf") if seconds is None else seconds, rate_hz=rate,
+            model, ros, name=name, arm=arm, seconds=float("inf") if seconds is None else seconds, rate_hz=rate,
             gravity_torque=gravity_torque, imu=source, as_json=as_json,
         )  # fmt: skip
         return
@@ -272,7 +273,7 @@ def calibrate(
                 progress=progress,
             )
         else:
-            with robot_of(opened, access) as moved:
+            with robot_of(opened, access, "calibrate") as moved:
                 result = calibrate_robot(opened, moved, asked=asked, run=run, progress=progress)
     _conclude(result, as_json)
 

@@ -72,7 +72,7 @@ def home(
         yes=access.yes,
         fast=access.ros is None,
     )
-    with open_robot(chosen, moves=False, homed=False) as opened:
+    with open_robot(chosen, "home", moves=False, homed=False) as opened:
         guide = AnswerYes(announce) if access.yes or access.simulated else TerminalGuide()
         announce("homing ...")
         found = home_operated(opened, guide)
@@ -81,7 +81,7 @@ def home(
 
 def _home_project(folder: Path, arm: ArmOptions, access: RobotAccess, as_json: bool) -> None:
     opened = open_project(folder, arm, ros=access.ros)
-    with opened, robot_of(opened, access) as robot:
+    with opened, robot_of(opened, access, "home") as robot:
         announce("homing ...")
         was_run = robot.home(opened)
     if as_json:

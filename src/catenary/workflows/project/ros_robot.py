@@ -80,6 +80,7 @@ class RosRobot(ProjectRobot):
         with self._connected(project) as client:
             check_motion(client, take.trajectory, joints=CALIBRATED)
             self._make_homed(client)
+            client.require_free()
             with at_rest_afterwards(client):
                 self._enable(client)
                 move_to(client, take.trajectory(0.0).q, joints=CALIBRATED)
@@ -92,6 +93,7 @@ class RosRobot(ProjectRobot):
         """Run a model in a 1 kHz loop around the robot; errors are against the external encoders' latest reading."""
         with self._connected(project) as client:
             self._make_homed(client)
+            client.require_free()
             with at_rest_afterwards(client):
                 self._enable(client)
                 found = deploy_on_robot(client, model, trajectory, real_time=not self._simulated)
