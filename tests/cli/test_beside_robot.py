@@ -10,6 +10,7 @@ from catenary.cli import beside_robot
 from catenary.cli.beside_robot import TerminalGuide
 from catenary.recording.logs import read_log
 from catenary.recording.source import open_recording
+from catenary.workflows.project.folder import Project, ProjectSettings, project_settings
 from command_line import catenary, refusal
 from oracles.crtk_robot import RobotOnLoopback
 from oracles.encoded_plant import EncodedPlant
@@ -55,6 +56,18 @@ def test_record_without_motion_keeps_what_others_do(setup: RobotOnLoopback, tmp_
     assert {topic["name"] for topic in outcome.json["topics"]} >= {"/ravenstate", "/ext_jpos"}
     assert open_recording(tmp_path / "p" / "recordings" / "test").about.simulated
     assert setup.robot.commands == 0
+
+
+def test_recording_others_leaves_the_settings_of_a_project_as_they_are(
+    setup: RobotOnLoopback, tmp_path: Path
+) -> None:
+    setup.robot.plant.state_command("home")
+    before = ProjectSettings(test_minutes=33.0, seed=7)
+    Project(tmp_path / "p", before)
+    outcome = catenary("record", tmp_path / "p", "--ros", 1, "--no-motion", "--hours", "0.0005", "--json")
+    assert outcome.code == 0, outcome
+    assert outcome.json["seconds"] == pytest.approx(1.8)
+    assert project_settings(tmp_path / "p") == before
 
 
 def test_what_others_did_extracts_and_its_name_is_not_used_twice(

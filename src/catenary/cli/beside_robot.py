@@ -81,7 +81,13 @@ def robot_of(project: "Project", access: RobotAccess, command: str) -> "Iterator
 
 
 def record_others(
-    project: "Project", name: str, seconds: float, *, simulated: bool, progress: Callable[[float], None]
+    project: "Project",
+    name: str,
+    seconds: float,
+    *,
+    ros: int,
+    simulated: bool,
+    progress: Callable[[float], None],
 ) -> list[dict[str, Any]]:
     """Record a robot that somebody else moves."""
     from catenary.crtk.node_name import node_name
@@ -100,8 +106,7 @@ def record_others(
     about = About(robot=ROBOT[arm], simulated=simulated, configuration={"motion": "not ours"})
 
     def work() -> None:
-        version = int(project.settings.connection.removeprefix("ros"))
-        with ros_transport(version, node_name("record")) as transport:
+        with ros_transport(ros, node_name("record")) as transport:
             counts[:] = record_topics(
                 transport, folder, topics, seconds, about=about, progress=progress,
                 required=[topic.name for topic in required(topics)],

@@ -119,6 +119,10 @@ class Server:
             for name, arm in self.arms.items():
                 self._pause_abandoned(arm, self._commanders[name], now)
 
+    def say_states(self) -> None:
+        """Publish what the arms are like now, out of turn, as when the server ends."""
+        self._dialect.publish(self._stamps.next(self.transport.now()))
+
     def _take_in(self, now: int) -> None:
         """Obey what has come, as much as a tick has time for; what comes faster waits, then the oldest gives way."""
         left, waiting = MOST, 0
