@@ -55,6 +55,7 @@ def test_identify_writes_parameters_card_page_and_urdf(moving_arm_logs: Path, tm
         "Excitation",
         "Base parameters",
         "Torques of run0",
+        "The robot in 9 poses of run0",
         "data:image/png;base64",
         "assumed friction",
     )

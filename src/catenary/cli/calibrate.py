@@ -14,6 +14,7 @@ from catenary.cli.gravity_source import GravityOptions
 from catenary.cli.options import Accept, AsJson, MappingOptions, MendOptions, NodeName
 from catenary.cli.out_files import out_path
 from catenary.cli.project_options import (
+    ArmNamespace,
     BegunFolder,
     ExcitationOptions,
     Folder,
@@ -255,12 +256,14 @@ def calibrate(
     hours: Hours = None,
     robot: Robot = None,
     accept: Accept = None,
+    namespace: ArmNamespace = None,
     as_json: AsJson = False,
 ) -> None:
     """Calibrate a robot in one go, from homing to a report.
 
     Home, excite, record, extract, fit, evaluate, deploy, report; done steps are not repeated. Without recordings
-    it drives a simulated RAVEN-II, or with --ros a real one; with them it fits every model to them and tests on --test.
+    it drives a simulated RAVEN-II, or with --robot dvrk_psm a da Vinci PSM, and with --ros a real one; with them it
+    fits every model to them and tests on --test.
     The options of fit are those of the model that is recommended and deployed; --seed is also that of its training.
     """
     from catenary.robots.catalog import load_robot
@@ -268,13 +271,12 @@ def calibrate(
 
     if test and not train:
         raise InputError("--test: goes with recordings to train on; without them the robot records its own")
-    if robot is not None and not train:
-        raise InputError("--robot: goes with recordings to train on; without them it is the project's")
     asked, run = fitting.options(seed=0), fitting.run(accept, robot)
-    loaded = None if robot is None else load_robot(robot)
+    loaded = None if robot is None or not train else load_robot(robot)
     names, units = (None, None) if loaded is None else (loaded.joint_names, loaded.joint_units)
     reading = mending.reading(foreign, units=units, joint_names=names, robot=robot)
-    opened = open_project(project, arm, hours=hours, ros=access.ros)
+    kind = None if train else robot
+    opened = open_project(project, arm, hours=hours, ros=access.ros, robot=kind, namespace=namespace)
     with opened, _steps() as progress:
         if train:
             result = calibrate_recordings(
